@@ -24,6 +24,7 @@ src/input/load    | core/volume/ input/files/ input/header/ input/codec/ input/s
 src/input/labels  | core/labels/ input/files/ input/header/ input/codec/ | expat.h
 src/engine/project | core/volume/ core/scene/ |
 src/engine/tiled  | core/volume/ core/scene/ engine/project/project.h |
+src/engine/sheets | core/volume/ core/scene/ |
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ |
 src/engine/raycast | core/volume/ core/scene/ |
 src/render/engines | core/scene/ |

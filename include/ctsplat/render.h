@@ -14,11 +14,13 @@ CTS_API_BEGIN
 
 /* The engines: row(ID, name) makes the id CTS_ENGINE_ID, and asks for the row cts_engine_name. */
 #define CTS_ENGINES(row)                                                                                               \
-    row(CLASSIC, classic) row(LAYERS, layers) row(VOID, void) row(COMBINED, combined) row(TILED, tiled)                \
-        row(RAYCAST, raycast)
+    row(CLASSIC, classic) row(LAYERS, layers) row(VOID, void) row(COMBINED, combined) row(SHEETS, sheets)              \
+        row(TILED, tiled) row(RAYCAST, raycast)
 #define CTS_ENGINE_ID(id, name) CTS_ENGINE_##id,
-typedef enum CtsEngineId { CTS_ENGINES(CTS_ENGINE_ID) CTS_N_ENGINES } CtsEngineId;
-extern const char *const cts_engine_names[CTS_N_ENGINES];
+/* CTS_ENGINE_AUTO is a request and no engine: the cheapest level of an engine that has levels whose estimated error
+ * meets max_error, or else the exact march. */
+typedef enum CtsEngineId { CTS_ENGINES(CTS_ENGINE_ID) CTS_N_ENGINES, CTS_ENGINE_AUTO = CTS_N_ENGINES } CtsEngineId;
+extern const char *const cts_engine_names[CTS_N_ENGINES + 1];
 
 typedef enum CtsKernelId {
     CTS_KERNEL_TENT,

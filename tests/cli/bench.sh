@@ -1,7 +1,7 @@
 # bench: every engine measured; lines, plot and page agree; what it refuses.
 command -v gnuplot >/dev/null || exit 77
 ok bench "$data/phantom" -O b --size 24x24
-for engine in classic layers void combined tiled raycast; do
+for engine in classic layers void combined sheets tiled raycast; do
     has out "^$engine .* (front)?\$"
     has b/bench.jsonl "\"engine\":\"$engine\""
 done
@@ -29,10 +29,11 @@ grep '"engine":"raycast"' b/bench.jsonl | grep -qE '"rmse":[0-9.]*e-' || fail "t
 python3 - b/bench.jsonl <<'PY' || fail "errors asked for and told"
 import json, sys
 rows = [json.loads(line) for line in open(sys.argv[1])]
-asked = sorted(r["max_error"] for r in rows if r["max_error"])
-assert asked == [0.1, 0.25, 0.5, 1, 2, 3, 5, 8, 12, 16], asked
+for engine in ("sheets", "tiled"):
+    asked = sorted(r["max_error"] for r in rows if r["max_error"] and r["engine"] == engine)
+    assert asked == [0.1, 0.25, 0.5, 1, 2, 3, 5, 8, 12, 16], (engine, asked)
 for r in rows:
-    assert (r["bound"] is not None) == (r["engine"] == "tiled"), r
+    assert (r["bound"] is not None) == (r["engine"] in ("sheets", "tiled")), r
     assert 0 <= r["serial_ms"] <= r["wall_ms"], r
     for error in ("rmse", "rmse_trilinear"):
         low, high = r[error + "_interval"]

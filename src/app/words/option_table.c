@@ -111,6 +111,8 @@ const CtsOption cts_options[] = {
     {0, "look", "FILE", LOOKS, SAME, "show, hide, label, label_colours and label_order as JSON; options beside it win",
      NULL, TEXT(look_path)},
     {0, "engine", "NAME", LOOKS, FRESH, "how the picture is made", "tiled", CHOICE(render.engine, cts_engine_names)},
+    {0, "level", "NAME", LOOKS, FRESH, "how finely engine sheets works", "as --max-error needs",
+     CHOICE(render.level, cts_engine_level_names)},
     {0, "kernel", "NAME[:RADIUS]", LOOKS, FRESH,
      "{kernels}: what a voxel is reconstructed with (cone-paper without normalised weights, as the paper has it), and "
      "how far it reaches",

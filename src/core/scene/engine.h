@@ -76,6 +76,9 @@ static inline double cts_scene_square_of_error(const CtsScene *scene, const floa
     return square;
 }
 
+/* Pixels of a tile that a level is tried on; corners are multiples of these. */
+enum { CTS_PROBE_X = 16, CTS_PROBE_Y = 8 };
+
 /* Rows are defined by the engines, as cts_engine_NAME, and listed in render/engines. */
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
@@ -84,10 +87,15 @@ typedef struct CtsEngine {
      * is NULL where no error control follows; always for an engine without indicator. */
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                         CtsError *err);
-    /* Renders n pixels of a band, whose numbers in it stand in place, at reference precision; off: error bounds. Error
-     * control re-renders pixels by it, its own engine's and those of engines that have NULL here. */
+    /* Renders n pixels of a band, whose numbers in it stand in place; off: error bounds. error: what they may be off
+     * by, rms over 0..1; 0: reference precision. Error control re-renders pixels by it, its own engine's and those of
+     * engines that have NULL here. */
     CtsStatus (*render_pixels)(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
-                               float (*rgba)[4], float *off, CtsError *err);
+                               double error, float (*rgba)[4], float *off, CtsError *err);
+    /* Renders n tiles of CTS_PROBE_X x CTS_PROBE_Y pixels at the scene's level, each with its first pixel at corner,
+     * with an indicator a pixel: what a level is chosen by. NULL for an engine without levels. */
+    CtsStatus (*render_tiles)(const CtsScene *scene, const int (*corner)[2], size_t n, float (*rgba)[4],
+                              float *indicator, CtsError *err);
     CtsIndicator indicator;     /* what it writes to CtsErrorMap; with one it keeps plan.max_error by itself */
     unsigned modes;             /* bit 1 << CtsMode for each it can do */
     unsigned kernels;           /* bit 1 << CtsKernelId */

@@ -17,7 +17,7 @@ CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
         const bool whole = cts_setting_bounds(row->bounds)->whole;
         st = cts_setting_check(row->bounds, whole ? *(const int *)field : *(const double *)field, err);
     }
-    if (!st && ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS ||
+    if (!st && ((unsigned)s->engine > CTS_ENGINE_AUTO || (unsigned)s->kernel >= CTS_N_KERNELS ||
                 (unsigned)s->level >= CTS_N_LEVELS))
         st = cts_fail(err, CTS_ERR_USAGE, "no such engine, kernel or level");
     if (!st && (!(s->slab_mm >= 0) || !isfinite(s->slab_mm) || !isfinite(s->slab_at_mm)))

@@ -113,10 +113,10 @@ static bool is_draft(const CtsScene *scene)
     return asked >= ALIKE_FROM && 1 / sqrt(pixels) <= MISSED * asked;
 }
 
-static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may)
+/* asked: what a picture may be off by, rms over 0..1. */
+static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may, double asked)
 {
     const CtsVolume *const v = scene->volume;
-    const double asked = cts_scene_error_asked(scene);
     ptrdiff_t stride = 1;
     const bool hides = v->owners && v->owners->shown;
     *j = (TiledJob){
@@ -216,7 +216,7 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
     TiledCounts counts = {0};
     if ((st = find_mask(kept, scene, macrocells, report, err)))
         return st;
-    init_job(&job, scene, kept, &fast);
+    init_job(&job, scene, kept, &fast, cts_scene_error_asked(scene));
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
@@ -279,7 +279,7 @@ static void run_some_again(void *context, int worker, size_t first, size_t end)
 }
 
 static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
-                               float (*rgba)[4], float *off, CtsError *err)
+                               double error, float (*rgba)[4], float *off, CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
     CtsStatus st;
@@ -291,13 +291,14 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, NULL, err)) ||
         (st = find_mask(kept, scene, macrocells, NULL, err)))
         goto end;
-    init_job(&job, scene, kept, &exact);
+    init_job(&job, scene, kept, error > 0 ? &fast : &exact, error > 0 ? error : cts_scene_error_asked(scene));
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
         light_job(&job, &shade);
     }
-    a.march = choose_path(&job).exact;
+    const Path path = choose_path(&job);
+    a.march = error > 0 ? path.march : path.exact;
     if ((st = cts_alloc_zeroed(&a.scratch, (size_t)n_threads, err)))
         goto end;
     cts_parallel(n_threads, n, AT_ONCE, run_some_again, &a);

@@ -96,7 +96,13 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
 
 double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene)
 {
-    return scene->bound[cts_check_family(run->engine)];
+    const double bound = scene->bound[cts_check_family(run->engine)];
+    const bool has_sheets =
+        scene->mode == CTS_MODE_COMPOSITE && scene->dims[0] != 1 && scene->dims[1] != 1 && scene->dims[2] != 1;
+    if (!(CHECK_OF_SHEETS >> run->engine & 1))
+        return bound;
+    /* Cases of opacities so small that the bound of sheets says nothing of them are the others'. */
+    return !has_sheets || bound < 1e-6 ? CHECK_NONE : fmax(bound, CHECK_SHEETS_PIXEL);
 }
 
 static CtsPreset preset_of(const CtsFormulaScene *s)

@@ -18,12 +18,16 @@ enum {
         1u << CTS_ENGINE_CLASSIC | 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED,
     CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
     CHECK_OF_ALL = (1u << CTS_N_ENGINES) - 1,
-    CHECK_OF_TILED = CHECK_OF_ALL & ~(CHECK_OF_PAPER | CHECK_OF_RAYCAST), /* engines that keep --max-error */
+    CHECK_OF_SHEETS = 1u << CTS_ENGINE_SHEETS, /* samples rays, and keeps --max-error by error control alone */
+    CHECK_OF_TILED = CHECK_OF_ALL & ~(CHECK_OF_PAPER | CHECK_OF_RAYCAST | CHECK_OF_SHEETS), /* keep it by bounds */
     CHECK_OF_FIELDS = CHECK_OF_TILED | CHECK_OF_RAYCAST, /* what lies between voxels, and the edges between labels */
 };
 
 /* What tiled promises of a picture's rms: the default of --max-error. */
 #define CHECK_PROMISED (0.5 / 255)
+
+/* Sheets promise the rms of a picture: a pixel may be off by four times that. */
+#define CHECK_SHEETS_PIXEL (4 * CHECK_PROMISED)
 
 /* A bound where a case does not apply to a family. */
 #define CHECK_NONE (-1.0)

@@ -190,7 +190,7 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
     CHECK_CUBE(17), .formula = hu_single, .hu = {KIND, HU}, CHECK_POINTS(from_150), CHECK_VIEW(AZ, EL),                \
                     .mm_per_pixel = 0.23, CHECK_SIZE(60, 60)
 
-#define VOXELS(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_FIELDS, voxels, __VA_ARGS__)
+#define VOXELS(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_FIELDS | CHECK_OF_SHEETS, voxels, __VA_ARGS__)
 /* What tiled does not keep yet. */
 #define EXACT(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_RAYCAST, voxels, __VA_ARGS__)
 

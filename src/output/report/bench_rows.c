@@ -8,8 +8,8 @@
 #include <string.h>
 
 /* One colour an engine by its id, in all plots; the last three are for engines to come. */
-static const char *const colours[] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#b3123f",
-                                      "#333333", "#8a7a00", "#008c95", "#c2418d"};
+static const char *const colours[] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#d98c00",
+                                      "#b3123f", "#333333", "#8a7a00", "#008c95", "#c2418d"};
 _Static_assert(sizeof colours / sizeof *colours >= CTS_N_ENGINES, "an engine has no colour");
 
 void cts_bench_mark_pareto(CtsBenchRows *rows)

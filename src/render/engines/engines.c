@@ -8,7 +8,7 @@
 CTS_ENGINES(DECLARED)
 
 #define NAME(id, name) #name,
-const char *const cts_engine_names[CTS_N_ENGINES] = {CTS_ENGINES(NAME)};
+const char *const cts_engine_names[CTS_N_ENGINES + 1] = {CTS_ENGINES(NAME) "auto"};
 
 #define ROW(id, name) &cts_engine_##name,
 static const CtsEngine *const engines[CTS_N_ENGINES] = {CTS_ENGINES(ROW)};
@@ -26,6 +26,14 @@ CtsEngineId cts_engine_march(CtsEngineId id)
     for (int i = 0; i < CTS_N_ENGINES && !engines[id]->render_pixels; i++)
         id = engines[i]->render_pixels ? (CtsEngineId)i : id;
     return id;
+}
+
+CtsEngineId cts_engine_with_levels(void)
+{
+    int id = 0;
+    while (id < CTS_N_ENGINES - 1 && !engines[id]->levels)
+        id++;
+    return (CtsEngineId)id;
 }
 
 CtsEngineId cts_engine_for_probes(void)

@@ -9,6 +9,8 @@ const CtsEngine *cts_engine(CtsEngineId id);
 
 /* The engine that re-renders an engine's pixels for error control: itself, else the first that can. */
 CtsEngineId cts_engine_march(CtsEngineId id);
+/* The first engine that has levels: what CTS_ENGINE_AUTO tries. */
+CtsEngineId cts_engine_with_levels(void);
 /* The engine that draws small pictures to find what is visible: it has every mode and error control. */
 CtsEngineId cts_engine_for_probes(void);
 

@@ -16,22 +16,35 @@
 
 /* Indicators count by this share: errors are far smaller than the march's bounds, hardly ever more than half. */
 #define WORTH 0.5
-/* The floor f as a share of the requested error. */
-#define FLOOR 0.25
+/* The floor f as a share of the requested error. Where indicators are estimates, which may be wrong anywhere, f^2 is
+ * the requested error's square and the mean of b^2, so that half of a strip's sample is spread evenly. */
+#define FLOOR_OF_BOUNDS 0.25
+/* Ratio e^2 / (b^2 + f^2) of pixels that were not sampled, beside the largest that a sampled one has; and, divided by
+ * the number of sampled pixels, where all of these happen to have none. */
+#define UNSAMPLED 2.0
+#define UNSAMPLED_ALONE 32.0
+/* Error of pixels that another engine's march re-renders, rms, as a share of the requested error: small beside it. */
+#define RERENDERED 0.125
+
+/* A probability, divided by b^2 + f^2, at which every pixel is re-rendered. */
+#define ALL 1e30
 
 enum {
-    ONE_IN = 512, /* of so many pixels one is re-rendered to estimate the error; more of a small picture */
-    FIRST = 256,  /* of so many pixels of a strip at most one is re-rendered in the first round, */
-    MOST = 12,    /* and in all rounds */
-    MORE = 6,     /* the probability grows by this factor from round to round */
-    ROUNDS = 4,   /* at most */
-    SMALL = 1024, /* so many pixels of a picture may be re-rendered in any case */
+    ONE_IN = 512,         /* of so many pixels one is re-rendered to estimate the error; more of a small picture */
+    FIRST = 256,          /* of so many pixels of a strip at most one is re-rendered in the first round, */
+    MOST = 12,            /* and in all rounds */
+    MORE = 6,             /* the probability grows by this factor from round to round */
+    ROUNDS = 4,           /* at most; beyond them whole strips are re-rendered where the caller allows it */
+    PREDICTED = 2 * MOST, /* of so many pixels one is re-rendered in a prediction: what rounds come to on average */
+    SMALL = 1024,         /* so many pixels of a picture may be re-rendered in any case */
 };
 
 /* State of one strip of CTS_BAND_ROWS rows. */
 typedef struct Strip {
     size_t first, end;  /* its pixels */
     bool open;          /* takes part in this round */
+    bool missed;        /* its error may be larger than requested */
+    double floor;       /* f^2 */
     double chance;      /* probability of a pixel to be re-rendered, divided by b^2 + f^2 */
     size_t first_drawn; /* of this round's pixels, in Round.place */
     size_t n_drawn;     /* this round's pixels */
@@ -45,7 +58,7 @@ typedef struct Round {
     const CtsErrorControl *control;
     CtsPicture *band;
     CtsErrorMap *errors;
-    double floor;  /* f^2 */
+    double error;  /* of re-rendered pixels, rms; 0: reference precision */
     double small;  /* share of a small picture that may be re-rendered in any case */
     double one_in; /* one pixel of so many is re-rendered where the indicators equal the requested error */
     Strip *strips;
@@ -56,6 +69,31 @@ typedef struct Round {
     float (*rgba)[4], *off; /* their values, and the exact march's error bounds */
 } Round;
 
+static bool has_bounds(const CtsErrorControl *c)
+{
+    return c->engine->indicator == CTS_INDICATOR_BOUND;
+}
+
+/* Limit of the ratio e^2 / (b^2 + f^2) of estimates, of which n_sampled pixels showed no larger one than `excess`. */
+static double estimated_ratio_limit(double excess, double n_sampled)
+{
+    return fmax(UNSAMPLED * excess, UNSAMPLED_ALONE / fmax(n_sampled, UNSAMPLED_ALONE));
+}
+
+/* Limit of the ratio of any pixel of a strip. */
+static double ratio_limit(const CtsErrorControl *c, const Strip *s)
+{
+    return has_bounds(c) ? fmax(s->excess, 1) : estimated_ratio_limit(s->excess, (double)s->n_made);
+}
+
+/* Error of re-rendered pixels, rms; 0: they are at reference precision, as a small picture's and a stiff preset's are.
+ * Errors are measured against them, so that the limit of the true error is larger by this (triangle inequality). */
+static double error_of_march(const CtsErrorControl *c)
+{
+    const double pixels = (double)c->scene.view.width * c->scene.view.height;
+    return c->march == c->engine || c->is_stiff || pixels <= SMALL ? 0 : RERENDERED * cts_scene_error_asked(&c->scene);
+}
+
 /* Without --max-error, missing the default target is reported from a step of 8 bits on. */
 static double warned_from(const CtsScene *scene)
 {
@@ -64,15 +102,27 @@ static double warned_from(const CtsScene *scene)
 }
 
 /* b^2 + f^2; 0: the pixel is not sampled. */
-static double square_at(const Round *r, size_t at)
+static double square_at(const Round *r, const Strip *s, size_t at)
 {
     const double indicator = WORTH * (double)r->errors->indicator[at];
-    return r->errors->origin[at] == CTS_PIXEL_RENDERED ? indicator * indicator + r->floor : 0;
+    return r->errors->origin[at] == CTS_PIXEL_RENDERED ? indicator * indicator + s->floor : 0;
+}
+
+/* f^2 of a strip. */
+static double floor_of(const Round *r, const Strip *s)
+{
+    const double asked = cts_scene_error_asked(&r->control->scene);
+    double sum = 0;
+    if (has_bounds(r->control))
+        return FLOOR_OF_BOUNDS * FLOOR_OF_BOUNDS * asked * asked;
+    for (size_t i = s->first; i < s->end; i++)
+        sum += square_at(r, s, i);
+    return asked * asked + sum / (double)(s->end - s->first);
 }
 
 static double chance_at(const Round *r, const Strip *s, size_t at)
 {
-    return fmin(s->chance * square_at(r, at), 1);
+    return fmin(s->chance * square_at(r, s, at), 1);
 }
 
 /* By a number that is uniform over 0..1, another for each pixel of the view and each round. */
@@ -106,9 +156,16 @@ static void count_some(void *context, int worker, size_t first, size_t end)
         s->n_drawn = 0;
         if (!s->open)
             continue;
-        const double most = (double)(s->end - s->first) * fmin(r->small + 1.0 / (r->number == 0 ? FIRST : MOST), 1);
-        s->share = r->number == 0 ? share_of(r, s) : s->share;
+        double most = (double)(s->end - s->first) * fmin(r->small + 1.0 / (r->number == 0 ? FIRST : MOST), 1);
+        if (r->number == 0) {
+            s->share = share_of(r, s);
+            s->floor = floor_of(r, s);
+        }
         s->chance = r->number == 0 ? 1 / (r->one_in * asked * asked) : MORE * s->chance;
+        if (r->number == ROUNDS) {
+            s->chance = ALL;
+            most = INFINITY;
+        }
         double expected = 0;
         for (size_t i = s->first; i < s->end; i++)
             expected += chance_at(r, s, i);
@@ -137,18 +194,22 @@ static double limit_of(const Round *r, const Strip *s)
 {
     const CtsView *const view = &r->control->scene.view;
     const double pixels = (double)view->width * view->height, n = (double)(s->end - s->first);
-    return cts_mean_limit(s->sum * pixels / n, s->share / s->chance * fmax(s->excess, 1), pixels,
+    return cts_mean_limit(s->sum * pixels / n, s->share / s->chance * ratio_limit(r->control, s), pixels,
                           r->control->scene.plan.n_tried);
 }
 
-/* True where the strip's error is larger than requested, or may be so large that a warning would be due, and pixels are
- * left to re-render. */
-static bool needs_more(const Round *r, const Strip *s)
+/* True where the strip's error is larger than requested, or may be so large that a warning would be due. */
+static bool is_missed(const Round *r, const Strip *s)
 {
     const double n = (double)(s->end - s->first), asked = cts_scene_error_asked(&r->control->scene);
-    const double warned = warned_from(&r->control->scene);
-    return (double)s->n_made < n * fmin(r->small + 1.0 / MOST, 1) &&
-           (s->sum > n * asked * asked || limit_of(r, s) > warned * warned);
+    const double warned = warned_from(&r->control->scene) - r->error;
+    return s->sum > n * asked * asked || limit_of(r, s) > warned * warned;
+}
+
+/* Part of a strip that rounds may re-render. */
+static bool has_more(const Round *r, const Strip *s)
+{
+    return (double)s->n_made < (double)(s->end - s->first) * fmin(r->small + 1.0 / MOST, 1);
 }
 
 /* Estimate the strips' errors from the re-rendered pixels, and replace these. */
@@ -162,12 +223,12 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
         for (size_t i = s->first_drawn; i < s->first_drawn + s->n_drawn; i++) {
             const size_t at = r->place[i];
             float *const pixel = r->band->pixels + 4 * at;
-            const double off = WORTH * (double)r->off[i], p = chance_at(r, s, at),
+            const double off = r->error > 0 ? 0 : WORTH * (double)r->off[i], p = chance_at(r, s, at),
                          error = sqrt(cts_scene_square_of_error(&r->control->scene, pixel, r->rgba[i])) + off,
                          square = error * error;
             s->sum += s->share * square * (1 - p) / p + off * off;
             if (p < 1)
-                s->excess = fmax(s->excess, square / square_at(r, at));
+                s->excess = fmax(s->excess, square / square_at(r, s, at));
             if (!CTS_MUTATED(UNCAST))
                 memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
         }
@@ -176,7 +237,8 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
             r->errors->indicator[r->place[i]] = 0;
         }
         s->n_made += s->n_drawn;
-        s->open = s->open && needs_more(r, s);
+        s->missed = s->open ? is_missed(r, s) : s->missed;
+        s->open = s->missed && has_more(r, s);
     }
 }
 
@@ -199,10 +261,30 @@ static CtsStatus run_round(Round *r, CtsError *err)
         return st;
     cts_parallel(n_threads, r->n_strips, 1, list_some, r);
     if (r->n_drawn > 0 &&
-        (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_drawn, r->rgba, r->off, err)))
+        (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_drawn, r->error, r->rgba, r->off, err)))
         return st;
     cts_parallel(n_threads, r->n_strips, 1, estimate_some, r);
     return CTS_OK;
+}
+
+double cts_error_control_predict(const CtsScene *scene, int n_tried, size_t n, const float *indicator,
+                                 const double *square)
+{
+    const double asked = cts_scene_error_asked(scene), pixels = (double)scene->view.width * scene->view.height;
+    double mean = 0, sum = 0, ratio = 0;
+    for (size_t i = 0; i < n; i++)
+        mean += WORTH * WORTH * (double)indicator[i] * (double)indicator[i] / (double)n;
+    const double floor = asked * asked + mean, chance = 1 / (PREDICTED * (mean + floor));
+    for (size_t i = 0; i < n; i++) {
+        const double b = WORTH * (double)indicator[i], size = b * b + floor, p = fmin(chance * size, 1);
+        sum += square[i] * (1 - p) / (double)n;
+        if (p < 1)
+            ratio = fmax(ratio, square[i] / size);
+    }
+    return n > 0 ? RERENDERED * asked +
+                       sqrt(cts_mean_limit(sum * pixels, estimated_ratio_limit(ratio, (double)n) / chance, pixels,
+                                           n_tried))
+                 : 0;
 }
 
 static void find_some_largest(void *context, int worker, size_t first, size_t end)
@@ -228,13 +310,13 @@ static bool any_open(const Round *r)
 CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, CtsErrorMap *errors, CtsError *err)
 {
     const CtsScene *const scene = &control->scene;
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), floor = FLOOR * cts_scene_error_asked(scene);
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const double pixels = (double)scene->view.width * scene->view.height;
     const size_t n = (size_t)band->width * (size_t)band->height, strip = (size_t)band->width * CTS_BAND_ROWS;
     Round r = {.control = control,
                .band = band,
                .errors = errors,
-               .floor = floor * floor,
+               .error = error_of_march(control),
                .n_strips = (n + strip - 1) / strip,
                .small = SMALL / pixels,
                .one_in = fmax(fmin(pixels / ONE_IN, ONE_IN), 1)};
@@ -246,11 +328,18 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
     for (; r.number < ROUNDS && any_open(&r); r.number++)
         if ((st = run_round(&r, err)))
             goto end;
+    r.number = ROUNDS;
+    for (size_t i = 0; i < r.n_strips; i++)
+        r.strips[i].open = control->whole_strips && r.strips[i].missed;
+    if (any_open(&r) && (st = run_round(&r, err)))
+        goto end;
     cts_parallel(scene->settings->n_threads, r.n_strips, 1, find_some_largest, &r);
     for (size_t i = 0; i < r.n_strips; i++) {
         const Strip *const s = &r.strips[i];
         control->sum += s->sum;
-        control->largest_term = fmax(control->largest_term, s->share / s->chance);
+        /* Bounds fail for the same reason everywhere, estimates strip by strip. */
+        control->largest_term =
+            fmax(control->largest_term, s->share / s->chance * (has_bounds(control) ? 1 : ratio_limit(control, s)));
         control->excess = fmax(control->excess, s->excess);
         control->largest = fmax(control->largest, s->largest);
         control->n_rerendered += s->n_made;
@@ -271,10 +360,11 @@ end:
 
 double cts_error_control_rmse(const CtsErrorControl *c)
 {
-    const double largest_term = c->largest_term * fmax(c->excess, 1), n = (double)c->n_pixels;
+    const double largest_term = c->largest_term * (has_bounds(c) ? fmax(c->excess, 1) : 1), n = (double)c->n_pixels;
     const int n_tried = c->scene.plan.n_tried;
-    return ROUNDING + sqrt(cts_mean_limit(c->sum, largest_term, n, n_tried) +
-                           cts_mean_limit(c->interpolation, c->largest_interpolation, n, n_tried));
+    return ROUNDING + error_of_march(c) +
+           sqrt(cts_mean_limit(c->sum, largest_term, n, n_tried) +
+                cts_mean_limit(c->interpolation, c->largest_interpolation, n, n_tried));
 }
 
 /* Largest error of a pixel; negative where nothing bounds it. Re-rendered pixels show how far errors exceed the bounds,
@@ -282,9 +372,9 @@ double cts_error_control_rmse(const CtsErrorControl *c)
  */
 static double largest_error(const CtsErrorControl *c)
 {
-    const double floor = FLOOR * cts_scene_error_asked(&c->scene);
+    const double floor = FLOOR_OF_BOUNDS * cts_scene_error_asked(&c->scene);
     const double largest = 2 * sqrt(3 * fmax(c->excess, 1) * (c->largest * c->largest + floor * floor));
-    return c->engine->indicator == CTS_INDICATOR_BOUND && c->n_interpolated == 0 ? fmin(largest / WORTH, 1) : -1;
+    return has_bounds(c) && c->n_interpolated == 0 ? fmin(largest / WORTH, 1) : -1;
 }
 
 void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
@@ -303,9 +393,9 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     if (c->engine->levels)
         snprintf(bound->level, sizeof bound->level, "%s", cts_engine_level_names[c->scene.plan.level]);
     cts_report_stage(report, CTS_STAGE_COMPOSITE, c->wall_ms, c->cpu_ms, c->n_rerendered, 0);
-    cts_report_plan(
-        report, "%llu of %llu pixels re-rendered in double precision, to estimate the error and to correct the worst",
-        (unsigned long long)c->n_rerendered, (unsigned long long)c->n_pixels);
+    cts_report_plan(report, "%llu of %llu pixels re-rendered %s, to estimate the error and to correct the worst",
+                    (unsigned long long)c->n_rerendered, (unsigned long long)c->n_pixels,
+                    c->march == c->engine ? "in double precision" : "by the exact march");
     const bool kept = rmse <= 1.005 * asked, by_default = !(c->scene.plan.max_error > 0);
     char list[CTS_ENGINE_LIST_MAX];
     const bool is_note = kept || rmse <= warned_from(&c->scene);

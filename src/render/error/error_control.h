@@ -13,7 +13,8 @@
  * estimate, in addition to the errors of the pixels that they were interpolated from.
  *
  * Strips of CTS_BAND_ROWS rows are processed one by one, so that a picture is the same in bands of any size. Where a
- * strip's error is larger than requested, more of its pixels are re-rendered, round by round. */
+ * strip's error is larger than requested, more of its pixels are re-rendered, round by round; and all of them where the
+ * engine was not the caller's choice. */
 #ifndef CTS_RENDER_ERROR_CONTROL_H
 #define CTS_RENDER_ERROR_CONTROL_H
 
@@ -24,6 +25,8 @@ typedef struct CtsErrorControl {
     const CtsEngine *engine; /* rendered the frame */
     const CtsEngine *march;  /* re-renders pixels: a row with render_pixels, the same or another */
     CtsScene scene;          /* of the frame, as march gets it: `kept` is what march keeps */
+    bool whole_strips;       /* strips whose error stays too large are re-rendered whole */
+    bool is_stiff;           /* the preset's opacity has a step, which the march keeps its error at in the mean alone */
     uint64_t n_pixels;       /* of the bands so far */
     uint64_t n_rerendered;   /* of them */
     uint64_t n_interpolated; /* of them */
@@ -39,6 +42,10 @@ typedef struct CtsErrorControl {
 /* Takes a band with what its engine indicated, and corrects its worst pixels. On return the origin of re-rendered
  * pixels is CTS_PIXEL_REFERENCE, and their indicator 0. */
 CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, CtsErrorMap *errors, CtsError *err);
+/* Upper limit of the error that a frame may come to, rms, whose pixels are like these n: their estimated indicators,
+ * and their squared errors against the exact march. n_tried: as in CtsPlan. */
+double cts_error_control_predict(const CtsScene *scene, int n_tried, size_t n, const float *indicator,
+                                 const double *square);
 /* Upper limit of the frame's error, rms. */
 double cts_error_control_rmse(const CtsErrorControl *control);
 /* Fills report->bound, and adds a warning where the error may be larger than requested. Nothing for a frame that

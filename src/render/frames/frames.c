@@ -8,6 +8,7 @@
 #include "core/volume/owners.h"
 #include "render/engines/engines.h"
 #include "render/frames/key.h"
+#include "render/frames/level_choice.h"
 #include "render/framing/framing.h"
 #include <math.h>
 #include <stddef.h>
@@ -23,6 +24,8 @@ struct CtsFrames {
     CtsPreset preset;
     CtsRenderSettings settings;
     const CtsEngine *engine;
+    CtsEngineId engine_id; /* of engine, which may leave frames to the exact march (CTS_ENGINE_AUTO) */
+    const char *why_exact; /* reason why it has to; NULL: none */
     CtsLut *lut;
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFoundKey key;
@@ -34,10 +37,61 @@ struct CtsFrames {
     bool is_fitted;
 };
 
+/* Opacity that rises by more than this within STEP_HU is a step: a picture of it is an isosurface, whose thinnest parts
+ * flip whole pixels, which no sample of pixels can be relied on to meet. */
+#define STEP_OPACITY 0.25
+#define STEP_HU 20.0
+
+static bool has_step(const CtsPreset *preset)
+{
+    for (int i = 0; i < preset->n_opacity; i++)
+        for (int side = -1; side <= 1; side += 2) {
+            const double hu = preset->opacity[i].hu;
+            if (fabs(cts_preset_opacity(preset, hu + side * STEP_HU) - cts_preset_opacity(preset, hu)) > STEP_OPACITY ||
+                (i > 0 && preset->opacity[i - 1].hu == hu &&
+                 fabs(preset->opacity[i].opacity - preset->opacity[i - 1].opacity) > STEP_OPACITY))
+                return true;
+        }
+    return false;
+}
+
+/* Reason why CTS_ENGINE_AUTO renders by the exact march, or NULL where an engine with levels may do it. */
+static const char *why_exact(const CtsVolume *volume, const CtsSceneStore *store, const CtsEngine *levels)
+{
+    const CtsRenderSettings *const s = &store->settings;
+    const CtsOwners *const o = volume->owners;
+    const bool plain = s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16 && s->samples == 0 &&
+                       s->tolerance_hu == 0 && !s->void_key;
+    bool thin = cts_volume_n_voxels(volume) > INT32_MAX;
+    for (int a = 0; a < 3; a++)
+        thin |= volume->dims[a] < 2;
+    return !(levels->modes >> store->preset.mode & 1) ? "the mode is a projection"
+           : !plain                                   ? "kernel, grey levels, samples, tolerance or void rule are given"
+           : cts_owners_coloured(o) || (o && o->shown) ? "labels are hidden or have colours"
+           : has_step(&store->preset)                  ? "the preset's opacity has a step"
+           : thin                                      ? "the volume is one voxel thin, or too large"
+                                                       : NULL;
+}
+
+/* The engine that CTS_ENGINE_AUTO stands for, as far as it does not depend on the view. */
+static CtsEngineId resolve_engine(const CtsVolume *volume, const CtsSceneStore *store, const char **why)
+{
+    const CtsEngineId levels = cts_engine_with_levels();
+    *why = NULL;
+    if (store->settings.engine != CTS_ENGINE_AUTO)
+        return store->settings.engine;
+    *why = why_exact(volume, store, cts_engine(levels));
+    return *why && !store->settings.level ? cts_engine_march(levels) : levels;
+}
+
 static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
 {
     char list[CTS_ENGINE_LIST_MAX];
-    const CtsEngine *e = cts_engine(s->engine);
+    /* What the exact march cannot do, CTS_ENGINE_AUTO cannot; a level asks for an engine that has it. */
+    const CtsEngineId levels = cts_engine_with_levels();
+    const CtsEngine *e = cts_engine(s->engine != CTS_ENGINE_AUTO ? s->engine
+                                    : s->level                   ? levels
+                                                                 : cts_engine_march(levels));
     if (!(e->modes >> mode & 1))
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no mode %s (%s have)", e->name, cts_mode_names[mode],
                         cts_engines_with(offsetof(CtsEngine, modes), (int)mode, list));
@@ -98,15 +152,21 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
     CtsSceneStore store;
     const CtsEngine *engine = NULL;
     const CtsOwners *const owners = volume->owners;
+    const char *why;
     *frames = NULL;
     if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
-        (st = choose_engine(&store.settings, store.preset.mode, &engine, err)) ||
-        (st = choose_volume(volume, &store, engine, &volume, err)))
+        (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
+        return st;
+    const CtsEngineId id = resolve_engine(volume, &store, &why);
+    engine = cts_engine(id);
+    if ((st = choose_volume(volume, &store, engine, &volume, err)))
         return st;
     CtsFrames *f = calloc(1, sizeof *f);
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *f = (CtsFrames){.volume = volume,
+    *f = (CtsFrames){.engine_id = id,
+                     .why_exact = why,
+                     .volume = volume,
                      .original = volume,
                      .owners = owners,
                      .preset = store.preset,
@@ -184,11 +244,11 @@ static bool is_light_behind(const CtsPreset *preset)
            0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2] > 0.5;
 }
 
-static void fill_info(CtsPictureInfo *info, const CtsFrames *frames, const CtsScene *scene)
+static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScene *scene)
 {
     const CtsView *view = &scene->view;
     memcpy(info->preset, scene->preset->name, sizeof info->preset);
-    strncpy(info->engine, frames->engine->name, sizeof info->engine - 1);
+    strncpy(info->engine, cts_engine(frame->engine_id)->name, sizeof info->engine - 1);
     info->mode = scene->preset->mode;
     info->azimuth_deg = view->azimuth_deg;
     info->elevation_deg = view->elevation_deg;
@@ -200,8 +260,8 @@ static void fill_info(CtsPictureInfo *info, const CtsFrames *frames, const CtsSc
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->light_behind = is_light_behind(scene->preset);
-    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frames->owners);
-    info->grey = cts_scene_is_grey(scene->preset, frames->owners);
+    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->owners);
+    info->grey = cts_scene_is_grey(scene->preset, frame->frames->owners);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 
@@ -326,6 +386,68 @@ static void tell_left_out(const CtsFrame *frame, CtsReport *report)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
 }
 
+static CtsEngineLevel finest_level(const CtsEngine *engine)
+{
+    int level = CTS_N_LEVELS - 1;
+    while (level > CTS_LEVEL_AUTO && !(engine->levels >> level & 1))
+        level--;
+    return (CtsEngineLevel)level;
+}
+
+static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const CtsScene *scene, CtsReport *report)
+{
+    const double asked = 255 * cts_scene_error_asked(scene);
+    cts_report_stage(report, CTS_STAGE_SPLAT, c->wall_ms, c->cpu_ms, c->n_pixels, 0);
+    if (c->n_tried == 0)
+        cts_report_plan(report, "no level of engine %s is tried for an error of %.3g/255", engine->name, asked);
+    else if (c->level == CTS_LEVEL_AUTO)
+        cts_report_plan(report,
+                        "no level of engine %s will do: %d tried on %zu pixels, the last may come to %.3g/255, %.3g "
+                        "requested",
+                        engine->name, c->n_tried, c->n_pixels, 255 * c->limit, asked);
+    else
+        cts_report_plan(
+            report,
+            "level %s of engine %s: an error of up to %.3g/255 is likely by a probe of %zu pixels, %.3g requested",
+            cts_engine_level_names[c->level], engine->name, 255 * c->limit, c->n_pixels, asked);
+}
+
+/* The level of this frame where none was asked for; frames that no level of the engine suits are the exact march's
+ * under CTS_ENGINE_AUTO. Error control keeps what was requested wherever the level was not the caller's choice. */
+static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
+{
+    CtsFrames *const f = frame->frames;
+    CtsScene *const scene = &frame->store.scene;
+    const CtsEngineId march = cts_engine_march(f->engine_id);
+    CtsErrorControl *const control = &frame->error_control;
+    CtsLevelChoice choice = {.level = scene->plan.level};
+    const bool is_auto = f->settings.engine == CTS_ENGINE_AUTO;
+    CtsStatus st = CTS_OK;
+    frame->engine_id = f->engine_id;
+    scene->kept = &f->kept[f->engine_id];
+    *control = (CtsErrorControl){.scene = *scene, .is_stiff = has_step(scene->preset)};
+    control->scene.kept = &f->kept[march];
+    if (f->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
+        if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, err)))
+            return st;
+        report_level(f->engine, &choice, scene, report);
+        control->whole_strips = true;
+        if (choice.level == CTS_LEVEL_AUTO && is_auto)
+            frame->engine_id = march;
+        else if (choice.level == CTS_LEVEL_AUTO)
+            choice.level = finest_level(f->engine);
+        scene->plan.level = choice.level;
+        scene->plan.n_tried = frame->engine_id == march ? 0 : choice.n_tried;
+    } else if (is_auto && f->why_exact) {
+        cts_report_plan(report, "engine auto: %s, as %s", f->engine->name, f->why_exact);
+    }
+    scene->kept = &f->kept[frame->engine_id];
+    control->scene.plan = scene->plan;
+    control->engine = cts_engine(frame->engine_id);
+    control->march = cts_engine(march);
+    return CTS_OK;
+}
+
 CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *task, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -335,16 +457,13 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
         (st = cts_scene_init(&frame->store, f->volume, &f->preset, &settings, err)))
         return st;
     frame->store.scene.plan = task->plan;
-    frame->store.scene.kept = &f->kept[settings.engine];
     frame->store.scene.frame = f->n_begun++;
     if ((st = find_lut(f, &frame->store.scene, report, err)))
         return st;
     tell_key(f, report);
     tell_left_out(frame, report);
-    const CtsEngineId march = cts_engine_march(settings.engine);
-    CtsErrorControl *const control = &frame->error_control;
-    *control = (CtsErrorControl){.engine = f->engine, .march = cts_engine(march), .scene = frame->store.scene};
-    control->scene.kept = &f->kept[march];
+    if ((st = choose_level(frame, report, err)))
+        return st;
     const bool lossy = report && report->key_loss > 0;
     const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
     if (n == 0 || task->explain)
@@ -365,7 +484,7 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     (*picture)->first_row = first_row;
     (*picture)->whole_height = s->height;
     const size_t n = (size_t)s->width * (size_t)n_rows;
-    fill_info(&(*picture)->info, frame->frames, scene);
+    fill_info(&(*picture)->info, frame, scene);
     if (scene->preset->mode != CTS_MODE_COMPOSITE)
         return CTS_OK;
     if (!frame->want_depth)
@@ -386,13 +505,13 @@ static CtsStatus new_error_map(CtsErrorMap *errors, const CtsPicture *band, CtsE
 
 CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
 {
-    return frame->frames->engine->render(&frame->store.scene, NULL, NULL, report, err);
+    return cts_engine(frame->engine_id)->render(&frame->store.scene, NULL, NULL, report, err);
 }
 
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
                          CtsError *err)
 {
-    const CtsEngine *const engine = frame->frames->engine;
+    const CtsEngine *const engine = cts_engine(frame->engine_id);
     const CtsScene *const scene = &frame->store.scene;
     CtsErrorMap errors = {0};
     *band = NULL;

@@ -43,6 +43,7 @@ typedef struct CtsFrameTask {
 /* One frame under way; not to be copied. */
 typedef struct CtsFrame {
     CtsFrames *frames;
+    CtsEngineId engine_id; /* that renders it */
     bool want_depth, explain;
     CtsSceneStore store;
     CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */

@@ -1,0 +1,7 @@
+/* The kernels in plain C. */
+#define SIMD_PLAIN
+#include "engine/sheets/march_tmpl.h"
+
+SHEETS_MARCH(march_gathered, 0)
+
+const SheetsKernels cts_sheets_c = {"plain C", march_gathered, fill_opacity};

@@ -1,0 +1,936 @@
+/* The march of a group through the sheets, front to back; included once for each SIMD path. Every path does the same
+ * operations lane by lane: whole numbers up to a sample's level, then floats rounded after each operation. */
+#include "engine/sheets/sheets.h"
+
+#include "base/mutation.h"
+#include "base/simd.h"
+
+#include "base/simd_math_tmpl.h"
+#include <math.h>
+
+SIMD_EACH(ws, wi_as_short, (wi a), (vs)a.part[p])
+SIMD_EACH(wi, ws_as_int, (ws a), (vi)a.part[p])
+SIMD_EACH(ws, ws_min, (ws a, ws b),
+          (vs)(((a.part[p] < b.part[p]) & a.part[p]) | (~(a.part[p] < b.part[p]) & b.part[p])))
+SIMD_EACH(ws, ws_max, (ws a, ws b),
+          (vs)(((a.part[p] > b.part[p]) & a.part[p]) | (~(a.part[p] > b.part[p]) & b.part[p])))
+
+SIMD_EACH(wf, wf_inverse_root, (wf x), vf_inverse_root(x.part[p]))
+SIMD_EACH(wf, wf_log2, (wf x), vf_log2(x.part[p]))
+SIMD_EACH(wf, wf_lerp, (wf a, wf b, wf at), a.part[p] + (b.part[p] - a.part[p]) * at.part[p])
+SIMD_EACH(wf, wf_mul_add, (wf a, wf b, wf c), a.part[p] * b.part[p] + c.part[p])
+SIMD_EACH(wf, wf_clamp, (wf a, float low, float high), vf_min(vf_max(a.part[p], vf_of(low)), vf_of(high)))
+SIMD_EACH(wf, wf_scale, (wf a, float by, float plus), a.part[p] * by + plus)
+
+/* 1 - exp(-x) for x of 0 or more. */
+SIMD_EACH(wf, wf_taken, (wf x), vf_taken(x.part[p] * (real)M_LOG2E))
+
+/* A number of 0 to 1 as 5 bits of exponent and 11 of fraction, those of a float, rounded; all below 2^-31 is 0. Back:
+ * sheets_unpack(). */
+INLINE wi sheets_pack(wf x)
+{
+    const wi bits = wi_sub(wf_as_int(x), wi_of(((127 - 31) << 23) - (1 << 11)));
+    return wi_max(wi_shr(bits, 12), wi_of(0));
+}
+
+/* The footprint of a group on a sheet: which voxels each lane takes, and their weights. */
+typedef struct Footprint {
+    wi at;           /* windows: places of two neighbours in the window; else voxels from the window's first */
+    ws along_a;      /* weights of two neighbours, 2^14 together */
+    wf along_b;      /* weight of the second row, 0 to 1 */
+    ptrdiff_t first; /* voxel of the window's corner within the sheet */
+} Footprint;
+
+/* Samples of a sheet: both rows, each the sum of two neighbours (grey level - 32768) by their weights. */
+typedef struct Rows {
+    wi upper, lower;
+} Rows;
+
+typedef struct March {
+    const SheetsJob *job;
+    const SheetsGrid *grid;
+    int window_rows;  /* rows of a window that are loaded whole, 4 to 8; 0: voxels are gathered */
+    int64_t shear[2]; /* of the corner, from sheet to sheet, front to back; 32 bits of fraction */
+} March;
+
+/* Where the corner of a group is on a sheet; 32 bits of fraction. */
+typedef struct Corner {
+    int64_t at[2];
+} Corner;
+
+INLINE Footprint footprint_of(const March *m, Corner corner, bool window)
+{
+    Footprint f;
+    wi at[2];
+    for (int c = 0; c < 2; c++)
+        at[c] = wi_add(wi_load(m->grid->lane[c]), wi_of((int32_t)(corner.at[c] >> 16 & 0xffff)));
+    const wi column = wi_shr(at[0], 16), row = wi_shr(at[1], 16);
+    const wi second = wi_and(wi_shr(at[0], 16 - SHEETS_WEIGHT_BITS), wi_of((1 << SHEETS_WEIGHT_BITS) - 1));
+    f.along_a = wi_as_short(wi_add(wi_sub(wi_shl(second, 16), second), wi_of(1 << SHEETS_WEIGHT_BITS)));
+    f.along_b = wf_mul(wi_to_float(wi_lower_half(at[1])), wf_of(0x1p-16f));
+    if (window) {
+        const wi place = wi_add(wi_shl(row, 3), column);
+        f.at = wi_or(place, wi_shl(wi_add(place, wi_of(1)), 16));
+    } else {
+        f.at = wi_add(wi_mul(row, wi_of((int32_t)m->job->view.row)), column);
+    }
+    f.first = (ptrdiff_t)(corner.at[1] >> 32) * m->job->view.row + (ptrdiff_t)(corner.at[0] >> 32);
+    return f;
+}
+
+INLINE wi along_row(ws pairs, ws weights)
+{
+    return ws_madd(ws_sub(pairs, ws_of(INT16_MIN)), weights);
+}
+
+/* Two neighbours of both rows that a lane takes, from the window that begins at `from`. */
+INLINE void load_pairs(const March *m, const Footprint *f, const uint16_t *from, bool window, ws pairs[2])
+{
+    if (window) {
+        const int rows = m->window_rows;
+        const ws upper = ws_load_rows((const int16_t *)from, m->job->view.row, 4);
+        const ws index = wi_as_short(f->at), below = wi_as_short(wi_add(f->at, wi_of(0x00080008)));
+        if (rows > 4) {
+            const ws lower = ws_load_rows((const int16_t *)from + 4 * m->job->view.row, m->job->view.row, rows - 4);
+            pairs[0] = ws_permute2(upper, lower, index);
+            pairs[1] = ws_permute2(upper, lower, below);
+        } else {
+            pairs[0] = ws_permute(upper, index);
+            pairs[1] = ws_permute(upper, below);
+        }
+        return;
+    }
+    const wmask all = wmask_of_bits(0xffff);
+    pairs[0] = wi_as_short(wi_gather_pairs(from, f->at, all));
+    pairs[1] = wi_as_short(wi_gather_pairs(from + m->job->view.row, f->at, all));
+}
+
+INLINE Rows sample_rows(const March *m, const Footprint *f, const uint16_t *sheet, bool window)
+{
+    ws pairs[2];
+    load_pairs(m, f, sheet + f->first, window, pairs);
+    return (Rows){along_row(pairs[0], f->along_a), along_row(pairs[1], f->along_a)};
+}
+
+INLINE wf across_rows(Rows rows, wf along_b)
+{
+    return wf_lerp(wi_to_float(rows.upper), wi_to_float(rows.lower), along_b);
+}
+
+/* Number of the level in the pre-integrated table. */
+INLINE wi level_of(const SheetsLevels *l, wf sample)
+{
+    wf sum = wf_of(0.5f);
+    for (int i = 0; i < 3; i++)
+        sum = wf_add(sum, wf_clamp(wf_scale(sample, l->scale[i], l->add[i]), 0, l->span[i]));
+    return wf_to_int(sum);
+}
+
+/* Colour and opacity of slabs; 0 outside the mask. */
+typedef struct Slab {
+    wf rgb[3], alpha;
+} Slab;
+
+INLINE wf sheets_unpack(wi number)
+{
+    return wi_as_float(wi_add(wi_shl(number, 12), wi_of((127 - 31) << 23)));
+}
+
+INLINE Slab look_up_slab(const uint64_t *opacity, wi front, wi back, wmask lanes)
+{
+    wi blue_alpha;
+    const wi at = wi_add(wi_shl(front, 8), back);
+    const wi red_green = wi_gather_64((const int32_t(*)[2])opacity, at, lanes, &blue_alpha);
+    return (Slab){{sheets_unpack(wi_lower_half(red_green)), sheets_unpack(wi_upper_half(red_green)),
+                   sheets_unpack(wi_lower_half(blue_alpha))},
+                  sheets_unpack(wi_upper_half(blue_alpha))};
+}
+
+INLINE wmask visible_between(const SheetsLevels *l, wi front, wi back)
+{
+    return wmask_and(wi_gt(wi_max(front, back), wi_of(l->first - 1)), wi_lt(wi_min(front, back), wi_of(l->last + 1)));
+}
+
+/* What a march has gathered so far. */
+typedef struct State {
+    wf rgb[3], left;               /* left: transmittance */
+    wf coarse_rgb[3], coarse_left; /* the same by slabs of twice the length */
+    wf depth_mm, first_mm;         /* where half of the light is gone; where anything is visible */
+    wmask alive;
+    wf missed, near[2]; /* opacity that samples may have missed: as it counts; of one and two slabs ago */
+} State;
+
+#define FAR_MM 1e30f
+
+INLINE void blend(wf rgb[3], wf *left, const Slab *s, wmask lanes)
+{
+    const wf weight = wf_select(lanes, *left, wf_of(0));
+    for (int c = 0; c < 3; c++)
+        rgb[c] = wf_mul_add(weight, s->rgb[c], rgb[c]);
+    *left = wf_sub(*left, wf_mul(weight, s->alpha));
+}
+
+/* What a slab's samples may have missed counts by the light that is left two slabs later: in front of a surface nearly
+ * every ray passes slabs whose samples just miss it. */
+INLINE void advance_missed(State *s, wf near)
+{
+    s->missed = wf_mul_add(s->near[1], s->left, s->missed);
+    s->near[1] = s->near[0];
+    s->near[0] = near;
+}
+
+/* Differences of grey levels along a, b and p at a sheet, 2^14 times. */
+typedef struct Gradient {
+    wf along[3];
+} Gradient;
+
+INLINE wf difference_of(const March *m, const Footprint *f, const uint16_t *sheet, ptrdiff_t apart, bool window)
+{
+    const Rows more = sample_rows(m, f, sheet + apart, window), less = sample_rows(m, f, sheet - apart, window);
+    return across_rows((Rows){wi_sub(more.upper, less.upper), wi_sub(more.lower, less.lower)}, f->along_b);
+}
+
+/* Inside, where all neighbours exist. */
+INLINE Gradient gradient_inside(const March *m, const Footprint *f, const uint16_t *sheet, bool window)
+{
+    const SheetsView *const v = &m->job->view;
+    const int *const step = m->job->shade->step;
+    return (Gradient){{difference_of(m, f, sheet, step[0], window),
+                       difference_of(m, f, sheet, step[1] * v->row, window),
+                       difference_of(m, f, sheet, step[2] * v->sheet, window)}};
+}
+
+/* Difference of grey levels at a voxel: to air beyond the border, or one-sided and twice. */
+static int32_t voxel_difference(const SheetsJob *job, const int at[3], int axis)
+{
+    const SheetsView *const v = &job->view;
+    const ptrdiff_t stride[3] = {1, v->row, v->sheet};
+    const uint16_t *const here = v->grey + at[0] + at[1] * v->row + at[2] * v->sheet;
+    const int step = job->shade->step[axis];
+    int32_t value[2];
+    for (int side = 0; side < 2; side++) {
+        const int to = at[axis] + (side ? step : -step);
+        const bool inside = to >= 0 && to < v->n[axis];
+        value[side] = inside ? here[(side ? step : -step) * stride[axis]] : job->shade->air_beyond ? 0 : *here;
+    }
+    const bool one_sided = !job->shade->air_beyond && (at[axis] - step < 0) != (at[axis] + step >= v->n[axis]);
+    return (value[1] - value[0]) * (one_sided ? 2 : 1);
+}
+
+/* Near the volume's faces, lane by lane; positions outside it count as those on its faces. */
+OUTLINE Gradient gradient_at_faces(const March *m, Corner corner, int sheet, unsigned lanes)
+{
+    const SheetsView *const v = &m->job->view;
+    const double one = 1 << SHEETS_WEIGHT_BITS;
+    float out[3][SHEETS_LANES] = {{0}};
+    const int k = sheet < 0 ? 0 : sheet > v->n[2] - 1 ? v->n[2] - 1 : sheet;
+    for (int l = 0; l < SHEETS_LANES; l++) {
+        if (!(lanes >> l & 1))
+            continue;
+        int at[2];
+        float part[2];
+        for (int c = 0; c < 2; c++) {
+            const int64_t place = (corner.at[c] >> 16) + m->grid->lane[c][l], most = (int64_t)(v->n[c] - 1) << 16;
+            const int64_t inside = place < 0 ? 0 : place > most ? most : place;
+            at[c] = (int)(inside >> 16);
+            at[c] = at[c] > v->n[c] - 2 ? v->n[c] - 2 : at[c];
+            part[c] = (float)(inside - ((int64_t)at[c] << 16)) * 0x1p-16f;
+        }
+        for (int axis = 0; axis < 3; axis++) {
+            float row[2];
+            for (int j = 0; j < 2; j++) {
+                const float a = (float)voxel_difference(m->job, (const int[]){at[0], at[1] + j, k}, axis);
+                const float b = (float)voxel_difference(m->job, (const int[]){at[0] + 1, at[1] + j, k}, axis);
+                row[j] = a + (b - a) * part[0];
+            }
+            out[axis][l] = (row[0] + (row[1] - row[0]) * part[1]) * (float)one;
+        }
+    }
+    return (Gradient){{wf_load(out[0]), wf_load(out[1]), wf_load(out[2])}};
+}
+
+/* |n.v| of a gradient; 0 where there is none. */
+INLINE wf facing_of(const SheetsJob *j, const Gradient *g)
+{
+    const float *const q = j->shade_square, *const f = j->shade->frame[2];
+    const wf *const d = g->along;
+    const wf towards = wf_add(wf_add(wf_scale(d[0], f[0], 0), wf_scale(d[1], f[1], 0)), wf_scale(d[2], f[2], 0));
+    const wf a = wf_add(wf_scale(d[0], q[0], 0), wf_add(wf_scale(d[1], q[3], 0), wf_scale(d[2], q[4], 0)));
+    const wf b = wf_add(wf_scale(d[1], q[1], 0), wf_scale(d[2], q[5], 0)), c = wf_scale(d[2], q[2], 0);
+    const wf square = wf_add(wf_add(wf_mul(d[0], a), wf_mul(d[1], b)), wf_mul(d[2], c));
+    const wf least = wf_of(1e-12f);
+    const wf facing = wf_mul(wf_abs(towards), wf_inverse_root(wf_max(square, least)));
+    return wf_select(wf_gt(square, least), wf_min(facing, wf_of(1)), wf_of(0));
+}
+
+/* |n.v|^power. */
+INLINE wf highlight_of(const CtsShade *s, wf facing)
+{
+    if (s->whole_power > 0) {
+        wf power = wf_of(1), square = wf_max(facing, wf_of(s->least_power));
+        for (int n = s->whole_power; n > 0; n >>= 1) {
+            if (n & 1)
+                power = wf_mul(power, square);
+            square = n > 1 ? wf_mul(square, square) : square;
+        }
+        return wf_select(wf_gt(facing, wf_of(0)), power, wf_of(0));
+    }
+    const wf at = wf_mul(facing, wf_of((float)s->n_power));
+    const wi i = wi_min(wf_to_int(at), wi_of(s->n_power - 1));
+    const wf low = wf_look_up(s->power, s->n_power + 1, i), high = wf_look_up(s->power + 1, s->n_power, i);
+    return wf_select(wf_gt(facing, wf_of(0)), wf_lerp(low, high, wf_sub(at, wi_to_float(i))), wf_of(0));
+}
+
+/* Centroid of the light that homogeneous stuff of this opacity takes, as a share of its length from the front:
+ * 1 / tau - (1 - a) / a, by least squares in powers of a; off by 0.015 at most. */
+INLINE wf centroid_of(wf alpha)
+{
+    const wf a2 = wf_mul(alpha, alpha), a4 = wf_mul(a2, a2), a8 = wf_mul(a4, a4), a16 = wf_mul(a8, a8);
+    const wf a32 = wf_mul(a16, a16), a64 = wf_mul(a32, a32);
+    const wf low = wf_add(wf_scale(alpha, -0.0961f, 0.5f), wf_scale(a4, -0.1296f, 0));
+    return wf_add(low, wf_add(wf_scale(a16, -0.0291f, 0), wf_scale(a64, -0.1032f, 0)));
+}
+
+/* Two points of a slab between its visible ends at which it is lit; shares of the way from its front sheet to its back
+ * one. */
+typedef struct LitPoints {
+    wf at[2];
+} LitPoints;
+
+/* Visible part of a straight line from sample `front` to `back`, as shares of it. */
+INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to)
+{
+    const float one = 1 << SHEETS_WEIGHT_BITS;
+    const float low = ((float)j->levels.grey_low - 32768) * one, high = ((float)j->levels.grey_high - 32768) * one;
+    const wf change = wf_sub(back, front);
+    const wmask flat = wf_lt(wf_abs(change), wf_of(1));
+    const wf per = wf_div(wf_of(1), wf_select(flat, wf_of(1), change));
+    const wf at_low = wf_clamp(wf_mul(wf_sub(wf_of(low), front), per), 0, 1);
+    const wf at_high = wf_clamp(wf_mul(wf_sub(wf_of(high), front), per), 0, 1);
+    *from = wf_select(wf_lt(front, wf_of(low)), at_low, wf_select(wf_gt(front, wf_of(high)), at_high, wf_of(0)));
+    *to = wf_select(wf_lt(back, wf_of(low)), at_low, wf_select(wf_gt(back, wf_of(high)), at_high, wf_of(1)));
+}
+
+INLINE LitPoints lit_points(const SheetsJob *j, wf front, wf back, wf alpha)
+{
+    wf from, to;
+    visible_part(j, front, back, &from, &to);
+    const wf centre = centroid_of(wf_min(alpha, wf_of(1))), length = wf_sub(to, from);
+    const wf spread = wf_scale(wf_min(centre, wf_sub(wf_of(1), centre)), 0.57735f, 0);
+    return (LitPoints){
+        {wf_mul_add(wf_sub(centre, spread), length, from), wf_mul_add(wf_add(centre, spread), length, from)}};
+}
+
+INLINE Gradient gradient_between(const Gradient *front, const Gradient *back, wf at)
+{
+    Gradient g;
+    for (int c = 0; c < 3; c++)
+        g.along[c] = wf_lerp(front->along[c], back->along[c], at);
+    return g;
+}
+
+/* A slab's colours by its light at two points, premultiplied, white highlight added. *apart: how far light at the two
+ * lies apart. */
+INLINE void light_slab(const SheetsJob *j, const Gradient *front, const Gradient *back, const LitPoints *points,
+                       wmask heavy, Slab *s, wf *apart)
+{
+    const CtsShade *const shade = j->shade;
+    wf facing[2], highlight[2];
+    for (int i = 0; i < 2; i++) {
+        const Gradient g = gradient_between(front, back, points->at[i]);
+        facing[i] = facing_of(j, &g);
+        highlight[i] = highlight_of(shade, facing[i]);
+    }
+    const wf mean = wf_add(facing[0], facing[1]), sharp = wf_add(highlight[0], highlight[1]);
+    *apart = wf_add(wf_scale(wf_abs(wf_sub(facing[0], facing[1])), shade->diffuse, 0),
+                    wf_scale(wf_abs(wf_sub(highlight[0], highlight[1])), shade->specular, 0));
+    /* Faint stuff has no light of its own worth its price: the mean of |n.v| over directions is a half. */
+    const wf faint = wf_of(shade->ambient + 0.5f * shade->diffuse);
+    const wf colour = wf_select(heavy, wf_scale(mean, 0.5f * shade->diffuse, shade->ambient), faint);
+    const wf white = wf_select(heavy, wf_mul(wf_scale(sharp, 0.5f * shade->specular, 0), s->alpha), wf_of(0));
+    for (int c = 0; c < 3; c++)
+        s->rgb[c] = wf_mul_add(s->rgb[c], colour, white);
+}
+
+/* Sheets of a block front to back, and the planes in the middle of its slabs: sample and level at 2 s and 2 s + 1. */
+enum { AT_ONCE = 2 * SHEETS_BLOCK + 1 };
+typedef struct Block {
+    int sheet, n; /* its front sheet; slabs */
+    Corner corner;
+    bool inside;     /* no lane leaves the volume or the part of it that is looked at */
+    bool lit_inside; /* nor do the neighbours that gradients take */
+    bool window;     /* windows can be loaded whole */
+    wf sample[AT_ONCE];
+    wi level[AT_ONCE];
+    wi highest[SHEETS_BLOCK + 1], lowest[SHEETS_BLOCK + 1]; /* of the voxels that a sample takes, less 32768 */
+    wf from[SHEETS_BLOCK], share[SHEETS_BLOCK];             /* not inside: part of each slab that lies in the volume */
+} Block;
+
+INLINE Corner corner_at(const March *m, const Block *b, int slab)
+{
+    return (Corner){{b->corner.at[0] + slab * m->shear[0], b->corner.at[1] + slab * m->shear[1]}};
+}
+
+INLINE const uint16_t *sheet_at(const March *m, int sheet)
+{
+    return m->job->view.grey + (ptrdiff_t)sheet * m->job->view.sheet;
+}
+
+/* Highest and lowest of the four voxels that each lane takes. */
+INLINE void range_of(const ws pairs[2], wi *highest, wi *lowest)
+{
+    const ws flip = ws_of(INT16_MIN);
+    const ws a = ws_sub(pairs[0], flip), b = ws_sub(pairs[1], flip);
+    const wi high = ws_as_int(ws_max(a, b)), low = ws_as_int(ws_min(a, b));
+    *highest = wi_max(wi_shr(wi_shl(high, 16), 16), wi_shr(high, 16));
+    *lowest = wi_min(wi_shr(wi_shl(low, 16), 16), wi_shr(low, 16));
+}
+
+INLINE void sample_sheet(const March *m, Block *b, int slab, bool window)
+{
+    ws pairs[2];
+    const Footprint f = footprint_of(m, corner_at(m, b, slab), window);
+    load_pairs(m, &f, sheet_at(m, b->sheet + slab * m->job->view.step) + f.first, window, pairs);
+    b->sample[2 * slab] =
+        across_rows((Rows){along_row(pairs[0], f.along_a), along_row(pairs[1], f.along_a)}, f.along_b);
+    b->level[2 * slab] = level_of(&m->job->levels, b->sample[2 * slab]);
+    range_of(pairs, &b->highest[slab], &b->lowest[slab]);
+}
+
+/* The middle of a slab: the mean of both sheets where the ray is half way. */
+INLINE void sample_middle(const March *m, Block *b, int slab, bool window)
+{
+    Corner corner = corner_at(m, b, slab);
+    for (int c = 0; c < 2; c++)
+        corner.at[c] += m->shear[c] / 2;
+    const Footprint f = footprint_of(m, corner, window);
+    const int step = m->job->view.step;
+    const Rows front = sample_rows(m, &f, sheet_at(m, b->sheet + slab * step), window);
+    const Rows back = sample_rows(m, &f, sheet_at(m, b->sheet + (slab + 1) * step), window);
+    const Rows sum = {wi_add(front.upper, back.upper), wi_add(front.lower, back.lower)};
+    b->sample[2 * slab + 1] = wf_mul(across_rows(sum, f.along_b), wf_of(0.5f));
+    b->level[2 * slab + 1] = level_of(&m->job->levels, b->sample[2 * slab + 1]);
+}
+
+/* Near the volume's faces and at the ends of what is looked at, positions are floats, and each lane has its own part of
+ * a slab. */
+typedef struct Lanes {
+    wf at[2]; /* voxels along a and b */
+} Lanes;
+
+INLINE Lanes lanes_at(const March *m, Corner corner)
+{
+    Lanes l;
+    for (int c = 0; c < 2; c++) {
+        const int32_t voxel = (int32_t)(corner.at[c] >> 32), part = (int32_t)(corner.at[c] >> 16 & 0xffff);
+        const wi at = wi_add(wi_load(m->grid->lane[c]), wi_of(part));
+        l.at[c] = wf_add(wi_to_float(wi_add(wi_shr(at, 16), wi_of(voxel))),
+                         wf_scale(wi_to_float(wi_lower_half(at)), 0x1p-16f, 0));
+    }
+    return l;
+}
+
+/* Part of the way from front to back, 0 to 1, on which low <= position <= high. */
+INLINE void clip(wf front, wf back, float low, float high, wf *from, wf *to)
+{
+    const wf change = wf_sub(back, front);
+    const wmask still = wf_lt(wf_abs(change), wf_of(1e-6f));
+    const wf per = wf_div(wf_of(1), wf_select(still, wf_of(1), change));
+    const wf one = wf_mul(wf_sub(wf_of(low), front), per), other = wf_mul(wf_sub(wf_of(high), front), per);
+    const wmask outside = wmask_or(wf_lt(front, wf_of(low)), wf_gt(front, wf_of(high)));
+    const wf enters = wf_select(still, wf_select(outside, wf_of(2), wf_of(0)), wf_min(one, other));
+    *from = wf_max(*from, enters);
+    *to = wf_min(*to, wf_select(still, wf_of(1), wf_max(one, other)));
+}
+
+/* Sample at a share of the way through a slab, of lanes that are inside the volume there. */
+INLINE wf sample_at(const March *m, const Lanes *front, const Lanes *back, wf share, int sheet, int next)
+{
+    const SheetsView *const v = &m->job->view;
+    wi cell[2];
+    wf part[2];
+    for (int c = 0; c < 2; c++) {
+        const wf at = wf_clamp(wf_lerp(front->at[c], back->at[c], share), 0, (float)(v->n[c] - 1));
+        cell[c] = wi_min(wf_to_int(at), wi_of(v->n[c] - 2));
+        part[c] = wf_sub(at, wi_to_float(cell[c]));
+    }
+    const wi second = wf_to_int(wf_scale(part[0], 1 << SHEETS_WEIGHT_BITS, 0));
+    /* Two weights of 16 bits; the second may be 2^14, the first then is 0. */
+    const ws weights = wi_as_short(wi_add(wi_sub(wi_shl(second, 16), second), wi_of(1 << SHEETS_WEIGHT_BITS)));
+    const wi at = wi_add(wi_mul(cell[1], wi_of((int32_t)v->row)), cell[0]);
+    const wmask all = wmask_of_bits(0xffff);
+    wf of[2];
+    for (int i = 0; i < 2; i++) {
+        const uint16_t *const from = sheet_at(m, i == 0 ? sheet : next);
+        const wi upper = along_row(wi_as_short(wi_gather_pairs(from, at, all)), weights);
+        const wi lower = along_row(wi_as_short(wi_gather_pairs(from + v->row, at, all)), weights);
+        of[i] = wf_lerp(wi_to_float(upper), wi_to_float(lower), part[1]);
+    }
+    return wf_lerp(of[0], of[1], share);
+}
+
+/* Samples at both ends of the part of a slab that lies in the volume, and in its middle. */
+typedef struct PartialSlab {
+    wf sample[3];
+    wi level[3];
+} PartialSlab;
+
+/* Millimetres along the rays where they meet a sheet, from the plane through the view's centre. */
+INLINE wf mm_at(const SheetsView *v, const SheetsGrid *g, int x, int y, int sheet)
+{
+    float lane[SHEETS_LANES];
+    for (int l = 0; l < SHEETS_LANES; l++)
+        lane[l] = (float)(v->start_mm + (x + g->pitch * (l % SHEETS_SIDE)) * v->start_right_mm +
+                          (y + g->pitch * (l / SHEETS_SIDE)) * v->start_down_mm + sheet * v->start_sheet_mm);
+    return wf_load(lane);
+}
+
+OUTLINE void clip_slab(const March *m, Block *b, int slab, int x, int y)
+{
+    const SheetsView *const v = &m->job->view;
+    const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
+    wf from = wf_of(0), to = wf_of(1);
+    for (int c = 0; c < 2; c++)
+        clip(front.at[c], back.at[c], 0, (float)(v->n[c] - 1), &from, &to);
+    if (v->near_mm > -INFINITY || v->far_mm < INFINITY) {
+        const int sheet = b->sheet + slab * v->step;
+        clip(mm_at(v, m->grid, x, y, sheet), mm_at(v, m->grid, x, y, sheet + v->step), (float)v->near_mm,
+             (float)v->far_mm, &from, &to);
+    }
+    b->from[slab] = from;
+    b->share[slab] = wf_max(wf_sub(to, from), wf_of(0));
+}
+
+OUTLINE PartialSlab sample_partial(const March *m, const Block *b, int slab)
+{
+    const int step = m->job->view.step, sheet = b->sheet + slab * step;
+    const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
+    PartialSlab s;
+    for (int i = 0; i < 3; i++) {
+        const wf at = wf_clamp(wf_mul_add(b->share[slab], wf_of(0.5f * (float)i), b->from[slab]), 0, 1);
+        s.sample[i] = sample_at(m, &front, &back, at, sheet, sheet + step);
+        s.level[i] = level_of(&m->job->levels, s.sample[i]);
+    }
+    return s;
+}
+
+/* Mean extinction per mm (0) or one of its colours between two levels. */
+INLINE wf mean_of(const float (*mean)[4], wi at, int channel)
+{
+    const int n = SHEETS_LEVELS * SHEETS_LEVELS * 4;
+    return wf_look_up((const float *)mean + channel, n, wi_shl(at, 2));
+}
+
+/* A slab of which rays have a share alone, by the mean extinction between its levels. */
+OUTLINE void take_share(const SheetsJob *j, wi front, wi back, float length_mm, wf share, wmask lanes, Slab *s)
+{
+    const wmask partial = wmask_and(lanes, wf_lt(share, wf_of(1)));
+    if (!wmask_any(partial))
+        return;
+    const wi at = wi_add(wi_shl(front, 8), back);
+    const wf alpha = wf_taken(wf_mul(mean_of(j->mean, at, 0), wf_scale(share, length_mm, 0)));
+    for (int c = 0; c < 3; c++)
+        s->rgb[c] = wf_select(partial, wf_mul(alpha, mean_of(j->mean, at, 1 + c)), s->rgb[c]);
+    s->alpha = wf_select(partial, alpha, s->alpha);
+}
+
+/* Gradients at both sheets of a slab, kept from slab to slab. */
+typedef struct Light {
+    Gradient front, back;
+    int back_sheet; /* the sheet that `back` is of */
+    wf off;         /* how far light at two points of a slab lay apart, by its weight */
+    wf plain[3];    /* colours without light, beside the coarse ones */
+} Light;
+enum { NO_SHEET = -9 };
+
+INLINE Gradient gradient_of(const March *m, const Block *b, int slab, wmask lanes)
+{
+    const Corner corner = corner_at(m, b, slab);
+    const int sheet = b->sheet + slab * m->job->view.step;
+    if (!b->lit_inside)
+        return gradient_at_faces(m, corner, sheet, wmask_bits(lanes));
+    if (b->window) {
+        const Footprint f = footprint_of(m, corner, true);
+        return gradient_inside(m, &f, sheet_at(m, sheet), true);
+    }
+    const Footprint f = footprint_of(m, corner, false);
+    return gradient_inside(m, &f, sheet_at(m, sheet), false);
+}
+
+INLINE void find_gradients(const March *m, const Block *b, int slab, wmask alive, Light *light)
+{
+    const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
+    if (light->back_sheet == next)
+        return;
+    light->front = light->back_sheet == sheet ? light->back : gradient_of(m, b, slab, alive);
+    light->back = gradient_of(m, b, slab + 1, alive);
+    light->back_sheet = next;
+}
+
+/* Opacity that may have been missed is there in few of the rays that pass so near. */
+#define MISSED_SHARE 0.5f
+
+/* Weight from which a part of a slab is lit by itself: a step of eight bits. */
+#define LIT_FROM (1.0f / 256)
+
+/* A stretch between two samples of a slab: the whole of it, or a half. */
+typedef struct Stretch {
+    int slab;
+    wf front, back; /* samples */
+    wi front_level, back_level;
+    wf from, to;   /* shares of the way between both sheets */
+    wf share;      /* of its length that lies in the volume */
+    bool complete; /* all of it */
+    float length_mm;
+    const uint64_t *opacity;
+} Stretch;
+
+INLINE void note_depth(const March *m, const Block *b, const Stretch *t, wf before, wmask lanes, int x, int y, State *s)
+{
+    const SheetsView *const v = &m->job->view;
+    wf from, to;
+    visible_part(m->job, t->front, t->back, &from, &to);
+    const wf start = mm_at(v, m->grid, x, y, b->sheet + t->slab * v->step), length = wf_sub(t->to, t->from);
+    /* Within the visible part light goes down exponentially. */
+    const wf least = wf_of(1e-30f), depth = wf_log2(wf_div(wf_max(before, least), wf_max(s->left, least)));
+    const wf until_half = wf_log2(wf_max(wf_scale(before, 2, 0), least));
+    const wf half = wf_clamp(wf_div(until_half, wf_max(depth, wf_of(1e-6f))), 0, 1);
+    const wf per = wf_of((float)v->slab_mm);
+    const wf first = wf_mul_add(wf_mul_add(from, length, t->from), per, start);
+    const wf at_half = wf_mul_add(wf_mul_add(wf_lerp(from, to, half), length, t->from), per, start);
+    const wf unseen = wf_of(FAR_MM);
+    const wmask begins = wmask_and(lanes, wmask_and(wf_lt(s->left, before), wf_le(unseen, s->first_mm)));
+    const wmask passes = wmask_and(lanes, wmask_and(wf_gt(before, wf_of(0.5f)), wf_le(s->left, wf_of(0.5f))));
+    s->first_mm = wf_select(begins, first, s->first_mm);
+    s->depth_mm = wf_select(passes, at_half, s->depth_mm);
+}
+
+INLINE wmask composite_stretch(const March *m, const Block *b, const Stretch *t, const bool lit, int x, int y, State *s,
+                               Light *light, SheetsCounts *counts)
+{
+    const SheetsJob *const j = m->job;
+    wmask visible = wmask_and(s->alive, visible_between(&j->levels, t->front_level, t->back_level));
+    if (!t->complete)
+        visible = wmask_and(visible, wf_gt(t->share, wf_of(0)));
+    if (!wmask_any(visible))
+        return visible;
+    Slab slab = look_up_slab(t->opacity, t->front_level, t->back_level, visible);
+    if (!t->complete)
+        take_share(j, t->front_level, t->back_level, t->length_mm, t->share, visible, &slab);
+    counts->slabs++;
+    if (lit) {
+        const wf weight = wf_mul(s->left, slab.alpha);
+        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(LIT_FROM)));
+        for (int c = 0; c < 3; c++)
+            light->plain[c] = wf_mul_add(wf_select(visible, s->left, wf_of(0)), slab.rgb[c], light->plain[c]);
+        if (wmask_any(heavy)) {
+            find_gradients(m, b, t->slab, s->alive, light);
+            LitPoints points = lit_points(j, t->front, t->back, slab.alpha);
+            for (int i = 0; i < 2; i++)
+                points.at[i] = wf_mul_add(points.at[i], wf_sub(t->to, t->from), t->from);
+            wf apart;
+            light_slab(j, &light->front, &light->back, &points, heavy, &slab, &apart);
+            light->off = wf_add(light->off, wf_select(heavy, wf_mul(weight, apart), wf_of(0)));
+            counts->lit++;
+        } else {
+            const wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse);
+            for (int c = 0; c < 3; c++)
+                slab.rgb[c] = wf_mul(slab.rgb[c], colour);
+        }
+    }
+    const wf before = s->left;
+    blend(s->rgb, &s->left, &slab, visible);
+    if (j->want_depth)
+        note_depth(m, b, t, before, visible, x, y, s);
+    s->alive = wmask_and(s->alive, wf_gt(s->left, wf_of(j->min_transmittance)));
+    return visible;
+}
+
+INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *opacity, wmask lanes, State *s)
+{
+    const wmask visible = wmask_and(lanes, visible_between(&m->job->levels, front, back));
+    if (!wmask_any(visible))
+        return;
+    const Slab slab = look_up_slab(opacity, front, back, visible);
+    blend(s->coarse_rgb, &s->coarse_left, &slab, visible);
+}
+
+/* Lanes for which any voxel that they take on both sheets of a slab may be visible. */
+INLINE wmask may_show(const SheetsLevels *l, wi highest, wi lowest)
+{
+    return wmask_and(wi_gt(highest, wi_of(l->grey_low - 32768)), wi_lt(lowest, wi_of(l->grey_high - 32768)));
+}
+
+/* Opacity of a slab by a level that its field may reach between samples, of lanes none of whose samples is visible. A
+ * parabola through three samples passes the highest of them by an eighth of their second difference at most; the field
+ * is a cubic, and a quarter is taken. */
+INLINE wf near_miss(const SheetsJob *j, const Block *b, int slab, const bool half, wmask lanes)
+{
+    const int at = 2 * slab;
+    if (!wmask_any(lanes))
+        return wf_of(0);
+    const wf front = b->sample[at], back = b->sample[at + 2], both = wf_add(front, back);
+    wf highest = wf_max(front, back), bend;
+    if (half) {
+        const wf middle = b->sample[at + 1];
+        bend = wf_sub(wf_add(middle, middle), both);
+        highest = wf_max(highest, middle);
+    } else {
+        const wf before = b->sample[slab > 0 ? at - 2 : at],
+                 after = b->sample[slab < SHEETS_BLOCK - 1 ? at + 4 : at + 2];
+        bend = wf_max(wf_sub(wf_sub(front, before), wf_sub(back, front)),
+                      wf_sub(wf_sub(back, front), wf_sub(after, back)));
+    }
+    const wi level = level_of(&j->levels, wf_mul_add(wf_max(bend, wf_of(0)), wf_of(0.25f), highest));
+    const wmask near = wmask_and(lanes, visible_between(&j->levels, level, level));
+    if (!wmask_any(near))
+        return wf_of(0);
+    return wf_select(near, look_up_slab(j->opacity[half ? 0 : 1], level, level, near).alpha, wf_of(0));
+}
+
+INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit, const bool window, int x, int y,
+                       State *s, Light *light, SheetsCounts *counts)
+{
+    const SheetsJob *const j = m->job;
+    const float slab_mm = (float)j->view.slab_mm;
+    wi highest = b->highest[0], lowest = b->lowest[0];
+    for (int i = 1; i <= SHEETS_BLOCK; i++) {
+        highest = wi_max(highest, b->highest[i]);
+        lowest = wi_min(lowest, b->lowest[i]);
+    }
+    if (!wmask_any(wmask_and(s->alive, may_show(&j->levels, highest, lowest)))) {
+        advance_missed(s, wf_of(0));
+        advance_missed(s, wf_of(0));
+        return;
+    }
+    const wf all_of_it = wf_of(1);
+    for (int i = 0; i < SHEETS_BLOCK; i++) {
+        const wmask may = wmask_and(s->alive, may_show(&j->levels, wi_max(b->highest[i], b->highest[i + 1]),
+                                                       wi_min(b->lowest[i], b->lowest[i + 1])));
+        wmask visible = wmask_of_bits(0);
+        const wmask before = s->alive;
+        if (wmask_any(may)) {
+            if (half) {
+                sample_middle(m, b, i, window);
+                counts->sheets += 2;
+            }
+            for (int k = 0; k <= half; k++) {
+                const int front = 2 * i + k, back = half ? front + 1 : front + 2;
+                const Stretch t = {i,
+                                   b->sample[front],
+                                   b->sample[back],
+                                   b->level[front],
+                                   b->level[back],
+                                   wf_of(0.5f * (float)k),
+                                   wf_of(half ? 0.5f * (float)(k + 1) : 1),
+                                   all_of_it,
+                                   true,
+                                   half ? slab_mm / 2 : slab_mm,
+                                   j->opacity[half ? 0 : 1]};
+                visible = wmask_or(visible, composite_stretch(m, b, &t, lit, x, y, s, light, counts));
+            }
+        }
+        if (half)
+            composite_coarse(m, b->level[2 * i], b->level[2 * i + 2], j->opacity[1], before, s);
+        else if (i % 2 == 1)
+            composite_coarse(m, b->level[2 * i - 2], b->level[2 * i + 2], j->opacity[2], before, s);
+        advance_missed(s, near_miss(j, b, i, half, wmask_and(may, wmask_not(visible))));
+    }
+}
+
+OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool lit, int x, int y, State *s,
+                         Light *light, SheetsCounts *counts)
+{
+    const SheetsJob *const j = m->job;
+    const float slab_mm = (float)j->view.slab_mm;
+    for (int i = 0; i < b->n && wmask_any(s->alive); i++) {
+        clip_slab(m, b, i, x, y);
+        const wmask lanes = wmask_and(s->alive, wf_gt(b->share[i], wf_of(0)));
+        if (!wmask_any(lanes))
+            continue;
+        const PartialSlab p = sample_partial(m, b, i);
+        counts->sheets += 3;
+        for (int k = 0; k <= half; k++) {
+            const int front = k, back = half ? k + 1 : 2;
+            const wf length = wf_scale(b->share[i], half ? 0.5f : 1, 0);
+            const wf from = wf_mul_add(length, wf_of((float)k), b->from[i]);
+            const Stretch t = {i,
+                               p.sample[front],
+                               p.sample[back],
+                               p.level[front],
+                               p.level[back],
+                               from,
+                               wf_add(from, length),
+                               b->share[i],
+                               false,
+                               half ? slab_mm / 2 : slab_mm,
+                               j->opacity[half ? 0 : 1]};
+            composite_stretch(m, b, &t, lit, x, y, s, light, counts);
+        }
+        Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2], lanes);
+        take_share(j, p.level[0], p.level[2], slab_mm, b->share[i], lanes, &coarse);
+        blend(s->coarse_rgb, &s->coarse_left, &coarse,
+              wmask_and(lanes, visible_between(&j->levels, p.level[0], p.level[2])));
+        advance_missed(s, wf_of(0));
+    }
+    light->back_sheet = NO_SHEET;
+}
+
+/* Voxels along a, b and p that a block's samples take, least and most. */
+INLINE void place_block(const March *m, Block *b)
+{
+    const SheetsJob *const j = m->job;
+    const SheetsView *const v = &j->view;
+    const Corner end = corner_at(m, b, b->n);
+    const int last = b->sheet + b->n * v->step;
+    int64_t low[3], high[3];
+    for (int c = 0; c < 2; c++) {
+        const int64_t one = b->corner.at[c] >> 32, other = end.at[c] >> 32;
+        low[c] = one < other ? one : other;
+        high[c] = (one < other ? other : one) + m->grid->reach[c] - 1;
+    }
+    low[2] = last < b->sheet ? last : b->sheet;
+    high[2] = last < b->sheet ? b->sheet : last;
+    b->inside = b->n == SHEETS_BLOCK && j->all_depths;
+    b->lit_inside = true;
+    for (int c = 0; c < 3; c++) {
+        b->inside &= low[c] >= 0 && high[c] <= v->n[c] - 1;
+        b->lit_inside &= j->shade && low[c] - j->shade->step[c] >= 0 && high[c] + j->shade->step[c] <= v->n[c] - 1;
+    }
+    /* Windows are loaded by rows of eight, whatever is needed of them. */
+    const int64_t n = (int64_t)v->n[0] * v->n[1] * v->n[2];
+    const int64_t sheets = high[2] + (j->shade ? j->shade->step[2] : 0),
+                  rows = m->window_rows + (j->shade ? j->shade->step[1] : 0);
+    const int64_t first_row = high[1] - m->grid->reach[1] + 1, first_column = high[0] - m->grid->reach[0] + 1;
+    b->window = m->window_rows > 0 && sheets * v->sheet + (first_row + rows - 1) * v->row + first_column + 8 + 1 <= n;
+}
+
+INLINE void run_block(const March *m, Block *b, const Block *last, const bool half, const bool lit, const bool window,
+                      int x, int y, State *s, Light *light, SheetsCounts *counts)
+{
+    const bool goes_on = last->inside && last->sheet + SHEETS_BLOCK * m->job->view.step == b->sheet;
+    if (goes_on) {
+        b->sample[0] = last->sample[2 * SHEETS_BLOCK];
+        b->level[0] = last->level[2 * SHEETS_BLOCK];
+        b->highest[0] = last->highest[SHEETS_BLOCK];
+        b->lowest[0] = last->lowest[SHEETS_BLOCK];
+    }
+    for (int i = goes_on; i <= SHEETS_BLOCK; i++)
+        sample_sheet(m, b, i, window);
+    counts->sheets += SHEETS_BLOCK + !goes_on;
+    run_inside(m, b, half, lit, window, x, y, s, light, counts);
+}
+
+INLINE void finish(const March *m, const State *s, const Light *light, const bool lit, SheetsPixels *out)
+{
+    const wmask ended = wf_le(s->left, wf_of(m->job->min_transmittance));
+    /* What a ray that ended early has left is as what it has met. */
+    const wf scale = wf_select(ended, wf_div(wf_of(1), wf_max(wf_sub(wf_of(1), s->left), wf_of(0.5f))), wf_of(1));
+    wf off = wf_abs(wf_sub(s->left, s->coarse_left));
+    for (int c = 0; c < 3; c++) {
+        const wf plain = lit ? light->plain[c] : s->rgb[c];
+        off = wf_max(off, wf_abs(wf_sub(plain, s->coarse_rgb[c])));
+        wf_store(out->rgba[c], wf_mul(s->rgb[c], scale));
+    }
+    if (lit)
+        off = wf_add(off, light->off);
+    wf_store(out->rgba[3], wf_select(ended, wf_of(1), wf_sub(wf_of(1), s->left)));
+    off = wf_add(off, wf_scale(s->missed, MISSED_SHARE, 0));
+    wf_store(out->indicator, wf_min(off, wf_of(1)));
+    wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));
+}
+
+INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, const uint64_t *visible, const bool half,
+                  const bool lit, const int window_rows, SheetsPixels *out, SheetsCounts *counts)
+{
+    const SheetsView *const v = &j->view;
+    March m = {.job = j, .grid = grid, .window_rows = window_rows};
+    int64_t first[2], along[2];
+    for (int c = 0; c < 2; c++) {
+        first[c] = llrint((v->origin[c] + x * v->right[c] + y * v->down[c]) * 0x1p32) + grid->corner[c];
+        along[c] = llrint(v->shear[c] * 0x1p32);
+        m.shear[c] = v->step * along[c];
+    }
+    const wf none = wf_of(0), all = wf_of(1);
+    State s = {{none, none, none},    all,  {none, none, none}, all, wf_of(FAR_MM), wf_of(FAR_MM),
+               wmask_of_bits(0xffff), none, {none, none}};
+    Light light = {.back_sheet = NO_SHEET, .off = none, .plain = {none, none, none}};
+    Block blocks[2]; /* the one at hand, and the one before */
+    blocks[1].inside = false;
+    const int n_layers = j->blocks->n_layers, n_words = cts_sheets_words(n_layers);
+    int now = 0;
+    counts->groups++;
+    for (int i = 0; i < n_words && wmask_any(s.alive); i++) {
+        const int word = v->step > 0 ? i : n_words - 1 - i;
+        uint64_t bits = visible[word];
+        while (bits && wmask_any(s.alive)) {
+            const int bit = v->step > 0 ? __builtin_ctzll(bits) : 63 - __builtin_clzll(bits);
+            bits ^= UINT64_C(1) << bit;
+            const int low = (word * 64 + bit) * SHEETS_BLOCK;
+            const int high = low + SHEETS_BLOCK < v->n[2] - 1 ? low + SHEETS_BLOCK : v->n[2] - 1;
+            Block *const b = &blocks[now], *const last = &blocks[!now];
+            b->sheet = v->step > 0 ? low : high;
+            b->n = high - low;
+            for (int c = 0; c < 2; c++)
+                b->corner.at[c] = first[c] + b->sheet * along[c];
+            place_block(&m, b);
+            if (!b->inside)
+                run_partial(&m, b, half, lit, x, y, &s, &light, counts);
+            else if (window_rows > 0 && b->window)
+                run_block(&m, b, last, half, lit, true, x, y, &s, &light, counts);
+            else
+                run_block(&m, b, last, half, lit, false, x, y, &s, &light, counts);
+            now = !now;
+        }
+    }
+    advance_missed(&s, none);
+    advance_missed(&s, none);
+    finish(&m, &s, &light, lit, out);
+}
+
+INLINE void fill_opacity(const float (*mean)[4], float length_mm, size_t first, size_t end, uint64_t *rgba)
+{
+    int32_t lanes[SHEETS_LANES];
+    for (int l = 0; l < SHEETS_LANES; l++)
+        lanes[l] = l;
+    for (size_t i = first; i < end; i += SHEETS_LANES) {
+        const wi at = wi_add(wi_load(lanes), wi_of((int32_t)i));
+        const wf alpha = wf_taken(wf_scale(mean_of(mean, at, 0), length_mm, 0));
+        int32_t number[4][SHEETS_LANES];
+        for (int c = 0; c < 3; c++)
+            wi_store(number[c], sheets_pack(wf_mul(alpha, mean_of(mean, at, 1 + c))));
+        wi_store(number[3], sheets_pack(alpha));
+        for (int l = 0; l < SHEETS_LANES; l++)
+            rgba[i + (size_t)l] = (uint64_t)(uint32_t)(number[0][l] | number[1][l] << 16) |
+                                  (uint64_t)(uint32_t)(number[2][l] | number[3][l] << 16) << 32;
+    }
+}
+
+/* A march for windows of so many rows (0: voxels are gathered), compiled four times: with and without half-sheets and
+ * light. */
+#define SHEETS_MARCH_ARGUMENTS                                                                                         \
+    const SheetsJob *j, const SheetsGrid *g, int x, int y, const uint64_t *visible, SheetsPixels *out,                 \
+        SheetsCounts *counts
+#define SHEETS_MARCH(name, rows)                                                                                       \
+    OUTLINE void name##_whole(SHEETS_MARCH_ARGUMENTS)                                                                  \
+    {                                                                                                                  \
+        march(j, g, x, y, visible, false, false, rows, out, counts);                                                   \
+    }                                                                                                                  \
+    OUTLINE void name##_half(SHEETS_MARCH_ARGUMENTS)                                                                   \
+    {                                                                                                                  \
+        march(j, g, x, y, visible, true, false, rows, out, counts);                                                    \
+    }                                                                                                                  \
+    OUTLINE void name##_lit(SHEETS_MARCH_ARGUMENTS)                                                                    \
+    {                                                                                                                  \
+        march(j, g, x, y, visible, false, true, rows, out, counts);                                                    \
+    }                                                                                                                  \
+    OUTLINE void name##_half_lit(SHEETS_MARCH_ARGUMENTS)                                                               \
+    {                                                                                                                  \
+        march(j, g, x, y, visible, true, true, rows, out, counts);                                                     \
+    }                                                                                                                  \
+    static void name(SHEETS_MARCH_ARGUMENTS)                                                                           \
+    {                                                                                                                  \
+        (j->half    ? j->shade ? name##_half_lit : name##_half                                                         \
+         : j->shade ? name##_lit                                                                                       \
+                    : name##_whole)(j, g, x, y, visible, out, counts);                                                 \
+    }

@@ -1,0 +1,240 @@
+#include "engine/sheets/sheets.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "core/scene/scene_macrocells.h"
+#include <math.h>
+#include <stdlib.h>
+
+/* What depends on volume and preset alone: made for the first frame that needs it, and kept for those that follow. */
+typedef struct Kept {
+    CtsMacrocells *own_macrocells; /* where the volume has none */
+    SheetsTransfer transfer;
+    SheetsOpacity opacity[3]; /* of half a slab, a slab, two slabs */
+    SheetsVoid blocks[3];     /* by principal axis */
+    int blocks_frame[3];      /* frame that they were made for */
+    uint16_t *transposed;     /* for views along x */
+} Kept;
+
+static void free_kept(void *kept)
+{
+    Kept *const k = kept;
+    if (!k)
+        return;
+    cts_macrocells_free(&k->own_macrocells);
+    cts_sheets_transfer_free(&k->transfer);
+    for (int i = 0; i < 3; i++) {
+        cts_sheets_opacity_free(&k->opacity[i]);
+        cts_sheets_void_free(&k->blocks[i]);
+    }
+    cts_free(&k->transposed);
+    free(k);
+}
+
+static CtsStatus open_kept(const CtsScene *scene, Kept **kept, CtsError *err)
+{
+    *kept = scene->kept ? *scene->kept : NULL;
+    if (!*kept && !(*kept = calloc(1, sizeof **kept)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (scene->kept)
+        *scene->kept = *kept;
+    return CTS_OK;
+}
+
+/* Slabs are cut in two where the level asks for it; the coarser table is what a slab's error is estimated by. */
+static CtsStatus find_tables(Kept *k, const CtsScene *scene, bool half, const SheetsKernels *kernels,
+                             const CtsMacrocells *m, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if (k->transfer.mean && k->transfer.extinction_scale != scene->extinction_scale)
+        cts_sheets_transfer_free(&k->transfer);
+    if (!k->transfer.mean && (st = cts_sheets_transfer_init(&k->transfer, scene, m->all.high, err)))
+        return st;
+    for (int i = half ? 0 : 1; i < (half ? 2 : 3); i++)
+        if ((st = cts_sheets_opacity_find(&k->opacity[i], &k->transfer, scene->view.layer_mm * ldexp(1, i - 1), kernels,
+                                          scene->settings->n_threads, err)))
+            return st;
+    cts_report_stage(report, CTS_STAGE_FOOTPRINT, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
+                     2 * (uint64_t)SHEETS_LEVELS * SHEETS_LEVELS, 0);
+    return CTS_OK;
+}
+
+static CtsStatus find_blocks(Kept *k, const CtsScene *scene, const CtsMacrocells *m, CtsReport *report, CtsError *err)
+{
+    const int p = scene->view.axis;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    CtsStatus st = CTS_OK;
+    if (!k->blocks[p].at) {
+        st = cts_sheets_void_init(&k->blocks[p], m, scene->lut, p, err);
+        k->blocks_frame[p] = scene->frame;
+    } else if (k->blocks_frame[p] != scene->frame) {
+        cts_report_skip(report, "blocks that may be visible", "made for an earlier frame");
+    }
+    if (!st && p == 0 && !k->transposed)
+        st = cts_sheets_transpose(&k->transposed, scene->volume, scene->settings->n_threads, err);
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
+    return st;
+}
+
+/* A ray ends when less of its light is left than a step of eight bits; the rest counts as what it has met. */
+#define MIN_TRANSMITTANCE (1.0F / 256)
+
+static void init_job(SheetsJob *j, const CtsScene *scene, const Kept *k, bool half, const CtsShade *shade)
+{
+    *j = (SheetsJob){.levels = k->transfer.levels,
+                     .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
+                     .mean = (const float(*)[4])k->transfer.mean,
+                     .all_depths = scene->view.near_mm == -INFINITY && scene->view.far_mm == INFINITY,
+                     .blocks = &k->blocks[scene->view.axis],
+                     .half = half,
+                     .min_transmittance = MIN_TRANSMITTANCE,
+                     .shade = shade,
+                     .camera_mm = cts_volume_diagonal_mm(scene->volume) / 2};
+    cts_sheets_view_init(&j->view, &scene->view, scene->view.axis == 0 ? k->transposed : scene->volume->grey);
+    for (int i = 0; i < 2; i++)
+        cts_sheets_grid_init(&j->grid[i], &j->view, i + 1);
+    for (int i = 0; i < 3 && shade; i++) {
+        const float *const f = shade->frame[i];
+        const float terms[6] = {f[0] * f[0],     f[1] * f[1],     f[2] * f[2],
+                                2 * f[0] * f[1], 2 * f[0] * f[2], 2 * f[1] * f[2]};
+        for (int t = 0; t < 6; t++)
+            j->shade_square[t] += terms[t];
+    }
+}
+
+static const SheetsKernels *choose_kernels(void)
+{
+    const unsigned cpu = cts_cpu_flags();
+    return cpu & CTS_CPU_AVX512 ? &cts_sheets_avx512 : cpu & CTS_CPU_AVX2 ? &cts_sheets_avx2 : &cts_sheets_c;
+}
+
+static CtsStatus refuse(const CtsScene *scene, CtsError *err)
+{
+    const CtsVolume *const v = scene->volume;
+    for (int a = 0; a < 3; a++)
+        if (v->dims[a] < 2)
+            return cts_fail(err, CTS_ERR_USAGE,
+                            "a volume of %d x %d x %d voxels: engine sheets needs two each way (engine "
+                            "tiled does not)",
+                            v->dims[0], v->dims[1], v->dims[2]);
+    /* Offsets of a window's voxels are 32 bits. */
+    if (cts_volume_n_voxels(v) > INT32_MAX)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "a volume of %d x %d x %d voxels is too large for engine sheets (engine tiled "
+                        "takes it; or crop it)",
+                        v->dims[0], v->dims[1], v->dims[2]);
+    return CTS_OK;
+}
+
+/* Everything that a picture's threads need; ended in any case. */
+typedef struct Session {
+    Kept *kept;
+    CtsShade shade;
+    SheetsJob job;
+    const SheetsKernels *kernels;
+    CtsEngineLevel level;
+} Session;
+
+static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    const CtsMacrocells *macrocells;
+    *s = (Session){.kernels = choose_kernels(), .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
+    const bool half = s->level >= CTS_LEVEL_HALF_SHEETS;
+    if ((st = refuse(scene, err)) || (st = open_kept(scene, &s->kept, err)) ||
+        (st = cts_scene_macrocells(scene, &s->kept->own_macrocells, &macrocells, report, err)) ||
+        (st = find_blocks(s->kept, scene, macrocells, report, err)) ||
+        (st = find_tables(s->kept, scene, half, s->kernels, macrocells, report, err)))
+        return st;
+    const int p = scene->view.axis, axes[3] = {p == 0 ? 1 : 0, p == 2 ? 1 : 2, p};
+    if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))
+        return st;
+    init_job(&s->job, scene, s->kept, half, scene->preset->shade ? &s->shade : NULL);
+    return CTS_OK;
+}
+
+static void end(Session *s, const CtsScene *scene)
+{
+    cts_shade_free(&s->shade);
+    if (!scene->kept)
+        free_kept(s->kept);
+}
+
+static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
+{
+    const SheetsJob *const j = &s->job;
+    cts_report_plan(report, "engine sheets, level %s: %d sheets across axis %d, groups of %d x %d pixels",
+                    cts_engine_level_names[s->level], j->view.n[2], j->view.p, SHEETS_SIDE, SHEETS_SIDE);
+    cts_report_plan(report, "footprint: tent, windows of %d x %d voxels; slabs of %.3g mm by a table of %d x %d levels",
+                    j->grid[0].reach[0], j->grid[0].reach[1], j->view.slab_mm / (j->half ? 2 : 1), SHEETS_LEVELS,
+                    SHEETS_LEVELS);
+    cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
+                    (double)j->min_transmittance, j->shade ? "on" : "off", s->kernels->name,
+                    scene->settings->n_threads);
+}
+
+static void report_counts(const SheetsCounts *c, const CtsScene *scene, double wall_ms, double cpu_ms,
+                          CtsReport *report)
+{
+    cts_report_plan(report, "%llu groups met %llu sheets and %llu visible slabs (%llu shaded); %llu of %llu tiles void",
+                    (unsigned long long)c->groups, (unsigned long long)c->sheets, (unsigned long long)c->slabs,
+                    (unsigned long long)c->lit, (unsigned long long)c->void_tiles, (unsigned long long)c->tiles);
+    cts_report_stage(report, CTS_STAGE_SPLAT, wall_ms, cpu_ms, c->sheets, c->sheets * SHEETS_LANES * 8);
+    if (report) {
+        CtsVoxelCounts *const v = &report->voxels;
+        v->known = true;
+        v->total = cts_volume_n_voxels(scene->volume);
+    }
+}
+
+static CtsStatus render_sheets(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
+                               CtsError *err)
+{
+    Session s;
+    SheetsCounts counts = {0};
+    float *own_indicator = NULL;
+    CtsStatus st = begin(&s, scene, report, err);
+    if (!st) {
+        cts_scene_tell_parts(scene, report);
+        plan(&s, scene, report);
+    }
+    if (st || !picture)
+        goto end;
+    s.job.want_depth = picture->depth_mm;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if (!errors && (st = cts_alloc_zeroed(&own_indicator, (size_t)picture->width * (size_t)picture->height, err)))
+        goto end;
+    if (!(st = cts_sheets_run(&s.job, s.kernels, scene, picture, errors ? errors->indicator : own_indicator, &counts,
+                              err)))
+        report_counts(&counts, scene, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
+end:
+    cts_free(&own_indicator);
+    end(&s, scene);
+    return st;
+}
+
+static CtsStatus render_tiles(const CtsScene *scene, const int (*corner)[2], size_t n, float (*rgba)[4],
+                              float *indicator, CtsError *err)
+{
+    Session s;
+    CtsStatus st = begin(&s, scene, NULL, err);
+    if (!st)
+        st = cts_sheets_probe(&s.job, s.kernels, scene, corner, n, rgba, indicator, err);
+    end(&s, scene);
+    return st;
+}
+
+const CtsEngine cts_engine_sheets = {
+    .name = "sheets",
+    .render = render_sheets,
+    .render_tiles = render_tiles,
+    .indicator = CTS_INDICATOR_ESTIMATE,
+    .levels = 1u << CTS_LEVEL_SHEETS | 1u << CTS_LEVEL_HALF_SHEETS,
+    .skips_void = true,
+    .cuts_slabs = true,
+    .modes = 1u << CTS_MODE_COMPOSITE,
+    .kernels = 1u << CTS_KERNEL_TENT,
+    .forget = free_kept,
+};

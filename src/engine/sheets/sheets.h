@@ -1,0 +1,160 @@
+/* Sheets: splatting in groups of 4 x 4 pixels of the final picture.
+ *
+ * A SHEET is one layer of voxels across the principal axis p; a and b are the axes within it, a the one along which
+ * voxels are stored side by side. The tent footprint makes a sheet bilinear, so that the level where a pixel's ray
+ * meets it takes two neighbours in each of two rows. A GROUP is 16 neighbouring pixels, one a lane: they meet a sheet
+ * within a window of few rows, whose voxels are loaded by rows. What lies between two sheets, a SLAB, is classified by
+ * the levels at both of its faces through a table of 256 x 256 levels, integrated in advance. Half-sheets are the
+ * planes in the middle of slabs; sampled too, they halve the slabs.
+ *
+ * The pipeline of the paper in object order: footprint, layers, void voxels left out (by blocks of 4^3 cells, for tiles
+ * of 16 x 8 pixels), and groups that are opaque end. ctsplat-methods(7) has the mathematics. */
+#ifndef CTS_SHEETS_SHEETS_H
+#define CTS_SHEETS_SHEETS_H
+
+#include "core/scene/engine.h"
+#include "core/scene/shade.h"
+#include "core/volume/macrocells.h"
+#include <stdbool.h>
+#include <stdint.h>
+
+enum {
+    SHEETS_SIDE = 4,                          /* pixels of a group each way */
+    SHEETS_LANES = SHEETS_SIDE * SHEETS_SIDE, /* a group */
+    SHEETS_TILE_X = 16,
+    SHEETS_TILE_Y = 8,                 /* pixels of a tile, which has one mask of visible blocks */
+    SHEETS_REGION = 64,                /* pixels each way of what a thread takes at a time */
+    SHEETS_BLOCK = CTS_FINE_MACROCELL, /* slabs of a block, which is void or not as a whole */
+    SHEETS_LEVELS = 256,               /* levels of the pre-integrated table */
+    SHEETS_WEIGHT_BITS = 14            /* of footprint weights: a product with 16 bits fits 32 */
+};
+
+/* Levels of the table: three straight pieces join grey levels to numbers of 0 to 255, coarse ones below and above what
+ * is visible and fine ones between. Level number = round(sum of clamp(grey * scale[i] + add[i], 0, span[i])), where
+ * grey is a sample as the march has it: (grey level - 32768) * 2^14. */
+typedef struct SheetsLevels {
+    float scale[3], add[3], span[3];
+    double grey[SHEETS_LEVELS];     /* grey level in the middle of each */
+    double edge[SHEETS_LEVELS + 1]; /* and where each begins and ends */
+    int first, last;                /* levels between which all that is visible lies */
+    int grey_low, grey_high; /* nothing is visible at grey levels of grey_low or below, nor at grey_high or above */
+} SheetsLevels;
+
+/* Mean extinction per mm and its mean colour on straight lines between two levels. */
+typedef struct SheetsTransfer {
+    SheetsLevels levels;
+    float (*mean)[4];        /* [front * 256 + back]: extinction per mm, red, green, blue */
+    double extinction_scale; /* that it was made for */
+} SheetsTransfer;
+
+/* Colour (premultiplied) and opacity of a slab by front and back level, for one length of rays in it: four numbers of
+ * 16 bits, red lowest, alpha highest, each with 5 bits of exponent and 11 of fraction (sheets_unpack in march_tmpl.h).
+ */
+typedef struct SheetsOpacity {
+    uint64_t *rgba; /* [front * 256 + back] */
+    double length_mm, extinction_scale;
+} SheetsOpacity;
+
+/* How many blocks of 4^3 cells may be visible in rectangles of each layer of blocks: prefix sums over both of its axes.
+ * at[(layer * (n[1] + 1) + j) * (n[0] + 1) + i]: of blocks below i and j. */
+typedef struct SheetsVoid {
+    int n[2], n_layers;
+    uint32_t *at;
+} SheetsVoid;
+
+/* Where the rays of pixels meet the sheets, in voxels along a and b: origin + x * right + y * down + k * shear at pixel
+ * (x, y) and sheet k. */
+typedef struct SheetsView {
+    int p, a, b;          /* volume axes */
+    int n[3];             /* voxels along a, b, p */
+    int step;             /* +1 or -1: from sheet to sheet front to back */
+    ptrdiff_t row, sheet; /* voxels from one to the next along b and p; along a it is one */
+    const uint16_t *grey;
+    double origin[2], right[2], down[2], shear[2];
+    double slab_mm;                                                 /* length of a ray between two sheets */
+    double start_mm, start_right_mm, start_down_mm, start_sheet_mm; /* of a ray where it meets a sheet, likewise */
+    double near_mm, far_mm;
+} SheetsView;
+
+/* A grid of pixels, every one or every second, and its groups' lanes. */
+typedef struct SheetsGrid {
+    int pitch; /* pixels from one to the next */
+    int32_t lane[2]
+                [SHEETS_LANES]; /* voxels along a and b from the group's corner, none negative; 16 bits of fraction */
+    int64_t corner[2];          /* from its first pixel to its corner; 32 bits of fraction */
+    int reach[2]; /* voxels along a and b from the corner's on that a group's samples may need, with both neighbours */
+} SheetsGrid;
+
+typedef struct SheetsCounts {
+    uint64_t groups, sheets, slabs, lit, tiles, void_tiles;
+} SheetsCounts;
+
+/* Everything a thread needs, read-only. */
+typedef struct SheetsJob {
+    SheetsView view;
+    SheetsGrid grid[2]; /* every pixel; every second */
+    SheetsLevels levels;
+    const uint64_t *opacity[3]; /* of half a slab, a slab, two slabs */
+    const float (*mean)[4];     /* SheetsTransfer.mean */
+    bool all_depths;            /* rays are looked at all along */
+    const SheetsVoid *blocks;
+    bool half; /* half-sheets are sampled, too */
+    float min_transmittance;
+    const CtsShade *shade; /* NULL: unlit. Its axes are a, b, p */
+    float shade_square[6]; /* squared length of a gradient: factors of aa, bb, pp, ab, ap, bp */
+    bool want_depth;
+    double camera_mm; /* from the camera plane to the plane through the view's centre */
+} SheetsJob;
+
+/* What a group found: premultiplied colour and opacity, depth from the plane through the view's centre, and how far off
+ * it may be, by its own judgement. */
+typedef struct SheetsPixels {
+    float rgba[4][SHEETS_LANES];
+    float depth_mm[SHEETS_LANES];
+    float indicator[SHEETS_LANES];
+} SheetsPixels;
+
+/* The kernels of one SIMD path. */
+typedef struct SheetsKernels {
+    const char *name;
+    /* March a group whose first pixel is (x, y). visible: a bit a block of slabs that may show something. */
+    void (*march)(const SheetsJob *job, const SheetsGrid *grid, int x, int y, const uint64_t *visible,
+                  SheetsPixels *pixels, SheetsCounts *counts);
+    /* Entries first to end - 1 (multiples of 16) of SheetsOpacity.rgba, for slabs of this length. */
+    void (*fill_opacity)(const float (*mean)[4], float length_mm, size_t first, size_t end, uint64_t *rgba);
+} SheetsKernels;
+extern const SheetsKernels cts_sheets_c, cts_sheets_avx2, cts_sheets_avx512;
+
+CtsStatus cts_sheets_transfer_init(SheetsTransfer *transfer, const CtsScene *scene, int largest_grey, CtsError *err);
+void cts_sheets_transfer_free(SheetsTransfer *transfer);
+/* Makes the table again only where length or extinction differ from those that it was made for. */
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm,
+                                  const SheetsKernels *kernels, int n_threads, CtsError *err);
+void cts_sheets_opacity_free(SheetsOpacity *opacity);
+
+/* grey: the volume's, or for p = 0 its transposed copy. */
+void cts_sheets_view_init(SheetsView *view, const CtsView *camera, const uint16_t *grey);
+void cts_sheets_grid_init(SheetsGrid *grid, const SheetsView *view, int pitch);
+/* A copy with x and y exchanged: voxel (i, j, k) at (k * dims[0] + i) * dims[1] + j. */
+CtsStatus cts_sheets_transpose(uint16_t **copy, const CtsVolume *volume, int n_threads, CtsError *err);
+
+CtsStatus cts_sheets_void_init(SheetsVoid *blocks, const CtsMacrocells *macrocells, const CtsLut *lut, int p,
+                               CtsError *err);
+void cts_sheets_void_free(SheetsVoid *blocks);
+/* Bits of the layers of blocks that may be visible to pixels x to x + width - 1, y to y + height - 1; of those that
+ * `of` has (NULL: all). True where there are any. */
+bool cts_sheets_visible(const SheetsJob *job, const int x[2], const int y[2], const uint64_t *of, uint64_t *bits);
+static inline int cts_sheets_words(int n_layers)
+{
+    return (n_layers + 63) / 64;
+}
+
+/* Fills the zeroed picture, and the indicators, one a pixel. */
+CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, const CtsScene *scene, CtsPicture *picture,
+                         float *indicator, SheetsCounts *total, CtsError *err);
+/* As CtsEngine.render_tiles. */
+CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, const CtsScene *scene,
+                           const int (*corner)[2], size_t n, float (*rgba)[4], float *indicator, CtsError *err);
+_Static_assert((int)SHEETS_TILE_X == (int)CTS_PROBE_X && (int)SHEETS_TILE_Y == (int)CTS_PROBE_Y, "tiles are probes");
+
+#endif

@@ -1,0 +1,172 @@
+#include "engine/sheets/sheets.h"
+
+#include "base/mem.h"
+#include "base/parallel.h"
+#include <math.h>
+#include <string.h>
+
+/* Levels are coarse where nothing is visible: there a level only says where a slab enters what is, to a share of the
+ * slab of half a level's width by the whole change of level. */
+enum { COARSE = 64, LEAST_COARSE = 12 };
+/* Metal lies far above all that presets tell apart; levels that reached it would be few elsewhere. */
+#define HU_ABOVE 4096.0
+
+static double in_range(double x, double low, double high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
+static void init_levels(SheetsLevels *l, const CtsScene *scene, int largest_grey)
+{
+    const CtsLut *const lut = scene->lut;
+    cts_lut_visible_levels(lut, &l->grey_low, &l->grey_high);
+    const double top = in_range(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
+    const double edge[4] = {0, l->grey_low, top, in_range(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step)};
+    /* A fine level a grey level is enough; what is left is shared by the others. */
+    const double fine = fmin(top - l->grey_low, SHEETS_LEVELS - 1 - COARSE);
+    const double rest = SHEETS_LEVELS - 1 - fine, below = edge[1], above = edge[3] - edge[2];
+    double low = below + above > 0 ? floor(rest * below / (below + above)) : 0;
+    if (below > 0 && above > 0)
+        low = in_range(low, LEAST_COARSE, rest - LEAST_COARSE);
+    const double span[3] = {low, SHEETS_LEVELS - 1 - low - (above > 0 ? rest - low : 0), above > 0 ? rest - low : 0};
+    const double one = 1 << SHEETS_WEIGHT_BITS;
+    double number = 0;
+    for (int i = 0; i < 3; i++) {
+        const double width = edge[i + 1] - edge[i], scale = width > 0 ? span[i] / width : 0;
+        l->scale[i] = (float)(scale / one);
+        l->add[i] = (float)((32768 - edge[i]) * scale);
+        l->span[i] = (float)span[i];
+        for (double n = number; n <= number + span[i] && span[i] > 0; n++)
+            l->grey[(int)n] = edge[i] + (n - number) / scale;
+        number += span[i];
+    }
+    for (int i = 0; i <= SHEETS_LEVELS; i++)
+        l->edge[i] = i == 0               ? l->grey[0]
+                     : i == SHEETS_LEVELS ? l->grey[SHEETS_LEVELS - 1]
+                                          : (l->grey[i - 1] + l->grey[i]) / 2;
+    l->first = 0;
+    l->last = SHEETS_LEVELS - 1;
+    while (l->first < SHEETS_LEVELS - 1 && l->edge[l->first + 1] <= l->grey_low)
+        l->first++;
+    while (l->last > 0 && l->edge[l->last] >= l->grey_high)
+        l->last--;
+}
+
+/* Integrals from grey level 0 on of extinction, and of extinction times each colour; straight lines between grey
+ * levels.
+ */
+typedef struct Integrals {
+    const CtsLut *lut;
+    double (*to)[4];
+} Integrals;
+
+static double value_at(const CtsLut *lut, int grey, int channel)
+{
+    const int g = grey < lut->n - 1 ? grey : lut->n - 1;
+    const double extinction = (double)lut->extinction_per_mm[g];
+    return channel == 0 ? extinction : extinction * (double)lut->rgb[g][channel - 1];
+}
+
+static double integral_to(const Integrals *in, double grey, int channel)
+{
+    const int g = (int)fmin(grey, CTS_N_GREY - 1);
+    const double part = grey - g, low = value_at(in->lut, g, channel);
+    const double high = value_at(in->lut, g < CTS_N_GREY - 1 ? g + 1 : g, channel);
+    return in->to[g][channel] + part * (low + part / 2 * (high - low));
+}
+
+static void fill_integrals(Integrals *in)
+{
+    memset(in->to[0], 0, sizeof in->to[0]);
+    for (int g = 1; g < CTS_N_GREY; g++)
+        for (int c = 0; c < 4; c++)
+            in->to[g][c] = in->to[g - 1][c] + (value_at(in->lut, g - 1, c) + value_at(in->lut, g, c)) / 2;
+}
+
+/* Where both levels are one, the level's own width is what the slab may lie in. */
+static void mean_between(const Integrals *in, const SheetsLevels *l, int front, int back, float mean[4])
+{
+    const bool same = front == back;
+    double from = same ? l->edge[front] : l->grey[front], to = same ? l->edge[front + 1] : l->grey[back], sum[4];
+    for (int c = 0; c < 4; c++)
+        sum[c] = to != from ? (integral_to(in, to, c) - integral_to(in, from, c)) / (to - from)
+                            : value_at(in->lut, (int)from, c);
+    mean[0] = sum[0] > 0 ? (float)sum[0] : 0;
+    for (int c = 1; c < 4; c++)
+        mean[c] = sum[0] > 0 ? (float)fmin(fmax(sum[c] / sum[0], 0), 1) : 0;
+}
+
+CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int largest_grey, CtsError *err)
+{
+    CtsStatus st;
+    Integrals in = {.lut = scene->lut};
+    double at_level[SHEETS_LEVELS][4];
+    *t = (SheetsTransfer){.extinction_scale = scene->extinction_scale};
+    if ((st = cts_alloc_array(&t->mean, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)) ||
+        (st = cts_alloc_array(&in.to, CTS_N_GREY, err)))
+        goto end;
+    init_levels(&t->levels, scene, largest_grey);
+    fill_integrals(&in);
+    const SheetsLevels *const l = &t->levels;
+    for (int i = 0; i < SHEETS_LEVELS; i++)
+        for (int c = 0; c < 4; c++)
+            at_level[i][c] = integral_to(&in, l->grey[i], c);
+    for (int i = 0; i < SHEETS_LEVELS; i++)
+        for (int j = 0; j < SHEETS_LEVELS; j++) {
+            float *const mean = t->mean[i * SHEETS_LEVELS + j];
+            const double width = l->grey[j] - l->grey[i];
+            if (i == j || width == 0) {
+                mean_between(&in, l, i, i, mean);
+                continue;
+            }
+            const double extinction = (at_level[j][0] - at_level[i][0]) / width;
+            mean[0] = extinction > 0 ? (float)extinction : 0;
+            for (int c = 1; c < 4; c++)
+                mean[c] =
+                    extinction > 0 ? (float)in_range((at_level[j][c] - at_level[i][c]) / width / extinction, 0, 1) : 0;
+        }
+end:
+    cts_free(&in.to);
+    if (st)
+        cts_sheets_transfer_free(t);
+    return st;
+}
+
+void cts_sheets_transfer_free(SheetsTransfer *t)
+{
+    cts_free(&t->mean);
+}
+
+typedef struct Filling {
+    const SheetsTransfer *transfer;
+    const SheetsKernels *kernels;
+    SheetsOpacity *opacity;
+} Filling;
+
+static void fill_some(void *context, int worker, size_t first, size_t end)
+{
+    const Filling *const f = context;
+    (void)worker;
+    f->kernels->fill_opacity((const float(*)[4])f->transfer->mean, (float)f->opacity->length_mm, first * SHEETS_LEVELS,
+                             end * SHEETS_LEVELS, f->opacity->rgba);
+}
+
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transfer, double length_mm,
+                                  const SheetsKernels *kernels, int n_threads, CtsError *err)
+{
+    CtsStatus st;
+    if (o->rgba && o->length_mm == length_mm && o->extinction_scale == transfer->extinction_scale)
+        return CTS_OK;
+    if (!o->rgba && (st = cts_alloc_array(&o->rgba, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)))
+        return st;
+    o->length_mm = length_mm;
+    o->extinction_scale = transfer->extinction_scale;
+    Filling f = {transfer, kernels, o};
+    cts_parallel(n_threads, SHEETS_LEVELS, 32, fill_some, &f);
+    return CTS_OK;
+}
+
+void cts_sheets_opacity_free(SheetsOpacity *o)
+{
+    cts_free(&o->rgba);
+}

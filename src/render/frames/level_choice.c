@@ -1,0 +1,133 @@
+#include "render/frames/level_choice.h"
+
+#include "base/chance.h"
+#include "base/clock.h"
+#include "base/mem.h"
+#include "render/error/error_control.h"
+#include <math.h>
+
+enum {
+    PROBES = 8, /* tiles each way */
+    SIDE = 4,   /* of SIDE x SIDE pixels of a tile one is compared */
+    TILE = CTS_PROBE_X * CTS_PROBE_Y,
+    IN_TILE = TILE / (SIDE * SIDE),
+};
+/* Requested error, in 1/255, below which pixels that no level gets right are too many for any level to pay (measured on
+ * heads and a chest: half-sheets are off by 0.3 and more). */
+#define LEAST_REQUESTED 0.25
+
+typedef struct Probe {
+    const CtsScene *scene;
+    size_t n_tiles, n;
+    int corner[PROBES * PROBES][2];
+    uint8_t row[PROBES * PROBES * IN_TILE];    /* of tiles that a pixel lies in */
+    uint32_t at[PROBES * PROBES * IN_TILE];    /* place of a pixel within the tiles */
+    uint32_t place[PROBES * PROBES * IN_TILE]; /* and within the picture */
+    float (*truth)[4], *off, (*rgba)[4], *indicator;
+} Probe;
+
+static int random_below(uint64_t number, int n)
+{
+    return (int)((cts_chance_bits(number) >> 32) * (uint64_t)n >> 32);
+}
+
+static void add_tile(Probe *p, int row, int x0, int y0)
+{
+    const CtsView *const v = &p->scene->view;
+    for (int group = 0; group < IN_TILE; group++) {
+        const uint64_t number = (uint64_t)(y0 + 1) << 40 | (uint64_t)(x0 + 1) << 16 | (uint64_t)(group + 1);
+        const int pixel = random_below(number, SIDE * SIDE);
+        const int i = group * SIDE % CTS_PROBE_X + pixel % SIDE, j = group * SIDE / CTS_PROBE_X * SIDE + pixel / SIDE;
+        if (x0 + i >= v->width || y0 + j >= v->height)
+            continue;
+        p->row[p->n] = (uint8_t)row;
+        p->at[p->n] = (uint32_t)(p->n_tiles * TILE + (size_t)(j * CTS_PROBE_X + i));
+        p->place[p->n++] = (uint32_t)(y0 + j) * (uint32_t)v->width + (uint32_t)(x0 + i);
+    }
+    p->corner[p->n_tiles][0] = x0;
+    p->corner[p->n_tiles++][1] = y0;
+}
+
+static void place_probe(Probe *p)
+{
+    const CtsView *const v = &p->scene->view;
+    const int across = (v->width + CTS_PROBE_X - 1) / CTS_PROBE_X, down = (v->height + CTS_PROBE_Y - 1) / CTS_PROBE_Y;
+    for (int cell = 0; cell < PROBES * PROBES; cell++) {
+        const int i = cell % PROBES, j = cell / PROBES;
+        const int x0 = i * across / PROBES, nx = (i + 1) * across / PROBES - x0;
+        const int y0 = j * down / PROBES, ny = (j + 1) * down / PROBES - y0;
+        if (nx > 0 && ny > 0)
+            add_tile(p, j, (x0 + random_below((uint64_t)cell * 2 + 1, nx)) * CTS_PROBE_X,
+                     (y0 + random_below((uint64_t)cell * 2 + 2, ny)) * CTS_PROBE_Y);
+    }
+}
+
+/* Largest limit of a row of tiles: error control keeps the requested error in every strip of the picture. */
+static double limit_of(const Probe *p, int n_tried)
+{
+    float indicator[PROBES * IN_TILE];
+    double square[PROBES * IN_TILE], largest = 0;
+    for (size_t first = 0, n; first < p->n; first += n) {
+        for (n = 0; first + n < p->n && p->row[first + n] == p->row[first]; n++) {
+            const uint32_t at = p->at[first + n];
+            indicator[n] = p->indicator[at];
+            square[n] = cts_scene_square_of_error(p->scene, p->rgba[at], p->truth[first + n]);
+        }
+        largest = fmax(largest, cts_error_control_predict(p->scene, n_tried, n, indicator, square));
+    }
+    return largest;
+}
+
+static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *engine, CtsError *err)
+{
+    CtsScene scene = *p->scene;
+    for (int level = CTS_LEVEL_AUTO + 1; level < CTS_N_LEVELS; level++) {
+        if (!(engine->levels >> level & 1))
+            continue;
+        scene.plan.level = (CtsEngineLevel)level;
+        const CtsStatus st =
+            engine->render_tiles(&scene, (const int(*)[2])p->corner, p->n_tiles, p->rgba, p->indicator, err);
+        if (st)
+            return st;
+        choice->n_tried++;
+        choice->limit = limit_of(p, choice->n_tried);
+        if (choice->limit <= cts_scene_error_asked(p->scene)) {
+            choice->level = (CtsEngineLevel)level;
+            return CTS_OK;
+        }
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, const CtsScene *scene,
+                           const CtsEngine *march, const CtsScene *march_scene, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), asked = cts_scene_error_asked(scene);
+    const CtsPicture whole = {
+        .width = scene->view.width, .height = scene->view.height, .whole_height = scene->view.height};
+    CtsStatus st = CTS_OK;
+    Probe *p = NULL;
+    *choice = (CtsLevelChoice){.level = CTS_LEVEL_AUTO};
+    if (255 * asked < LEAST_REQUESTED)
+        return CTS_OK;
+    if ((st = cts_alloc_zeroed(&p, 1, err)))
+        return st;
+    p->scene = scene;
+    place_probe(p);
+    if ((st = cts_alloc_array(&p->truth, p->n, err)) || (st = cts_alloc_array(&p->off, p->n, err)) ||
+        (st = cts_alloc_array(&p->rgba, p->n_tiles * TILE, err)) ||
+        (st = cts_alloc_array(&p->indicator, p->n_tiles * TILE, err)) ||
+        (st = march->render_pixels(march_scene, &whole, p->place, p->n, asked / 8, p->truth, p->off, err)))
+        goto end;
+    st = try_levels(p, choice, engine, err);
+    choice->n_pixels = p->n;
+end:
+    cts_free(&p->truth);
+    cts_free(&p->off);
+    cts_free(&p->rgba);
+    cts_free(&p->indicator);
+    cts_free(&p);
+    choice->wall_ms = cts_wall_ms() - wall;
+    choice->cpu_ms = cts_cpu_ms() - cpu;
+    return st;
+}
