@@ -419,7 +419,7 @@ static void test_picture(void **state)
         cts_picture_free(&p);
     }
     assert_true(splatted[1] < splatted[0]);
-    for (int engine = 0; engine < CTS_ENGINE_TILED; engine++)
+    for (int engine = 0; engine <= CTS_ENGINE_COMBINED; engine++)
         for (int threads = 1; threads < 8; threads += 3) {
             CtsReport report = {0};
             const bool takes = engine == CTS_ENGINE_VOID || engine == CTS_ENGINE_COMBINED;

@@ -221,7 +221,7 @@ static void test_refused(void **state)
         s.width = s.height = 8;
         s.engine = (CtsEngineId)e;
         s.slab_mm = 10;
-        const bool cuts = e == CTS_ENGINE_TILED || e == CTS_ENGINE_RAYCAST;
+        const bool cuts = e == CTS_ENGINE_SHEETS || e == CTS_ENGINE_TILED || e == CTS_ENGINE_RAYCAST;
         assert_int_equal(cts_render(v, &p, &s, &picture, NULL, &err), cuts ? CTS_OK : CTS_ERR_USAGE);
         if (cuts)
             cts_picture_free(&picture);
