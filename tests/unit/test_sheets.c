@@ -281,6 +281,14 @@ static void thin_volumes(void **state)
     assert_int_equal(cts_render(v, &bone, &s, &p, NULL, &err), CTS_OK);
     cts_picture_free(&p);
     cts_volume_free(&v);
+    v = random_volume(9, 7, 8, 5); /* and pixels of 1000 voxels */
+    s.mm_per_pixel = 1000;
+    assert_int_equal(cts_render(v, &bone, &s, &p, NULL, &err), CTS_OK);
+    cts_picture_free(&p);
+    s.engine = CTS_ENGINE_SHEETS;
+    assert_int_equal(cts_render(v, &bone, &s, &p, NULL, &err), CTS_ERR_USAGE);
+    assert_non_null(strstr(err.text, "too coarse"));
+    cts_volume_free(&v);
 }
 
 int main(void)

@@ -63,6 +63,17 @@ static inline double cts_scene_error_asked(const CtsScene *scene)
     return (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255;
 }
 
+/* Voxels from one pixel to the next, at most, along any axis of the volume. Engines with levels place groups of pixels
+ * by whole numbers, which hold up to CTS_SCENE_COARSEST_PIXEL. */
+enum { CTS_SCENE_COARSEST_PIXEL = 64 };
+static inline double cts_scene_voxels_per_pixel(const CtsScene *scene)
+{
+    double most = 0;
+    for (int a = 0; a < 3; a++)
+        most = fmax(most, fmax(fabs(scene->view.right_vox[a]), fabs(scene->view.up_vox[a])));
+    return most * scene->view.mm_per_pixel;
+}
+
 /* What a pixel, as it shows on the preset's background, is off by against another: its square, the mean of the
  * channels. */
 static inline double cts_scene_square_of_error(const CtsScene *scene, const float *pixel, const float *rgba)

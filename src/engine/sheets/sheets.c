@@ -125,6 +125,10 @@ static CtsStatus refuse(const CtsScene *scene, CtsError *err)
                         "a volume of %d x %d x %d voxels is too large for engine sheets (engine tiled "
                         "takes it; or crop it)",
                         v->dims[0], v->dims[1], v->dims[2]);
+    if (cts_scene_voxels_per_pixel(scene) > CTS_SCENE_COARSEST_PIXEL)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "pixels of %g mm, %g voxels, are too coarse for engine sheets (engine tiled takes them)",
+                        scene->view.mm_per_pixel, cts_scene_voxels_per_pixel(scene));
     return CTS_OK;
 }
 

@@ -399,7 +399,8 @@ static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const
     const double asked = 255 * cts_scene_error_asked(scene);
     cts_report_stage(report, CTS_STAGE_SPLAT, c->wall_ms, c->cpu_ms, c->n_pixels, 0);
     if (c->n_tried == 0)
-        cts_report_plan(report, "no level of engine %s is tried for an error of %.3g/255", engine->name, asked);
+        cts_report_plan(report, "no level of engine %s is tried for an error of %.3g/255 and pixels of %.3g mm",
+                        engine->name, asked, scene->view.mm_per_pixel);
     else if (c->level == CTS_LEVEL_AUTO)
         cts_report_plan(report,
                         "no level of engine %s will do: %d tried on %zu pixels, the last may come to %.3g/255, %.3g "

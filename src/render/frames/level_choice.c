@@ -108,7 +108,7 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
     CtsStatus st = CTS_OK;
     Probe *p = NULL;
     *choice = (CtsLevelChoice){.level = CTS_LEVEL_AUTO};
-    if (255 * asked < LEAST_REQUESTED)
+    if (255 * asked < LEAST_REQUESTED || cts_scene_voxels_per_pixel(scene) > CTS_SCENE_COARSEST_PIXEL)
         return CTS_OK;
     if ((st = cts_alloc_zeroed(&p, 1, err)))
         return st;
