@@ -167,7 +167,7 @@ static void test_sizes(void **state)
         CtsError err = {0};
         cts_options_begin(&options);
         const CtsStatus st = take(&options, CTS_FOR_SERVE, "memory", sizes[n].text, &err);
-        if (st != (sizes[n].bytes ? CTS_OK : CTS_ERR_USAGE) || (double)options.memory_bytes != sizes[n].bytes)
+        if (st != (sizes[n].bytes > 0 ? CTS_OK : CTS_ERR_USAGE) || (double)options.memory_bytes != sizes[n].bytes)
             fail_msg("memory %s: expected %g bytes, found %g and status %d", sizes[n].text, sizes[n].bytes,
                      (double)options.memory_bytes, st);
         cts_options_free(&options);
