@@ -210,8 +210,9 @@ static void filter_up(const uint8_t *restrict row, const uint8_t *restrict above
 static void filter_paeth(const uint8_t *restrict row, const uint8_t *restrict above, size_t n, size_t step,
                          uint8_t *restrict to)
 {
+    const uint8_t *const lefts = row - step, *const corners = above - step;
     for (size_t i = 0; i < n; i++) {
-        const int16_t left = row[i - step], up = above[i], corner = above[i - step];
+        const int16_t left = lefts[i], up = above[i], corner = corners[i];
         const int16_t rise = (int16_t)(up - corner), run = (int16_t)(left - corner);
         const int16_t from_left = (int16_t)abs(rise), from_up = (int16_t)abs(run);
         const int16_t from_corner = (int16_t)abs(rise + run);
