@@ -901,8 +901,8 @@ INLINE void fill_opacity(const float (*mean)[4], float length_mm, size_t first, 
             wi_store(number[c], sheets_pack(wf_mul(alpha, mean_of(mean, at, 1 + c))));
         wi_store(number[3], sheets_pack(alpha));
         for (int l = 0; l < SHEETS_LANES; l++)
-            rgba[i + (size_t)l] = (uint64_t)(uint32_t)(number[0][l] | number[1][l] << 16) |
-                                  (uint64_t)(uint32_t)(number[2][l] | number[3][l] << 16) << 32;
+            rgba[i + (size_t)l] = (uint64_t)number[0][l] | (uint64_t)number[1][l] << 16 | (uint64_t)number[2][l] << 32 |
+                                  (uint64_t)number[3][l] << 48;
     }
 }
 
