@@ -1,6 +1,7 @@
 #include "lab/check/suite.h"
 
 #include "base/mem.h"
+#include "core/scene/engine.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -97,8 +98,9 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
 double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene)
 {
     const double bound = scene->bound[cts_check_family(run->engine)];
-    const bool has_sheets =
-        scene->mode == CTS_MODE_COMPOSITE && scene->dims[0] != 1 && scene->dims[1] != 1 && scene->dims[2] != 1;
+    /* Sheets refuse coarser pixels; no scene with such pixels has voxels that are not 1 mm wide. */
+    const bool has_sheets = scene->mode == CTS_MODE_COMPOSITE && scene->dims[0] != 1 && scene->dims[1] != 1 &&
+                            scene->dims[2] != 1 && scene->mm_per_pixel <= CTS_SCENE_COARSEST_PIXEL;
     if (!(CHECK_OF_SHEETS >> run->engine & 1))
         return bound;
     /* Cases of opacities so small that the bound of sheets says nothing of them are the others'. */
