@@ -40,19 +40,19 @@ def attributes(*names):
 codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG",
           "DEFLATE": "zlib", "NONE": "refused"}
 syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
-            re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("input/files/syntax.c"))]
+            re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("dicom/parser/syntax.c"))]
 written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [
     (next(n for n, u, _ in syntaxes if u == uid), uid, name.lower().replace("_", "-"))
     for name, uid in re.findall(r'\[CTS_SC_(\w+)\] = \{"([0-9.]+)"', source("output/export/sc.c"))]
-read_classes = re.findall(r'const char (\w+)_class\[\] = "([0-9.]+)"', source("input/header/dcm_read.cc"))
+read_classes = re.findall(r'const char (\w+)_class\[\] = "([0-9.]+)"', source("dicom/header/dcm_read.cc"))
 keyword_of = {uid: key for key, uid in reversed(list(uid_of.items()))}
-label_uids = re.search(r"label_classes\[\] = \{(.*?)\};", source("input/header/dcm_read.cc"), re.S).group(1)
+label_uids = re.search(r"label_classes\[\] = \{(.*?)\};", source("dicom/header/dcm_read.cc"), re.S).group(1)
 read_classes = [(keyword_of[uid], uid) for _, uid in read_classes] + [
     (keyword_of.get(uid, "LabelMapSegmentationStorage") + " (--labels)", uid)
     for uid in re.findall(r'"([0-9.]+)"', label_uids)]
 models = [(k, uid_of[k]) for k in
-          dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("output/net/dimse.cc")))]
-storage = "output/net/dimse.hpp"
+          dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("dicom/net/dimse.cc")))]
+storage = "dicom/net/dimse.hpp"
 ct_classes, captures = listed(storage, "cts_ct_classes"), listed(storage, "cts_capture_classes")
 
 P, H, S, T = "p", "h", "s", "t"
@@ -91,7 +91,7 @@ statement = [
         "No asynchronous operations. A peer that is down, refuses or breaks off is tried four times, after one, two "
         "and four seconds; a silent one is given up after --peer-timeout, 30 seconds."),
     (S, "SOP classes of storage, as SCU"),
-    (T, ("SOP class", "UID"), sorted(set(named("output/objects/dcm_sc.cc") + named("output/objects/dcm_state.cc")))),
+    (T, ("SOP class", "UID"), sorted(set(named("dicom/objects/dcm_sc.cc") + named("dicom/objects/dcm_state.cc")))),
     (P, "Offered in the transfer syntax that the file has, and uncompressed ones in Implicit VR Little Endian too."),
     (S, "SOP classes of query and retrieve, as SCU"),
     (T, ("SOP class", "UID"), models),
@@ -181,12 +181,12 @@ statement = [
     (H, "Attributes"),
     (P, "By their keywords of PS3.6; values that the source lacks are left out where the standard allows it."),
     (S, "Copied from the source to each object, unless --deidentify is given"),
-    (P, ", ".join(attributes("output/objects/dcm_study.cc")) + "."),
+    (P, ", ".join(attributes("dicom/objects/dcm_study.cc")) + "."),
     (S, "Written to secondary captures"),
     (P, "PixelData, " +
-     ", ".join(attributes("output/objects/dcm_sc.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp")) + "."),
+     ", ".join(attributes("dicom/objects/dcm_sc.cc", "dicom/objects/dcm_put.cc", "dicom/objects/dcm_put.hpp")) + "."),
     (S, "Written to presentation states"),
-    (P, ", ".join(attributes("output/objects/dcm_state.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp"))
+    (P, ", ".join(attributes("dicom/objects/dcm_state.cc", "dicom/objects/dcm_put.cc", "dicom/objects/dcm_put.hpp"))
      + ". Private attributes of group 0073, creator CTSPLAT STATE 1: (0073,xx01) the preset, (0073,xx02) the options."),
     (H, "Character sets"),
     (P, "SpecificCharacterSet and all texts of the source are copied byte for byte, in any character set; names of "

@@ -13,8 +13,8 @@
 CTS_API_BEGIN
 
 struct CtsStored; /* src/core/volume/stored.h */
-struct CtsSlice;  /* src/input/header/slice.h */
-struct CtsTexts;  /* src/input/files/texts.h */
+struct CtsSlice;  /* src/dicom/header/slice.h */
+struct CtsTexts;  /* src/base/string_pool.h */
 
 /* Instance numbers (0020,0013) of the objects of all studies that are there: a number that a series skips may be
  * another object's. Zero-initialise; sort once all are added. */

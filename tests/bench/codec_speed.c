@@ -4,11 +4,11 @@
  * process; best of three each. The figure is wall time / (the codec's own CPU time / threads): 1 is as fast as can be.
  */
 #include "base/clock.h"
+#include "base/file_bytes.h"
 #include "ctsplat/series.h"
-#include "input/codec/codec.h"
-#include "input/header/dcm_read.h"
-#include "input/files/file_bytes.h"
-#include "input/header/slice.h"
+#include "dicom/codec/codec.h"
+#include "dicom/header/dcm_read.h"
+#include "dicom/header/slice.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

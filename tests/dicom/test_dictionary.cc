@@ -1,8 +1,8 @@
 /* The dictionary that ctsplat fills says of every tag what DCMTK's own says. */
 #include <dcmtk/config/osconfig.h>
 
-#include "input/header/dcm_door.hpp"
-#include "input/header/dcm_read.h"
+#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_read.h"
 
 #include <cstdio>
 #include <cstring>

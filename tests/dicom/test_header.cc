@@ -2,8 +2,8 @@
  * implicit VR and in big endian. */
 #include <dcmtk/config/osconfig.h>
 
-#include "input/header/dcm_attributes.hpp"
-#include "input/header/dcm_read.h"
+#include "dicom/header/dcm_attributes.hpp"
+#include "dicom/header/dcm_read.h"
 
 #include <cstdio>
 #include <cstdlib>

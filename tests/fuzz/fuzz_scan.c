@@ -1,6 +1,6 @@
 /* Our tag scanner, and what is read of the elements that it lets pass. */
+#include "dicom/header/dcm_read.h"
 #include "fuzz.h"
-#include "input/header/dcm_read.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 {

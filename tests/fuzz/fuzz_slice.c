@@ -1,7 +1,7 @@
 /* One DICOM file -> slices and their pixels; compressed ones up to their codec, which has a process of its own. */
+#include "dicom/codec/pixels.h"
 #include "fuzz.h"
-#include "input/codec/pixels.h"
-#include "input/files/scan.h"
+#include "input/files/file_header.h"
 #include <stdlib.h>
 
 enum { MAX_PIXELS = 1 << 18, MAX_READ = 8 };
@@ -36,7 +36,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     CtsObject object = {0};
     CtsError err = {0};
     uint64_t bytes_read = 0;
-    const CtsFileKind kind = cts_slice_read_header(&file, &scratch, &object, &bytes_read, &err);
+    const CtsFileKind kind = cts_file_read_header(&file, CTS_NIFTI_FORM_AUTO, &scratch, &object, &bytes_read, &err);
     assert((kind == CTS_FILE_UNREADABLE) == (err.text[0] != 0));
     for (int i = 0; i < object.n_slices; i++) {
         const CtsSlice *s = object.slices[i];

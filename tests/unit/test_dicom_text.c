@@ -1,5 +1,6 @@
 /* Numbers and texts by DICOM's grammar. */
-#include "input/header/dcm_read.h"
+#include "dicom/header/dcm_read.h"
+#include "dicom/parser/elements.h"
 #include "unit.h"
 #include <stdlib.h>
 #include <string.h>

@@ -1,13 +1,13 @@
 /* Limits on what is read: at each of them, and one beyond. */
+#include "base/file_bytes.h"
 #include "base/mem.h"
+#include "dicom/codec/codec.h"
+#include "dicom/header/dcm_read.h"
+#include "dicom/header/head.h"
+#include "dicom/parser/tag_scan.h"
 #include "dicom_files.h"
 #include "folder.h"
-#include "input/codec/codec.h"
-#include "input/files/file_bytes.h"
 #include "input/files/scan.h"
-#include "input/files/tag_scan.h"
-#include "input/header/dcm_read.h"
-#include "input/header/head.h"
 #include "input/series/series_judge.h"
 #include <zlib.h>
 

@@ -1,8 +1,8 @@
 /* Multipart bodies, cut into pieces of every length, and what a peer may write wrong. */
 #include "unit.h"
 
-#include "output/net/multipart.h"
-#include "output/net/peer.h"
+#include "dicom/net/multipart.h"
+#include "dicom/net/peer.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

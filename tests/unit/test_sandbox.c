@@ -4,7 +4,7 @@
 #include "base/helper_process.h"
 #include "base/sandbox.h"
 #include "base/walls.h"
-#include "input/codec/codec.h"
+#include "dicom/codec/codec.h"
 #include "unit.h"
 #include <dirent.h>
 #include <errno.h>

@@ -1,7 +1,7 @@
 /* From files to a volume: what is found, sorted, refused, warned of and loaded. */
 #include "ctsplat/series.h"
+#include "dicom/header/slice.h"
 #include "dicom_files.h"
-#include "input/header/slice.h"
 #include <math.h>
 #include <sys/stat.h>
 

@@ -1,5 +1,5 @@
 /* Texts that are kept and shared stay what they were, however many follow. */
-#include "input/files/texts.h"
+#include "base/string_pool.h"
 #include "unit.h"
 
 #include <stdio.h>

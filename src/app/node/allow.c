@@ -1,7 +1,7 @@
 #include "app/node/node.h"
 
 #include "base/mem.h"
-#include "output/net/peer.h"
+#include "dicom/net/peer.h"
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <stdio.h>

@@ -3,7 +3,7 @@
 #define CTS_NODE_NODE_H
 
 #include "app/words/options.h"
-#include "output/net/accept.h"
+#include "dicom/net/accept.h"
 #include <sys/socket.h>
 #include <sys/types.h>
 

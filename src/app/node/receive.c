@@ -3,7 +3,7 @@
 #include "base/clock.h"
 #include "base/sanitized.h"
 #include "base/walls.h"
-#include "output/net/listener.h"
+#include "dicom/net/listener.h"
 #include <limits.h>
 #include <poll.h>
 #include <signal.h>

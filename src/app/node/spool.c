@@ -1,8 +1,7 @@
 #include "app/node/node.h"
 
 #include "base/hash.h"
-#include "input/files/scan.h"
-#include "input/header/slice.h"
+#include "dicom/header/slice.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>

@@ -1,7 +1,7 @@
 /* Where the server listens: an address, a socket in a folder, or what systemd hands over. */
 #include "app/serve/server.h"
 
-#include "output/net/listener.h"
+#include "dicom/net/listener.h"
 #include <errno.h>
 #include <netinet/in.h>
 #include <stdio.h>

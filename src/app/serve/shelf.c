@@ -2,7 +2,7 @@
 
 #include "base/mem.h"
 #include "base/text.h"
-#include "input/header/slice.h"
+#include "dicom/header/slice.h"
 #include "output/report/masked.h"
 #include <stdio.h>
 #include <stdlib.h>

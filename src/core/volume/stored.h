@@ -1,6 +1,6 @@
 /* Stored words to stored values (PS3.5 8.1.1): shifted, masked, signed, padding told from pixels. */
-#ifndef CTS_DICOM_STORED_H
-#define CTS_DICOM_STORED_H
+#ifndef CTS_VOLUME_STORED_H
+#define CTS_VOLUME_STORED_H
 
 #include "ctsplat/api.h"
 #include <stdbool.h>

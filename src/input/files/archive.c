@@ -1,8 +1,8 @@
 #include "input/files/archive.h"
 
+#include "base/file_bytes.h"
 #include "base/mem.h"
-#include "input/files/file_bytes.h"
-#include "input/files/tag_scan.h"
+#include "dicom/parser/tag_scan.h"
 #include <stdlib.h>
 #include <string.h>
 #include <zip.h>

@@ -2,9 +2,9 @@
 #ifndef CTS_FILES_NIFTI_H
 #define CTS_FILES_NIFTI_H
 
+#include "base/file_bytes.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
-#include "input/files/file_bytes.h"
 #include <stdbool.h>
 #include <stdint.h>
 

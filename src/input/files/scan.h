@@ -1,20 +1,14 @@
 /* Paths and folders -> files that may be slices. */
-#ifndef CTS_DICOM_SCAN_H
-#define CTS_DICOM_SCAN_H
+#ifndef CTS_FILES_SCAN_H
+#define CTS_FILES_SCAN_H
 
+#include "base/file_bytes.h"
+#include "base/string_pool.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "input/files/texts.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-
-typedef struct CtsFile {
-    const char *path;
-    bool named; /* by the caller, not found in a folder: a DICOMDIR is followed, a failure to open it is an error */
-    const uint8_t *memory; /* of an archive's member; else NULL */
-    uint64_t n_memory;
-} CtsFile;
 
 typedef struct CtsFileList {
     CtsFile *items; /* whose paths are among the texts */

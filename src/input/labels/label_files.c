@@ -1,10 +1,10 @@
 #include "ctsplat/label_files.h"
 
 #include "base/mem.h"
+#include "dicom/header/dcm_readers.h"
+#include "dicom/header/slice.h"
 #include "input/files/nifti.h"
 #include "input/files/scan.h"
-#include "input/header/dcm_readers.h"
-#include "input/header/slice.h"
 #include "input/labels/label_reading.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -121,7 +121,6 @@ static CtsStatus read_object(Search *s, const CtsFile *file, CtsError *err)
     cts_plain_close(&object);
     return st;
 }
-
 
 static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
 {

@@ -2,12 +2,13 @@
 #ifndef CTS_LABELS_LABEL_READING_H
 #define CTS_LABELS_LABEL_READING_H
 
+#include "base/file_bytes.h"
 #include "core/labels/label_set.h"
 #include "ctsplat/report.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
-#include "input/files/file_bytes.h"
-#include "input/header/head.h"
+#include "dicom/header/head.h"
+#include "input/files/nifti.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

@@ -1,7 +1,7 @@
 #include "input/labels/label_reading.h"
 
 #include "base/text.h"
-#include "input/files/tag_scan.h"
+#include "dicom/parser/tag_scan.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

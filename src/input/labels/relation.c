@@ -1,7 +1,7 @@
 /* Which series an object of labels belongs to, and the grid of that series. */
 #include "base/mem.h"
 #include "base/vec3.h"
-#include "input/header/slice.h"
+#include "dicom/header/slice.h"
 #include "input/labels/label_reading.h"
 #include <string.h>
 

@@ -1,8 +1,8 @@
 /* DICOM Segmentations (PS3.3 A.51, A.93, C.8.20): frames of one segment each, or of all their numbers. */
 #include "base/mem.h"
 #include "base/vec3.h"
-#include "input/codec/pixels.h"
-#include "input/header/head.h"
+#include "dicom/codec/pixels.h"
+#include "dicom/header/head.h"
 #include "input/labels/label_reading.h"
 #include <math.h>
 #include <stdlib.h>

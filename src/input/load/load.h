@@ -4,7 +4,7 @@
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "input/header/slice.h"
+#include "dicom/header/slice.h"
 #include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,8 +1,8 @@
 #include "input/load/load.h"
 
+#include "base/file_bytes.h"
 #include "base/mem.h"
-#include "input/files/file_bytes.h"
-#include "input/header/head.h"
+#include "input/files/file_header.h"
 #include "input/load/outliers.h"
 #include <math.h>
 

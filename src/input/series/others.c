@@ -1,7 +1,7 @@
 #include "input/series/series_judge.h"
 
 #include "base/mem.h"
-#include "input/header/dcm_readers.h"
+#include "dicom/header/dcm_readers.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -4,9 +4,10 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "base/string_pool.h"
+#include "dicom/header/dcm_read.h"
+#include "input/files/file_header.h"
 #include "input/files/scan.h"
-#include "input/files/texts.h"
-#include "input/header/dcm_read.h"
 #include "input/series/series_judge.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -57,10 +58,10 @@ typedef struct Search {
     CtsStudyNumbers numbers; /* of all objects, where asked has none */
 } Search;
 
-static bool read_one(const CtsFile *file, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
+static bool read_one(const CtsFile *file, CtsNiftiForm form, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
 {
     CtsError why = {0};
-    header->file = cts_slice_read_header(file, scratch, &header->object, bytes_read, &why);
+    header->file = cts_file_read_header(file, form, scratch, &header->object, bytes_read, &why);
     if (header->file == CTS_FILE_UNREADABLE)
         header->why = strdup(why.text);
     return why.status != CTS_ERR_MEMORY;
@@ -84,8 +85,8 @@ static void read_some(void *context, int worker, size_t first, size_t end)
     const Reading *const r = context;
     Reader *const reader = &r->readers[worker];
     for (size_t i = r->first_file + first; i < r->first_file + end; i++)
-        reader->failed |=
-            !read_one(&r->search->files.items[i], &reader->scratch, &r->search->headers[i], &reader->bytes_read);
+        reader->failed |= !read_one(&r->search->files.items[i], r->search->asked->rules.nifti_form, &reader->scratch,
+                                    &r->search->headers[i], &reader->bytes_read);
 }
 
 /* The slices need their texts for as long as the list is there. */
@@ -111,8 +112,6 @@ static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
     Reader *readers = calloc((size_t)n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int t = 0; t < n_threads; t++)
-        readers[t].scratch.nifti_form = s->asked->rules.nifti_form;
     Reading reading = {s, first, readers};
     cts_parallel(n_threads, n - first, 8, read_some, &reading);
     bool failed = false;

@@ -3,7 +3,7 @@
 #include "base/order.h"
 #include "base/text.h"
 #include "base/vec3.h"
-#include "input/header/dcm_readers.h"
+#include "dicom/header/dcm_readers.h"
 #include "input/series/slice_stack.h"
 #include <stdarg.h>
 #include <stdio.h>

@@ -1,9 +1,9 @@
 /* From slices and other files to series. */
-#ifndef CTS_DICOM_SERIES_JUDGE_H
-#define CTS_DICOM_SERIES_JUDGE_H
+#ifndef CTS_SERIES_SERIES_JUDGE_H
+#define CTS_SERIES_SERIES_JUDGE_H
 
 #include "ctsplat/series.h"
-#include "input/header/slice.h"
+#include "dicom/header/slice.h"
 
 /* From the slices of one SeriesInstanceUID to series that can be loaded, or that are refused with a reason. */
 

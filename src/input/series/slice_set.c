@@ -1,7 +1,7 @@
 #include "input/series/series_judge.h"
 
+#include "base/file_bytes.h"
 #include "base/order.h"
-#include "input/files/file_bytes.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
 #include <stdlib.h>

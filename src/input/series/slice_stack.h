@@ -1,10 +1,10 @@
 /* Where the slices of a sorted stack lie, and the even grid of layers they become. */
-#ifndef CTS_DICOM_SLICE_STACK_H
-#define CTS_DICOM_SLICE_STACK_H
+#ifndef CTS_SERIES_SLICE_STACK_H
+#define CTS_SERIES_SLICE_STACK_H
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "input/header/slice.h"
+#include "dicom/header/slice.h"
 #include <stdbool.h>
 
 CTS_C_BEGIN

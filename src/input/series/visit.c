@@ -2,9 +2,10 @@
 
 #include "base/cpu.h"
 #include "base/parallel.h"
+#include "dicom/header/slice.h"
 #include "input/files/archive.h"
+#include "input/files/file_header.h"
 #include "input/files/scan.h"
-#include "input/header/slice.h"
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -38,7 +39,8 @@ static void read_headers(void *context, int worker, size_t first, size_t end)
     for (size_t i = first; i < end; i++) {
         Found *const f = &s->group[i];
         uint64_t bytes_read = 0;
-        f->kind = cts_slice_read_header(&f->file, &s->scratch[worker], &f->object, &bytes_read, &f->why);
+        f->kind =
+            cts_file_read_header(&f->file, CTS_NIFTI_FORM_AUTO, &s->scratch[worker], &f->object, &bytes_read, &f->why);
     }
 }
 

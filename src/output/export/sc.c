@@ -3,10 +3,10 @@
 
 #include "base/hash.h"
 #include "base/mem.h"
+#include "dicom/objects/objects.h"
 #include "output/export/sc_words.h"
 #include "output/image/describe.h"
 #include "output/image/samples.h"
-#include "output/objects/objects.h"
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

@@ -1,7 +1,7 @@
 #include "output/export/sc_words.h"
 
 #include "base/mem.h"
-#include "output/objects/objects.h"
+#include "dicom/objects/objects.h"
 #include <endian.h>
 #include <errno.h>
 #include <stdlib.h>

@@ -3,8 +3,8 @@
 #define CTS_EXPORT_SC_WORDS_H
 
 #include "base/hash.h"
+#include "dicom/objects/objects.h"
 #include "output/export/format.h"
-#include "output/objects/objects.h"
 #include <stddef.h>
 #include <stdint.h>
 

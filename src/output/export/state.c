@@ -5,10 +5,10 @@
 #include "base/file.h"
 #include "base/hash.h"
 #include "base/mem.h"
+#include "dicom/objects/objects.h"
 #include "output/export/format.h"
 #include "output/export/sc_words.h"
 #include "output/image/describe.h"
-#include "output/objects/objects.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -57,7 +57,7 @@ char *cts_without_uids(const CtsKey *key, const char *text)
     return masked;
 }
 
-/* Longer names are cut in messages (input/header/slice.h). */
+/* Longer names are cut in messages (dicom/header/slice.h). */
 enum { LONGEST_NAME = 255 };
 
 static void add(CtsNames *names, const char *text, size_t n, const char *end)

@@ -1,0 +1,52 @@
+#include "base/string_pool.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BLOCK_BYTES = 64 << 10 };
+
+typedef struct CtsTextBlock {
+    struct CtsTextBlock *next;
+    size_t used, size;
+    char bytes[];
+} CtsTextBlock;
+
+const char *cts_texts_keep(CtsTexts *t, const char *text, size_t n)
+{
+    CtsTextBlock *b = t->blocks;
+    if (!b || b->size - b->used <= n) {
+        const size_t least = t->blocks ? BLOCK_BYTES : BLOCK_BYTES / 16, size = n < least ? least : n + 1;
+        if (n > SIZE_MAX / 2 || !(b = malloc(sizeof *b + size)))
+            return NULL;
+        *b = (CtsTextBlock){.next = t->blocks, .size = size};
+        t->blocks = b;
+    }
+    char *const copy = b->bytes + b->used;
+    if (n)
+        memcpy(copy, text, n);
+    copy[n] = 0;
+    b->used += n + 1;
+    return copy;
+}
+
+const char *cts_texts_share(CtsTexts *t, const char *text, size_t n)
+{
+    uint32_t hash = 2166136261u;
+    n = strnlen(text, n);
+    for (size_t i = 0; i < n; i++)
+        hash = (hash ^ (uint8_t)text[i]) * 16777619u;
+    const char **slot = &t->shared[(hash ^ hash >> 16) % CTS_TEXT_SLOTS];
+    if (!*slot || strncmp(*slot, text, n) != 0 || (*slot)[n])
+        *slot = cts_texts_keep(t, text, n);
+    return *slot;
+}
+
+void cts_texts_free(CtsTexts *t)
+{
+    for (CtsTextBlock *b = t->blocks, *next; b; b = next) {
+        next = b->next;
+        free(b);
+    }
+    *t = (CtsTexts){0};
+}

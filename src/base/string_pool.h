@@ -1,0 +1,25 @@
+/* The texts of many slices in a few blocks: what repeats from slice to slice stands there once, and all go at once. */
+#ifndef CTS_BASE_STRING_POOL_H
+#define CTS_BASE_STRING_POOL_H
+
+#include "ctsplat/api.h"
+#include <stddef.h>
+
+CTS_C_BEGIN
+
+enum { CTS_TEXT_SLOTS = 256 };
+
+/* Zero-initialise; free with cts_texts_free(). One thread at a time. */
+typedef struct CtsTexts {
+    struct CtsTextBlock *blocks;
+    const char *shared[CTS_TEXT_SLOTS]; /* by their hashes, the last one of each */
+} CtsTexts;
+
+/* A copy of n bytes and a 0 after them. NULL without memory. */
+const char *cts_texts_keep(CtsTexts *texts, const char *text, size_t n);
+/* The same, or a text like it that is there; what follows a 0 byte is left out. NULL without memory. */
+const char *cts_texts_share(CtsTexts *texts, const char *text, size_t n);
+void cts_texts_free(CtsTexts *texts);
+
+CTS_C_END
+#endif

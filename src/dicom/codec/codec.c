@@ -1,0 +1,104 @@
+#include "dicom/codec/codec.h"
+
+#include "base/file_bytes.h"
+#include "dicom/codec/dcm_decoder.h"
+#include <string.h>
+
+/* A frame of its own, or a part of a deflated data set. */
+static CtsStatus inflate_frame(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    size_t got = 0;
+    const uint64_t n_before = f->syntax->deflated ? f->n_before : 0;
+    const CtsStatus st = cts_inflate(stream, n, n_before, pixels, cts_frame_bytes(f), &got, err);
+    if (!st && got < cts_frame_bytes(f))
+        return cts_fail(err, CTS_ERR_PIXELS, "truncated: PixelData needs %zu bytes, %zu left", cts_frame_bytes(f), got);
+    return st;
+}
+
+static CtsStatus start_dcmtk(CtsError *err)
+{
+    const CtsDcmDecoder *dcm = NULL;
+    const CtsStatus st = cts_dcm_decoder(&dcm, err);
+    return st ? st : dcm->start(err);
+}
+
+static CtsStatus decode_by_dcmtk(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    const CtsDcmDecoder *dcm = NULL;
+    const CtsStatus st = cts_dcm_decoder(&dcm, err);
+    return st ? st : dcm->decode(f, stream, n, pixels, err);
+}
+
+/* By CtsCodec. What the check refuses never reaches the decoder. */
+static const struct {
+    CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+    cts_decode_fn decode;
+    CtsStatus (*prepare)(CtsError *err); /* CtsSandbox */
+} codecs[CTS_N_CODECS] = {
+    [CTS_CODEC_NATIVE] = {NULL, inflate_frame, NULL}, /* compressed only as a part of a deflated data set */
+    [CTS_CODEC_RLE] = {cts_codec_check_rle, decode_by_dcmtk, start_dcmtk},
+    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
+    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
+    [CTS_CODEC_DEFLATE] = {NULL, inflate_frame, NULL},
+    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode, NULL}, /* OpenJPEG tells the stream's shape before it decodes */
+};
+
+/* Bits that the stream has and the header does not know belong to the number, where the stream's precision is no round
+ * one: the header would read another number. With all 16 they may be an overlay. */
+static CtsStatus check_words(const CtsFrameFormat *f, int precision, const uint16_t *words, CtsError *err)
+{
+    const size_t n = (size_t)f->columns * (size_t)f->rows;
+    if (f->bits_allocated != 16 || f->is_signed || precision <= f->bits_stored || precision == 16 ||
+        f->high_bit != f->bits_stored - 1)
+        return CTS_OK;
+    for (size_t i = 0; i < n; i++)
+        if (words[i] >> f->bits_stored && words[i] != f->padding_word)
+            return cts_fail(err, CTS_ERR_PIXELS,
+                            "its JPEG stream (%d bits) holds %d, which the header (%d bits) reads as another number",
+                            precision, words[i], f->bits_stored);
+    return CTS_OK;
+}
+
+CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    const CtsCodec codec = f->syntax->codec;
+    CtsCodecFrame frame = {f->columns, f->rows, f->bits_allocated, f->n_colours > 0 ? f->n_colours : 1, 0};
+    if (!codecs[codec].decode)
+        return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s cannot be decoded by this build", f->syntax->uid);
+    CtsStatus st = codecs[codec].check ? codecs[codec].check(&frame, stream, n, err) : CTS_OK;
+    if (!st)
+        st = codecs[codec].decode(f, stream, n, pixels, err);
+    return st ? st : check_words(f, frame.precision, pixels, err);
+}
+
+CtsStatus cts_codec_work(const void *format, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
+                         CtsError *err)
+{
+    (void)n_pixels;
+    return cts_codec_decode(format, stream, n, pixels, err);
+}
+
+/* DCMTK asks for an even number of bytes. */
+static size_t room_for(const CtsFrameFormat *format)
+{
+    return cts_frame_bytes(format) + 1;
+}
+
+bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n)
+{
+    if (codecs[format->syntax->codec].prepare)
+        sandbox->prepare = codecs[format->syntax->codec].prepare;
+    return cts_sandbox_fits(sandbox, n, room_for(format));
+}
+
+CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err)
+{
+    if (codecs[format->syntax->codec].prepare)
+        sandbox->prepare = codecs[format->syntax->codec].prepare;
+    return cts_sandbox_room(sandbox, n, room_for(format), stream, err);
+}
+
+void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n)
+{
+    cts_sandbox_send(sandbox, format, sizeof *format, stream, n, room_for(format));
+}

@@ -1,0 +1,99 @@
+/* One RLE, JPEG or JPEG-LS frame -> stored words, by DCMTK's codecs. */
+#include <dcmtk/config/osconfig.h>
+
+#include "dicom/codec/codec.h"
+#include "dicom/header/dcm_door.hpp"
+
+#include <cstring>
+#include <dcmtk/dcmdata/dcpxitem.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <memory>
+
+namespace
+{
+
+/* VRs are given, so that no dictionary is asked. */
+OFCondition put(DcmDataset &data_set, const DcmTagKey &key, int value)
+{
+    return data_set.putAndInsertUint16(DcmTag(key, EVR_US), static_cast<Uint16>(value));
+}
+
+/* What the codecs look up: the frame's format, not the file's own header. */
+OFCondition describe(DcmDataset &data_set, const CtsFrameFormat &f)
+{
+    const struct {
+        DcmTagKey key;
+        int value;
+    } numbers[] = {
+        {DCM_SamplesPerPixel, f.n_colours > 0 ? f.n_colours : 1},
+        {DCM_PlanarConfiguration, 0},
+        {DCM_Rows, f.rows},
+        {DCM_Columns, f.columns},
+        {DCM_BitsAllocated, f.bits_allocated},
+        {DCM_BitsStored, f.bits_stored},
+        {DCM_HighBit, f.high_bit},
+        {DCM_PixelRepresentation, f.is_signed ? 1 : 0},
+    };
+    OFCondition result = data_set.putAndInsertString(DcmTag(DCM_PhotometricInterpretation, EVR_CS),
+                                                     f.n_colours > 0 ? "RGB" : "MONOCHROME2");
+    for (const auto &number : numbers)
+        if (result.good())
+            result = put(data_set, number.key, number.value);
+    return result;
+}
+
+/* The stream as the single fragment of a frame. DCMTK copies it, and fragments have even lengths. */
+OFCondition wrap(DcmPixelSequence &sequence, const uint8_t *stream, size_t n)
+{
+    std::unique_ptr<DcmPixelItem> table(new DcmPixelItem(DcmTag(DCM_Item, EVR_OB)));
+    OFCondition result = sequence.insert(table.get());
+    if (result.good())
+        table.release();
+    std::unique_ptr<DcmPixelItem> fragment(new DcmPixelItem(DcmTag(DCM_Item, EVR_OB)));
+    Uint8 *room = nullptr;
+    if (result.good())
+        result = fragment->createUint8Array(static_cast<Uint32>(n + n % 2), room);
+    if (result.bad())
+        return result;
+    std::memcpy(room, stream, n);
+    if (n % 2)
+        room[n] = 0;
+    result = sequence.insert(fragment.get());
+    if (result.good())
+        fragment.release();
+    return result;
+}
+
+} // namespace
+
+CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+try {
+    if (n > 0xFFFFFFF0u)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed frame has more than 4 GiB");
+    const E_TransferSyntax xfer = DcmXfer(format->syntax->uid).getXfer();
+    DcmDataset data_set;
+    std::unique_ptr<DcmPixelSequence> sequence(new DcmPixelSequence(DcmTag(DCM_PixelData, EVR_OB)));
+    OFCondition result = wrap(*sequence, stream, n);
+    if (result.good())
+        result = describe(data_set, *format);
+    if (result.bad())
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    DcmPixelData pixel_data(DcmTag(DCM_PixelData, EVR_OB));
+    pixel_data.putOriginalRepresentation(xfer, nullptr, sequence.release());
+    const size_t n_bytes = cts_frame_bytes(format);
+    Uint32 fragment = 0;
+    OFString colour_model;
+    cts_dcm_log_reset();
+    result = pixel_data.getUncompressedFrame(&data_set, 0, fragment, pixels, static_cast<Uint32>(n_bytes + n_bytes % 2),
+                                             colour_model);
+    if (result.bad())
+        return cts_fail(err, cts_dcm_status(result, CTS_ERR_PIXELS), "its compressed pixels cannot be decoded: %s",
+                        result.text());
+    if (format->n_colours > 0 && colour_model != "RGB")
+        return cts_fail(err, CTS_ERR_PIXELS, "its pixels decode to %s, not to RGB", colour_model.c_str());
+    if (cts_dcm_log().n > 0)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", cts_dcm_log().first);
+    return CTS_OK;
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_PIXELS);
+}

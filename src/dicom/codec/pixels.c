@@ -1,0 +1,131 @@
+#include "dicom/codec/pixels.h"
+
+#include <string.h>
+
+/* What is read at a time, so that it is still in the nearest caches when it is looked at. */
+enum { PART_BYTES = 64 << 10 };
+
+/* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
+static CtsStatus join_fragments(uint8_t **stream, size_t *n, CtsError *err)
+{
+    uint8_t *const bytes = *stream;
+    size_t n_joined = 0, pos = 0;
+    while (*n - pos >= 8) {
+        const size_t length =
+            bytes[pos + 4] | (size_t)bytes[pos + 5] << 8 | (size_t)bytes[pos + 6] << 16 | (size_t)bytes[pos + 7] << 24;
+        pos += 8;
+        if (length > *n - pos)
+            break;
+        if (n_joined == 0)
+            *stream = bytes + pos;
+        else
+            memmove(*stream + n_joined, bytes + pos, length);
+        n_joined += length;
+        pos += length;
+    }
+    if (pos != *n)
+        return cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
+    *n = n_joined;
+    return CTS_OK;
+}
+
+CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, const CtsFileBytes *file, uint64_t offset,
+                           uint64_t end, CtsError *err)
+{
+    size_t n = (size_t)(end - offset);
+    uint8_t *stream;
+    CtsStatus st = cts_codec_room(decoder, format, n, &stream, err);
+    if (!st)
+        st = cts_file_bytes_read(file, stream, n, offset, err);
+    if (!st && !format->syntax->deflated)
+        st = join_fragments(&stream, &n, err);
+    if (!st)
+        cts_codec_send(decoder, format, stream, n);
+    return st;
+}
+
+/* What a decoder is given: the frame's fragments, or a deflated data set whole. */
+static void find_stream(const CtsSlice *s, uint64_t *offset, uint64_t *n)
+{
+    *offset = s->syntax->deflated ? s->data_offset : s->pixel_offset;
+    *n = s->syntax->deflated ? s->file_bytes - s->data_offset : s->pixel_bytes;
+}
+
+/* Hand the slice to its decoder. Only where it fits. */
+static CtsStatus submit(const CtsSlice *s, const CtsFrameFormat *format, CtsSandbox *decoder, CtsError *err)
+{
+    uint64_t offset, n;
+    CtsFileBytes file;
+    find_stream(s, &offset, &n);
+    CtsStatus st = cts_slice_open(s, &file, err);
+    if (!st)
+        st = cts_codec_submit(decoder, format, &file, offset, offset + n, err);
+    cts_file_bytes_close(&file);
+    return st;
+}
+
+static CtsFrameFormat format_of(const CtsSlice *s)
+{
+    return (CtsFrameFormat){.syntax = s->syntax,
+                            .columns = s->columns,
+                            .rows = s->rows,
+                            .bits_allocated = s->bits_allocated,
+                            .bits_stored = s->bits_stored,
+                            .high_bit = s->high_bit,
+                            .is_signed = s->is_signed,
+                            .padding_word = s->padding_word,
+                            .n_before = s->pixel_offset};
+}
+
+bool cts_slice_is_compressed(const CtsSlice *s)
+{
+    return cts_syntax_encapsulated(s->syntax) || s->syntax->deflated;
+}
+
+bool cts_slice_begin(const CtsSlice *s, CtsSandbox **decoder)
+{
+    uint64_t offset, n;
+    const CtsFrameFormat format = format_of(s);
+    find_stream(s, &offset, &n);
+    return cts_slice_is_compressed(s) &&
+           !cts_sandbox_new(decoder, cts_codec_work, "decoder", CTS_SANDBOX_SLOTS, NULL) &&
+           cts_codec_fits(*decoder, &format, (size_t)n) && !submit(s, &format, *decoder, NULL);
+}
+
+static CtsStatus decode(const CtsSlice *s, CtsSandbox **decoder, const void **pixels, CtsError *err)
+{
+    const CtsFrameFormat format = format_of(s);
+    CtsStatus st = cts_sandbox_new(decoder, cts_codec_work, "decoder", CTS_SANDBOX_SLOTS, err);
+    if (!st && (*decoder)->n_jobs == 0)
+        st = submit(s, &format, *decoder, err);
+    return st ? st : cts_sandbox_take(*decoder, pixels, err);
+}
+
+CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsSandbox **decoder, uint16_t *words, cts_words_ready_fn ready,
+                                void *context, CtsError *err)
+{
+    const size_t n = (size_t)s->rows * (size_t)s->columns, word_bytes = (size_t)(s->bits_allocated / 8);
+    const size_t frame_bytes = n * word_bytes;
+    /* 8-bit pixels are read into the upper half of their place and widened forwards. */
+    uint8_t *bytes = (uint8_t *)words + (2 * n - frame_bytes);
+    const void *decoded = NULL; /* else the pixels are read as they are */
+    CtsFileBytes file = {.fd = -1};
+    CtsStatus st = cts_slice_is_compressed(s) ? decode(s, decoder, &decoded, err) : cts_slice_open(s, &file, err);
+    for (size_t first = 0; !st && first < frame_bytes; first += PART_BYTES) {
+        const size_t end = frame_bytes - first < PART_BYTES ? frame_bytes : first + PART_BYTES;
+        if (decoded && word_bytes == sizeof *words && !s->syntax->big_endian) {
+            ready(context, (const uint16_t *)decoded + first / word_bytes, first / word_bytes, end / word_bytes);
+            continue;
+        }
+        if (decoded)
+            memcpy(bytes + first, (const uint8_t *)decoded + first, end - first);
+        else
+            st = cts_file_bytes_read(&file, bytes + first, end - first, s->pixel_offset + first, err);
+        if (st)
+            break;
+        cts_slice_widen(s, bytes, words, first, end);
+        ready(context, words + first / word_bytes, first / word_bytes, end / word_bytes);
+    }
+    cts_file_bytes_close(&file);
+    return st;
+}

@@ -1,0 +1,56 @@
+/* One slice's or frame's attributes by tag: where the scan of its data set has found them or, of a frame, in its
+ * functional groups (PS3.3 C.7.6.16). Of DCMTK only the tags' names. */
+#ifndef CTS_DICOM_DCM_ATTRIBUTES_HPP
+#define CTS_DICOM_DCM_ATTRIBUTES_HPP
+
+#include "dicom/header/dcm_read.h"
+#include "dicom/parser/elements.h"
+
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dcdeftag.h>
+#include <dcmtk/dcmdata/dctagkey.h>
+#include <string_view>
+
+constexpr uint32_t cts_tag_number(uint16_t group, uint16_t element)
+{
+    return static_cast<uint32_t>(group) << 16 | element;
+}
+
+inline uint32_t cts_tag_number(const DcmTagKey &tag)
+{
+    return cts_tag_number(tag.getGroup(), tag.getElement());
+}
+
+struct CtsAttributes {
+    const CtsDataSet &set;
+    bool is_frame = false;
+    CtsElements groups[2] = {}; /* of a frame: its own, which come before the shared ones; both before the object */
+    char digits[12] = "";
+};
+
+bool cts_attribute_has(const CtsAttributes &item, const DcmTagKey &tag);
+/* As text without the padding, empty when missing or of a binary VR; until the next call. */
+std::string_view cts_attribute_text(CtsAttributes &item, const DcmTagKey &tag);
+/* A single number of VR US or UL. */
+bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value);
+/* A single number of VR FD, or of DS. */
+bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value);
+/* A single US value. */
+bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *value);
+/* The 16 bits of a padding value: its VR (US or SS) is often the wrong one. */
+bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern);
+
+/* All of a slice but its place in the file. */
+void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *slice);
+
+/* One more slice of an object, whose array has room for it. Throws std::bad_alloc, as all below. */
+CtsSlice *cts_dcm_add_slice(CtsObject *object);
+/* Makes room for n of them. */
+void cts_dcm_make_room(CtsObject *object, int n);
+/* Slices by the functional groups: one a frame, in the order of the pixels; one with a fault where none can be used. */
+void cts_dcm_read_frames(const CtsDataSet &data_set, CtsTexts &texts, CtsObject *object);
+
+/* At most `longest` characters of a text, shared. */
+const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest);
+
+#endif

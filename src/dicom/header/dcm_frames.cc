@@ -1,0 +1,75 @@
+/* Functional groups (PS3.3 C.7.6.16) -> one slice record a frame. */
+#include "dicom/header/dcm_attributes.hpp"
+
+#include <cstdint>
+#include <cstdlib>
+#include <new>
+
+namespace
+{
+
+const int max_frames = 20000; /* what a series may have */
+
+/* One slice that stands for an object of which no frame can be used. */
+void refuse(const CtsDataSet &data_set, CtsTexts &texts, CtsObject *object, const char *why)
+{
+    CtsAttributes attributes{data_set, true};
+    cts_dcm_make_room(object, 1);
+    CtsSlice *slice = cts_dcm_add_slice(object);
+    cts_slice_fault(slice, CTS_ERR_PIXELS, "%s", why);
+    cts_dcm_read_slice(attributes, texts, slice);
+}
+
+} // namespace
+
+void cts_dcm_make_room(CtsObject *object, int n)
+{
+    object->slices = static_cast<CtsSlice **>(std::calloc(static_cast<size_t>(n), sizeof *object->slices));
+    if (!object->slices)
+        throw std::bad_alloc();
+}
+
+CtsSlice *cts_dcm_add_slice(CtsObject *object)
+{
+    CtsSlice *slice = static_cast<CtsSlice *>(std::calloc(1, sizeof *slice));
+    if (!slice)
+        throw std::bad_alloc();
+    slice->kind = object->kind;
+    return object->slices[object->n_slices++] = slice;
+}
+
+void cts_dcm_read_frames(const CtsDataSet &data_set, CtsTexts &texts, CtsObject *object)
+{
+    const CtsElements all = {data_set.bytes, data_set.bytes + data_set.n, data_set.native->explicit_vr,
+                             data_set.native->big_endian, false};
+    CtsElements frames = cts_elements_find(all, cts_tag_number(DCM_PerFrameFunctionalGroupsSequence)), frame;
+    const CtsElements shared = cts_elements_item(all, cts_tag_number(DCM_SharedFunctionalGroupsSequence));
+    int n_frames = 0, n_items = 0;
+    CtsAttributes object_alone{data_set};
+    const std::string_view text = cts_attribute_text(object_alone, DCM_NumberOfFrames);
+    if (!cts_dcm_parse_is(text.data(), text.size(), &n_frames) || n_frames < 1 || n_frames > max_frames)
+        return refuse(data_set, texts, object, "NumberOfFrames (0028,0008) is missing or not within 1 to 20000");
+    for (CtsElements rest = frames; cts_items_next(&rest, &frame);)
+        n_items++;
+    if (n_items != n_frames)
+        return refuse(data_set, texts, object,
+                      "Per-frame Functional Groups (5200,9230) are missing, or not as many as there are frames");
+    uint32_t number = 0, n_parts = 0, first = 0;
+    const bool has_number = cts_attribute_number(object_alone, DCM_InConcatenationNumber, &number),
+               has_total = cts_attribute_number(object_alone, DCM_InConcatenationTotalNumber, &n_parts),
+               has_first = cts_attribute_number(object_alone, DCM_ConcatenationFrameOffsetNumber, &first);
+    const char *concatenation = cts_dcm_share(texts, cts_attribute_text(object_alone, DCM_ConcatenationUID), 64);
+    cts_dcm_make_room(object, n_frames);
+    while (cts_items_next(&frames, &frame)) {
+        CtsAttributes attributes{data_set, true, {frame, shared}};
+        CtsSlice *slice = cts_dcm_add_slice(object);
+        slice->n_frames = n_frames;
+        slice->frame = object->n_slices - 1;
+        cts_dcm_read_slice(attributes, texts, slice);
+        slice->concatenation = concatenation;
+        slice->part_number = has_number && number <= UINT16_MAX ? static_cast<int>(number) : 0;
+        slice->n_parts = has_total && n_parts <= UINT16_MAX ? static_cast<int>(n_parts) : 0;
+        slice->first_frame = has_first ? static_cast<int64_t>(first) : -1;
+        slice->stack_id = cts_dcm_share(texts, cts_attribute_text(attributes, DCM_StackID), 16);
+    }
+}

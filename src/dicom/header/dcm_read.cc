@@ -1,0 +1,439 @@
+/* Attributes -> slice record. Nothing here needs DCMTK loaded. */
+#include "base/vec3.h"
+#include "dicom/header/dcm_attributes.hpp"
+#include "dicom/header/dcm_door.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace
+{
+
+const char ct_class[] = "1.2.840.10008.5.1.4.1.1.2";
+const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
+const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
+const char directory_class[] = "1.2.840.10008.1.3.10";
+const std::string_view label_classes[] = {"1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7",
+                                          "1.2.840.10008.5.1.4.1.1.481.3"};
+
+/* The n-th part of a multi-valued text. */
+std::string_view part_of(std::string_view text, int n)
+{
+    for (; n > 0; n--) {
+        const size_t end = text.find('\\');
+        if (end == std::string_view::npos)
+            return {};
+        text.remove_prefix(end + 1);
+    }
+    text = text.substr(0, text.find('\\'));
+    while (!text.empty() && text.back() == ' ')
+        text.remove_suffix(1);
+    return text;
+}
+
+bool numbers(CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
+{
+    const std::string_view text = cts_attribute_text(item, tag);
+    return cts_dcm_parse_ds(text.data(), text.size(), values, n);
+}
+
+bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
+{
+    const std::string_view text = cts_attribute_text(item, tag);
+    return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
+}
+
+/* Nothing below 0 is meant; -1 when it is missing. */
+double positive_number(CtsAttributes &item, const DcmTagKey &tag)
+{
+    double value = -1;
+    return numbers(item, tag, &value, 1) ? value : -1;
+}
+
+/* HHMMSS.FFFFFF as seconds of the day, -1 when it is anything else. */
+double seconds_of_day(std::string_view text)
+{
+    double t = 0;
+    if (text.size() < 6 || text.find('\\') != std::string_view::npos ||
+        !cts_dcm_parse_ds(text.data(), text.size(), &t, 1) || !(t >= 0 && t < 240000))
+        return -1;
+    const double hours = std::floor(t / 1e4), minutes = std::floor(std::fmod(t, 1e4) / 100);
+    return hours * 3600 + minutes * 60 + std::fmod(t, 100);
+}
+
+/* Capitals without blanks, which hand-written headers differ by. */
+std::string plain_word(std::string_view text)
+{
+    std::string word;
+    for (const char c : text)
+        if (c != ' ')
+            word += static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
+    return word;
+}
+
+CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
+{
+    if (sop_class == ct_class)
+        return CTS_OBJECT_CT;
+    if (sop_class == enhanced_class || sop_class == legacy_enhanced_class)
+        return CTS_OBJECT_ENHANCED;
+    if (sop_class == directory_class || cts_attribute_has(item, DCM_DirectoryRecordSequence))
+        return CTS_OBJECT_DIRECTORY;
+    if (std::find(std::begin(label_classes), std::end(label_classes), sop_class) != std::end(label_classes))
+        return CTS_OBJECT_LABELS;
+    if (sop_class.empty() && plain_word(cts_attribute_text(item, DCM_Modality)) == "CT" &&
+        cts_attribute_has(item, DCM_ImagePositionPatient))
+        return CTS_OBJECT_CT;
+    return CTS_OBJECT_OTHER;
+}
+
+/* Words by which an image type says that its pixels measure something other than attenuation (PS3.3 C.8.15.2.1.1,
+ * C.8.16.1, and makers' own): a word that begins with MAT is a material's. */
+bool names_quantity(std::string_view image_type)
+{
+    for (const char *word : {"SUBTRACT", "IODINE", "PERFUSION", "MATERIAL", "DENSITY", "ATOMIC_NUM", "EFF_ATOMIC"})
+        if (image_type.find(word) != std::string_view::npos)
+            return true;
+    for (int i = 2; i < 16; i++)
+        if (part_of(image_type, i).substr(0, 4) == "MAT_")
+            return true;
+    return false;
+}
+
+/* As HU is written out, or misspelt, by programs that are met (RescaleType is a long string of free text). */
+bool is_hu(const std::string &word)
+{
+    for (const char *name : {"HU", "HOUNSFIELD", "HOUNSFIELDUNIT", "HOUNSFIELDUNITS", "HOUNSFIELDUNIT(S)",
+                             "HOUNDSFIELD", "HOUNDSFIELDUNIT", "HOUNDSFIELDUNITS", "HOUNDSFIELDUNIT(S)"})
+        if (word == name)
+            return true;
+    return false;
+}
+
+/* The terms of RescaleType (PS3.3 C.11.1.1.2) that multi-energy CT has for what is not HU. */
+bool is_quantity(std::string_view rescale_type)
+{
+    for (const char *term : {"HU_MOD", "MGML", "PCT", "Z_EFF", "ED", "EDW"})
+        if (rescale_type == term)
+            return true;
+    return names_quantity(rescale_type);
+}
+
+/* Not shared: no two slices have the same. */
+const char *keep_uid(CtsTexts &texts, std::string_view uid)
+{
+    uid = uid.substr(0, 64);
+    const char *kept = cts_texts_keep(&texts, uid.data(), uid.size());
+    if (!kept)
+        throw std::bad_alloc();
+    return kept;
+}
+
+const char *share_some(CtsTexts &texts, std::string_view text)
+{
+    return text.empty() ? nullptr : cts_dcm_share(texts, text, text.size());
+}
+
+/* Trailing delimiters of a name's parts say nothing (PS3.5 6.2.1.2), nor do blanks among them. */
+std::string_view without_delimiters(std::string_view text)
+{
+    const size_t last = text.find_last_not_of("^= ");
+    return text.substr(0, last == std::string_view::npos ? 0 : last + 1);
+}
+
+const char *scanner_of(CtsAttributes &item, CtsTexts &texts)
+{
+    std::string scanner;
+    for (const DcmTagKey &tag : {DCM_Manufacturer, DCM_ManufacturerModelName, DCM_DeviceSerialNumber}) {
+        const std::string_view text = cts_attribute_text(item, tag);
+        if (!text.empty())
+            scanner.append(text).append("\\");
+    }
+    return cts_dcm_share(texts, scanner, scanner.size());
+}
+
+void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+{
+    static const DcmTagKey tags[CTS_N_IDENTITY] = {DCM_PatientID,          DCM_IssuerOfPatientID, DCM_PatientName,
+                                                   DCM_PatientBirthDate,   DCM_PatientSex,        DCM_StudyInstanceUID,
+                                                   DCM_FrameOfReferenceUID};
+    for (int i = 0; i < CTS_N_IDENTITY; i++) {
+        const std::string_view text = without_delimiters(cts_attribute_text(item, tags[i]));
+        s->identity[i] = cts_dcm_share(texts, text, text.size());
+    }
+    s->sop_uid = keep_uid(texts, cts_attribute_text(item, DCM_SOPInstanceUID));
+    s->series_uid = cts_dcm_share(texts, cts_attribute_text(item, DCM_SeriesInstanceUID), 64);
+    s->study_date = share_some(texts, cts_attribute_text(item, DCM_StudyDate));
+    if (!integer(item, DCM_SeriesNumber, &s->series_number))
+        s->series_number = -1;
+    s->modality = cts_dcm_share(texts, cts_attribute_text(item, DCM_Modality), 16);
+    s->scanner = scanner_of(item, texts);
+    s->stack_id = s->concatenation = "";
+    s->first_frame = -1;
+    s->description = share_some(texts, cts_attribute_text(item, DCM_SeriesDescription));
+    s->charset = share_some(texts, cts_attribute_text(item, DCM_SpecificCharacterSet));
+    s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
+    s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
+    s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
+    s->time_s = seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
+    s->content_s = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
+    if (s->time_s < 0)
+        s->time_s = s->content_s;
+    if (!cts_attribute_real(item, DCM_NominalPercentageOfCardiacPhase, &s->phase_percent))
+        s->phase_percent = NAN;
+    if (!cts_attribute_real(item, DCM_NominalCardiacTriggerDelayTime, &s->phase_delay_ms))
+        s->phase_delay_ms = NAN;
+    s->kernel = cts_dcm_share(texts, cts_attribute_text(item, DCM_ConvolutionKernel), 64);
+    s->kvp = positive_number(item, DCM_KVP);
+    s->trigger_ms = positive_number(item, DCM_TriggerTime);
+    s->thickness_mm = positive_number(item, DCM_SliceThickness);
+    const std::string_view image_type = cts_attribute_text(item, DCM_ImageType);
+    for (int i = 2; i < 8; i++)
+        s->localizer |= part_of(image_type, i) == "LOCALIZER";
+    if (names_quantity(image_type))
+        s->odd |= CTS_ODD_NOT_HU;
+    if (cts_attribute_text(item, DCM_BurnedInAnnotation) == "YES")
+        s->odd |= CTS_ODD_BURNED_IN;
+    const bool derived = part_of(image_type, 0) == "DERIVED" || part_of(image_type, 1) == "SECONDARY";
+    s->page = derived && !s->identity[CTS_FRAME_UID][0] && !cts_attribute_has(item, DCM_ImagePositionPatient) &&
+              !cts_attribute_has(item, DCM_ImageOrientationPatient);
+    const std::string_view lossy = cts_attribute_text(item, DCM_LossyImageCompression);
+    if (lossy == "01")
+        s->odd |= CTS_ODD_LOSSY;
+    s->told_lossless = lossy == "00";
+}
+
+bool read_shape(CtsAttributes &item, CtsSlice *s)
+{
+    const struct {
+        DcmTagKey tag;
+        const char *name;
+        int *value, low, high;
+    } needed[] = {
+        {DCM_Rows, "Rows", &s->rows, 1, 4096},
+        {DCM_Columns, "Columns", &s->columns, 1, 4096},
+        {DCM_BitsAllocated, "BitsAllocated", &s->bits_allocated, 8, 16},
+        {DCM_BitsStored, "BitsStored", &s->bits_stored, 1, 16},
+        {DCM_HighBit, "HighBit", &s->high_bit, 0, 15},
+    };
+    for (const auto &n : needed) {
+        const unsigned group = n.tag.getGroup(), number = n.tag.getElement();
+        if (!cts_attribute_word(item, n.tag, n.value)) {
+            cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is missing or not one number", n.name, group, number);
+            return false;
+        }
+        if (*n.value < n.low || *n.value > n.high) {
+            cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is %d, and must be %d to %d", n.name, group, number,
+                            *n.value, n.low, n.high);
+            return false;
+        }
+    }
+    if ((s->bits_allocated != 8 && s->bits_allocated != 16) || s->bits_stored > s->bits_allocated ||
+        s->high_bit < s->bits_stored - 1 || s->high_bit >= s->bits_allocated) {
+        cts_slice_fault(s, CTS_ERR_PIXELS, "%d bits allocated, %d stored, high bit %d fit no CT pixel",
+                        s->bits_allocated, s->bits_stored, s->high_bit);
+        return false;
+    }
+    int value = 1;
+    if (!cts_attribute_word(item, DCM_PixelRepresentation, &value) || value > 1)
+        cts_slice_fault(s, CTS_ERR_PIXELS, "PixelRepresentation (0028,0103) is missing or neither 0 nor 1");
+    s->is_signed = value == 1;
+    return true;
+}
+
+/* Before its place is looked for, which an object of many frames has for each of them. */
+void read_frame_count(CtsAttributes &item, CtsSlice *s)
+{
+    int frames = 1;
+    if (!cts_attribute_has(item, DCM_NumberOfFrames) || cts_attribute_text(item, DCM_NumberOfFrames).empty() ||
+        (integer(item, DCM_NumberOfFrames, &frames) && frames == 1))
+        return;
+    cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
+    s->page = false; /* no screen capture */
+}
+
+void read_image_kind(CtsAttributes &item, CtsSlice *s)
+{
+    int samples = 1;
+    if (cts_attribute_has(item, DCM_SamplesPerPixel) &&
+        (!cts_attribute_word(item, DCM_SamplesPerPixel, &samples) || samples != 1))
+        cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
+    const std::string_view photometric = cts_attribute_text(item, DCM_PhotometricInterpretation);
+    if (photometric == "MONOCHROME1")
+        s->odd |= CTS_ODD_MONOCHROME1;
+    else if (!photometric.empty() && photometric != "MONOCHROME2")
+        cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
+}
+
+void read_rescale(CtsAttributes &item, CtsSlice *s)
+{
+    if (cts_attribute_has(item, DCM_ModalityLUTSequence)) {
+        cts_slice_fault(s, CTS_ERR_PIXELS, "a Modality LUT (0028,3000) stands in for the rescale slope; not supported");
+        return;
+    }
+    if (!numbers(item, DCM_RescaleSlope, &s->slope, 1) || !numbers(item, DCM_RescaleIntercept, &s->intercept, 1)) {
+        cts_slice_fault(s, CTS_ERR_PIXELS,
+                        "RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) is missing or not a number, so its "
+                        "pixels are not Hounsfield units (set the right ones with dcmodify)");
+        return;
+    }
+    if (std::fabs(s->slope) < 1e-6 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
+        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
+                        s->intercept);
+    if (s->slope < 0)
+        s->odd |= CTS_ODD_FALLING;
+    const std::string_view type = cts_attribute_text(item, DCM_RescaleType);
+    const std::string word = plain_word(type);
+    if (word == "US" || word == "UNSPECIFIED")
+        s->odd |= CTS_ODD_UNSPECIFIED;
+    else if (is_quantity(type))
+        s->odd |= CTS_ODD_NOT_HU;
+    else if (!type.empty() && !is_hu(word))
+        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleType (0028,1054) is %.*s, not HU",
+                        static_cast<int>(type.size() < 16 ? type.size() : 16), type.data());
+}
+
+/* A padding pattern as a stored value; false when no pixel of that many bits can hold it. */
+bool stored_value(unsigned pattern, const CtsSlice *s, int *value)
+{
+    const unsigned mask = (1u << s->bits_stored) - 1, high = pattern & ~mask & 0xFFFFu;
+    const bool negative = s->is_signed && (pattern >> (s->bits_stored - 1) & 1);
+    if (high != 0 && !(negative && high == (~mask & 0xFFFFu)))
+        return false;
+    *value = static_cast<int>(pattern & mask) - (negative ? 1 << s->bits_stored : 0);
+    return true;
+}
+
+void read_padding(CtsAttributes &item, CtsSlice *s)
+{
+    unsigned value = 0, limit = 0;
+    s->padding_word = -1;
+    if (!cts_attribute_pattern(item, DCM_PixelPaddingValue, &value))
+        return;
+    if (!cts_attribute_pattern(item, DCM_PixelPaddingRangeLimit, &limit))
+        limit = value;
+    int a = 0, b = 0;
+    if (stored_value(value, s, &a) && stored_value(limit, s, &b)) {
+        s->has_padding = true;
+        s->padding_low = a < b ? a : b;
+        s->padding_high = a < b ? b : a;
+    } else {
+        s->padding_word = static_cast<int>(value);
+    }
+}
+
+/* (0020,0037), made orthonormal; off by more than 0.001 is odd, by more than 0.01 no reading is right. */
+void read_orientation(CtsAttributes &item, CtsSlice *s)
+{
+    double v[6];
+    if (!numbers(item, DCM_ImageOrientationPatient, v, 6)) {
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImageOrientationPatient (0020,0037) is missing or not six numbers");
+        return;
+    }
+    const double *row = v, *column = v + 3;
+    const double row_norm = cts_norm3(row), column_norm = cts_norm3(column);
+    const double off =
+        std::fmax(std::fmax(std::fabs(row_norm - 1), std::fabs(column_norm - 1)), std::fabs(cts_dot3(row, column)));
+    if (!(off <= 1e-2)) {
+        cts_slice_fault(s, CTS_ERR_GEOMETRY,
+                        "ImageOrientationPatient (0020,0037) is not two unit vectors at right angles");
+        return;
+    }
+    if (off > 1e-3)
+        s->odd |= CTS_ODD_ORIENTATION;
+    for (int c = 0; c < 3; c++)
+        s->row_lps[c] = row[c] / row_norm;
+    const double along = cts_dot3(column, s->row_lps);
+    for (int c = 0; c < 3; c++)
+        s->column_lps[c] = column[c] - along * s->row_lps[c];
+    const double norm = cts_norm3(s->column_lps);
+    for (int c = 0; c < 3; c++)
+        s->column_lps[c] /= norm;
+    cts_cross3(s->row_lps, s->column_lps, s->normal_lps);
+}
+
+void read_geometry(CtsAttributes &item, CtsSlice *s)
+{
+    read_orientation(item, s);
+    if (!numbers(item, DCM_ImagePositionPatient, s->position_lps, 3))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is missing or not three numbers");
+    for (const double p : s->position_lps)
+        if (std::fabs(p) > 1e5) /* a hundred metres */
+            cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is %g mm away", std::fabs(p));
+    double spacing[2] = {0, 0};
+    if (!numbers(item, DCM_PixelSpacing, spacing, 2))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "PixelSpacing (0028,0030) is missing or not two numbers");
+    else if (!(spacing[0] > 0 && spacing[0] <= 10 && spacing[1] > 0 && spacing[1] <= 10))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY,
+                        "PixelSpacing (0028,0030) is %g, %g mm, and must be above 0 and at most 10", spacing[0],
+                        spacing[1]);
+    s->row_spacing_mm = spacing[0];
+    s->column_spacing_mm = spacing[1];
+}
+
+} // namespace
+
+const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest)
+{
+    const char *shared = cts_texts_share(&texts, text.data() ? text.data() : "", std::min(text.size(), longest));
+    if (!shared)
+        throw std::bad_alloc();
+    return shared;
+}
+
+void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+{
+    read_identity(item, texts, s);
+    read_frame_count(item, s);
+    read_geometry(item, s);
+    read_image_kind(item, s);
+    if (read_shape(item, s))
+        read_padding(item, s);
+    read_rescale(item, s);
+}
+
+/* A UID with control characters is another one to whoever leaves them out. */
+static bool is_torn_uid(const CtsTagValue &value, const uint8_t *bytes)
+{
+    const uint32_t uids[] = {0x00080018, 0x0020000D, 0x0020000E, 0x00200052};
+    if (value.is_sequence || std::find(std::begin(uids), std::end(uids), value.tag) == std::end(uids))
+        return false;
+    uint32_t n = value.n_bytes;
+    while (n > 0 && bytes[value.offset + n - 1] == 0)
+        n--;
+    return std::any_of(bytes + value.offset, bytes + value.offset + n, [](uint8_t c) { return c < 0x20 || c == 0x7F; });
+}
+
+CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsTexts *texts, const char *class_uid, CtsObject *object,
+                              CtsError *err)
+try {
+    for (int i = 0; i < data_set->scan->n_values; i++) {
+        const CtsTagValue &value = data_set->scan->values[i];
+        if (is_torn_uid(value, data_set->bytes))
+            return cts_fail(err, CTS_ERR_READ, "damaged: its UID (%04X,%04X) holds control characters", value.tag >> 16,
+                            value.tag & 0xFFFF);
+    }
+    CtsAttributes item{*data_set};
+    const std::string_view own_class = cts_attribute_text(item, DCM_SOPClassUID);
+    const std::string_view sop_class = own_class.empty() ? std::string_view(class_uid) : own_class;
+    object->kind = kind_of(item, sop_class);
+    object->class_uid =
+        cts_dcm_share(*texts, object->kind == CTS_OBJECT_DIRECTORY ? std::string_view(directory_class) : sop_class, 64);
+    object->study_uid = cts_dcm_share(*texts, cts_attribute_text(item, DCM_StudyInstanceUID), 64);
+    object->has_number = integer(item, DCM_InstanceNumber, &object->instance_number);
+    if (object->kind == CTS_OBJECT_CT) {
+        cts_dcm_make_room(object, 1);
+        cts_dcm_read_slice(item, *texts, cts_dcm_add_slice(object));
+    }
+    if (object->kind == CTS_OBJECT_ENHANCED)
+        cts_dcm_read_frames(*data_set, *texts, object);
+    return CTS_OK;
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_READ);
+}

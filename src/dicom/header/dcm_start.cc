@@ -1,0 +1,125 @@
+/* DCMTK made ready: log, decoders, dictionary; and how it is handed bytes. */
+#include <dcmtk/config/osconfig.h>
+
+#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_read.h"
+
+#include <cstdio>
+#include <dcmtk/dcmdata/dcrledrg.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmjpeg/djdecode.h>
+#include <dcmtk/dcmjpls/djdecode.h>
+#include <dcmtk/oflog/oflog.h>
+#include <dcmtk/oflog/spi/logevent.h>
+#include <mutex>
+#include <new>
+#include <pthread.h>
+
+namespace log4cplus = dcmtk::log4cplus;
+
+CtsDcmLog &cts_dcm_log()
+{
+    static thread_local CtsDcmLog log;
+    return log;
+}
+
+void cts_dcm_log_reset()
+{
+    cts_dcm_log() = CtsDcmLog();
+}
+
+CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
+{
+    return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
+}
+
+namespace
+{
+
+class CountingAppender : public log4cplus::Appender
+{
+  public:
+    ~CountingAppender() override
+    {
+        destructorImpl();
+    }
+    void close() override
+    {
+        closed = true;
+    }
+
+  protected:
+    void append(const log4cplus::spi::InternalLoggingEvent &event) override
+    {
+        CtsDcmLog &log = cts_dcm_log();
+        if (log.n++ == 0)
+            std::snprintf(log.first, sizeof log.first, "%s", event.getMessage().c_str());
+    }
+};
+
+/* As long as the program runs, and no longer: DCMTK's list of codecs does not free them. */
+class Decoders final
+{
+  public:
+    Decoders()
+    {
+        DcmRLEDecoderRegistration::registerCodecs();
+        DJDecoderRegistration::registerCodecs();
+        DJLSDecoderRegistration::registerCodecs();
+    }
+    ~Decoders()
+    {
+        DJLSDecoderRegistration::cleanup();
+        DJDecoderRegistration::cleanup();
+        DcmRLEDecoderRegistration::cleanup();
+    }
+    Decoders(const Decoders &) = delete;
+    Decoders &operator=(const Decoders &) = delete;
+};
+
+bool start_decoders()
+{
+    OFLog::configure(OFLogger::WARN_LOG_LEVEL);
+    log4cplus::Logger root = log4cplus::Logger::getRoot();
+    /* Silenced, not removed: an appender's destructor allocates, and without memory ends the program. */
+    for (const log4cplus::SharedAppenderPtr &appender : root.getAllAppenders())
+        appender->setThreshold(log4cplus::OFF_LOG_LEVEL);
+    root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
+    static const Decoders decoders;
+    /* A process that is forked finds none of DCMTK's locks taken. There this one is made anew, for it knows the thread
+     * that has taken it by another number. */
+    return pthread_atfork([] { cts_dcm_in_use().lock(); }, [] { cts_dcm_in_use().unlock(); },
+                          [] { new (&cts_dcm_in_use()) std::shared_mutex; }) == 0;
+}
+
+} // namespace
+
+std::shared_mutex &cts_dcm_in_use()
+{
+    static std::shared_mutex mutex;
+    return mutex;
+}
+
+CtsStatus cts_dcm_start_decoders(CtsError *err)
+try {
+    static const bool started = start_decoders();
+    return started ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_INTERNAL);
+}
+
+CtsStatus cts_dcm_start(CtsError *err)
+try {
+    CtsStatus st = cts_dcm_start_decoders(err);
+    if (st)
+        return st;
+    static std::mutex mutex;
+    static bool loaded;
+    const std::lock_guard<std::mutex> alone(mutex);
+    if (!loaded && (st = cts_dcm_load_dictionary(err)))
+        return st;
+    loaded = true;
+    return CTS_OK;
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_INTERNAL);
+}

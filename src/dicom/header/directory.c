@@ -1,0 +1,76 @@
+/* DICOMDIR records -> file names. */
+#include "dicom/header/head.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { RECORDS = 0x00041220, FILE_ID = 0x00041500 };
+
+/* A file ID is untrusted: it must name something below the DICOMDIR's own folder. Its parts are joined in place. */
+static bool make_relative(char *id)
+{
+    char *to = id;
+    for (const char *part = id, *end; part; part = *end ? end + 1 : NULL) {
+        end = strchrnul(part, '\\');
+        size_t n = (size_t)(end - part);
+        while (n && part[n - 1] == ' ')
+            n--;
+        if (!n || (n == 1 && part[0] == '.') || (n == 2 && !memcmp(part, "..", 2)) || memchr(part, '/', n))
+            return false;
+        if (to != id)
+            *to++ = '/';
+        memmove(to, part, n);
+        to += n;
+    }
+    *to = 0;
+    return true;
+}
+
+/* folder of `directory` + '/' + file; where that is missing, the lower-case name that some CD drives show. */
+static char *file_beside(const char *directory, const char *file)
+{
+    const char *slash = strrchr(directory, '/');
+    const size_t n = slash ? (size_t)(slash - directory) + 1 : 0;
+    char *path = malloc(n + strlen(file) + 1);
+    if (!path)
+        return NULL;
+    memcpy(path, directory, n);
+    memcpy(path + n, file, strlen(file) + 1);
+    CtsFileBytes probe;
+    if (cts_file_bytes_open(&probe, path, NULL))
+        for (char *c = path + n; *c; c++)
+            if (*c >= 'A' && *c <= 'Z')
+                *c = (char)(*c - 'A' + 'a');
+    cts_file_bytes_close(&probe);
+    return path;
+}
+
+CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
+                                   CtsError *err)
+{
+    CtsHead head;
+    CtsScratch scratch = {0};
+    CtsElement records;
+    CtsElements record;
+    *n_refused = 0;
+    CtsStatus st = cts_head_open(&head, &(CtsFile){.path = path}, &scratch, err);
+    if (!st && (head.kind != CTS_FILE_DICOM || !cts_elements_get(cts_head_elements(&head), RECORDS, &records)))
+        st = cts_fail(err, CTS_ERR_READ, "cannot be read as a DICOMDIR (name the folder instead)");
+    if (st)
+        cts_context(err, "%s", path);
+    while (!st && cts_items_next(&records.value, &record)) {
+        char id[256];
+        if (!cts_elements_text(record, FILE_ID, id, sizeof id))
+            continue;
+        if (!make_relative(id)) {
+            ++*n_refused;
+            continue;
+        }
+        char *const file = file_beside(path, id);
+        st = file ? found(context, file, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        free(file);
+    }
+    cts_head_close(&head);
+    cts_scratch_free(&scratch);
+    return st;
+}

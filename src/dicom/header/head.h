@@ -1,0 +1,72 @@
+/* Headers: of one file, and what stands in it of slices and pixels. */
+#ifndef CTS_DICOM_HEAD_H
+#define CTS_DICOM_HEAD_H
+
+#include "base/file_bytes.h"
+#include "ctsplat/api.h"
+#include "dicom/header/dcm_read.h"
+#include "dicom/header/slice.h"
+#include "dicom/parser/elements.h"
+
+/* The header of a DICOM file: read as far as its pixels, its framing looked over, a deflated one inflated. */
+
+CTS_C_BEGIN
+
+typedef struct CtsHead {
+    CtsFileBytes file; /* open until the end */
+    CtsFileKind kind;  /* DICOM or not; the rest is of DICOM alone */
+    CtsScratch *scratch;
+    size_t n; /* bytes from the file's start that are in scratch */
+    CtsMetaScan meta;
+    const CtsSyntax *syntax; /* NULL: not known */
+    const char *syntax_uid;
+    unsigned odd; /* CTS_ODD_... of the file */
+    CtsDataScan scan;
+    CtsDataSet data_set; /* in scratch */
+} CtsHead;
+
+/* CTS_ERR_READ, without the path, for what cannot be opened or is damaged. Close in any case. */
+CtsStatus cts_head_open(CtsHead *head, const CtsFile *source, CtsScratch *scratch, CtsError *err);
+void cts_head_close(CtsHead *head);
+
+/* cts_head_open() in two steps, for callers that know other formats: open the file and read its first n bytes into
+ * scratch->file (n is 0 for what is no regular file), then read on as DICOM. */
+CtsStatus cts_head_begin(CtsHead *head, const CtsFile *source, CtsScratch *scratch, CtsError *err);
+CtsStatus cts_head_read(CtsHead *head, CtsError *err);
+
+/* The slices of an open DICOM file, into a zeroed object. */
+CtsStatus cts_head_object(const CtsHead *head, const CtsFile *source, CtsObject *object, CtsError *err);
+
+/* All elements in front of the pixels. */
+CtsElements cts_head_elements(const CtsHead *head);
+
+/* The header of a slice's file, which must be the one that was scanned. CTS_ERR_READ with its path. Close in any
+ * case. */
+typedef struct CtsSliceHead {
+    CtsScratch scratch;
+    CtsHead head;
+} CtsSliceHead;
+CtsStatus cts_slice_head_open(CtsSliceHead *slice_head, const CtsSlice *slice, CtsError *err);
+void cts_slice_head_close(CtsSliceHead *slice_head);
+
+/* What an object is called: "" where it does not say. CTS_ERR_READ, with the path, for what is no DICOM file. */
+typedef struct CtsDcmIds {
+    char class_uid[65], sop_uid[65], syntax_uid[65];
+} CtsDcmIds;
+CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err);
+
+/* Where in its file each frame's pixels lie. */
+
+/* n frames' places among the fragments of the value at pixel_offset: those of frame k lie between offset[k] and
+ * offset[k + 1], each with the 8 bytes of its item. n + 1 numbers, for cts_free(). */
+CtsStatus cts_find_frames(const CtsFileBytes *file, uint64_t pixel_offset, int n, uint64_t **offset, CtsError *err);
+
+/* For the n frames of one object, in order, whose pixel_offset and pixel_bytes still are those of the whole value of
+ * PixelData: set them to each frame's own. A fault where the bytes do not hold the frames, or do not tell which
+ * fragment begins which frame. */
+CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n, CtsError *err);
+void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n);
+
+CTS_C_END
+
+#endif

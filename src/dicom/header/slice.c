@@ -1,0 +1,80 @@
+#include "dicom/header/slice.h"
+
+#include "base/file_bytes.h"
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void cts_slice_clear(CtsSlice *slice)
+{
+    free(slice->fault_text);
+    *slice = (CtsSlice){0};
+}
+
+void cts_slice_free(CtsSlice *slice)
+{
+    cts_slice_clear(slice);
+    free(slice);
+}
+
+void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...)
+{
+    if (slice->fault)
+        return;
+    char text[256];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    slice->fault = status;
+    slice->fault_text = strdup(text); /* NULL without memory: the status still refuses the slice */
+}
+
+CtsStored cts_slice_stored(const CtsSlice *s)
+{
+    return (CtsStored){.shift = s->high_bit + 1 - s->bits_stored,
+                       .bits = s->bits_stored,
+                       .is_signed = s->is_signed,
+                       .padding_low = s->has_padding ? s->padding_low : 1,
+                       .padding_high = s->has_padding ? s->padding_high : 0,
+                       .padding_word = s->padding_word};
+}
+
+const char *cts_slice_name(const CtsSlice *slice)
+{
+    const char *slash = strrchr(slice->path, '/');
+    return slash ? slash + 1 : slice->path;
+}
+
+CtsSliceLabel cts_slice_label(const CtsSlice *slice)
+{
+    CtsSliceLabel label;
+    if (slice->n_frames)
+        snprintf(label.text, sizeof label.text, "%.255s, frame %d", cts_slice_name(slice), slice->frame + 1);
+    else
+        snprintf(label.text, sizeof label.text, "%.255s", cts_slice_name(slice));
+    return label;
+}
+
+void cts_object_free(CtsObject *object)
+{
+    for (int i = 0; i < object->n_slices; i++)
+        cts_slice_free(object->slices[i]);
+    free(object->slices);
+    *object = (CtsObject){0};
+}
+
+CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
+{
+    if (s->memory) {
+        *file = cts_file_bytes_in_memory(s->memory, s->file_bytes);
+        return CTS_OK;
+    }
+    CtsStatus st = cts_file_bytes_open(file, s->path, err);
+    if (!st && file->fd < 0)
+        st = cts_fail(err, CTS_ERR_READ, "is no file any more");
+    if (!st && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))
+        st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
+    return st;
+}

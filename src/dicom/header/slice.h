@@ -1,0 +1,187 @@
+/* One slice as its header describes it: tags as numbers, pixels as a place in a file. No DCMTK type. */
+#ifndef CTS_DICOM_SLICE_H
+#define CTS_DICOM_SLICE_H
+
+#include "base/file_bytes.h"
+#include "base/string_pool.h"
+#include "core/volume/stored.h"
+#include "ctsplat/series.h"
+#include "ctsplat/status.h"
+#include "dicom/parser/syntax.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+CTS_C_BEGIN
+
+typedef enum CtsObjectKind {
+    CTS_OBJECT_OTHER,     /* DICOM, but no CT slice: other SOP classes, structured reports, directories */
+    CTS_OBJECT_CT,        /* CT Image Storage */
+    CTS_OBJECT_ENHANCED,  /* Enhanced CT or Legacy Converted Enhanced CT: many frames in one object */
+    CTS_OBJECT_DIRECTORY, /* a DICOMDIR */
+    CTS_OBJECT_LABELS,    /* a segmentation or a structure set */
+    CTS_OBJECT_NIFTI      /* no DICOM, but a NIfTI CT that was named: its slices are this file's alone */
+} CtsObjectKind;
+
+/* Odd but usable; the series turns each into one warning. */
+enum {
+    CTS_ODD_NO_PREAMBLE = 1,  /* no preamble or meta header: a bare data set */
+    CTS_ODD_NO_SYNTAX = 2,    /* no transfer syntax UID; found by looking */
+    CTS_ODD_ORIENTATION = 4,  /* direction cosines off by more than 0.001 */
+    CTS_ODD_MONOCHROME1 = 8,  /* display polarity only; HU do not change */
+    CTS_ODD_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
+    CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the rest is not read */
+    CTS_ODD_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
+    CTS_ODD_FALLING = 128,    /* RescaleSlope is negative, which no scanner writes */
+    CTS_ODD_NOT_HU = 256,     /* ImageType or RescaleType names another quantity */
+    CTS_ODD_BURNED_IN = 512   /* (0028,0301) is YES */
+};
+
+/* Who and what a slice is of; the slices of one volume agree in all of it. */
+typedef enum CtsIdentity {
+    CTS_PATIENT_ID,
+    CTS_PATIENT_ISSUER,
+    CTS_PATIENT_NAME,
+    CTS_PATIENT_BIRTH_DATE,
+    CTS_PATIENT_SEX,
+    CTS_STUDY_UID,
+    CTS_FRAME_UID,
+    CTS_N_IDENTITY
+} CtsIdentity;
+
+/* Its texts are the reader's (CtsScratch), shared by the slices it has read. */
+typedef struct CtsSlice {
+    const char *path;      /* the file's (CtsFile) */
+    const uint8_t *memory; /* the file where it is an archive\'s member, which the series list keeps; else NULL */
+    uint64_t file_bytes;   /* with mtime_ns: the file must be the same when the pixels are read */
+    int64_t mtime_ns;
+    CtsObjectKind kind;
+    const CtsSyntax *syntax; /* NULL when the UID is unknown */
+    const char *syntax_uid;
+    unsigned odd; /* CTS_ODD_... */
+
+    const char *sop_uid, *series_uid; /* "" where missing; at most 64 characters */
+    const char *class_uid;            /* its object's SOP class */
+    /* As stored, without padding; "" where missing. What names a patient is compared and never told. */
+    const char *identity[CTS_N_IDENTITY];
+    const char *modality;              /* at most 16 */
+    const char *scanner;               /* manufacturer, model and serial number, one after the other; "" for none */
+    const char *description, *charset; /* (0008,103E) and (0008,0005) as stored; may be NULL */
+    const char *study_date;            /* (0008,0020) as stored; may be NULL */
+    int series_number;                 /* (0020,0011); negative where missing */
+    bool has_acquisition, has_temporal, has_instance;
+    int acquisition_number, instance_number, temporal_index;
+    double kvp, trigger_ms; /* (0018,0060), (0018,1060); negative when missing */
+    double content_s;       /* ContentTime in seconds of the day; negative when missing */
+    /* Of a cardiac cycle: (0020,9241), percent, and (0020,9153), ms; NaN when missing. */
+    double phase_percent, phase_delay_ms;
+    const char *kernel;   /* (0018,1210), at most 64 characters; "" where missing */
+    double thickness_mm;  /* (0018,0050); negative when missing */
+    double time_s;        /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
+    bool told_lossless;   /* (0028,2110) is 00 */
+    bool localizer;       /* a scout */
+    bool page;            /* a dose report or the like: never had a place in a patient */
+    int frame, n_frames;  /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
+    const char *stack_id; /* (0020,9056), of a frame; at most 16 characters */
+    /* Of a frame's object, where it is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
+    const char *concatenation; /* (0020,9161); "" where missing */
+    int part_number, n_parts;  /* (0020,9162), from 1, and (0020,9163); 0 where missing */
+    int64_t first_frame;       /* (0020,9228), from 0; negative where missing */
+    /* Of which parts are missing: what the series says of it, and how many frames between others that is. NULL, 0. */
+    const char *lacks;
+    int n_lacking;
+
+    int rows, columns, bits_allocated, bits_stored, high_bit;
+    bool is_signed;
+    bool has_padding;
+    int padding_low, padding_high;    /* stored values, both inclusive (0028,0120) and (0028,0121) */
+    int padding_word;                 /* a padding value too large for bits_stored: the whole 16-bit word; else -1 */
+    double slope, intercept;          /* HU = slope * stored + intercept */
+    double row_lps[3], column_lps[3]; /* unit directions in which the column and the row index rise */
+    double normal_lps[3];             /* row x column */
+    double position_lps[3];           /* centre of the first pixel, mm */
+    double column_spacing_mm, row_spacing_mm; /* along row_lps, along column_lps */
+
+    /* The value of PixelData (7FE0,0010): its place in the file, or in the inflated data set when deflated; the frame's
+     * fragments, each with its item's 8 bytes in front, when encapsulated. */
+    uint64_t pixel_offset, pixel_bytes;
+    uint64_t data_offset; /* where the data set begins in the file */
+    bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
+
+    CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
+    char *fault_text; /* owned; without the path */
+} CtsSlice;
+
+/* Frees what the slice owns and zeroes it. */
+void cts_slice_clear(CtsSlice *slice);
+/* One of malloc()'s. */
+void cts_slice_free(CtsSlice *slice);
+
+/* Record why the slice cannot be used; the first reason stays. */
+void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+/* The path without its folders. */
+const char *cts_slice_name(const CtsSlice *slice);
+
+/* The same with the number of the frame, from 1, where there are several; text is cut to its size. */
+typedef struct CtsSliceLabel {
+    char text[320];
+} CtsSliceLabel;
+CtsSliceLabel cts_slice_label(const CtsSlice *slice);
+
+/* Working memory of one thread that reads headers, grown as needed. Zero-initialise; free with cts_scratch_free(). */
+typedef struct CtsScratch {
+    uint8_t *file, *inflated;
+    size_t file_capacity, inflated_capacity;
+    size_t most_header;          /* what may stand before the pixels; 0: CTS_MAX_HEADER_BYTES */
+    struct CtsSandbox *inflater; /* a process for deflated headers, started when the first comes */
+    CtsTexts texts;              /* of the slices whose headers were read; may be taken out */
+} CtsScratch;
+
+void cts_scratch_free(CtsScratch *scratch);
+
+typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, CTS_FILE_UNREADABLE } CtsFileKind;
+
+/* What one file holds: a slice, or the frames of an object with many. */
+typedef struct CtsObject {
+    CtsObjectKind kind;
+    const char *class_uid; /* of DICOM; "" where it names none */
+    const char *study_uid; /* of DICOM; "" where it names none */
+    bool has_number;
+    int instance_number; /* (0020,0013) of DICOM */
+    CtsSlice **slices;   /* n_slices of them, owned; none unless kind is CT or enhanced CT */
+    int n_slices;
+    const char *packed; /* no DICOM, but looks like this packer's: "gzip"; or NIfTI that was not named; else NULL */
+} CtsObject;
+
+void cts_object_free(CtsObject *object);
+
+/* Read the header of a DICOM file into a zeroed object that ends before source's path and scratch's texts do.
+ * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_UNREADABLE: err says why, without the path.
+ * bytes_read is added to. Files that may be NIfTI: input/files/file_header.h. */
+CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
+                                  CtsError *err);
+
+/* How its stored words are read. */
+CtsStored cts_slice_stored(const CtsSlice *slice);
+
+/* Bytes first <= i < end of its frame, in the file's byte order, become words of 16 bits in this machine's; first is
+ * even. Words that are there already may be the bytes' own place. */
+void cts_slice_widen(const CtsSlice *slice, const uint8_t *bytes, uint16_t *words, size_t first, size_t end);
+
+/* Grey levels of 1 HU (0: padding, and -1024 HU or less) at the middles of the squares of a grid over the slice, from
+ * its stored words or, where are_grey, such grey levels. */
+enum { CTS_SAMPLE_SIDE = 32, CTS_SAMPLES = CTS_SAMPLE_SIDE * CTS_SAMPLE_SIDE };
+void cts_slice_sample(const CtsSlice *slice, const uint16_t *words, bool are_grey, uint16_t sample[CTS_SAMPLES]);
+
+/* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
+CtsStatus cts_slice_open(const CtsSlice *slice, CtsFileBytes *file, CtsError *err);
+
+/* Calls found with each file name in a DICOMDIR, its own folder in front, for as long as that succeeds. *n_refused: how
+ * many lead out of the folder. */
+typedef CtsStatus (*cts_named_file_fn)(void *context, const char *path, CtsError *err);
+CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
+                                   CtsError *err);
+
+CTS_C_END
+#endif

@@ -1,0 +1,123 @@
+/* Text of any DICOM character set, safe to show. */
+#include "base/text.h"
+#include "dicom/header/dcm_readers.h"
+#include <iconv.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_CHARACTERS = 64 };
+
+/* ASCII in a single-byte set or UTF-8 (ISO_IR 100 to 192), all of which hold ASCII unchanged: the usual case. */
+static bool is_same_in_utf8(const char *text, const char *charset)
+{
+    for (const char *c = text; *c; c++)
+        if ((unsigned char)*c >= 0x80 || *c == 0x1B)
+            return false;
+    return strncmp(charset, "ISO_IR 1", 8) == 0 && strlen(charset) == 10;
+}
+
+/* Sets of two bytes a character, which DCMTK does not know in every build (PS3.3 C.12.1.1.2). An escape sequence makes
+ * what follows one of them; in `code`, which iconv knows, the same bytes have their upper bit set, and a byte in front
+ * where it says which set. */
+static const struct {
+    const char *term, *escape, *code;
+    char in_front; /* 0: none */
+} wide_sets[] = {{"ISO 2022 IR 87", "$B", "EUC-JP", 0},
+                 {"ISO 2022 IR 87", "$@", "EUC-JP", 0},
+                 {"ISO 2022 IR 159", "$(D", "EUC-JP", (char)0x8F},
+                 {"ISO 2022 IR 149", "$)C", "EUC-KR", 0},
+                 {"ISO 2022 IR 58", "$)A", "GB2312", 0}};
+enum { N_WIDE = sizeof wide_sets / sizeof *wide_sets, ESCAPE = 0x1B };
+
+/* The text in the code without escape sequences; to be freed with free(). NULL: it has others than these. */
+static char *without_escapes(const char *text, const char *code)
+{
+    static const char *const narrow[] = {"(B", "(J", ")I"}; /* ASCII; Roman and katakana of JIS X 0201 */
+    static const char katakana = (char)0x8E;
+    char *const out = malloc(3 * strlen(text) + 1);
+    size_t n = 0;
+    int wide = -1;
+    for (const char *p = text; out && *p;) {
+        const int before = wide;
+        size_t n_escape = 0;
+        for (int i = 0; *p == ESCAPE && i < N_WIDE && !n_escape; i++)
+            if (!strcmp(wide_sets[i].code, code) && !strncmp(p + 1, wide_sets[i].escape, strlen(wide_sets[i].escape))) {
+                n_escape = strlen(wide_sets[i].escape) + 1;
+                wide = wide_sets[i].escape[1] == ')' ? -1 : i; /* of the upper half, whose bytes tell themselves */
+            }
+        for (size_t i = 0; *p == ESCAPE && i < sizeof narrow / sizeof *narrow && !n_escape; i++)
+            if (!strncmp(p + 1, narrow[i], strlen(narrow[i]))) {
+                n_escape = strlen(narrow[i]) + 1;
+                wide = narrow[i][0] == '(' ? -1 : before;
+            }
+        p += n_escape;
+        if (n_escape)
+            continue;
+        if (*p == ESCAPE) {
+            free(out);
+            return NULL;
+        }
+        if (wide >= 0 && (p[0] & 0x7F) > ' ' && (p[1] & 0x7F) > ' ') {
+            if (wide_sets[wide].in_front)
+                out[n++] = wide_sets[wide].in_front;
+            out[n++] = (char)(*p++ | 0x80);
+            out[n++] = (char)(*p++ | 0x80);
+            continue;
+        }
+        if ((*p & 0x80) && !strcmp(code, "EUC-JP"))
+            out[n++] = katakana;
+        out[n++] = *p++;
+    }
+    if (out)
+        out[n] = 0;
+    return out;
+}
+
+static char *convert(const char *text, const char *code)
+{
+    char *from = (char *)text;
+    size_t n_from = strlen(text), n_to = 3 * n_from;
+    char *const utf8 = malloc(n_to + 1), *to = utf8;
+    const iconv_t converter = iconv_open("UTF-8", code);
+    const bool known = converter != (iconv_t)-1;
+    const bool done = utf8 && known && iconv(converter, &from, &n_from, &to, &n_to) != (size_t)-1;
+    if (known)
+        iconv_close(converter);
+    if (done) {
+        *to = 0;
+        return utf8;
+    }
+    free(utf8);
+    return NULL;
+}
+
+/* NULL: not in these sets. */
+static char *wide_to_utf8(const char *text, const char *charset)
+{
+    char *utf8 = NULL;
+    for (int i = 0; i < N_WIDE && !utf8; i++) {
+        const char *const named = strstr(charset, wide_sets[i].term);
+        char *const plain = named ? without_escapes(text, wide_sets[i].code) : NULL;
+        utf8 = plain ? convert(plain, wide_sets[i].code) : NULL;
+        free(plain);
+    }
+    return utf8;
+}
+
+char *cts_dcm_utf8(const char *text, const char *charset)
+{
+    const bool foreign = charset && charset[0] && !is_same_in_utf8(text, charset);
+    const CtsDcmReaders *dcm = NULL;
+    char *utf8 = foreign ? wide_to_utf8(text, charset) : NULL;
+    if (foreign && !utf8 && !cts_dcm_readers(&dcm, NULL))
+        utf8 = dcm->convert(text, charset);
+    if (!utf8 && !(utf8 = strdup(text)))
+        return NULL;
+    cts_text_clean(utf8);
+    char *end = utf8;
+    bool safe;
+    for (int i = 0; i < MAX_CHARACTERS && *end; i++)
+        end += cts_text_step(end, strlen(end), &safe);
+    *end = 0;
+    return utf8;
+}

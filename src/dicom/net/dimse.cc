@@ -1,0 +1,312 @@
+/* DIMSE with DCMTK: C-STORE out, C-GET or C-MOVE in (PS3.4 B and C). */
+#include <dcmtk/config/osconfig.h>
+
+#include "dicom/header/dcm_door.hpp"
+#include "dicom/net/accept.h"
+#include "dicom/net/dimse.hpp"
+#include "dicom/net/peer.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace
+{
+
+/* Stores every incoming object under a name of ours. */
+class GetScu : public CtsScu
+{
+  public:
+    GetScu(CtsInbox *inbox_, const CtsNet &net_) : inbox(inbox_), net(net_)
+    {
+        setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
+        setStorageDir(inbox->folder);
+    }
+    CtsError error = {};
+    CtsStatus status = CTS_OK;
+
+  protected:
+    /* Called while a file comes, however long it is. */
+    void notifyRECEIVEProgress(const unsigned long n_bytes) override
+    {
+        if (!status && !cts_net_stopped(&net))
+            status = cts_inbox_grows(inbox, n_bytes, &error);
+        if (status || cts_net_stopped(&net))
+            cts_transport_break(*transport);
+    }
+
+    OFCondition handleSTORERequestFile(T_ASC_PresentationContextID *context, const OFString &,
+                                       T_DIMSE_C_StoreRQ *request) override
+    {
+        char *path = nullptr;
+        if (cts_net_stopped(&net))
+            return EC_IllegalCall;
+        status = cts_inbox_next(inbox, &path, &error);
+        OFCondition state = EC_IllegalCall;
+        if (!status) {
+            state = DcmSCU::handleSTORERequestFile(context, path, request);
+            if (state.good() && (status = cts_inbox_keep(inbox, path, &error)))
+                state = EC_IllegalCall;
+        }
+        free(path);
+        return state;
+    }
+
+  private:
+    CtsInbox *inbox;
+    const CtsNet &net;
+};
+
+bool is_native(const char *syntax_uid)
+{
+    return strcmp(syntax_uid, UID_LittleEndianExplicitTransferSyntax) == 0;
+}
+
+const char *remedy_of(const CtsParcel &parcel)
+{
+    return is_native(parcel.ids.syntax_uid) ? " (it must be set up to store this class)"
+                                            : " (`compress` none sends it uncompressed)";
+}
+
+/* One file over a connection that stands. */
+void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
+{
+    const T_ASC_PresentationContextID context =
+        is_native(parcel.ids.syntax_uid) ? scu.findAnyPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid)
+                                         : scu.findPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid);
+    if (context == 0) {
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer does not take %s in %s%s",
+                 cts_uid_words(parcel.ids.class_uid).c_str(), cts_uid_words(parcel.ids.syntax_uid).c_str(),
+                 remedy_of(parcel));
+        return;
+    }
+    Uint16 status = 0;
+    const OFCondition state = scu.sendSTORERequest(context, parcel.path, nullptr, status);
+    if (state.bad()) {
+        result.again = true;
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the connection broke: %s", cts_one_line(state).c_str());
+    } else if (status == STATUS_Success || (status & 0xF000) == 0xB000) {
+        cts_parcel_is_sent(&parcel, &net);
+    } else { /* A7xx: out of resources, which may pass */
+        result.again = (status & 0xFF00) == 0xA700;
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer refuses it with status %04X", static_cast<unsigned>(status));
+    }
+}
+
+void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int n, CtsTry &result)
+{
+    CtsScu scu;
+    for (int i = 0; i < n; i++) {
+        OFList<OFString> syntaxes;
+        syntaxes.push_back(parcels[i].ids.syntax_uid);
+        if (is_native(parcels[i].ids.syntax_uid))
+            syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
+        if (parcels[i].sent)
+            continue;
+        scu.offer(parcels[i].ids.class_uid, syntaxes);
+        if (scu.remedy.empty())
+            scu.remedy = remedy_of(parcels[i]);
+    }
+    if (scu.associate(peer, net, CTS_ERR_OUTPUT, &result.again, &result.error))
+        return;
+    for (int i = 0; i < n && !result.error.status && !cts_net_stopped(&net); i++)
+        if (!parcels[i].sent)
+            store(scu, net, parcels[i], result);
+    scu.hang_up(!result.again);
+}
+
+void fill_query(DcmDataset &query, const CtsRequest &request, const char *series_uid)
+{
+    query.putAndInsertString(DCM_QueryRetrieveLevel, "SERIES");
+    query.putAndInsertString(DCM_StudyInstanceUID, request.study_uid);
+    query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
+}
+
+/* A series, and how many objects there are of it by C-FIND; 0: not told. */
+struct Series {
+    std::string uid;
+    int n_objects;
+};
+
+/* The study's CT series by C-FIND, or the one that is asked for: a whole study holds objects that we have no use for,
+ * and some peers fail at them. */
+std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
+{
+    std::vector<Series> found;
+    DcmDataset query;
+    fill_query(query, request, request.series_uid ? request.series_uid : "");
+    query.putAndInsertString(DCM_Modality, request.series_uid ? "" : "CT");
+    query.putAndInsertString(DCM_NumberOfSeriesRelatedInstances, "");
+    scu.ask(query, CTS_MOST_FOUND, nullptr); /* what it does not tell may be there all the same */
+    for (const auto &answer : scu.answers) {
+        const char *uid = nullptr;
+        Sint32 n = 0;
+        if (answer->findAndGetString(DCM_SeriesInstanceUID, uid).good() && uid && cts_uid_is_valid(uid) &&
+            (!request.series_uid || strcmp(uid, request.series_uid) == 0)) {
+            answer->findAndGetSint32(DCM_NumberOfSeriesRelatedInstances, n);
+            found.push_back({uid, n});
+        }
+    }
+    if (request.series_uid && found.empty())
+        found.push_back({request.series_uid, 0});
+    return found;
+}
+
+/* What the last response says. n_objects becomes what all of them count, if that is more. */
+CtsStatus judge(OFList<RetrieveResponse *> &responses, int *n_objects, CtsError *err)
+{
+    CtsStatus st = responses.empty() ? cts_fail(err, CTS_ERR_READ, "the peer does not answer") : CTS_OK;
+    if (!responses.empty()) {
+        const RetrieveResponse &last = *responses.back();
+        const unsigned failed = last.m_numberOfFailedSubops;
+        const bool counts = last.m_numberOfCompletedSubops + last.m_numberOfWarningSubops > 0;
+        if (last.m_status != STATUS_Success && (last.m_status & 0xF000) != 0xB000)
+            st = cts_fail(err, CTS_ERR_READ, "the peer refuses with status %04X", static_cast<unsigned>(last.m_status));
+        else if (failed > 0)
+            st = cts_fail(err, CTS_ERR_READ, "the peer could not send %u of the series' objects", failed);
+        else if (last.m_status != STATUS_Success && !counts)
+            st = cts_fail(err, CTS_ERR_READ, "the peer ends with the warning %04X, and does not say what it sent",
+                          static_cast<unsigned>(last.m_status));
+    }
+    for (OFListIterator(RetrieveResponse *) i = responses.begin(); i != responses.end(); ++i) {
+        const RetrieveResponse &r = **i;
+        *n_objects = std::max(*n_objects, r.m_numberOfRemainingSubops + r.m_numberOfCompletedSubops +
+                                              r.m_numberOfFailedSubops + r.m_numberOfWarningSubops);
+        delete *i;
+    }
+    return st;
+}
+
+/* One series after the other over a connection that stands. Of a whole study, a series that does not come is told and
+ * left out. */
+template <typename Fetch>
+CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
+{
+    for (const Series &series : find_series(scu, request)) {
+        const char *const uid = series.uid.c_str();
+        const int n_before = request.inbox->n_files;
+        int n_objects = series.n_objects;
+        DcmDataset query;
+        OFList<RetrieveResponse *> responses;
+        CtsError why = {};
+        fill_query(query, request, uid);
+        const OFCondition state = cts_net_stopped(&net) ? OFCondition(EC_IllegalCall) : fetch(query, responses);
+        CtsStatus st = judge(responses, &n_objects, &why);
+        if (cts_net_stopped(&net))
+            return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+        const int n_came = request.inbox->n_files - n_before;
+        if (!st && state.good() && n_came < n_objects)
+            st = cts_fail(&why, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, n_objects);
+        if (state.bad())
+            return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", request.inbox->n_files,
+                            cts_one_line(state).c_str());
+        if (st && request.series_uid)
+            return *err = why, st;
+        if (st) {
+            cts_inbox_cut(request.inbox, n_before);
+            cts_report_finding(request.report, "series_not_fetched", CTS_WARNING, "series %s is left out: %s", uid,
+                               why.text);
+        } else {
+            *request.n_promised += n_objects;
+        }
+    }
+    return CTS_OK;
+}
+
+/* To receive it, in whichever way it is stored. */
+void offer_each(CtsScu &scu, const char *sop_class)
+{
+    for (const char *syntax : cts_ct_syntaxes) {
+        OFList<OFString> one;
+        one.push_back(syntax);
+        scu.addPresentationContext(sop_class, one, ASC_SC_ROLE_SCP);
+    }
+}
+
+/* By the model's retrieval, which send() asks for. */
+template <typename Send>
+CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
+                   Send send, CtsError *err)
+{
+    scu.offer(model);
+    scu.remedy = net.move_port ? " (a peer that speaks DICOMweb is fetched from by its URL)"
+                               : " (`move-port` fetches by C-MOVE)";
+    scu.offer(UID_FINDStudyRootQueryRetrieveInformationModel);
+    CtsStatus st = scu.associate(peer, net, CTS_ERR_READ, nullptr, err);
+    if (st)
+        return st;
+    const T_ASC_PresentationContextID context = scu.findPresentationContextID(model, "");
+    if (context == 0)
+        st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-%s",
+                      net.move_port ? "MOVE" : "GET (`move-port` fetches by C-MOVE)");
+    else
+        st = each_series(
+            scu, net, request,
+            [&](DcmDataset &query, OFList<RetrieveResponse *> &responses) { return send(context, &query, &responses); },
+            err);
+    scu.hang_up(st == CTS_OK);
+    return st;
+}
+
+CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+{
+    GetScu scu(request.inbox, net);
+    for (const char *sop_class : cts_ct_classes)
+        offer_each(scu, sop_class);
+    for (const char *sop_class : cts_capture_classes)
+        offer_each(scu, sop_class);
+    const CtsStatus st = retrieve(
+        scu, UID_GETStudyRootQueryRetrieveInformationModel, peer, net, request,
+        [&](auto context, auto query, auto responses) { return scu.sendCGETRequest(context, query, responses); }, err);
+    if (scu.status) /* why we gave up ourselves */
+        *err = scu.error;
+    return scu.status ? scu.status : st;
+}
+
+CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+{
+    CtsScu scu;
+    CtsMoveListener listener(peer, net, *request.inbox);
+    CtsStatus st = listener.open(err);
+    if (!st)
+        st = retrieve(
+            scu, UID_MOVEStudyRootQueryRetrieveInformationModel, peer, net, request,
+            [&](auto context, auto query, auto responses) {
+                return scu.sendMOVERequest(context, net.own_aet, query, responses);
+            },
+            err);
+    const CtsStatus taken = listener.close(err);
+    return taken ? taken : st;
+}
+
+} // namespace
+
+extern "C" {
+
+static void dimse_send(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result)
+try {
+    send_files(*peer, *net, parcels, n_parcels, *result);
+} catch (...) {
+    cts_dcm_caught(&result->error, CTS_ERR_OUTPUT);
+}
+
+static CtsStatus dimse_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
+try {
+    return net->move_port ? move(*peer, *net, *request, err) : get(*peer, *net, *request, err);
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_READ);
+}
+
+static CtsStatus dimse_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
+                            CtsError *err)
+try {
+    return cts_dimse_find(*peer, *net, *query, *found, err);
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_READ);
+}
+
+const CtsWay cts_way_dimse = {dimse_send, dimse_fetch, dimse_find, cts_accept, cts_accept_check};
+}

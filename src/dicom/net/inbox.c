@@ -1,0 +1,143 @@
+#include "dicom/net/peer.h"
+
+#include "base/file.h"
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+static const char prefix[] = "ctsplat-from-";
+enum { TRIES = 8 };
+
+/* A folder of ours, locked; -1 when it is another's, in use, or gone. */
+static int lock_folder(const char *path)
+{
+    struct stat info;
+    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (fd < 0)
+        return -1;
+    if (!fstat(fd, &info) && info.st_uid == geteuid() && !flock(fd, LOCK_EX | LOCK_NB) && !fstat(fd, &info) &&
+        info.st_nlink > 0)
+        return fd;
+    close(fd);
+    return -1;
+}
+
+/* What programs that were killed have left. */
+static void sweep(void)
+{
+    DIR *dir = opendir(cts_temp_root());
+    const struct dirent *entry;
+    while (dir && (entry = readdir(dir))) {
+        char *path = NULL;
+        if (strncmp(entry->d_name, prefix, strlen(prefix)) ||
+            asprintf(&path, "%s/%s", cts_temp_root(), entry->d_name) < 0)
+            continue;
+        int lock = lock_folder(path);
+        if (lock >= 0)
+            cts_inbox_remove(&path, &lock);
+        free(path);
+    }
+    if (dir)
+        closedir(dir);
+}
+
+static CtsStatus try_make(CtsInbox *inbox, CtsError *err)
+{
+    const CtsStatus st = cts_temp_folder(prefix, &inbox->folder, err);
+    if (st || (inbox->lock = lock_folder(inbox->folder)) >= 0)
+        return st;
+    free(inbox->folder);
+    inbox->folder = NULL;
+    return CTS_OK;
+}
+
+CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    *inbox = (CtsInbox){.lock = -1};
+    sweep();
+    /* Another program's sweep may take a folder between its making and its lock. */
+    for (int i = 0; !st && !inbox->folder && i < TRIES; i++)
+        st = try_make(inbox, err);
+    if (!st && !inbox->folder)
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder there cannot be locked (set TMPDIR to another one)",
+                      cts_temp_root());
+    return st;
+}
+
+CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err)
+{
+    struct statvfs disk;
+    if (inbox->n_files > CTS_INBOX_MAX_FILES)
+        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d files (give `series-uid`)",
+                        CTS_INBOX_MAX_FILES);
+    if (n_bytes >> 20 >= CTS_INBOX_MAX_FILE_MIB)
+        return cts_fail(err, CTS_ERR_READ, "the peer sends a file of more than %d GiB", CTS_INBOX_MAX_FILE_MIB >> 10);
+    if ((inbox->n_bytes + n_bytes) >> 20 >= CTS_INBOX_MAX_MIB)
+        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d GiB (give `series-uid`)",
+                        CTS_INBOX_MAX_MIB >> 10);
+    if (statvfs(inbox->folder, &disk) == 0 && disk.f_bavail < disk.f_blocks / 10)
+        return cts_fail(err, CTS_ERR_READ, "%s: the disk is nearly full (set TMPDIR to another one)", inbox->folder);
+    return CTS_OK;
+}
+
+CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err)
+{
+    inbox->n_files++;
+    *path = NULL;
+    const CtsStatus st = cts_inbox_grows(inbox, 0, err);
+    if (st)
+        return st;
+    if (asprintf(path, "%s/%06d.dcm", inbox->folder, inbox->n_files) < 0) {
+        *path = NULL;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err)
+{
+    struct stat file;
+    if (stat(path, &file))
+        return cts_fail(err, CTS_ERR_READ, "%s: what was fetched is gone: %s", path, strerror(errno));
+    /* The same object is the same file, whenever it comes: a batch does not render it again. */
+    const struct timespec never[2] = {{0}, {0}};
+    utimensat(AT_FDCWD, path, never, 0);
+    const CtsStatus st = cts_inbox_grows(inbox, (uint64_t)file.st_size, err);
+    inbox->n_bytes += (uint64_t)file.st_size;
+    return st;
+}
+
+void cts_inbox_cut(CtsInbox *inbox, int n)
+{
+    char path[4200];
+    for (; inbox->n_files > n; inbox->n_files--) {
+        snprintf(path, sizeof path, "%s/%06d.dcm", inbox->folder, inbox->n_files);
+        unlink(path);
+    }
+}
+
+void cts_inbox_remove(char **folder, int *lock)
+{
+    DIR *dir = *folder ? opendir(*folder) : NULL;
+    const struct dirent *entry;
+    while (dir && (entry = readdir(dir)))
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+            unlinkat(dirfd(dir), entry->d_name, 0);
+    if (dir)
+        closedir(dir);
+    if (*folder)
+        rmdir(*folder);
+    if (*folder && *lock >= 0)
+        close(*lock);
+    free(*folder);
+    *folder = NULL;
+    *lock = -1;
+}

@@ -1,0 +1,197 @@
+#include "dicom/net/dimse.hpp"
+
+#include "dicom/net/listener.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fcntl.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <string>
+#include <unistd.h>
+
+namespace
+{
+
+enum { TICK_MS = 100, MOST_SERVED = 16 };
+
+/* The address alone, without the port. */
+std::string host_of(const sockaddr_storage &address)
+{
+    char host[80] = "";
+    getnameinfo(reinterpret_cast<const sockaddr *>(&address), sizeof(sockaddr_in), host, sizeof host, nullptr, 0,
+                NI_NUMERICHOST);
+    return host;
+}
+
+/* The address of ours from which the peer is reached; nothing is sent to find out. "" when it cannot be. */
+std::string own_address(const sockaddr_storage &to)
+{
+    sockaddr_storage own = {};
+    socklen_t n = sizeof own;
+    const int probe = socket(to.ss_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const bool known = probe >= 0 &&
+                       connect(probe, reinterpret_cast<const sockaddr *>(&to), sizeof(sockaddr_in)) == 0 &&
+                       getsockname(probe, reinterpret_cast<sockaddr *>(&own), &n) == 0;
+    if (probe >= 0)
+        close(probe);
+    return known ? host_of(own) : "";
+}
+
+} // namespace
+
+CtsMoveListener::~CtsMoveListener()
+{
+    close(nullptr);
+}
+
+CtsStatus CtsMoveListener::find_peer(CtsError *err)
+{
+    addrinfo hints = {}, *found = nullptr;
+    hints.ai_socktype = SOCK_STREAM;
+    hints.ai_family = AF_INET; /* as DCMTK 3.6.7 connects */
+    const int why = getaddrinfo(peer.host, nullptr, &hints, &found);
+    if (why)
+        return cts_fail(err, CTS_ERR_READ, "%s: its address is not found: %s", peer.host, gai_strerror(why));
+    for (const addrinfo *a = found; a; a = a->ai_next) {
+        sockaddr_storage address = {};
+        std::memcpy(&address, a->ai_addr, a->ai_addrlen);
+        addresses.push_back(address);
+    }
+    freeaddrinfo(found);
+    return CTS_OK;
+}
+
+CtsStatus CtsMoveListener::listen(CtsError *err)
+{
+    char where[100];
+    const std::string own = own_address(addresses.front());
+    std::snprintf(where, sizeof where, "%s:%d", own.c_str(), net.move_port);
+    return own.empty() ? cts_fail(err, CTS_ERR_READ, "%s: cannot be reached", peer.host)
+                       : cts_listen(where, &listener, err);
+}
+
+CtsStatus CtsMoveListener::open(CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (net.tls_ca && !net.tls_key)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "C-MOVE to a port of ours over TLS wants a certificate of ours (`tls-key`)");
+    if ((st = cts_accept_check(&net, err)) || (st = find_peer(err)) || (st = listen(err)))
+        return st;
+    thread = std::thread([this] { run(); });
+    return CTS_OK;
+}
+
+bool CtsMoveListener::is_peer(const sockaddr_storage &from) const
+{
+    return std::any_of(addresses.begin(), addresses.end(),
+                       [&](const sockaddr_storage &address) { return host_of(address) == host_of(from); });
+}
+
+void CtsMoveListener::take_connection()
+{
+    sockaddr_storage from = {};
+    socklen_t n = sizeof from;
+    const int socket = accept4(listener, reinterpret_cast<sockaddr *>(&from), &n, SOCK_CLOEXEC);
+    const std::lock_guard<std::mutex> hold(lock);
+    const bool is_welcome = socket >= 0 && is_peer(from) && served.size() < MOST_SERVED;
+    const int own = is_welcome ? fcntl(socket, F_DUPFD_CLOEXEC, 0) : -1;
+    try {
+        if (own >= 0) {
+            served.insert(own);
+            std::thread([this, socket, own] { serve(socket, own); }).detach();
+            return;
+        }
+    } catch (...) { /* no room for it: the peer tells */
+        served.erase(own);
+        ::close(own);
+    }
+    if (socket >= 0)
+        ::close(socket);
+}
+
+void CtsMoveListener::run()
+{
+    while (!done) {
+        pollfd ready = {listener, POLLIN, 0};
+        if (poll(&ready, 1, TICK_MS) > 0)
+            take_connection();
+    }
+}
+
+void CtsMoveListener::serve(int socket, int own)
+{
+    CtsVisit visit = {};
+    CtsAcceptRules rules = {};
+    rules.net = &net;
+    rules.takes_captures = true;
+    rules.context = this;
+    rules.allows = [](void *self, const char *calling_aet) {
+        return std::strcmp(calling_aet, static_cast<CtsMoveListener *>(self)->peer.aet) == 0;
+    };
+    rules.begin = [](void *self) { return static_cast<CtsMoveListener *>(self)->begin(); };
+    rules.grows = [](void *self, uint64_t n_bytes) { return static_cast<CtsMoveListener *>(self)->grows(n_bytes); };
+    rules.keep = [](void *self, const char *path, const char *) {
+        return static_cast<CtsMoveListener *>(self)->keep(path);
+    };
+    /* A connection that says nothing keeps no other one waiting. */
+    pollfd ready = {own, POLLIN, 0};
+    poll(&ready, 1, -1);
+    cts_accept(&rules, socket, &visit);
+    const std::lock_guard<std::mutex> hold(lock);
+    ::close(own);
+    served.erase(own);
+    one_less.notify_all();
+}
+
+/* All that the peer says it has sent is there: an association that it keeps open is not waited for. */
+CtsStatus CtsMoveListener::close(CtsError *err)
+{
+    done = true;
+    if (thread.joinable())
+        thread.join();
+    if (listener >= 0)
+        ::close(listener);
+    listener = -1;
+    std::unique_lock<std::mutex> hold(lock);
+    for (const int own : served)
+        shutdown(own, SHUT_RDWR);
+    one_less.wait(hold, [this] { return served.empty(); });
+    if (status && err)
+        *err = error;
+    return status;
+}
+
+char *CtsMoveListener::begin()
+{
+    char *path = nullptr;
+    const std::lock_guard<std::mutex> hold(lock);
+    if (status || cts_net_stopped(&net))
+        return nullptr;
+    status = cts_inbox_next(&inbox, &path, &error);
+    return path;
+}
+
+bool CtsMoveListener::grows(uint64_t n_bytes)
+{
+    const std::lock_guard<std::mutex> hold(lock);
+    if (!status && !cts_net_stopped(&net))
+        status = cts_inbox_grows(&inbox, n_bytes, &error);
+    return !status && !cts_net_stopped(&net);
+}
+
+CtsStoredAs CtsMoveListener::keep(const char *path)
+{
+    CtsError why = {};
+    const std::lock_guard<std::mutex> hold(lock);
+    const CtsStatus st = cts_inbox_keep(&inbox, path, &why);
+    if (st && !status) {
+        status = st;
+        error = why;
+    }
+    return st ? CTS_STORED_NO_ROOM : CTS_STORED;
+}

@@ -1,0 +1,266 @@
+#include "dicom/net/peer.h"
+
+#include "base/load_part.h"
+#include "base/mem.h"
+#include "dicom/header/dcm_readers.h"
+#include "dicom/header/head.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <time.h>
+
+CtsNet cts_net_with_defaults(const CtsNet *net)
+{
+    CtsNet full = *net;
+    full.own_aet = net->own_aet ? net->own_aet : "CTSPLAT";
+    full.timeout_s = net->timeout_s > 0 ? net->timeout_s : 30;
+    full.n_tries = net->n_tries > 0 ? net->n_tries : 4;
+    return full;
+}
+
+/* Over plain http everybody on the way could read them. */
+static CtsStatus check_credentials(const CtsPeer *peer, const CtsNet *net, CtsError *err)
+{
+    const char *variable = getenv("CTSPLAT_CREDENTIALS");
+    const bool has = net->credentials || (variable && *variable);
+    if (!has || net->insecure_http || !peer->web || strncasecmp(peer->url, "http://", 7) || cts_url_is_here(peer->url))
+        return CTS_OK;
+    return cts_fail(err, CTS_ERR_USAGE,
+                    "%.200s: credentials do not go over plain http (give an https URL, or `insecure-http`)", peer->url);
+}
+
+CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *given, CtsError *err)
+{
+    const CtsNet net = cts_net_with_defaults(given);
+    if (!cts_aet_is_valid(net.own_aet, strlen(net.own_aet)))
+        return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net.own_aet);
+    if (!net.tls_key != !net.tls_certificate)
+        return cts_fail(err, CTS_ERR_USAGE, "a TLS key and its certificate must be given together");
+    return peer ? check_credentials(peer, &net, err) : CTS_OK;
+}
+
+CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err)
+{
+    static const void *kept;
+    const void *table;
+    const CtsDcmReaders *dcm = NULL;
+    CtsStatus st = cts_part_table(CTS_NET_PART, "cts_net_ways", &kept, &table, err);
+    if (st)
+        return cts_context(err, "what talks to a PACS");
+    const CtsNetWays *const ways = table;
+    *way = peer->web ? ways->web : ways->dimse;
+    return (st = cts_dcm_readers(&dcm, err)) ? st : dcm->start(err);
+}
+
+/* Asleep for a while, in parts, so that a request to stop is heard. */
+static void rest(const CtsNet *net, int ms)
+{
+    for (; ms > 0 && !cts_net_stopped(net); ms -= 50)
+        nanosleep(&(struct timespec){.tv_nsec = 50 * 1000000}, NULL);
+}
+
+/* How a file can be sent by hand; dcmsend knows no TLS. */
+static void by_hand(const CtsPeer *peer, const CtsNet *net, char *text, size_t size)
+{
+    if (peer->web || net->tls_ca || net->tls_key)
+        snprintf(text, size, "run the same again with `force`");
+    else
+        snprintf(text, size, "dcmsend -aet %s -aec %s %s %d FILE", net->own_aet, peer->aet, peer->host, peer->port);
+}
+
+static CtsStatus pack(const char *const *paths, int n, CtsParcel *parcels, CtsError *err)
+{
+    for (int i = 0; i < n; i++) {
+        const CtsStatus st = cts_dcm_ids(paths[i], &parcels[i].ids, err);
+        if (st)
+            return st;
+        parcels[i].path = paths[i];
+    }
+    return CTS_OK;
+}
+
+static int count_sent(const CtsParcel *parcels, int n)
+{
+    int sent = 0;
+    for (int i = 0; i < n; i++)
+        sent += parcels[i].sent;
+    return sent;
+}
+
+CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *const *paths, int n_paths, int *n_sent,
+                       CtsError *err)
+{
+    const CtsNet net = cts_net_with_defaults(given);
+    const CtsWay *way = NULL;
+    CtsTry result = {0};
+    CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
+    CtsStatus st = parcels ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st && !(st = pack(paths, n_paths, parcels, err)) && !(st = cts_way_find(peer, &way, err))) {
+        int sent = 0;
+        for (int k = 0; sent < n_paths && k < net.n_tries; k++) {
+            rest(&net, k > 0 ? 500 << k : 0);
+            if (cts_net_stopped(&net))
+                break;
+            result = (CtsTry){0};
+            way->send(peer, &net, parcels, n_paths, &result);
+            sent = count_sent(parcels, n_paths);
+            if (sent < n_paths && !result.again)
+                break;
+        }
+        if (n_sent)
+            *n_sent = sent;
+        if (sent < n_paths && cts_net_stopped(&net))
+            st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted; %d of %d files sent, all kept", sent, n_paths);
+        else if (sent < n_paths) {
+            int first = 0;
+            char how[500];
+            while (parcels[first].sent)
+                first++;
+            by_hand(peer, &net, how, sizeof how);
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; to send it: %s)",
+                          parcels[first].path, result.error.text, how);
+        }
+    }
+    free(parcels);
+    return st;
+}
+
+static int by_text(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+/* Whether one object that came is of what was asked for. What is no CT goes into no picture. */
+static CtsStatus compare(const CtsObject *object, const CtsRequest *request, CtsError *err)
+{
+    const CtsSlice *const slice = object->n_slices ? object->slices[0] : NULL;
+    const bool other_study = slice && strcmp(slice->identity[CTS_STUDY_UID], request->study_uid);
+    if (!other_study && (!slice || !request->series_uid || !strcmp(slice->series_uid, request->series_uid)))
+        return CTS_OK;
+    return cts_fail(err, CTS_ERR_READ, "the peer sent an object of another %s than it was asked for (%s)",
+                    other_study ? "study" : "series",
+                    other_study ? "StudyInstanceUID (0020,000D)" : "SeriesInstanceUID (0020,000E)");
+}
+
+/* What came against what was asked for: every object, and how many there are that differ. */
+static CtsStatus check_inbox(const CtsRequest *request, CtsError *err)
+{
+    const int n_files = request->inbox->n_files;
+    const char **uids = NULL;
+    CtsScratch scratch = {0};
+    int n = 0, n_came = 0;
+    CtsStatus st = cts_alloc_bytes((void **)&uids, (size_t)n_files + 1, sizeof *uids, err);
+    for (int i = 1; !st && i <= n_files; i++) {
+        char path[4200];
+        uint64_t bytes_read = 0;
+        CtsObject object = {0};
+        snprintf(path, sizeof path, "%s/%06d.dcm", request->inbox->folder, i);
+        const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &scratch, &object, &bytes_read, NULL);
+        st = compare(&object, request, err);
+        if (object.n_slices && *object.slices[0]->sop_uid)
+            uids[n++] = object.slices[0]->sop_uid;
+        else
+            n_came += kind == CTS_FILE_DICOM;
+        cts_object_free(&object);
+    }
+    if (!st)
+        qsort(uids, (size_t)n, sizeof *uids, by_text);
+    for (int i = 0; !st && i < n; i++)
+        n_came += i == 0 || strcmp(uids[i], uids[i - 1]) != 0;
+    if (!st && n_came < *request->n_promised)
+        st =
+            cts_fail(err, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, *request->n_promised);
+    cts_free_bytes(uids);
+    cts_scratch_free(&scratch);
+    return st;
+}
+
+CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *study_uid, const char *series_uid,
+                        CtsFetched *fetched, CtsReport *report, CtsError *err)
+{
+    const CtsNet net = cts_net_with_defaults(given);
+    const CtsWay *way = NULL;
+    CtsInbox inbox = {0};
+    int n_promised = 0;
+    const CtsRequest request = {study_uid, series_uid, &inbox, report, &n_promised};
+    *fetched = (CtsFetched){.lock = -1};
+    CtsStatus st = cts_net_check(peer, given, err);
+    if (st)
+        return st;
+    if (!study_uid)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "what to fetch is not said (give `study-uid`, and `series-uid` for one of "
+                        "its series)");
+    if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
+        return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
+    if ((st = cts_way_find(peer, &way, err)) || (st = cts_inbox_make(&inbox, err)))
+        return st;
+    *fetched = (CtsFetched){.folder = inbox.folder, .lock = inbox.lock};
+    st = way->fetch(peer, &net, &request, err);
+    if (cts_net_stopped(&net))
+        st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+    if (!st && inbox.n_bytes == 0)
+        st = cts_fail(err, CTS_ERR_READ, "the peer has no CT image of %s %s", series_uid ? "series" : "study",
+                      series_uid ? series_uid : study_uid);
+    if (!st)
+        st = check_inbox(&request, err);
+    if (st)
+        cts_net_forget(fetched);
+    return st;
+}
+
+void cts_net_forget(CtsFetched *fetched)
+{
+    cts_inbox_remove(&fetched->folder, &fetched->lock);
+}
+
+void cts_found_free(CtsFound *found)
+{
+    free(found->items);
+    *found = (CtsFound){0};
+}
+
+/* A value of a query goes out as it is given: one value, of the length that all these may have. */
+static CtsStatus check_value(const char *value, CtsError *err)
+{
+    if (!value)
+        return CTS_OK;
+    const size_t n = strlen(value);
+    bool good = n > 0 && n <= 64;
+    for (size_t i = 0; i < n; i++)
+        good &= (unsigned char)value[i] >= 0x20 && value[i] != 0x7f && value[i] != '\\';
+    return good ? CTS_OK
+                : cts_fail(err, CTS_ERR_USAGE, "%.80s: is no value to look for (1 to 64 characters, no backslash)",
+                           value);
+}
+
+static CtsStatus check_query(const CtsSeriesQuery *q, CtsError *err)
+{
+    const char *const uids[] = {q->study_uid, q->series_uid};
+    const char *const values[] = {q->accession, q->patient_id, q->study_date, q->modality};
+    CtsStatus st = CTS_OK;
+    if (!q->study_uid && !q->accession && !q->patient_id && !q->study_date)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "what to look for is not said (give `study-uid`, `accession`, `patient-id` or `study-date`)");
+    for (int i = 0; i < 2 && !st; i++)
+        if (uids[i] && !cts_uid_is_valid(uids[i]))
+            st = cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", uids[i]);
+    for (int i = 0; i < 4 && !st; i++)
+        st = check_value(values[i], err);
+    return st;
+}
+
+CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeriesQuery *query, CtsFound *found,
+                       CtsError *err)
+{
+    const CtsNet net = cts_net_with_defaults(given);
+    const CtsWay *way = NULL;
+    CtsStatus st;
+    *found = (CtsFound){0};
+    if ((st = cts_net_check(peer, given, err)) || (st = check_query(query, err)) ||
+        (st = cts_way_find(peer, &way, err)))
+        return st;
+    st = way->find(peer, &net, query, found, err);
+    return cts_net_stopped(&net) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : st;
+}

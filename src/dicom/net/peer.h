@@ -1,0 +1,101 @@
+/* What the ways to a peer share. */
+#ifndef CTS_DICOM_PEER_H
+#define CTS_DICOM_PEER_H
+
+#include "base/text.h"
+#include "ctsplat/net.h"
+#include "dicom/header/head.h"
+#include <stddef.h>
+#include <stdint.h>
+
+CTS_C_BEGIN
+
+enum {
+    CTS_INBOX_MAX_FILES = 50000,
+    CTS_INBOX_MAX_FILE_MIB = 4096, /* an enhanced object holds all slices */
+    CTS_INBOX_MAX_MIB = 65536
+};
+
+/* The folder that fetched files go to: private, with names of our own, under limits. */
+typedef struct CtsInbox {
+    char *folder; /* owned */
+    int lock;     /* held while the folder is in use */
+    int n_files;
+    uint64_t n_bytes; /* of the files that are complete */
+} CtsInbox;
+
+/* In $TMPDIR or /tmp, mode 0700. Removes those there whose programs were killed. */
+CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err);
+/* The next file's path, to be freed with free(); it does not exist. CTS_ERR_READ past the limits, the disk's free space
+ * (of which a tenth is left) among them. */
+CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err);
+/* The file being received has n_bytes by now. CTS_ERR_READ when that is too much for a file, the inbox or the disk. */
+CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err);
+/* That file is complete. CTS_ERR_READ when it made the inbox too large. */
+CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err);
+/* Without the files after the first n. */
+void cts_inbox_cut(CtsInbox *inbox, int n);
+/* Folder and files, and the lock. */
+void cts_inbox_remove(char **folder, int *lock);
+
+bool cts_aet_is_valid(const char *aet, size_t n);
+/* Whether a URL names this machine. */
+bool cts_url_is_here(const char *url);
+
+/* One file on its way to a peer. */
+typedef struct CtsParcel {
+    const char *path;
+    CtsDcmIds ids;
+    bool sent;
+} CtsParcel;
+
+/* A failure of one try; `again`: another one may do better. */
+typedef struct CtsTry {
+    bool again;
+    CtsError error;
+} CtsTry;
+
+typedef struct CtsRequest {
+    const char *study_uid, *series_uid; /* series_uid may be NULL */
+    CtsInbox *inbox;
+    CtsReport *report;
+    int *n_promised; /* objects that there are by the peer's own count, as far as it tells */
+} CtsRequest;
+
+struct CtsAcceptRules;
+struct CtsVisit;
+
+/* Both ways in one table. send takes the parcels that are not sent yet, in order, and marks those that are. */
+typedef struct CtsWay {
+    void (*send)(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result);
+    CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
+    CtsStatus (*find)(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
+                      CtsError *err);
+    /* Of DIMSE alone: dicom/net/accept.h. */
+    void (*accept)(const struct CtsAcceptRules *rules, int socket, struct CtsVisit *visit);
+    CtsStatus (*accept_check)(const CtsNet *net, CtsError *err);
+} CtsWay;
+
+/* The ways stand in a library of their own, CTS_NET_PART, with all that only the network needs: loading it takes
+ * longer than starting the rest of the program. It shows cts_net_ways() alone; the ways use none of the program's
+ * state.
+ */
+extern const CtsWay cts_way_dimse, cts_way_web;
+typedef struct CtsNetWays {
+    const CtsWay *dimse, *web;
+} CtsNetWays;
+CtsStatus cts_net_ways(const CtsNetWays **ways, CtsError *err);
+/* Loads the library when first called, and makes DCMTK ready. */
+CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
+
+/* What is 0 or NULL stands for what the header says. */
+CtsNet cts_net_with_defaults(const CtsNet *net);
+/* One more; what names no series by UIDs is left out. */
+CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError *err);
+bool cts_net_stopped(const CtsNet *net);
+/* The peer has confirmed it. */
+void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);
+
+CTS_C_END
+
+#endif

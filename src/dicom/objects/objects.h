@@ -1,0 +1,141 @@
+/* The C door to DCMTK for secondary captures and presentation states, loaded as dicom/header/dcm_readers.h: write one,
+ * read one. Nothing of DCMTK comes through, no exception either. What an object says is decided by the caller
+ * (output/export); how it is encoded is decided here. */
+#ifndef CTS_DICOM_OBJECTS_H
+#define CTS_DICOM_OBJECTS_H
+
+#include "ctsplat/api.h"
+#include "ctsplat/labels.h"
+#include "ctsplat/series.h"
+#include "dicom/header/head.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+CTS_C_BEGIN
+
+/* A coded term. */
+typedef struct CtsScCode {
+    const char *value, *scheme, *meaning;
+} CtsScCode;
+
+/* What a secondary capture says of itself. Texts are ASCII and fit their attribute. */
+typedef struct CtsScWords {
+    const char *image_type;                         /* value 3 of (0008,0008) */
+    char series_description[65], description[65];   /* of all views; of this one */
+    char derivation[1000], patient_orientation[17]; /* (0020,0020), "" for several frames */
+    CtsScCode mode, view;
+} CtsScWords;
+
+/* What it is called. */
+typedef struct CtsScNames {
+    char study_uid[65], series_uid[65], sop_uid[65];
+    /* "", or the identity to put in the patient's and the study's place: then nothing that identifies is copied and no
+     * source object is named. */
+    char pseudonym[65];
+    int series_number, instance_number;
+} CtsScNames;
+
+typedef struct CtsScObject {
+    const CtsScWords *words;
+    const CtsScNames *names;
+    int width, height, n_frames;               /* more than one frame makes a multi-frame object */
+    bool grey;                                 /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
+    const char *syntax_uid;                    /* that the pixels come in */
+    bool reversible_ycc;                       /* colours are stored as JPEG 2000's reversible transform of RGB */
+    char date[9], time[7];                     /* of the making: YYYYMMDD and HHMMSS; "": not told */
+    const double *azimuth_deg, *elevation_deg; /* of each frame */
+    double mm_per_pixel;                       /* 0: not known */
+    bool burned_in, recognizable;
+    const CtsSeries *source;
+    const CtsDataSet *header; /* of its first slice: patient and study are copied from it, byte for byte */
+    const CtsLabels *labels;  /* that are seen, too; NULL: none */
+    const CtsDataSet *lossy;  /* of a slice whose pixels went through lossy compression; NULL when there is none */
+} CtsScObject;
+
+/* Takes the encoded file piece by piece. */
+typedef CtsStatus (*CtsScSink)(void *context, const void *bytes, size_t n, CtsError *err);
+
+/* The file up to PixelData (7FE0,0010), which is the last element and the caller's to write: Explicit VR Little Endian,
+ * as all compressed syntaxes have it. */
+CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err);
+
+/* One frame on its way into a compressed file. */
+typedef struct CtsScFrame {
+    int width, height;
+    bool grey;     /* as in CtsScObject */
+    void *samples; /* words in this machine's order */
+    size_t n_samples_bytes;
+    int n_threads;
+} CtsScFrame;
+
+/* Lossless codecs by their transfer syntax: RLE Lossless, JPEG Lossless SV1 (DCMTK), JPEG 2000 Lossless (OpenJPEG). The
+ * sink gets the fragments of the frame, one call each, of even length. */
+CtsStatus cts_dcm_sc_encode(const char *syntax_uid, const CtsScFrame *frame, CtsScSink sink, void *context,
+                            CtsError *err);
+CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err);
+
+/* The first frame of a secondary capture (8-bit RGB or MONOCHROME2 of 8 or 16 bits), as 16-bit words, n_samples a
+ * pixel: 8-bit values come as they are. Free samples with cts_free(). */
+typedef struct CtsScPixels {
+    int width, height, n_samples;
+    int largest; /* the sample value that stands for 1: 255 or 65535 */
+    uint16_t *samples;
+} CtsScPixels;
+
+CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err);
+
+enum { CTS_ICC_BYTES = 600 };
+
+/* The colours of ctsplat's pictures in words that colour management knows: an ICC profile, version 4.3, of the input
+ * class, as DICOM wants it (PS3.3 C.11.15): sRGB (IEC 61966-2-1). Returns its length, which is a multiple of 4. The
+ * same bytes each time. */
+size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES]);
+
+enum { CTS_STATE_ENTRIES = 4096 };
+
+/* ctsplat's own block of attributes: what the standard's cannot carry to the last bit. */
+enum { CTS_STATE_GROUP = 0x0073, CTS_STATE_CREATOR = 0x0010, CTS_STATE_PRESET = 0x1001, CTS_STATE_OPTIONS = 0x1002 };
+#define CTS_STATE_BLOCK "CTSPLAT STATE 1"
+#define CTS_STATE_CLASS "1.2.840.10008.5.1.4.1.1.11.9"
+
+typedef struct CtsDcmState {
+    const CtsSeries *source;
+    const CtsDataSet *header; /* of its first slice */
+    char sop_uid[65], series_uid[65], study_uid[65], frame_uid[65], input_uid[65];
+    int series_number;
+    char date[9], time[7];
+    const char *description; /* ASCII */
+    CtsScCode view;
+    const char *method; /* (0070,120D) */
+    double viewpoint_lps[3], look_at_lps[3], up_lps[3], forward_lps[3];
+    double field_mm[6]; /* left, right, top, bottom, near, far */
+    bool shaded;
+    double ambient, diffuse, specular, shininess; /* each 0..1 */
+    bool cropped;
+    double crop_lps[6];                          /* two opposite corners */
+    const CtsLabels *labels;                     /* that the volume is cropped by, or NULL */
+    const CtsLabelCrop *label_crop;              /* of each */
+    double window_centre_hu, window_width_hu;    /* that the tables below span */
+    uint16_t tables[4][CTS_STATE_ENTRIES];       /* red, green, blue, opacity */
+    char capture_class_uid[65], capture_uid[65]; /* "": no picture is referenced */
+    const char *preset, *options;                /* private, byte by byte */
+} CtsDcmState;
+
+CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err);
+
+/* The private texts of a state that ctsplat wrote, which the caller frees with free(), and the series it is of (""
+ * where it does not tell). */
+CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err);
+
+typedef struct CtsDcmWriters {
+    __typeof__(cts_dcm_sc_write) *sc_write;
+    __typeof__(cts_dcm_sc_encode) *sc_encode;
+    __typeof__(cts_dcm_state_write) *state_write;
+} CtsDcmWriters;
+
+CtsStatus cts_dcm_writers(const CtsDcmWriters **writers, CtsError *err);
+
+CTS_C_END
+
+#endif

@@ -1,0 +1,199 @@
+/* Secondary captures and presentation states read back: framing and sizes are checked before anything is allocated or
+ * decoded. */
+#include "dicom/objects/objects.h"
+
+#include "base/mem.h"
+#include "ctsplat/bounds.h"
+#include "dicom/codec/pixels.h"
+#include "dicom/header/head.h"
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct ScHeader {
+    int width, height, n_frames;
+    int n_samples;      /* 1 or 3 */
+    int bits_allocated; /* 8 or 16 */
+    int bits_stored;
+    bool planar;   /* all red, then all green, then all blue */
+    bool inverted; /* MONOCHROME1 */
+} ScHeader;
+
+typedef struct ScFile {
+    CtsScratch scratch;
+    CtsHead head;
+    ScHeader header;
+    uint8_t *frame; /* the first one, decoded; owned */
+    size_t frame_bytes;
+} ScFile;
+
+static CtsStatus open_head(const char *path, CtsHead *head, CtsScratch *scratch, CtsError *err)
+{
+    const CtsStatus st = cts_head_open(head, &(CtsFile){.path = path}, scratch, err);
+    return st || head->kind == CTS_FILE_DICOM ? st : cts_fail(err, CTS_ERR_READ, "is no DICOM file");
+}
+
+static CtsStatus open_file(const char *path, ScFile *f, CtsError *err)
+{
+    const CtsStatus st = open_head(path, &f->head, &f->scratch, err);
+    const CtsSyntax *const syntax = f->head.syntax;
+    if (st)
+        return st;
+    if (f->head.odd & CTS_ODD_NO_SYNTAX)
+        return cts_fail(err, CTS_ERR_READ, "damaged: it names no transfer syntax");
+    if (!syntax || syntax->codec == CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
+        return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not one pictures are read from (try dcmconv +te)",
+                        f->head.syntax_uid);
+    if (!f->head.scan.has_pixels || f->head.scan.encapsulated != cts_syntax_encapsulated(syntax))
+        return cts_fail(err, CTS_ERR_READ, "holds no pixels as its transfer syntax has them");
+    return CTS_OK;
+}
+
+static CtsStatus refuse(CtsError *err, const char *why)
+{
+    return cts_fail(err, CTS_ERR_READ, "is no picture that can be read: %s", why);
+}
+
+/* Unsigned RGB of 8 bits, or grey of up to 16. */
+static CtsStatus read_header(const CtsElements all, ScHeader *h, CtsError *err)
+{
+    char colours[17];
+    int planar = 0, is_signed = 0;
+    *h = (ScHeader){.n_frames = 1, .n_samples = 1};
+    cts_elements_text(all, 0x00280004, colours, sizeof colours);
+    const bool counted = cts_elements_integer(all, 0x00280008, &h->n_frames);
+    cts_elements_integer(all, 0x00280011, &h->width);
+    cts_elements_integer(all, 0x00280010, &h->height);
+    cts_elements_integer(all, 0x00280002, &h->n_samples);
+    cts_elements_integer(all, 0x00280006, &planar);
+    cts_elements_integer(all, 0x00280100, &h->bits_allocated);
+    cts_elements_integer(all, 0x00280101, &h->bits_stored);
+    cts_elements_integer(all, 0x00280103, &is_signed);
+    int high_bit = h->bits_stored - 1;
+    cts_elements_integer(all, 0x00280102, &high_bit);
+    h->planar = planar == 1;
+    h->inverted = strcmp(colours, "MONOCHROME1") == 0;
+    CtsElement frames;
+    if (!counted && cts_elements_get(all, 0x00280008, &frames))
+        return refuse(err, "its number of frames is no number");
+    if (h->width < 1 || h->height < 1 || h->width > CTS_MAX_SIDE || h->height > CTS_MAX_SIDE || h->n_frames < 1)
+        return refuse(err, "its size is not within what a picture can have");
+    const bool colour = h->n_samples == 3 && h->bits_allocated == 8 && h->bits_stored == 8 &&
+                        (!strcmp(colours, "RGB") || !strcmp(colours, "YBR_RCT"));
+    const bool grey = h->n_samples == 1 && (h->bits_allocated == 8 || h->bits_allocated == 16) && h->bits_stored >= 1 &&
+                      h->bits_stored <= h->bits_allocated && (h->inverted || !strcmp(colours, "MONOCHROME2"));
+    if ((!colour && !grey) || is_signed || high_bit != h->bits_stored - 1)
+        return refuse(err, "its pixels are neither RGB of 8 bits nor unsigned grey");
+    return CTS_OK;
+}
+
+/* Nothing is taken apart here: a process of its own does. */
+static CtsStatus decode(ScFile *f, CtsError *err)
+{
+    const ScHeader *h = &f->header;
+    const CtsFrameFormat format = {.syntax = f->head.syntax,
+                                   .n_colours = h->n_samples == 3 ? 3 : 0,
+                                   .columns = h->width,
+                                   .rows = h->height,
+                                   .bits_allocated = h->bits_allocated,
+                                   .bits_stored = h->bits_stored,
+                                   .high_bit = h->bits_stored - 1,
+                                   .padding_word = -1};
+    CtsSandbox decoder = cts_sandbox_make(cts_codec_work, "decoder");
+    uint64_t *offset = NULL;
+    const void *pixels;
+    CtsStatus st = cts_find_frames(&f->head.file, f->head.scan.pixel_offset, h->n_frames, &offset, err);
+    if (!st && !(st = cts_codec_submit(&decoder, &format, &f->head.file, offset[0], offset[1], err)) &&
+        !(st = cts_sandbox_take(&decoder, &pixels, err)))
+        memcpy(f->frame, pixels, f->frame_bytes);
+    f->header.planar = false;
+    cts_free(&offset);
+    cts_sandbox_stop(&decoder);
+    return st;
+}
+
+static CtsStatus read_frame(ScFile *f, CtsError *err)
+{
+    const ScHeader *h = &f->header;
+    const CtsDataScan *const scan = &f->head.scan;
+    const uint64_t left = f->head.file.n_bytes - scan->pixel_offset;
+    f->frame_bytes = (size_t)h->width * h->height * h->n_samples * (h->bits_allocated / 8);
+    if (!scan->encapsulated && (scan->pixel_bytes < f->frame_bytes || left < f->frame_bytes))
+        return cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu", f->frame_bytes,
+                        (unsigned long long)(left < scan->pixel_bytes ? left : scan->pixel_bytes));
+    const CtsStatus st = cts_alloc_array(&f->frame, f->frame_bytes, err);
+    if (st || scan->encapsulated)
+        return st ? st : decode(f, err);
+    return cts_file_bytes_read(&f->head.file, f->frame, f->frame_bytes, scan->pixel_offset, err);
+}
+
+static void widen(const ScFile *f, CtsScPixels *pixels)
+{
+    const ScHeader *h = &f->header;
+    const size_t n = (size_t)h->width * h->height;
+    pixels->largest = (1 << h->bits_stored) - 1;
+    for (size_t i = 0; i < n; i++)
+        for (int c = 0; c < h->n_samples; c++) {
+            const size_t at = h->planar ? c * n + i : i * h->n_samples + c;
+            const int v = (h->bits_allocated == 8 ? f->frame[at] : f->frame[2 * at] | f->frame[2 * at + 1] << 8) &
+                          pixels->largest;
+            pixels->samples[i * h->n_samples + c] = (uint16_t)(h->inverted ? pixels->largest - v : v);
+        }
+}
+
+CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
+{
+    ScFile f = {0};
+    *pixels = (CtsScPixels){0};
+    CtsStatus st = open_file(path, &f, err);
+    if (!st && !(st = read_header(cts_head_elements(&f.head), &f.header, err)) && !(st = read_frame(&f, err))) {
+        pixels->width = f.header.width;
+        pixels->height = f.header.height;
+        pixels->n_samples = f.header.n_samples;
+        st = cts_alloc_array(&pixels->samples, (size_t)pixels->width * pixels->height * pixels->n_samples, err);
+    }
+    if (!st)
+        widen(&f, pixels);
+    cts_free(&f.frame);
+    cts_head_close(&f.head);
+    cts_scratch_free(&f.scratch);
+    return st ? cts_context(err, "%s", path) : st;
+}
+
+enum { CLASS = 0x00080016, REFERENCED_SERIES = 0x00081115, SERIES_UID = 0x0020000E };
+
+static char *text_of(CtsElements all, uint16_t element)
+{
+    const CtsElements value = cts_elements_find(all, (uint32_t)CTS_STATE_GROUP << 16 | element);
+    return value.at < value.end ? strndup((const char *)value.at, (size_t)(value.end - value.at)) : NULL;
+}
+
+static CtsStatus read_texts(CtsElements all, char **preset, char **options, char source_uid[65], CtsError *err)
+{
+    char class_uid[65], creator[65];
+    cts_elements_text(all, CLASS, class_uid, sizeof class_uid);
+    if (strcmp(class_uid, CTS_STATE_CLASS) != 0)
+        return cts_fail(err, CTS_ERR_READ, "is no Volume Rendering Volumetric Presentation State");
+    cts_elements_text(all, (uint32_t)CTS_STATE_GROUP << 16 | CTS_STATE_CREATOR, creator, sizeof creator);
+    if (strcmp(creator, CTS_STATE_BLOCK) == 0) {
+        *preset = text_of(all, CTS_STATE_PRESET);
+        *options = text_of(all, CTS_STATE_OPTIONS);
+        cts_elements_text(cts_elements_item(all, REFERENCED_SERIES), SERIES_UID, source_uid, 65);
+    }
+    return *preset && *options ? CTS_OK
+                               : cts_fail(err, CTS_ERR_READ,
+                                          "is not of ctsplat's making: what it says in private attributes is missing");
+}
+
+CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)
+{
+    CtsScratch scratch = {0};
+    CtsHead head;
+    *preset = *options = NULL;
+    source_uid[0] = 0;
+    CtsStatus st = open_head(path, &head, &scratch, err);
+    if (!st)
+        st = read_texts(cts_head_elements(&head), preset, options, source_uid, err);
+    cts_head_close(&head);
+    cts_scratch_free(&scratch);
+    return st ? cts_context(err, "%s", path) : st;
+}

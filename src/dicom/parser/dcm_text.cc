@@ -1,0 +1,51 @@
+/* Text values by DICOM's own grammar, whatever the locale. */
+#include "dicom/parser/elements.h"
+
+#include <charconv>
+#include <string_view>
+
+namespace
+{
+
+std::string_view trimmed(std::string_view text)
+{
+    while (!text.empty() && (text.back() == ' ' || text.back() == '\0'))
+        text.remove_suffix(1);
+    while (!text.empty() && text.front() == ' ')
+        text.remove_prefix(1);
+    return text;
+}
+
+/* A number and nothing else, which may begin with a plus. from_chars alone would take "inf" and "nan". */
+template <typename Number> bool parse_whole(std::string_view text, const char *letters, Number *value)
+{
+    text = trimmed(text);
+    if (text.size() > 64 || text.find_first_not_of(letters) != std::string_view::npos)
+        return false;
+    if (text.size() > 1 && text[0] == '+' && text[1] != '-')
+        text.remove_prefix(1);
+    const char *const end = text.data() + text.size();
+    const auto result = std::from_chars(text.data(), end, *value);
+    return result.ec == std::errc() && result.ptr == end;
+}
+
+} // namespace
+
+int cts_dcm_parse_ds(const char *text, size_t n_bytes, double *values, int n_values)
+{
+    std::string_view rest(text, n_bytes);
+    for (int i = 0; i < n_values; i++) {
+        const size_t end = rest.find('\\');
+        if ((end == std::string_view::npos) != (i == n_values - 1) ||
+            !parse_whole(rest.substr(0, end), "0123456789+-.eE", &values[i]))
+            return 0;
+        if (end != std::string_view::npos)
+            rest.remove_prefix(end + 1);
+    }
+    return 1;
+}
+
+int cts_dcm_parse_is(const char *text, size_t n_bytes, int *value)
+{
+    return parse_whole(std::string_view(text, n_bytes), "0123456789+-", value);
+}

@@ -1,0 +1,433 @@
+#include "dicom/parser/tag_scan.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define UNDEFINED UINT64_MAX
+
+enum { TAG_ITEM = 0xFFFEE000, TAG_ITEM_END = 0xFFFEE00D, TAG_SEQUENCE_END = 0xFFFEE0DD, TAG_PIXELS = 0x7FE00010 };
+
+static uint32_t read16(const uint8_t *p, bool big)
+{
+    return big ? (uint32_t)p[0] << 8 | p[1] : (uint32_t)p[1] << 8 | p[0];
+}
+
+static uint32_t read32(const uint8_t *p, bool big)
+{
+    return big ? read16(p, true) << 16 | read16(p + 2, true) : read16(p + 2, false) << 16 | read16(p, false);
+}
+
+static uint32_t read_tag(const uint8_t *p, bool big)
+{
+    return read16(p, big) << 16 | read16(p + 2, big);
+}
+
+static bool is_one_of(const char *vrs, const uint8_t vr[2])
+{
+    for (; *vrs; vrs += 2)
+        if (memcmp(vrs, vr, 2) == 0)
+            return true;
+    return false;
+}
+
+/* Of an explicit VR: the length stands in 2 bytes, or in 4 after two reserved ones. */
+static const char short_vrs[] = "AEASATCSDADSDTFDFLISLOLTPNSHSLSSSTTMUIULUS", long_vrs[] = "OBODOFOLOVOWSQSVUCUNURUTUV";
+
+static bool known_vr(const uint8_t vr[2])
+{
+    return is_one_of(short_vrs, vr) || is_one_of(long_vrs, vr);
+}
+
+/* An unknown VR of two capitals is taken for one of the future, which are all long; anything else for a broken writer
+ * that uses the short form. */
+static bool long_vr(const uint8_t vr[2])
+{
+    return !is_one_of(short_vrs, vr) && vr[0] >= 'A' && vr[0] <= 'Z' && vr[1] >= 'A' && vr[1] <= 'Z';
+}
+
+bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, CtsRawElement *e)
+{
+    if (n < 8)
+        return false;
+    *e = (CtsRawElement){.tag = read_tag(p, big), .n_bytes = 8};
+    if (e->tag >> 16 == 0xFFFE || !explicit_vr) {
+        e->length = read32(p + 4, big);
+        return true;
+    }
+    memcpy(e->vr, p + 4, 2);
+    if (!long_vr(e->vr)) {
+        e->length = read16(p + 6, big);
+        return true;
+    }
+    if (n < 12)
+        return false;
+    e->length = read32(p + 8, big);
+    e->n_bytes = 12;
+    return true;
+}
+
+static void copy_uid(char uid[65], const uint8_t *p, size_t n)
+{
+    n = n > 64 ? 64 : n;
+    memcpy(uid, p, n);
+    uid[n] = 0;
+    for (n = strlen(uid); n > 0 && uid[n - 1] == ' '; n--)
+        uid[n - 1] = 0;
+}
+
+const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n)
+{
+    if (n < 8)
+        return NULL;
+    const uint32_t little = read16(p, false), big = read16(p, true);
+    if (little == 0x0002 || (little >= 0x0008 && little <= 0x0020)) {
+        if (known_vr(p + 4))
+            return cts_syntax_native(true, false);
+        /* No letters to go by: only what a data set begins with (0008,00xx), and an even length that is no nonsense. */
+        const uint32_t length = read32(p + 4, false);
+        const bool first = little == 0x0008 && read16(p + 2, false) <= 0x00FF && length <= 0xFFFF && length % 2 == 0;
+        return first ? cts_syntax_native(false, false) : NULL;
+    }
+    if (big >= 0x0008 && big <= 0x0020 && known_vr(p + 4))
+        return cts_syntax_native(true, true);
+    return NULL;
+}
+
+CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan)
+{
+    *scan = (CtsMetaScan){0};
+    size_t pos = 0;
+    if (n >= 132 && memcmp(bytes + 128, "DICM", 4) == 0) {
+        scan->has_preamble = true;
+        pos = 132;
+    } else if (!cts_scan_guess(bytes, n)) {
+        return CTS_SCAN_NOT_DICOM;
+    }
+    for (;;) {
+        CtsRawElement e;
+        if (pos + 12 > n && n < file_bytes) {
+            scan->need = pos + 4096;
+            return CTS_SCAN_MORE;
+        }
+        if (pos + 8 > n)
+            break;
+        if (read16(bytes + pos, false) != 0x0002)
+            break;
+        if (!cts_read_element(bytes + pos, n - pos, known_vr(bytes + pos + 4), false, &e) ||
+            e.length > file_bytes - pos - e.n_bytes || e.length > 1 << 20) {
+            snprintf(scan->why, sizeof scan->why, "the meta header is cut short at byte %zu", pos);
+            return CTS_SCAN_BAD;
+        }
+        scan->has_meta = true;
+        if (pos + e.n_bytes + e.length > n) {
+            scan->need = pos + e.n_bytes + e.length + 4096;
+            return CTS_SCAN_MORE;
+        }
+        if (e.tag == 0x00020010)
+            copy_uid(scan->syntax_uid, bytes + pos + e.n_bytes, e.length);
+        else if (e.tag == 0x00020002)
+            copy_uid(scan->sop_class_uid, bytes + pos + e.n_bytes, e.length);
+        pos += e.n_bytes + e.length;
+    }
+    scan->data_offset = pos;
+    return CTS_SCAN_DONE;
+}
+
+/* What a header is asked for, by rising tag. Some decide the picture: where one of those stands twice with different
+ * values, no reading is the right one. */
+static const struct {
+    uint32_t tag;
+    bool decides;
+} header_tags[CTS_N_HEADER_TAGS] = {
+    {0x00041220, false}, {0x00080005, false}, {0x00080008, false}, {0x00080016, true},  {0x00080018, false},
+    {0x00080020, false}, {0x00080032, false}, {0x00080033, false}, {0x00080060, false}, {0x00080070, false},
+    {0x0008103E, false}, {0x00081090, false}, {0x00100010, true},  {0x00100020, true},  {0x00100021, true},
+    {0x00100030, true},  {0x00100040, true},  {0x00180050, false}, {0x00180060, false}, {0x00181000, false},
+    {0x00181060, false}, {0x00181210, false}, {0x0020000D, true},  {0x0020000E, true},  {0x00200011, false},
+    {0x00200012, false}, {0x00200013, false}, {0x00200032, true},  {0x00200037, true},  {0x00200052, true},
+    {0x00200100, false}, {0x00209153, false}, {0x00209161, false}, {0x00209162, false}, {0x00209163, false},
+    {0x00209228, false}, {0x00209241, false}, {0x00280002, true},  {0x00280004, false}, {0x00280008, true},
+    {0x00280010, true},  {0x00280011, true},  {0x00280030, true},  {0x00280100, true},  {0x00280101, true},
+    {0x00280102, true},  {0x00280103, true},  {0x00280120, true},  {0x00280121, true},  {0x00280301, false},
+    {0x00281052, true},  {0x00281053, true},  {0x00281054, false}, {0x00282110, false}, {0x00283000, false},
+};
+
+bool cts_scan_notes(uint32_t tag)
+{
+    for (int i = 0; i < CTS_N_HEADER_TAGS; i++)
+        if (header_tags[i].tag == tag)
+            return true;
+    return false;
+}
+
+typedef struct Frame {
+    uint64_t end; /* UNDEFINED: until its delimiter */
+    bool item;    /* else a sequence */
+    bool implicit_vr;
+    bool fragments; /* its items are raw bytes */
+} Frame;
+
+typedef struct Walk {
+    const uint8_t *bytes;
+    uint64_t n, total, pos;
+    bool explicit_vr, big;
+    int height;   /* of the stack */
+    Frame *stack; /* 2 * CTS_MAX_NESTING */
+    /* An implicit VR element that begins like a sequence may be one. When it turns out not to be, skip it. */
+    int maybe_height;
+    uint64_t maybe_end;
+    size_t start, most;
+    int next_tag; /* of header_tags, the first that is not below the last element's */
+    CtsDataScan *scan;
+} Walk;
+
+static CtsScanResult bad(Walk *w, const char *what)
+{
+    if (w->maybe_end) {
+        w->height = w->maybe_height;
+        w->pos = w->maybe_end;
+        w->maybe_end = 0;
+        return CTS_SCAN_DONE;
+    }
+    snprintf(w->scan->why, sizeof w->scan->why, "%s at byte %llu", what, (unsigned long long)w->pos);
+    return CTS_SCAN_BAD;
+}
+
+static CtsScanResult more(Walk *w, uint64_t need)
+{
+    w->scan->need = need;
+    return CTS_SCAN_MORE;
+}
+
+static CtsScanResult push(Walk *w, bool item, uint64_t end, bool implicit_vr, bool fragments)
+{
+    /* Sequences and items take turns on the stack, a sequence first. */
+    const int nesting = w->height / 2 + 1;
+    if (nesting > CTS_MAX_NESTING) {
+        w->maybe_end = 0;
+        return bad(w, "sequences are nested more than 64 deep");
+    }
+    w->stack[w->height++] = (Frame){end, item, implicit_vr, fragments};
+    if (nesting > w->scan->depth)
+        w->scan->depth = nesting;
+    return CTS_SCAN_DONE;
+}
+
+/* Inside a sequence only items and its end may stand. */
+static CtsScanResult sequence_step(Walk *w, const CtsRawElement *e)
+{
+    Frame *top = &w->stack[w->height - 1];
+    if (e->tag == TAG_SEQUENCE_END) {
+        w->pos += 8;
+        if (top->end == UNDEFINED)
+            w->height--;
+        return CTS_SCAN_DONE;
+    }
+    if (e->tag != TAG_ITEM)
+        return bad(w, "a sequence holds something other than items");
+    w->pos += 8;
+    if (top->fragments) {
+        if (e->length == UINT32_MAX || e->length > w->total - w->pos)
+            return bad(w, "a fragment is longer than the file");
+        w->pos += e->length;
+        return CTS_SCAN_DONE;
+    }
+    if (e->length != UINT32_MAX && e->length > w->total - w->pos)
+        return bad(w, "an item is longer than the file");
+    return push(w, true, e->length == UINT32_MAX ? UNDEFINED : w->pos + e->length, top->implicit_vr, false);
+}
+
+static const CtsTagValue *find_value(const CtsDataScan *scan, uint32_t tag)
+{
+    for (int i = 0; i < scan->n_values; i++)
+        if (scan->values[i].tag == tag)
+            return &scan->values[i];
+    return NULL;
+}
+
+/* Keep the place of a header's value; it has to be there, for a second one to be compared with it. */
+static CtsScanResult note_value(Walk *w, const CtsRawElement *e)
+{
+    while (w->next_tag > 0 && header_tags[w->next_tag - 1].tag >= e->tag)
+        w->next_tag--;
+    while (w->next_tag < CTS_N_HEADER_TAGS && header_tags[w->next_tag].tag < e->tag)
+        w->next_tag++;
+    const int at = w->next_tag;
+    if (at == CTS_N_HEADER_TAGS || header_tags[at].tag != e->tag)
+        return CTS_SCAN_DONE;
+    CtsDataScan *scan = w->scan;
+    const bool no_value = e->length == UINT32_MAX;
+    const uint64_t offset = w->pos + e->n_bytes;
+    if (!no_value && offset + e->length > w->n)
+        return more(w, offset + e->length);
+    const CtsTagValue *first = find_value(scan, e->tag);
+    if (!first) {
+        scan->repeats |= scan->n_values && scan->values[scan->n_values - 1].tag > e->tag;
+        scan->values[scan->n_values++] = (CtsTagValue){.tag = e->tag,
+                                                       .vr = {e->vr[0], e->vr[1]},
+                                                       .is_sequence = no_value || memcmp(e->vr, "SQ", 2) == 0,
+                                                       .n_bytes = no_value ? 0 : e->length,
+                                                       .offset = (size_t)offset - w->start};
+        return CTS_SCAN_DONE;
+    }
+    scan->repeats = true;
+    if (header_tags[at].decides && !no_value && !first->is_sequence &&
+        (first->n_bytes != e->length ||
+         memcmp(w->bytes + w->start + first->offset, w->bytes + offset, e->length) != 0)) {
+        snprintf(scan->why, sizeof scan->why, "(%04x,%04x) stands twice with different values", e->tag >> 16,
+                 e->tag & 0xFFFF);
+        return CTS_SCAN_BAD;
+    }
+    return CTS_SCAN_DONE;
+}
+
+static CtsScanResult element_step(Walk *w, const CtsRawElement *e, bool implicit_vr)
+{
+    const bool undefined = e->length == UINT32_MAX;
+    const uint64_t value = w->pos + e->n_bytes;
+    const bool is_sq = memcmp(e->vr, "SQ", 2) == 0, is_un = memcmp(e->vr, "UN", 2) == 0;
+    if (!undefined && e->length > w->total - value)
+        return bad(w, "an element is longer than the file");
+    if (undefined) {
+        const bool raw = memcmp(e->vr, "OB", 2) == 0 || memcmp(e->vr, "OW", 2) == 0;
+        if (!implicit_vr && !is_sq && !is_un && !raw)
+            return bad(w, "an element that is no sequence has no length");
+        w->pos = value;
+        return push(w, false, UNDEFINED, implicit_vr || is_un, raw);
+    }
+    if (is_sq) {
+        w->pos = value;
+        return push(w, false, value + e->length, false, false);
+    }
+    if (implicit_vr && e->length >= 8) {
+        if (value + 4 > w->n)
+            return more(w, value + 4);
+        if (read_tag(w->bytes + value, w->big) == TAG_ITEM) {
+            if (!w->maybe_end) {
+                w->maybe_end = value + e->length;
+                w->maybe_height = w->height;
+            }
+            w->pos = value;
+            return push(w, false, value + e->length, true, false);
+        }
+    }
+    w->pos = value + e->length;
+    return CTS_SCAN_DONE;
+}
+
+static void found_pixels(Walk *w, const CtsRawElement *e)
+{
+    CtsDataScan *scan = w->scan;
+    scan->has_pixels = true;
+    scan->pixel_words = memcmp(e->vr, "OB", 2) != 0;
+    scan->encapsulated = e->length == UINT32_MAX;
+    scan->pixel_offset = w->pos + e->n_bytes;
+    scan->pixel_bytes = scan->encapsulated ? 0 : e->length;
+}
+
+/* The top level: notes the header's values and stops at the pixels. *stop says that the walk is over. */
+static CtsScanResult top_step(Walk *w, const CtsRawElement *e, bool *stop)
+{
+    w->maybe_end = 0;
+    if (e->tag >= TAG_PIXELS && e->tag < 0xFFFE0000) {
+        if (e->tag == TAG_PIXELS)
+            found_pixels(w, e);
+        *stop = true;
+        return CTS_SCAN_DONE;
+    }
+    if (e->tag == 0x7FE00008 || e->tag == 0x7FE00009) {
+        w->scan->float_pixels = e->tag;
+        *stop = true;
+        return CTS_SCAN_DONE;
+    }
+    if (e->tag >> 16 == 0xFFFE)
+        return bad(w, "an item stands outside a sequence");
+    const CtsScanResult result = note_value(w, e);
+    return result == CTS_SCAN_DONE ? element_step(w, e, !w->explicit_vr) : result;
+}
+
+static CtsScanResult step(Walk *w, bool *stop)
+{
+    Frame *top = w->height ? &w->stack[w->height - 1] : NULL;
+    if (top && top->end != UNDEFINED && w->pos >= top->end) {
+        if (w->pos > top->end)
+            return bad(w, "an element reaches past the end of its sequence");
+        w->height--;
+        if (w->maybe_end && w->height <= w->maybe_height)
+            w->maybe_end = 0;
+        return CTS_SCAN_DONE;
+    }
+    if (!top && (w->pos >= w->total || w->total - w->pos < 8)) {
+        if (w->pos > w->n && w->pos - w->start <= w->most)
+            return more(w, w->pos);
+        *stop = true; /* up to 7 bytes of padding may follow the last element */
+        return CTS_SCAN_DONE;
+    }
+    const bool implicit_vr = top ? top->implicit_vr || !w->explicit_vr : !w->explicit_vr;
+    /* An UN of undefined length is implicit little endian whatever the file is (PS3.5 6.2.2). */
+    const bool big = w->big && !(top && top->implicit_vr);
+    CtsRawElement e;
+    if (w->pos > w->n || !cts_read_element(w->bytes + w->pos, w->n - w->pos, !implicit_vr, big, &e)) {
+        if (w->n < w->total)
+            return more(w, w->pos + 12);
+        return bad(w, "the data set is cut short");
+    }
+    if (!top)
+        return top_step(w, &e, stop);
+    if (!top->item)
+        return sequence_step(w, &e);
+    if (e.tag == TAG_ITEM_END && top->end == UNDEFINED) {
+        w->pos += 8;
+        w->height--;
+        return CTS_SCAN_DONE;
+    }
+    if (e.tag >> 16 == 0xFFFE)
+        return bad(w, "a delimiter stands in the wrong place");
+    return element_step(w, &e, implicit_vr);
+}
+
+CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
+                            size_t most, CtsDataScan *scan)
+{
+    Frame stack[2 * CTS_MAX_NESTING];
+    *scan = (CtsDataScan){0};
+    Walk w = {.bytes = bytes,
+              .stack = stack,
+              .n = n,
+              .total = total,
+              .pos = start,
+              .explicit_vr = syntax->explicit_vr,
+              .big = syntax->big_endian,
+              .start = start,
+              .most = most,
+              .scan = scan};
+    if (start + 8 <= n && known_vr(bytes + start + 4) != syntax->explicit_vr) {
+        snprintf(scan->why, sizeof scan->why, "the data set is not in the %s VR that its transfer syntax promises",
+                 syntax->explicit_vr ? "explicit" : "implicit");
+        return CTS_SCAN_BAD;
+    }
+    for (bool stop = false; !stop;) {
+        const CtsScanResult result = step(&w, &stop);
+        if (result != CTS_SCAN_DONE)
+            return result;
+        if (w.pos - start > most) {
+            snprintf(scan->why, sizeof scan->why, "more than %zu MiB stand before the pixels", most >> 20);
+            return CTS_SCAN_BAD;
+        }
+    }
+    scan->header_end = (size_t)w.pos;
+    return CTS_SCAN_DONE;
+}
+
+size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool big, bool is_item, bool is_raw)
+{
+    Frame stack[2 * CTS_MAX_NESTING];
+    CtsDataScan scan = {.depth = 0};
+    bool stop = false;
+    Walk w = {
+        .bytes = bytes, .stack = stack, .n = n, .total = n, .explicit_vr = explicit_vr, .big = big, .scan = &scan};
+    push(&w, is_item, UNDEFINED, !explicit_vr, is_raw);
+    while (w.height && step(&w, &stop) == CTS_SCAN_DONE)
+        ;
+    return w.height ? 0 : (size_t)w.pos;
+}

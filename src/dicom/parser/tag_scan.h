@@ -1,0 +1,91 @@
+/* A look at the framing of a DICOM file before its elements are read: tags and lengths, no values.
+ *
+ * Lengths come from outside, and sequences may be nested as deep as a file's bytes allow. This scanner walks the tags
+ * up to PixelData without recursion, compares every length with the bytes the file has, and says where the pixels lie.
+ * What it lets through may be walked plainly, and given to DCMTK 3.6.7, which allocates whatever a length claims and
+ * recurses once for each nested sequence. */
+#ifndef CTS_DICOM_TAG_SCAN_H
+#define CTS_DICOM_TAG_SCAN_H
+
+#include "ctsplat/api.h"
+#include "dicom/parser/syntax.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+CTS_C_BEGIN
+
+enum {
+    CTS_MAX_NESTING = 64,           /* sequences inside sequences, as in DCMTK from 3.7.0 on */
+    CTS_MAX_HEADER_BYTES = 64 << 20 /* everything before PixelData, of a slice */
+};
+
+typedef enum CtsScanResult {
+    CTS_SCAN_DONE,
+    CTS_SCAN_MORE,      /* call again with at least `need` bytes of the file */
+    CTS_SCAN_NOT_DICOM, /* from cts_scan_meta() alone */
+    CTS_SCAN_BAD        /* DICOM, but broken: see why */
+} CtsScanResult;
+
+/* Preamble and meta header (group 0002), read by tag: its group length is often wrong and never needed. */
+typedef struct CtsMetaScan {
+    size_t need;
+    char why[112];
+    bool has_preamble, has_meta;
+    char syntax_uid[65];    /* (0002,0010), "" where missing */
+    char sop_class_uid[65]; /* (0002,0002) */
+    size_t data_offset;     /* where the data set begins */
+} CtsMetaScan;
+
+CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan);
+
+/* An element's own 8 or 12 bytes. */
+typedef struct CtsRawElement {
+    uint32_t tag;
+    uint8_t vr[2];
+    uint32_t length;  /* 0xFFFFFFFF: undefined */
+    uint32_t n_bytes; /* of tag, VR and length */
+} CtsRawElement;
+
+/* False when more bytes are needed (12 always do). */
+bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, CtsRawElement *element);
+
+/* How the data set at p is encoded, judged by its first element; NULL when it is neither. */
+const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
+
+enum { CTS_N_HEADER_TAGS = 55 }; /* what a CT slice's header is asked for */
+bool cts_scan_notes(uint32_t tag);
+
+/* A top-level element with one of those tags. */
+typedef struct CtsTagValue {
+    uint32_t tag;     /* group << 16 | element */
+    uint8_t vr[2];    /* zeros where the data set has implicit VR */
+    bool is_sequence; /* or anything else of undefined length: no value here */
+    uint32_t n_bytes;
+    size_t offset; /* of the value, from the start of the data set */
+} CtsTagValue;
+
+typedef struct CtsDataScan {
+    uint64_t need;
+    char why[112];
+    CtsTagValue values[CTS_N_HEADER_TAGS]; /* in the order of the data set */
+    int n_values;
+    bool repeats;      /* one of them stands twice, or they are out of order */
+    size_t header_end; /* offset of PixelData's tag, or the end of the data set */
+    bool has_pixels, pixel_words, encapsulated;
+    uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */
+    uint32_t float_pixels; /* the tag of Float or Double Float Pixel Data, where they stand instead; else 0 */
+    int depth;             /* deepest nesting met */
+} CtsDataScan;
+
+/* The data set from `start` on. `total` is the number of bytes there really are (n or more), `most` how many may stand
+ * before the pixels. */
+CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
+                            size_t most, CtsDataScan *scan);
+
+/* How many bytes a value of undefined length takes that begins here, its delimiter's 8 with them; is_item: an item that
+ * does; is_raw: its items are fragments. 0: it has no end among the n bytes, or is damaged. */
+size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool big, bool is_item, bool is_raw);
+
+CTS_C_END
+#endif
