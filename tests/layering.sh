@@ -13,7 +13,7 @@ include/ctsplat | ctsplat/ |
 src/base          | | immintrin.h openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h zlib.h
 src/core/volume   | | emmintrin.h
 src/core/labels   | core/volume/ |
-src/core/table    | core/volume/ |
+src/core/couch    | core/volume/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/volume/ core/transfer/lut.h |
 src/dicom/parser  | |
@@ -178,7 +178,7 @@ breach src/base/a.c '"core/scene/view.h"'
 breach src/engine/splat/a.c '"dicom/header/slice.h"'
 breach src/engine/splat/a.c '"ctsplat/series.h"'
 breach src/core/volume/a.c '"ctsplat/export.h"'
-breach src/core/volume/a.c '"core/table/body.h"'
+breach src/core/volume/a.c '"core/couch/body.h"'
 breach src/engine/raycast/a.c '"engine/splat/sheet.h"'
 breach src/engine/raycast/a.c '"core/transfer/lut.h"'
 breach src/cli/a.c '"core/scene/engine.h"'

@@ -1,7 +1,7 @@
 /* Table removal on volumes made from formulas: what is body stays to the bit, its rim too, and what is not goes. */
 #include "unit.h"
 
-#include "core/table/removal.h"
+#include "core/couch/removal.h"
 #include "ctsplat/table.h"
 #include <math.h>
 #include <stdbool.h>

@@ -1,6 +1,6 @@
 /* The steps of table removal. */
-#ifndef CTS_TABLE_REMOVAL_H
-#define CTS_TABLE_REMOVAL_H
+#ifndef CTS_COUCH_REMOVAL_H
+#define CTS_COUCH_REMOVAL_H
 
 #include "base/bits.h"
 #include "core/volume/body_mask.h"

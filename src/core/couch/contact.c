@@ -1,4 +1,4 @@
-#include "core/table/removal.h"
+#include "core/couch/removal.h"
 
 /* The far face wavers by so many voxels, no more, and behind it nothing may lie. */
 enum { WAVER = 3, TAPER = 40 };

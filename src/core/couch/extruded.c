@@ -1,4 +1,4 @@
-#include "core/table/removal.h"
+#include "core/couch/removal.h"
 
 #include "base/mem.h"
 #include "base/parallel.h"

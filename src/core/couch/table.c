@@ -4,7 +4,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/table/removal.h"
+#include "core/couch/removal.h"
 #include "core/volume/macrocells.h"
 #include "core/volume/threshold.h"
 #include <math.h>
