@@ -74,7 +74,7 @@ static CtsStatus load_table(const char *file, const char *name, const void **tab
     if (st)
         return st;
     return tell ? tell(table, err)
-                : cts_fail(err, CTS_ERR_INTERNAL, "%s is of another program (install it anew)", file);
+                : cts_fail(err, CTS_ERR_INTERNAL, "%s belongs to another version of ctsplat (reinstall it)", file);
 }
 
 CtsStatus cts_part_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err)

@@ -199,10 +199,11 @@ static CtsStatus start_child(CtsSandbox *d, CtsError *err)
         if (still)
             cts_helper_renew();
     }
-    return cts_fail(err, CTS_ERR_INTERNAL,
-                    "compressed pixels are not decoded, for a %s process cannot be shut in: %.*s (convert them with "
-                    "dcmdjpeg or gdcmconv --raw)",
-                    d->name, (int)sizeof a.text, still ? "it stands still" : a.text);
+    return cts_fail(
+        err, CTS_ERR_INTERNAL,
+        "compressed pixels are not decoded, because a %s process cannot be sandboxed: %.*s (convert them with "
+        "dcmdjpeg or gdcmconv --raw)",
+        d->name, (int)sizeof a.text, still ? "it makes no progress" : a.text);
 }
 
 static size_t round_up(size_t n, size_t step)
@@ -299,7 +300,7 @@ static CtsStatus await_oldest(CtsSandbox *d, bool *killed, CtsError *err)
     if (!await(d, &a, quiet_s, &still)) {
         const int status = end_child(d);
         *killed = !still && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
-        return still ? cts_fail(err, CTS_ERR_PIXELS, "its %s stood still for %d s", d->name, quiet_s)
+        return still ? cts_fail(err, CTS_ERR_PIXELS, "its %s made no progress for %d s", d->name, quiet_s)
                      : tell_death(d->name, status, limit_s, err);
     }
     if (a.status == CTS_ERR_MEMORY)

@@ -77,7 +77,8 @@ CtsStatus cts_key_load(const char *path, bool may_make, CtsKey *key, CtsError *e
     const char *name = path ? path : own;
     CtsStatus st = CTS_OK;
     if (!name)
-        return cts_fail(err, CTS_ERR_READ, "neither XDG_STATE_HOME nor HOME tells where the key is (give `key`)");
+        return cts_fail(err, CTS_ERR_READ,
+                        "the key's folder is unknown, as neither XDG_STATE_HOME nor HOME is set (give `key`)");
     int fd = open(name, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (fd < 0 && own && may_make && errno == ENOENT) {
         st = make(name, err);

@@ -115,7 +115,7 @@ static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
 {
     char bad[80] = "", stood[64] = "", passed[64] = "";
     if (r->n_stood)
-        snprintf(stood, sizeof stood, " (%zu of them before)", r->n_stood);
+        snprintf(stood, sizeof stood, " (%zu of them in earlier runs)", r->n_stood);
     if (r->n_passed)
         snprintf(passed, sizeof passed, ", %zu passed (no volumes)", r->n_passed);
     if (r->n_refused || r->n_failed)

@@ -51,7 +51,7 @@ static void print_verified(const CtsReport *report)
     if (v->rmse > 0)
         snprintf(psnr, sizeof psnr, " (%.1f dB)", -20 * log10(v->rmse));
     cli_note("verified %llu pixels: rmse %.3g%s, 95 %% interval %.3g to %.3g; 99.9 %% of them within %.3g; "
-             "%.3g %% of the picture off by more than 1/255 (as far as so many pixels tell: at most %.3g %%); largest "
+             "%.3g %% of the picture off by more than 1/255 (upper 97.5 %% limit: %.3g %%); largest "
              "%.3g at pixel "
              "%d,%d",
              (unsigned long long)v->pixels, v->rmse, psnr, v->rmse_low, v->rmse_high, v->p999, 100 * v->share_above,

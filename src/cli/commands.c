@@ -3,9 +3,10 @@
 #include <limits.h>
 
 const CliCommand cli_commands[CLI_N_COMMANDS] = {
-    {"info", "PATH... [options]", "Tell what series PATH holds and whether they can be rendered, or what a PACS has.",
+    {"info", "PATH... [options]", "List the series in PATH and whether they can be rendered, or the series of a PACS.",
      1, INT_MAX, "PATH", cli_info},
-    {"render", "PATH... -o FILE [-o FILE]... [options]", "Make pictures of a series.", 1, INT_MAX, "PATH", cli_render},
+    {"render", "PATH... -o FILE [-o FILE]... [options]", "Render pictures of a series.", 1, INT_MAX, "PATH",
+     cli_render},
     {"batch", "PATH... -O DIR [options]", "Render every series with every preset and view; can be stopped and resumed.",
      0, INT_MAX, "PATH", cli_batch},
     {"bench", "PATH... {-O DIR | --paper} [options]",
@@ -16,6 +17,7 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
     {"presets", "[NAME or FILE] [--json]", "List the presets, or show one.", 0, 1, "NAME", cli_presets},
     {"receive", "-O DIR [options]", "Receive CT images from scanners and archives (C-STORE) into a folder.", 0, 0, "",
      cli_receive},
-    {"serve", "PATH... [options]", "Keep volumes loaded, and make pictures of them for a browser or PS3.18 rendered3D.",
-     0, INT_MAX, "PATH", cli_serve},
+    {"serve", "PATH... [options]",
+     "Keep volumes loaded, and render pictures of them for a browser or PS3.18 rendered3D.", 0, INT_MAX, "PATH",
+     cli_serve},
 };

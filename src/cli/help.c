@@ -73,7 +73,7 @@ static void print_option(const CtsOption *o)
 void cli_help(void)
 {
     printf("Usage: ctsplat COMMAND [options]\n"
-           "Clinical pictures of CT series, with a told error: ctsplat render scans/head -o head.png\n\n"
+           "Clinical pictures of CT series, each with an error estimate: ctsplat render scans/head -o head.png\n\n"
            "Commands:\n");
     for (int c = 0; c < CLI_N_COMMANDS; c++) {
         char left[64];

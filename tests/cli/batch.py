@@ -306,9 +306,9 @@ def test_lock(b):
         time.sleep(0.01)
     first.send_signal(signal.SIGSTOP)
     second = b.run("batch", archive, "-O", "o", *OPTIONS)
-    check(second.returncode == 1 and "another batch is at work" in second.stderr, second.stderr)
+    check(second.returncode == 1 and "another batch is running" in second.stderr, second.stderr)
     third = b.run("batch", archive, "-O", "o", "--shard", "0/2", *OPTIONS)
-    check(third.returncode == 1 and "at work" in third.stderr, third.stderr)
+    check(third.returncode == 1 and "running there" in third.stderr, third.stderr)
     first.send_signal(signal.SIGCONT)
     check(first.wait() == 0, first.stderr.read())
     check(len(b.outputs("o")) == 4 * (N_OUTPUTS + 4), "outputs")
@@ -433,7 +433,7 @@ def test_passed(b):
     for i, word in (1, "scouts"), (2, "1 slice"), (3, "pages"):
         check(word in lines[b.name(i).decode()]["reason"], lines[b.name(i).decode()]["reason"])
     said = b.ok(0, "passed", "-O", "o", *OPTIONS).stderr
-    check("1 of 4 series done (1 of them before), 3 passed" in said, said)
+    check("1 of 4 series done (1 of them in earlier runs), 3 passed" in said, said)
     b.ok(0, "passed/series2", "-O", "alone", *OPTIONS)
     # One that is refused beside them still counts.
     b.add("passed", 9, lambda data, k: data.replace(b"8\\9", b"0\\9").replace(b"9\\8", b"0\\8"))

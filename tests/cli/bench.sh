@@ -41,7 +41,7 @@ for r in rows:
     assert r["bound"] is None or r["rmse_trilinear"] <= r["bound"] + 2e-6, r
 PY
 has out '^tiled *tent *to 0.25/255 '
-has b/error-vs-time.svg '<text>the error told, at most</text>'
+has b/error-vs-time.svg '<text>reported error</text>'
 
 refused 5 'bench.jsonl: .*--force' bench "$data/phantom" -O b --size 24x24
 refused 2 'bench: -O DIR is needed' bench "$data/phantom"

@@ -46,6 +46,8 @@ printf '{"show": ["1", "rest"], "label": {"1": "#ff0000:0.2", "rest": %s}}' "$(c
 ok render $see --show 1,rest --label 1=#ff0000:0.2 --label rest=own.json -o options.png
 ok render $see --look look.json -o look.png
 cmp options.png look.png || fail "a look file makes another picture than its options"
+ok render $see --appearance look.json -o look.png --force
+cmp options.png look.png || fail "--appearance makes another picture than --look"
 ok render $see --show all,rest --label 1=#00ff00 --label rest=own.json -o options.png --force
 ok render $see --look look.json --show all,rest --label 1=#00ff00 -o look.png --force
 cmp options.png look.png || fail "options beside a look file do not win"
@@ -58,7 +60,7 @@ while read -r text why; do
     refused 2 "bad.json: line $why" render $see --look bad.json -o x.png
 done <<'END'
 {"show":~"1"} 2: show is not
-{"show":["1",""]} 1: "" is no name
+{"show":["1",""]} 1: "" is not a name
 {"shown":["1"]} 1: unknown key "shown"
 {"label":~{"":"bone"}} 2: "" names no label
 {"label":{"1":~{"name":"x"}}} 2: preset: line 1: points is missing
@@ -78,9 +80,9 @@ ok render $see --labels "$labels/first" --hide 2:1 -o second.png
 # A state tells what is seen of the labels, not where they lie.
 ok render $see --show 1 -o shown.png --write-state state.dcm
 ! grep -aq "$labels" state.dcm || fail "a state tells where label files lie"
-has err 'does not tell other programs which labels are hidden: they are no segments of a BINARY'
+has err 'has no information for other programs on which labels are hidden: they are no segments of a BINARY'
 ok render $see --label-colours -o shown.png --write-state state.dcm --force
-has err 'does not tell other programs the looks of labels'
+has err 'has no information for other programs on the appearance of labels'
 ok render $see --show 1 -o shown.png --write-state state.dcm --force
 ok render "$data/phantom" --state state.dcm --labels "$labels/binary" -o state.png
 cmp shown.png state.png || fail "a state with its labels makes another picture"
@@ -92,7 +94,7 @@ named="$data/phantom -O named --labels mask --label-names names.json --size 32x3
 echo '{"label": {"1": "own.json"}}' >look.json
 ok batch $named --look look.json
 ok batch $named --look look.json
-has err '1 of them before'
+has err '1 of them in earlier runs'
 for change in 'touch -d 2001-02-03 mask' 'sed -i s/one/two/ names.json' 'sed -i s/900/800/ own.json' \
     'sed -i s/own.json/bone/ look.json'; do
     $change

@@ -43,7 +43,7 @@ done
 
 # A projection that is little but white says what would help, and that helps.
 ok render "$data/phantom" $small -p brain --window -900,-800 -o white.png
-has err '^ctsplat: warning: [0-9]+ % of what the picture shows is white, -800 HU and more \(move the --window up'
+has err '^ctsplat: warning: [0-9]+ % of the visible pixels are white, -800 HU or more \(move the --window up'
 for way in '-p brain --window -900,2000' '-p skin --background #ffffff' '-p bone-window --window 0,3000'; do
     ok render "$data/phantom" $small $way -o fine.png --force
     grep -q 'is white' err && fail "a warning with $way"

@@ -175,7 +175,7 @@ def test_separators(scan, work):
     for words, hint in ((['--show', 'Lung, lfet'], 'did you mean Lung, left?'),
                         (['--hide', 'rest,Lung,left'], 'did you mean Lung, left?'),
                         (['--label', 'CTV=51Gy=#ff0000'], 'did you mean CTV=50Gy?'),
-                        (look_file(show=['Kidney,right']), 'no label is called so'),
+                        (look_file(show=['Kidney,right']), 'no label has this name or number'),
                         (['--show', 'Kidney,,right'], 'an empty name')):
         told = picture(scan, work, *base, *words)
         check(f'separators: {words} is refused', isinstance(told, str) and hint in told, told)
@@ -198,8 +198,8 @@ def test_batch(scan, work):
             (['--show', 'Lung, left'], 0, 'done', None),
             (['--show', 'Spleen,Liver'], 0, 'passed', 'no label Spleen, Liver'),
             (['--show', 'Spleen,rest'], 0, 'done', 'no label is called Spleen'),
-            (['--hide', 'Spleen'], 8, 'failed', 'no label is called so'),
-            (['--label', 'Spleen=#ff0000'], 8, 'failed', 'no label is called so'),
+            (['--hide', 'Spleen'], 8, 'failed', 'no label has this name or number'),
+            (['--label', 'Spleen=#ff0000'], 8, 'failed', 'no label has this name or number'),
             (['--label', 'CTV=50Gy=bone'], 0, 'done', None)):
         done = run(*common, *words)
         check(f'batch: {words}: exit', done.returncode == code, f'{done.returncode} {done.stderr}')
@@ -244,7 +244,7 @@ def legend(scan, work, *words):
 
 def test_letters(scan, work):
     """Names in other letters: what is drawn of them, and what is told."""
-    said = 'are not written whole'
+    said = 'are incomplete and preceded'
     for name, alike, told in (('Größe', 'GRÖSSE', False), ('ήπαρ', 'ΉΠΑΡ', False), ('肝臓', '3', True),
                               ('肝臓 liver', '3 LIVER', True), ('l' * 200, None, True), ('Śledziona, lewa', None, False)):
         first, text = legend(scan, work, *named(scan, work, {3: name}), '--label', '3=#00ff00')

@@ -121,16 +121,16 @@ phases_of()
         '0018,1060,DS' '0020,0100,IS' '0018,1210,SH=B30' "$@") || fail "the case cannot be made"
 }
 phases_of
-refused 4 'neither acquisition, tube voltage, .* time tells whole volumes' render c --size 32x32 -o refused.png
+refused 4 'neither acquisition, tube voltage, .* time separates complete volumes' render c --size 32x32 -o refused.png
 for part in '0008,0033,TM=12000{k // 10}' '0008,0033,TM=1200{10 + k}' '0020,9241,FD={40 + 30 * (k // 10)}' \
     '0020,9153,FD={100.5 * (k // 10)}' '0018,1210,SH={["B30", "B70"][k // 10]}'; do
     phases_of "$part"
     warned acquisitions_parted \
-        '(ContentTime|NominalPercentageOfCardiacPhase|NominalCardiacTriggerDelayTime|ConvolutionKernel).* tells 2 volumes'
+        '(ContentTime|NominalPercentageOfCardiacPhase|NominalCardiacTriggerDelayTime|ConvolutionKernel).* separates 2 volumes'
     ok render c --series "$(sed -n 's/.*"series_uid": *"\([^"]*\)".*/\1/p' out | head -n 1)#2" --size 32x32 -o out.png --force
 done
 phases_of '0018,1210,SH={["B30", "B70"][k % 10 > 4]}' # no group of which is complete
-refused 4 'tells whole volumes apart' render c --size 32x32 -o refused.png
+refused 4 'separates complete volumes' render c --size 32x32 -o refused.png
 # One volume whose slices each have a time, a phase or a kernel of their own stays one.
 case_of 'IM*' '0008,0033,TM=1200{10 + k}' '0020,9241,FD={k}' '0018,1210,SH=B{k // 24}'
 quiet
@@ -138,9 +138,9 @@ quiet
 # Acquisitions whose slices take turns are volumes of their own; those that follow each other are one.
 for part in 0020,0012,IS '0018,0060,DS' '0020,0100,IS' '0018,1060,DS'; do
     case_of 'IM*' "$part={80 + k % 2}"
-    warned acquisitions_parted '(AcquisitionNumber|KVP|TemporalPosition|TriggerTime).* tells 2 volumes apart'
+    warned acquisitions_parted '(AcquisitionNumber|KVP|TemporalPosition|TriggerTime).* separates 2 volumes'
     case_of 'IM*' "$part={80 + k // 5 % 2}"
-    refused 4 'take turns between values' render c --size 32x32 -o refused.png
+    refused 4 'alternate between values' render c --size 32x32 -o refused.png
 done
 case_of 'IM*' '0020,0012,IS={k // 20}' '0018,0060,DS={80 + k // 30}'
 quiet

@@ -30,7 +30,7 @@ fills()
     set_hu expected "$4"
     ok render expected $draw -o expected.png
     ok render "$name" $draw -o plain.png
-    has err "^ctsplat: warning: .*exactly $hu HU.*--fill $hu makes air"
+    has err "^ctsplat: warning: .*exactly $hu HU.*--fill $hu turns them into air"
     ! cmp -s plain.png expected.png || fail "$name: cleared without --fill"
     ok render "$name" $draw -o out.png --fill "$hu" --log log.jsonl
     ! grep -q 'exactly' err || fail "$name: $(cat err)"

@@ -32,12 +32,12 @@ case_of 'IM*' '0008,0060,CS=CT'
 quiet
 for k in 0001 0002 0024 0047 0048; do
     case_of "IM$k.dcm" '0028,1052,DS=-1024'
-    told slice_off_neighbours "IM$k.dcm: .* HU off"
+    told slice_off_neighbours "IM$k.dcm: differs by .* HU"
 done
 case_of 'IM0024.dcm' '0028,1052,DS=30'
-told slice_off_neighbours 'IM0024.dcm: 30 HU off'
+told slice_off_neighbours 'IM0024.dcm: differs by 30 HU'
 case_of 'IM0024.dcm' '0028,1053,DS=2'
-told slice_off_neighbours 'IM0024.dcm: .* HU off'
+told slice_off_neighbours 'IM0024.dcm: differs by .* HU'
 case_of 'IM0024.dcm' '0028,1053,DS=0.5'
 ok info c --json
 has out slice_off_neighbours

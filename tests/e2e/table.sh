@@ -13,7 +13,7 @@ goes()
     grep '"table_removed"' log.jsonl >line || fail "$1: nothing goes"
     ! grep -q table_removal_uncertain log.jsonl || fail "$1: in doubt"
     grep -q '"event":"table".*"lost_percent":0\(\.0[0-9]*\)\?}' log.jsonl || fail "$1: 0.1 % of the body is lost"
-    cm3=$(sed 's/.*went (\([0-9]*\)\..*/\1/' line)
+    cm3=$(sed 's/.*removed (\([0-9]*\)\..*/\1/' line)
     [ "$cm3" -ge "$2" ] && [ "$cm3" -le "$3" ] || fail "$1: $cm3 cm3 go, not $2 to $3"
     rm log.jsonl
 }

@@ -84,7 +84,7 @@ try:
         words = ['batch', '--from', peer, '--patient-id', patient, '-O', 'batch-' + peer[:4], *look]
         assert '1 of 1 series done:' in ask(*words)
         assert open(glob.glob('batch-' + peer[:4] + '/*/*.png')[0], 'rb').read() == truth
-        assert '(1 of them before)' in ask(*words)
+        assert '(1 of them in earlier runs)' in ask(*words)
 
     # Sent back in each way, they are in the same study, once.
     run(data, *look, '--compress', 'rle', '-o', 'still.dcm', '--send', dimse)

@@ -441,7 +441,7 @@ def test_labels_in_memory(phantom):
     volume = ctsplat.load(PHANTOM, labels=mask)
     other = mask.copy()
     other[mask == 7] = 1
-    with pytest.raises(ctsplat.Error, match="no label is called so"):
+    with pytest.raises(ctsplat.Error, match="no label has this name or number"):
         volume.render(labels=other, **scene)
     names = ctsplat.load(PHANTOM, labels=[mask, LABELS])
     assert np.array_equal(names.render(**{**scene, "show": ["1:7"], "label": {"1:7": "#0000ff:1"}}).rgba, pictures[0].rgba)

@@ -129,7 +129,7 @@ def rendered(server, study, uid):
                         ('orientation q', 'orientation=q'), ('one or the other', 'orientation=a&viewpointup=0,0,1'),
                         ('given together', 'viewpointposition=1,2,3'), ('roll', camera.replace('up=0,0,1', 'up=0,1,1')),
                         ('CENTRE,WIDTH', 'window=50,400'), ('CENTRE,WIDTH', 'window=50,400,sigmoid'),
-                        ('given twice', 'viewport=9,9'), ('swivelrange is not said', 'animationrate=5'), ('not yes',
+                        ('given twice', 'viewport=9,9'), ('need swivelrange', 'animationrate=5'), ('not yes',
                         'renderedvolumetricmetadata=no'), ('mprslab: belongs', 'mprslab=3'), ('frob: no such', 'frob=1')]:
         server.refused(400, text, f'{base}&{query}')
     server.refused(406, 'image/jpeg', base, headers={'Accept': 'video/mpeg'})
@@ -157,8 +157,8 @@ def states(study, uid, slices):
             assert server.get(base, png) == f.read()
         assert server.get(base + '?orientation=l', png) == \
             render('png', '--preset', 'skin', '--view', 'left', '--size', '64x48', '--png-bits', '8')
-        server.refused(400, 'preset: does not go', base + '?preset=bone')
-        server.refused(400, 'does not go', base + '?renderedvolumetricmetadata=yes')
+        server.refused(400, 'preset: cannot be combined', base + '?preset=bone')
+        server.refused(400, 'cannot be combined', base + '?renderedvolumetricmetadata=yes')
         server.refused(400, '^[^/]*private attributes', base.replace(state.SOPInstanceUID, '1.2.3.4'))
         one = f'/studies/{study}/series/{uid}/instances/%s/rendered3D'
         server.refused(400, '1 of the 48 slices', one % slices)
@@ -186,9 +186,10 @@ def labels():
         assert server.get(f'{picture}&look=' + look % '%23ff0000') == server.get(f'{picture}&label=1%3D%23ff0000')
         for refused in 'look.json', look % '/etc/passwd':
             server.refused(400, 'look|preset', picture + '&look=' + refused)
+            server.refused(400, 'appearance|preset', picture + '&appearance=' + refused)
         listed = json.loads(server.get(f'/series/{server.series()[0]["id"]}/labels'))
         assert listed and all(label['name'] and label['voxels'] >= 0 for label in listed), listed
-        server.refused(400, 'no label is called so', picture + '&hide=nobody')
+        server.refused(400, 'no label has this name or number', picture + '&hide=nobody')
         for look in '1=/etc/passwd', '1%3D/etc/passwd', 'a%3D/etc/passwd%3Dbone':
             server.refused(400, 'preset', picture + '&label=' + look)
 

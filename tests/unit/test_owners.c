@@ -100,7 +100,7 @@ static void refused(void **state)
     } cases[] = {
         {{.show = "leison"}, "did you mean Lesion?"},   {{.hide = "brain"}, "1:brain or 2:brain"},
         {{.hide = "1"}, "label files 1 and 2 both"},    {{.show = "lesion,,"}, "empty name"},
-        {{.hide = "3:brain"}, "no label is called so"}, {{.order = "zz*"}, "`label-order` zz*"},
+        {{.hide = "3:brain"}, "no label has this name or number"}, {{.order = "zz*"}, "`label-order` zz*"},
     };
     CtsVolume *v = phantom_head(NX, NY, NZ, 0);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {

@@ -145,7 +145,7 @@ static void test_deaths(void **state)
         {"a", "crashed (signal 6)", "crashed (signal 6)"},
         {"e", "exit code 7", "exit code 7"},
         {"h", "after 1 s of computing", "after 1 s of computing"},
-        {"l", "stood still for 2 s", "stood still for 2 s"},
+        {"l", "made no progress for 2 s", "made no progress for 2 s"},
         {"m", "more memory", ""},
         {"o", "no file", ""},
         {"n", "system call", "system call"},

@@ -279,7 +279,7 @@ static void test_lies(void **state)
     put_us(&b, 0x00280010, 512);
     put_us(&b, 0x00280010, 256);
     put_pixel_tag(&b);
-    expect_bad(&b, explicit_le(), "(0028,0010) stands twice");
+    expect_bad(&b, explicit_le(), "(0028,0010) occurs twice");
     put_tag(&b, 0x00081140);
     put(&b, "SQ\0\0", 4);
     put32(&b, UINT32_MAX);

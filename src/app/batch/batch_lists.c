@@ -68,8 +68,8 @@ static void join_circles(const CtsOptions *options, CtsBatchLists *l, CtsReport 
             k++;
         if (options->rotation && k < n)
             cts_report_finding(report, "same_circle", CTS_WARNING,
-                               "`rotation` from %s goes through the circle of that from %s, and is left out (a view of "
-                               "another elevation makes another)",
+                               "`rotation` from %s covers the same circle as that from %s, and is left out (choose a "
+                               "view of another elevation)",
                                l->views[i].name, l->views[k].name);
         else
             l->views[n++] = l->views[i];

@@ -317,7 +317,7 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const C
     p->options = o;
     p->key = key;
     if (!(p->list = nameless_file(o->output_dir))) {
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: no file can be made there: %s", o->output_dir, strerror(errno));
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: no file can be created there: %s", o->output_dir, strerror(errno));
         goto end;
     }
     const CtsArchiveSearch search = {.paths = o->paths.items,

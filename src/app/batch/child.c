@@ -85,7 +85,7 @@ static CtsStatus send_text(const CtsBatchChild *child, const char *message, CtsE
     ssize_t done;
     for (size_t n = strlen(message); n > 0; message += done, n -= (size_t)done)
         if ((done = TEMP_FAILURE_RETRY(send(child->socket, message, n, MSG_NOSIGNAL))) < 0)
-            return cts_fail(err, CTS_ERR_INTERRUPTED, "the batch is gone: %s", strerror(errno));
+            return cts_fail(err, CTS_ERR_INTERRUPTED, "the batch process has ended: %s", strerror(errno));
     return CTS_OK;
 }
 
@@ -247,7 +247,8 @@ static CtsStatus make_folders(CtsBatchChild *c, CtsError *err)
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", path, strerror(errno));
         struct stat info;
         if (lstat(path, &info) || !S_ISDIR(info.st_mode))
-            return cts_fail(err, CTS_ERR_OUTPUT, "%s: is no folder (a link is not followed out of -O)", path);
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: is not a folder (links that lead out of -O are not followed)",
+                            path);
         cts_sweep(path, "");
     }
     return CTS_OK;

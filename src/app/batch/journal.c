@@ -81,14 +81,13 @@ static CtsStatus check_locks(const CtsJournal *j, CtsError *err)
     for (int i = 0; i < 2; i++)
         if (fds[i] >= 0 && !fstat(fds[i], &info) && info.st_nlink == 0)
             return cts_fail(err, CTS_ERR_INTERNAL,
-                            "%s: the batch's lock was removed while it was at work (run it again; it goes on)",
-                            j->folder);
+                            "%s: the batch's lock was removed while it ran (run it again; it resumes)", j->folder);
     return CTS_OK;
 }
 
 static CtsStatus another_batch(const CtsJournal *j, CtsError *err)
 {
-    return cts_fail(err, CTS_ERR_INTERNAL, "%s: another batch is at work there (wait for it, or choose another -O)",
+    return cts_fail(err, CTS_ERR_INTERNAL, "%s: another batch is running there (wait for it, or choose another -O)",
                     j->folder);
 }
 
@@ -105,7 +104,7 @@ static CtsStatus lock_shards(CtsJournal *j, int n_shards, CtsError *err)
     if (!try_lock(j->lock_all, LOCK_SH))
         return another_batch(j, err);
     if (pread(j->lock_all, text, sizeof text - 1, 0) <= 0 || atoi(text) != n_shards)
-        return cts_fail(err, CTS_ERR_INTERNAL, "%s: a batch of %d shards is at work there (--shard I/%d joins it)",
+        return cts_fail(err, CTS_ERR_INTERNAL, "%s: a batch of %d shards is running there (--shard I/%d joins it)",
                         j->folder, atoi(text), atoi(text));
     return CTS_OK;
 }
@@ -125,7 +124,7 @@ static CtsStatus lock(CtsJournal *j, int shard, int n_shards, CtsError *err)
         return st;
     return try_lock(j->lock_own, LOCK_EX)
                ? CTS_OK
-               : cts_fail(err, CTS_ERR_INTERNAL, "%s: another batch is at work on shard %d/%d there (wait for it)",
+               : cts_fail(err, CTS_ERR_INTERNAL, "%s: another batch is running on shard %d/%d there (wait for it)",
                           j->folder, shard, n_shards);
 }
 
@@ -178,7 +177,7 @@ static CtsStatus append(CtsJournal *j, const char *text, size_t n, CtsError *err
         return CTS_OK;
     const CtsStatus st = fail_errno(err, j->path, "cannot be written");
     if (ftruncate(j->fd, (off_t)j->end))
-        cts_context(err, "%s: its last line is torn", j->path);
+        cts_context(err, "%s: its last line is incomplete", j->path);
     return st;
 }
 
@@ -214,7 +213,7 @@ static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const CtsJou
         change(context, line);
     char *text = line ? json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
     json_decref(line);
-    CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s: a line cannot be read again", j->path);
+    CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s: a line cannot be read back", j->path);
     if (!st && !(st = cts_temp_write(temp, text, strlen(text), err)))
         st = cts_temp_write(temp, "\n", 1, err);
     free(text);

@@ -70,13 +70,13 @@ static CtsStatus hash_file(const char *path, char hex[65], CtsError *err)
     CtsStatus st = CTS_OK;
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (fd < 0 || !bytes)
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read again: %s", path, strerror(errno));
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", path, strerror(errno));
     else
         st = cts_hash_start(&hash, err);
     for (ssize_t n = 1; !st && n > 0;) {
         n = TEMP_FAILURE_RETRY(read(fd, bytes, 1 << 18));
         if (n < 0)
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read again: %s", path, strerror(errno));
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", path, strerror(errno));
         else
             cts_hash_bytes(hash, bytes, (size_t)n);
     }
@@ -101,7 +101,7 @@ CtsStatus cts_line_file_facts(const CtsBatchSettings *s, json_t *entry, CtsError
     struct stat info;
     CtsStatus st;
     if (!cts_line_path(s, entry, full, sizeof full) || stat(full, &info))
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: is gone again", cts_json_text_of(entry, "path"));
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: has disappeared", cts_json_text_of(entry, "path"));
     if ((st = hash_file(full, hex, err)))
         return st;
     json_object_set_new(entry, "bytes", json_integer((json_int_t)info.st_size));

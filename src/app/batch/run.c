@@ -390,7 +390,7 @@ static void start_sender(Run *r)
     r->to_send[r->next_to_send++] = NULL;
     json_t *line = cts_journal_find(r->journal, uid);
     const CtsStatus st = line ? cts_sender_start(r->settings, r->journal, line, &w->pid, &w->socket, &err)
-                              : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its line in the journal is gone", uid);
+                              : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its record in the journal is missing", uid);
     free(uid);
     if (st) {
         w->pid = 0;
@@ -527,8 +527,8 @@ static CtsStatus search(Run *r, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->source.series_uid);
     if (!r->found.n_series && o->shard.n == 1)
         return cts_fail(err, CTS_ERR_NO_SERIES,
-                        "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (name these, "
-                        "and links to folders, themselves)",
+                        "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (give these, and "
+                        "links to folders, as a PATH each)",
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
                         (unsigned long long)counts.n_packed);
     return CTS_OK;

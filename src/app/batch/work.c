@@ -300,7 +300,7 @@ static CtsStatus render_series(Work *w)
     else
         cts_log_done(w->log, w->child->n_threads);
     if (cts_log_close(&w->log, &log_err))
-        cts_report_finding(&w->report, "log_lost", CTS_WARNING, "the log is not whole: %s", log_err.text);
+        cts_report_finding(&w->report, "log_lost", CTS_WARNING, "the log is incomplete: %s", log_err.text);
     cts_names_free(&w->names);
     const CtsStatus told = cts_child_end(w->child, &w->report, st, &err);
     cts_report_free(&w->report);

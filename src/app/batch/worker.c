@@ -47,9 +47,9 @@ void cts_worker_reason(const CtsWorker *w, int how, char *reason, size_t size)
     else if (WIFSIGNALED(how))
         snprintf(reason, size, "its process crashed: signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
     else if (WEXITSTATUS(how) == CTS_CHILD_NO_MEMORY)
-        snprintf(reason, size, "it ran out of memory, and had none left to tell where");
+        snprintf(reason, size, "it ran out of memory, and had none left to report where");
     else
-        snprintf(reason, size, "its process ended with status %d and told nothing", WEXITSTATUS(how));
+        snprintf(reason, size, "its process ended with status %d and no report", WEXITSTATUS(how));
 }
 
 void cts_worker_stop(CtsWorker *w, double now_ms)

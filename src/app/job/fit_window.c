@@ -104,7 +104,7 @@ CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *
 void cts_contrast_tell(const CtsPreset *preset, CtsReport *report)
 {
     cts_report_finding(report, "no_contrast", CTS_WARNING,
-                       "preset %s: no contrast agent is to be seen in the blood, so what shows is bone, in the "
-                       "colours of bone (take preset %s, or a series with contrast agent)",
+                       "preset %s: no contrast agent was found in the blood, so the picture shows bone, in the colours "
+                       "of bone (choose preset %s, or a series with contrast agent)",
                        preset->name, cts_preset_builtin(0)->name);
 }

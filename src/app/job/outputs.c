@@ -117,7 +117,7 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
         if (!format && is_video(path))
             return cts_fail(
                 err, CTS_ERR_USAGE,
-                "%s: no such films are written (an animated .webp holds a `rotation`; or of its pictures as "
+                "%s: no films of this format are written (an animated .webp holds a `rotation`; or of its pictures as "
                 ".png files ffmpeg makes one: see EXAMPLES of ctsplat(1))",
                 path);
         if (!format)

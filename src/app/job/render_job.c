@@ -62,24 +62,24 @@ static void saturation_tell(const Saturation *s, const CtsJob *job, const CtsVol
         coarsest_mm = fmax(coarsest_mm, cts_volume_spacing_mm(v, a));
     if (!projects && !job->render.opacity_per_voxel && coarsest_mm <= fine_mm && (is_black || s->most < faint)) {
         cts_report_finding(report, "nearly_black", CTS_WARNING,
-                           "the picture is nearly all black: opacity counts by millimetre, and voxels are %.2g mm wide "
-                           "(`opacity-unit` voxel counts by voxel)",
+                           "the picture is nearly all black: opacity is per millimetre, and voxels are %.2g mm wide "
+                           "(`opacity-unit` voxel makes it per voxel)",
                            coarsest_mm);
         return;
     }
     if (projects && 2 * s->n_full > s->n_seen)
         cts_report_finding(report, "mostly_white", CTS_WARNING,
-                           "%.0f %% of what the picture shows is white, %g HU and more (move the `window` up, or show "
-                           "less at once by a `slab` of some 10 mm)",
+                           "%.0f %% of the visible pixels are white, %g HU or more (move the `window` up, or limit the "
+                           "depth with a `slab` of about 10 mm)",
                            100.0 * (double)s->n_full / (double)s->n_seen, info->window_high_hu);
     else if ((is_black || (double)s->n_white > nearly_all * (double)s->n) && !is_told(report, "nothing_visible"))
-        cts_report_finding(report, is_black ? "nearly_black" : "nearly_white", CTS_WARNING,
-                           projects
-                               ? "the picture is nearly all %s: little of it lies between %g and %g HU (move the "
-                                 "`window`; `mode` without a preset takes one that fits)"
-                               : "the picture is nearly all %s (see what HU the preset shows, the `background`, and "
-                                 "the scale)",
-                           is_black ? "black" : "white", info->window_low_hu, info->window_high_hu);
+        cts_report_finding(
+            report, is_black ? "nearly_black" : "nearly_white", CTS_WARNING,
+            projects
+                ? "the picture is nearly all %s: little of it lies between %g and %g HU (move the "
+                  "`window`; `mode` without a preset takes one that fits)"
+                : "the picture is nearly all %s (check which HU the preset shows, the `background`, and the scale)",
+            is_black ? "black" : "white", info->window_low_hu, info->window_high_hu);
 }
 
 /* Bands of a picture that somebody watches: few enough to cost nothing, enough of them to see it go on. */
@@ -150,8 +150,8 @@ static void tell_step(const Frame *frame, const CtsWatch *watch, double done)
 static void tell_in_part(const Frame *frame, int n_in_part, size_t n_named)
 {
     cts_report_finding(frame->report, "names_in_part", CTS_WARNING,
-                       "`annotate` labels: %d of %zu names are not written whole, their numbers stand in front of them "
-                       "(letters but Latin and Greek ones are not drawn; a long name needs a larger `size`)",
+                       "`annotate` labels: %d of %zu names are incomplete and preceded by their numbers (only Latin "
+                       "and Greek letters are drawn; a long name needs a larger `size`)",
                        n_in_part, n_named);
 }
 
@@ -191,8 +191,8 @@ static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
     n_left_out += n_names_left_out;
     if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
         cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
-                           "`annotate`: %d of %d marks left out, for which the picture has no room (a larger `size`)",
-                           n_left_out, n);
+                           "`annotate`: %d of %d marks left out for lack of room (choose a larger `size`)", n_left_out,
+                           n);
     return st;
 }
 
@@ -268,7 +268,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
     CtsStatus st = CTS_OK;
     Frame frame = {.job = job, .volume = volume, .files = files, .report = report};
     if (n_frames_of(job) > 1)
-        cts_report_skip(report, "loading again", "%d frames share one volume, cropped and without its table once",
+        cts_report_skip(report, "loading again", "%d frames share one volume; crop and table removal run once",
                         n_frames_of(job));
     /* The plan of one view stands for all of a rotation. */
     const int n_frames = job->render.explain ? 1 : n_frames_of(job);

@@ -73,16 +73,15 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
 static void tell_made_up(const CtsMadeUp *made, CtsReport *report)
 {
     if (made->no_memory)
-        cts_report_finding(
-            report, "slices_cubic", CTS_WARNING,
-            "there is no memory for moving surfaces from slice to slice, so terraces may show (free some, "
-            "or crop)");
+        cts_report_finding(report, "slices_cubic", CTS_WARNING,
+                           "not enough memory for shape-based interpolation between slices, so terraces may be visible "
+                           "(free some memory, or crop)");
     else if (made->n_moved > 0)
-        cts_report_finding(
-            report, "slices_moved", CTS_NOTE,
-            "%.1f %% of the voxels between slices were moved with a surface that moves from slice to slice; "
-            "they differ from straight lines by %.0f HU on average",
-            100 * (double)made->n_moved / (double)made->n_voxels, made->sum_of_differences_hu / (double)made->n_moved);
+        cts_report_finding(report, "slices_moved", CTS_NOTE,
+                           "shape-based interpolation displaced %.1f %% of the voxels between slices; they differ from "
+                           "linear interpolation by %.0f HU on average",
+                           100 * (double)made->n_moved / (double)made->n_voxels,
+                           made->sum_of_differences_hu / (double)made->n_moved);
 }
 
 /* The field between voxels: less noise, and no terraces between thick slices. */
@@ -98,7 +97,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsMadeUp *m
     if (source->interpolation == CTS_INTERPOLATION_LINEAR || n_parts == 1) {
         cts_report_skip(report, "layers between slices",
                         n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
-                                     : "linear interpolation between slices was asked for");
+                                     : "linear interpolation between slices was requested");
         tell_made_up(made, report);
         return CTS_OK;
     }
@@ -106,7 +105,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsMadeUp *m
     st = cts_volume_refine(v, n_parts, source->interpolation, source->n_threads, made, &why);
     if (st == CTS_ERR_MEMORY) {
         cts_report_finding(report, "slices_linear", CTS_WARNING,
-                           "slices %.3g mm apart are joined by straight lines, so terraces may show: %s", slice_mm,
+                           "slices %.3g mm apart are interpolated linearly, so terraces may be visible: %s", slice_mm,
                            why.text);
         return CTS_OK;
     }
@@ -114,8 +113,9 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsMadeUp *m
         *err = why;
         return st;
     }
-    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubics%s, %d layers in all", slice_mm,
-                    n_parts - 1, source->interpolation == CTS_INTERPOLATION_SHAPE ? " and by shape" : "", v->dims[2]);
+    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubic interpolation%s, %d layers in total",
+                    slice_mm, n_parts - 1, source->interpolation == CTS_INTERPOLATION_SHAPE ? " along shapes" : "",
+                    v->dims[2]);
     cts_report_finding(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by interpolation in %.0f ms",
                        n_slices, v->dims[2], cts_wall_ms() - start_ms);
     tell_made_up(made, report);
@@ -253,8 +253,8 @@ void cts_source_tell_fill(const CtsSource *source, const CtsScanned *scanned, Ct
     double hu;
     if (!source->fill.given && !is_shifted(report) && cts_scanned_find_fill(scanned, &hu))
         cts_report_finding(report, "constant_fill", CTS_WARNING,
-                           "voxels at the border of the volume have exactly %g HU, as filling outside a scan has, and "
-                           "count as tissue (`fill` %g makes air of them)",
+                           "voxels at the border of the volume have exactly %g HU, a usual filling value outside the "
+                           "scan, and count as tissue (`fill` %g turns them into air)",
                            hu, hu);
 }
 
@@ -266,9 +266,10 @@ static CtsStatus clear_fill(const CtsSource *source, CtsScanned *scanned, CtsRep
     const CtsStatus st = cts_scanned_clear_fill(scanned, source->fill.hu, source->n_threads, &n, err);
     cts_meter_stop(meter, report, CTS_STAGE_GREY);
     if (!st)
-        cts_report_finding(report, "fill_cleared", n ? CTS_NOTE : CTS_WARNING,
-                           "filling: %llu voxels of exactly %g HU that are connected to the border became air",
-                           (unsigned long long)n, source->fill.hu);
+        cts_report_finding(
+            report, "fill_cleared", n ? CTS_NOTE : CTS_WARNING,
+            "filling: %llu voxels of exactly %g HU that are connected to the border were turned into air",
+            (unsigned long long)n, source->fill.hu);
     return st;
 }
 
@@ -278,12 +279,12 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     CtsMadeUp made = {0}, straight = {0};
     CtsVolume *seen = NULL;
     CtsStatus st = CTS_ERR_MEMORY;
-    /* Between uneven slices a plate that is cut askew moves as a surface does; joined straight it stands still. */
+    /* Between uneven slices a plate that is cut askew moves as a surface does; joined straight it makes no progress. */
     if (source->remove_table && scanned->layer && source->interpolation != CTS_INTERPOLATION_LINEAR &&
         cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, false, source->n_threads, &seen, &straight, NULL))
         cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
-                           "there is no memory to look for the table in slices joined straight, and ends of plates may "
-                           "stay (free some)");
+                           "not enough memory to search linearly interpolated slices for the table, so ends of plates "
+                           "may remain (free some memory)");
     if (!last)
         st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->volume, &made, NULL);
     if (st == CTS_ERR_MEMORY)

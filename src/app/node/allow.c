@@ -48,7 +48,7 @@ static CtsStatus parse_one(const char *text, CtsAllow *allow, CtsError *err)
     if (v4)
         memcpy(allow->address.bytes, mapped, sizeof mapped);
     else if (inet_pton(AF_INET6, address, allow->address.bytes) != 1)
-        return cts_fail(err, CTS_ERR_USAGE, "`allow` %.80s: has no address in numbers, such as 192.0.2.10", text);
+        return cts_fail(err, CTS_ERR_USAGE, "`allow` %.80s: has no numeric address, such as 192.0.2.10", text);
     if (slash) {
         const long n = slash[1] ? strtol(slash + 1, &end, 10) : -1, most = v4 ? 32 : 128;
         if (n < 0 || n > most || *end)

@@ -42,7 +42,7 @@ typedef struct CtsSpool {
     int lock;
 } CtsSpool;
 
-/* Makes the folder (0750) where it is missing, and locks it. CTS_ERR_INTERNAL when another receiver is at work there.
+/* Makes the folder (0750) where it is missing, and locks it. CTS_ERR_INTERNAL when another receiver is running there.
  */
 CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err);
 void cts_spool_close(CtsSpool *spool);

@@ -56,7 +56,7 @@ static bool grows(void *context, uint64_t n_bytes)
         return true;
     snprintf(s->visitor->told->visit.end, sizeof s->visitor->told->visit.end,
              n_bytes > s->receiver->spool.most_object_bytes ? "broken off: its object is larger than allowed"
-                                                            : "broken off: the disk is as full as it may be");
+                                                            : "broken off: the disk is nearly full");
     return false;
 }
 
@@ -271,7 +271,7 @@ CtsStatus cts_receive(const CtsOptions *options, void (*told)(const char *text),
         snprintf(text, sizeof text, "listens at %s as %s", where, r->net.own_aet);
         told(text);
         if (!options->allow.n)
-            told("nobody but this machine may send (--allow AET@ADDRESS lets others)");
+            told("only this machine may send (--allow AET@ADDRESS admits others)");
         receive_all(r);
         st = r->status;
     }

@@ -26,7 +26,7 @@ CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err)
     if (spool->lock < 0 || access(spool->folder, W_OK | X_OK))
         return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be written: %s", spool->folder, strerror(errno));
     if (flock(spool->lock, LOCK_EX | LOCK_NB))
-        return cts_fail(err, CTS_ERR_INTERNAL, "%s: another receiver is at work there (choose another -O)",
+        return cts_fail(err, CTS_ERR_INTERNAL, "%s: another receiver is running there (choose another -O)",
                         spool->folder);
     return CTS_OK;
 }

@@ -77,8 +77,9 @@ static CtsStatus take_words(CtsAsked *asked, CtsError *err)
         const CtsWord word = {.name = asked->query.parts[i].name, .value = asked->query.parts[i].value};
         if (!strcmp(word.name, "preset") && (st = check_preset(word.value, err)))
             return st;
-        if (!strcmp(word.name, "look") && word.value[0] != '{')
-            return cts_fail(err, CTS_ERR_USAGE, "`look`: stands in the request itself, as JSON");
+        const bool is_look = !strcmp(word.name, "look") || !strcmp(word.name, "appearance");
+        if (is_look && word.value[0] != '{')
+            return cts_fail(err, CTS_ERR_USAGE, "`%s`: belongs in the request itself, as JSON", word.name);
         st = cts_options_take(&asked->options, CTS_FOR_REQUEST, &word, err);
     }
     return st;

@@ -124,7 +124,7 @@ static CtsStatus check_instance(const CtsErrand *e, CtsError *err)
     const int n = uid[0] ? cts_shelved_count(e->shelved, uid) : e->shelved->series->n_slices;
     if (n == e->shelved->series->n_slices)
         return CTS_OK;
-    return n ? cts_fail(err, CTS_ERR_USAGE, "the object holds %d of the %d slices of its series (ask for the series)",
+    return n ? cts_fail(err, CTS_ERR_USAGE, "the object holds %d of the %d slices of its series (request the series)",
                         n, e->shelved->series->n_slices)
              : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
 }
@@ -219,7 +219,7 @@ CtsStatus cts_errands_begin(CtsServer *server, CtsError *err)
 {
     for (; server->n_workers < CTS_SERVE_WORKERS; server->n_workers++)
         if (cts_thread_start(&server->workers[server->n_workers], work, server))
-            return cts_fail(err, CTS_ERR_MEMORY, "no threads can be had");
+            return cts_fail(err, CTS_ERR_MEMORY, "no thread can be started");
     return CTS_OK;
 }
 
@@ -241,7 +241,7 @@ static void drop_gone(CtsServer *server, const struct pollfd *sockets, int n)
         if (sockets[i].revents & (POLLRDHUP | POLLHUP | POLLERR)) {
             e->stop = 1;
             if (!e->running)
-                drop_waiting(server, e, "the client has gone");
+                drop_waiting(server, e, "the client has disconnected");
         }
         e = next;
     }

@@ -16,7 +16,7 @@ static CtsStatus make_token(CtsServer *server, CtsError *err)
 {
     unsigned char random[MADE_BYTES];
     if (getrandom(random, sizeof random, 0) != sizeof random)
-        return cts_fail(err, CTS_ERR_READ, "no random numbers can be had for a token (give `token-file`)");
+        return cts_fail(err, CTS_ERR_READ, "no random numbers are available for a token (give `token-file`)");
     for (int i = 0; i < MADE_BYTES; i++)
         sprintf(server->token + 2 * i, "%02x", random[i]);
     return CTS_OK;

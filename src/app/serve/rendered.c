@@ -50,7 +50,7 @@ static CtsStatus sort_out(const CtsQuery *from, bool of_state, CtsQuery *words, 
         const char *name = from->parts[i].name;
         const struct Parameter *const p = parameter(name);
         if (of_state && !(p && p->goes_with_state))
-            return cts_fail(err, CTS_ERR_USAGE, "%.60s: does not go with a presentation state, which says it itself",
+            return cts_fail(err, CTS_ERR_USAGE, "%.60s: cannot be combined with a presentation state, which sets it",
                             name);
         if (p && p->not_here)
             return cts_fail(err, CTS_ERR_USAGE, "%s: %s", name, p->not_here);
@@ -164,12 +164,12 @@ static CtsStatus take_camera(const CtsQuery *from, CtsQuery *words, CtsError *er
     if (!c.position || !c.look_at)
         return cts_fail(err, CTS_ERR_USAGE, "viewpointposition and viewpointlookat must be given together");
     if (!memcmp(c.position_lps, c.look_at_lps, sizeof c.position_lps))
-        return cts_fail(err, CTS_ERR_USAGE, "viewpointposition: is where viewpointlookat is");
+        return cts_fail(err, CTS_ERR_USAGE, "viewpointposition: equals viewpointlookat");
     angles_of(&c, deg);
     if (c.up && !is_upright(&c, deg))
         return cts_fail(err, CTS_ERR_USAGE,
-                        "viewpointup %.60s: not supported, as the camera would roll (upright is "
-                        "towards the head, or where that is the way it looks, any)",
+                        "viewpointup %.60s: not supported, as the camera would roll (up is towards the head; any "
+                        "vector when the camera looks along the head-foot axis)",
                         c.up);
     add_view(words, deg[0], deg[1]);
     cts_query_add(words, "centre", c.look_at);
@@ -197,8 +197,7 @@ static CtsStatus take_swivel(CtsAsked *asked, const CtsQuery *from, CtsError *er
     if (asked->swivel_range_deg == 0)
         return asked->swivel_step_deg == 0 && asked->rate == 0
                    ? CTS_OK
-                   : cts_fail(err, CTS_ERR_USAGE,
-                              "animationstepsize and animationrate: of which swivelrange is not said");
+                   : cts_fail(err, CTS_ERR_USAGE, "animationstepsize and animationrate: need swivelrange");
     if (asked->swivel_step_deg == 0)
         asked->swivel_step_deg = asked->swivel_range_deg / SWEEP_FRAMES;
     if (asked->rate == 0)

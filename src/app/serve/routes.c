@@ -94,7 +94,7 @@ static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError 
     if (!st) {
         server->http->wait(e->request);
         if (!cts_errand_queue(server, e))
-            st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are waited for (ask again)");
+            st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are queued (ask again)");
     }
     pthread_mutex_unlock(&server->lock);
     return st;

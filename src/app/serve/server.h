@@ -33,7 +33,7 @@ const char *cts_query_value(const CtsQuery *query, const char *name);
 typedef struct CtsAsked {
     CtsQuery query; /* as ctsplat's own words */
     const char *media_type;
-    bool metadata;                                  /* how the picture is made, not the picture */
+    bool metadata;                                  /* how the picture is rendered, not the picture */
     double swivel_range_deg, swivel_step_deg, rate; /* 0: not asked for */
     char *state_path;                               /* of the presentation state that is asked for; NULL: none */
     char instance_uid[65];                          /* the object that must be the whole series; "": none */

@@ -52,7 +52,7 @@ static CtsStatus find_key(CtsShelf *shelf, CtsError *err)
     }
     return getrandom(shelf->key.bytes, sizeof shelf->key.bytes, 0) == sizeof shelf->key.bytes
                ? CTS_OK
-               : cts_fail(err, CTS_ERR_READ, "no random numbers can be had");
+               : cts_fail(err, CTS_ERR_READ, "no random numbers are available");
 }
 
 static int by_text(const void *a, const void *b)
@@ -145,7 +145,7 @@ CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!shelf->most_bytes) {
         free(paths);
-        return cts_fail(err, CTS_ERR_USAGE, "how much memory is free is not known here (give `memory` SIZE)");
+        return cts_fail(err, CTS_ERR_USAGE, "the amount of free memory is unknown (give `memory` SIZE)");
     }
     for (int i = 0; i < options->paths.n; i++)
         if (!strstr(options->paths.items[i], CTS_SHELF_PLACE))

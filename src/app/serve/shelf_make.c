@@ -149,7 +149,7 @@ static CtsStatus reserve(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *own
     pthread_mutex_unlock(lock);
     if (has)
         return CTS_OK;
-    return cts_fail(err, CTS_ERR_MEMORY, "there is no room for %llu MiB more, `memory` leaves %llu MiB in all",
+    return cts_fail(err, CTS_ERR_MEMORY, "there is no room for %llu MiB more, `memory` allows %llu MiB in total",
                     (unsigned long long)(bytes >> 20), (unsigned long long)(most >> 20));
 }
 

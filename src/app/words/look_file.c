@@ -38,7 +38,7 @@ static CtsStatus take_list(const CtsJsonAt *root, const char *key, const char *o
         const CtsJsonAt at = cts_json_element(&list, i);
         const char *name;
         if (!(st = cts_json_string(&at, &name, err)) && !*name)
-            st = cts_json_fail(&at, err, "\"\" is no name");
+            st = cts_json_fail(&at, err, "\"\" is not a name");
     }
     return st ? st : add(look, root->json, option, json_dumps(list.value, JSON_COMPACT), err);
 }
@@ -79,7 +79,7 @@ static CtsStatus take_labels(const CtsJsonAt *root, CtsLook *look, CtsError *err
     const char *key;
     json_t *value;
     if (cts_json_member(root, "label", &labels) && !json_is_object(labels.value))
-        return cts_json_fail(&labels, err, "label is not an object { } of names and looks");
+        return cts_json_fail(&labels, err, "label is not an object { } of names and appearances");
     json_object_foreach(labels.value, key, value)
     {
         CtsJsonAt at;

@@ -117,7 +117,7 @@ CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsWor
         return fail_unknown(command, word->name, err);
     if (o->several && command != CTS_FOR_BATCH && cts_options_given(options, o->name))
         return cts_fail(err, CTS_ERR_USAGE,
-                        "`%s` %s: one picture has one, and %s is given too (ctsplat batch `%s` "
+                        "`%s` %s: a picture has only one, and %s is given too (ctsplat batch `%s` "
                         "LIST makes a picture with each)",
                         o->name, word->value, cts_options_given(options, o->name), o->several);
     if ((st = put(options, o, word->value, err)))
@@ -232,7 +232,7 @@ static CtsStatus check_peers(const CtsOptions *o, CtsCommand command, CtsError *
                         "`study-uid`, `series-uid` and `move-port` say what to fetch, and `from` is not given");
     if (o->from.given && !q->study_uid && command != CTS_FOR_INFO && command != CTS_FOR_BATCH)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "`from`: what to fetch is not said (give `study-uid`, and `series-uid` for "
+                        "`from`: no study to fetch is named (give `study-uid`, and `series-uid` for "
                         "one of its series)");
     const CtsStatus st = o->send.given ? cts_net_check(&o->send.peer, &o->net, err) : CTS_OK;
     return !st && o->from.given ? cts_net_check(&o->from.peer, &o->net, err) : st;
@@ -248,7 +248,7 @@ CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err
     else if (options->state)
         options->state->preset.name[0] = 0; /* another one is asked for */
     if (options->swivel_step_deg > 0 && cts_options_given(options, "rotation"))
-        return cts_fail(err, CTS_ERR_USAGE, "`swivel`: `rotation` is given too (to and fro, or round)");
+        return cts_fail(err, CTS_ERR_USAGE, "`swivel`: `rotation` is given too (choose one)");
     return check_peers(options, command, err);
 }
 

@@ -65,8 +65,8 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
         preset->remove_table = options->remove_table == CTS_ON;
     if (options->window.given && preset->mode == CTS_MODE_COMPOSITE && options->render.grey_bits == 16)
         cts_report_finding(report, "window_unused", CTS_WARNING,
-                           "preset %s: `window` changes nothing in mode composite, where the preset says what each HU "
-                           "looks like (`mode` mip, minip or average shows HU by the window)",
+                           "preset %s: `window` changes nothing in mode composite, where the preset gives each HU its "
+                           "colour and opacity (`mode` mip, minip or average shows HU by the window)",
                            preset->name);
 }
 

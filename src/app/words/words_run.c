@@ -86,7 +86,7 @@ static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWat
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; !st && !session->loaded.series && i < job->outputs.n; i++)
         if (cts_output_is_dicom(&job->outputs, i))
-            st = cts_fail(err, CTS_ERR_USAGE, "%s: numbers without a patient make no DICOM object",
+            st = cts_fail(err, CTS_ERR_USAGE, "%s: an array without a patient cannot become a DICOM object",
                           job->outputs.paths[i]);
     if (!st && (!session->loaded.volume || !session->choice || strcmp(session->choice, choice) != 0)) {
         const CtsMeter meter = cts_meter_start(report);

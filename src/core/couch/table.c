@@ -106,10 +106,10 @@ static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
     }
     if (r->n_runs <= cts_volume_n_voxels(v) / VOXELS_PER_RUN + RUNS_ANYWAY)
         return true;
-    cts_report_skip(report, WHAT, "too noisy to tell a body from a table: %llu runs of voxels above %g HU",
+    cts_report_skip(report, WHAT, "too noisy to distinguish a body from a table: %llu runs of voxels above %g HU",
                     (unsigned long long)r->n_runs, CTS_DENSE_HU);
     cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
-                       "too noisy to tell a body from a table: nothing went (take it out by a crop)");
+                       "too noisy to distinguish a body from a table: nothing was removed (remove it by a crop)");
     return false;
 }
 
@@ -211,11 +211,10 @@ static double report_lost(Removal *r, CtsReport *report)
                      cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm), &r->gone);
     const double lost_mm3 = (double)cts_bits_count(&r->gone) * r->plan.voxel_mm3;
     if (lost_mm3 > LOST_SHARE * r->body.mm3)
-        cts_report_finding(
-            report, "table_removal_uncertain", CTS_WARNING,
-            "%.1f cm3 (%.1f %% of the body) of what went are thicker than tables are, and may be patient "
-            "(see it with `remove_table` off)",
-            lost_mm3 / 1000, 100 * lost_mm3 / r->body.mm3);
+        cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
+                           "%.1f cm3 (%.1f %% of the body) of the removed voxels form parts thicker than tables, and "
+                           "may be patient (compare with `remove_table` off)",
+                           lost_mm3 / 1000, 100 * lost_mm3 / r->body.mm3);
     return lost_mm3;
 }
 
@@ -225,7 +224,7 @@ static void report_air(const Removal *r, CtsReport *report)
     if (r->body.air.is_unknown)
         cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
                            "the air around the body is as dense as lungs and has no level of its own: the table may "
-                           "stay in the picture (take it out by a crop)");
+                           "stay in the picture (remove it by a crop)");
 }
 
 /* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
@@ -236,8 +235,8 @@ static void report_uncertain(const Removal *r, CtsReport *report)
     const double kept_mm3 = fmax(r->body.thin_mm3, extruded_mm3);
     if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
         cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
-                           "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture (take them "
-                           "out by a crop if they are table)",
+                           "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture (remove "
+                           "them by a crop if they are table)",
                            kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 
@@ -254,7 +253,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
         (st = find_gone(r, err)))
         return st;
     if (!finds_inside)
-        cts_report_skip(report, "inside of the body", "modes minip and average alone look at it");
+        cts_report_skip(report, "inside of the body", "only modes minip and average use it");
     else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
         return st;
     report_air(r, report);
@@ -269,7 +268,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
     clear(r, v);
     const double gone_mm3 = (double)r->n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
     cts_report_finding(report, "table_removed", CTS_NOTE,
-                       "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body)",
+                       "table removal: %llu voxels above %g HU removed (%.1f cm3, %.1f %% of the body)",
                        (unsigned long long)r->n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
                        100 * gone_mm3 / r->body.mm3);
     const double thick_mm3 = report_lost(r, report);

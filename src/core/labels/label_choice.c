@@ -135,7 +135,7 @@ static CtsStatus fail_unknown(const CtsLabels *labels, const char *option, const
         near = all;
         length = all.length;
     }
-    return cts_fail(err, CTS_ERR_USAGE, "`%s` %.*s: no label is called so, nor has that number%s", option,
+    return cts_fail(err, CTS_ERR_USAGE, "`%s` %.*s: no label has this name or number%s", option,
                     (int)(length < 64 ? length : 64), item,
                     near.word ? cts_near_hint(&near).text : " (ctsplat info with `labels` lists them)");
 }
@@ -182,7 +182,7 @@ static CtsStatus find_names(const CtsLabels *labels, const char *option, const j
     for (size_t i = 0; !st && i < json_array_size(names); i++) {
         const char *const name = json_string_value(json_array_get(names, i));
         st = name && *name ? take_item(labels, option, name, strlen(name), (uint32_t)i + 1, hit, lacking, err)
-                           : cts_fail(err, CTS_ERR_USAGE, "`%s`: name %zu of the array is none", option, i + 1);
+                           : cts_fail(err, CTS_ERR_USAGE, "`%s`: name %zu of the array is empty", option, i + 1);
     }
     return st;
 }

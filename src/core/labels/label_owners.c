@@ -33,7 +33,7 @@ static void forget(Deciding *d)
 static CtsStatus add_look(Deciding *d, const CtsOwnerLook *look, CtsError *err)
 {
     if (d->n_looks == CTS_MAX_LOOKS)
-        return cts_fail(err, CTS_ERR_USAGE, "labels have more than %d looks of their own",
+        return cts_fail(err, CTS_ERR_USAGE, "labels have more than %d appearances of their own",
                         CTS_MAX_LOOKS - CTS_LOOK_OWN);
     d->looks[d->n_looks++] = *look;
     return CTS_OK;
@@ -231,7 +231,7 @@ static void crop_by(const Deciding *d, bool hidden, const char *study_uid, CtsLa
             n++;
         }
     if (!n)
-        *unsaid = "no segment is seen";
+        *unsaid = "no segment is visible";
 }
 
 CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice, const char *study_uid,
@@ -270,7 +270,9 @@ static void tell(const Deciding *d, CtsReport *report)
     size_t n_hidden = 0;
     for (size_t i = 0; i < d->n_owners; i++)
         n_hidden += look_of(d, d->owners[i]) == CTS_LOOK_HIDDEN;
-    cts_report_plan(report, "labels: %zu own voxels, %zu of them hidden; the rest is %s; %d looks of their own",
+    cts_report_plan(report,
+                    "labels: %zu have voxels, %zu of them hidden; voxels without a label are %s; %d appearances other "
+                    "than the preset's",
                     d->n_owners, n_hidden, look_of(d, d->labels->n) == CTS_LOOK_HIDDEN ? "hidden" : "shown",
                     d->n_looks - CTS_LOOK_OWN);
 }
@@ -281,7 +283,7 @@ CtsStatus cts_volume_take_labels(CtsVolume *v, const CtsLabels *labels, const Ct
     Deciding d = {.labels = labels, .choice = choice};
     CtsStatus st = decide(&d, err);
     if (!st && all_alike(&d)) {
-        cts_report_skip(report, "labels in the picture", "nothing is hidden and all of them look alike");
+        cts_report_skip(report, "labels in the picture", "nothing is hidden and all have the preset's appearance");
     } else if (!st && !(st = paint(&d, v, n_threads, err))) {
         v->owners->looks = d.looks;
         v->owners->n_looks = d.n_looks;

@@ -48,13 +48,11 @@ static const CtsPreset windows[] = {
 static const struct {
     const char *name, *advice;
 } advices[] = {
-    {"brain",
-     "a skull is whiter than the brain and lies around it: `view` head and `slab` 10 look between, `slab-at` MM "
-     "at another place"},
-    {"vessel", "bone is as dense as blood with contrast agent, and shows: `slab` 60 leaves out what lies before and "
-               "behind, `crop` what lies beside"},
-    {"vessel-window",
-     "bone is brighter than blood with contrast agent: `slab` 40 leaves out what lies before and behind"},
+    {"brain", "the skull is brighter than the brain and surrounds it: `view` head with `slab` 10 shows a section of "
+              "the brain, `slab-at` MM another one"},
+    {"vessel", "bone is as dense as blood with contrast agent, and is visible too: `slab` 60 leaves out bone before "
+               "and behind, `crop` bone beside"},
+    {"vessel-window", "bone is brighter than blood with contrast agent: `slab` 40 leaves out bone before and behind"},
 };
 
 const char *cts_preset_advice(const char *name)

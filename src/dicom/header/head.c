@@ -105,7 +105,7 @@ static CtsStatus scan_deflated(CtsHead *h, CtsError *err)
     for (size_t want = FIRST_INFLATE; !st; want *= 2) {
         size_t got = 0;
         if (want > CTS_MAX_HEADER_BYTES)
-            return cts_fail(err, CTS_ERR_READ, "more than 64 MiB stand before the pixels");
+            return cts_fail(err, CTS_ERR_READ, "more than 64 MiB precede the pixels");
         if ((st = inflate_head(h, want, &got, err)))
             break;
         const CtsScanResult result = cts_scan_data(s->inflated, got, got < want ? got : UINT64_MAX, 0,

@@ -112,7 +112,7 @@ CtsStatus cts_find_frames(const CtsFileBytes *file, uint64_t pixel_offset, int n
     CtsStatus st = walk(file, pixel_offset, &f, err);
     if (!st && (f.n < n || (!(st = cts_alloc_array(&first, (size_t)n, err)) && !find_firsts(file, &f, first, n))))
         st = cts_fail(err, CTS_ERR_PIXELS,
-                      "its compressed frames cannot be told apart: fragments, offset table and NumberOfFrames "
+                      "its compressed frames cannot be separated: fragments, offset table and NumberOfFrames "
                       "(0028,0008) disagree");
     if (!st)
         st = cts_alloc_array(offset, (size_t)n + 1, err);

@@ -73,7 +73,7 @@ CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
     }
     CtsStatus st = cts_file_bytes_open(file, s->path, err);
     if (!st && file->fd < 0)
-        st = cts_fail(err, CTS_ERR_READ, "is no file any more");
+        st = cts_fail(err, CTS_ERR_READ, "is no longer a file");
     if (!st && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))
         st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
     return st;

@@ -21,7 +21,7 @@ typedef struct CtsVisit {
 } CtsVisit;
 
 typedef struct CtsAcceptRules {
-    const CtsNet *net;   /* own AE title, TLS files, how long a silent peer is waited for */
+    const CtsNet *net;   /* own AE title, TLS files, timeout for a peer that does not answer */
     bool takes_captures; /* for peers that fail at a series which they may not send whole */
     bool (*allows)(void *context, const char *calling_aet);
     /* Where the next object goes, to be freed with free(); NULL: there is no room. */

@@ -190,7 +190,7 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
         return st;
     if (!study_uid)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "what to fetch is not said (give `study-uid`, and `series-uid` for one of "
+                        "no study to fetch is named (give `study-uid`, and `series-uid` for one of "
                         "its series)");
     if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
         return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
@@ -242,7 +242,7 @@ static CtsStatus check_query(const CtsSeriesQuery *q, CtsError *err)
     CtsStatus st = CTS_OK;
     if (!q->study_uid && !q->accession && !q->patient_id && !q->study_date)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "what to look for is not said (give `study-uid`, `accession`, `patient-id` or `study-date`)");
+                        "no search key is named (give `study-uid`, `accession`, `patient-id` or `study-date`)");
     for (int i = 0; i < 2 && !st; i++)
         if (uids[i] && !cts_uid_is_valid(uids[i]))
             st = cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", uids[i]);

@@ -390,7 +390,7 @@ static CtsStatus judge_answer(const Web *web, CURLcode code, long status, CtsErr
     if (code || (status != 200 && status != 204))
         return fail(web, code, status, CTS_ERR_READ, err);
     return web->too_long || is_cut(web)
-               ? cts_fail(err, CTS_ERR_READ, "the peer has more than it tells at once (narrow the query)")
+               ? cts_fail(err, CTS_ERR_READ, "the peer has more results than it returns at once (narrow the query)")
                : CTS_OK;
 }
 

@@ -126,7 +126,7 @@ static CtsStatus encode_apart(const void *order, const uint8_t *request, size_t 
     const bool done = encode(&frame, image, &s, why);
     opj_image_destroy(image);
     memcpy(answer, &s.n, sizeof s.n);
-    return done ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s", *why ? why : "OpenJPEG does not say why");
+    return done ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s", *why ? why : "OpenJPEG gives no reason");
 }
 
 CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err)

@@ -179,9 +179,9 @@ static CtsStatus read_texts(CtsElements all, char **preset, char **options, char
         *options = text_of(all, CTS_STATE_OPTIONS);
         cts_elements_text(cts_elements_item(all, REFERENCED_SERIES), SERIES_UID, source_uid, 65);
     }
-    return *preset && *options ? CTS_OK
-                               : cts_fail(err, CTS_ERR_READ,
-                                          "is not of ctsplat's making: what it says in private attributes is missing");
+    return *preset && *options
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_READ, "was not written by ctsplat: its private attributes are missing");
 }
 
 CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)

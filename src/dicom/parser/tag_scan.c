@@ -274,7 +274,7 @@ static CtsScanResult note_value(Walk *w, const CtsRawElement *e)
     if (header_tags[at].decides && !no_value && !first->is_sequence &&
         (first->n_bytes != e->length ||
          memcmp(w->bytes + w->start + first->offset, w->bytes + offset, e->length) != 0)) {
-        snprintf(scan->why, sizeof scan->why, "(%04x,%04x) stands twice with different values", e->tag >> 16,
+        snprintf(scan->why, sizeof scan->why, "(%04x,%04x) occurs twice with different values", e->tag >> 16,
                  e->tag & 0xFFFF);
         return CTS_SCAN_BAD;
     }
@@ -341,7 +341,7 @@ static CtsScanResult top_step(Walk *w, const CtsRawElement *e, bool *stop)
         return CTS_SCAN_DONE;
     }
     if (e->tag >> 16 == 0xFFFE)
-        return bad(w, "an item stands outside a sequence");
+        return bad(w, "an item lies outside a sequence");
     const CtsScanResult result = note_value(w, e);
     return result == CTS_SCAN_DONE ? element_step(w, e, !w->explicit_vr) : result;
 }
@@ -382,7 +382,7 @@ static CtsScanResult step(Walk *w, bool *stop)
         return CTS_SCAN_DONE;
     }
     if (e.tag >> 16 == 0xFFFE)
-        return bad(w, "a delimiter stands in the wrong place");
+        return bad(w, "a delimiter is in the wrong place");
     return element_step(w, &e, implicit_vr);
 }
 
@@ -411,7 +411,7 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
         if (result != CTS_SCAN_DONE)
             return result;
         if (w.pos - start > most) {
-            snprintf(scan->why, sizeof scan->why, "more than %zu MiB stand before the pixels", most >> 20);
+            snprintf(scan->why, sizeof scan->why, "more than %zu MiB precede the pixels", most >> 20);
             return CTS_SCAN_BAD;
         }
     }

@@ -253,8 +253,8 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
                     cts_mode_names[mode]);
     cts_report_plan(report, mode == CTS_MODE_AVERAGE
                                 ? "macro-cells of 4^3 cells of one grey level are taken whole"
-                                : "macro-cells of 4^3 cells that cannot beat what was found, or leave the window, are "
-                                  "skipped; those of most promise come first");
+                                : "macro-cells of 4^3 cells that cannot change the pixel's extreme, or lie beyond the "
+                                  "window, are skipped; the most promising ones come first");
     cts_scene_tell_parts(scene, report);
     if (!picture)
         return CTS_OK;

@@ -178,7 +178,7 @@ CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n
 
 static void plan(const CtsScene *scene, CtsReport *report)
 {
-    cts_report_plan(report, "every pixel by itself, in float64, cut at cell faces%s",
+    cts_report_plan(report, "each pixel by itself, in float64, split at cell faces%s",
                     scene->preset->mode == CTS_MODE_COMPOSITE
                         ? " and at the preset's points, Gauss-Legendre in between until converged to 1e-7"
                         : ", extremes and means of the cubic in each cell exactly");

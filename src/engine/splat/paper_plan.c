@@ -77,13 +77,13 @@ static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, Cts
     int n_empty = 0;
     for (int k = 0; k < p->stack.n_layers; k++)
         n_empty += !p->map.active[k];
-    cts_report_plan(
-        report,
-        "void: macro-cells of %d^3 cells whose grey levels show nothing are left out, %.1f %% of all; %d of %d "
-        "layers show nothing at all",
-        CTS_PATCH, 100 * (1 - (double)p->map.n_shown / (double)p->map.n_patches), n_empty, p->stack.n_layers);
+    cts_report_plan(report,
+                    "void: macro-cells of %d^3 cells whose grey levels are invisible are left out, %.1f %% of all; %d "
+                    "of %d layers are invisible",
+                    CTS_PATCH, 100 * (1 - (double)p->map.n_shown / (double)p->map.n_patches), n_empty,
+                    p->stack.n_layers);
     if (n_empty > 0)
-        cts_report_skip(report, "layers", "%d of %d show nothing", n_empty, p->stack.n_layers);
+        cts_report_skip(report, "layers", "%d of %d are invisible", n_empty, p->stack.n_layers);
     return CTS_OK;
 }
 
@@ -213,9 +213,7 @@ static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
         ((st = cts_occlusion_init(&p->occlusion, &p->raster, err)) ||
          (st = cts_alloc_zeroed(&p->open, (size_t)p->patches.n_swaths * (size_t)p->patches.n_words, err))))
         return st;
-    return p->reuse || p->skip_void
-               ? cts_alloc_array(&p->shown, (size_t)p->patches.n_cells[1] * n_words, err)
-               : CTS_OK;
+    return p->reuse || p->skip_void ? cts_alloc_array(&p->shown, (size_t)p->patches.n_cells[1] * n_words, err) : CTS_OK;
 }
 
 static void explain(const CtsPaperPlan *p, CtsReport *report)

@@ -169,11 +169,11 @@ static void plan(const TiledJob *j, const CtsScene *scene, const char *path, Cts
 {
     const CtsRenderSettings *const s = scene->settings;
     const int64_t n = (int64_t)j->mask.n[0] * j->mask.n[1] * j->mask.n[2];
-    cts_report_plan(report, "engine tiled: %d x %d x %d cells, where rays meet cubics", j->n_cells[0], j->n_cells[1],
-                    j->n_cells[2]);
+    cts_report_plan(report, "engine tiled: %d x %d x %d cells; the field along a ray is a cubic in each", j->n_cells[0],
+                    j->n_cells[1], j->n_cells[2]);
     cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", TILED_BLOCK,
                     (long long)j->mask.n_visible, (long long)n, 100.0 * (double)j->mask.n_visible / (double)n);
-    cts_report_plan(report, "pieces of a ray: two points each, cut at %d knots where they err by more than %.3g/255",
+    cts_report_plan(report, "ray segments: two-point rule, split at %d control points where the error exceeds %.3g/255",
                     j->pieces.n_knots, 255 * (double)j->tolerance);
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads", (double)j->dark,
                     j->shade ? "on" : "off", path, s->n_threads);
@@ -232,10 +232,10 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
     if ((st = cts_tiled_run(&job, path.march, scene, picture, errors, &counts, err)))
         goto end;
     if (counts.between > 0)
-        cts_report_plan(
-            report, "%llu of %llu pixels lie between others that tell them to about %.3g/255, and were not marched",
-            (unsigned long long)counts.between,
-            (unsigned long long)picture->width * (unsigned long long)picture->height, 255 * (double)job.alike);
+        cts_report_plan(report, "%llu of %llu pixels were not marched but interpolated, to within about %.3g/255",
+                        (unsigned long long)counts.between,
+                        (unsigned long long)picture->width * (unsigned long long)picture->height,
+                        255 * (double)job.alike);
     report_counts(&counts, scene, &job.mask, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);

@@ -170,7 +170,7 @@ static CtsStatus read_place(CtsNifti *f, const uint8_t *h, const Layout *l, CtsE
         set_place(&f->qform, m, mm);
     }
     if (s_code <= 0 && q_code <= 0)
-        return cts_fail(err, CTS_ERR_GEOMETRY, "has neither an sform nor a qform: nobody knows where it lies");
+        return cts_fail(err, CTS_ERR_GEOMETRY, "has neither an sform nor a qform, so its position is unknown");
     if (!f->sform.given && !f->qform.given)
         return cts_fail(err, CTS_ERR_GEOMETRY, "its axes do not span space");
     cts_nifti_take_form(f, CTS_NIFTI_FORM_AUTO);

@@ -109,7 +109,7 @@ static void check_forms(const CtsNifti *nifti, CtsObject *object)
         return;
     for (int k = 0; k < object->n_slices; k++)
         cts_slice_fault(object->slices[k], CTS_ERR_GEOMETRY,
-                        "its sform and its qform contradict each other: %s (say which holds: `nifti-form` sform or "
+                        "its sform and its qform contradict each other: %s (choose one: `nifti-form` sform or "
                         "qform)",
                         text);
 }

@@ -104,8 +104,8 @@ CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *f, CtsEr
     }
     if (forms == CTS_NIFTI_FORMS_CONTRADICT)
         return cts_fail(err, CTS_ERR_GEOMETRY,
-                        "its sform and its qform contradict each other: %s, and %s the grid of the CT (say which "
-                        "holds: `nifti-form` sform or qform)",
+                        "its sform and its qform contradict each other: %s, and %s the grid of the CT (choose one: "
+                        "`nifti-form` sform or qform)",
                         text, in_box ? "both fill" : "neither equals");
     cts_report_finding(
         reading->report, "nifti_forms", CTS_WARNING,

@@ -109,7 +109,7 @@ static void tell_off(const Samples *s, CtsReport *report)
     }
     if (n_off)
         cts_report_finding(report, "slice_off_neighbours", CTS_WARNING,
-                           "%s%s: %.0f HU off what the slices beside it hold, more than noise explains "
+                           "%s%s: differs by %.0f HU from the slices beside it, more than noise explains "
                            "(RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) may be wrong)",
                            cts_slice_label(&s->slices[first]).text, n_off > 1 ? " and others" : "", first_by);
 }

@@ -65,7 +65,7 @@ static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop,
             look(v, v->items[done + i] = (float)part[i]);
     }
     if (!st && !(v->low <= v->high))
-        st = cts_fail(err, CTS_ERR_PIXELS, "holds no number that is finite");
+        st = cts_fail(err, CTS_ERR_PIXELS, "holds no finite number");
     return !st && (cts_is_outlier(v->low) || cts_is_outlier(v->high)) ? mend_outliers(v, nifti->dims, report, err) : st;
 }
 
@@ -125,8 +125,9 @@ static void tell(const CtsNifti *nifti, const CtsBox *box, const Values *v, CtsR
         to[a] = side(box->step_lps[a]);
     }
     cts_report_finding(report, "nifti_axes", CTS_NOTE,
-                       "its voxels run to %s, and are taken in the order %s as a scanner stores them; none moves", from,
-                       to);
+                       "its voxels are stored in the directions %s, and are read in the order %s as a scanner stores "
+                       "them; no voxel moves",
+                       from, to);
     /* No header says that it is a CT; and where there is a body there is air, around or within. */
     if (v->low > -500)
         cts_report_finding(report, "no_air", CTS_WARNING,

@@ -135,10 +135,9 @@ static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSerie
     if (n == *n_kept || !cts_slice_set_settle(set, keep))
         return;
     *n_kept = n;
-    cts_findings_add(
-        &series->findings, "orientation_jitter", CTS_NOTE,
-        "ImageOrientationPatient (0020,0037) jitters from slice to slice; their mean moves no voxel by more "
-        "than a tenth of a pixel, and is taken");
+    cts_findings_add(&series->findings, "orientation_jitter", CTS_NOTE,
+                     "ImageOrientationPatient (0020,0037) jitters from slice to slice; their mean moves no voxel by "
+                     "more than a tenth of a pixel, and is used");
 }
 
 /* One size, orientation and pixel spacing: the largest group, when it is nearly all. A few images at right angles to
@@ -318,9 +317,9 @@ static void describe_odd(CtsSeries *series)
         const char *code, *text;
     } kinds[] = {
         {CTS_ODD_NO_PREAMBLE, "no_preamble", "have no DICOM preamble; read as bare data sets"},
-        {CTS_ODD_NO_SYNTAX, "no_transfer_syntax", "name no transfer syntax; it was found by looking"},
+        {CTS_ODD_NO_SYNTAX, "no_transfer_syntax", "name no transfer syntax; it was detected from the data"},
         {CTS_ODD_ORIENTATION, "rough_orientation",
-         "have an orientation that is off by more than 0.001; made orthonormal"},
+         "have an orientation that is not orthonormal by more than 0.001; corrected"},
         {CTS_ODD_MONOCHROME1, "monochrome1", "are MONOCHROME1; Hounsfield units are taken as they are"},
         {CTS_ODD_LOSSY, "lossy", "hold lossy compressed pixels (0028,2110)"},
         {CTS_ODD_LONG_PIXELS, "long_pixels", "have more PixelData (7FE0,0010) than they need; the rest is not read"},
@@ -396,7 +395,7 @@ static void judge_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers
     const bool is_thinned = missing.every == 2 || missing.every == 3;
     if (missing.every)
         snprintf(what, sizeof what,
-                 "only every %d%s slice is there: InstanceNumber (0020,0013) steps by %d, and slices of %.3g mm lie "
+                 "only every %d%s slice is present: InstanceNumber (0020,0013) steps by %d, and slices of %.3g mm lie "
                  "%.3g mm apart",
                  missing.every,
                  missing.every == 2   ? "nd"
@@ -487,7 +486,7 @@ static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError
     if (n == set->n && !cts_slice_set_in_order(set, 0, n) && !cts_slice_set_each_in_order(set) && distinct(numbers, n))
         cts_findings_add(&series->findings, "order_conflict", CTS_WARNING,
                          "InstanceNumber (0020,0013) neither rises nor falls with the slices' positions (0020,0032), "
-                         "by which they are shown");
+                         "by which they are ordered");
     free(numbers);
     return CTS_OK;
 }
@@ -590,29 +589,30 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
         return st;
     if (n_dropped)
         cts_findings_add(&series->findings, "copies_dropped", CTS_WARNING,
-                         "%d slice%s left out that stand%s there twice (same position, same pixels)", n_dropped,
-                         plural(n_dropped), n_dropped == 1 ? "s" : "");
+                         "%d slice%s left out as duplicate%s (same position, same pixels)", n_dropped,
+                         plural(n_dropped), plural(n_dropped));
     if (set->n == 1)
         pass(series, "has 1 slice; a volume needs 2 or more");
     else if (same_mm < 0 && is_watch(set))
-        pass(series, "watches one position at %d times, and is no volume", set->n);
+        pass(series, "is a time series of %d images at one position, and no volume", set->n);
     else if (same_mm < 0)
         refuse(series, CTS_ERR_GEOMETRY,
                "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
     else if (!(st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, &by, err))) {
         if (*n_parts)
             cts_findings_add(&series->findings, "acquisitions_parted", CTS_WARNING,
-                             "%s tells %d volumes apart, whose slices lie at the same positions or take turns", by,
+                             "%s separates %d volumes, whose slices lie at the same positions or alternate", by,
                              *n_parts);
         else if (by)
-            refuse(series, CTS_ERR_GEOMETRY,
-                   "its slices take turns between values of %s, and those of one value make no whole volume (split the "
-                   "series)",
-                   by);
+            refuse(
+                series, CTS_ERR_GEOMETRY,
+                "its slices alternate between values of %s, and those of one value form no complete volume (split the "
+                "series)",
+                by);
         else if (cts_slice_set_repeats(set, same_mm))
             refuse(series, CTS_ERR_GEOMETRY,
                    "several slices with different pixels lie at one position, and neither acquisition, tube voltage, "
-                   "temporal position, trigger, cardiac phase, kernel nor time tells whole volumes apart (split the "
+                   "temporal position, trigger, cardiac phase, kernel nor time separates complete volumes (split the "
                    "series)");
     }
     if (!st && *n_parts == 0) {

@@ -215,5 +215,5 @@ void cts_slice_stack_findings(const CtsSliceStack *s, const CtsSlice *const *sli
                          s->tilt_deg);
     if (s->sideways_mm > fmax(JITTER_MM, 0.1 * fmin(middle->row_spacing_mm, middle->column_spacing_mm)))
         cts_findings_add(findings, "sideways_shift", CTS_WARNING,
-                         "slice positions stand up to %.3f mm beside the line they should follow", s->sideways_mm);
+                         "slice positions deviate by up to %.3f mm from a straight line", s->sideways_mm);
 }

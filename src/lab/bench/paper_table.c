@@ -17,7 +17,7 @@
 static const CtsPaperRow plan[] = {
     ROW("classic", CLASSIC, false, false, 100, "100"),
     ROW("layers", LAYERS, false, true, 69.1, "66.2, 63, 78"),
-    ROW("void", VOID, true, false, 50.9, "not told"),
+    ROW("void", VOID, true, false, 50.9, "not given"),
     ROW("combined", COMBINED, true, true, 46.8, "38.3, 44, 58.1"),
     ROW("layers, reuse where it pays", LAYERS, false, false, 0, NULL),
     ROW("void, stops behind opaque", VOID, false, false, 0, NULL),

@@ -91,7 +91,7 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
         told->known && (worst->rms > told->rmse + UNTOLD || (told->max >= 0 && worst->most > told->max + UNTOLD));
     state(run, worst->expected, worst->found, worst->error, bound,
           worst->dark ? "a pixel has lost half of its light"
-          : above     ? "the error is above what the report tells"
+          : above     ? "the error is above the reported one"
                       : NULL);
 }
 

@@ -71,7 +71,7 @@ static CtsStatus check(const char *path, const CtsExportSettings *settings, CtsE
     const char *first = source->slices[0]->path;
     const bool in_memory = source->slices[0]->memory != NULL; /* out of an archive */
     if (!first || (!in_memory && access(first, R_OK)))
-        return cts_fail(err, CTS_ERR_READ, "%s: cannot be read any more, and a secondary capture needs its header",
+        return cts_fail(err, CTS_ERR_READ, "%s: can no longer be read, and a secondary capture needs its header",
                         first ? first : path);
     return CTS_OK;
 }
@@ -88,7 +88,7 @@ static void warn(const CtsExportJob *job, bool recognizable)
 {
     if (recognizable && job->settings.deidentify)
         cts_report_finding(job->report, "recognizable_features", CTS_WARNING,
-                           "skin may be visible: a face can tell who this is, whatever the header says");
+                           "skin may be visible: a face can identify the patient, whatever the header says");
 }
 
 static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)

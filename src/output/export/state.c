@@ -147,12 +147,13 @@ static CtsStatus fill_labels(const CtsStateScene *scene, CtsDcmState *s, CtsLabe
     s->labels = scene->labels;
     s->label_crop = *crop;
     if (unsaid)
-        cts_report_finding(scene->report, "state_left_out", CTS_WARNING,
-                           "the presentation state does not tell other programs which labels are hidden: %s", unsaid);
+        cts_report_finding(
+            scene->report, "state_left_out", CTS_WARNING,
+            "the presentation state has no information for other programs on which labels are hidden: %s", unsaid);
     if (scene->choice->n_looks || scene->choice->own_colours)
         cts_report_finding(scene->report, "state_left_out", CTS_WARNING,
-                           "the presentation state does not tell other programs the looks of labels: the standard has "
-                           "no place for them");
+                           "the presentation state has no information for other programs on the appearance of labels: "
+                           "the standard has no place for it");
     return CTS_OK;
 }
 

@@ -100,8 +100,8 @@ static void add_row(CtsTable *table, const CtsBenchRow *r)
 CtsTable *cts_bench_table(const CtsBenchRows *rows)
 {
     CtsTable *table = cts_table_new((const char *const[]){"engine", "kernel", ">samples", ">tolerance", "void", ">ms",
-                                                          ">spread", ">serial", ">MiB", ">rmse", ">trilinear", ">told",
-                                                          ">psnr dB", ">splatted", ""},
+                                                          ">spread", ">serial", ">MiB", ">rmse", ">trilinear",
+                                                          ">reported", ">psnr dB", ">splatted", ""},
                                     15);
     for (int i = 0; i < rows->n; i++)
         if (rows->rows[i].measured)
@@ -127,8 +127,8 @@ void cts_bench_legend(const CtsBenchRows *rows, char text[2048])
             "%s.\nPictures of %d x %d pixels, %d threads. Times are medians of several renders in a process of "
             "their own, the spread\nis the largest less the smallest, serial the share in which one thread at most "
             "could work, MiB the process's peak.\nErrors are over display values 0..1 at %llu random pixels "
-            "(trilinear: %llu), against float64 integrals converged to\n1e-7: rmse against the same kernel's, told "
-            "what a render says that the trilinear one is at most; bench.jsonl has\n95 %% intervals. No other row "
+            "(trilinear: %llu), against float64 integrals converged to\n1e-7: rmse against the same kernel's, reported "
+            "the estimate that a render gives for the trilinear one; bench.jsonl has\n95 %% intervals. No other row "
             "beats those of the front in both time and trilinear error.%s\n",
             rows->scene, rows->width, rows->height, rows->n_threads, (unsigned long long)some->own.pixels,
             (unsigned long long)some->trilinear.pixels,
@@ -225,8 +225,7 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
                     " $best%d using 1:2 with linespoints pt 7 ps 0.6 lw 1.5 lc rgb '%s' title '%s'",
                     e, colours[e], e, colours[e], cts_engine_names[e]);
         if (told)
-            fprintf(f, ", $all%d using 1:3 with points pt 2 ps 0.7 lc rgb '%s' title 'the error told, at most'", e,
-                    colours[e]);
+            fprintf(f, ", $all%d using 1:3 with points pt 2 ps 0.7 lc rgb '%s' title 'reported error'", e, colours[e]);
     }
     fputc('\n', f);
 }

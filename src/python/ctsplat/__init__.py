@@ -326,7 +326,7 @@ class Picture:
                 raise Error("%s: a picture that was pickled has no series (write .dcm before)" % os.fspath(path), 2)
             settings.source = lib.cts_session_series(self._volume._open())
             if settings.source == ffi.NULL:
-                raise Error("%s: numbers without a patient make no DICOM object" % os.fspath(path), 2)
+                raise Error("%s: an array without a patient cannot become a DICOM object" % os.fspath(path), 2)
         output = _owner("CtsExport", lib.cts_export_discard)
         _check(lib.cts_export_begin(output, chars, self._c, 1, settings, ffi.NULL, err), err)
         with output:  # a file that is not whole by its end is given up
