@@ -5,6 +5,7 @@
 #include "ctsplat/ctsplat.h"
 #include "unit.h"
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -104,6 +105,49 @@ static inline CtsPicture *render(const CtsVolume *volume, const CtsPreset *prese
     if (cts_render(volume, preset, settings, &picture, report, &err))
         fail_msg("%s", err.text);
     return picture;
+}
+
+/* Compares n values of a plane of pixels, each of so many channels; fails at the first that differs. */
+static inline void assert_same_plane(const float *expected, const float *actual, int width, size_t n, int n_channels,
+                                     const char *plane, const char *what)
+{
+    size_t n_differ = 0, first = 0;
+    for (size_t i = n; i-- > 0;)
+        if (memcmp(&expected[i], &actual[i], sizeof *actual)) {
+            n_differ++;
+            first = i;
+        }
+    const size_t pixel = first / (size_t)n_channels;
+    if (n_differ)
+        fail_msg("%s: pixel %zu,%zu %s, channel %zu: expected %.9g (%a), actual %.9g (%a); %zu of %zu values differ",
+                 what, pixel % (size_t)width, pixel / (size_t)width, plane, first % (size_t)n_channels,
+                 (double)expected[first], (double)expected[first], (double)actual[first], (double)actual[first],
+                 n_differ, n);
+}
+
+/* Same bytes: pixels, error bounds and depth. A failure names the case by this text, the pixel and both values. */
+static inline __attribute__((format(printf, 3, 4))) void
+assert_same_picture(const CtsPicture *expected, const CtsPicture *actual, const char *format, ...)
+{
+    char what[300];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(what, sizeof what, format, args);
+    va_end(args);
+    const size_t n = (size_t)expected->width * (size_t)expected->height;
+    if (expected->width != actual->width || expected->height != actual->height ||
+        expected->n_channels != actual->n_channels)
+        fail_msg("%s: expected %d x %d pixels of %d channels, actual %d x %d of %d", what, expected->width,
+                 expected->height, expected->n_channels, actual->width, actual->height, actual->n_channels);
+    if (!expected->bound != !actual->bound || !expected->depth_mm != !actual->depth_mm)
+        fail_msg("%s: expected %s bound and %s depth, actual %s and %s", what, expected->bound ? "a" : "no",
+                 expected->depth_mm ? "a" : "no", actual->bound ? "a" : "no", actual->depth_mm ? "a" : "no");
+    assert_same_plane(expected->pixels, actual->pixels, expected->width, n * (size_t)expected->n_channels,
+                      expected->n_channels, "colour", what);
+    if (expected->bound)
+        assert_same_plane(expected->bound, actual->bound, expected->width, n, 1, "bound", what);
+    if (expected->depth_mm)
+        assert_same_plane(expected->depth_mm, actual->depth_mm, expected->width, n, 1, "depth", what);
 }
 
 static inline CtsRenderSettings settings_for(CtsEngineId engine, int size, double azimuth_deg, double elevation_deg)

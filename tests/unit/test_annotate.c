@@ -304,5 +304,5 @@ int main(void)
         cmocka_unit_test(test_scale),       cmocka_unit_test(test_edges),    cmocka_unit_test(test_bands),
         cmocka_unit_test(test_no_room),
     };
-    return cmocka_run_group_tests_name("annotate", tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -549,5 +549,5 @@ int main(void)
         cmocka_unit_test(test_exrheader),      cmocka_unit_test(test_exr_cut),
         cmocka_unit_test(test_exr_full),       cmocka_unit_test(test_no_picture),
     };
-    return cmocka_run_group_tests_name("export", tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -144,7 +144,8 @@ static void same_bytes_and_near_reference(void **state)
             }
             const size_t n = 4 * (size_t)s.width * (size_t)s.height;
             for (int run = 1; run < 3; run++)
-                assert_memory_equal(p[0]->pixels, p[run]->pixels, n * sizeof *p[0]->pixels);
+                assert_same_picture(p[0], p[run], "variant %d, mode %s, view %g,%g, SIMD mask %x", variant,
+                                    cts_mode_names[mode], s.azimuth_deg, s.elevation_deg, cpu[run]);
             for (size_t i = 0; i < n; i++)
                 squares += pow((double)p[0]->pixels[i] - (double)p[3]->pixels[i], 2);
             assert_true(sqrt(squares / (double)n) < (mode == CTS_MODE_COMPOSITE ? 0.5 / 255 : 1e-6));

@@ -24,11 +24,18 @@ typedef struct Case {
     CtsRenderSettings settings;
 } Case;
 
-static void fail_case(const Case *c, const CtsRenderSettings *s, const char *what)
+static void describe_case(const Case *c, const CtsRenderSettings *s, char text[200])
 {
-    fail_msg("%s: %s: %s, view %g,%g, kernel %s, %d samples, %d threads, cpu %x, preset %s%s", c->name, what,
+    snprintf(text, 200, "%s: %s, view %g,%g, kernel %s, %d samples, %d threads, cpu %x, preset %s%s", c->name,
              cts_engine_names[s->engine], s->azimuth_deg, s->elevation_deg, cts_kernel_names[s->kernel], s->samples,
              s->n_threads, cts_cpu_flags(), c->preset.name, s->shade == CTS_ON ? ", lit" : "");
+}
+
+static void fail_case(const Case *c, const CtsRenderSettings *s, const char *what)
+{
+    char text[200];
+    describe_case(c, s, text);
+    fail_msg("%s: %s", text, what);
 }
 
 static void expect_same(const Case *c, const CtsRenderSettings *s, const CtsPicture *expected)
@@ -36,10 +43,11 @@ static void expect_same(const Case *c, const CtsRenderSettings *s, const CtsPict
     CtsReport report = {0};
     CtsPicture *p = render(c->volume, &c->preset, s, &report);
     const size_t n = (size_t)p->width * (size_t)p->height;
-    if (memcmp(p->pixels, expected->pixels, n * 4 * sizeof(float)) != 0)
-        fail_case(c, s, "differs from classic");
-    if (expected->depth_mm && memcmp(p->depth_mm, expected->depth_mm, n * sizeof(float)) != 0)
-        fail_case(c, s, "depth differs from classic");
+    char text[200];
+    describe_case(c, s, text);
+    assert_same_plane(expected->pixels, p->pixels, p->width, n * 4, 4, "colour, expected as by classic", text);
+    if (expected->depth_mm)
+        assert_same_plane(expected->depth_mm, p->depth_mm, p->width, n, 1, "depth, expected as by classic", text);
     const CtsVoxelCounts *v = &report.voxels;
     if (!v->known || v->total != cts_volume_n_voxels(c->volume) || v->void_voxels + v->reused + v->splatted != v->total)
         fail_case(c, s, "voxels do not add up");

@@ -281,5 +281,5 @@ int main(void)
         cmocka_unit_test(test_compare_kinds), cmocka_unit_test(test_compare_figures),
         cmocka_unit_test(test_compare_ssim),
     };
-    return cmocka_run_group_tests_name("picture", tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

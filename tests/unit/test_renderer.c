@@ -28,8 +28,8 @@ static void check_frames(const CtsVolume *volume, const CtsPreset *preset, const
         s.elevation_deg = views[view][1];
         CtsPicture *alone = render(volume, preset, &s, NULL);
         assert_int_equal(cts_render_frame(renderer, s.azimuth_deg, s.elevation_deg, &frame, NULL, &err), CTS_OK);
-        assert_memory_equal(frame->pixels, alone->pixels,
-                            (size_t)s.width * (size_t)s.height * 4 * sizeof *alone->pixels);
+        assert_same_picture(alone, frame, "engine %s, view %g,%g, frame %d", cts_engine_names[s.engine], s.azimuth_deg,
+                            s.elevation_deg, view);
         assert_memory_equal(&frame->info, &alone->info, sizeof alone->info);
         cts_picture_free(&frame);
         cts_picture_free(&alone);
@@ -161,10 +161,10 @@ static void check_bands(const CtsVolume *volume, const CtsPreset *preset, const 
                      CTS_OK);
     assert_int_equal(whole.n_bands, (settings->height + 63) / 64);
     const size_t n = (size_t)frame->width * (size_t)frame->height;
-    assert_memory_equal(frame->pixels, whole.picture->pixels, 4 * n * sizeof(float));
+    assert_same_plane(frame->pixels, whole.picture->pixels, frame->width, 4 * n, 4, "colour", "bands");
     assert_memory_equal(&frame->info, &whole.picture->info, sizeof frame->info);
     if (frame->depth_mm)
-        assert_memory_equal(frame->depth_mm, whole.picture->depth_mm, n * sizeof(float));
+        assert_same_plane(frame->depth_mm, whole.picture->depth_mm, frame->width, n, 1, "depth", "bands");
     assert_int_equal(at_once.verified.pixels, settings->verify);
     assert_true(at_once.verified.rmse == in_bands.verified.rmse && at_once.verified.max == in_bands.verified.max);
     cts_report_free(&at_once);

@@ -23,16 +23,6 @@ static CtsPreset slab_preset(double extinction_per_mm)
     return p;
 }
 
-static void assert_same(const CtsPicture *a, const CtsPicture *b)
-{
-    assert_memory_equal(a->pixels, b->pixels, (size_t)a->width * (size_t)a->height * 4 * sizeof *a->pixels);
-    assert_int_equal(a->bound != NULL, b->bound != NULL); /* a draft has none */
-    if (a->bound)
-        assert_memory_equal(a->bound, b->bound, (size_t)a->width * (size_t)a->height * sizeof *a->bound);
-    if (a->depth_mm)
-        assert_memory_equal(a->depth_mm, b->depth_mm, (size_t)a->width * (size_t)a->height * sizeof *a->depth_mm);
-}
-
 /* Plain C against AVX2 and AVX-512, one thread against many: every byte, on noise over the full range and on a phantom.
  */
 static void same_bytes(void **state)
@@ -40,6 +30,10 @@ static void same_bytes(void **state)
     (void)state;
     CtsVolume *volumes[] = {random_volume(33, 29, 21, 7), phantom_head(48, 44, 40, 20), random_volume(5, 2, 9, 3),
                             random_volume(9, 40, 3, 4)};
+    static const char *const names[] = {"noise 33 x 29 x 21", "head 48 x 44 x 40", "noise 5 x 2 x 9",
+                                        "noise 9 x 40 x 3"};
+    static const char *const runs[] = {"plain C, 1 thread", "plain C, 7 threads", "AVX2, 2 threads",
+                                       "all SIMD paths, 1 thread"};
     static const char *const presets[] = {"bone", "skin"};
     for (size_t v = 0; v < 4; v++) {
         volumes[v]->slice_layers = 1 + (int)v; /* gradients over as many layers */
@@ -73,7 +67,8 @@ static void same_bytes(void **state)
                     cts_cpu_set_mask(cpu[run]);
                     CtsPicture *p = render(volumes[v], &preset, &s, NULL);
                     if (reference)
-                        assert_same(reference, p);
+                        assert_same_picture(reference, p, "volume %s, view %g,%g, variant %d, %s", names[v],
+                                            views[view][0], views[view][1], variant, runs[run]);
                     else
                         reference = p;
                     if (p != reference)
@@ -594,7 +589,8 @@ static void modes_by_packets(void **state)
                     cts_cpu_set_mask(cpu[run]);
                     s.n_threads = 1 + run;
                     pictures[run] = render(v, &preset, &s, NULL);
-                    assert_memory_equal(pictures[run]->pixels, pictures[0]->pixels, 4 * 61 * 61 * sizeof(float));
+                    assert_same_picture(pictures[0], pictures[run], "volume %d, view %g,%g, mode %s, run %d", i,
+                                        views[view][0], views[view][1], cts_mode_names[mode], run);
                 }
                 s.engine = CTS_ENGINE_RAYCAST;
                 CtsPicture *reference = render(v, &preset, &s, NULL);
