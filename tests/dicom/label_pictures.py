@@ -61,6 +61,8 @@ def test_grey(folder, masks, work):
         json.dump({'name': 'own', 'points': [{'hu': -200, 'rgb': [0, 0, 0], 'opacity': 0},
                                              {'hu': 300, 'rgb': [1, 1, 1], 'opacity': 0.5}]}, f)
     names = presets() + [own]
+    if os.environ.get('CTS_SANITIZE', 'none') != 'none':
+        names = [n for i, n in enumerate(names) if i % 4 == 0 or n in ('bone', 'ct-mip', own)]
     kinds = {'body': (['--label', 'organ=#0000ff:1'], True), 'tint': (['--label', 'head=#00ff00'], True),
              'rest': (['--label', 'rest=#0000ff:0.4'], True), 'colours': (['--label-colours'], True),
              'preset': (['--label', 'head=skin'], True), 'grey preset': (['--label', 'organ=ct-soft-tissue'], False),

@@ -56,8 +56,9 @@ done || exit 1
 
 # Compressed, they hold the same pixels for whoever reads them.
 old_words "$data/phantom/IM0001.dcm"
+[ "$CTS_SANITIZE" = none ] && kinds='still turn mip-still mip-turn' || kinds='still mip-turn'
 for compression in rle jpeg-lossless jpeg-2000; do
-    for kind in still turn mip-still mip-turn; do
+    for kind in $kinds; do
         case $kind in *turn) more='--rotation 3' ;; *) more= ;; esac
         case $kind in mip*) more="$more --mode mip" ;; esac
         case $kind in still) more="$more --verify 64 --annotate orientation" ;; esac

@@ -58,7 +58,7 @@ for page in "$root/README.md" "$root"/man/*.[0-9]; do
                 try "$line --size 24x24"
                 [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
             *' render '*"$large")
-                try "$line --size 128x128"
+                try "$line --size 64x64"
                 [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
             *)
                 try "$line"

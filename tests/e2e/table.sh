@@ -23,6 +23,9 @@ goes chest-ge 900 980
 goes head-phantom/S2020 170 190
 goes head-tilt-ge 74 80
 
+# Sanitizers have seen these paths by now, in test_table too.
+[ "$CTS_SANITIZE" = none ] || exit 0
+
 # Room air above -930 HU, as cone beams have it: the same goes, of every second pixel.
 python=/usr/bin/python3
 [ -x $python ] || python=python3

@@ -127,27 +127,29 @@ static void flat(void **state)
     cts_volume_free(&v);
 }
 
-/* A lit picture's error, against the ray caster's, is not above what is told. */
+/* A lit picture's error, against the ray caster's, is not above the reported one. These scenes are the same from row to
+ * row, so the middle rows stand for all; and one path for all, since their bytes are equal (test_tiled). */
 static void held(const CtsVolume *v, const CtsPreset *preset, CtsRenderSettings s)
 {
+    enum { ROWS = 6 };
+    const int first = (s.height - ROWS) / 2;
+    CtsReport report = {0};
+    double square = 0;
+    cts_cpu_set_mask(~0u);
     s.shade = CTS_ON;
-    for (int mask = 0; mask < N_MASKS; mask++) {
-        CtsReport report = {0};
-        double square = 0;
-        cts_cpu_set_mask(masks[mask]);
-        s.engine = CTS_ENGINE_TILED;
-        CtsPicture *p = render(v, preset, &s, &report);
-        s.engine = CTS_ENGINE_RAYCAST;
-        CtsPicture *q = render(v, preset, &s, NULL);
-        for (int at = 0; at < s.width * s.height; at++)
-            square += pow((double)(p->pixels[4 * at] - q->pixels[4 * at]), 2);
-        const double rms = sqrt(square / s.width / s.height);
-        if (!(rms <= report.bound.rmse))
-            fail_msg("mask %d: %.3g/255 rms, told %.3g", mask, 255 * rms, 255 * report.bound.rmse);
-        cts_report_free(&report);
-        cts_picture_free(&p);
-        cts_picture_free(&q);
-    }
+    s.engine = CTS_ENGINE_TILED;
+    CtsPicture *p = render(v, preset, &s, &report);
+    s.engine = CTS_ENGINE_RAYCAST;
+    s.height = ROWS;
+    CtsPicture *q = render(v, preset, &s, NULL);
+    for (int at = 0; at < s.width * ROWS; at++)
+        square += pow((double)(p->pixels[4 * (first * s.width + at)] - q->pixels[4 * at]), 2);
+    const double rms = sqrt(square / s.width / ROWS);
+    if (!(rms <= report.bound.rmse))
+        fail_msg("error %.3g/255 rms, reported at most %.3g", 255 * rms, 255 * report.bound.rmse);
+    cts_report_free(&report);
+    cts_picture_free(&p);
+    cts_picture_free(&q);
 }
 
 /* White where HU lie from low to high, by so much opacity at the latter; lit where it faces the camera alone. */
@@ -164,7 +166,7 @@ static CtsPreset white(double low, double high, double opacity)
 static void faint_turns(void **state)
 {
     (void)state;
-    enum { NX = 12, NY = 42, SIZE = 96 };
+    enum { NX = 12, NY = 42, SIZE = 48 };
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, NX, NY, NX, &err), CTS_OK);
@@ -172,7 +174,7 @@ static void faint_turns(void **state)
         v->grey[at] = (uint16_t)(1024 + at % NX + (at / NX % NY % 5 == 2 ? 1000 : 0));
     const CtsPreset preset = white(100, 1000, 0.01);
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 0);
-    s.mm_per_pixel = 0.1;
+    s.mm_per_pixel = 0.2;
     s.max_error = 12;
     held(v, &preset, s);
     cts_volume_free(&v);
@@ -182,7 +184,7 @@ static void faint_turns(void **state)
 static void past_perpendicular(void **state)
 {
     (void)state;
-    enum { N = 12, SIZE = 96 };
+    enum { N = 12, SIZE = 48 };
     static const int layer[4] = {0, 25, 25, 0};
     CtsVolume *v = NULL;
     CtsError err;
@@ -191,7 +193,7 @@ static void past_perpendicular(void **state)
         v->grey[at] = (uint16_t)(1024 + 1000 * (at % N) + layer[at / N % 4]);
     const CtsPreset preset = white(-4000, 20000, 0.3);
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 0);
-    s.mm_per_pixel = 0.1;
+    s.mm_per_pixel = 0.2;
     held(v, &preset, s);
     cts_volume_free(&v);
 }
@@ -200,7 +202,7 @@ static void past_perpendicular(void **state)
 static void errs_alike(void **state)
 {
     (void)state;
-    enum { NX = 12, NY = 102, SIZE = 96 };
+    enum { NX = 12, NY = 102, SIZE = 48 };
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, NX, NY, NX, &err), CTS_OK);
@@ -212,7 +214,7 @@ static void errs_alike(void **state)
     preset.ambient = 1;
     preset.diffuse = 0;
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 3.2);
-    s.mm_per_pixel = 0.1;
+    s.mm_per_pixel = 0.2;
     s.max_error = 0.25;
     held(v, &preset, s);
     cts_volume_free(&v);
