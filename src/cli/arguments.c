@@ -40,7 +40,7 @@ static CtsStatus fail_elsewhere(const CtsOption *o, int command, CtsError *err)
                     cli_commands[command].name, others, cli_commands[first < 0 ? command : first].name);
 }
 
-/* One word of the command line that starts with a dash; *argv moves past it and its argument. */
+/* Parses one argument that starts with a dash; advances *argv past it and its value. */
 static CtsStatus take_option(CtsOptions *options, int command, const char *const **argv, const char *const *end,
                              CtsError *err)
 {

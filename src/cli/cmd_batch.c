@@ -73,8 +73,8 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
     return st ? st : cts_batch_run(&settings, result, err);
 }
 
-/* One series after the other, so that no more than one lies on the disk. Those that do not come are told and counted.
- */
+/* Fetches and renders one series after the other, so that no more than one is on the disk. Reports and counts those
+ * that cannot be fetched. */
 static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsBatchLists *lists, CtsReport *report,
                           CtsBatchResult *all, CtsError *err)
 {

@@ -89,7 +89,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     const CtsWatch watch = cli_watch(&seen);
     CtsSource source = cts_options_source(options);
     source.remove_table = preset->remove_table;
-    source.interpolation = CTS_INTERPOLATION_LINEAR; /* what is measured is the engines on the voxels as they are */
+    source.interpolation = CTS_INTERPOLATION_LINEAR; /* engines are measured on the slices without interpolation */
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_interrupt_asks();
     if (st)
@@ -103,7 +103,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     }
     st = cts_bench_run(&settings, &rows, err);
     cli_progress_clear();
-    /* What was measured is written also when the rest was not wanted any more. */
+    /* Results measured so far are written also after an interruption. */
     if (!st || st == CTS_ERR_INTERRUPTED) {
         CtsError why;
         const CtsStatus written = cts_bench_write(&rows, options->output_dir, options->export.force, &why);

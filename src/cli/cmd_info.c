@@ -48,7 +48,7 @@ end:
     return st;
 }
 
-/* The series that the labels refer to has them; what lies beside a series is its own. */
+/* Selects the series that the labels refer to; with `auto` each series has its own labels. */
 static CtsStatus choose(const CtsSource *source, const CtsSeriesList *list, const CtsSeries **series, CtsError *err)
 {
     const CtsLabelRequest request = {.paths = source->labels, .n_paths = source->n_labels};
@@ -75,7 +75,7 @@ static CtsStatus read_each(const CtsOptions *options, const CtsSeriesList *list,
     return st;
 }
 
-/* A peer's words drive no terminal. */
+/* Text from a peer must not contain control sequences for the terminal. */
 static void print_text(const char *name, const char *text)
 {
     char clean[80];
@@ -115,7 +115,7 @@ static json_t *found_json(const CtsFound *found, bool show_patient)
     return json_pack("{s:o}", "series", series);
 }
 
-/* What a peer has: nothing of it is fetched. */
+/* Lists the peer's series without fetching any. */
 static CtsStatus tell_found(const CtsOptions *options, CtsError *err)
 {
     CtsFound found;

@@ -1,4 +1,4 @@
-/* ctsplat render: the command line as a job, its progress, its log and what it prints. */
+/* ctsplat render: the command line as a job, its progress, its log and its output. */
 #include "app/words/options.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
@@ -22,7 +22,7 @@ static void print_plan_lines(const char *plan)
     }
 }
 
-/* What --explain tells: the task, the engine's plan, and what is left out with its reason. */
+/* Output of --explain: the task, the engine's plan, and omitted steps with reasons. */
 static void print_plan(const CtsJob *job, const CtsReport *report)
 {
     char line[sizeof report->findings.items->text + 64];
@@ -61,7 +61,7 @@ static void print_verified(const CtsReport *report)
                  picture_cpu_ms / 1000);
 }
 
-/* All that comes before the job: what happens from here on, the log tells. */
+/* Preparation before the job; from here on the log records failures. */
 static CtsStatus begin(const CtsOptions *options, CtsLog *log, CtsPreset *preset, CtsJob *job,
                        CliStandardOutput *standard_output, CtsReport *report, CtsError *err)
 {
@@ -86,7 +86,7 @@ static CtsStatus begin(const CtsOptions *options, CtsLog *log, CtsPreset *preset
     return CTS_OK;
 }
 
-/* All that comes after it: what stdout and a peer are given, and what is told. */
+/* Steps after the job: standard output, sending, and messages. */
 static CtsStatus hand_over(const CtsOptions *options, CtsLog *log, const CtsJob *job,
                            const CliStandardOutput *standard_output, const CtsReport *report, CtsError *err)
 {
@@ -126,12 +126,12 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsJob job;
     CtsReport report = {0};
     CtsLog *log = NULL;
-    CtsNames names = {0}; /* that the log does not tell */
+    CtsNames names = {0}; /* names that the log must not contain */
     CliStandardOutput standard_output = {0};
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    /* From the first to the last: what is no stage's own is the last one's. */
+    /* The meter covers the whole run: time outside any stage is added to the last one. */
     const CtsMeter whole = {.wall_ms = cts_wall_ms()};
     CtsStatus st = cts_log_open(&log, options->log, options->export.key, true, whole.wall_ms, err);
     for (int i = 0; log && !options->show_paths && i < options->paths.n; i++)

@@ -1,4 +1,4 @@
-/* The commands: what help prints of them, what runs, and what reads their words. */
+/* The commands: their help texts, their functions, and the parser of their arguments. */
 #ifndef CTS_CLI_COMMANDS_H
 #define CTS_CLI_COMMANDS_H
 
@@ -9,14 +9,14 @@ typedef CtsStatus CliRun(const CtsOptions *options, int *exit_code, CtsError *er
 
 typedef struct CliCommand {
     const char *name;
-    const char *usage;   /* what follows the name */
+    const char *usage;   /* arguments, for the usage line */
     const char *summary; /* one line */
     int min_operands, max_operands;
-    const char *operand; /* how a message calls one */
+    const char *operand; /* name of an operand in messages */
     CliRun *run;
 } CliCommand;
 
-/* In the order of CTS_FOR_INFO...; CTS_FOR_JOB is none. */
+/* In the order of CTS_FOR_INFO...; CTS_FOR_JOB is not a command. */
 enum { CLI_N_COMMANDS = CTS_FOR_JOB };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
@@ -25,7 +25,7 @@ CliRun cli_batch, cli_bench, cli_check, cli_info, cli_render, cli_compare, cli_p
 /* argv[0] is the command's name. */
 CtsStatus cli_arguments(CtsOptions *options, int command, int argc, const char *const *argv, CtsError *err);
 
-/* What `ctsplat --help` and `ctsplat COMMAND --help` print. */
+/* Print the output of `ctsplat --help` and `ctsplat COMMAND --help`. */
 void cli_help(void);
 void cli_help_command(int command);
 /* This program and the libraries it runs with. */

@@ -12,7 +12,7 @@
 
 enum { HELP_COLUMN = 30, HELP_WIDTH = 80 };
 
-/* Words of text from column on, broken before HELP_WIDTH; the cursor stands at column already. */
+/* Prints words from column on, wrapped at HELP_WIDTH; the cursor is at column already. */
 static void print_wrapped(const char *text, int column)
 {
     int at = column;

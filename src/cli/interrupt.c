@@ -36,13 +36,12 @@ void cli_interrupt_init(void)
     sigemptyset(&action.sa_mask);
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     for (int i = 0; i < 3; i++) {
-        /* What started us may want it ignored, as nohup does. */
+        /* Keep a signal ignored if the parent process ignores it, as nohup does. */
         struct sigaction before;
         if (!sigaction(numbers[i], NULL, &before) && before.sa_handler != SIG_IGN)
             sigaction(numbers[i], &action, NULL);
     }
-    /* A reader that goes away and a file that may not grow show as failed writes; signals would leave temporary
-     * files. */
+    /* A closed pipe and a file size limit appear as failed writes; their signals would leave temporary files. */
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN);
 }

@@ -13,7 +13,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-/* The place of a command, CLI_N_COMMANDS for none. */
+/* The index of a command, CLI_N_COMMANDS for none. */
 static int find_command(const char *name, CtsError *err)
 {
     const char *names[CLI_N_COMMANDS];
@@ -64,8 +64,8 @@ static CtsStatus run(int argc, const char *const *argv, int *exit_code, CtsError
     return run_command(argc - 1, argv + 1, exit_code, err);
 }
 
-/* A file that is opened later must not take the place of an input or output that was closed: messages would go into
- * it. What stands there instead fails when it is used. */
+/* A file opened later must not get the descriptor of a closed standard stream, since messages would go into it. The
+ * replacement fails when it is used. */
 static void hold_standard_files(void)
 {
     for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
@@ -91,7 +91,7 @@ static void *run_call(void *context)
 int main(int argc, char **argv)
 {
     hold_standard_files();
-    signal(SIGCHLD, SIG_DFL); /* ignored by what started us, no child could be waited for */
+    signal(SIGCHLD, SIG_DFL); /* with SIGCHLD ignored, waiting for a process would fail */
     /* A core file would hold the patient's volume. */
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);

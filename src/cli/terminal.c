@@ -19,7 +19,7 @@ static const struct {
     {"frames", "--rotation"},
 };
 
-/* Writes the option of the setting; false where there is none. */
+/* Writes the option of the setting; false where it has none. */
 static bool put_option(FILE *out, const char *setting, size_t length)
 {
     for (size_t i = 0; i < sizeof renamed / sizeof *renamed; i++)
@@ -97,7 +97,7 @@ void cli_progress_clear(void)
     fflush(stderr);
 }
 
-/* One message is one line, whatever stands in a header or a file name. */
+/* One message is one line, whatever a header or a file name contains. */
 static void print_line(const char *prefix, const char *text)
 {
     char line[1200];

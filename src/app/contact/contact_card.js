@@ -1,9 +1,9 @@
-/* Words, numbers, and the card of one series. The three scripts of the page stand in one, in this order. */
+/* Data, text helpers, and the card of one series. The page concatenates its three scripts in this order. */
 const data = JSON.parse(document.getElementById('data').textContent);
 const $ = (selector, root = document) => root.querySelector(selector);
 const $$ = (selector, root = document) => [...root.querySelectorAll(selector)];
 
-/* ---- words and numbers ---- */
+/* ---- text and numbers ---- */
 
 const STATES = {
   done: {word: 'Done', mark: '✓', rank: 4}, passed: {word: 'Passed', mark: '–', rank: 3},
@@ -31,10 +31,10 @@ const time = ms => ms < 1 ? '< 1 ms' : ms < 1000 ? `${Math.round(ms)} ms`
   : ms < 3600e3 ? `${Math.floor(ms / 60e3)} min ${Math.round(ms % 60e3 / 1e3)} s`
   : `${(ms / 3600e3).toFixed(1)} h`;
 const megabytes = bytes => bytes < 1e9 ? `${Math.round(bytes / 1e6)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
-/* Text from outside: marks that are not to be seen, or turn the text round, are shown as such. */
+/* Text from outside, with invisible and bidirectional control characters replaced. */
 const clean = text => String(text ?? '').replace(
   /[\u0000-\u001f\u007f-\u009f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]/g, '\ufffd');
-/* Where there is no room for a UID, its middle goes: its end tells series apart. */
+/* A UID split so that its middle is truncated first: its end distinguishes series. */
 const uidParts = uid => [make('span', {class: 'head'}, uid ? uid.slice(0, -14) : '(without UID)'),
   make('span', {}, uid.slice(-14))];
 const viewName = view => !/^-?[\d.]+,-?[\d.]+$/.test(view) ? view
@@ -59,7 +59,7 @@ function make(name, attributes = {}, ...children) {
 
 const list = value => Array.isArray(value) ? value : [];
 const object = value => value && typeof value === 'object' ? value : {};
-const run = data.run ? object(data.run) : null; /* how far the batch was; null: to its end */
+const run = data.run ? object(data.run) : null; /* progress of the batch; null: it has ended */
 const series = list(data.series).map(object).map((line, index) => {
   const s = {index, line, uid: clean(line.series_uid), state: STATES[line.status] ? line.status : 'failed',
     reason: clean(line.reason), geometry: object(line.geometry), pictures: list(line.pictures),
@@ -75,8 +75,8 @@ const series = list(data.series).map(object).map((line, index) => {
   return s;
 });
 
-/* Studies by date, where it is told, and series by number; then by UIDs. What is called study 3, series 2 is that for
- * as long as no other series come. */
+/* Order of the series: by study date, where known, and series number; then by UIDs. Numbers such as 3.2 change only
+ * when series are added. */
 const byUid = new Intl.Collator('en', {numeric: true}).compare;
 const order = (a, b) => byUid(clean(a.geometry.study_date), clean(b.geometry.study_date)) ||
   byUid(a.study, b.study) || (a.geometry.series_number || 0) - (b.geometry.series_number || 0) || byUid(a.uid, b.uid);
@@ -87,7 +87,7 @@ const studies = new Map();
   s.rank = rank;
   s.number = `${study.number}.${++study.n}`;
 });
-/* What is out of line with the same label of other series, where enough of them have it. */
+/* Labels whose volume is far from the median of the same label in other series, where enough series have it. */
 const ENOUGH = 5, FAR = 2;
 const volumes = new Map();
 for (const l of series.flatMap(s => s.labels)) {
@@ -126,7 +126,7 @@ const SORTS = {
 if (series.some(s => s.labels.length))
   SORTS.volume = ['Volume of labels', (a, b) => found(b).ml - found(a).ml];
 
-/* The labels of a series that the search names, or all, and what they hold. */
+/* The labels that match the search (without a search all), with their values. */
 let sought = [];
 function found(s) {
   const named = s.labels.filter(l => sought.some(term => clean(l.name).toLowerCase().includes(term)));
@@ -149,7 +149,7 @@ function facts(s) {
   return dl;
 }
 
-/* What was found once or often stands once, with its count. */
+/* Each finding once, with its count. */
 function byCode(findings) {
   const kinds = new Map();
   for (const f of findings) {
@@ -196,7 +196,7 @@ function labels(s) {
     })));
 }
 
-/* Where its files are, with --show-paths. */
+/* The folders and first files of the series, with --show-paths. */
 function sources(s) {
   return make('ul', {class: 'sources mono'}, s.sources.map(f => make('li', {}, make('bdi', {},
     `${clean(f.folder)}/${clean(f.first)}`), f.files > 1 ? ` and ${count(f.files - 1)} more` : '')));
@@ -221,7 +221,7 @@ function times(s, open) {
       make('span', {}, bar(name, ms / largest)), make('span', {}, time(ms))])));
 }
 
-/* A rotation's frames stand side by side in one picture, which slides behind a window of one frame. */
+/* A rotation's preview: one picture with all frames side by side, shifted behind a window of one frame. */
 function strip(turn) {
   const box = make('div', {class: 'strip'}, make('img', {src: url(turn.path), alt: '', draggable: 'false'}));
   box.style.setProperty('--ratio', turn.width / turn.height || 1);
@@ -270,7 +270,7 @@ function shell(s) {
   return card;
 }
 
-/* Rows of previews are equally full: four stand two by two where there is room for three. */
+/* Equally full rows of previews: four become two by two where three fit into a row. */
 function spread(s) {
   const previews = $('.previews', s.card), n = s.pictures.length;
   if (!previews || !previews.clientWidth) return;

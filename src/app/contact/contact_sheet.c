@@ -57,7 +57,7 @@ static CtsStatus open_journals(CtsJournalLines *j, const char *dir, const char *
     return st;
 }
 
-/* JSON that no HTML parser takes for markup. */
+/* Escapes < in JSON, so that an HTML parser finds no markup in it. */
 static CtsStatus write_json(CtsTempFile *temp, const json_t *value, CtsError *err)
 {
     char *text = json_dumps(value, JSON_COMPACT | JSON_ENSURE_ASCII);
@@ -81,7 +81,8 @@ static const char *const kept[] = {"series_uid", "status",         "reason",    
                                    "files",      "sources",        "unfinished", "geometry",    "findings",  "stages",
                                    "wall_ms",    "peak_rss_bytes", "threads",    "labels"};
 
-/* The picture of this preset and view, a new one where there is none; the array's. Neighbours are mostly the same. */
+/* The entry of this preset and view in the array, added where missing. Searches backwards, since neighbours mostly
+ * match. */
 static json_t *picture_of(json_t *pictures, const json_t *file)
 {
     const char *preset = cts_json_text_of(file, "preset"), *view = cts_json_text_of(file, "view");
@@ -131,11 +132,11 @@ static void add_thumbnail(json_t *card, json_t *pictures, const json_t *thumbnai
     json_object_set_new(picture, "turn", turn);
 }
 
-/* What the page is told of one series, from a line of the journal: what it says but hashes and sizes, with outputs and
+/* The page's data for one series, from its journal record: the record without hashes and sizes, and with outputs and
  * thumbnails gathered to pictures, one for each preset and view:
- *     {"preset", "view", "files":{"png":{"first":PATH, "frames":N}, ...}, "thumb":PATH, "turn":{"path", "frames",
- *      "width", "height"}}
- * Paths are below folder ("", or with a slash at its end); those that leave it are left out. A new reference; NULL when
+ * {"preset", "view", "files":{"png":{"first":PATH, "frames":N}, ...}, "thumb":PATH, "turn":{"path", "frames", "width",
+ * "height"}}
+ * Paths are below folder ("", or with a slash at its end); paths that leave it are omitted. A new reference; NULL when
  * memory runs out. */
 static json_t *card_of(const json_t *line, const char *folder)
 {
@@ -182,7 +183,7 @@ static CtsStatus write_cards(CtsTempFile *temp, const CtsJournalLines *j, const 
     return st;
 }
 
-/* What stands in front of the series, whose array it opens. */
+/* Prints the JSON before the series and opens their array. */
 static int print_head(char *text, size_t size, const CtsJournalLines *j, const CtsContactRun *run)
 {
     char so_far[160] = "";

@@ -11,7 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* How far the batch is that the sheet is of. */
+/* Progress of the batch when the sheet is written. */
 typedef struct CtsContactRun {
     size_t n_ended, n_series;
     bool goes_on;
@@ -30,14 +30,14 @@ typedef struct CtsContactWanted {
  * no journal. */
 CtsStatus cts_contact_sheet_write(const char *dir, const CtsContactWanted *wanted, CtsError *err);
 
-/* What stands before and behind the data, a JSON object in a script element. */
+/* The page's HTML before and after the data, a JSON object in a script element. */
 extern const unsigned char cts_contact_head[], cts_contact_tail[];
 extern const size_t cts_contact_head_bytes, cts_contact_tail_bytes;
 
 typedef struct CtsThumbnail CtsThumbnail;
 
-/* The usual longest side in pixels (smaller pictures keep their size), and how many frames of a rotation stand side by
- * side; of a longer rotation every so manieth. */
+/* Usual longest side of a thumbnail in pixels (smaller pictures keep their size), and the most frames of a rotation
+ * side by side; longer rotations are subsampled evenly. */
 enum { CTS_THUMBNAIL_SIDE = 240, CTS_THUMBNAIL_FRAMES = 36 };
 
 /* One file that cts_thumbnail_end() wrote: the stem with suffix behind it. */
@@ -50,24 +50,24 @@ typedef struct CtsThumbnailFile {
 enum { CTS_THUMBNAIL_FILES = 2 };
 
 /* Takes bands as cts_export_rows() does: all of the first frame from the top, then the next frame's. first: the first
- * band, of which no row is taken yet. stem is a path without its ending; its folder must exist; side is the longest in
- * pixels. Serial, and the same picture gives the same bytes. */
+ * band, not yet added. stem: a path without its ending, in an existing folder. side: the longest side in pixels.
+ * Single-threaded; the same picture gives the same bytes. */
 CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, int side, const CtsPicture *first, int n_frames,
                               CtsError *err);
 CtsStatus cts_thumbnail_rows(CtsThumbnail *thumb, const CtsPicture *band, CtsError *err);
-/* Writes one file, or two of a rotation, each whole or not at all, over what may be there. Makes *thumb NULL, whatever
- * comes of it. */
+/* Writes one file, or two for a rotation, each whole or not at all, replacing existing ones. Sets *thumb to NULL, also
+ * on failure. */
 CtsStatus cts_thumbnail_end(CtsThumbnail **thumb, CtsThumbnailFile files[CTS_THUMBNAIL_FILES], int *n_files,
                             CtsError *err);
-/* Gives up; does nothing when *thumb is NULL. */
+/* Frees without writing; *thumb may be NULL. */
 void cts_thumbnail_discard(CtsThumbnail **thumb);
 
 enum { CTS_LABEL_SLICES_SIDE = 240 };
 
-/* Three squares side by side, each side so many pixels: one scanned slice as it is stored, then along its rows, then
- * along its columns, the last slice at the top; through the centre of what the labels hold. All of one scale; HU in a
- * window of soft tissue. The outline of label i has the hue i times the golden ratio, which the sheet's list repeats.
- * scanned still has its grey levels, and labels are counted on it. */
+/* Three sections side by side, each of side x side pixels: a scanned slice as stored, then sections along its rows and
+ * along its columns with the last slice at the top; through the centre of the labelled voxels. All at one scale, in a
+ * soft-tissue window. The outline of label i has the hue i times the golden ratio, as in the sheet's list. scanned must
+ * still have its grey levels, and its labels their statistics. */
 CtsStatus cts_label_slices(const CtsScanned *scanned, const CtsLabels *labels, CtsPicture **picture, CtsError *err);
 
 #endif

@@ -1,4 +1,4 @@
-/* Which series are shown and in what order, and what chooses them. */
+/* Selection and order of the visible series, and their controls. */
 const inputs = {q: $('#search'), preset: $('#preset'), view: $('#view'), finding: $('#finding'), sort: $('#sort')};
 const defaults = {q: '', status: 'all', preset: '', view: '', finding: '', sort: 'study', reverse: '', open: ''};
 const state = {...defaults, ...Object.fromEntries(new URLSearchParams(location.hash.slice(1)))};
@@ -72,7 +72,7 @@ function apply() {
   remember();
 }
 
-/* One card at a time is a stop of the Tab key; arrows go on from it. */
+/* Only one card is a stop of the Tab key; arrow keys move from it. */
 function focusable(place, move) {
   for (const [k, value] of [[current, -1], [place, 0]]) {
     const s = shown[k];
@@ -140,7 +140,7 @@ function setUp() {
     (data.unreadable ? ` · ${plural(data.unreadable, 'unreadable line')} in the journal` : '');
 }
 
-/* The controls show the state, the sheet follows. */
+/* Updates the controls from the state, then the sheet. */
 function show() {
   for (const [key, input] of Object.entries(inputs)) {
     if (input.value !== state[key]) input.value = state[key];

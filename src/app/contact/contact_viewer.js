@@ -1,6 +1,6 @@
 /* The full pictures, and clicks and keys everywhere. */
 const viewer = $('#viewer'), picture = $('.picture', viewer), slider = $('#frame');
-const image = $('img', picture); /* the full picture; a strip stands beside it */
+const image = $('img', picture); /* the full picture; a strip is beside it */
 const open = {s: null, place: 0, frame: 0, timer: 0};
 const fullFile = p => p.files?.png;
 const openPicture = () => open.s.pictures[open.place];
@@ -84,7 +84,7 @@ function toggle() {
   if (open.timer || !openPicture() || frames(openPicture()) < 2) return stop();
   $('#play').setAttribute('aria-pressed', 'true');
   $('#play').textContent = '⏸ Stop';
-  /* The next frame comes when this one has been seen. */
+  /* Shows the next frame once the current one has been decoded. */
   const step = () => { showFrame(open.frame + 1); (image.hidden ? Promise.resolve() : image.decode()).catch(() => {})
     .then(() => { if (open.timer) open.timer = setTimeout(step, 80); }); };
   open.timer = setTimeout(step, 0);
@@ -181,7 +181,7 @@ document.addEventListener('keydown', event => {
 });
 $('#keys-button').addEventListener('click', () => $('#keys').showModal());
 
-/* A sheet of a batch that is under way is loaded again now and then, unless somebody is busy with it. */
+/* Reloads the sheet of a running batch periodically, unless it is in use. */
 if (run?.goes_on)
   setInterval(() => {
     const busy = viewer.open || $('#keys').open || document.activeElement?.closest('form, .card') || document.hidden;

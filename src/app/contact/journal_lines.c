@@ -95,7 +95,7 @@ static CtsStatus take_lines(CtsJournalLines *l, FILE *stream, uint64_t *end, Cts
     CtsStatus st = CTS_OK;
     char *text = NULL;
     size_t capacity = 0;
-    /* What is torn off at the end by a power cut is passed over. */
+    /* Ignores an incomplete last line, as a power cut leaves. */
     for (ssize_t n; !st && (n = getline(&text, &capacity, stream)) > 0 && text[n - 1] == '\n'; *end += (uint64_t)n) {
         json_t *line = parse(text, (size_t)n);
         l->n_unreadable += !line;

@@ -8,8 +8,8 @@
 enum { SIDE = CTS_LABEL_SLICES_SIDE };
 static const double low_hu = -160, high_hu = 240; /* the window of soft tissue that radiologists use */
 
-/* A plane of voxels: `across` and `down` are the axes of its columns and rows (0 columns, 1 rows, 2 slices of the
- * scan), `through` the one that it cuts. */
+/* A section through the voxels: axes of its columns (`across`) and rows (`down`) and the axis across it (`through`); 0
+ * columns, 1 rows, 2 slices of the scan. */
 typedef struct Cut {
     int across, down, through;
 } Cut;
@@ -20,11 +20,11 @@ typedef struct Drawing {
     const CtsLabels *labels;
     int dims[3], middle[3];
     double step_mm[2], extent_mm[3], mm; /* of a pixel */
-    int32_t *owner;                      /* of each voxel of the cut: number in labels + 1; 0: none */
+    int32_t *owner;                      /* of each voxel of the section: index in labels + 1; 0: none */
     CtsPicture *picture;
 } Drawing;
 
-/* The centre of what the labels hold; nothing: of the scan. */
+/* The centre of the labelled voxels; without any, that of the scan. */
 static void find_middle(Drawing *d)
 {
     double n = 0, sum[3] = {0};
@@ -82,7 +82,7 @@ static CtsStatus find_owners(Drawing *d, const Cut *cut, CtsError *err)
     return st;
 }
 
-/* The voxel along an axis at a pixel of a square, or -1 outside. */
+/* The voxel along an axis at a pixel of a section, or -1 outside. */
 static int voxel_at(const Drawing *d, int axis, int pixel)
 {
     const CtsLabelGrid *const g = &d->labels->grid;
@@ -140,7 +140,7 @@ static void draw_pixel(const Drawing *d, const Cut *cut, int square, int x, int 
 static CtsStatus draw_square(Drawing *d, int square, CtsError *err)
 {
     const Cut *const cut = &cuts[square];
-    int32_t *owners = NULL; /* of the square's pixels */
+    int32_t *owners = NULL; /* of the section's pixels */
     CtsStatus st = find_owners(d, cut, err);
     if (!st)
         st = cts_alloc_zeroed(&owners, (size_t)SIDE * SIDE, err);

@@ -17,8 +17,8 @@ struct CtsThumbnail {
     bool has_alpha;
     int width, height; /* of one frame */
     int n_frames, n_slots;
-    int frame, row; /* that come next */
-    float *sums;    /* the frame under way: linear light, premultiplied, and alpha; 4 a pixel */
+    int frame, row; /* the next ones to be added */
+    float *sums;    /* of the current frame: linear light, premultiplied, and alpha; 4 per pixel */
     float *columns; /* one row of the picture, as wide as the thumbnail */
     uint8_t *strip; /* red, green, blue, alpha of all slots side by side */
     float linear[LEVELS];
@@ -93,7 +93,7 @@ static void add_pixel(const CtsThumbnail *t, const float *pixel, float weight, f
     }
 }
 
-/* How much of [at, at + 1) / n_from lies in [into, into + 1) / n_into, in units of 1 / (n_from * n_into). */
+/* Overlap of [at, at + 1) / n_from and [into, into + 1) / n_into, in units of 1 / (n_from * n_into). */
 static int64_t overlap(int at, int n_from, int into, int n_into)
 {
     const int64_t low = (int64_t)at * n_into, low_into = (int64_t)into * n_from;
@@ -143,7 +143,7 @@ static void fill_slot(CtsThumbnail *t, int slot)
         }
 }
 
-/* The slot that this frame goes to, or -1. */
+/* The slot of this frame, or -1. */
 static int slot_of(const CtsThumbnail *t, int frame)
 {
     const int slot = (int)(((int64_t)frame * t->n_slots + t->n_frames - 1) / t->n_frames);
@@ -178,7 +178,7 @@ static CtsStatus write_file(const CtsThumbnail *t, CtsThumbnailFile *file, int q
     CtsTempFile *temp = NULL;
     char *path = NULL;
     CtsStatus st;
-    /* Without alpha, libwebp takes the fourth byte for nothing but 255 and leaves the channel out. */
+    /* For opaque pictures libwebp ignores the fourth byte, which is 255, and writes no alpha channel. */
     const size_t n = WebPEncodeRGBA(pixels, width, t->height, stride, (float)quality, &bytes);
     if (!n || asprintf(&path, "%s%s", t->stem, file->suffix) < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "%s%s: out of memory", t->stem, file->suffix);

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Few pixels tell as much of a histogram's ends as many; rounded, so that it reads well and small changes of a series
- * leave it; noise alone is wider than the narrowest. */
+/* SIDE: enough pixels for percentiles of the values. ROUND_HU: readable limits that do not change with small changes of
+ * a series. NARROWEST_HU: noise alone has a wider histogram. */
 enum { SIDE = 128, MOST_VIEWS = 2, ROUND_HU = 10, NARROWEST_HU = 50 };
 
 static int by_value(const void *a, const void *b)
@@ -15,7 +15,8 @@ static int by_value(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-/* The values of one view that are not nothing and not air alone, behind n others; from 0 at low to 1 at high. */
+/* Renders a small projection and appends its values, except air and empty pixels, to the n values; 0 is the low end of
+ * wide's window, 1 the high end. */
 static CtsStatus look(const CtsVolume *volume, const CtsPreset *wide, const CtsRenderSettings *settings,
                       double turn_deg, float *values, size_t *n, CtsError *err)
 {
@@ -58,7 +59,7 @@ CtsStatus cts_fit_window(const CtsVolume *volume, const CtsRenderSettings *setti
     if (preset->mode == CTS_MODE_COMPOSITE || preset->window_low_hu < preset->window_high_hu)
         return CTS_OK;
     CtsPreset wide = *preset;
-    wide.window_low_hu = volume->hu_offset - volume->hu_step; /* 0 is nothing */
+    wide.window_low_hu = volume->hu_offset - volume->hu_step; /* level 0 lies outside the volume */
     wide.window_high_hu = volume->hu_offset + volume->hu_step * UINT16_MAX;
     const int n_views = settings->rotation_frames > 1 ? MOST_VIEWS : 1;
     float *values = malloc(sizeof(float[MOST_VIEWS][SIDE * SIDE]));

@@ -1,19 +1,18 @@
-/* What a preset has from the volume: a window for a projection that nobody gave one, colours for vessels. */
+/* Parts of a preset that depend on the volume: a projection's window, and colours of vessel presets. */
 #ifndef CTS_JOB_FIT_WINDOW_H
 #define CTS_JOB_FIT_WINDOW_H
 
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
 
-/* A preset whose window is empty asks for one: in a small picture of the same mode from the same side (and, of a
- * rotation, from a quarter of a turn on) all but the lowest twentieth (which rims of air take) and the highest
- * hundredth of what is seen lies between black and white. Does nothing for a preset with a window, and in mode
- * composite. The report's plan tells the window. */
+/* Sets an empty window of a preset for a projection: from the 5th percentile (rims of air are darker) to the 99th of
+ * the values in a small picture of the same mode and view (and, for a rotation, of the view a quarter turn on). Leaves
+ * a preset with a window, and mode composite, unchanged. The report's plan contains the window. */
 CtsStatus cts_fit_window(const CtsVolume *volume, const CtsRenderSettings *settings, CtsPreset *preset,
                          CtsReport *report, CtsError *err);
 
-/* For a preset that needs contrast agent, and a volume whose blood carries none, by the mixture model (*missing): the
- * preset gets the colours of `bone`, as bone is what it shows then. All else is left alone. */
+/* For a preset that needs contrast agent: if by the mixture model the volume's blood contains none (*missing), the
+ * preset gets the colours of `bone`, since bone is then the only visible tissue. */
 CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, bool *missing, CtsError *err);
 /* The warning `no_contrast`. */
 void cts_contrast_tell(const CtsPreset *preset, CtsReport *report);

@@ -14,7 +14,7 @@ typedef struct CtsOutputs {
     int rotation;      /* frames, or 0: one picture, and paths as they are */
 } CtsOutputs;
 
-/* How many frames this output's file holds: all, where its format holds several. */
+/* Number of frames in this output's file: all where its format supports several, else 1. */
 int cts_output_n_frames(const CtsOutputs *outputs, int output);
 
 /* Its format is DICOM. */
@@ -23,7 +23,8 @@ bool cts_output_is_dicom(const CtsOutputs *outputs, int output);
 /* Some output has a place for depth. */
 bool cts_outputs_hold_depth(const CtsOutputs *outputs);
 
-/* Every path has a known ending, is given once, can be written, and is no CT slice that force would destroy. */
+/* Checks that every path has a known ending, is given once, can be written, and is not a CT slice that `force` would
+ * overwrite. */
 CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsError *err);
 
 typedef struct CtsFiles {
@@ -31,16 +32,15 @@ typedef struct CtsFiles {
     const CtsExportSettings *settings;
     const CtsWatch *watch;
     CtsExport **exports;  /* by output: the file being written, or NULL */
-    CtsPictureInfo first; /* how the first frame was made */
+    CtsPictureInfo first; /* description of the first frame */
 } CtsFiles;
 
 CtsStatus cts_files_begin(CtsFiles *files, CtsError *err);
 /* One band of frame: a file begins with the first band it holds. */
 CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err);
-/* Ends the files that are whole with this frame, and tells who watches; the report knows what its verification found.
- */
+/* Ends the files that this frame completes, and notifies the watch; the report contains the frame's verification. */
 CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err);
-/* What is not whole by now is given up. */
+/* Discards incomplete files. */
 void cts_files_end(CtsFiles *files);
 
 #endif

@@ -12,18 +12,18 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Whether a picture is little but black or white, which a user should hear of. */
+/* Counts of nearly black and nearly white pixels, for a warning. */
 typedef struct Saturation {
-    uint64_t n, n_black, n_white; /* pixels, and those at most, or at least, a grey level that the eye takes for it */
+    uint64_t n, n_black, n_white; /* pixels sampled; of them practically black, practically white */
     uint64_t n_seen, n_full;      /* of a projection: above black, and at the top of the window */
     float most;                   /* the brightest pixel */
 } Saturation;
 
-/* Five grey levels of 255 are as good as none; a two-hundredth of a picture is as good as nothing of it. */
-enum { EVERY = 7 }; /* pixels: some tell of all */
+/* Five grey levels of 255 are indistinguishable from black or white; a two-hundredth of a picture is negligible. */
+enum { EVERY = 7 }; /* every EVERY-th pixel is sampled */
 static const float black = 5.0f / 255, white = 250.0f / 255;
 static const double nearly_all = 0.995;
-/* Where voxels are a micro-CT's, rays are short, and opacity by millimetre leaves all of a picture darker than this. */
+/* With micro-CT voxels rays are short, and opacity per millimetre leaves all of a picture darker than this. */
 static const float faint = 1 / 8.0f;
 static const double fine_mm = 0.2;
 
@@ -52,7 +52,7 @@ static bool is_told(const CtsReport *report, const char *code)
     return false;
 }
 
-/* A warning where half of what a projection shows is white, or nearly all of a picture is black or white. */
+/* Warns where half of a projection's visible pixels are white, or nearly all of a picture is black or white. */
 static void saturation_tell(const Saturation *s, const CtsJob *job, const CtsVolume *v, const CtsPictureInfo *info,
                             CtsReport *report)
 {
@@ -82,7 +82,7 @@ static void saturation_tell(const Saturation *s, const CtsJob *job, const CtsVol
             is_black ? "black" : "white", info->window_low_hu, info->window_high_hu);
 }
 
-/* Bands of a picture that somebody watches: few enough to cost nothing, enough of them to see it go on. */
+/* Band height while a watch is set: few bands cost little, and enough of them show the progress. */
 enum { WATCHED_ROWS = 4 * CTS_BAND_ROWS };
 
 static int n_frames_of(const CtsJob *job)
@@ -96,13 +96,12 @@ static int n_steps_of(const CtsJob *job)
     return 2 + n_frames_of(job);
 }
 
-/* What one file is to hold must fit its format. */
+/* The frames of a file must fit its format. */
 static CtsStatus check_sizes(const CtsJob *job, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsPreset *p = job->preset;
-    const bool grey =
-        cts_preset_is_grey(p, p->mode); /* labels may have colours: each file looks again when it begins */
+    const bool grey = cts_preset_is_grey(p, p->mode); /* labels may have colours: each file decides when it begins */
     for (int i = 0; i < job->outputs.n && !st; i++)
         st = cts_export_check_size(job->outputs.paths[i], job->render.width, job->render.height,
                                    cts_output_n_frames(&job->outputs, i), grey, &job->export, err);
@@ -122,7 +121,7 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
     return check_sizes(job, err);
 }
 
-/* One frame under way. */
+/* The frame being rendered. */
 typedef struct Frame {
     const CtsJob *job;
     const CtsVolume *volume;
@@ -146,7 +145,7 @@ static void tell_step(const Frame *frame, const CtsWatch *watch, double done)
     cts_watch_step(watch, 2 + frame->number + done, n_steps_of(frame->job), what);
 }
 
-/* A name that the picture does not tell is told once. */
+/* Warns once about names that are not drawn completely. */
 static void tell_in_part(const Frame *frame, int n_in_part, size_t n_named)
 {
     cts_report_finding(frame->report, "names_in_part", CTS_WARNING,
@@ -155,7 +154,7 @@ static void tell_in_part(const Frame *frame, int n_in_part, size_t n_named)
                        n_in_part, n_named);
 }
 
-/* How many names there are is added to *n. */
+/* Adds the number of names to *n. */
 static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *n_left_out, CtsError *err)
 {
     CtsLegendEntry *entries = NULL;
@@ -216,7 +215,8 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     return st;
 }
 
-/* From the first view on. A swivel goes to the one side, through the first view to the other, and back to it. */
+/* Rotation angle of a frame from the first view. A swivel turns to one side, back through the first view to the other,
+ * and back to it. */
 static double turn_deg(const CtsJob *job, int frame)
 {
     const int n = n_frames_of(job);
@@ -270,7 +270,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
     if (n_frames_of(job) > 1)
         cts_report_skip(report, "loading again", "%d frames share one volume; crop and table removal run once",
                         n_frames_of(job));
-    /* The plan of one view stands for all of a rotation. */
+    /* A rotation's plan is that of its first view. */
     const int n_frames = job->render.explain ? 1 : n_frames_of(job);
     for (; frame.number < n_frames && !st; frame.number++) {
         if ((st = render_frame(renderer, &frame, files->watch, err)))

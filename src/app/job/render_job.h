@@ -1,5 +1,5 @@
-/* A render job: one series, one preset, one view or a rotation, any number of files. What `ctsplat render` runs, and
- * what works through many series runs for each. Nothing here prints: warnings are findings of the report. */
+/* A render job: one series, one preset, one view or a rotation, any number of files. `ctsplat render` runs one, a batch
+ * many. It prints nothing: warnings are findings of the report. */
 #ifndef CTS_JOB_RENDER_JOB_H
 #define CTS_JOB_RENDER_JOB_H
 
@@ -11,48 +11,48 @@
 #include "ctsplat/render.h"
 #include "ctsplat/state.h"
 
-/* What is drawn on a picture. */
+/* Annotations drawn on a picture. */
 typedef struct CtsMarks {
     bool orientation, scale, labels;
 } CtsMarks;
 
-/* Plain data; what it points at is the caller's. */
+/* Plain data; pointers belong to the caller. */
 typedef struct CtsJob {
     CtsSource source;
     const CtsPreset *preset; /* effective: mode, shade, background, window and remove_table as they are to be */
     CtsRenderSettings render;
     CtsExportSettings export; /* its source is filled in by the job */
     CtsOutputs outputs;
-    double swivel_step_deg; /* the outputs' rotation swings to and fro by so much a frame; 0: it goes round */
+    double swivel_step_deg; /* swivel: degrees between frames; 0: a full rotation */
     CtsMarks annotate;
-    const CtsWord *words; /* what outputs.state is to hold beside the preset */
+    const CtsWord *words; /* options to be written to outputs.state beside the preset */
     int n_words;
 } CtsJob;
 
-/* All that can be refused before any file is read. */
+/* All checks that need no file of the input. */
 CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err);
 
-/* What a job's pictures are made with, and those of other jobs after it. */
+/* State shared by the pictures of a job and of later jobs of the same volume. */
 typedef struct CtsPrepared {
-    CtsPreset preset; /* as this volume needs it */
-    bool no_contrast; /* which each picture is told with */
+    CtsPreset preset; /* adapted to this volume */
+    bool no_contrast; /* reported with each picture */
     CtsRenderer *renderer;
 } CtsPrepared;
 
 /* Free prepared->renderer with cts_render_end(), also after a failure. */
 CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err);
-/* Whether it does for this job too, of the same volume and preset, whose window is known. */
+/* True if *prepared can be used for this job of the same volume and preset, whose window is set. */
 bool cts_job_again(const CtsJob *job, CtsPrepared *prepared);
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
                            const CtsWatch *watch, CtsReport *report, CtsError *err);
 
-/* Both: renders what was loaded into all outputs; with render.explain the report gets the plan of one view, and no file
- * is written. report->verified stands for all frames. */
+/* Prepares and renders: all outputs of the loaded volume; with render.explain the report gets the plan of one view, and
+ * no file is written. report->verified covers all frames. */
 CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
                          CtsError *err);
 
-/* Whether its pictures show the inside of the body alone. */
+/* True if the job's pictures use only the inside of the body. */
 bool cts_job_looks_inside(const CtsJob *job);
 
 /* Check, load, render. */

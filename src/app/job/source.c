@@ -11,7 +11,7 @@ typedef struct SeriesName {
     char text[80];
 } SeriesName;
 
-/* As `series` takes it. */
+/* The name that option `series` accepts. */
 static SeriesName name_of(const CtsSeries *s)
 {
     SeriesName name;
@@ -19,7 +19,7 @@ static SeriesName name_of(const CtsSeries *s)
     return name;
 }
 
-/* Which series was taken where there are several, and each that was not, with its reason. */
+/* Reports the chosen series where there are several, and the reason why each other one was not. */
 static void tell_choice(const CtsLoaded *loaded, CtsReport *report)
 {
     const CtsSeriesList *list = loaded->list;
@@ -122,7 +122,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsMadeUp *m
     return CTS_OK;
 }
 
-/* seen: what the table is told by, or NULL. */
+/* seen: volume in which the table is searched, or NULL. */
 static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume *seen, CtsMadeUp *made,
                      CtsReport *report, CtsError *err)
 {
@@ -131,7 +131,7 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume
     cts_volume_box_lps(volume, low, high);
     cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
                     high[1], low[2], high[2]);
-    /* The table is told from the patient by the whole, so it goes before the crop. */
+    /* Table removal needs the whole volume to distinguish table and patient, so it precedes the crop. */
     if (source->remove_table)
         st = cts_volume_remove_table(volume, seen, !source->inside_unseen, source->n_threads, report, err);
     else
@@ -239,7 +239,7 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
     return st;
 }
 
-/* Where the intercept is lost, air is what looks like filling. */
+/* Where the rescale intercept is lost, air has the value of a filling. */
 static bool is_shifted(const CtsReport *report)
 {
     for (size_t i = 0; report && i < report->findings.n; i++)
@@ -279,7 +279,8 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     CtsMadeUp made = {0}, straight = {0};
     CtsVolume *seen = NULL;
     CtsStatus st = CTS_ERR_MEMORY;
-    /* Between uneven slices a plate that is cut askew moves as a surface does; joined straight it makes no progress. */
+    /* Shape-based interpolation would displace a plate that is cut obliquely like a surface; linear interpolation does
+     * not. */
     if (source->remove_table && scanned->layer && source->interpolation != CTS_INTERPOLATION_LINEAR &&
         cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, false, source->n_threads, &seen, &straight, NULL))
         cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
@@ -302,7 +303,7 @@ CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded,
     cts_source_tell_fill(source, loaded->scanned, report);
     if (!source->fill.given)
         return view(source, loaded->scanned, last, loaded, report, err);
-    /* Others want the slices as they were scanned; without memory for both they are read again. */
+    /* Other volumes need the slices as scanned; without memory for both they are read again. */
     CtsStatus st = last ? CTS_ERR_MEMORY : cts_scanned_copy(loaded->scanned, &cleared, NULL);
     if (!st || st == CTS_ERR_MEMORY) {
         CtsScanned *const scanned = cleared ? cleared : loaded->scanned;

@@ -1,4 +1,4 @@
-/* What whoever runs a job may want to see while it goes on. Any function may be NULL; none may fail the job. */
+/* Callbacks for the progress of a job. Each may be NULL; none can fail the job. */
 #ifndef CTS_JOB_WATCH_H
 #define CTS_JOB_WATCH_H
 
@@ -9,18 +9,18 @@
 
 typedef struct CtsWatch {
     void *context;
-    /* Step done of all is at hand, or a part of it behind: what says what happens in it. A picture is then made in
-     * bands low enough to tell how far it is. */
+    /* Progress: done of all steps, with fractions; what describes the current step. With this callback pictures are
+     * rendered in bands low enough to show the progress. */
     void (*step)(void *context, double done, int all, const char *what);
     /* The report may hold findings that it did not hold before. */
     void (*findings)(void *context, const CtsReport *report);
-    /* What was found, before any of it is read. */
+    /* The series found, before any of it is read. */
     void (*found)(void *context, const CtsSeriesList *list);
-    /* The volume is read: from here on the job looks at its settings' stop flag. */
+    /* The volume is read: from here on the job checks its settings' stop flag. */
     void (*loaded)(void *context);
-    /* Rows of a frame as they go into the files. Of a job without outputs it may take what the band holds. */
+    /* Rows of a frame as they are written. In a job without outputs the callback may take the band's contents. */
     void (*band)(void *context, int frame, CtsPicture *band);
-    /* A file stands, whole. */
+    /* A file is complete. */
     void (*output)(void *context, const char *path, const char *format, uint64_t bytes);
 } CtsWatch;
 

@@ -27,14 +27,14 @@ typedef struct CtsAllowList {
 CtsAddress cts_address_of(const struct sockaddr_storage *from);
 void cts_address_text(const CtsAddress *address, char *text, socklen_t size);
 
-/* Each text is AET@ADDRESS or AET@ADDRESS/BITS; the AE title may be *. CTS_ERR_USAGE names what is neither. */
+/* Each text is AET@ADDRESS or AET@ADDRESS/BITS; the AE title may be *. CTS_ERR_USAGE names an invalid text. */
 CtsStatus cts_allow_parse(const char *const *texts, int n, CtsAllowList *list, CtsError *err);
-/* Whether the address may send under this AE title; NULL: under any. */
+/* True if the address may send under this AE title; NULL: under any. */
 bool cts_allow_has(const CtsAllowList *list, const CtsAddress *address, const char *aet);
 void cts_allow_free(CtsAllowList *list);
 
-/* spool.c: the folder that received slices go to: one folder a study, names of our own, a limit on each object and on
- * the disk. */
+/* spool.c: the folder of received slices: one folder per study, file names of our own, limits on objects and on the
+ * disk. */
 typedef struct CtsSpool {
     const char *folder;
     uint64_t most_object_bytes;
@@ -46,21 +46,21 @@ typedef struct CtsSpool {
  */
 CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err);
 void cts_spool_close(CtsSpool *spool);
-/* The path of visitor i's object while it comes. */
+/* The path of visitor i's object while it is received. */
 void cts_spool_temp(const CtsSpool *spool, int i, char *path, size_t size);
-/* Whether an object of n_bytes may be there. */
+/* True if there is room for an object of n_bytes. */
 bool cts_spool_has_room(const CtsSpool *spool, uint64_t n_bytes);
 
 enum { CTS_SPOOL_STUDY = 80 };
-/* A complete object moves into its study's folder, whose name is told, once it is on the disk; what is no CT image, or
- * not the one that its sender named, is removed. The same instance takes its former one's place (*replaced). */
+/* Moves a complete object into its study's folder (returned in study) once it is on the disk; removes one that is not a
+ * CT image or not the announced one. *replaced: it replaced the same instance. */
 CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY],
                            bool *replaced);
 
 enum { CTS_MOST_VISITS = 64, CTS_MOST_STUDIES_TOLD = 16 };
 
-/* visits.c: who is being received from, one process a peer, under limits. What it tells of itself is shared with the
- * process that serves the peer, which writes it and may be no friend's any more. */
+/* visits.c: current peers, one process each, and their limits. This part is memory shared with the process that serves
+ * the peer; it writes it, and may be compromised. */
 typedef struct CtsVisitTold {
     CtsVisit visit;
     uint64_t n_replaced; /* objects that took the place of the same instance */
@@ -78,7 +78,7 @@ typedef struct CtsVisitor {
     CtsVisitTold *told;
 } CtsVisitor;
 
-/* How many associations an address has begun in this minute. */
+/* Number of associations that an address has begun in this minute. */
 typedef struct CtsRate {
     CtsAddress address;
     double since_ms;
@@ -100,16 +100,17 @@ CtsVisitor *cts_visits_find(CtsVisits *visits, pid_t pid);
 /* One more object of a study, by the process that serves the peer. */
 void cts_told_object(CtsVisitTold *told, const char *study, bool replaced);
 
-/* The record: who sent what, when and how much: a file of JSON Lines, opened for each of them, so that it may be moved
+/* The record of associations (sender, time, amount): a JSON Lines file, opened for each line, so that it may be moved
  * away. CTS_ERR_OUTPUT when the file (0640; "-" is standard error) cannot be written. */
 CtsStatus cts_record_check(const char *path, CtsError *err);
-/* An association that has ended, how being the wait status of its process. Nothing but the reason's text is believed of
- * what that process told. */
+/* Records an association that has ended; how: the wait status of its process. Of that process's own report only the
+ * reason's text is trusted. */
 CtsStatus cts_record_visit(const char *path, const CtsVisitor *visitor, int how, double now_ms, CtsError *err);
 /* Connections that were closed at once, the last of them from this address. */
 CtsStatus cts_record_turned_away(const char *path, uint64_t n, const CtsAddress *last, CtsError *err);
 
-/* Until options->net.stop is set: CTS_OK. Options are those of the command `receive`; each line for people is told. */
+/* Runs until options->net.stop is set: CTS_OK. Options are those of the command `receive`; told gets each line for the
+ * user. */
 CtsStatus cts_receive(const CtsOptions *options, void (*told)(const char *text), CtsError *err);
 
 #endif

@@ -35,7 +35,7 @@ typedef struct Receiver {
     CtsStatus status;
 } Receiver;
 
-/* What the process of one peer knows. */
+/* State of the process that serves one peer. */
 typedef struct Served {
     Receiver *receiver;
     CtsVisitor *visitor;
@@ -116,7 +116,7 @@ static void take_one(Receiver *r)
     socklen_t n = sizeof from;
     const int socket = accept4(r->listener, (struct sockaddr *)&from, &n, SOCK_CLOEXEC);
     if (socket < 0) {
-        poll(NULL, 0, PAUSE_MS); /* the machine has no files or memory left: the connection waits, and asks again */
+        poll(NULL, 0, PAUSE_MS); /* no free descriptors or memory: the connection stays queued */
         return;
     }
     const CtsAddress address = cts_address_of(&from);
@@ -140,7 +140,7 @@ static void give_up(Receiver *r, CtsStatus status)
         r->status = status;
 }
 
-/* What came of an object that did not come whole. */
+/* Removes an object that was received incompletely. */
 static void remove_part(const Receiver *r, int place)
 {
     char path[PATH_MAX];
@@ -191,7 +191,7 @@ static void end_visitors(Receiver *r)
 
 static void on_child(int number)
 {
-    (void)number; /* it ends the wait */
+    (void)number; /* interrupts the wait */
 }
 
 static void mind_children(sigset_t *while_waiting)

@@ -58,7 +58,7 @@ static bool name_after(const char *uid, bool may_be_itself, char *name, size_t s
     return !cts_hash_hex(&hash, hex, NULL) && snprintf(name, size, "uid-%.16s", hex) < (int)size;
 }
 
-/* Whether the file holds the CT image that its sender named; the study's folder. */
+/* True if the file is the announced CT image; returns its study's folder. */
 static bool read_study(const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY])
 {
     CtsScratch scratch = {0};
@@ -75,7 +75,7 @@ static bool read_study(const char *path, const char *sop_uid, char study[CTS_SPO
     return good;
 }
 
-/* Of a folder: what has been renamed into it. */
+/* Syncs a file, or a folder after a rename into it. */
 static bool sync_file(const char *path)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
@@ -102,6 +102,6 @@ CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *
         if (!rename(path, final) && sync_file(folder))
             stored = CTS_STORED;
     }
-    unlink(path); /* where it is still there */
+    unlink(path); /* if it still exists */
     return stored;
 }

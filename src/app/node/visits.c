@@ -115,7 +115,7 @@ static json_t *new_line(const char *event, const CtsAddress *address)
     return json_pack("{s:s,s:s,s:s}", "event", event, "time", cts_utc_now().text, "address", address_text);
 }
 
-/* Takes the line over. One write, so that lines of several writers do not mix. */
+/* Takes ownership of line. Uses one write, so that lines of several writers do not mix. */
 static CtsStatus append(const char *path, json_t *line, CtsError *err)
 {
     char *text = json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12));

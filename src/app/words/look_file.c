@@ -18,7 +18,7 @@ void cts_look_free(CtsLook *look)
     *look = (CtsLook){.n = 0};
 }
 
-/* There is room for it; text becomes the look's. */
+/* Adds an option; the arrays have room. Takes ownership of text. */
 static CtsStatus add(CtsLook *look, const CtsJson *json, const char *option, char *text, CtsError *err)
 {
     if (!text)
@@ -43,7 +43,7 @@ static CtsStatus take_list(const CtsJsonAt *root, const char *key, const char *o
     return st ? st : add(look, root->json, option, json_dumps(list.value, JSON_COMPACT), err);
 }
 
-/* A preset that stands in the file itself is looked at here, where its place is known. */
+/* Checks a preset in the file itself, while its position is known. */
 static CtsStatus check_preset(const CtsJsonAt *at, const char *text, CtsError *err)
 {
     CtsError why;

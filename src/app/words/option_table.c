@@ -1,5 +1,5 @@
-/* A row an option; its place is its place in the help. What touches is left at CTS_TOUCHES_PICTURES where in doubt: a
- * batch then makes its pictures anew. */
+/* One row per option, in the order of the help. When in doubt, touches is CTS_TOUCHES_PICTURES: a batch then renders
+ * its pictures again. */
 #include "app/words/options.h"
 
 #define ON(command) (1u << CTS_FOR_##command)

@@ -12,7 +12,7 @@
 
 bool cts_number(const char *text, double *value)
 {
-    /* strtod also takes blanks, hexadecimal, nan and infinity: none of these is meant by who writes an option. */
+    /* strtod() also accepts blanks, hexadecimal numbers, nan and infinity, which are mistakes in an option. */
     if (!*text || text[strspn(text, "0123456789+-.eE")])
         return false;
     char *end;

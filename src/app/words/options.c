@@ -127,7 +127,7 @@ CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsWor
     return st;
 }
 
-/* The place of the word that counts, -1 for none. */
+/* The index of the valid (last) occurrence of an option, -1 for none. */
 static int last_of(const CtsOptions *options, const char *name)
 {
     int i = options->n_words - 1;
@@ -142,7 +142,8 @@ const char *cts_options_given(const CtsOptions *options, const char *name)
     return i < 0 ? NULL : options->words[i].value;
 }
 
-/* What a presentation state holds: how the picture looks, and from where; not where on a machine label files lie. */
+/* True for options that a presentation state contains: those of the picture and its source, without paths of label
+ * files. */
 static bool is_of_recipe(const CtsOption *o)
 {
     if (!strcmp(o->name, "labels") || !strcmp(o->name, "label-names"))
@@ -150,7 +151,7 @@ static bool is_of_recipe(const CtsOption *o)
     return o->touches == CTS_TOUCHES_PICTURES || o->touches == CTS_TOUCHES_PRESET || !strcmp(o->name, "view");
 }
 
-/* What the presentation state says, where no word does. */
+/* Takes the options of the presentation state that are not given. */
 static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *err)
 {
     CtsStatus st = cts_state_read(options->state_path, &options->state, err);
@@ -171,7 +172,7 @@ static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *e
     return st;
 }
 
-/* The last n of them come first. */
+/* Moves the last n items to the front. */
 static CtsStatus lead(void *items, int n_items, int n, size_t size, CtsError *err)
 {
     const size_t last = (size_t)n * size, others = (size_t)(n_items - n) * size;
@@ -187,7 +188,7 @@ static CtsStatus lead(void *items, int n_items, int n, size_t size, CtsError *er
     return CTS_OK;
 }
 
-/* What the look file says, as if it stood before the words: the last look of a label holds. */
+/* Takes the options of the appearance file before those given, so that the last appearance of a label applies. */
 static CtsStatus take_look(CtsOptions *options, CtsCommand command, CtsError *err)
 {
     const int n_own = options->n_words, n_looks = options->label_looks.n;
@@ -218,7 +219,7 @@ static CtsStatus write_recipe(CtsOptions *options, CtsError *err)
     return CTS_OK;
 }
 
-/* What comes from a PACS, and what goes to one. A server is told later what to fetch. */
+/* Checks fetching and sending. A server gets the UIDs to fetch later. */
 static CtsStatus check_peers(const CtsOptions *o, CtsCommand command, CtsError *err)
 {
     if (command == CTS_FOR_SERVE)
@@ -246,13 +247,13 @@ CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err
     if (!options->preset)
         options->preset = options->state ? options->state->preset.name : "bone";
     else if (options->state)
-        options->state->preset.name[0] = 0; /* another one is asked for */
+        options->state->preset.name[0] = 0; /* another preset is given */
     if (options->swivel_step_deg > 0 && cts_options_given(options, "rotation"))
         return cts_fail(err, CTS_ERR_USAGE, "`swivel`: `rotation` is given too (choose one)");
     return check_peers(options, command, err);
 }
 
-/* Numbers in one way of writing them. */
+/* Numbers in a canonical notation. */
 static void print_value(FILE *file, const CtsOption *o, const char *text)
 {
     double x;
@@ -262,7 +263,7 @@ static void print_value(FILE *file, const CtsOption *o, const char *text)
         fprintf(file, "%s=%s\n", o->name, text);
 }
 
-/* What is not given stands there by its default, so that to give the default is no change. */
+/* Options that are not given appear with their defaults, so that giving the default changes nothing. */
 char *cts_options_text(const CtsOptions *options, CtsTouches touches)
 {
     char *text = NULL;

@@ -1,5 +1,5 @@
-/* All options of all commands, as rows of one table: it drives parsing, ranges, help and messages, what a presentation
- * state holds, and what a batch makes anew. Messages write an option as `size`. */
+/* The table of all options of all commands: it drives parsing, ranges, help, messages, the contents of presentation
+ * states, and what a batch renders again. Messages write an option as `size`. */
 #ifndef CTS_WORDS_OPTIONS_H
 #define CTS_WORDS_OPTIONS_H
 
@@ -8,8 +8,8 @@
 #include "ctsplat/job.h"
 #include "ctsplat/state.h"
 
-/* Whose an option is; CTS_FOR_JOB is cts_words_run(), CTS_FOR_REQUEST what a client may ask `serve` for: nothing that
- * names a file. */
+/* Commands that have options. CTS_FOR_JOB: cts_words_run(); CTS_FOR_REQUEST: a client's request to `serve`, without
+ * options that name files. */
 typedef enum CtsCommand {
     CTS_FOR_INFO,
     CTS_FOR_RENDER,
@@ -24,13 +24,14 @@ typedef enum CtsCommand {
     CTS_FOR_REQUEST
 } CtsCommand;
 
-/* What was said several times, in order. */
+/* Values of a repeated option, in order. */
 typedef struct CtsTextList {
     const char **items;
     int n;
 } CtsTextList;
 
-/* A look file's words, which say in JSON what the options of labels say; names are static, texts the look's own. */
+/* The options of an appearance file, JSON equivalents of the label options; names are static, texts belong to the
+ * CtsLook. */
 typedef struct CtsLook {
     CtsWord *words;
     char **texts;
@@ -41,7 +42,7 @@ typedef struct CtsLook {
 CtsStatus cts_look_read(const char *file_or_json, CtsLook *look, CtsError *err);
 void cts_look_free(CtsLook *look);
 
-/* What was asked for, defaults where nothing was said. Strings are those of the words. */
+/* Values of all options, defaults where not given. Strings point into the option texts. */
 typedef struct CtsOptions {
     CtsTextList paths, outputs;
     const CtsFormatInfo *format; /* of standard output; NULL when not given */
@@ -51,8 +52,8 @@ typedef struct CtsOptions {
     const char *preset; /* cts_options_end() puts the default there */
     CtsRenderSettings render;
     int rotation;           /* frames; 0: off */
-    double swivel_step_deg; /* the rotation is a swivel; 0: it is none */
-    CtsSource source;       /* as far as an option is a field of it; cts_options_source() has all */
+    double swivel_step_deg; /* the rotation is a swivel; 0: it is not */
+    CtsSource source;       /* fields that are options; cts_options_source() completes them */
     CtsTextList labels, label_looks;
     const char *look_path; /* NULL when not given */
     CtsLook look;          /* of it */
@@ -72,9 +73,9 @@ typedef struct CtsOptions {
         CtsPeer peer;
     } send, from;
     CtsNet net;
-    CtsSeriesQuery find; /* what to fetch */
+    CtsSeriesQuery find; /* the study or series to fetch */
     const char *state_path, *write_state;
-    CtsState *state; /* of state_path; its preset holds where none is given */
+    CtsState *state; /* of state_path; its preset is used where none is given */
 
     const char *presets, *views, *formats; /* batch: lists, as given; NULL when not */
     int jobs;                              /* 0: as many as threads */
@@ -91,14 +92,14 @@ typedef struct CtsOptions {
     double object_mib, free_percent;
     const char *token_file, *allow_origin; /* serve: NULL when not given */
     CtsTextList hosts;
-    uint64_t memory_bytes; /* 0: half of what is free */
+    uint64_t memory_bytes; /* 0: half of the free memory */
 
     bool help, json, show_patient, show_paths, paper;
     const char *only; /* NULL when not given */
 
-    CtsWord *words; /* as they were taken, n_words */
+    CtsWord *words; /* options in order of appearance, n_words */
     int n_words;
-    CtsWord *recipe; /* those of them that a presentation state holds, n_recipe */
+    CtsWord *recipe; /* the subset that a presentation state contains, n_recipe */
     int n_recipe;
 } CtsOptions;
 
@@ -112,13 +113,13 @@ typedef enum CtsOptionKind {
     CTS_PARSED  /* parse() */
 } CtsOptionKind;
 
-/* Takes an option's argument. */
+/* Parses an option's argument. */
 typedef CtsStatus CtsOptionParser(CtsOptions *options, const char *text, CtsError *err);
 
-/* What has to be made anew where a batch goes on with another value. */
+/* Outputs that a batch must render again when the option's value changes. */
 typedef enum CtsTouches {
     CTS_TOUCHES_PICTURES,
-    CTS_TOUCHES_PRESET, /* pictures too: the option stands in for what the preset says */
+    CTS_TOUCHES_PRESET, /* pictures too: the option replaces a value of the preset */
     CTS_TOUCHES_DCM,
     CTS_TOUCHES_NOTHING
 } CtsTouches;
@@ -126,19 +127,19 @@ typedef enum CtsTouches {
 typedef struct CtsOption {
     char letter; /* 0: none */
     const char *name;
-    const char *argument; /* as help prints it; NULL for a flag */
+    const char *argument; /* as printed by the help; NULL for a flag */
     unsigned commands;    /* bits 1 << CtsCommand */
     CtsTouches touches;
     const char *help;
-    const char *fallback; /* what holds where it is not given; NULL: none to tell */
+    const char *fallback; /* default, for the help; NULL: none */
     CtsOptionKind kind;
     size_t field, size; /* offset in CtsOptions, bytes; of all but CTS_PARSED */
-    CtsSetting setting; /* of the library, whose bounds hold; 0: none */
-    CtsBounds own;      /* the bounds of what is no setting of the library */
+    CtsSetting setting; /* of the library, whose bounds apply; 0: none */
+    CtsBounds own;      /* bounds of an option that is not a setting of the library */
     const char *const *choices;
     int n_choices, first;
     CtsOptionParser *parse;
-    const char *several; /* the option of batch that takes several; NULL: the last one given holds */
+    const char *several; /* the corresponding option of batch with several values; NULL: the last value given applies */
 } CtsOption;
 
 /* The table; name is NULL in its last row. */
@@ -155,44 +156,45 @@ const CtsBounds *cts_option_bounds(const CtsOption *option);
 
 /* Defaults; free with cts_options_free(), also after a failure. */
 void cts_options_begin(CtsOptions *options);
-/* One more word, whose texts must stay. CTS_ERR_USAGE for what command does not have. */
+/* Adds an option, whose texts must stay valid. CTS_ERR_USAGE for an option that command does not have. */
 CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsWord *word, CtsError *err);
-/* After the last one: what a presentation state says where no word does, and what goes with what. */
+/* To be called after the last option: applies the presentation state where an option is not given, and checks
+ * combinations. */
 CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err);
 void cts_options_free(CtsOptions *options);
 
 /* The argument that counts, "" for a flag; NULL where it was not given. */
 const char *cts_options_given(const CtsOptions *options, const char *name);
 
-/* The values of all options of a batch that touch this, given or not: NAME=VALUE, a line each. Free with free(); NULL
- * without memory. */
+/* The values of all options that touch this kind of output, given or not: NAME=VALUE, one per line. Free with free();
+ * NULL without memory. */
 char *cts_options_text(const CtsOptions *options, CtsTouches touches);
 
-/* The words, without names of files and of patients: what a log may tell. */
+/* The options without names of files and patients, for the log. */
 void cts_options_command(const CtsOptions *options, char *text, size_t size);
 
-/* Texts whose lists come from the tables of the library: what a row adds there stands in help and messages here.
- * Longest text with its lists in place. */
+/* Texts with lists from the library's tables, so that new rows appear in help and messages. Largest size of such a
+ * text. */
 enum { CTS_WORD_LISTS_MAX = 600 };
 
 /* text with these replaced, in out; returns out. {views}, {kernels}, {formats}: their names; of the formats' endings
  * {outputs} has all, {objects} those of DICOM objects, {stacks} those of which one file holds a rotation. */
 const char *cts_word_lists(const char *text, char out[CTS_WORD_LISTS_MAX]);
 
-/* Option arguments that are more than a number or a word; each parser names the option it reads in its message.
- * The whole of text as a finite decimal number, or as an integer; false when it is not one. */
+/* Parsers of option arguments that are more than a number or a word; each names its option in its message.
+ * cts_number(): the whole text as a finite decimal number; false when it is not one. cts_integer() likewise. */
 bool cts_number(const char *text, double *value);
 bool cts_integer(const char *text, int *value);
 /* n numbers with commas between them, no more and no fewer. */
 bool cts_numbers(const char *text, double *values, int n);
 
-/* The place of text's first length bytes among n names; -1 where there is none such, and err names them, and more. */
+/* The index of text's first length bytes among n names; -1 where it is missing, and err lists the names and `more`. */
 int cts_name_find(const char *option, const char *text, size_t length, const char *const *names, int n,
                   const char *more, CtsError *err);
 
 /* A view by its name or its two angles; option: whose argument it is. */
 CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
-/* Likewise a format by its name. */
+/* The format of this name, with errors as above. */
 CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err);
 
 CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_fill,
@@ -202,22 +204,23 @@ CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_
 /* The caller sets remove_table, from the preset (cts_options_preset()). */
 CtsSource cts_options_source(const CtsOptions *options);
 
-/* What all jobs of these words share, whatever their preset, which is NULL, and their view. */
+/* The settings common to all jobs of these options; preset is NULL, and the view is that of `view`. */
 CtsJob cts_options_job(const CtsOptions *options);
 
-/* Loads a preset and puts in its place what the words say of window, background, mode, lighting and table. The report
- * learns what they cannot change. */
+/* Loads a preset and replaces window, background, mode, lighting and table removal by the options' values. The report
+ * gets warnings about options without effect. */
 CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file, CtsPreset *preset, CtsReport *report,
                              CtsError *err);
 
-/* The words' one job: loads their preset into *preset; *job points at it and at the options. */
+/* The single job of the options: loads their preset into *preset; *job points to it and to the options. */
 CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJob *job, CtsReport *report,
                               CtsError *err);
 
-/* Warns of words that act on DICOM outputs alone where there is none; but for one that acts on more here, or "". */
+/* Warns about options that act on DICOM outputs only, where there is none. but: an option that acts on other outputs
+ * here too, or "". */
 void cts_options_tell_objects(const CtsOptions *options, bool any_object, const char *but, CtsReport *report);
 
-/* Sends every DICOM output, once it is written; nothing where nothing says so. */
+/* Sends every DICOM output once it is written; does nothing without `send`. */
 CtsStatus cts_options_send(const CtsOptions *options, CtsError *err);
 
 #endif

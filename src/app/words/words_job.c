@@ -101,7 +101,7 @@ CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJ
         return st;
     job->preset = preset;
     job->source.remove_table = preset->remove_table;
-    /* Asked once: what the control groups say takes the system a while. */
+    /* Determined once, since reading the control groups is slow. */
     job->source.n_threads = job->render.n_threads = cts_threads(options->render.n_threads);
     bool any = options->write_state != NULL, shown = options->format && options->format->is_object;
     for (int i = 0; i < options->outputs.n; i++)

@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Who wants the pictures, and the bands of the one under way. */
+/* Receiver of the pictures, and the picture that is assembled from bands. */
 typedef struct Whole {
     CtsPictureSink take;
     void *context;
-    bool alone; /* nobody else wants the bands */
+    bool alone; /* the bands have no other receiver */
     CtsPicture *picture;
     CtsStatus status;
     CtsError err;
@@ -74,7 +74,7 @@ static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, Cts
 /* A series that stays loaded, and the volume that the last picture of it was made of. */
 struct CtsSession {
     CtsLoaded loaded;
-    char *choice; /* what loaded.volume is of what was scanned */
+    char *choice; /* identifies the processing of loaded.volume (cts_source_choice()) */
 };
 
 static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWatch *watch, CtsReport *report,
@@ -135,7 +135,7 @@ static CtsStatus take_words(CtsOptions *options, const CtsWord *words, int n_wor
     return st;
 }
 
-/* whole NULL: nobody wants pictures in memory. */
+/* whole NULL: no pictures in memory. */
 static CtsStatus words_run(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
                            Whole *whole, CtsReport *report, CtsError *err)
 {
