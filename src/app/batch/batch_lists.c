@@ -20,7 +20,7 @@ void cts_batch_lists_free(CtsBatchLists *l)
     free(l->dcm_options);
 }
 
-/* The parts of text between commas; *items points into *copy. */
+/* Splits text at commas; *items points into *copy. */
 static CtsStatus split(const char *option, const char *text, char **copy, const char ***items, int *n, CtsError *err)
 {
     *n = 0;
@@ -58,7 +58,7 @@ static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsRe
     return st;
 }
 
-/* Rotations from views of one elevation go through the same circle: the first one's is made. */
+/* Rotations from views of equal elevation are the same circle: keeps the first. */
 static void join_circles(const CtsOptions *options, CtsBatchLists *l, CtsReport *report)
 {
     int n = 0;
@@ -137,7 +137,7 @@ static CtsStatus take_peer(const CtsOptions *options, CtsBatchLists *l, bool any
     return CTS_OK;
 }
 
-/* What stands in the files that options of labels name: it changes under the same words. */
+/* Adds the contents of the files that label options name, since they can change while the options do not. */
 static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -187,6 +187,7 @@ CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsRe
         (st = take_formats(options, lists, &any_object, err)) || (st = take_peer(options, lists, any_object, err)))
         return st;
     join_circles(options, lists, report);
-    cts_options_tell_objects(options, any_object, "deidentify", report); /* that is of folders and journal, too */
+    /* option deidentify also affects folders and journal */
+    cts_options_tell_objects(options, any_object, "deidentify", report);
     return put_options(options, lists, err);
 }

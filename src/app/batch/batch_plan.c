@@ -14,7 +14,7 @@
 
 enum { MOST_WARNINGS = 12, LONGEST_RECORD = 1 << 16 };
 
-/* One file; its record in the list tells the rest. */
+/* A file; its record in the list has the details. */
 typedef struct Entry {
     uint64_t key, offset;
     uint32_t size; /* of the record */
@@ -59,7 +59,7 @@ typedef struct Record {
     bool lost; /* it cannot be read; its name is that of its folder */
 } Record;
 
-/* The first 64 bits of SHA-256 of a UID: what shards are dealt by, and the 16 hex digits of names. */
+/* The first 64 bits of the SHA-256 of a UID, for the assignment to shards and the 16 hex digits of names. */
 static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
 {
     CtsHash *hash;
@@ -75,7 +75,7 @@ static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
     return CTS_OK;
 }
 
-/* FNV-1a: for telling folders apart within one run. */
+/* FNV-1a hash that distinguishes folders within one run. */
 static uint64_t folder_key(const char *path)
 {
     uint64_t key = UINT64_C(14695981039346656037);
@@ -85,7 +85,7 @@ static uint64_t folder_key(const char *path)
     return key;
 }
 
-/* Files without a series UID belong together by folder, but for one that is alone. */
+/* Files without a series UID form a series per folder; a single one is a series of its own. */
 static CtsStatus name_series(const CtsArchiveFile *file, char name[80], uint64_t *key, CtsError *err)
 {
     CtsStatus st;
@@ -138,7 +138,7 @@ static CtsStatus add_home(CtsPlan *p, Home home, CtsError *err)
     return st;
 }
 
-/* A file that cannot be read may be a slice of the series in its folder, which is to say so. */
+/* Records an unreadable file, which may be a slice of the series in its folder and is reported with it. */
 static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err)
 {
     CtsArchiveFile lost = *file;
@@ -223,8 +223,8 @@ static int by_home(const void *a, const void *b)
     return (x->series > y->series) - (x->series < y->series);
 }
 
-/* The series to which files belong that cannot be read: the one in their folder, or, where none or several have slices
- * there, what is called by the folder. */
+/* The series that unreadable files are reported with: the one in their folder; where the folder has none or several, a
+ * series named after the folder. */
 static CtsStatus owner_of(const CtsPlan *p, const Entry *lost, uint64_t *key, bool *homeless, CtsError *err)
 {
     size_t first = 0, end = p->n_homes;
@@ -369,7 +369,7 @@ void cts_plan_free(CtsPlan **plan)
     *plan = NULL;
 }
 
-/* A record as it stands in memory. */
+/* A record in memory. */
 typedef struct File {
     Record record;
     const char *path, *name, *sop_uid;

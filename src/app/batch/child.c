@@ -1,4 +1,4 @@
-/* A series as its own process makes it: what is missing of it, and what came of it. */
+/* Worker process of one series: determines missing outputs, and records the results. */
 #include "app/batch/batch.h"
 
 #include "app/batch/child.h"
@@ -123,7 +123,7 @@ CtsStatus cts_child_send_line(const CtsBatchChild *child, const char *word, CtsE
     return st;
 }
 
-/* A picture is never worth the machine: this process goes first when memory runs out, and no further than it may. */
+/* Makes this process the first choice of the OOM killer, and limits its memory. */
 static void limit(double mib)
 {
     const struct rlimit no_core = {0, 0};
@@ -187,7 +187,7 @@ static void free_pictures(CtsBatchChild *c)
     c->n_pictures = c->n_left = 0;
 }
 
-/* The line to go on from: what an earlier run made of the same files, or an empty one. */
+/* The record to continue: that of an earlier run with the same files, or an empty one. */
 static void take_line(CtsBatchChild *c, const char *uid)
 {
     const char *input;
@@ -206,7 +206,7 @@ static void take_line(CtsBatchChild *c, const char *uid)
             json_object_set(c->line, lists[i], json_object_get(c->known, lists[i]));
 }
 
-/* What of one picture is missing; nothing: its paths and stem stay NULL. */
+/* The missing outputs of a picture; if nothing is missing, its paths and stem stay NULL. */
 static CtsStatus find_missing(CtsBatchChild *c, CtsBatchPicture *p, CtsError *err)
 {
     const CtsBatchSettings *s = c->settings;
@@ -254,7 +254,7 @@ static CtsStatus make_folders(CtsBatchChild *c, CtsError *err)
     return CTS_OK;
 }
 
-/* The finding of the list that says the same. */
+/* An equal finding in the list, or NULL. */
 static json_t *same_finding(json_t *list, const json_t *entry)
 {
     static const char *const keys[] = {"code", "text", "preset"};
@@ -271,7 +271,8 @@ static json_t *same_finding(json_t *list, const json_t *entry)
     return NULL;
 }
 
-/* What is said again is counted, and each file that it is said of is named. preset: whose finding it is, or NULL. */
+/* Adds a finding; an equal one is counted, and its file is added to the list. preset: whose pictures it concerns, or
+ * NULL. */
 static void add_finding(CtsBatchChild *c, const CtsFinding *finding, const char *preset)
 {
     json_t *list = json_object_get(c->line, "findings"), *entry = cts_finding_json(finding);
@@ -379,7 +380,7 @@ static json_t *new_entry(const CtsBatchChild *c, const CtsBatchPicture *picture,
                      "view", s->lists->views[picture->view].name, "settings_sha256", hex);
 }
 
-/* Files in the order of their names, whichever of them were made anew. Takes the entry over. */
+/* Inserts in the order of names, independent of the order of rendering. Takes ownership of entry. */
 static void add_in_order(json_t *list, json_t *entry)
 {
     size_t i = json_array_size(list);
@@ -414,7 +415,7 @@ CtsStatus cts_child_thumbnail(CtsBatchChild *c, const CtsBatchPicture *picture, 
                : CTS_OK;
 }
 
-/* Among the thumbnails, so that it goes where they go. */
+/* Listed with the thumbnails, so that it is moved and removed with them. */
 CtsStatus cts_child_label_slices(CtsBatchChild *c, const char *path, uint64_t bytes, CtsError *err)
 {
     json_t *list = json_object_get(c->line, "thumbnails");
@@ -440,7 +441,7 @@ static void tell_findings(CtsBatchChild *c, const CtsFindings *findings, size_t 
     }
 }
 
-/* What stands and is told outlasts the process: pictures that were made stand even when the next ones never are. */
+/* Syncs and records each picture, so that it remains if the process dies later. */
 CtsStatus cts_child_picture_done(CtsBatchChild *c, const CtsBatchPicture *picture, const CtsReport *report,
                                  size_t first_finding, CtsError *err)
 {
@@ -485,7 +486,7 @@ static void tell_times(CtsBatchChild *c, const CtsReport *report)
                                      "peak_rss_bytes", (json_int_t)cts_peak_rss_bytes(), "threads", c->n_threads));
 }
 
-/* What an earlier run found with presets that this one makes nothing with. */
+/* Keeps an earlier run's findings for presets that this run does not render. */
 static void keep_findings(CtsBatchChild *c)
 {
     size_t i;
@@ -501,7 +502,7 @@ static void keep_findings(CtsBatchChild *c)
     }
 }
 
-/* Nothing had to be made: what the run told that made it stays. */
+/* Keeps the times of the run that rendered, when nothing is rendered now. */
 static void keep_times(CtsBatchChild *c)
 {
     static const char *const kept[] = {"geometry",  "findings", "labels",         "stages", "wall_ms",
@@ -519,7 +520,7 @@ CtsStatus cts_child_end(CtsBatchChild *c, const CtsReport *report, CtsStatus sta
     CtsError err;
     CtsStatus st = CTS_OK;
     const bool stands = !status && c->known && c->n_pictures == 0;
-    /* What is interrupted stays as it was told last. */
+    /* An interrupted series keeps its last record. */
     if (status != CTS_ERR_INTERRUPTED) {
         tell_findings(c, &report->findings, report->findings.n, NULL);
         tell_labels(c, report);

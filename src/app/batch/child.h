@@ -1,4 +1,4 @@
-/* One series in a process of its own, and what it tells its parent. */
+/* Worker process of a series, and its messages to the batch. */
 #ifndef CTS_BATCH_CHILD_H
 #define CTS_BATCH_CHILD_H
 
@@ -12,18 +12,18 @@
 #include <stdbool.h>
 #include <sys/types.h>
 
-/* How it exits when memory ran out and was lacking for a message, too. */
+/* Exit code when memory ran out, even for a message. */
 enum { CTS_CHILD_NO_MEMORY = 3 };
 
-/* Messages to the parent, each a line. A line of the journal stands behind the last four, with all that it might tell
- * (cts_line_forget()): */
-#define CTS_CHILD_LOADED "loaded"  /* the volume is read: waits for a byte */
-#define CTS_CHILD_BEGUN "begun "   /* what is known of the series; not for the journal yet */
-#define CTS_CHILD_LINE "line "     /* not final: there is more to come of this series */
+/* Messages to the parent, one per line. The last four are followed by a journal record, with all details that
+ * cts_line_forget() may remove: */
+#define CTS_CHILD_LOADED "loaded"  /* the volume is read; the worker waits for a byte */
+#define CTS_CHILD_BEGUN "begun "   /* data of the series so far; not for the journal */
+#define CTS_CHILD_LINE "line "     /* not final: more records of this series follow */
 #define CTS_CHILD_LAST "last "     /* final */
 #define CTS_CHILD_STANDS "stands " /* final, and nothing had to be made */
 
-/* What the process knows. */
+/* State of the worker process. */
 typedef struct CtsBatchChild {
     const CtsBatchSettings *settings;
     CtsJournal *journal;
@@ -31,45 +31,44 @@ typedef struct CtsBatchChild {
     const CtsPlanSeries *series; /* NULL where it only sends */
     int socket, n_threads;
     double start_wall_ms, start_cpu_ms, waited_ms;
-    /* Of the series under way, of which the files may hold several: */
+    /* Of the current series, since the files may contain several: */
     const CtsSeries *now;
-    json_t *line, *known; /* known: what an earlier run told of the same files */
+    json_t *line, *known; /* known: the record of an earlier run of the same files */
     CtsNames names;       /* of its files */
     char folder[96];
     CtsBatchPicture *pictures;
     int n_pictures, n_left;
     size_t n_findings; /* of the report that the line has */
     bool told;         /* a last line was sent */
-    bool passed;       /* there is nothing of it to show */
+    bool passed;       /* the series has nothing to show */
 } CtsBatchChild;
 
 /* run is called in the new process, and does not return. */
 CtsStatus cts_child_fork(CtsBatchChild *child, void (*run)(CtsBatchChild *child), pid_t *pid, int *socket,
                          CtsError *err);
-/* The word and the line behind it. */
+/* Sends the word followed by the record. */
 CtsStatus cts_child_send_line(const CtsBatchChild *child, const char *word, CtsError *err);
 
 /* An empty line of a series. The caller's to release; NULL without memory. */
 json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
                            const char *folder);
-/* How a series ended, and when. */
+/* Sets status and end time. */
 void cts_child_set_status(json_t *line, int exit_code, const char *reason);
 /* The same, where the reason may name a file of the series. */
 void cts_child_tell_status(CtsBatchChild *child, CtsStatus status, const char *reason);
 
-/* Starts a process that makes the series with this many threads, or one that sends what the line's series has and the
- * PACS has not. *socket is the parent's end; non-blocking. */
+/* Starts a worker that renders the series with this many threads, or one that sends the unsent captures of the record's
+ * series. *socket is the parent's end, non-blocking. */
 CtsStatus cts_work_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
                          const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err);
 CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *line, pid_t *pid,
                            int *socket, CtsError *err);
 
-/* What a process tells of a series that it makes: cts_child_begin(), then the volume is read,
- * cts_child_loaded(), then for each picture its files and cts_child_picture_done(), and cts_child_end() with what came
- * of it. What has to be made of a series: the child's pictures. None: it all stands, or it cannot be rendered; then
- * cts_child_end() comes next. */
+/* Sequence of calls for a series: cts_child_begin(), reading of the volume, cts_child_loaded(), for each picture its
+ * files and cts_child_picture_done(), and cts_child_end() with the result. cts_child_begin() determines the missing
+ * pictures; if there are none, because all are up to date or the series cannot be rendered, cts_child_end() follows. */
 CtsStatus cts_child_begin(CtsBatchChild *child, const CtsSeries *series, CtsError *err);
-/* The volume is in memory: waits until it is this process's turn to render. */
+/* The volume is in memory: waits for the batch's permission to render. */
 CtsStatus cts_child_loaded(CtsBatchChild *child, const CtsPixelFacts *facts, CtsError *err);
 /* A file of a picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
 CtsStatus cts_child_output(CtsBatchChild *child, const CtsBatchPicture *picture, const char *path, int frame,
@@ -78,11 +77,11 @@ CtsStatus cts_child_thumbnail(CtsBatchChild *child, const CtsBatchPicture *pictu
                               CtsError *err);
 /* The series' slices with its labels' outlines. */
 CtsStatus cts_child_label_slices(CtsBatchChild *child, const char *path, uint64_t bytes, CtsError *err);
-/* All files of a picture are whole: they are the batch's from here on. The report knows what its verification found,
- * and its findings from first_finding on are the picture's. */
+/* All files of a picture are complete and recorded from here on. The report contains its verification; its findings
+ * from first_finding on belong to the picture. */
 CtsStatus cts_child_picture_done(CtsBatchChild *child, const CtsBatchPicture *picture, const CtsReport *report,
                                  size_t first_finding, CtsError *err);
-/* A series came to its end: status and why are what its rendering ended with. */
+/* The series has ended: status and why are the result of its rendering. */
 CtsStatus cts_child_end(CtsBatchChild *child, const CtsReport *report, CtsStatus status, const CtsError *why);
 
 typedef enum CtsWorkerPhase {
@@ -97,24 +96,24 @@ typedef struct CtsWorker {
     int socket;
     CtsWorkerPhase phase;
     CtsPlanSeries series; /* empty where it sends */
-    int n_ended;          /* series of which the last line came: the files of one UID may hold several */
-    int n_left;           /* pictures to be made of the series under way, as far as is known */
-    bool counted;         /* it is known */
-    json_t *line;         /* what was told last of the series under way; NULL: nothing yet */
-    double deadline_ms;   /* INFINITY while it waits */
-    double stop_ms;       /* it was asked to end; 0: not yet */
+    int n_ended;          /* series with a final record: the files of one UID may contain several */
+    int n_left;           /* pictures still to be rendered of the current series, if counted */
+    bool counted;         /* n_left is known */
+    json_t *line;         /* last record of the current series; NULL: none yet */
+    double deadline_ms;   /* INFINITY while it is queued */
+    double stop_ms;       /* time of the request to end; 0: none */
     const char *killed;   /* why, or NULL */
-    double bytes;         /* what it may take, guessed */
-    char *text;           /* of messages, as far as they came */
+    double bytes;         /* estimated memory */
+    char *text;           /* partly received message */
     size_t n_text, capacity;
 } CtsWorker;
 
-/* Calls take for each message that came, without the end of its line; false when no more will come. */
+/* Calls take for each complete message, without the end of its line; false after the last one. */
 bool cts_worker_read(CtsWorker *worker, void (*take)(void *context, CtsWorker *worker, const char *message),
                      void *context);
-/* Why a process that ended so told nothing. */
+/* A reason for a worker that ended without a report, from its wait status. */
 void cts_worker_reason(const CtsWorker *worker, int how, char *reason, size_t size);
-/* Asks it to end, and after a while makes it. */
+/* Asks it to end, and kills it after a while. */
 void cts_worker_stop(CtsWorker *worker, double now_ms);
 void cts_worker_kill(CtsWorker *worker, const char *why);
 /* After its process has ended. */

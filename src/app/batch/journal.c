@@ -14,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-/* How long a run that is ending is waited for. */
+/* Time to wait for a run that is ending. */
 enum { LOCK_TRIES = 20, LOCK_PAUSE_MS = 100 };
 
 struct CtsJournal {
@@ -30,7 +30,7 @@ static CtsStatus fail_errno(CtsError *err, const char *path, const char *what)
     return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s: %s", path, what, strerror(errno));
 }
 
-/* What other shards did, or this one when there were more or fewer of them, need not be done again. */
+/* Reads records of other shards, so that their series are not rendered again when the number of shards changes. */
 static CtsStatus read_others(CtsJournal *j, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -51,7 +51,7 @@ static CtsStatus read_others(CtsJournal *j, CtsError *err)
     return st;
 }
 
-/* Whether a lock could be had within a moment. */
+/* Tries to get a lock, with a few repetitions. */
 static bool try_lock(int fd, int how)
 {
     const struct timespec pause = {0, LOCK_PAUSE_MS * 1000000L};
@@ -73,7 +73,7 @@ static CtsStatus open_lock(const char *folder, const char *name, int *fd, CtsErr
     return *fd < 0 ? fail_errno(err, path, "cannot be written") : CTS_OK;
 }
 
-/* A lock whose file is gone keeps nobody out: the next batch makes another one. */
+/* Fails if a lock file was removed: it would not exclude another batch, which creates a new one. */
 static CtsStatus check_locks(const CtsJournal *j, CtsError *err)
 {
     const int fds[] = {j->lock_all, j->lock_own};
@@ -91,7 +91,7 @@ static CtsStatus another_batch(const CtsJournal *j, CtsError *err)
                     j->folder);
 }
 
-/* Shards of one and the same number go beside each other; the first writes the number down. */
+/* Only shards of the same total number may run together; the first one writes the number to the lock file. */
 static CtsStatus lock_shards(CtsJournal *j, int n_shards, CtsError *err)
 {
     char text[32] = "";
@@ -137,7 +137,7 @@ static CtsStatus read_own(CtsJournal *j, bool fresh, CtsError *err)
     j->lines.own_first = true;
     if ((st = cts_journal_lines_read(&j->lines, j->fd, "", &j->end, err)))
         return st;
-    /* What a killed run left of its last line. */
+    /* Truncate an incomplete last line of a killed run. */
     return ftruncate(j->fd, (off_t)j->end) ? fail_errno(err, j->path, "cannot be written") : CTS_OK;
 }
 

@@ -1,8 +1,8 @@
-/* The batch's memory: one line of JSON a series in DIR/batch.jsonl, or DIR/batch-I-of-N.jsonl of a shard.
+/* The journal: one JSON record per series in DIR/batch.jsonl, or DIR/batch-I-of-N.jsonl for a shard.
  *
- * Lines are appended as work ends and synced now and then, and of several lines of a series the last one holds: a run
- * that is killed leaves at worst half a line at the end, which the next one cuts off. cts_journal_finish() leaves one
- * line a series. */
+ * Records are appended as series end and synced periodically; the last record of a series is valid. A killed run leaves
+ * at most an incomplete line at the end, which the next run truncates. cts_journal_finish() leaves one record per
+ * series. */
 #ifndef CTS_BATCH_JOURNAL_H
 #define CTS_BATCH_JOURNAL_H
 
@@ -11,67 +11,69 @@
 
 typedef struct CtsJournal CtsJournal;
 
-/* Locks DIR for this shard (shard 0 of 1: for itself alone; shards of one number of shards beside each other), waiting
- * a moment for a run that is just ending; CTS_ERR_INTERNAL, and err says who has it, when another run is at work. Reads
- * what earlier runs left, this shard's or any other's. fresh: as if there were nothing of this one's. */
+/* Locks DIR for this shard (shard 0 of 1: exclusively; others: together with shards of the same total number), waiting
+ * briefly for a run that is ending; CTS_ERR_INTERNAL, with the holder in err, when another run has the lock. Reads the
+ * records of earlier runs, of this or any other shard. fresh: ignores this shard's own. */
 CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, int n_shards, bool fresh,
                            CtsError *err);
-/* The line of a series, the caller's to release; NULL when there is none. */
+/* The record of a series, a new reference; NULL when there is none. */
 json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid);
-/* Whether that line stands in this shard's own journal. */
+/* True if that record is in this shard's own journal. */
 bool cts_journal_holds(const CtsJournal *journal, const char *series_uid);
-/* Appends; does not take line over. CTS_ERR_OUTPUT leaves the journal as it was. */
+/* Appends a record without taking ownership. CTS_ERR_OUTPUT leaves the journal unchanged. */
 CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err);
-/* Lines so far outlast a power cut too. CTS_ERR_INTERNAL when somebody has removed the lock's file. */
+/* Makes all records so far survive a power cut. CTS_ERR_INTERNAL when the lock file was removed. */
 CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err);
-/* One line a series, in order of UID, in a new file that takes the old one's place. change may change each line. */
+/* Replaces the file by one with one record per series, in order of UID. change may modify each record. */
 CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *line), void *context,
                              CtsError *err);
-/* Lets the lock go. */
+/* Releases the lock. */
 void cts_journal_close(CtsJournal **journal);
-/* The descriptors that hold the locks are closed: in a child, which must not keep them alive. */
+/* Closes the lock's descriptors: in a worker process, which must not keep the lock. */
 void cts_journal_leave(CtsJournal *journal);
 
-/* line.c: a line as JSON, and what of it still stands on the disk. */
+/* line.c: a journal record as JSON, and the outputs of it that are up to date. */
 enum { CTS_LINE_STEM = 160 };
 
 /* A picture, or a rotation, that has to be made of a series. */
 typedef struct CtsBatchPicture {
-    int preset, view;   /* places in the lists */
-    const char **paths; /* of the formats that do not stand; NULL-terminated; a rotation's frames get their numbers */
+    int preset, view; /* places in the lists */
+    /* outputs that are missing or outdated; NULL-terminated; frames of a rotation get their numbers */
+    const char **paths;
     const char *thumb_stem; /* of its thumbnails */
 } CtsBatchPicture;
 
-/* What one picture's file depends on beside its series, as 64 hex digits and a 0; NULL: what all of them do. */
+/* Hash, as 64 hex digits and a 0, of the settings that a picture's file depends on beside its series; picture NULL: of
+ * those common to all pictures. */
 CtsStatus cts_line_hash(const CtsBatchSettings *settings, const CtsBatchPicture *picture, bool is_dcm, char hex[65],
                         CtsError *err);
 
 /* PRESET-VIEW as a file name may have it. */
 void cts_line_stem(const CtsBatchSettings *settings, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM]);
 
-/* Whether the line's list has each file that picture is to have in this format, made with these settings, and the disk
- * has them as they were; with format NULL: its thumbnails. */
+/* True if the record lists each file of the picture in this format with these settings, and the files are unchanged on
+ * the disk; format NULL: its thumbnails. */
 bool cts_line_stands(const CtsBatchSettings *settings, const json_t *line, const CtsBatchPicture *picture,
                      const char *format);
-/* Whether nothing has to be done for a series with these files: all that is asked for stands, or it was refused for
+/* True if nothing has to be done for a series with these files: all outputs are up to date, or it was refused for
  * good. */
 bool cts_line_settled(const CtsBatchSettings *settings, const json_t *line, const char *input_sha256);
 
-/* What the settings do not let a kept line tell leaves it: where its files are, and what may identify the patient. */
+/* Removes details that the settings exclude: paths, and data that may identify the patient. */
 void cts_line_forget(json_t *line, const CtsBatchSettings *settings);
 
-/* Whether it tells all that the settings let it. */
+/* True if the record has all details that the settings request. */
 bool cts_line_tells_all(const json_t *line, const CtsBatchSettings *settings);
 
-/* Whether the entry is a capture that this batch is to send and that the PACS does not have. */
+/* True if the entry is a capture that this batch sends and the PACS does not have. */
 bool cts_line_waits(const CtsBatchSettings *settings, const json_t *entry);
-/* How many there are of them. */
+/* The number of such entries. */
 int cts_line_n_waiting(const CtsBatchSettings *settings, const json_t *line);
-/* The full path of an entry's file; false where it is none of -O. */
+/* The full path of an entry's file; false where it is not below -O. */
 bool cts_line_path(const CtsBatchSettings *settings, const json_t *entry, char *path, size_t size);
 
-/* What the line's list "outputs", "thumbnails" or "errors" has of this picture, NULL: of all, in this format, NULL: in
- * any, leaves the line, and files leave the disk. */
+/* Removes the entries of a list ("outputs", "thumbnails" or "errors") for this picture (NULL: all) in this format
+ * (NULL: any), and their files. */
 void cts_line_drop(json_t *line, const char *list, const CtsBatchSettings *settings, const CtsBatchPicture *picture,
                    const char *format);
 

@@ -215,7 +215,7 @@ bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char 
         return false;
     if (!strcmp(status, "passed"))
         return true;
-    /* What could not be read might be read now; geometry and pixels stay as they are. */
+    /* Unreadable files may be readable now; geometry and pixels do not change. */
     if (!strcmp(status, "refused"))
         return json_integer_value(json_object_get(line, "exit_code")) == 4 &&
                !cts_line_hash(s, NULL, true, hex, NULL) && !strcmp(hex, cts_json_text_of(line, "options_sha256"));

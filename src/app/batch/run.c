@@ -1,4 +1,4 @@
-/* The batch's own process: reads nothing but headers, hands out series, keeps the journal. */
+/* The scheduler: reads only headers, assigns series to worker processes, keeps the journal. */
 #include "app/batch/batch.h"
 #include "app/batch/child.h"
 #include "app/contact/contact_sheet.h"
@@ -17,11 +17,11 @@
 #include <sys/socket.h>
 #include <sys/wait.h>
 
-/* How often the clock is looked at; and how many series in a row may fail to be sent before a PACS is left alone. */
+/* TICK_MS: interval of timeout checks; MOST_UNSENT: failures to send in a row after which the PACS is given up. */
 enum { TICK_MS = 200, SYNC_MS = 2000, MOST_UNSENT = 3 };
-/* As many as render, one that reads ahead, and the sender. */
+/* Rendering workers, one that reads ahead, and the sender. */
 #define N_WORKERS(n_jobs) ((n_jobs) + 2)
-/* A volume of 16-bit voxels, its copies while it is worked on, and what a picture takes. */
+/* Memory estimate of a series: 16-bit voxels and their copies during processing, and the buffers of pictures. */
 static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
 
 typedef struct Run {
@@ -34,11 +34,12 @@ typedef struct Run {
     int n_workers, n_jobs, n_threads;
     CtsKey key; /* of the names of series, where they are de-identified */
     size_t next;
-    char **to_send; /* UIDs of series that wait to be sent */
+    char **to_send; /* UIDs of series queued for sending */
     size_t n_to_send, next_to_send;
     int n_unsent; /* series in a row that could not be */
     double start_ms, free_bytes, told_ms, synced_ms;
-    size_t n_pictures, n_uids_ended, n_unknown; /* made; series that ended; series whose pictures nobody has counted */
+    /* pictures rendered; series that have ended; series whose number of pictures is not yet known */
+    size_t n_pictures, n_uids_ended, n_unknown;
     double sheet_ms, sheet_took_ms;
     bool sheet_stale;
     CtsStatus status; /* why no more series are started */
@@ -50,7 +51,7 @@ static bool interrupted(const Run *r)
     return r->settings->stop && *r->settings->stop;
 }
 
-/* Of a series that nobody has looked at all pictures may be to come. */
+/* A series whose state is unknown counts with all its pictures. */
 static double n_pictures_left(const Run *r)
 {
     double n = (double)r->n_unknown * r->settings->lists->n_presets * r->settings->lists->n_views;
@@ -118,7 +119,7 @@ static void tell_series(Run *r, const json_t *line)
     told->series(told->context, text, !done && strcmp(status, "passed"));
 }
 
-/* A line that is the last of a series in this run; stood: nothing was made. */
+/* Counts the final record of a series; stood: nothing had to be rendered. */
 static void count(Run *r, const json_t *line, bool stood)
 {
     const char *status = cts_json_text_of(line, "status");
@@ -131,7 +132,7 @@ static void count(Run *r, const json_t *line, bool stood)
         tell_series(r, line);
 }
 
-/* The batch cannot go on; what is under way is asked to stop. */
+/* Ends the batch after a failure; running workers are asked to stop. */
 static void give_up(Run *r, CtsStatus status, const CtsError *why)
 {
     if (!r->status) {
@@ -208,7 +209,7 @@ static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
     w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
 }
 
-/* The first that is heard of a worker tells how many pictures its series lacks. */
+/* The first message of a worker contains the number of pictures that its series lacks. */
 static void count_pictures(Run *r, CtsWorker *w, bool begun, int n_left)
 {
     if (begun && !w->counted)
@@ -245,7 +246,7 @@ static void take_message(void *context, CtsWorker *w, const char *message)
         take_last(r, w, which == 3);
 }
 
-/* A series that ended without a word: what is known of it, with the reason. */
+/* Records a series whose worker ended without a report, with the reason. */
 static void tell_death(Run *r, CtsWorker *w, int how, const struct rusage *usage)
 {
     char reason[300];
@@ -306,7 +307,7 @@ static bool any_worker(const Run *r)
     return any;
 }
 
-/* What an earlier run made of a series stands; says so in this shard's own journal. */
+/* True if all outputs of a series are up to date; adds its record to this shard's own journal. */
 static bool stands(Run *r, const CtsPlanSeries *series)
 {
     json_t *line = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
@@ -329,14 +330,14 @@ static bool stands(Run *r, const CtsPlanSeries *series)
     return settled;
 }
 
-/* A thread more than a fair share: it works while other series wait for the disk, and sleeps otherwise. */
+/* One thread more than an equal share, to use the time in which other workers wait for the disk. */
 static int threads_of_one(const Run *r, int at_once)
 {
     const int share = (r->n_threads + at_once - 1) / at_once + 1;
     return share < r->n_threads ? share : r->n_threads;
 }
 
-/* Starts the next series that has something to be made, if there is room for one. */
+/* Starts the next series with missing outputs, if a worker is free. */
 static bool start_next(Run *r)
 {
     int n_at_work;
@@ -379,7 +380,7 @@ static bool start_next(Run *r)
     return false;
 }
 
-/* One series after the other goes to the PACS, which renders nothing and is not to be overrun. */
+/* Sends one series at a time, so as not to overload the PACS. */
 static void start_sender(Run *r)
 {
     CtsWorker *w = &r->workers[0];
@@ -402,7 +403,7 @@ static void start_sender(Run *r)
     set_phase(r, w, CTS_WORKER_SENDS);
 }
 
-/* What still waits when all else is over. */
+/* Records series that are still unsent at the end. */
 static void leave_unsent(Run *r)
 {
     const size_t n = r->n_to_send - r->next_to_send;
@@ -418,7 +419,7 @@ static void leave_unsent(Run *r)
     r->settings->told.warning(r->settings->told.context, text);
 }
 
-/* As many as n_jobs at a time may render. */
+/* Permits up to n_jobs workers to render. */
 static void grant(Run *r)
 {
     int n_render = 0;
@@ -430,14 +431,14 @@ static void grant(Run *r)
             continue;
         n_render++;
         set_phase(r, w, CTS_WORKER_RENDERS);
-        send(w->socket, "g", 1, MSG_NOSIGNAL); /* one that is gone is seen to be when it is waited for */
+        send(w->socket, "g", 1, MSG_NOSIGNAL); /* a closed connection is handled when the worker is reaped */
     }
 }
 
 static void watch_clock(Run *r)
 {
     CtsError unwritten;
-    write_sheet(r, false, &unwritten); /* the last one tells */
+    write_sheet(r, false, &unwritten); /* the last sheet's failure is reported */
     const double now_ms = cts_wall_ms();
     const bool all = interrupted(r) || r->status;
     for (int i = 0; i < r->n_workers; i++) {
@@ -460,7 +461,7 @@ static void watch_clock(Run *r)
     }
 }
 
-/* Waits for a word from any child, or for a while. */
+/* Waits for a message from any worker, or for the tick. */
 static void wait_for_any(Run *r)
 {
     struct pollfd fds[N_WORKERS(CTS_BATCH_MOST_JOBS)];
@@ -481,7 +482,7 @@ static void wait_for_any(Run *r)
         int how;
         const bool open = !fds[i].revents || cts_worker_read(w, take_message, r);
         const pid_t pid = wait4(w->pid, &how, open ? WNOHANG : 0, &usage);
-        if (pid < 0 && errno != EINTR) { /* somebody else has waited for it: how it ended is not known */
+        if (pid < 0 && errno != EINTR) { /* already reaped elsewhere: its exit status is unknown */
             how = 0;
             usage = (struct rusage){0};
         }
@@ -540,7 +541,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     const CtsOptions *o = settings->options;
     Run r = {.settings = settings, .result = result, .start_ms = cts_wall_ms(), .err = err};
     r.n_threads = cts_threads(o->render.n_threads);
-    r.n_jobs = o->jobs ? o->jobs : r.n_threads + 1; /* one of them may wait for the disk */
+    r.n_jobs = o->jobs ? o->jobs : r.n_threads + 1; /* one job more, since one of them may wait for the disk */
     r.n_jobs = r.n_jobs < CTS_BATCH_MOST_JOBS ? r.n_jobs : CTS_BATCH_MOST_JOBS;
     r.n_workers = N_WORKERS(r.n_jobs);
     if (!(r.workers = calloc((size_t)r.n_workers, sizeof *r.workers)))

@@ -13,24 +13,24 @@
 #include <string.h>
 #include <unistd.h>
 
-/* One series under way. */
+/* The series being rendered. */
 typedef struct Work {
     CtsBatchChild *child;
     const CtsBatchSettings *settings;
     CtsLoaded loaded;
     const char **label_paths; /* of its study; n_label_paths, owned */
     int n_label_paths;
-    bool told; /* the batch knows that it is read */
+    bool told; /* the batch was notified that the volume is read */
     CtsReport report;
     CtsLog *log;
-    CtsNames names;       /* that the log does not tell */
+    CtsNames names;       /* names that the log must not contain */
     CtsPrepared prepared; /* for pictures of one preset, and of one volume */
     int prepared_preset;
     /* One picture: */
     const CtsBatchPicture *picture;
     CtsThumbnail *thumb;
     CtsStatus status;
-    CtsError err; /* of what the job must not know of */
+    CtsError err; /* failure of the recording, reported in place of the job's status */
 } Work;
 
 static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
@@ -89,7 +89,7 @@ static void on_band(void *context, int frame, CtsPicture *band)
     keep(w, st, &err);
 }
 
-/* Frames are told apart by their files' numbers. */
+/* The frame number in a file name of a rotation. */
 static int frame_of(const char *path, int rotation)
 {
     const char *dot = strrchr(path, '.'), *dash = strrchr(path, '-');
@@ -140,8 +140,7 @@ static CtsStatus show_labels(Work *w, CtsError *err)
     return st;
 }
 
-/* Archives hold series of which some lack an organ: these show what they have, and are passed over where they have
- * none of it. */
+/* Some series of an archive lack an organ: they show the labels that they have, and are passed where they have none. */
 static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
 {
     const char *const show = source->choice.show;
@@ -161,7 +160,7 @@ static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
     return st;
 }
 
-/* The volume as the picture wants it. Slices that had to be handed over to another are read again. */
+/* Processes the volume for the picture. Slices that were handed over to another volume are read again. */
 static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -191,7 +190,7 @@ static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err
     return st;
 }
 
-/* Views of one preset share its renderer, but for a window that is fitted to each view. */
+/* Views of one preset share a renderer, except where the window is fitted to each view. */
 static CtsStatus prepare(Work *w, const CtsJob *job, CtsError *err)
 {
     const CtsPreset *const p = job->preset;
@@ -224,7 +223,7 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     return st;
 }
 
-/* Two volumes of one scan, those pictures first that keep the table. */
+/* Two volumes of one scan: pictures that keep the table come first. */
 static CtsStatus render_pictures(Work *w, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -379,7 +378,7 @@ static CtsStatus list_captures(const CtsBatchChild *c, char ***paths, int *n, Ct
     return CTS_OK;
 }
 
-/* The PACS has it, and whatever happens from here on, the journal knows. */
+/* Records that the PACS has the file. */
 static void on_sent(void *context, const char *sent)
 {
     CtsBatchChild *c = context;

@@ -9,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* How long a child that was asked to stop may take. */
+/* GRACE_MS: time for a worker to end by itself before it is killed. */
 enum { GRACE_MS = 2000, MOST_MESSAGE = 64 << 20 };
 
 bool cts_worker_read(CtsWorker *w, void (*take)(void *context, CtsWorker *worker, const char *message), void *context)

@@ -41,7 +41,7 @@ void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status,
     }
 }
 
-/* The request cannot be served as it stands (400), now (503), or by any fault of its own (500). */
+/* The HTTP status of a failure: 400 for a bad request, 503 for a temporary lack of resources, else 500. */
 static int status_of(CtsStatus st)
 {
     switch (st) {
@@ -61,7 +61,7 @@ static int status_of(CtsStatus st)
     }
 }
 
-/* Settings, which stand between backticks, as a request's JSON has them: `series_uid`. */
+/* Rewrites settings between backticks as the request's parameter names: `series_uid`. */
 static void name_settings(char *text)
 {
     for (char *at = strchr(text, '`'); at; at = strchr(at, '`')) {

@@ -44,7 +44,7 @@ const char *cts_media_type_of(const CtsFormatInfo *format)
     return "application/octet-stream";
 }
 
-/* A client names no files: a preset is one of those that have names here, or stands in the request itself. */
+/* A client must not name files: it may use presets listed here, or give one in the request itself. */
 static CtsStatus check_preset(const char *name, CtsError *err)
 {
     bool known = name[0] == '{' || cts_preset_number(name);
@@ -55,8 +55,8 @@ static CtsStatus check_preset(const char *name, CtsError *err)
     return known ? CTS_OK : cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset here (see /presets)", name);
 }
 
-/* NAME=LOOK, where LOOK is a colour or a preset. A name may hold = itself, so LOOK may begin behind each of them, and
- * must name no file wherever it does: FILE#PRESET has a #. */
+/* Checks NAME=LOOK, where LOOK is a colour or a preset. A name may contain =, so LOOK may begin after any of them, and
+ * must name no file in any case: FILE#PRESET has a #. */
 static CtsStatus check_look(const char *text, CtsError *err)
 {
     const char *const first = strchr(text, '='), *const last = strrchr(text, '=');
@@ -104,7 +104,7 @@ CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const ch
     cts_options_begin(o);
     o->render.n_threads = n_threads;
     o->export.scratch = true;
-    o->export.png_8_bits = true; /* the standard's, unless the words say otherwise */
+    o->export.png_8_bits = true; /* as the standard requires; option png-bits overrides it */
     if (asked->query.too_many)
         return cts_fail(err, CTS_ERR_USAGE, "more than %d parameters", CTS_ASKED_PARTS);
     if (asked->state_path &&

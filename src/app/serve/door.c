@@ -1,4 +1,4 @@
-/* Where the server listens: an address, a socket in a folder, or what systemd hands over. */
+/* The listening socket: an address, a Unix socket, or a socket passed by systemd. */
 #include "app/serve/server.h"
 
 #include "dicom/net/listener.h"
@@ -26,7 +26,7 @@ static CtsStatus fail_errno(const char *address, const char *what, CtsError *err
     return cts_fail(err, CTS_ERR_READ, "%s: %s: %s (choose another with `listen`)", address, what, strerror(errno));
 }
 
-/* A socket that nobody listens at any more is in the way. */
+/* True for a Unix socket without a listener, which may be removed. */
 static bool is_stale(const struct sockaddr_un *address)
 {
     struct stat st;

@@ -1,4 +1,4 @@
-/* Pictures that were asked for: who waits, who is served, who has gone. */
+/* The queue of render requests: queued, running and cancelled ones. */
 #include "app/serve/server.h"
 
 #include "app/job/fit_window.h"
@@ -49,7 +49,7 @@ static void take_info(void *context, int frame, CtsPicture *band)
     CtsErrand *const e = context;
     if (frame == 0)
         e->info = band->info;
-    /* How a picture is made is known with its first rows. */
+    /* The picture's description is complete with its first rows. */
     e->told = true;
     e->stop |= e->asked.metadata;
 }
@@ -155,7 +155,7 @@ static CtsStatus run(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsHttpAnswer
     return st;
 }
 
-/* The first that need not wait for another's volume; marks what it is going to do. */
+/* The first queued request whose volume is not in use by another; reserves its resources. */
 static CtsErrand *next_errand(CtsServer *server, CtsCut **cut)
 {
     for (CtsErrand *e = server->first; e; e = e->next) {
@@ -186,7 +186,7 @@ static void serve_one(CtsServer *server, CtsErrand *e, CtsCut *cut)
     const CtsStatus st = run(server, e, cut, &answer, &err);
     if (st)
         cts_answer_failure(&answer, server, e->shelved, st, &err);
-    /* Its volume is free for others before the client, who may ask for another one, knows. */
+    /* Release the volume before the client, who may request another picture of it, is answered. */
     pthread_mutex_lock(&server->lock);
     e->shelved->n_running--;
     unlink_errand(server, e);

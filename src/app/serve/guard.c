@@ -1,4 +1,4 @@
-/* Who may ask: a token, and a Host that no other site's page could have given (DNS rebinding). */
+/* Access control: the token, and a Host header that protects against DNS rebinding. */
 #include "app/serve/server.h"
 
 #include <arpa/inet.h>
@@ -45,7 +45,7 @@ CtsStatus cts_guard_token(CtsServer *server, CtsError *err)
                : cts_fail(err, CTS_ERR_READ, "%s: a token has %d characters or more", path, LEAST_CHARACTERS);
 }
 
-/* In a time that tells nothing of where they differ. */
+/* Compares in constant time. */
 static bool same_token(const char *given, size_t n, const char *token)
 {
     unsigned char differs = n != strlen(token);

@@ -1,4 +1,4 @@
-/* Requests by libmicrohttpd: one thread waits for all connections. */
+/* HTTP by libmicrohttpd: one thread serves all connections. */
 #include "app/serve/http.h"
 
 #include "base/load_part.h"
@@ -15,7 +15,7 @@ enum { MOST_CONNECTIONS = 2000, SILENCE_S = 30, LAST_MS = 3000, LOOK_MS = 5 };
 struct CtsHttpServer {
     struct MHD_Daemon *daemon;
     CtsHttpSettings settings;
-    atomic_int n_requests; /* whose answers have not left yet */
+    atomic_int n_requests; /* requests without a complete answer */
 };
 
 typedef struct Request {
@@ -85,7 +85,7 @@ static const char *header_of(struct MHD_Connection *connection, const char *name
     return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
 }
 
-/* No request that is answered has a body: what brings one is not read. */
+/* Requests with a body are rejected without reading it. */
 static bool has_body(struct MHD_Connection *connection)
 {
     const char *length = header_of(connection, "Content-Length");

@@ -1,5 +1,5 @@
-/* The server's door to the network: requests come in, answers go out, and no type of libmicrohttpd shows. What is
- * behind it is a library of its own (base/load_part.h), as no other command needs it. */
+/* The HTTP interface, free of libmicrohttpd's types. Its implementation is a plug-in (base/load_part.h), since no other
+ * command needs it. */
 #ifndef CTS_SERVE_HTTP_H
 #define CTS_SERVE_HTTP_H
 
@@ -8,7 +8,7 @@
 #include <stddef.h>
 
 typedef struct CtsHttpServer CtsHttpServer;
-/* One request, from when it is asked until it is answered. Texts are its own; headers NULL where it has none. */
+/* A request until it is answered. It owns its texts; headers are NULL where absent. */
 typedef struct CtsHttpRequest {
     const char *method, *path;
     const char *host, *authorization, *cookie, *accept;
@@ -18,7 +18,7 @@ typedef struct CtsHttpRequest {
 typedef struct CtsHttpSettings {
     int socket;                                          /* listens already; the server's from now on */
     const char *certificate, *key;                       /* PEM texts; NULL: no TLS */
-    void (*ask)(void *context, CtsHttpRequest *request); /* in the server's own thread, which it must not keep long */
+    void (*ask)(void *context, CtsHttpRequest *request); /* called in the server's own thread; must return quickly */
     void *context;
 } CtsHttpSettings;
 
@@ -29,7 +29,7 @@ typedef struct CtsHttpAnswer {
     const void *bytes; /* n_bytes of them */
     size_t n_bytes;
     bool lasting; /* bytes stay; else they are the answer's, from malloc() */
-    int fd;       /* a file instead, which becomes the server's; 0: none */
+    int fd;       /* a file instead, whose descriptor the server takes over; 0: none */
     struct {
         const char *name;
         char value[2048];
@@ -41,12 +41,12 @@ typedef struct CtsHttp {
     CtsStatus (*start)(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err);
     /* Every request must have been answered. */
     void (*stop)(CtsHttpServer **server);
-    /* take for each part of the query, value "" where it has none. */
+    /* Calls take for each query parameter; value is "" where it has none. */
     void (*query)(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
                   void *context);
-    /* Within ask: the answer comes later, from any thread. */
+    /* Within ask: announces a later answer from any thread. */
     void (*wait)(CtsHttpRequest *request);
-    /* Once, within ask or after wait; request is gone then, and what answer holds is taken. */
+    /* Once, within ask or after wait; frees request and takes over the contents of answer. */
     void (*answer)(CtsHttpRequest *request, CtsHttpAnswer *answer);
 } CtsHttp;
 

@@ -1,4 +1,4 @@
-/* What clients are told in JSON. */
+/* JSON documents for clients. */
 #include "app/serve/server.h"
 
 #include "base/json.h"
@@ -29,7 +29,7 @@ static json_t *labels_json(const CtsLabels *labels)
     return list;
 }
 
-/* They are known once a volume is there. */
+/* Labels are available once a volume is loaded. */
 char *cts_list_labels(CtsServer *server, const char *id)
 {
     pthread_mutex_lock(&server->lock);
@@ -39,7 +39,7 @@ char *cts_list_labels(CtsServer *server, const char *id)
     return text_of(list, JSON_COMPACT);
 }
 
-/* Only what tells nothing of the patient. */
+/* Contains nothing that identifies the patient. */
 static json_t *series_json(const CtsServer *server, const CtsShelved *shelved)
 {
     const CtsSeries *const s = shelved->series;

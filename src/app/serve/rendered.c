@@ -1,4 +1,4 @@
-/* The parameters of PS3.18 8.3.5 as ctsplat's words. */
+/* Translation of the parameters of PS3.18 8.3.5 to ctsplat's options. */
 #include "app/serve/server.h"
 #include "app/words/options.h"
 #include <math.h>
@@ -7,10 +7,10 @@
 #include <string.h>
 #include <strings.h>
 
-/* The standard's names; a presentation state says all but whence it is looked at, how large, and in what it is sent. */
+/* The standard's parameters; with a presentation state only those of camera, size and media type are allowed. */
 static const struct Parameter {
     const char *name;
-    bool goes_with_state, is_word; /* it is ctsplat's own word too */
+    bool goes_with_state, is_word; /* a parameter with the same name as a ctsplat option */
     const char *not_here;          /* why not; NULL: it is */
 } parameters[] = {
     {"renderingmethod", false, false, NULL},
@@ -43,7 +43,7 @@ static const struct Parameter *parameter(const char *name)
     return NULL;
 }
 
-/* What is left is ctsplat's own. */
+/* Parameters that remain are ctsplat's own options. */
 static CtsStatus sort_out(const CtsQuery *from, bool of_state, CtsQuery *words, CtsError *err)
 {
     for (int i = 0; i < from->n; i++) {
@@ -72,7 +72,7 @@ static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *er
         return CTS_OK;
     for (size_t i = 0; i < sizeof methods / sizeof *methods; i++)
         if (!strcmp(methods[i][0], method)) {
-            /* What is composited anyway stays as its preset has it. */
+            /* A composited preset stays unchanged. */
             if (i > 0 || cts_query_value(from, "preset"))
                 cts_query_add(words, "mode", methods[i][1]);
             return CTS_OK;
@@ -114,7 +114,7 @@ static CtsStatus read_vector(const CtsQuery *from, const char *name, const char 
     return CTS_OK;
 }
 
-/* The camera's angles; *level: it looks neither straight up nor down, where `up` alone tells its azimuth. */
+/* The camera's angles; *level: it looks neither straight up nor down, where only `up` determines the azimuth. */
 static void angles_of(const Camera *c, double deg[2])
 {
     const double degree = 180 / acos(-1);
@@ -131,7 +131,7 @@ static void angles_of(const Camera *c, double deg[2])
                     : degree * (back[2] > 0 ? atan2(-c->up_lps[0], c->up_lps[1]) : atan2(c->up_lps[0], -c->up_lps[1]));
 }
 
-/* Whether `up` is where the camera's upright is: the picture has no roll. */
+/* True if `up` is the camera's own up vector, so that the picture has no roll. */
 static bool is_upright(const Camera *c, const double deg[2])
 {
     const double degree = 180 / acos(-1), a = deg[0] / degree, e = deg[1] / degree;
@@ -176,7 +176,7 @@ static CtsStatus take_camera(const CtsQuery *from, CtsQuery *words, CtsError *er
     return CTS_OK;
 }
 
-/* Without a step each way has as many pictures. */
+/* Pictures in each direction where no step is given. */
 enum { SWEEP_FRAMES = 36 };
 
 static CtsStatus positive(const CtsQuery *from, const char *name, double *value, CtsError *err)
@@ -241,7 +241,8 @@ static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *
     return CTS_OK;
 }
 
-/* How exactly a range such as image/png, image or * with a star behind it names the type: 3, 2, 1; 0: not. */
+/* Specificity with which a range such as image/png, image or * followed by a star matches the type: 3, 2, 1; 0: no
+ * match. */
 static int match(const char *range, size_t n, const char *type)
 {
     const size_t slash = strcspn(type, "/");
@@ -252,7 +253,7 @@ static int match(const char *range, size_t n, const char *type)
     return n == strlen(type) && !strncasecmp(range, type, n) ? 3 : 0;
 }
 
-/* The q of a range's parameters, 1 where none is told. */
+/* The q value among a range's parameters, 1 where absent. */
 static double quality(const char *at, const char *end)
 {
     while (at < end && (at = memchr(at, ';', (size_t)(end - at)))) {
@@ -263,7 +264,7 @@ static double quality(const char *at, const char *end)
     return 1;
 }
 
-/* What the list thinks of a type, by the range that names it most exactly. */
+/* The q value of a type, from the most specific range that matches it. */
 static double liking(const char *list, const char *type)
 {
     int best = 0;
@@ -281,8 +282,8 @@ static double liking(const char *list, const char *type)
     return liked;
 }
 
-/* The place of the media type among n that an Accept header, or `accept=` in its stead (PS3.18 8.3.3.1), likes best, of
- * equals the first; -1 where it takes none. An empty list, or NULL, takes all. */
+/* The index of the preferred media type among n for an Accept header, or the parameter `accept` in its place (PS3.18
+ * 8.3.3.1); the first among equals; -1 where none is acceptable. An empty list, or NULL, accepts all. */
 static int accept_best(const char *list, const char *const *media_types, int n)
 {
     int best = -1;

@@ -1,4 +1,4 @@
-/* What an address stands for. */
+/* Routing of URLs to answers. */
 #include "app/serve/server.h"
 
 #include <stdio.h>
@@ -7,7 +7,7 @@
 
 enum { MOST_PARTS = 8 };
 
-/* A path's parts: "/series/1/picture.png" has three. */
+/* The segments of a path: "/series/1/picture.png" has three. */
 typedef struct Parts {
     char text[1024];
     const char *at[MOST_PARTS];
@@ -67,7 +67,7 @@ static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char 
     return false;
 }
 
-/* Which series, by what its address says. */
+/* The series, study or object that a URL names. */
 typedef struct Target {
     const char *id, *study_uid, *uid; /* id, or the UIDs; uid NULL: the study's one volume */
     const char *instance_uid;         /* NULL: a series */
@@ -83,7 +83,7 @@ static CtsStatus find(CtsServer *server, const Target *t, CtsShelved **found, Ct
                   : cts_shelf_of_study(&server->shelf, t->study_uid, found, err);
 }
 
-/* Takes the errand, which waits from here on, or says why not. */
+/* Queues the render request, or fails with the reason. */
 static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError *err)
 {
     pthread_mutex_lock(&server->lock);
@@ -105,7 +105,7 @@ static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *f
     CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
                                    server->options->render.n_threads, &e->report, err);
     if (st == CTS_ERR_READ && e->asked.state_path)
-        st = CTS_ERR_USAGE; /* it is what is asked for, and no fault of ours */
+        st = CTS_ERR_USAGE; /* the client's fault, not the server's */
     e->asked.job.render.stop = e->asked.job.source.stop = &e->stop;
     return st;
 }
@@ -129,7 +129,7 @@ static Target of_state(const CtsErrand *e, const Target *target)
     return of;
 }
 
-/* format NULL: as the standard's parameters say. */
+/* format NULL: use the standard's parameters. */
 static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target *target, const CtsFormatInfo *format)
 {
     CtsError err = {0};
@@ -173,7 +173,7 @@ static void ask_series(CtsServer *server, CtsHttpRequest *request, const Parts *
                     "there are /series, /series/ID/labels and /series/ID/picture.ENDING, its ending a format's");
 }
 
-/* /studies/S/rendered3D and what is below. */
+/* /studies/S/rendered3D and paths below it. */
 static void ask_study(CtsServer *server, CtsHttpRequest *request, const Parts *p)
 {
     const Target target = {.study_uid = p->at[1],

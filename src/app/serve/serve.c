@@ -1,4 +1,4 @@
-/* The server's life: search, open the door, wait, close it. */
+/* The server's main function: search, listen, serve, shut down. */
 #include "app/serve/server.h"
 
 #include "base/cpu.h"
@@ -14,7 +14,7 @@
 
 CTS_PART_DOOR(CtsHttp, cts_http, CTS_HTTP_PART)
 
-/* How often it is looked after clients that have gone. */
+/* Interval of checks for disconnected clients. */
 enum { WATCH_MS = 100 };
 
 /* A connection is an open file. */
@@ -36,7 +36,7 @@ static CtsStatus read_pem(const char *path, char **text, CtsError *err)
     return st || n ? st : cts_fail(err, CTS_ERR_READ, "%s: is empty", path);
 }
 
-/* What lies below where series are found when they are asked for is named in no message either. */
+/* Messages must not contain paths below the folders of series loaded on demand either. */
 static void add_place(CtsNames *names, const char *path)
 {
     const char *place = strstr(path, CTS_SHELF_PLACE);
@@ -76,7 +76,7 @@ static void tell_ready(const CtsServer *server, void (*ready)(const char *url), 
     ready(text);
 }
 
-/* Threads of the server take no signals: they are for who waits for them. */
+/* The server's threads block signals, which the main thread waits for. */
 static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, const CtsHttpSettings *settings, CtsError *err)
 {
     sigset_t all, before;

@@ -1,5 +1,5 @@
-/* Volumes that stay loaded, and pictures of them for whoever asks over HTTP: PS3.18 rendered3D, ctsplat's own words,
- * and a page. A server under way: what its files share. */
+/* Loaded volumes and pictures of them over HTTP: PS3.18 rendered3D, ctsplat's own URLs, and a page. Shared state of the
+ * server's files. */
 #ifndef CTS_SERVE_SERVER_H
 #define CTS_SERVE_SERVER_H
 
@@ -11,7 +11,7 @@
 #include <signal.h>
 #include <stddef.h>
 
-/* asked.c, rendered.c: what a request asks for, in ctsplat's own words: its query, checked and ready to be made. */
+/* asked.c, rendered.c: translation and checks of a request's query as ctsplat's options. */
 enum { CTS_ASKED_PARTS = 64, CTS_ASKED_MADE = 8 };
 
 /* A query: names and values as the request has them, or made here. */
@@ -31,28 +31,28 @@ void cts_query_make(CtsQuery *query, const char *name, const char *format, ...) 
 const char *cts_query_value(const CtsQuery *query, const char *name);
 
 typedef struct CtsAsked {
-    CtsQuery query; /* as ctsplat's own words */
+    CtsQuery query; /* as ctsplat's own options */
     const char *media_type;
-    bool metadata;                                  /* how the picture is rendered, not the picture */
-    double swivel_range_deg, swivel_step_deg, rate; /* 0: not asked for */
-    char *state_path;                               /* of the presentation state that is asked for; NULL: none */
-    char instance_uid[65];                          /* the object that must be the whole series; "": none */
-    char *path;                                     /* where the picture goes */
+    bool metadata;                                  /* the answer is the metadata, not the picture */
+    double swivel_range_deg, swivel_step_deg, rate; /* 0: not given */
+    char *state_path;                               /* of the presentation state requested; NULL: none */
+    char instance_uid[65];                          /* the object that must be the whole series; "": any */
+    char *path;                                     /* temporary file for the picture */
     CtsOptions options;
     CtsPreset preset;
     CtsJob job; /* points at the two */
 } CtsAsked;
 
-/* By ctsplat's words; format: what the address ends in. CTS_ERR_USAGE for what no request may ask for. folder and
- * serial name a file of its own. Free with cts_asked_free(), also after a failure. */
+/* Translates ctsplat's own options; format: from the URL's ending. CTS_ERR_USAGE for options that a request may not
+ * use. folder and serial determine the temporary file. Free with cts_asked_free(), also after a failure. */
 CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
                           int n_threads, CtsReport *report, CtsError *err);
 void cts_asked_free(CtsAsked *asked);
 
 const char *cts_media_type_of(const CtsFormatInfo *format);
 
-/* The parameters of PS3.18 8.3.5 in query become words, and the media type one that accept (the header; may be NULL)
- * takes; *format is NULL where it takes none. */
+/* Replaces the parameters of PS3.18 8.3.5 in query by options, and chooses a media type that accept (the header; may be
+ * NULL) allows; *format is NULL where there is none. */
 CtsStatus cts_asked_rendered(CtsAsked *asked, const char *accept, const CtsFormatInfo **format, CtsError *err);
 
 /* The files of the page, put into C by page/embed_assets.py. */
@@ -66,8 +66,8 @@ typedef struct CtsPageAsset {
 extern const CtsPageAsset cts_page_assets[];
 extern const size_t cts_page_n_assets;
 
-/* So many pictures are made at once, at most one less of any series, and so many wait; who comes then is told to come
- * back. One series that takes long to read, or one picture that takes long to make, leaves room for the others. */
+/* Numbers of threads that render (at most one less of one series, so that a slow series or picture leaves room for
+ * others) and of queued requests; further clients are asked to retry. */
 enum { CTS_SERVE_WORKERS = 4, CTS_SERVE_WAITING = 64, CTS_SERVE_RETRY_S = 1 };
 
 /* One request for a picture. */
@@ -77,9 +77,9 @@ typedef struct CtsErrand {
     CtsAsked asked;
     CtsShelved *shelved;
     CtsReport report;
-    CtsPictureInfo info; /* of the first frame, once it is told */
+    CtsPictureInfo info; /* of the first frame, once told is set */
     bool told;
-    volatile sig_atomic_t stop; /* nobody waits for it any more */
+    volatile sig_atomic_t stop; /* set when the client has disconnected */
     bool running;
     struct CtsErrand *next;
 } CtsErrand;
@@ -87,10 +87,10 @@ typedef struct CtsErrand {
 typedef struct CtsServer {
     const CtsHttp *http;
     const CtsOptions *options;
-    char *folder;     /* for pictures on their way, which have no name there once they are whole */
-    char token[4097]; /* "": none is needed */
+    char *folder;     /* for pictures being sent, unlinked once they are complete */
+    char token[4097]; /* "": no token is needed */
     bool local_socket, tls;
-    CtsNames names;       /* of input files and of the folder, which nobody is told */
+    CtsNames names;       /* of input files and of the folder, which are never sent */
     pthread_mutex_t lock; /* of all below */
     pthread_cond_t work;
     CtsShelf shelf;
@@ -102,52 +102,52 @@ typedef struct CtsServer {
     int n_workers;
 } CtsServer;
 
-/* answer.c: what every answer has in it. */
+/* answer.c: common parts of answers. */
 void cts_answer_header(CtsHttpAnswer *answer, const char *name, const char *value);
 /* bytes: as CtsHttpAnswer has them. */
 void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *media_type,
                       const void *bytes, size_t n, bool lasting);
 /* One line. */
 void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *text);
-/* What a failure is to a client: status and reason, without names of files and UIDs. shelved may be NULL. */
+/* The answer for a failure: status and reason, without names of files and UIDs. shelved may be NULL. */
 void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsShelved *shelved, CtsStatus st,
                         const CtsError *err);
 /* text without names of files and UIDs; free with free(), NULL without memory. */
 char *cts_server_masked(const CtsServer *server, const CtsShelved *shelved, const char *text);
 
-/* guard.c: whether the request may go on; else *answer says why not. */
+/* guard.c: true if access is allowed; else *answer contains the reason. */
 bool cts_guard(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer);
 CtsStatus cts_guard_token(CtsServer *server, CtsError *err);
 
-/* door.c: a socket that listens, and what it is called; *url is to be freed. */
+/* door.c: opens a listening socket; *url is its URL, to be freed. */
 CtsStatus cts_door_open(CtsServer *server, int *fd, char **url, CtsError *err);
 void cts_door_close(const CtsServer *server);
 
 /* routes.c: CtsHttpSettings.ask. */
 void cts_routes_ask(void *server, CtsHttpRequest *request);
 
-/* errands.c: takes the errand, or refuses it where too many wait; errand->shelved and its request are settled. The lock
- * is the caller's. */
+/* errands.c: queues a request, or returns false where too many are queued; errand->shelved and its request must be set.
+ * The caller holds the lock. */
 bool cts_errand_queue(CtsServer *server, CtsErrand *errand);
 void cts_errand_free(CtsErrand *errand);
 CtsStatus cts_errands_begin(CtsServer *server, CtsError *err);
-/* Waits for a moment, and stops what nobody waits for any more. */
+/* Waits, then stops rendering for clients that have disconnected. */
 void cts_errands_watch(CtsServer *server, int ms);
 void cts_errands_end(CtsServer *server);
 
 /* lists.c: JSON, to be freed with free(); NULL without memory. */
 char *cts_list_series(CtsServer *server);
 char *cts_list_presets(void);
-/* The labels of a series that is loaded; none of others. */
+/* The labels of a series; empty while it is not loaded. */
 char *cts_list_labels(CtsServer *server, const char *id);
 /* The Rendered Volume Response Module (PS3.18 Annex K). */
 char *cts_list_module(const CtsErrand *errand);
-/* How the picture was made, for who shows it, on one line. */
+/* The scene of the picture, one line of JSON for the header of its answer. */
 char *cts_list_scene(const CtsServer *server, const CtsErrand *errand);
 
-/* Serves until options->net.stop is set; requests under way are then answered with 503. Options are those of the
- * command `serve`. ready is told where to find the page, its token in it where nobody else knows it; note what is
- * found. */
+/* Serves until options->net.stop is set; running requests are then answered with 503. Options are those of the command
+ * `serve`. ready gets the URL of the page, with the token where the server generated it; note gets messages about the
+ * series found. */
 CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), void (*note)(const char *text),
                     CtsError *err);
 

@@ -40,7 +40,7 @@ static CtsStatus add(CtsShelf *shelf, const char *study_uid, const char *uid, in
     return CTS_OK;
 }
 
-/* Where a key cannot be had, names last as long as the server. */
+/* Without a site key, series names last as long as the server. */
 static CtsStatus find_key(CtsShelf *shelf, CtsError *err)
 {
     CtsError why;
@@ -76,7 +76,7 @@ static const char **slice_paths(const CtsSeriesList *list, size_t *n)
     return paths;
 }
 
-/* Presentation states are among what is passed over. */
+/* Presentation states are among the files that the search skips. */
 static CtsStatus find_states(CtsShelf *shelf, CtsError *err)
 {
     const CtsSeriesList *const list = shelf->list;

@@ -1,4 +1,4 @@
-/* What is loaded of a series: found or fetched, read, made into volumes, and dropped for others. */
+/* Loading of series: find or fetch, read, process volumes, and free others to make room. */
 #include "app/serve/shelf.h"
 
 #include "base/clock.h"
@@ -27,7 +27,7 @@ static void free_cut(CtsCut *cut)
     free(cut);
 }
 
-/* Those that were not used longest go, but those in use. */
+/* Frees the least recently used ones that are idle. */
 static void drop_idle(CtsCut *cut)
 {
     int n = 0;
@@ -105,7 +105,7 @@ void cts_shelf_drop(CtsShelf *shelf, CtsShelved *s)
 static uint64_t bytes_of(const CtsVolume *v)
 {
     const uint64_t n = (uint64_t)v->dims[0] * (uint64_t)v->dims[1] * (uint64_t)v->dims[2];
-    return n * sizeof *v->grey + n / 4; /* macro-cells, and what renderers keep */
+    return n * sizeof *v->grey + n / 4; /* macro-cells, and data of renderers */
 }
 
 static bool is_idle(const CtsShelved *s)
@@ -113,7 +113,7 @@ static bool is_idle(const CtsShelved *s)
     return !s->busy && s->n_running == 0 && (s->bytes || s->cuts);
 }
 
-/* Of the series whose turn it is, the volume that was not asked for longest. */
+/* Frees the least recently used volume of a series. */
 static bool drop_one_cut(CtsShelf *shelf, CtsShelved *s)
 {
     CtsCut *oldest = NULL;
@@ -168,7 +168,7 @@ static CtsStatus look_in(const char *path, const CtsSource *source, CtsShelved *
     return st ? st : cts_series_choose(s->loaded.list, s->uid, &s->loaded.series, err);
 }
 
-/* Where it may be, one place after the other. */
+/* Tries each possible location in turn. */
 static CtsStatus find_on_demand(const CtsShelf *shelf, const CtsSource *source, CtsShelved *s, CtsReport *report,
                                 CtsError *err)
 {

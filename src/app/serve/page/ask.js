@@ -1,9 +1,9 @@
-// Requests to the server, and what every part of the page needs.
+// Requests to the server, and helpers for all modules of the page.
 
 const pause = ms => new Promise(done => setTimeout(done, ms));
 
-// {blob, scene}; an error has the server's own line. Where too many wait it asks again. One that nobody waits for any
-// more is given up by its signal, which ends its picture on the server too.
+// Returns {blob, scene}; an error has the server's message. Retries while the server's queue is full. Aborting the signal
+// cancels the picture on the server too.
 export async function ask(path, signal) {
   for (;;) {
     const answer = await fetch(path, {signal});

@@ -1,4 +1,4 @@
-// Mouse, fingers, wheel and keys, as what they do to the look.
+// Mouse, touch, wheel and keys, translated to changes of the view.
 
 const DEGREES_A_PIXEL = 0.5, KEY_DEGREES = 5, KEY_PIXELS = 20, KEY_ZOOM = 1.15, WHEEL = 0.0015;
 

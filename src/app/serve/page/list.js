@@ -1,4 +1,4 @@
-// The series as cards: what the headers say, and a small picture that is made when its card comes into sight.
+// The series as cards: header data, and a thumbnail that is requested when its card becomes visible.
 import {ask, element, inTurn, status} from './ask.js';
 
 const THUMBNAIL = 'size=240x240&max-error=8&quality=80';
@@ -25,7 +25,7 @@ function card(series) {
   return link;
 }
 
-// One after the other, so that who looks at one patient does not wait for all the others.
+// One thumbnail after the other, so that the viewer's requests are not queued behind all of them.
 const sight = new IntersectionObserver(entries => {
   for (const {isIntersecting, target} of entries)
     if (isIntersecting) {

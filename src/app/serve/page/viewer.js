@@ -7,12 +7,12 @@ const SIDES = {a: ['anterior', 0, 0], p: ['posterior', 180, 0], l: ['left', 90, 
 const DRAFT = '8', REST_MS = 150, MOST = 1024, SLOW_MS = 100, MOST_COARSE = 4;
 const id = name => document.getElementById(name);
 
-// What is seen: azimuth and elevation in degrees; scale and centre once the first picture has told them.
+// The view: azimuth and elevation in degrees; scale and centre once known from the first picture.
 let look = null;
 let series = null;
 let presets = [];
 
-// coarse: so many times fewer pixels each way.
+// coarse: divisor of width and height.
 function words(coarse = 1) {
   const size = look.size.split('x').map(n => Math.max(1, Math.round(n / coarse))).join('x');
   const w = {preset: look.preset, view: `${+look.azimuth.toFixed(2)},${+look.elevation.toFixed(2)}`, size};
@@ -38,7 +38,7 @@ function stageSize() {
   return `${Math.round(stage.clientWidth * factor)}x${Math.round(stage.clientHeight * factor)}`;
 }
 
-let shown = null; // the address of what is on the stage
+let shown = null; // the URL of the displayed picture
 function put(blob) {
   if (shown)
     URL.revokeObjectURL(shown);
@@ -56,7 +56,7 @@ function tell(scene, isDraft, coarse = 1) {
     status(scene.warnings.join('; '));
 }
 
-// One draft at a time: the newest look waits, what lies between is left out. Where they take long they have fewer pixels.
+// One preview at a time: only the newest view is queued, intermediate ones are dropped. Slow previews get fewer pixels.
 let coarse = 1;
 let drafting = false, wanted = false, resting = null, restTimer = 0;
 async function draft() {
@@ -118,7 +118,7 @@ function showCommand() {
   const quoted = value => /^[\w.,-]*$/.test(value) ? value : `'${value.replaceAll("'", "'\\''")}'`;
   const labels = id('labels').hidden ? '' : '--labels LABELS ';
   const text = labels + Object.entries(words()).map(([name, value]) => `--${name} ${quoted(value)}`.trim()).join(' ');
-  // Lines end between words, not at the first of two hyphens.
+  // Breaks lines between words, not after the first of two hyphens.
   const command = `ctsplat render PATH -o picture.png --png-bits 8 ${text}`.split(' ');
   id('command').replaceChildren(...command.flatMap(word => [element('span', {textContent: word}), ' ']));
   for (const a of id('downloads').children)
