@@ -10,14 +10,15 @@
 enum {
     RATIO = 100, /* CT packs three to one, an empty phantom fifty to one */
     EXTRA = 64 << 20,
-    LOOK = 4096, /* bytes that tell what a member is */
+    LOOK = 4096, /* bytes needed to detect a member's format */
     MAX_NAME = 1024,
     UNPACKING_MEMORY = 256 << 20,
     UNPACKING_CPU_S = 120,
     ALIGNMENT = 16
 };
 
-/* What the child writes, one behind the other: this, the name with its NUL, the bytes. An end has no name. */
+/* Format of the unpacker's output, repeated: this record, the name with its NUL, the bytes. The last record has no
+ * name. */
 typedef struct Record {
     uint64_t n_bytes;
     uint32_t n_name;
@@ -36,7 +37,7 @@ bool cts_archive_is_zip(const char *path)
     return is_zip;
 }
 
-/* The child's side. */
+/* State of the unpacker process. */
 typedef struct Writer {
     uint8_t *bytes;
     size_t n, pos;
@@ -134,7 +135,7 @@ int cts_member_by_name(const void *a, const void *b)
     return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
 }
 
-/* What the child has written is as foreign as the file: every length is checked. */
+/* The unpacker's output is as untrusted as the file: every length is checked. */
 static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
 {
     for (size_t pos = 0;;) {

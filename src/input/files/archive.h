@@ -1,4 +1,4 @@
-/* Zip files: one, and those that a list keeps. */
+/* Zip files, and a list of them. */
 #ifndef CTS_FILES_ARCHIVE_H
 #define CTS_FILES_ARCHIVE_H
 
@@ -16,10 +16,10 @@
 enum { CTS_MAX_MEMBERS = 200000 };
 
 typedef struct CtsMember {
-    const char *name; /* as the archive has it: for messages */
+    const char *name; /* as in the archive: for messages */
     const uint8_t *bytes;
     uint64_t n_bytes;
-    bool is_bad; /* cannot be unpacked: encrypted, damaged; bytes then says why, as text */
+    bool is_bad; /* cannot be unpacked: encrypted or damaged; bytes then contains the reason, as text */
 } CtsMember;
 
 /* For qsort() and bsearch(). */
@@ -28,26 +28,26 @@ int cts_member_by_name(const void *a, const void *b);
 typedef struct CtsArchive {
     CtsMember *members; /* n_members, in order of name */
     int n_members, n_other;
-    CtsSandbox unpacker; /* keeps the memory; its child is gone */
+    CtsSandbox unpacker; /* owns the memory; its process has ended */
 } CtsArchive;
 
-/* Whether a file begins as a zip file does. */
+/* True if a file begins like a zip file. */
 bool cts_archive_is_zip(const char *path);
 
-/* Unpack all members but folders and what plainly is no DICOM (counted in n_other). They may take a hundred times the
- * file's size and 64 MiB, and half of the memory that is free. CTS_ERR_READ, with the reason, when it is no sound zip
- * file or holds more. */
+/* Unpacks all members except folders and files that are not DICOM by their first bytes (counted in n_other). They may
+ * take a hundred times the file's size and 64 MiB, and half of the free memory. CTS_ERR_READ, with the reason, for a
+ * damaged zip file or one that is too large. */
 CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err);
 void cts_archive_free(CtsArchive **archive);
 
-/* The two halves of opening one, on a room of n_room bytes (4096 or more): what the child does, and what the program
- * makes of it, trusting none of it. */
+/* The two halves of opening one, on a room of n_room bytes (4096 or more): unpacking in the sandbox, and parsing of its
+ * untrusted output. */
 CtsStatus cts_archive_unpack(const void *order, const uint8_t *zip, size_t n, void *room, size_t n_room, CtsError *err);
 CtsStatus cts_archive_list(const uint8_t *room, size_t n_room, CtsArchive **archive, CtsError *err);
 
 /* Archives that stay in memory, and their members by path. */
 
-/* Takes archive over, in any case. *archives is made where it is NULL. */
+/* Takes ownership of archive in any case. Creates *archives where it is NULL. */
 CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive *archive, CtsError *err);
 
 /* The file of this path, which stays the caller's; false when no archive has it. archives may be NULL. */

@@ -3,7 +3,7 @@
 #include "dicom/header/head.h"
 #include <string.h>
 
-/* What a file that is no DICOM was packed with, by its first bytes. */
+/* The packing program of a file that is not DICOM, by its first bytes. */
 static const char *packer_of(const uint8_t *bytes, size_t n)
 {
     static const struct {

@@ -11,7 +11,7 @@
 #include <zlib.h>
 
 enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MOST_EXTENSION = 16 << 20, MOST_DIM = 32767 };
-enum { MOST_PACKED = 1032 }; /* bytes that one byte of deflate can stand for: matches of 258 in 2 bits */
+enum { MOST_PACKED = 1032 }; /* largest ratio of deflate: matches of 258 bytes in 2 bits */
 
 /* All datatypes that hold one number a voxel. */
 static const struct {
@@ -51,7 +51,7 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path)
     return NULL;
 }
 
-/* zlib reads what is packed and what is not. */
+/* zlib reads packed and plain files alike. */
 static CtsStatus read_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
 {
     enum { MOST = 1 << 30 };
@@ -98,7 +98,7 @@ static double real_at(const CtsNifti *f, const uint8_t *p, int n)
     return n == 4 ? (double)single : value;
 }
 
-/* Where the two versions have what. */
+/* Offsets and sizes of fields in both versions. */
 typedef struct Layout {
     int datatype, dim, dim_bytes, pixdim, real_bytes, offset, slope, forms, form_bytes, quatern, rows, units;
 } Layout;
@@ -140,7 +140,7 @@ static double spanned(const CtsNiftiPlace *p)
     return cts_dot3(normal, p->step_lps[2]);
 }
 
-/* Of RAS rows in units of so many mm; LPS: x and y turn round. */
+/* From RAS rows in units of so many mm to LPS: x and y change sign. */
 static void set_place(CtsNiftiPlace *p, const double m[3][4], double mm)
 {
     for (int row = 0; row < 3; row++) {
@@ -185,7 +185,7 @@ void cts_nifti_take_form(CtsNifti *f, CtsNiftiForm form)
     memcpy(f->step_lps, place->step_lps, sizeof f->step_lps);
 }
 
-/* The largest displacement of a corner in voxels, with the voxel sizes of the one place in both, and in mm. */
+/* The largest displacement of a corner in voxels, with the voxel sizes of the first form for both, and in mm. */
 static double corner_off(const CtsNifti *f, const double size_mm[3], double *off_mm)
 {
     double most = 0;
@@ -275,13 +275,14 @@ static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const Layout *l, CtsE
     return CTS_OK;
 }
 
-/* What stands between the header and the voxels: 4 bytes, then blocks of a size, a code and text of any kind. */
+/* The extension between header and voxels: 4 bytes, then blocks of a size, a code and text of any kind. */
 static CtsStatus read_extension(CtsNifti *f, uint64_t offset, CtsError *err)
 {
     const uint64_t at = (uint64_t)gztell(f->stream);
     if (offset < at)
         return cts_fail(err, CTS_ERR_READ, "its voxels begin inside its header");
-    if (offset - at <= 12 || offset - at > MOST_EXTENSION) /* where the file ends before, reading on says so */
+    /* where the file ends earlier, reading the voxels fails with a message */
+    if (offset - at <= 12 || offset - at > MOST_EXTENSION)
         return gzseek(f->stream, (z_off_t)offset, SEEK_SET) < 0
                    ? cts_fail(err, CTS_ERR_READ, "cut short in its extension")
                    : CTS_OK;

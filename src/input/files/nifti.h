@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Where voxels lie: the centre of the first one, and from voxel to voxel. */
+/* Position of the voxels: the centre of the first one, and the steps from voxel to voxel. */
 typedef struct CtsNiftiPlace {
     bool given;                           /* with a code above 0, and axes that span space */
     double origin_lps[3], step_lps[3][3]; /* mm */
@@ -17,29 +17,29 @@ typedef struct CtsNiftiPlace {
 typedef struct CtsNifti {
     int dims[3];
     CtsNiftiPlace sform, qform;
-    double origin_lps[3], step_lps[3][3]; /* of the form that was taken: the sform, else the qform */
+    double origin_lps[3], step_lps[3][3]; /* of the form in use: the sform, else the qform */
     double slope, intercept;              /* value = slope * number + intercept */
     int datatype, bytes;                  /* of a number */
     bool is_whole, is_signed;             /* an integer type */
     char *extension;                      /* n_extension bytes; owned, or NULL */
     size_t n_extension;
-    /* Where the numbers come from: */
+    /* The source of the numbers: */
     const CtsFileBytes *file;
     bool big_endian;
     bool is_packed;          /* with gzip */
     struct gzFile_s *stream; /* zlib's, of the file unpacked */
 } CtsNifti;
 
-/* Whether a file that begins so is NIfTI, alone or packed with gzip. */
+/* True if a file that begins so is NIfTI, plain or packed with gzip. */
 bool cts_nifti_is(const uint8_t *head, size_t n);
-/* A format that is told by its name: how to make NIfTI of it; NULL: none of them. */
+/* Advice for converting another format, recognised by its name or first bytes, to NIfTI; NULL for an unknown one. */
 const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path);
 
 /* Reads up to the first number. Close in any case. */
 CtsStatus cts_nifti_open(CtsNifti *nifti, const CtsFileBytes *file, CtsError *err);
 void cts_nifti_close(CtsNifti *nifti);
 
-/* How two places of the same voxels differ; of what is less than DIFFER nobody is told. */
+/* Result of comparing both forms; smaller differences than CTS_NIFTI_FORMS_DIFFER are not reported. */
 typedef enum CtsNiftiForms {
     CTS_NIFTI_FORMS_AGREE,  /* or one is not given */
     CTS_NIFTI_FORMS_DIFFER, /* voxel size by more than 1 %, an axis by more than 1 degree, or, sizes aside, a corner by
@@ -47,13 +47,13 @@ typedef enum CtsNiftiForms {
     CTS_NIFTI_FORMS_CONTRADICT /* one is mirrored, or an axis points elsewhere by more than 45 degrees */
 } CtsNiftiForms;
 enum { CTS_NIFTI_FORMS_TEXT = 240 };
-/* text: what the difference is, by subject "its sform and its qform". */
+/* text: a description of the difference, to follow the subject "its sform and its qform". */
 CtsNiftiForms cts_nifti_compare_forms(const CtsNifti *nifti, char text[CTS_NIFTI_FORMS_TEXT]);
-/* Take this form where it is given, else the other; AUTO: the sform first. */
+/* Uses this form where it is given, else the other; AUTO: the sform first. */
 void cts_nifti_take_form(CtsNifti *nifti, CtsNiftiForm form);
 
-/* How many numbers there are, each of which takes so many bytes once it is read. Refuses more than memory has room for,
- * and more than the file can hold. */
+/* The count of numbers, each of which takes bytes_each bytes in memory. Refuses more than the free memory, and more
+ * than the file can hold. */
 CtsStatus cts_nifti_count(const CtsNifti *nifti, size_t bytes_each, size_t *n, CtsError *err);
 /* The next n numbers as values. */
 CtsStatus cts_nifti_read(CtsNifti *nifti, double *values, size_t n, CtsError *err);

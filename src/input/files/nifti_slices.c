@@ -22,7 +22,7 @@ CtsBox cts_nifti_box(const CtsNifti *f)
     return cts_box_as_scanned(&box, 2);
 }
 
-/* What all its slices have in common. */
+/* Fields common to all slices. */
 static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, const CtsBox *box)
 {
     CtsSlice s = {.path = source->path,
@@ -69,7 +69,7 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
     return s;
 }
 
-/* As of a DICOM slice. */
+/* The checks of a DICOM slice's position. */
 static void check_place(CtsSlice *s)
 {
     if (fabs(cts_dot3(s->row_lps, s->column_lps)) > 1e-3)
@@ -101,7 +101,7 @@ static CtsStatus add_slices(const CtsBox *box, const CtsSlice *common, CtsObject
     return CTS_OK;
 }
 
-/* Nobody but the user knows which one is right. */
+/* Only the user can know which of two contradictory forms is right. */
 static void check_forms(const CtsNifti *nifti, CtsObject *object)
 {
     char text[CTS_NIFTI_FORMS_TEXT];

@@ -37,7 +37,7 @@ static char *join(const char *folder, const char *name)
     return asprintf(&path, "%s%s%s", folder, n && folder[n - 1] == '/' ? "" : "/", name) < 0 ? NULL : path;
 }
 
-/* The kind of a directory entry without a stat where the file system tells; a link counts as what it leads to, but a
+/* The kind of a directory entry, without stat() where the file system provides it; a link counts as its target, but a
  * link to a folder as special. */
 static unsigned char entry_type(int folder_fd, const struct dirent *entry)
 {
@@ -45,7 +45,7 @@ static unsigned char entry_type(int folder_fd, const struct dirent *entry)
     if (entry->d_type != DT_UNKNOWN && entry->d_type != DT_LNK)
         return entry->d_type;
     if (fstatat(folder_fd, entry->d_name, &info, AT_SYMLINK_NOFOLLOW))
-        return DT_REG; /* opening it will say what is wrong */
+        return DT_REG; /* opening it will report the error */
     if (S_ISLNK(info.st_mode))
         return fstatat(folder_fd, entry->d_name, &info, 0) || S_ISREG(info.st_mode) ? DT_REG : DT_LNK;
     return S_ISREG(info.st_mode) ? DT_REG : S_ISDIR(info.st_mode) ? DT_DIR : DT_SOCK;
@@ -153,7 +153,7 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
         CtsFile member;
         if (cts_archives_find(scan->archives, paths[i], &member))
             st = scan->found(scan->context, &member, NULL, err);
-        else if (stat(paths[i], &info) && !lstat(paths[i], &info)) /* a link that leads nowhere: opening it says so */
+        else if (stat(paths[i], &info) && !lstat(paths[i], &info)) /* a dangling link: opening it reports the error */
             st = scan->found(scan->context, &(CtsFile){.path = paths[i], .named = true}, NULL, err);
         else if (stat(paths[i], &info))
             st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));

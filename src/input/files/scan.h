@@ -11,29 +11,29 @@
 #include <stdint.h>
 
 typedef struct CtsFileList {
-    CtsFile *items; /* whose paths are among the texts */
+    CtsFile *items; /* their paths are among the texts */
     CtsTexts texts;
     size_t n;
     int n_special;                /* sockets, devices, links to folders and the like: never opened */
     int n_unreadable;             /* folders that cannot be listed; findings name them */
     int n_other;                  /* members of archives that are plainly no DICOM */
-    struct CtsArchives *archives; /* that were named */
+    struct CtsArchives *archives; /* zip files named as paths */
     CtsFindings findings;
 } CtsFileList;
 
-/* What a search does with each file, and what it counts on the way. Zero-initialise; free the findings. */
+/* Callback and counters of a search. Zero-initialise; free the findings. */
 typedef struct CtsScan {
     /* The file is there for as long as the call; archive is the path of the zip file that it is a member of, or NULL.
      */
     CtsStatus (*found)(void *context, const CtsFile *file, const char *archive, CtsError *err);
     void *context;
-    struct CtsArchives **kept;          /* takes the archives that are named, to which their members' bytes belong */
+    struct CtsArchives **kept;          /* receives the named archives, which own the bytes of their members */
     const struct CtsArchives *archives; /* unpacked before, whose members may be named; or NULL */
     int n_special, n_unreadable, n_other;
     CtsFindings findings;
 } CtsScan;
 
-/* Calls found for each file as it is met, in the folders' own order; a path may come twice. Memory is that of one
+/* Calls found for each file when it is met, in the folders' own order; a path may occur twice. Needs memory for one
  * folder's list of subfolders. Otherwise as cts_scan_paths(). */
 CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, CtsError *err);
 

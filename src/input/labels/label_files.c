@@ -43,7 +43,7 @@ typedef struct Opened {
     CtsFileBytes bytes;
     uint8_t head[HEAD_BYTES];
     size_t n_head;
-    char class_uid[65]; /* as its meta header has it */
+    char class_uid[65]; /* from its meta header */
     bool is_dicom;
 } Opened;
 
@@ -62,13 +62,13 @@ static CtsStatus open_label(const CtsFile *file, Opened *o, CtsError *err)
     return st;
 }
 
-/* All that is read for one series. */
+/* The label files of one series. */
 typedef struct Search {
     const CtsLabelRequest *request;
     CtsLabelReading reading;
-    char (*seen)[65]; /* instance UIDs of what was read: a copy of an object counts once */
+    char (*seen)[65]; /* instance UIDs read so far: a copy of an object counts once */
     size_t n_seen;
-    bool only_referring; /* of what is found beside the series */
+    bool only_referring; /* of the files beside the series */
     bool in_folder;      /* files of other kinds are passed over */
     int n_read;
 } Search;
@@ -167,7 +167,7 @@ static CtsStatus read_folder(Search *s, const char *const *paths, int n_paths, C
     return st;
 }
 
-/* Folders of the series' slices, and of where it was looked for. */
+/* Reads label files from the folders of the series' slices and of its search paths. */
 static CtsStatus read_beside(Search *s, CtsError *err)
 {
     const CtsSeries *const series = s->reading.series;
@@ -253,7 +253,7 @@ CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *serie
     return st;
 }
 
-/* Whether the label file at path is this series'. */
+/* True if the label file at path belongs to this series. */
 static bool belongs(const char *path, const CtsSeries *series)
 {
     CtsPlainObject object;

@@ -159,7 +159,7 @@ typedef struct Xml {
     CtsLabelNames *names;
     CtsStatus status;
     CtsError *err;
-    int number;    /* of the label that is open; -1: none */
+    int number;    /* of the open label element; -1: none */
     double rgb[3]; /* 0 to 1; below 0: none */
     char name[256];
     size_t n;

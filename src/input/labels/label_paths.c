@@ -22,7 +22,7 @@ void cts_label_stem(const char *path, char *stem, size_t size)
     snprintf(stem, size, "%.*s", (int)n, name);
 }
 
-/* How what stands for a place is written: as it is, or so that glob() takes each of its letters for itself. */
+/* Writes the value of a placeholder: unchanged, or with glob()'s special characters escaped. */
 static void put(FILE *out, const char *text, bool for_glob)
 {
     for (; *text; text++)
@@ -84,7 +84,7 @@ static CtsStatus add_for(const char *pattern, const char *uid, const char *stem,
 
 CtsStatus cts_label_paths(const char *pattern, const char *uid, const char *ct, CtsLabelPaths *paths, CtsError *err)
 {
-    static const char channel[] = "_0000"; /* of nnU-Net's images, whose label maps have none */
+    static const char channel[] = "_0000"; /* suffix of nnU-Net's images, which its label maps lack */
     char stem[256] = "";
     bool found = false;
     *paths = (CtsLabelPaths){0};

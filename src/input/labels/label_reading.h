@@ -1,4 +1,4 @@
-/* What the readers of label files share. */
+/* Shared functions of the label readers. */
 #ifndef CTS_LABELS_LABEL_READING_H
 #define CTS_LABELS_LABEL_READING_H
 
@@ -29,16 +29,16 @@ typedef struct CtsLabelNames {
     size_t n_regions;
 } CtsLabelNames;
 
-/* A JSON object of names by number or of numbers by name, nnU-Net's dataset.json, which has one as its "labels" and
- * may have regions there, or a table of ITK-SNAP, with colours. what: how messages call it. CTS_ERR_USAGE when it is
+/* Parses a JSON object of names by number or of numbers by name, nnU-Net's dataset.json, whose "labels" is one and may
+ * contain regions, or a table of ITK-SNAP, with colours. what: the file's name in messages. CTS_ERR_USAGE when it is
  * none of these. */
 CtsStatus cts_label_names_parse(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err);
 CtsStatus cts_label_names_read(const char *path, CtsLabelNames *names, CtsError *err);
-/* Caret's XML (<Label Key="1">liver</Label>); names stays as it was where there is none. */
+/* Parses Caret's XML (<Label Key="1">liver</Label>); names stays unchanged where there is none. */
 CtsStatus cts_label_names_xml(const char *text, size_t n, CtsLabelNames *names, CtsError *err);
 void cts_label_names_free(CtsLabelNames *names);
 
-/* NULL: it has none. */
+/* NULL if the number has no name. */
 const CtsLabelName *cts_label_names_find(const CtsLabelNames *names, int number);
 
 /* A DICOM object whose header is held in memory and whose pixels are read frame by frame. */
@@ -55,23 +55,23 @@ typedef struct CtsPlainObject {
     uint64_t pixel_offset, pixel_bytes;         /* of the value; where encapsulated all that is left of the source */
 } CtsPlainObject;
 
-/* Whether a file that begins so is DICOM; class_uid may then be "" (no meta header, or deflated). */
+/* True if a file that begins so is DICOM; class_uid may then be "" (no meta header, or deflated). */
 bool cts_plain_is_dicom(const uint8_t *head, size_t n, char class_uid[65]);
 
-/* Close in any case. CTS_ERR_READ for what is damaged or claims more bytes than the file has. */
+/* Close in any case. CTS_ERR_READ for a damaged file or one that claims more bytes than it has. */
 CtsStatus cts_plain_open(CtsPlainObject *object, const CtsFile *file, CtsError *err);
 void cts_plain_close(CtsPlainObject *object);
 
-/* A text as UTF-8, by the object's character set, cut to its size. */
+/* A text as UTF-8, decoded by the object's character set, truncated to size. */
 void cts_plain_text(const CtsPlainObject *object, CtsElements elements, uint32_t tag, char *text, size_t size);
 
-/* What the readers of label files share. */
+/* Shared state of the label readers. */
 
-/* One file on its way into the labels of one series. */
+/* A label file that is being read for one series. */
 typedef struct CtsLabelReading {
     const CtsSeries *series;
     CtsLabels *labels;
-    int file;                   /* the how manyth, from 1 */
+    int file;                   /* index of the label file, from 1 */
     const char *name;           /* of a mask that is named by its file; else NULL */
     int number;                 /* of such a mask */
     const CtsLabelNames *names; /* for a label map's numbers; or NULL */
@@ -83,8 +83,8 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsPlainObjec
 CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
 CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileBytes *file, CtsError *err);
 
-/* Which of a label map's two forms holds: where they differ the one that equals the series' grid. CTS_ERR_GEOMETRY
- * where they contradict each other and neither does, or both do. */
+/* Chooses one of a label map's two forms: where they differ the one that equals the series' grid. CTS_ERR_GEOMETRY
+ * where they contradict each other and neither or both equal it. */
 CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *nifti, CtsError *err);
 
 /* The scanned slices of a series as a grid; free with cts_label_grid_free(). */
@@ -93,9 +93,9 @@ CtsStatus cts_label_grid_of(CtsLabelGrid *grid, const CtsSeries *series, CtsErro
 /* The name of a file without its folders and its ending .nii or .nii.gz. */
 void cts_label_stem(const char *path, char *stem, size_t size);
 
-/* What a pattern with {series_uid}, {stem} and * names for a series; free with cts_label_paths_free(). ct: the path of
- * a NIfTI CT, or NULL, for which {stem} names nothing. One that names a single file names it whether it is there or
- * not. */
+/* Files that match a pattern with {series_uid}, {stem} and * for a series; free with cts_label_paths_free(). ct: the
+ * path of a NIfTI CT, or NULL, for which {stem} matches nothing. A pattern for a single file gives its path whether it
+ * exists or not. */
 typedef struct CtsLabelPaths {
     char **items;
     size_t n;
@@ -103,16 +103,16 @@ typedef struct CtsLabelPaths {
 CtsStatus cts_label_paths(const char *pattern, const char *uid, const char *ct, CtsLabelPaths *paths, CtsError *err);
 void cts_label_paths_free(CtsLabelPaths *paths);
 
-/* Whether an object names the series, or one of its slices. */
+/* True if an object refers to the series, or to one of its slices. */
 bool cts_label_refers(CtsElements elements, const CtsSeries *series);
 bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series);
-/* Its patient is the series', and so is its space: frame_uid, "" where it tells none. */
+/* Checks that its patient is the series', and its frame of reference too: frame_uid, "" where it has none. */
 CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
 CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsPlainObject *object, const char *frame_uid,
                                 CtsError *err);
 
-/* Masks on a grid of their own -> runs of the scanned voxels, each of which takes the mask's voxel nearest to it, and
- * shares of those that the mask's own field fills in part. */
+/* Masks on a grid of their own, resampled to runs of the scanned voxels: each voxel takes the mask's nearest one, and a
+ * fraction where the mask's own field covers it in part. */
 
 enum { CTS_MASK_VALUES = 65536 };
 
@@ -129,10 +129,10 @@ typedef struct CtsMask {
     int columns, rows, n_planes;
     double step_lps[2][3];
     double (*position_lps)[3];
-    double gap_mm; /* from plane to plane where none is left out; 0: not known */
+    double gap_mm; /* between planes where none is missing; 0: not known */
     CtsStatus (*plane)(void *context, int number, CtsMaskPlane *plane, CtsError *err);
     void *context;
-    const int32_t *label_of; /* CTS_MASK_VALUES: which of the labels, -1: none */
+    const int32_t *label_of; /* CTS_MASK_VALUES: label index of each value, -1: none */
 } CtsMask;
 
 /* Directions dual to the pixel steps, within their plane: pixel = inverse * (point - position). False where the steps
@@ -142,11 +142,11 @@ bool cts_mask_axes(const double step_lps[2][3], double inverse[2][3]);
 /* *on_grid: whether its pixels are scanned voxels. Where they are not, no two planes may lie in one place. */
 CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, bool *on_grid, CtsError *err);
 
-/* Runs and shares are added to the labels, and sorted. What lies outside the volume is told; held_mm3 is added to: what
- * the mask's labels hold. */
+/* Adds runs and fractions to the labels, sorted. Warns about parts outside the volume; adds the volume of the mask's
+ * labels to held_mm3. */
 CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, double *held_mm3, CtsError *err);
 
-/* Refuses a file that holds something, in any unit, and has no voxel in the scan. */
+/* Refuses a file whose labels are not empty (held, in any unit) but have no voxel in the scan. */
 CtsStatus cts_label_check_meets(const CtsLabelReading *reading, double held, CtsError *err);
 
 /* Warns of a label of which so much, in any unit, lies outside. */

@@ -1,4 +1,4 @@
-/* What changes where label files do. */
+/* A text that changes when label files change. */
 #include "base/mem.h"
 #include "ctsplat/label_files.h"
 #include "input/files/scan.h"

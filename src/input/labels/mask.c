@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A pixel this near to a voxel's centre is that voxel; so is what is resampled, but for much less. */
+/* A pixel this near to a voxel's centre counts as that voxel; offsets of resampled masks are far smaller. */
 #define NEAR_PIXELS 0.02
 #define SNAP_PIXELS 1e-3
 
@@ -28,7 +28,7 @@ typedef struct Placing {
     double *at_mm, *slice_mm;            /* of planes and of slices along the mask's normal */
     Place *sorted;                       /* the planes by rising place */
     double same_mm;                      /* planes no further apart lie in one place */
-    double reach_mm;                     /* how far a plane stands for what lies before and behind it */
+    double reach_mm;                     /* distance up to which a plane covers the space before and behind it */
     uint64_t *n_mask;                    /* by value: pixels in the mask */
 } Placing;
 
@@ -160,9 +160,8 @@ static int plane_behind(const Placing *p, double at_mm)
     return low;
 }
 
-/* The planes before and behind a place along the normal, -1 for none, and how much of what lies there each makes out:
- * straight from plane to plane, and to nothing where the next one is left out. Returns the nearest; -1: none stands for
- * the place. */
+/* The planes before and behind a position along the normal, -1 for none, and their weights: linear from plane to plane,
+ * and falling to 0 where the next plane is missing. Returns the nearest; -1: no plane covers the position. */
 static int planes_about(const Placing *p, double at_mm, int plane[2], double weight[2])
 {
     const int behind = plane_behind(p, at_mm);
@@ -217,12 +216,12 @@ static CtsStatus place_on_grid(const Placing *p, CtsError *err)
 /* All planes, for a mask that is not on the grid: the field of each label is trilinear between its pixels. */
 typedef struct Field {
     const Placing *placing;
-    uint16_t *values, *shares; /* shares NULL: where values say so all of a pixel */
+    uint16_t *values, *shares; /* shares NULL: a value means a whole pixel */
     uint16_t sharer;
     double (*origin)[2]; /* of each plane: inverse * position */
 } Field;
 
-/* What some values make out of a point. */
+/* Weights of values at a point. */
 typedef struct Mix {
     int n, value[8];
     double share[8];
@@ -249,7 +248,7 @@ static double snapped(double x)
     return fabs(x - rint(x)) < SNAP_PIXELS ? rint(x) : x;
 }
 
-/* A plane's part at its pixel (x, y). */
+/* Adds a plane's contribution at its pixel (x, y). */
 static void mix_plane(const Field *f, int plane, double weight, double x, double y, Mix *mix)
 {
     const CtsMask *const m = f->placing->mask;
@@ -263,7 +262,7 @@ static void mix_plane(const Field *f, int plane, double weight, double x, double
     }
 }
 
-/* The value of the pixel nearest to a point: a tie goes one way whatever the last digits are. */
+/* The value of the pixel nearest to a point: ties are resolved in one direction independent of rounding. */
 static int nearest_value(const Field *f, int plane, double u, double v)
 {
     const CtsMask *const m = f->placing->mask;
@@ -358,8 +357,8 @@ static int by_place(const void *a, const void *b)
     return x->at_mm != y->at_mm ? (x->at_mm < y->at_mm ? -1 : 1) : x->plane - y->plane;
 }
 
-/* Half the gap between planes. Where the file does not tell it and every plane is a slice, no slice without a plane
- * takes its neighbour's: empty planes are left out. */
+/* Half the gap between planes. Where the file does not give the gap and every plane is a slice, slices without a plane
+ * get nothing from their neighbours: empty planes are omitted from such files. */
 static void find_reach(Placing *p)
 {
     double gap = INFINITY, scanned_gap = INFINITY, farthest = 0;
@@ -393,7 +392,7 @@ void cts_label_tell_share(const CtsLabelReading *reading, const CtsLabel *label,
                            100 * inside / whole, label->fact.number);
 }
 
-/* The volume that each label has in the mask, and what of it has come into the scan. */
+/* Compares each label's volume in the mask with its volume in the scan. */
 static CtsStatus judge(const Placing *p, double *held_mm3, CtsError *err)
 {
     const CtsMask *const m = p->mask;

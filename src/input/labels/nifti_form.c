@@ -4,10 +4,10 @@
 #include <math.h>
 #include <string.h>
 
-/* Grids are equal whose corners lie this near to each other, in voxels. */
+/* Grids count as equal when their corners are this near to each other, in voxels. */
 #define SAME_VOXELS 0.1
 
-/* Whether a point is a corner of the file's box by a place. */
+/* True if a point is a corner of the file's box under a form. */
 static bool is_corner(const CtsNifti *f, const CtsNiftiPlace *p, const double point_lps[3])
 {
     double from_origin[3], across[3][3], volume;

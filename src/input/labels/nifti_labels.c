@@ -18,7 +18,7 @@ typedef struct Map {
     CtsLabelNames names;
 } Map;
 
-/* How far scl_slope, resampling and floats may leave a number from the whole one that was meant. */
+/* Largest deviation from a whole number caused by scl_slope, resampling and floats. */
 static const double rounding = 1e-3;
 
 static CtsStatus read_numbers(Map *m, CtsError *err)
@@ -55,7 +55,7 @@ static CtsStatus find_names(Map *m, CtsError *err)
         const uint32_t size = f->big_endian ? (uint32_t)p[0] << 24 | (uint32_t)p[1] << 16 | (uint32_t)p[2] << 8 | p[3]
                                             : (uint32_t)p[3] << 24 | (uint32_t)p[2] << 16 | (uint32_t)p[1] << 8 | p[0];
         if (size < 8 || size > f->n_extension - at)
-            break; /* says nothing about where voxels lie */
+            break; /* contains nothing about positions */
         size_t n = size - 8;
         const char *const text = (const char *)p + 8;
         while (n && text[n - 1] == 0)
@@ -149,7 +149,7 @@ static CtsStatus plane_of(void *context, int number, CtsMaskPlane *plane, CtsErr
     return CTS_OK;
 }
 
-/* Of the file's axes not taken yet the one nearest to a direction. */
+/* The file's axis nearest to a direction, among those not yet used. */
 static int nearest_axis(const CtsNifti *f, const double direction[3], const bool taken[3])
 {
     int nearest = -1;
@@ -164,7 +164,7 @@ static int nearest_axis(const CtsNifti *f, const double direction[3], const bool
     return nearest;
 }
 
-/* Planes across the scanned slices' normal, whatever the order of the file's axes. */
+/* Planes across the scanned slices' normal, for any order of the file's axes. */
 static CtsStatus place(Map *m, CtsError *err)
 {
     const CtsNifti *const f = &m->nifti;

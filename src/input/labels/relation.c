@@ -1,4 +1,4 @@
-/* Which series an object of labels belongs to, and the grid of that series. */
+/* The relation of a label object to a series, and the series' grid. */
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "dicom/header/slice.h"
@@ -49,7 +49,8 @@ static bool names_slice(const char *uid, const CtsSeries *series)
     return false;
 }
 
-/* In items alone: the object's own series is another. Slices are asked for only where no series is named. */
+/* Searches items only, since the object's own series is another one. Slices are compared only where no series is
+ * referenced. */
 static bool refers(CtsElements elements, const CtsSeries *series, int depth, bool slices)
 {
     CtsElement e;
@@ -90,7 +91,7 @@ CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsPlain
     char id[256];
     const char *const own = identity(reading->series, CTS_PATIENT_ID);
     cts_elements_text(object->elements, PATIENT_ID, id, sizeof id);
-    for (size_t n = strlen(id); n > 0 && strchr("^= ", id[n - 1]); n--) /* as the slices' is kept */
+    for (size_t n = strlen(id); n > 0 && strchr("^= ", id[n - 1]); n--) /* trailing characters as trimmed in slices */
         id[n - 1] = 0;
     if (id[0] && own[0] && strcmp(id, own))
         return cts_fail(err, CTS_ERR_GEOMETRY, "belongs to another patient than series %s (PatientID differs)",

@@ -40,7 +40,7 @@ typedef struct Outline {
     double (*pixels)[2]; /* the same as pixels of the slice that is being filled */
     size_t n_points, n_read;
     size_t n_ignored;         /* contours that enclose nothing */
-    size_t n_off, n_unfilled; /* planes that no slice takes; slices without a plane between two with one */
+    size_t n_off, n_unfilled; /* planes far from any slice; slices without a plane between two with one */
     double *crossings;
 } Outline;
 
@@ -52,7 +52,7 @@ static size_t n_values_of(CtsElements value)
     return n;
 }
 
-/* A corner that lies on a voxel's centre does so in spite of its decimals. */
+/* A vertex on a voxel's centre is snapped to it, in spite of its rounded decimals. */
 static double snapped(double x)
 {
     return fabs(x - rint(x)) < 1e-6 ? rint(x) : x;
@@ -105,8 +105,8 @@ static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
     return st;
 }
 
-/* Where the contours' edges cross a row of voxel centres: an edge holds its lower end and not its upper one, so that a
- * corner on a row counts once. */
+/* Crossings of the contours' edges with a row of voxel centres: an edge includes its lower end and excludes its upper
+ * one, so that a vertex on a row counts once. */
 static CtsStatus find_crossings(Outline *o, const Contour *first, const Contour *end, int row, size_t *n, CtsError *err)
 {
     *n = 0;
@@ -136,7 +136,7 @@ static CtsStatus fill_row(const Outline *o, CtsLabel *label, uint32_t row, size_
     return st;
 }
 
-/* Corners become pixels of a slice; which rows they reach. */
+/* Vertices in pixels of a slice, and the range of rows they span. */
 static void to_pixels(Outline *o, int slice, const Contour *first, const Contour *end, int *low, int *high)
 {
     double top = INFINITY, bottom = -INFINITY;

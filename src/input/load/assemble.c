@@ -22,13 +22,13 @@
 #define HU_OFFSET (-1024.0)
 enum { GREY_MAX = 65535 };
 
-/* What the threads share while slices become layers. */
+/* State shared by the threads that read slices into layers. */
 typedef struct Assembly {
     const CtsSlice *slices;
     const int *number;         /* of each slice in the series */
-    const CtsWordWatch *watch; /* NULL: nobody */
+    const CtsWordWatch *watch; /* NULL: none */
     int n_slices, n_threads;
-    uint16_t *first; /* where slice 0 goes; slice k lies layer_voxels further for each k */
+    uint16_t *first; /* position of slice 0; slice k lies k * layer_voxels further */
     size_t layer_voxels;
     bool whole_numbers;     /* every slope and intercept is one */
     CtsStoredRange *ranges; /* of each slice */
@@ -52,7 +52,7 @@ static uint16_t *layer_of(const Assembly *a, int k)
     return a->first + (size_t)k * a->layer_voxels;
 }
 
-/* One slice on its way from the file into the volume. */
+/* State of one slice while it is read. */
 typedef struct Arrival {
     Assembly *assembly;
     int k;
@@ -60,7 +60,7 @@ typedef struct Arrival {
     double grey_ms;
 } Arrival;
 
-/* Words first <= n < end become grey levels while they are in the cache. */
+/* Converts words first <= n < end to grey levels while they are in the cache. */
 static void take_words(void *context, const uint16_t *at, size_t first, size_t end)
 {
     Arrival *const in = context;
@@ -103,8 +103,8 @@ static bool too_many_bad(int n_bad, int n_slices)
     return n_bad * 10 > n_slices || n_slices - n_bad < 2;
 }
 
-/* Of several failures the first slice's is told, whatever the number of threads. Damaged pixels are that slice's alone;
- * anything else, or too much of it, ends the reading. */
+/* Of several failures the first slice's is reported, whatever the number of threads. Damaged pixels are a fault of that
+ * slice alone; other failures, or too much damage, end the reading. */
 static void note_failure(Assembly *a, int k, const CtsError *why)
 {
     const bool damaged = why->status == CTS_ERR_PIXELS && (a->faults[k] = strdup(why->text)) != NULL;
@@ -122,7 +122,7 @@ static void note_failure(Assembly *a, int k, const CtsError *why)
 
 /* One thread's. */
 typedef struct Reader {
-    CtsSandbox *decoder; /* a process for compressed pixels, started when the first come */
+    CtsSandbox *decoder; /* sandbox for compressed pixels, started at the first one */
     double busy[CTS_N_STAGES];
     int held; /* a slice that is being decoded, or -1 */
 } Reader;
@@ -156,7 +156,7 @@ static void read_held(Reading *r, Reader *reader)
     reader->held = -1;
 }
 
-/* While a worker takes a slice from its decoder, the next is decoded. */
+/* Pipelined: while a worker takes a slice from its decoder, the next one is decoded. */
 static void read_some(void *context, int worker, size_t first, size_t end)
 {
     Reading *const r = context;
@@ -195,7 +195,7 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
     return CTS_OK;
 }
 
-/* CTS_ERR_PIXELS: some slices are bad, and a->faults says which and why. */
+/* CTS_ERR_PIXELS: some slices are bad; a->faults has the reasons. */
 static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -294,7 +294,7 @@ static bool lost_bone(const Assembly *a, int k)
     return s->is_signed && s->slope > 0 && top < 1100 && s->slope * a->ranges[k].low + s->intercept < -1100;
 }
 
-/* Beyond any scanner's extended scale: a rescale slope that belongs to something else. */
+/* Beyond any scanner's extended scale: the rescale slope must be wrong. */
 static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *err)
 {
     int n_lost = 0;
@@ -326,8 +326,8 @@ static void take_words_as_stored(CtsOutliers *outliers, const Assembly *a, int k
     }
 }
 
-/* The range without isolated values that no scanner measures, which are listed. Grey levels do not tell them apart any
- * more, so that words are read again where they have become such. */
+/* The range without isolated outliers, which are listed. Grey levels saturate there, so the words are read again where
+ * needed. */
 static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers *outliers, CtsVolume *v,
                                     CtsReport *report, CtsError *err)
 {
@@ -354,7 +354,7 @@ static void mend_outliers(const Assembly *a, const CtsOutliers *outliers, const 
     }
 }
 
-/* coarsest_hu: from word to word, of slices whose words are rounded already. */
+/* coarsest_hu: HU step between words, for slices whose words were rounded before. */
 static void tell_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, CtsReport *report)
 {
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
@@ -377,7 +377,7 @@ static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
     return CTS_OK;
 }
 
-/* A slice of one value, or of padding, between others that hold more: lost on its way, or wiped out. */
+/* Warns about a slice of one value, or of padding, between others with more: lost in transfer, or erased. */
 static void tell_blank(const Assembly *a, CtsReport *report)
 {
     int first = -1, last = -1, blank = -1, n = 0;
@@ -418,7 +418,7 @@ typedef struct Loading {
     int *number;     /* of each in the series */
     uint16_t *words; /* of a NIfTI file; owned */
     const CtsWordWatch *watch;
-    char **faults; /* what was found of damaged ones while they were read; owned */
+    char **faults; /* messages about damaged slices; owned */
     int n_slices, n_threads;
     bool some_dropped;
 } Loading;
@@ -482,8 +482,7 @@ static void drop_bad(Loading *in, CtsReport *report)
     in->some_dropped = true;
 }
 
-/* Where the slices lie; what the loss of some has made of the stack is told here, for the series' own findings do not.
- */
+/* Positions of the slices; warns about gaps that removed slices leave, since the series' own findings do not. */
 static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSliceStack *stack, CtsReport *report,
                             CtsError *err)
 {
@@ -554,7 +553,7 @@ static CtsStatus in_series(const CtsSeries *series, CtsError *err)
                           : cts_context(err, "%.*s: series without UID", n > 1 ? n - 1 : 1, n ? first->path : ".");
 }
 
-/* Where the slices lie, for as long as the scanned volume does. */
+/* Stores the slices' positions with the scanned volume. */
 static CtsStatus place_slices(CtsScanned *scanned, const Loading *in, CtsSliceStack *stack, CtsError *err)
 {
     CtsStatus st = cts_alloc_array(&scanned->position_lps, (size_t)in->n_slices, err);
@@ -601,7 +600,7 @@ end:
     return st;
 }
 
-/* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
+/* A slice that turns out to be damaged is treated as missing, and the rest is read again. */
 static CtsStatus load(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
                       CtsReport *report, CtsError *err)
 {
@@ -636,7 +635,7 @@ CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, in
         return series->refusal;
     }
     const CtsStatus st = load(series, watch, cts_threads(n_threads), scanned, report, err);
-    /* What is not reading slices is making grey levels of them: memory, fractions. */
+    /* Time other than reading slices counts as conversion to grey levels. */
     cts_meter_stop(meter, report, CTS_STAGE_GREY);
     for (size_t i = 0; !st && i < series->findings.n; i++)
         cts_report_finding(report, series->findings.items[i].code, series->findings.items[i].severity, "%s",

@@ -10,10 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Below this a constant is what the scanner calls air. */
+/* A constant below this is the scanner's air. */
 static const double FILL_HU = -700;
-/* So many equal voxels in a row are no tissue: the noise of a reconstruction makes two neighbours equal once in ten
- * times at most. At one corner alone they count where they are some rows: reslicing may leave two of them. */
+/* Runs of equal voxels this long are not tissue: reconstruction noise makes two neighbours equal once in ten times at
+ * most. DEEP: at one corner alone several rows are needed, since reslicing may leave two. */
 enum { EQUAL = 16, DEEP = 4 };
 /* Less between the darkest and the brightest voxel is no scan of a body, as in a label map. */
 static const double LEAST_RANGE_HU = 100;
@@ -28,7 +28,7 @@ static const uint16_t *slice_of(const CtsScanned *s, int k)
     return s->even->grey + (size_t)(s->offset + k) * layer_voxels(s);
 }
 
-/* How many voxels from `at` on, `step` apart, are equal to the first, of at most n. */
+/* Number of voxels from `at` on, `step` apart, that equal the first, at most n. */
 static int n_equal(const uint16_t *at, ptrdiff_t step, int n)
 {
     int i = 1;
@@ -37,7 +37,7 @@ static int n_equal(const uint16_t *at, ptrdiff_t step, int n)
     return i;
 }
 
-/* The grey level of a corner of a slice from which a row or a column of equal voxels begins; 0: none. *is_deep: it is
+/* The grey level of a slice's corner from which a row or column of equal voxels begins; 0: none. *is_deep: there are
  * several rows or columns. */
 static uint16_t corner_level(const CtsVolume *v, const uint16_t *slice, bool right, bool bottom, bool *is_deep)
 {
@@ -49,7 +49,7 @@ static uint16_t corner_level(const CtsVolume *v, const uint16_t *slice, bool rig
     return along_row == most_x || along_column == most_y ? *corner : 0;
 }
 
-/* The level of a slice's filling: deep at one corner, or at all four; 0: none. */
+/* The filling's level in a slice: deep at one corner, or at all four; 0: none. */
 static uint16_t fill_of_slice(const CtsVolume *v, const uint16_t *slice)
 {
     uint16_t levels[4];
@@ -98,7 +98,7 @@ static void find_equal(void *context, int worker, size_t first, size_t end)
         }
 }
 
-/* Spreads what is reached of one word over its runs of equal voxels, to both sides. */
+/* Spreads reached bits of one word over its runs of equal voxels, in both directions. */
 static uint64_t spread(uint64_t reached, uint64_t equal)
 {
     uint64_t up = equal, down = equal;
@@ -110,7 +110,8 @@ static uint64_t spread(uint64_t reached, uint64_t equal)
     return reached;
 }
 
-/* One row: what touches voxels that are reached in the rows beside it, and its runs. Returns whether it has grown. */
+/* One row: marks voxels next to reached ones in the adjacent rows, and their runs. Returns whether the row has
+ * grown. */
 static bool grow_row(const Flood *f, int j, int k)
 {
     const int last_j = f->equal.dims[1] - 1, last_k = f->equal.dims[2] - 1, n_words = (int)f->equal.row_words;

@@ -1,4 +1,4 @@
-/* HU that come as numbers in memory. */
+/* A volume from an array of HU in memory. */
 #include "ctsplat/series.h"
 
 #include "base/cpu.h"
@@ -68,9 +68,9 @@ static inline uint16_t *grey_of(const Pass *p, int j, int k)
     return p->volume->grey + ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0];
 }
 
-/* Extremes are those of integers that rise as the numbers do, and wholeness is asked for by a sum that has no room for
- * a fraction (where |x| passes a quarter of it, x is no HU either), so that both become vector code. A row that holds
- * what is not finite is looked at number by number. */
+/* Extremes are those of integers with the order of the numbers, and a sum without room for fractions tests for whole
+ * numbers (where |x| exceeds a quarter of it, x is no HU anyway), so that both loops vectorise. A row with non-finite
+ * values is processed number by number. */
 #define RANGE_OF(NAME, type, Bits, MAX, INFINITE, ROOMY)                                                               \
     static inline __attribute__((always_inline)) Range NAME(const type *row, size_t n)                                 \
     {                                                                                                                  \
@@ -122,7 +122,7 @@ static Range join(Range a, Range b)
     return (Range){fmin(a.low, b.low), fmax(a.high, b.high), a.whole && b.whole, a.n_lost + b.n_lost};
 }
 
-/* What is not finite is padding, 0: then x - x is no number. */
+/* Non-finite values become padding, 0: for them x - x is not a number. */
 #define GREY_OF(row)                                                                                                   \
     for (size_t i = 0; i < n; i++) {                                                                                   \
         const double x = (double)(row)[i];                                                                             \
@@ -132,7 +132,7 @@ static Range join(Range a, Range b)
         grey[i] = (uint16_t)(int32_t)g;                                                                                \
     }
 
-/* Looks at a slice, or makes grey levels of it. */
+/* Finds the range of a slice, or converts it to grey levels. */
 static inline __attribute__((always_inline)) void any_slice(const Pass *p, int k, bool looks, void *gathered)
 {
     const size_t n = (size_t)p->given->box.dims[0];
@@ -176,7 +176,7 @@ static bool has_words(const Given *g)
     return g->number == CTS_INT16 || g->number == CTS_UINT16;
 }
 
-/* Numbers of 16 bits become grey levels at once, as a slice's stored words do. */
+/* Numbers of 16 bits are converted directly, like a slice's stored words. */
 static Range convert_slice(const Pass *p, int k, void *gathered)
 {
     const CtsStored stored = {

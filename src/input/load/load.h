@@ -12,25 +12,23 @@
 
 /* Voxels of a NIfTI CT -> 16-bit pixels in memory, which are read like those of any slice. */
 
-/* Reads all voxels of the file whose n slices these are, placed by this form, and tells each slice where its pixels lie
- * and what HU they mean: exactly where the values are whole and span at most 65535, else to 1/131068 of their span.
- * What is not finite is padding. stop: as of a CtsWordWatch. *words is the caller's, also after a failure; free with
- * cts_free(). */
+/* Reads all voxels of the file of these n slices, placed by this form, and sets each slice's pixel offset and HU scale:
+ * exact where the values are whole and span at most 65535, else in steps of 1/131068 of their span. Non-finite values
+ * become padding. stop: as in CtsWordWatch. *words is the caller's, also after a failure; free with cts_free(). */
 CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const volatile sig_atomic_t *stop,
                           uint16_t **words, CtsReport *report, CtsError *err);
 
-/* What no header tells: whether the values of a series, the order of its slices and its lengths can be right, by
- * samples of all slices. */
+/* Plausibility checks of a series' values, slice order and lengths, by samples of all slices. */
 
 /* samples: CTS_SAMPLES of each of n slices in order of position. Adds the findings slice_off_neighbours,
- * hu_implausible, order_conflict and spacing_implausible; of a series that is right, none. */
+ * hu_implausible, order_conflict and spacing_implausible; a correct series gets none. */
 CtsStatus cts_neighbours_tell(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report, CtsError *err);
 
 /* An unevenly spaced stack becomes an evenly spaced one in its own memory, by cubics along the stack
  * (core/volume/refine.h) or by straight lines. */
 
-/* layer[i] is where slice i lies, in layers: rising from 0 to n_layers - 1. The slot for slice 0, so that no layer
- * is written over a slice still needed: slice i goes to slot offset + i. */
+/* layer[i]: position of slice i in layers, rising from 0 to n_layers - 1. Returns the slot for slice 0 that keeps
+ * layers from overwriting slices still needed: slice i goes to slot offset + i. */
 int cts_resample_offset(const double *layer, int n_slices, int n_layers);
 
 typedef struct CtsResampling {

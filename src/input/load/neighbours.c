@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Grey levels: HU + 1024. Halfway between air and water lies what parts the two, whatever the scanner. */
+/* In grey levels, HU + 1024. AIR_BELOW: halfway between air and water, which separates the two on any scanner. */
 enum { AIR_BELOW = 1024 - 500, FEWEST = CTS_SAMPLES / 16, N_GREY = 65536 };
 
 typedef struct Samples {
@@ -21,8 +21,8 @@ static const uint16_t *sample(const Samples *s, int k)
     return s->of + (size_t)k * CTS_SAMPLES;
 }
 
-/* A slice against what its neighbours foretell, in half grey levels: twice the slice, the sum of both. Beside the first
- * and the last slice lies one, and the next one beyond tells how much neighbours differ. */
+/* A slice against its prediction from its neighbours, in half grey levels: twice the slice, the sum of both. The first
+ * and the last slice have one neighbour, and the next one is used to estimate the difference of neighbours. */
 typedef struct Beside {
     const uint16_t *own, *near, *other;
     bool at_end;
@@ -49,8 +49,7 @@ static bool is_in(const Beside *b, int i, bool air)
     return (dark == air) & seen;
 }
 
-/* Whether two of three pixels of air or of the body lie on one side of what is foretold: a first look, in a fraction of
- * the time. */
+/* Quick test: true if two of three pixels of air or of the body deviate from the prediction in the same direction. */
 static bool leans(const Beside *b, bool air)
 {
     int n = 0, above = 0, below = 0;
@@ -123,7 +122,7 @@ static double apart(const Samples *s, int a, int b)
     return sum;
 }
 
-/* How far slice q, in the place of slice p, would be from those beside that place; itself aside. */
+/* Difference of slice q, moved to the place of slice p, from the neighbours there; q itself is skipped. */
 static double fit(const Samples *s, int p, int q)
 {
     return (p - 1 == q ? 0 : apart(s, p - 1, q)) + (p + 1 == q ? 0 : apart(s, q, p + 1));
@@ -142,8 +141,8 @@ static int by_rank(const void *a, const void *b)
     return (x < y) - (x > y);
 }
 
-/* The slices whose neighbours are about as alike as they are to either, or more; the most foreign come first. one[k]
- * and two[k]: how far slice k is from the next, and from the one after that. */
+/* Slices whose neighbours are about as similar to each other as to the slice, or more, the most outlying first. one[k]
+ * and two[k]: differences of slice k from the next one, and from the one after that. */
 static int find_foreign(const Samples *s, const double *one, const double *two, Foreign *all)
 {
     int n = 0;
@@ -154,8 +153,8 @@ static int find_foreign(const Samples *s, const double *one, const double *two, 
     return n < MOST_FOREIGN ? n : MOST_FOREIGN;
 }
 
-/* Anatomy changes from slice to slice, and more over two: exchanging two slices makes neighbours less alike. Where it
- * makes them more alike, by a tenth of what they differ, the two stand in each other's place. */
+/* Anatomy differs more over two slices than over one, so exchanging two slices makes neighbours less similar. Where it
+ * makes them more similar, by a tenth of the difference, the two are in each other's place. */
 static bool better(double exchanged, double now)
 {
     return exchanged < 0.9 * now;
@@ -177,7 +176,7 @@ static void tell_adjacent(const Samples *s, const double *one, const double *two
     for (int k = 1; k + 2 < s->n; k++)
         if (better(two[k - 1] + two[k], one[k - 1] + one[k + 1]))
             first = (*n_found)++ ? first : k;
-    /* Where it holds all along the stack, the scanner made slices by turns. */
+    /* Where it holds throughout the stack, the scanner acquired slices alternately. */
     if (*n_found && 4 * *n_found < s->n)
         tell_exchanged(s, first, first + 1, report);
 }
@@ -217,7 +216,7 @@ end:
     return st;
 }
 
-/* How many samples of all slices have each grey level; on the rim of the pictures alone, or all. */
+/* Histogram of the samples of all slices; of the pictures' margin alone, or all. */
 static uint64_t count_levels(const Samples *s, bool rim, uint32_t *level)
 {
     uint64_t n = 0;
@@ -241,7 +240,7 @@ static uint64_t count_between(const uint32_t *level, int low, int high)
     return n;
 }
 
-/* The grey level around the body: the median of what lies on the rim; -1 where that is padding alone. */
+/* The grey level around the body: the median of the margin; -1 where the margin is only padding. */
 static int rim_level(const uint32_t *level, uint64_t n)
 {
     uint64_t below = 0;
@@ -251,9 +250,9 @@ static int rim_level(const uint32_t *level, uint64_t n)
     return -1;
 }
 
-/* Air around a body, and the body's water 1000 HU above it with little between, is what a whole body looks like; in an
- * inner part's bone, what lies that much above the tissue around it has spongy bone between. And where there is bone,
- * there is air or fat, or noise about water: something below 0. */
+/* A whole body has air around it, and water 1000 HU above the air with little between; in a field of view within the
+ * body, bone that much above the tissue has spongy bone between. And where there is bone, there is also air or fat, or
+ * noise about water: values below 0. */
 static void tell_hu(const Samples *s, uint32_t *level, int rim, CtsReport *report)
 {
     if (rim < AIR_BELOW)
@@ -309,7 +308,7 @@ static void find_size(const Samples *s, int level, double size_mm[2])
     size_mm[1] = m->rows * m->row_spacing_mm * body_samples(s, true, level) / CTS_SAMPLE_SIDE;
 }
 
-/* What micro-CT scans: a mouse, a tooth. */
+/* True for a micro-CT specimen: a mouse, a tooth. */
 static bool is_specimen(const Samples *s, double gap_mm)
 {
     const CtsSlice *m = &s->slices[s->n / 2];
@@ -319,16 +318,16 @@ static bool is_specimen(const Samples *s, double gap_mm)
     return cts_is_specimen(spacing_mm, size_mm);
 }
 
-/* By the size of the body, since small spacings are real in micro-CT, whose voxels are as long as wide. A body narrower
- * than a scanner's bore of 700 mm would be in metres is in metres; one seen whole within what a scanner's field of
- * 500 mm would be in centimetres is in centimetres, unless it has a micro-CT's voxels. */
+/* Judged by the size of the body, since small isotropic spacings are real in micro-CT. A body that would be narrower
+ * than a scanner's bore of 700 mm if its unit were metres is in metres; one that would lie completely within a field of
+ * view of 500 mm in centimetres is in centimetres, unless it has a micro-CT's voxels. */
 static void tell_spacing(const Samples *s, int rim, CtsReport *report)
 {
     const CtsSlice *m = &s->slices[s->n / 2];
     const double gap_mm = mean_gap_mm(s), pixel_mm = fmax(m->column_spacing_mm, m->row_spacing_mm);
     const double field_mm = fmax(m->columns * m->column_spacing_mm, m->rows * m->row_spacing_mm);
     if (field_mm > 50 && gap_mm * 20 >= pixel_mm)
-        return; /* whatever the body's size */
+        return; /* for a body of any size */
     double size_mm[2];
     find_size(s, AIR_BELOW, size_mm);
     const double body_mm = fmax(size_mm[0], size_mm[1]), longer = fmax(gap_mm / pixel_mm, pixel_mm / gap_mm);

@@ -69,7 +69,7 @@ static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop,
     return !st && (cts_is_outlier(v->low) || cts_is_outlier(v->high)) ? mend_outliers(v, nifti->dims, report, err) : st;
 }
 
-/* HU of a word and from word to word. */
+/* HU of a word and step between words. */
 typedef struct Scale {
     double step_hu, low_hu;
 } Scale;
@@ -128,7 +128,7 @@ static void tell(const CtsNifti *nifti, const CtsBox *box, const Values *v, CtsR
                        "its voxels are stored in the directions %s, and are read in the order %s as a scanner stores "
                        "them; no voxel moves",
                        from, to);
-    /* No header says that it is a CT; and where there is a body there is air, around or within. */
+    /* No header confirms that it is a CT; a body has air around or within it. */
     if (v->low > -500)
         cts_report_finding(report, "no_air", CTS_WARNING,
                            "no value is below %g, and air has -1000 HU: it may be no CT, or not in Hounsfield units",

@@ -79,7 +79,7 @@ static CtsStatus largest_part(const CtsOutliers *o, const int dims[3], size_t *l
     for (size_t n = 0; !st && n < o->n; n++) {
         const int i = (int)(o->voxels[n] % nx), j = (int)(o->voxels[n] / nx % ny), k = (int)(o->voxels[n] / nx / ny);
         parent[n] = n;
-        for (int by = 0; by < 13; by++) /* the half of the 26 neighbours that come before */
+        for (int by = 0; by < 13; by++) /* the half of the 26 neighbours that precede it */
             join(o, dims, i + by % 3 - 1, j + by / 3 % 3 - 1, k + by / 9 - 1, n, parent);
     }
     *largest = 0;

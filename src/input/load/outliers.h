@@ -1,5 +1,4 @@
-/* Single voxels that no scanner measures: what a damaged byte, a cast or a division by 0 leaves among Hounsfield units.
- */
+/* Isolated voxels outside a scanner's range, as a damaged byte, a cast or a division by 0 leaves them. */
 #ifndef CTS_LOAD_OUTLIERS_H
 #define CTS_LOAD_OUTLIERS_H
 
@@ -8,7 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* No scanner's scale goes further: 16 bits with a sign down, and without one up. */
+/* Limits of any scanner's scale: 16 bits signed below, unsigned above. */
 static inline bool cts_is_outlier(double hu)
 {
     return hu < -32768 || hu > 65535;
@@ -20,12 +19,12 @@ typedef struct CtsOutliers {
     size_t n, most; /* more than most are counted, and not listed */
     size_t n_low, n_high;
     double low, high;           /* of all values */
-    double rest_low, rest_high; /* of those that are none; rest_low > rest_high: there are none */
+    double rest_low, rest_high; /* of all other voxels; rest_low > rest_high: there are none */
     bool rest_whole;            /* and each of them is a whole number */
 } CtsOutliers;
 
 void cts_outliers_begin(CtsOutliers *outliers, const int dims[3]);
-/* Takes one finite value of voxel number `voxel`. */
+/* Adds one finite value of voxel number `voxel`. */
 CtsStatus cts_outliers_take(CtsOutliers *outliers, size_t voxel, double hu, CtsError *err);
 /* CTS_OK, with a warning in the report, where they are isolated: at most 1 of 10,000 voxels, in 26-connected parts of
  * at most 8; else CTS_ERR_PIXELS. */

@@ -21,7 +21,7 @@ int cts_resample_offset(const double *layer, int n_slices, int n_layers)
         below = slice_below(layer, n_slices, j, below);
         offset = j - below > offset ? j - below : offset;
     }
-    /* A cubic looks at the slice before those that it lies between. */
+    /* A cubic also needs the slice before the two that enclose the layer. */
     return offset + 1;
 }
 
@@ -33,7 +33,8 @@ static void blend(uint16_t *to, const uint16_t *low, const uint16_t *high, size_
     }
 }
 
-/* n voxels of the layer `past` layers above slice k, into a place of their own: to may be where slice k - 1 stands. */
+/* n voxels of the layer `past` layers above slice k; to must not overlap slices still needed, but may be the place of
+ * slice k - 1. */
 static void blend_cubic(const CtsResampling *s, uint16_t *to, const uint16_t *slice, int k, double past, size_t n)
 {
     uint16_t made[CHUNK];

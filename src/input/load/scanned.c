@@ -50,7 +50,7 @@ static CtsStatus take(CtsScanned *s, CtsVolume **volume, CtsError *err)
     return CTS_OK;
 }
 
-/* Its slices, which resampling writes over, stand elsewhere, or are put there as far as memory goes. */
+/* Resampling overwrites the slices, so they are elsewhere, or are copied as far as memory allows. */
 static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, int n_threads, CtsMadeUp *made)
 {
     const size_t first = (size_t)s->offset * layer_voxels(s), n = (size_t)s->n_slices * layer_voxels(s);

@@ -1,4 +1,4 @@
-/* Concatenations (PS3.3 C.7.6.16.2.2.4): one image of many frames, cut into several objects. */
+/* Concatenations (PS3.3 C.7.6.16.2.2.4): one image of many frames, divided into several objects. */
 #include "input/series/series_judge.h"
 
 #include <inttypes.h>
@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_NAMED = 8 }; /* missing parts that are named each */
+enum { MOST_NAMED = 8 }; /* missing parts that are listed individually */
 
 static bool is_part(const CtsSlice *s)
 {
@@ -47,7 +47,7 @@ static void __attribute__((format(printf, 2, 3))) say(Text *text, const char *fo
     text->left -= written;
 }
 
-/* Which numbers are missing up to the total, or where none is told up to the largest. */
+/* The numbers missing up to the total, or where it is not given up to the largest. */
 static int name_numbers(CtsSlice *const *parts, size_t n, Text *text)
 {
     int total = 0, largest = 0, n_missing = 0;
@@ -69,7 +69,7 @@ static int name_numbers(CtsSlice *const *parts, size_t n, Text *text)
     return n_missing;
 }
 
-/* Which frames are missing in front of parts, by the parts' offsets. *n_between: those that have some before them. */
+/* Frames missing before parts, by the parts' offsets. *n_between: those with some before them. */
 static int64_t name_frames(CtsSlice *const *parts, size_t n, bool numbered, Text *text, int64_t *n_between)
 {
     int64_t next = 0, n_missing = 0;

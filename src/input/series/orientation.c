@@ -5,8 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A tenth of a pixel is less than interpolation moves an edge by. A drift shows where two halves of the stack differ by
- * more than a fiftieth, and by more than three times what their scatter explains. */
+/* MOST_MOVED_PIXELS: a tenth of a pixel is less than the displacement of an edge by interpolation. A drift is detected
+ * where two halves of the stack differ by more than a fiftieth, and by more than three times the effect of their
+ * scatter. */
 #define MOST_MOVED_PIXELS 0.1
 #define LEAST_DRIFT_PIXELS 0.02
 #define DRIFT_DEVIATIONS 3
@@ -37,7 +38,7 @@ static Axes mean_axes(const CtsSliceSet *set, const bool *keep)
     return mean;
 }
 
-/* By how many pixels a corner of the slice moves; 1: along the row, 2: along the column, 3: across. */
+/* Displacement of a corner of the slice in pixels; 1: along the row, 2: along the column, 3: across. */
 static void corner_off(const CtsSlice *s, const Axes *mean, int corner, double off[3])
 {
     const double pixel_mm = fmin(s->row_spacing_mm, s->column_spacing_mm);
@@ -48,7 +49,7 @@ static void corner_off(const CtsSlice *s, const Axes *mean, int corner, double o
 }
 
 typedef struct Off {
-    double at_mm, pixels[3]; /* along the normal; of one corner */
+    double at_mm, pixels[3]; /* along the normal; displacement of one corner */
 } Off;
 
 static int by_place(const void *a, const void *b)

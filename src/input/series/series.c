@@ -41,7 +41,7 @@ void cts_series_list_free(CtsSeriesList **list)
     *list = NULL;
 }
 
-/* What became of one file; in order of the file list, so that the number of threads changes nothing. */
+/* Result for one file; in order of the file list, so that the number of threads changes nothing. */
 typedef struct Header {
     CtsFileKind file;
     CtsObject object;
@@ -55,7 +55,7 @@ typedef struct Search {
     uint64_t bytes_read;
     CtsSeriesList *list;
     const CtsSeriesSearch *asked;
-    CtsStudyNumbers numbers; /* of all objects, where asked has none */
+    CtsStudyNumbers numbers; /* of all objects; used where asked has none */
 } Search;
 
 static bool read_one(const CtsFile *file, CtsNiftiForm form, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
@@ -99,7 +99,7 @@ static bool take_texts(CtsSeriesList *list, CtsTexts *texts)
     return true;
 }
 
-/* Headers of the files that have none yet. */
+/* Reads the headers not yet read. */
 static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
 {
     const size_t first = s->n_headers, n = s->files.n;
@@ -181,7 +181,7 @@ static int by_series_and_path(const void *a, const void *b)
     return order ? order : x->frame - y->frame;
 }
 
-/* What is no slice: counted, and named where it cannot be read. */
+/* Counts files that are not slices, and names unreadable ones. */
 static CtsStatus count_others(const Search *s, CtsError *err)
 {
     CtsSeriesList *list = s->list;
@@ -324,7 +324,7 @@ static CtsStatus list_paths(const Search *s, CtsError *err)
     return CTS_OK;
 }
 
-/* The slices of all files that the paths name, and what else there is. */
+/* The slices of all files below the paths, and the counts of other files. */
 static CtsStatus find_slices(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
     const CtsSeriesSearch *const asked = s->asked;

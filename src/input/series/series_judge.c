@@ -69,7 +69,7 @@ static bool same_grid(const CtsSlice *a, const CtsSlice *b)
 
 typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
 
-/* Scouts share the series UID of the scan they planned, and dose pages now and then that of the scan they tell of. */
+/* Scouts share the series UID of the scan they planned, and dose pages sometimes that of the scan they report. */
 static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *keep)
 {
     int n_localizers = 0, n_pages = 0;
@@ -102,7 +102,7 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
         const CtsSlice *s = set->items[i];
         keep[i] = !s->fault;
         n += !keep[i];
-        /* A syntax that cannot be decoded is no damage: the whole series waits for its conversion. */
+        /* An undecodable transfer syntax is no damage: the whole series needs conversion. */
         if (s->fault && (!first || (s->fault == CTS_ERR_SYNTAX && first->fault != CTS_ERR_SYNTAX)))
             first = s;
     }
@@ -123,8 +123,8 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
     return CTS_OK;
 }
 
-/* Slices with the pixels of one and nearly its orientation, which may only jitter; keep says which, and n_kept how many
- * more than are in its group they then are. */
+/* Adds slices with the pixel grid of one and nearly its orientation, which may jitter; keep marks them, and n_kept
+ * counts those beyond its group. */
 static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep, int *n_kept)
 {
     int n = 0;
@@ -140,8 +140,8 @@ static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSerie
                      "more than a tenth of a pixel, and is used");
 }
 
-/* One size, orientation and pixel spacing: the largest group, when it is nearly all. A few images at right angles to
- * it are scouts that do not say so. */
+/* One size, orientation and pixel spacing: the largest group, when it is nearly all. A few images at right angles to it
+ * are scouts without the type. */
 static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
 {
     const CtsSlice *best = NULL;
@@ -187,7 +187,7 @@ static CtsStatus filter(CtsSliceSet *set, CtsSeries *series, pick_fn pick, CtsEr
     return st;
 }
 
-/* What each part of an identity is called, and what two values of it mean. */
+/* Names of the parts of an identity, and the meaning of two values of each. */
 static const struct {
     const char *name, *means;
 } identities[CTS_N_IDENTITY] = {
@@ -206,7 +206,7 @@ static const char *identity_of(const CtsSlice *s, int part)
     return s->identity[part] ? s->identity[part] : "";
 }
 
-/* The same text, in whatever character sets the slices have it. */
+/* Equal texts, in any character sets of the slices. */
 static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
 {
     const char *x = identity_of(a, part), *y = identity_of(b, part);

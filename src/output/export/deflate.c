@@ -16,7 +16,8 @@
 #include <string.h>
 
 enum {
-    MIN_RUN = 4,   /* a literal zero takes 1 or 2 bits: shorter runs are no gain. cts_deflate_max_runs() knows it */
+    /* a literal zero takes 1 or 2 bits, so shorter runs gain nothing; cts_deflate_max_runs() depends on it */
+    MIN_RUN = 4,
     MAX_RUN = 258, /* of the format */
     END_OF_BLOCK = 256,
     N_SYMBOLS = 286, /* literals, end of block, lengths */
@@ -24,7 +25,7 @@ enum {
     BITS_MASK = 15,
 };
 
-/* Symbol that a run of `length` bytes begins with; *extra is what of the length follows it, in *n_extra bits. */
+/* First symbol of a run of `length` bytes; *extra: the remainder of the length, in *n_extra bits. */
 static int length_symbol(unsigned length, unsigned *extra, int *n_extra)
 {
     const unsigned l = length - 3;
@@ -46,7 +47,7 @@ static uint32_t load32(const uint8_t *from)
     return v;
 }
 
-/* Bytes from p on that equal p[-1], at most n; MIN_RUN of them are known to. */
+/* Number of bytes from p on that equal p[-1], at most n; the first MIN_RUN are known to be equal. */
 static uint32_t run_length(const uint8_t *p, size_t n)
 {
     const size_t most = n < MAX_RUN ? n : MAX_RUN;
@@ -62,7 +63,7 @@ static uint32_t run_length(const uint8_t *p, size_t n)
 /* Lists the runs of n bytes, ended by one of length 0 at n, and counts the symbols that the block will hold. */
 static void find_runs(const uint8_t *bytes, size_t n, CtsByteRun *runs, uint32_t counts[N_SYMBOLS])
 {
-    /* In turn, so that a counter need not wait for itself where neighbours are equal. */
+    /* Four interleaved histograms, since equal neighbours would make each increment depend on the one before. */
     uint32_t literals[4][256] = {0};
     size_t i = 0;
     memset(counts, 0, N_SYMBOLS * sizeof *counts);
@@ -115,9 +116,8 @@ static void tree_depths(const uint64_t *weights, int n, int *depths)
     memcpy(depths, depth, (size_t)n * sizeof *depths);
 }
 
-/* Lengths of the symbols' codes, 0 for those that do not occur. A tree deeper than MAX_BITS is cut off there; then the
- * rarest symbols get longer codes until all can be told apart (Kraft's inequality), and the most frequent ones shorter
- * codes as far as there is room left. */
+/* Lengths of the symbols' codes, 0 for unused symbols. Codes longer than MAX_BITS are shortened; then the rarest
+ * symbols get longer codes until Kraft's inequality holds, and the most frequent ones shorter codes while it does. */
 static void code_lengths(const uint32_t counts[N_SYMBOLS], uint8_t lengths[N_SYMBOLS])
 {
     enum { ALL = 1 << MAX_BITS };
@@ -153,7 +153,7 @@ static uint32_t reversed(uint32_t code, int n_bits)
     return r;
 }
 
-/* Each symbol's code, first bit lowest, above its length, which takes the 4 lowest bits. */
+/* Each symbol's code, first bit lowest, shifted above its length, which is in the 4 lowest bits. */
 static void make_codes(const uint8_t lengths[N_SYMBOLS], uint32_t codes[N_SYMBOLS])
 {
     uint32_t next = 0;
@@ -163,7 +163,7 @@ static void make_codes(const uint8_t lengths[N_SYMBOLS], uint32_t codes[N_SYMBOL
                 codes[s] = reversed(next++, length) << 4 | (uint32_t)length;
 }
 
-/* Bits on their way out. */
+/* Bits not yet written. */
 typedef struct BitWriter {
     uint64_t bits; /* the first one lowest */
     int n_bits;

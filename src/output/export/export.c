@@ -117,10 +117,10 @@ CtsStatus cts_export_check_size(const char *path, int width, int height, int n_f
 struct CtsExport {
     const CtsFormat *format;
     CtsExportJob job;
-    int frame, row; /* that come next */
+    int frame, row; /* the next ones expected */
 };
 
-/* Add the time of one step to the export stage; items and bytes are those of the file, and come with its last step. */
+/* Adds the time of one step to the export stage; items and bytes of the file are passed with its last step. */
 static void report_step(const CtsExport *e, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
 {
     cts_report_stage(e->job.report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, items, bytes);

@@ -25,7 +25,7 @@ typedef struct ExrWriter {
     int lines_per_chunk;
     int n_threads;
     struct ExrEncoder *encoders; /* one a thread */
-    CtsError *err;               /* of the call under way */
+    CtsError *err;               /* of the current call */
     CtsStatus status;            /* the first failure */
 } ExrWriter;
 
@@ -36,8 +36,8 @@ typedef struct ExrEncoder {
     float *rgba;
 } ExrEncoder;
 
-/* Keeps the library from printing. It is called with the file's lock held, so that asking the file for anything would
- * wait for ever; the code that the failing call returns tells what is wrong. */
+/* Keeps the library from printing. It is called with the file's lock held, so calling the library here would deadlock;
+ * the code returned by the failing call is used instead. */
 static void say_nothing(exr_const_context_t file, exr_result_t code, const char *message)
 {
     (void)file;
@@ -58,7 +58,7 @@ static int64_t on_write(exr_const_context_t file, void *user_data, const void *b
 
 static bool failed(ExrWriter *w, exr_result_t code)
 {
-    if (code != EXR_ERR_SUCCESS && !w->status) /* on_write has not said more already */
+    if (code != EXR_ERR_SUCCESS && !w->status) /* on_write has not set an error already */
         w->status =
             cts_fail(w->err, CTS_ERR_OUTPUT, "%s: OpenEXR: %s", w->job->path, exr_get_default_error_message(code));
     return code != EXR_ERR_SUCCESS;
@@ -216,7 +216,7 @@ static exr_result_t encode_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *
     return exr_encoding_run(w->file, 0, &e->pipe);
 }
 
-/* A compressed chunk, kept until its turn. */
+/* A compressed chunk that is not yet written. */
 typedef struct ExrChunk {
     void *bytes;
     size_t n_bytes;
@@ -248,7 +248,7 @@ static void keep_some(void *context, int worker, size_t first, size_t end)
         keep_chunk(w, &w->encoders[worker], k->band, (k->first + (int)i) * w->lines_per_chunk, &k->chunks[i]);
 }
 
-/* Up to BATCH chunks are compressed side by side, then written in order, and so on: what is held is bounded. */
+/* Compresses up to BATCH chunks in parallel, then writes them in order, so that memory is bounded. */
 static void write_chunks(ExrWriter *w, const CtsPicture *band)
 {
     const int lines = w->lines_per_chunk, n_chunks = (band->height + lines - 1) / lines;
@@ -319,7 +319,7 @@ static void release(CtsExportJob *job)
     cts_free(&w->encoders);
 }
 
-/* No compression of OpenEXR's shrinks more: a file that promises more pixels is cut short or a trap. */
+/* The largest ratio of OpenEXR's compressions: a file that claims more pixels is truncated or malicious. */
 enum { MAX_RATIO = 65536, N_CHANNELS = 6 };
 
 /* In the order of the places in a chunk's buffer. */
@@ -435,7 +435,7 @@ static CtsStatus decode_chunk(ExrReader *r, int y)
     return check(r, exr_decoding_run(r->file, 0, &r->pipe));
 }
 
-/* Linear light to display values, the way back of what the writer does. */
+/* Linear light to display values, the inverse of the writer's conversion. */
 static CtsStatus fill_pixels(ExrReader *r, int y, size_t n)
 {
     CtsPicture *p = r->picture;
@@ -459,7 +459,7 @@ static CtsStatus fill_pixels(ExrReader *r, int y, size_t n)
     return CTS_OK;
 }
 
-/* Alpha of 1 everywhere is what the writer says of a picture over a background. */
+/* The writer gives a picture over a background an alpha of 1 everywhere. */
 static bool lets_through(const CtsPicture *p)
 {
     const size_t n = (size_t)p->width * p->height;

@@ -1,4 +1,4 @@
-/* What each file format is: one row in its own file, listed in export.c. */
+/* The interface of a file format: one row in its own file, listed in export.c. */
 #ifndef CTS_EXPORT_FORMAT_H
 #define CTS_EXPORT_FORMAT_H
 
@@ -10,7 +10,7 @@
 
 CTS_C_BEGIN
 
-/* What is known of the pictures before their rows come. */
+/* Description of the pictures, known before their rows. */
 typedef struct CtsExportHead {
     int width, height, n_frames;
     bool grey; /* all pixels of all frames */
@@ -22,7 +22,7 @@ typedef struct CtsExportJob {
     CtsExportHead head;
     char *path; /* the final name, for messages */
     CtsExportSettings settings;
-    CtsTempFile *temp; /* where the bytes go; export.c opens and commits it */
+    CtsTempFile *temp; /* the file being written; export.c opens and commits it */
     CtsReport *report; /* for findings; may be NULL */
     void *state;       /* the format's own, zeroed before begin */
 } CtsExportJob;
@@ -38,8 +38,8 @@ typedef struct CtsFormat {
     CtsStatus (*check_size)(const char *path, int width, int height, int n_frames, bool grey,
                             const CtsExportSettings *settings, CtsError *err);
     size_t state_bytes; /* of job->state */
-    /* One after the other: rows for each band of each frame, in order. close frees what job->state holds, also after a
-     * failure of any of the others, begin included. */
+    /* Called in sequence: begin, rows for each band of each frame in order, finish. close frees job->state, also after
+     * a failure of any of the others, begin included. */
     CtsStatus (*begin)(CtsExportJob *job, CtsError *err);
     CtsStatus (*rows)(CtsExportJob *job, const CtsPicture *band, CtsError *err);
     CtsStatus (*finish)(CtsExportJob *job, CtsError *err);
@@ -49,9 +49,9 @@ typedef struct CtsFormat {
 
 extern const CtsFormat cts_format_png, cts_format_exr, cts_format_dcm, cts_format_jpg, cts_format_webp;
 
-/* The time that outputs carry: SOURCE_DATE_EPOCH when it is set, so that files can be made again byte for byte.
- * UTC from SOURCE_DATE_EPOCH (seconds since 1970), else local time now; returns whether it came from there. A value
- * that is no whole number of seconds up to the year 9999 counts as unset. */
+/* The time for outputs: UTC from SOURCE_DATE_EPOCH (seconds since 1970) when it is set, for reproducible files, else
+ * local time; returns true for the former. A value that is not a whole number of seconds up to the year 9999 counts as
+ * unset. */
 bool cts_date_now(struct tm *date);
 /* The same as DICOM writes it. */
 void cts_date_texts(char date[9], char time[7]);

@@ -1,4 +1,4 @@
-/* JPEG by libjpeg: 8 bits, over black; what previews are sent as. */
+/* JPEG by libjpeg: 8 bits, over black; for previews. */
 #include "output/export/format.h"
 
 #include "base/mem.h"
@@ -18,7 +18,7 @@ typedef struct JpgWriter {
     struct jpeg_compress_struct jpeg;
     struct jpeg_error_mgr errors;
     FILE *sink;    /* into the job's temp */
-    CtsError *err; /* of the call under way */
+    CtsError *err; /* of the current call */
     CtsStatus status;
     jmp_buf failed;
     uint8_t *row;
@@ -34,7 +34,7 @@ static void on_error(j_common_ptr jpeg)
     JpgWriter *const w = writer_of(jpeg);
     char text[JMSG_LENGTH_MAX];
     jpeg->err->format_message(jpeg, text);
-    if (!w->status) /* write_some() has not said more already */
+    if (!w->status) /* write_some() has not set an error already */
         w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);
     longjmp(w->failed, 1);
 }

@@ -33,7 +33,7 @@ typedef struct Packer {
     uint8_t *packed;
 } Packer;
 
-/* One strip as it comes out of its thread, until its turn. */
+/* A compressed strip that is not yet written. */
 typedef struct Strip {
     uint8_t *bytes; /* owned */
     size_t n_bytes;
@@ -42,18 +42,18 @@ typedef struct Strip {
     CtsStatus status;
 } Strip;
 
-/* Where libpng's callbacks find what belongs to this file. */
+/* State for libpng's callbacks. */
 typedef struct PngWriter {
     const CtsExportJob *job;
     png_structp png;
     png_infop info;
-    CtsError *err; /* of the call under way */
+    CtsError *err; /* of the current call */
     CtsStatus status;
     int n_samples, sample_bytes; /* of a pixel, of a sample */
     size_t row_bytes;
     int rows_per_strip; /* a power of two: bands are whole strips */
     int n_threads;
-    Packer *packers; /* of each thread, made when it first wants one */
+    Packer *packers; /* one per thread, created at first use */
     uint32_t adler;  /* of all rows so far */
 } PngWriter;
 
@@ -91,7 +91,7 @@ static bool is_ascii(const char *text)
     return true;
 }
 
-/* Who made the picture, of what, and what it is not for. No dates: the same picture gives the same bytes. */
+/* Software, source and disclaimer. No dates: the same picture gives the same bytes. */
 static void put_texts(png_structp png, png_infop info, const CtsPictureInfo *about)
 {
     char preset[sizeof about->preset], view[80], scale[32], window[80];
@@ -133,7 +133,7 @@ static void put_header(png_structp png, png_infop info, const PngWriter *w)
         png_set_pHYs(png, info, (png_uint_32)pixels_per_m, (png_uint_32)pixels_per_m, PNG_RESOLUTION_METER);
     const png_color_16 black = {0};
     if (head->has_alpha)
-        png_set_bKGD(png, info, &black); /* what lies behind where a viewer has no other idea; DICOM shows the same */
+        png_set_bKGD(png, info, &black); /* default background for viewers; the same as for DICOM */
     put_texts(png, info, &head->info);
 }
 
@@ -184,7 +184,7 @@ static CtsStatus make_packer(const PngWriter *w, Packer *p)
     return st;
 }
 
-/* The bytes of row y. words has room for its samples. */
+/* Converts row y to bytes. words has room for its samples. */
 static void convert_row(const PngWriter *w, const CtsPicture *band, int y, uint16_t *words, uint8_t *to)
 {
     if (w->sample_bytes == 1) {
@@ -204,9 +204,9 @@ static void filter_up(const uint8_t *restrict row, const uint8_t *restrict above
         to[i] = (uint8_t)(row[i] - above[i]);
 }
 
-/* Each byte less the one of left, above and left above (step bytes before) that is nearest to left + above - left
- * above, ties in this order. Types of 16 bits and abs() are what compilers make short vectors of: in int, or with `v <
- * 0 ? -v : v`, the loop takes two to four times as long. */
+/* Each byte minus its Paeth prediction: the one of left, above and above left (step bytes before) nearest to left +
+ * above - above left, ties in this order. Types of 16 bits and abs() let compilers vectorise the loop: with int, or
+ * with `v < 0 ? -v : v`, it takes two to four times as long. */
 static void filter_paeth(const uint8_t *restrict row, const uint8_t *restrict above, size_t n, size_t step,
                          uint8_t *restrict to)
 {
@@ -222,8 +222,8 @@ static void filter_paeth(const uint8_t *restrict row, const uint8_t *restrict ab
     }
 }
 
-/* Rows y <= r < end of a band. The first is filtered as if the row above were zeros, where Paeth is Sub: strips know
- * nothing of each other. */
+/* Rows y <= r < end of a band. The first is filtered as if the row above were zeros, where Paeth equals Sub, so that
+ * strips are independent. */
 static CtsStatus pack_strip(const PngWriter *w, Packer *p, const CtsPicture *band, int y, int end, bool last,
                             Strip *strip)
 {
@@ -323,7 +323,7 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
     const uint32_t adler = htobe32(w->adler);
     w->err = err;
     const CtsStatus st = write_chunk(w, "IDAT", &adler, sizeof adler);
-    return st ? st : write_chunk(w, "IEND", NULL, 0); /* png_write_end() knows nothing of our IDATs */
+    return st ? st : write_chunk(w, "IEND", NULL, 0); /* png_write_end() does not know our IDAT chunks */
 }
 
 static void release(CtsExportJob *job)
@@ -336,7 +336,7 @@ static void release(CtsExportJob *job)
     cts_free(&w->packers);
 }
 
-/* Deflate cannot shrink more than 1032 times: a file that promises more is cut short or a trap. */
+/* Deflate cannot compress by more than 1032: a file that claims more is truncated or malicious. */
 enum { MAX_CHUNK_BYTES = 16 << 20, MAX_RATIO = 1040 };
 
 typedef struct PngReader {
@@ -346,7 +346,7 @@ typedef struct PngReader {
     CtsError *err;
     CtsStatus status;
     CtsPicture *picture;
-    uint8_t *samples; /* the whole picture: an interlaced file comes in passes */
+    uint8_t *samples; /* the whole picture, as interlaced files need it */
     png_bytep *rows;
 } PngReader;
 

@@ -1,4 +1,4 @@
-/* Secondary captures: what the object says of itself. The encoding is dicom/dcm_sc's. */
+/* Secondary captures: contents of the object. The encoding is in dicom/dcm_sc. */
 #include "output/export/format.h"
 
 #include "base/hash.h"
@@ -16,7 +16,7 @@ static const uint64_t max_pixel_bytes = 0xfffffffe;
 
 static const struct {
     const char *syntax_uid; /* NULL: Explicit VR Little Endian, pixels as they are */
-    int memory;             /* that compressing a frame takes, in bytes for each of its bytes */
+    int memory;             /* memory to compress a frame, in bytes per byte of the frame */
 } compressions[] = {
     [CTS_SC_NONE] = {NULL, 0},
     [CTS_SC_RLE] = {"1.2.840.10008.1.2.5", 4},
@@ -28,12 +28,12 @@ static const char native_uid[] = "1.2.840.10008.1.2.1";
 typedef struct ScWriter {
     CtsScSpool spool;
     CtsHash *hash;                       /* of the frames' views and pixels */
-    uint16_t *row;                       /* samples on their way to the spool; where they are of 8 bits, bytes */
+    uint16_t *row;                       /* samples for the spool; 8-bit ones as bytes */
     double *azimuth_deg, *elevation_deg; /* of each frame */
     int n_frames;                        /* begun */
 } ScWriter;
 
-/* What the user says of the series must fit its attribute (LO), in whatever character set the source has. */
+/* The user's series description must fit its attribute (LO), in any character set of the source. */
 static CtsStatus check_description(const char *path, const char *text, CtsError *err)
 {
     enum { MAX = 64 };
@@ -162,7 +162,7 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
     return st;
 }
 
-/* What the object says besides what it copies. */
+/* Attributes of the object beside the copied ones. */
 static CtsScObject object_of(const CtsExportJob *job, const CtsScWords *words, const CtsScNames *names)
 {
     const ScWriter *w = job->state;

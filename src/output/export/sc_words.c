@@ -28,8 +28,8 @@ static void format_uuid(const uint8_t bytes[UUID_BYTES], unsigned version, char 
     snprintf(uid, 65, "2.25.%s", p);
 }
 
-/* A UUID of version 8 (RFC 9562) from the first 16 bytes of a digest: the same digest gives the same UID, and the UID
- * tells nothing of what was hashed. */
+/* A UUID of version 8 (RFC 9562) from the first 16 bytes of a digest: reproducible, and without information on the
+ * hashed data. */
 static void uid_from_digest(const uint8_t digest[CTS_DIGEST_BYTES], char uid[65])
 {
     format_uuid(digest, 8, uid);
@@ -64,7 +64,7 @@ static CtsStatus uid_random(char uid[65], CtsError *err)
     return CTS_OK;
 }
 
-/* How each mode is called: value 3 of ImageType, the series' name, and a code of CID 7203. */
+/* Terms for each mode: value 3 of ImageType, the series description, and a code of CID 7203. */
 typedef struct ModeTerms {
     const char *image_type, *short_name, *long_name, *code, *meaning;
 } ModeTerms;
@@ -76,7 +76,7 @@ static CTS_BY_ID(
     [CTS_MODE_MINIP] = {"MIN_IP", "MinIP", "Minimum intensity projection", "113079", "Minimum intensity projection"},
     [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"});
 
-/* The side that is looked at, of SNOMED CT, in the order that views of a preset have in its series; the last for all
+/* The side that faces the camera, in SNOMED CT, in the order of a preset's views in its series; the last row for all
  * others. */
 static const struct {
     const char *view;
@@ -101,7 +101,7 @@ static int place_of_view(const CtsPictureInfo *info)
     return i;
 }
 
-/* Own texts stay ASCII, whatever character set the source's attributes have, and a backslash would part values. */
+/* Own texts are ASCII, valid in every character set of the source; a backslash would separate values. */
 static void ascii_copy(char *to, size_t size, const char *from)
 {
     size_t n = 0;
@@ -111,7 +111,7 @@ static void ascii_copy(char *to, size_t size, const char *from)
     to[n] = 0;
 }
 
-/* What is known of the picture's error at this time. */
+/* The picture's error as known when the object is written. */
 static void describe_error(const CtsExportJob *job, char *text, size_t size)
 {
     const CtsVerified *v = job->report ? &job->report->verified : NULL;
@@ -191,7 +191,8 @@ CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err)
     return st;
 }
 
-/* The study the picture joins: the source's, or another one for all pictures of that study when identity goes. */
+/* The study of the picture: the source's, or with de-identification a pseudonymous one for all pictures of the
+ * study. */
 static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, CtsScNames *names, CtsError *err)
 {
     const char *const study_uid = job->settings.source->slices[0]->identity[CTS_STUDY_UID];
@@ -260,7 +261,7 @@ static int instance_number(const CtsExportJob *job)
     return 10 + (int)((info->elevation_deg + 90) * 10 + 0.5) * 3600 + (int)(azimuth_deg * 10 + 0.5);
 }
 
-/* UIDs from all that makes the object what it is: the same input gives the same UIDs, another picture another one. */
+/* UIDs from all inputs of the object: equal inputs give equal UIDs, different pictures different ones. */
 static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey *key, const CtsScWords *words,
                                           const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
 {

@@ -1,4 +1,4 @@
-/* Presentation states: what the standard's attributes say of a picture. Their encoding is dicom/dcm_state's. */
+/* Presentation states: the standard's attributes for a picture. The encoding is in dicom/dcm_state. */
 #include "ctsplat/state.h"
 
 #include "base/by_id.h"
@@ -14,12 +14,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The standard has no word for a mean along the ray. */
+/* The standard has no value for a mean along the ray. */
 static CTS_BY_ID(char *const, methods,
                  CTS_N_MODES, [CTS_MODE_COMPOSITE] = "VOLUME_RENDERED", [CTS_MODE_MIP] = "MAXIMUM_IP",
                  [CTS_MODE_MINIP] = "MINIMUM_IP", [CTS_MODE_AVERAGE] = "VOLUME_RENDERED");
 
-/* Shininess is relative to what an implementation can do: here this power of the highlight. */
+/* Shininess is relative to an implementation's maximum: here this power of the highlight. */
 static const double max_power = 128;
 
 static double clamp01(double x)
@@ -135,7 +135,7 @@ static CtsStatus choose_names(const CtsStateScene *scene, CtsDcmState *s, CtsErr
     return uid_of("state", scene, all, s->sop_uid, err);
 }
 
-/* What is hidden of the labels, by whole segments; what cannot be said so is told. */
+/* Hidden labels, as whole segments; warns about those that cannot be expressed. */
 static CtsStatus fill_labels(const CtsStateScene *scene, CtsDcmState *s, CtsLabelCrop **crop, CtsError *err)
 {
     const char *unsaid = NULL;

@@ -13,8 +13,8 @@ enum { METHOD = 0 };
 typedef struct WebpWriter {
     WebPConfig config;
     WebPAnimEncoder *frames; /* of more than one */
-    uint8_t *rgba;           /* the frame under way */
-    int n_rows, n_frames;    /* that are there */
+    uint8_t *rgba;           /* the current frame */
+    int n_rows, n_frames;    /* received so far */
 } WebpWriter;
 
 static CtsStatus fail_webp(const CtsExportJob *job, const char *what, CtsError *err)
@@ -50,7 +50,7 @@ static int put_bytes(const uint8_t *bytes, size_t n, const WebPPicture *picture)
     return cts_temp_write(picture->custom_ptr, bytes, n, &err) == CTS_OK;
 }
 
-/* When a frame is shown; frames of a rate that divides no second differ by a millisecond, and none is lost. */
+/* Time of a frame in milliseconds, rounded, so that rates that do not divide a second cause no drift. */
 static int time_ms(const CtsExportJob *job, int frame)
 {
     const int rate = job->settings.frame_rate ? job->settings.frame_rate : CTS_FRAME_RATE_DEFAULT;

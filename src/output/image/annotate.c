@@ -10,7 +10,7 @@ static const double light = 242 / 255.0, dark = 13 / 255.0;
 
 enum { MIN_FONT_PX = 10 };
 
-/* What is drawn: a text, and below it a bar if bar_px is not 0. */
+/* A mark: a text, and below it a bar if bar_px is not 0. */
 typedef struct Mark {
     CtsLetters text;
     int n_above, n_below; /* room for so many accents over and under it */
@@ -20,7 +20,7 @@ typedef struct Mark {
     const double *rgb; /* NULL: light, or dark over a light background */
 } Mark;
 
-/* A mark's box in pixels: ink and rim. pen: half the width of a letter's strokes. */
+/* A mark's box in pixels: strokes and outline. pen: half the stroke width. */
 typedef struct Box {
     double text_width, text_height, above, below, bar_height, pen, rim; /* above, below: room for accents */
     int width, height;
@@ -44,7 +44,7 @@ static double to_segment(double x, double y, const double a[2], const double b[2
     return hypot(x - a[0] - t * dx, y - a[1] - t * dy);
 }
 
-/* From a point to the pen's way through a glyph that stands at 0, in its own units. */
+/* Distance from a point to the stroke path of a glyph at 0, in the glyph's units. */
 static double to_glyph(const CtsGlyph *glyph, double x, double y)
 {
     double nearest = INFINITY, before[2] = {0};
@@ -60,7 +60,7 @@ static double to_glyph(const CtsGlyph *glyph, double x, double y)
     return nearest;
 }
 
-/* How far above or below its letter a mark stands is as many heights as there are marks of its place before it. */
+/* Marks above or below a letter are stacked, each one height further than the marks before it at that place. */
 static double to_letter(const CtsLetter *letter, double x, double y)
 {
     double nearest = letter->glyph ? to_glyph(letter->glyph, x, y) : INFINITY;
@@ -127,7 +127,7 @@ static Box measure(const Mark *mark)
     return box;
 }
 
-/* How far the box's point lies from the mark's ink; negative inside. */
+/* Signed distance from the box's point to the mark's strokes; negative inside. */
 static double to_ink(const Mark *mark, const Box *box, double x, double y)
 {
     const double unit = box->text_height / CTS_CAPITAL;
@@ -145,7 +145,7 @@ static double covered(double distance_px)
     return fmin(1, fmax(0, 0.5 - distance_px));
 }
 
-/* A mark and where its box stands in the whole picture. */
+/* A mark and the position of its box in the whole picture. */
 typedef struct Placed {
     Mark mark;
     Box box;
@@ -164,7 +164,7 @@ static bool overlap(const Placed *a, const Placed *b)
            b->top < a->top + a->box.height;
 }
 
-/* Marks that would cover another one, or leave the picture, help nobody. */
+/* Skips marks that would overlap another one or leave the picture. */
 static void place(Layout *layout, const Mark *mark)
 {
     Placed *p = &layout->placed[layout->n];
@@ -184,7 +184,7 @@ static void place(Layout *layout, const Mark *mark)
     layout->n++;
 }
 
-/* Ink within a rim, over the picture; premultiplied, as the picture is. */
+/* Draws strokes with an outline over the picture; premultiplied, like the picture. */
 static void put(CtsPicture *picture, const Placed *p)
 {
     const double *const rgb = p->mark.rgb;
@@ -277,7 +277,7 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n
     return CTS_OK;
 }
 
-/* A name, or where not all of it can be written its number and as much of it as goes into room_px. */
+/* A name, or, where it cannot be drawn completely, its number and as much of it as fits into room_px. */
 static bool write_name(const CtsLegendEntry *entry, double room_px, Mark *mark)
 {
     mark->text = (CtsLetters){.n = 0};
@@ -315,7 +315,7 @@ CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries
         p.mark.n_below = below > p.mark.n_below ? below : p.mark.n_below;
     }
     const double line = measure(&p.mark).height;
-    /* The letters in the middle of the sides keep their room, and so do names on the other side. */
+    /* Leave room for the letters in the middle of the sides, and for names on the other side. */
     const int at_once = (int)fmax((0.45 * height - margin_px) / line, 0);
     const double room = n > (size_t)at_once ? picture->width / 2.0 - 1.5 * margin_px : picture->width - 2 * margin_px;
     for (size_t i = 0; i < n; i++) {

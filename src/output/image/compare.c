@@ -1,5 +1,5 @@
-/* How far two pictures are apart. SSIM is Wang's: Gaussian windows of 11 x 11 pixels, sigma 1.5, K1 0.01, K2 0.03,
- * range 1, over the windows that lie wholly inside, as the mean of red, green and blue. */
+/* Comparison of two pictures. SSIM is Wang's: Gaussian windows of 11 x 11 pixels, sigma 1.5, K1 0.01, K2 0.03, range 1,
+ * over the windows that lie wholly inside, as the mean of red, green and blue. */
 #include "ctsplat/picture.h"
 
 #include "base/cpu.h"
@@ -110,8 +110,8 @@ static CtsStatus percentile(const CtsPicture *a, const CtsPicture *b, double *p9
     return CTS_OK;
 }
 
-/* Windows of one direction: weights, and the places whose windows are looked at: those that fit, or in a picture
- * smaller than a window all, with what sticks out cut off. */
+/* Windows of one direction: weights, and the positions evaluated: those that fit, or, in a picture smaller than a
+ * window, all, truncated at the border. */
 typedef struct Windows {
     double weights[2 * RADIUS + 1];
     int size, first, last;

@@ -1,17 +1,17 @@
-/* How a picture was made, in words and numbers for files: no patient data, the same in every locale. */
+/* Description of a picture in words and numbers for files: without patient data, the same in every locale. */
 #ifndef CTS_IMAGE_DESCRIBE_H
 #define CTS_IMAGE_DESCRIBE_H
 
 #include "ctsplat/picture.h"
 
-/* Up to n_digits significant digits with a decimal point, whatever the locale. */
+/* Up to n_digits significant digits with a decimal point in every locale. */
 void cts_describe_number(double value, int n_digits, char *text, size_t size);
 
-/* The view as --view takes it: a name where there is one, else "azimuth,elevation" in degrees. */
+/* The view in the notation of --view: a name if it has one, else "azimuth,elevation" in degrees. */
 void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size);
 
-/* Where a direction of the patient (LPS) points: A P L R H F, the strongest component first, further letters for
- * components of more than sin 15 degrees of its length. "" for no direction. */
+/* The letters of a patient direction (LPS): A P L R H F, the strongest component first, further letters for components
+ * of more than sin 15 degrees of its length. "" for a zero vector. */
 void cts_describe_direction(const double direction_lps[3], char text[4]);
 
 /* The grey window as "low,high" in HU; false (and "") when the picture is composite. */

@@ -124,7 +124,7 @@ typedef enum Accent {
     N_ACCENTS
 } Accent;
 
-/* Drawn like letters; where they stand over or under these is said by CtsMark. */
+/* Diacritics, drawn like letters; CtsMark has their position. */
 static const struct {
     uint16_t combining; /* the character that puts it on the letter before */
     CtsMark mark;
@@ -149,8 +149,7 @@ static const struct {
     [LINE_BELOW] = {0x331, {{0, 8, "0383"}, CTS_MARK_BELOW}},
 };
 
-/* Capitals and what they are made of, from the canonical decompositions of Unicode: each composed letter stands in
- * front of its base. */
+/* Capitals and their parts, from the canonical decompositions of Unicode: each composed letter precedes its base. */
 static const struct {
     Accent accents[2];
     const char *letters;
@@ -209,7 +208,7 @@ static const struct {
     {{OGONEK, MACRON}, "ǬO"},
 };
 
-/* What is written in letters of its own. */
+/* Ligatures and the like, replaced by plain letters. */
 static const struct {
     uint16_t letter;
     const char *written;
@@ -221,7 +220,7 @@ static const struct {
     {0x201D, "\""}, {0x201E, "\""}, {0x2026, "..."}, {0x202F, " "}, {0x2009, " "},
 };
 
-/* Greek from 0x391 to 0x3A9 in Latin capitals where these look the same; a blank: a letter of its own. */
+/* Greek from 0x391 to 0x3A9 as Latin capitals of the same shape; a blank: drawn by a glyph of its own. */
 static const char greek_capitals[] = "AB  EZH IK MN O P  TY X  ";
 enum { ALPHA = 0x391, OMEGA = 0x3A9, SMALL_ALPHA = 0x3B1, FINAL_SIGMA = 0x3C2, SMALL_OMEGA = 0x3C9 };
 
@@ -262,7 +261,7 @@ static const CtsGlyph *glyph_of(uint32_t letter)
     return NULL;
 }
 
-/* The next character of UTF-8; one that is none stands for itself, as a character that nothing draws. */
+/* The next code point of UTF-8; an invalid byte gives a code point without a glyph. */
 static uint32_t next(const char **text)
 {
     const unsigned char *p = (const unsigned char *)*text;
@@ -285,7 +284,7 @@ static void put_accents(CtsLetter *letter, const Accent of[2])
         letter->marks[i] = of[i] ? &accents[of[i]].mark : NULL;
 }
 
-/* A capital, of which the table has the parts. */
+/* A capital whose parts are in the table. */
 static bool find_capital(uint32_t capital, CtsLetter *letter)
 {
     *letter = (CtsLetter){.glyph = glyph_of(capital)};
@@ -318,7 +317,7 @@ static bool find_greek(uint32_t code, CtsLetter *letter)
     return letter->glyph;
 }
 
-/* As a capital. Unicode has small letters behind their capitals, by one or, up to 0xFE, by 32. */
+/* As a capital. In Unicode small letters follow their capitals, at a distance of 1 or, up to 0xFE, of 32. */
 static bool find_letter(uint32_t code, CtsLetter *letter)
 {
     enum { SMALL_FIRST = 0xE0, SMALL_LAST = 0xFE, APART = 32 };

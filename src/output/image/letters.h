@@ -1,11 +1,11 @@
-/* Letters as a pen draws them, for what is written into pictures. */
+/* A stroke font for text in pictures. */
 #ifndef CTS_IMAGE_LETTERS_H
 #define CTS_IMAGE_LETTERS_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-/* In units of which a capital is CTS_CAPITAL high; 0, 0 is its upper left corner. */
+/* In units in which a capital is CTS_CAPITAL high; 0, 0 is its upper left corner. */
 enum { CTS_CAPITAL = 16, CTS_LETTER_GAP = 6, CTS_MARK_HEIGHT = 4, CTS_MARK_GAP = 3 };
 
 typedef struct CtsGlyph {
@@ -24,7 +24,7 @@ typedef struct CtsMark {
 
 typedef struct CtsLetter {
     const CtsGlyph *glyph;   /* NULL: a blank */
-    const CtsMark *marks[2]; /* from the letter outwards; NULL: none */
+    const CtsMark *marks[2]; /* diacritics from the letter outwards; NULL: none */
 } CtsLetter;
 
 enum { CTS_MOST_LETTERS = 128 };
@@ -34,9 +34,9 @@ typedef struct CtsLetters {
     bool lacks; /* some of the text cannot be drawn */
 } CtsLetters;
 
-/* ASCII as it stands: capitals, digits, and the small letters of units. */
+/* ASCII without conversion: capitals, digits, and the small letters of units. */
 void cts_letters_plain(const char *text, CtsLetters *letters);
-/* Adds a text in UTF-8 in capitals; what cannot be drawn is left out, and several blanks are one. */
+/* Adds a text in UTF-8 in capitals; skips letters without a glyph, and joins several blanks to one. */
 void cts_letters_add(const char *text, CtsLetters *letters);
 
 #endif

@@ -1,5 +1,4 @@
-/* A picture's pixels as the integers that files hold, and display values (sRGB, IEC 61966-2-1) to and from linear
- * light. */
+/* A picture's pixels as the integers of files, and display values (sRGB, IEC 61966-2-1) to and from linear light. */
 #ifndef CTS_IMAGE_SAMPLES_H
 #define CTS_IMAGE_SAMPLES_H
 
@@ -7,17 +6,17 @@
 #include <math.h>
 #include <stdint.h>
 
-/* Red, green and blue are equal in every pixel. Alpha is not looked at. */
+/* True if red, green and blue are equal in every pixel, whatever alpha. */
 bool cts_picture_is_grey(const CtsPicture *picture);
 
-/* Row y as 16-bit samples, n_samples a pixel: 1 grey (the first channel), 3 red green blue as they stand, 4 straight
- * (not premultiplied) red green blue and alpha. Where alpha rounds to 0, so do the colours. */
+/* Row y as 16-bit samples, n_samples per pixel: 1 grey (the first channel), 3 red green blue unchanged, 4 straight (not
+ * premultiplied) red green blue and alpha. Where alpha rounds to 0, so do the colours. */
 void cts_samples_row16(const CtsPicture *picture, int y, int n_samples, uint16_t *row);
 
 /* The same with 8 bits a sample. */
 void cts_samples_row8(const CtsPicture *picture, int y, int n_samples, uint8_t *row);
 
-/* The curves go on above 1; negative values and NaN give 0. */
+/* The curves continue above 1; negative values and NaN give 0. */
 double cts_srgb_to_linear(double display);
 double cts_linear_to_srgb(double linear);
 

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* One colour an engine by its id, in all plots; the last three are for engines to come. */
+/* One colour per engine id, in all plots; the last three are spares. */
 static const char *const colours[] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#d98c00",
                                       "#b3123f", "#333333", "#8a7a00", "#008c95", "#c2418d"};
 _Static_assert(sizeof colours / sizeof *colours >= CTS_N_ENGINES, "an engine has no colour");
@@ -36,7 +36,7 @@ void cts_bench_samples_text(const CtsBenchRow *row, char text[24])
         strcpy(text, "auto");
 }
 
-/* What open_memstream() gave, once it is closed; good: all was written. */
+/* Closes a stream of open_memstream(); good: it was written completely. */
 static CtsStatus end_text(FILE *f, bool good, char **text, CtsError *err)
 {
     if (f && fclose(f))
@@ -141,7 +141,7 @@ static int by_time(const void *a, const void *b)
     return (x->wall_ms > y->wall_ms) - (x->wall_ms < y->wall_ms);
 }
 
-/* Measured rows by time, without the reference's own, whose error is none; free with free(). */
+/* Measured rows by time, without the reference's own, whose error is 0; free with free(). */
 static const CtsBenchRow **sorted(const CtsBenchRows *rows, int *n)
 {
     const CtsBenchRow **list = malloc((size_t)(rows->n + 1) * sizeof *list);
@@ -154,8 +154,7 @@ static const CtsBenchRow **sorted(const CtsBenchRows *rows, int *n)
     return list;
 }
 
-/* Rows of one engine that no other of its rows beats, all of them, and what was told of errors. List is in order of
- * time. */
+/* An engine's Pareto-optimal rows, all its rows, and the reported errors. List is in order of time. */
 static void plot_engine(FILE *f, const CtsBenchRow *const *list, int n, int engine)
 {
     double best = INFINITY;
@@ -173,7 +172,7 @@ static void plot_engine(FILE *f, const CtsBenchRow *const *list, int n, int engi
     fputs("END\n", f);
 }
 
-/* The front, and what its rows are: names in turn above and below it, on white, so that no line crosses them. */
+/* The Pareto front with labels alternately above and below it, on white, so that no line crosses them. */
 static void plot_front(FILE *f, const CtsBenchRow *const *list, int n)
 {
     bool above = true;
@@ -280,7 +279,7 @@ end:
     return end_text(f, good, html, err);
 }
 
-/* All that a file or a pipe still holds, with a 0 behind it. */
+/* The remaining contents of a file or pipe, 0-terminated. */
 static char *read_all(FILE *file)
 {
     char *text = NULL;
@@ -291,7 +290,7 @@ static char *read_all(FILE *file)
     return ferror(file) ? NULL : strdup("");
 }
 
-/* Files stand in for two of the pipes, so that neither side can wait for the other. */
+/* Files replace two of the pipes, so that neither side can block the other. */
 static CtsStatus run(FILE *in, FILE *complaints, char **svg, CtsError *err)
 {
     char command[80];

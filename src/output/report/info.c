@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* told: what stands above already; NULL: nothing. */
+/* told: findings printed already; NULL: none. */
 static void print_findings(FILE *file, const CtsFindings *findings, const char *indent, const char *told)
 {
     for (size_t i = 0; i < findings->n; i++) {

@@ -1,4 +1,4 @@
-/* What `ctsplat info` tells about series, as text and as JSON. */
+/* Output of `ctsplat info`, as text and as JSON. */
 #ifndef CTS_REPORT_INFO_H
 #define CTS_REPORT_INFO_H
 
@@ -7,11 +7,11 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-/* What only the pixels tell. */
+/* Facts that need the pixels. */
 typedef struct CtsPixelFacts {
     bool known; /* the pixels were read: */
     double hu_min, hu_max;
-    double box_low_lps[3], box_high_lps[3]; /* mm: what a crop takes */
+    double box_low_lps[3], box_high_lps[3]; /* mm: as used by a crop */
     bool refused;                           /* reading them failed: */
     char reason[1024];
     CtsLabelFact *labels; /* n_labels of them where has_labels; a report's */
@@ -20,10 +20,10 @@ typedef struct CtsPixelFacts {
     CtsFindings findings; /* of reading them, the series' own left out; owned */
 } CtsPixelFacts;
 
-/* What the volume tells. */
+/* Fills in the facts from the volume. */
 void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume);
 
-/* Whether the same is among the findings. */
+/* True if an equal finding is in the list. */
 bool cts_findings_have(const CtsFindings *findings, const CtsFinding *finding);
 struct json_t *cts_finding_json(const CtsFinding *finding);
 struct json_t *cts_label_json(const CtsLabelFact *label);

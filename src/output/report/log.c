@@ -30,12 +30,12 @@ struct CtsLog {
     CtsUtc time;
     char *command, *series_hash; /* NULL: not known */
     char *last_words;
-    const CtsNames *names; /* of files that are not to be told; NULL: none */
+    const CtsNames *names; /* of files that the log must not contain; NULL: none */
     CtsKey key;
-    bool has_key; /* else no UID is told, not even as a hash */
+    bool has_key; /* else UIDs are omitted, even as hashes */
 };
 
-/* A random number, so that runs of many machines can stand in one file; and when it began. */
+/* A random run id, so that runs of many machines can share a file; and the start time. */
 static void name_run(CtsLog *log)
 {
     uint64_t id = 0;
@@ -75,7 +75,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may
     name_run(l);
     CtsStatus st = cts_key_load(key, may_make_key, &l->key, err);
     l->has_key = !st;
-    if (!key) /* a log without hashes is better than none */
+    if (!key) /* without a key the log has no hashes */
         st = CTS_OK;
     if (st || (st = open_file(path, &l->fd, err))) {
         free(l);
@@ -113,7 +113,7 @@ static json_t *new_ms(double ms)
     return json_real(round(ms * 1000) / 1000);
 }
 
-/* A line of what is told of an event, which it takes over. */
+/* Writes a line with the fields of an event; takes ownership of told. */
 static void add_event(CtsLog *log, const char *event, json_t *told)
 {
     json_t *object = json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
@@ -122,7 +122,7 @@ static void add_event(CtsLog *log, const char *event, json_t *told)
     add_line(log, object);
 }
 
-/* Unless a line tells the same already, as each frame of a rotation may. */
+/* Skips a line equal to an earlier one, as frames of a rotation may cause. */
 static void add_once(CtsLog *log, const char *event, json_t *told)
 {
     char *text = new_line(json_incref(told));
@@ -163,7 +163,7 @@ void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t 
         json_pack("{s:o,s:s,s:I}", "path", cts_json_new_text(path), "format", format, "bytes", (json_int_t)bytes));
 }
 
-/* Verification counts as compositing in the stages, which add up to the whole; here stands what it took of that. */
+/* Verification counts as compositing in the stages, which add up to the whole; this event has its share. */
 json_t *cts_error_json(const CtsReport *report)
 {
     const CtsVerified *v = &report->verified;
@@ -183,7 +183,7 @@ void cts_log_without_names(CtsLog *log, const CtsNames *names)
         log->names = names;
 }
 
-/* What --explain prints. */
+/* The lines of the plan, as --explain prints them. */
 static void log_plan(CtsLog *log, const char *plan)
 {
     while (plan && *plan) {
@@ -299,7 +299,7 @@ void cts_log_done(CtsLog *log, int n_threads)
                         (json_int_t)cts_peak_rss_bytes(), "threads", threads, "threads_why", why));
 }
 
-/* What the first line tells is known last. */
+/* Writes the first line, whose fields are known only at the end. */
 static void put_run_first(CtsLog *log)
 {
     char *run = run_line(log), *text = NULL;

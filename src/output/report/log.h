@@ -10,29 +10,29 @@
 typedef struct CtsLog CtsLog;
 struct CtsNames; /* masked.h */
 
-/* path "-" is stderr; NULL makes *log NULL, which all of the following accept and ignore. start_ms is cts_wall_ms()
- * at the start of the program: what t_ms counts from. Opens the file, so that a log that cannot be written is refused
- * before any work. UIDs stand in it as hashes under a key (base/site_key.h); without one, not at all. */
+/* path "-" is stderr; NULL makes *log NULL, which all functions accept and ignore. start_ms is cts_wall_ms() at the
+ * start of the program, the origin of t_ms. Opens the file, so that a log that cannot be written is refused before any
+ * work. UIDs are written as hashes under a key (base/site_key.h), and omitted without one. */
 CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may_make_key, double start_ms,
                        CtsError *err);
 
-/* Whether it could be opened. */
+/* Checks that it could be opened. */
 CtsStatus cts_log_check(const char *path, CtsError *err);
 
 /* A picture, or the first of a rotation, that is to be made. */
 void cts_log_picture(CtsLog *log, const char *preset, const CtsRenderSettings *settings, int n_frames);
 /* An output that is written. */
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes);
-/* From here on messages are told without these names of input files, which outlast the log. */
+/* From here on these names of input files are removed from messages; names must outlast the log. */
 void cts_log_without_names(CtsLog *log, const struct CtsNames *names);
 /* Stages, skipped work, voxel counts and measured error. Here the run's time ends. */
 void cts_log_report(CtsLog *log, const CtsReport *report);
-/* What the log's event error tells, of report->verified; the caller's to release. */
+/* The fields of event error, from report->verified; a new reference. */
 struct json_t *cts_error_json(const CtsReport *report);
-/* What the first line, run, tells of it; texts are copied, and may be NULL. command: without patient data. */
+/* Sets fields of the first line, run; texts are copied, and may be NULL. command: without patient data. */
 void cts_log_run(CtsLog *log, const char *command, const char *series_uid);
-/* The last line of a run that came to its end and was reported (n_threads as asked for, 0: as many as there are), and
- * of one that did not. */
+/* The last line of a run that ended and was reported (n_threads as requested, 0: all cores), and of one that did
+ * not. */
 void cts_log_done(CtsLog *log, int n_threads);
 void cts_log_failed(CtsLog *log, int exit_code, const char *message);
 /* The text and file of a log of a run that is broken off here and now: for a signal handler, which can do no more than

@@ -57,14 +57,14 @@ char *cts_without_uids(const CtsKey *key, const char *text)
     return masked;
 }
 
-/* Longer names are cut in messages (dicom/header/slice.h). */
+/* Longer names are truncated in messages (dicom/header/slice.h). */
 enum { LONGEST_NAME = 255 };
 
 static void add(CtsNames *names, const char *text, size_t n, const char *end)
 {
     if (n && !cts_grow(&names->items, names->n, NULL) &&
         asprintf(&names->items[names->n], "%.*s%s", (int)n, text, end) >= 0)
-        cts_text_clean(names->items[names->n++]); /* as messages have it */
+        cts_text_clean(names->items[names->n++]); /* as in messages */
 }
 
 void cts_names_add(CtsNames *names, const char *path)
@@ -92,15 +92,15 @@ static bool begins(const char *text, const char *with)
     return !strncmp(text, with, strlen(with));
 }
 
-/* How much of the text, which begins a word, a name is: 0 where it is none. The name of a file may be any word, and
- * counts only where something is said of it. */
+/* Length of a name at the start of the text, which begins a word: 0 where it does not match. A file may have the name
+ * of any word, so a name without slash counts only where ": " or ", frame " follows. */
 static size_t name_length(const char *text, const char *name)
 {
     const size_t n = strlen(name);
     const bool is_path = strchr(name, '/');
     if (!begins(text, name))
-        return is_path && begins(name, text) ? strlen(text) : 0; /* cut short */
-    if (name[n - 1] == '/') {                                    /* something below, whose name may have blanks */
+        return is_path && begins(name, text) ? strlen(text) : 0; /* a truncated path */
+    if (name[n - 1] == '/') {                                    /* a path below a folder; it may contain blanks */
         const char *end = strstr(text, ": ");
         return end ? (size_t)(end - text) : strlen(text);
     }
