@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 /* Voxel (i, j, k) is bit i % 64 of words[(k * dims[1] + j) * row_words + i / 64]. At least one bit of a row is spare;
- * spare bits stay 0, so that nothing carries over from one row to the next. */
+ * spare bits stay 0, so that shifts and sums do not carry into the next row. */
 typedef struct CtsBits {
     int dims[3];
     size_t row_words;
@@ -19,7 +19,7 @@ enum { CTS_BITS_ROW_WORDS = 1025 }; /* at most, 65599 voxels a row */
 
 /* All bits 0. A zero-initialised CtsBits may be freed. */
 CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err);
-/* The same, but for who writes every word before any is read. */
+/* Without initialisation, for callers that write every word before reading any. */
 CtsStatus cts_bits_new_unset(CtsBits *bits, const int dims[3], CtsError *err);
 void cts_bits_free(CtsBits *bits);
 
@@ -33,7 +33,7 @@ static inline uint64_t *cts_bits_row(const CtsBits *bits, int j, int k)
     return bits->words + ((size_t)k * (size_t)bits->dims[1] + (size_t)j) * bits->row_words;
 }
 
-/* Slice k by itself, of the same words. */
+/* Slice k as bits of its own, sharing the words. */
 static inline CtsBits cts_bits_slice(const CtsBits *bits, int k)
 {
     return (CtsBits){{bits->dims[0], bits->dims[1], 1}, bits->row_words, cts_bits_row(bits, 0, k)};
@@ -67,27 +67,27 @@ static inline int cts_popcount(uint64_t x)
 /* Set the bits first <= i < end of one row. */
 void cts_bits_fill(uint64_t *row, int first, int end);
 
-/* How many of the bits first <= i < end of one row are set; first < end. */
+/* Number of set bits first <= i < end of one row; first < end. */
 uint64_t cts_bits_count_run(const uint64_t *row, int first, int end);
 
-/* How many runs of set bits a row of n_words has. */
+/* Number of runs of set bits in a row of n_words. */
 static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
 {
     uint32_t n = 0;
     for (size_t w = 0; w < n_words; w++) {
         const uint64_t starts = row[w] & ~(row[w] << 1 | (w ? row[w - 1] >> 63 : 0));
-        if (starts) /* as few have */
+        if (starts) /* most words start no run */
             n += (uint32_t)cts_popcount(starts);
     }
     return n;
 }
 
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_NOT } CtsBitsOp;
-/* a = a op b, word by word; CTS_BITS_NOT takes b alone. */
+/* a = a op b, word by word; CTS_BITS_NOT uses b alone. */
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
 uint64_t cts_bits_count_slice(const CtsBits *bits, int k);
 uint64_t cts_bits_count(const CtsBits *bits);
-/* How many are set in both, which have the same dimensions. */
+/* Number of bits set in both, which have the same dimensions. */
 uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads);
 
 #endif

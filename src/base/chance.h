@@ -1,4 +1,4 @@
-/* Chance that is the same each time, drawn by numbers that the caller counts. */
+/* Counter-based pseudo-random numbers (MurmurHash3 finaliser). */
 #ifndef CTS_BASE_CHANCE_H
 #define CTS_BASE_CHANCE_H
 

@@ -29,7 +29,7 @@ static double seconds_ms(const struct timeval *t)
     return (double)t->tv_sec * 1e3 + (double)t->tv_usec * 1e-3;
 }
 
-/* The state of this file: what was added. */
+/* Global state of this file: time added by cts_cpu_add_usage(). */
 static _Atomic int64_t added_us;
 static atomic_long added_kib;
 

@@ -9,9 +9,9 @@
 CTS_C_BEGIN
 
 double cts_wall_ms(void);          /* monotonic */
-double cts_cpu_ms(void);           /* this process, all threads, its children that have ended, and what was added */
+double cts_cpu_ms(void);           /* of this process, all threads, its terminated child processes, and time added */
 double cts_thread_cpu_ms(void);    /* the calling thread */
-uint64_t cts_peak_rss_bytes(void); /* the largest of this process, its children and what was added */
+uint64_t cts_peak_rss_bytes(void); /* maximum of this process, its child processes and values added */
 
 /* Now, as YYYY-MM-DDTHH:MM:SSZ. */
 typedef struct CtsUtc {
@@ -19,7 +19,7 @@ typedef struct CtsUtc {
 } CtsUtc;
 CtsUtc cts_utc_now(void);
 
-/* Processes that are not this one's children; returns their CPU time in ms. */
+/* Adds the usage of processes that are not this one's children; returns their CPU time in ms. */
 double cts_cpu_add_usage(const struct rusage *usage);
 void cts_cpu_add_ms(double ms);
 

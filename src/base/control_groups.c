@@ -1,5 +1,5 @@
-/* What control groups leave to this process: processors and memory, by cgroup v2's files and v1's, of the process's own
- * group and of all those around it. */
+/* Limits of processors and memory by control groups: cgroup v2's files and v1's, of the process's own group and of its
+ * ancestors. */
 #include "base/cpu.h"
 #include "base/mem.h"
 
@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What a group's files leave of a resource; INFINITY where they set no limit. */
+/* The remainder of a resource by a group's files; INFINITY without a limit. */
 typedef double (*ReadLimit)(const char *folder, bool is_v2);
 
 typedef struct Resource {
@@ -51,7 +51,7 @@ static double read_number(const char *folder, const char *name, double otherwise
     return found ? value : otherwise;
 }
 
-/* Bytes of files in memory, which give way to a process that wants more. */
+/* Bytes of the page cache that can be reclaimed. */
 static double read_cache(const char *folder, bool is_v2)
 {
     char line[128];
@@ -66,7 +66,7 @@ static double read_cache(const char *folder, bool is_v2)
     return sum;
 }
 
-/* The limit without what is in use; v1 writes "no limit" as a number of some 2^63. */
+/* The limit minus the memory in use; v1 writes "no limit" as a number near 2^63. */
 static double read_memory(const char *folder, bool is_v2)
 {
     const double limit = is_v2 ? fmin(read_number(folder, "memory.max", INFINITY), //
@@ -91,7 +91,7 @@ static double least_in(char *folder, size_t n_root, bool is_v2, ReadLimit read)
     }
 }
 
-/* Whether a comma-separated list has the word. */
+/* True if a comma-separated list contains the word. */
 static bool has_word(const char *list, const char *word)
 {
     const size_t n = strlen(word);
@@ -133,7 +133,7 @@ static double least_of_mount(char *line, const char *groups_path, const Resource
     if ((!is_v2 && (strcmp(type, "cgroup") || !has_word(options, resource->controller))) ||
         !find_group(groups_path, is_v2, resource->controller, group))
         return INFINITY;
-    /* What is mounted may be a group itself, as in a container without a name space for groups. */
+    /* The mount may be of a group itself, as in a container without a cgroup namespace. */
     const size_t n_root = strcmp(root, "/") ? strlen(root) : 0;
     const bool below = !strncmp(group, root, n_root) && (!group[n_root] || group[n_root] == '/');
     snprintf(folder, sizeof folder, "%s%s", mount, below && strcmp(group, "/") ? group + n_root : "");

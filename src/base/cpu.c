@@ -22,7 +22,7 @@ unsigned cts_cpu_flags(void)
 #define FIND(name, needs) flags |= needs ? CTS_CPU_##name : 0;
     CTS_CPU_PATHS(FIND)
 #endif
-    return flags & (CTS_BUILT_FOR) & atomic_load(&cpu_mask);
+    return flags & (CTS_BUILT_FOR)&atomic_load(&cpu_mask);
 }
 
 int cts_cpu_cores(void)
@@ -33,7 +33,7 @@ int cts_cpu_cores(void)
     return 1;
 }
 
-/* OMP_NUM_THREADS as programs with OpenMP read it: the first number of a list; 0 where there is none. */
+/* OMP_NUM_THREADS as programs with OpenMP read it: the first number of a list; 0 if unset. */
 static int environment_limit(void)
 {
     const char *text = getenv("OMP_NUM_THREADS");

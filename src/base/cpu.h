@@ -1,4 +1,4 @@
-/* What the processor can do, and how many of it this process may use. */
+/* Features of the processor, and the number of cores this process may use. */
 #ifndef CTS_BASE_CPU_H
 #define CTS_BASE_CPU_H
 
@@ -6,7 +6,7 @@
 
 CTS_C_BEGIN
 
-/* What loops may be compiled for, each with what a processor must have for it. */
+/* SIMD paths, each with the processor features that it needs. */
 #define CTS_CPU_PATHS(path)                                                                                            \
     path(AVX2, HAS("avx2") && HAS("fma")) path(AVX512, HAS("avx2") && HAS("fma") && HAS("avx512f") &&                  \
                                                            HAS("avx512bw") && HAS("avx512dq") && HAS("avx512vl"))
@@ -23,8 +23,8 @@ enum CtsCpuFlag { CTS_CPU_PATHS(CTS_CPU_FLAG) };
 #define CTS_TARGET_AVX2
 #endif
 
-/* The flags that this processor has, this build has code for (option simd) and the mask lets through: whoever has more
- * than one SIMD path chooses by them. */
+/* The SIMD paths that this processor supports, this build contains (option simd) and the mask allows; code with several
+ * SIMD paths selects by them. */
 unsigned cts_cpu_flags(void);
 /* For tests: flags outside the mask count as missing from now on, in the whole process. ~0u lets all through. */
 void cts_cpu_set_mask(unsigned mask);
@@ -33,8 +33,8 @@ int cts_cpu_cores(void);
 /* Processors' worth of time that control groups leave to this process, not always a whole number; INFINITY without a
  * quota. The paths are /proc/self/cgroup and /proc/self/mountinfo. */
 double cts_cpu_quota(const char *groups_path, const char *mounts_path);
-/* n when n > 0, else as many as this process may use: the cores of its affinity mask, no more than its quota rounded up
- * and no more than OMP_NUM_THREADS; at most 1024. *why is a static text on what decided. */
+/* n when n > 0, else the number of cores this process may use: of its affinity mask, at most its quota rounded up and
+ * at most OMP_NUM_THREADS; at most 1024. *why: a static text on the deciding limit. */
 int cts_threads_why(int n, const char **why);
 int cts_threads(int n);
 

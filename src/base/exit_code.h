@@ -1,4 +1,4 @@
-/* What a status means to whoever runs a program. */
+/* Exit codes of statuses. */
 #ifndef CTS_BASE_EXIT_CODE_H
 #define CTS_BASE_EXIT_CODE_H
 

@@ -15,12 +15,12 @@ struct CtsTempFile {
     char *target;     /* the final name */
     char *path;       /* the temporary one */
     char *folder;     /* of both */
-    bool loose;       /* a power cut may take it */
+    bool loose;       /* need not survive a power cut */
     bool is_private;  /* not for others */
-    size_t n_waiting; /* bytes that the disk was not asked for */
+    size_t n_waiting; /* bytes not yet submitted to the disk */
 };
 
-/* The folder part of path, "." when it has none; NULL without memory. */
+/* The folder part of path, "." if it has none; NULL without memory. */
 static char *folder_of(const char *path)
 {
     const char *slash = strrchr(path, '/');
@@ -55,7 +55,7 @@ CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err)
     if (!t || !(t->folder = folder_of(path)) || !(t->target = strdup(path)) ||
         asprintf(&t->path, "%s/.%.100s.%ld.XXXXXX.tmp", t->folder, base, (long)getpid()) < 0) {
         if (t)
-            t->path = NULL; /* what asprintf() leaves there is not said */
+            t->path = NULL; /* asprintf() leaves it undefined on failure */
         free_temp(temp);
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     }
@@ -82,7 +82,7 @@ CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError
     if (!cts_write_all(temp->fd, data, n))
         return fail_errno(err, temp->target, "cannot be written");
     temp->n_waiting += n;
-    /* The disk begins while the rest is made, so that the sync at the end finds little to do; advice. */
+    /* Start writing to the disk early, so that the sync at the end is short; only a hint. */
     if (temp->n_waiting >= WRITE_BEHIND && !temp->loose) {
         sync_file_range(temp->fd, 0, 0, SYNC_FILE_RANGE_WRITE);
         temp->n_waiting = 0;

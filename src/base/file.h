@@ -9,7 +9,7 @@
 
 CTS_C_BEGIN
 
-/* Short writes are gone on with; false, with errno, where it cannot be written. */
+/* Repeats short writes; false, with errno, on failure. */
 bool cts_write_all(int fd, const void *data, size_t n);
 
 typedef struct CtsTempFile CtsTempFile;
@@ -17,17 +17,17 @@ typedef struct CtsTempFile CtsTempFile;
 /* Makes an unpredictable name beside path (mode 0600 until the commit). CTS_ERR_OUTPUT with path and cause. */
 CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err);
 CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError *err);
-/* The same at an offset; the place where cts_temp_write() goes on does not move. */
+/* At an offset, without changing the position of cts_temp_write(). */
 CtsStatus cts_temp_write_at(CtsTempFile *temp, const void *data, size_t n, uint64_t offset, CtsError *err);
-/* For libraries that want a name or a descriptor, which stays the temp file's. */
+/* For libraries that need a name or a descriptor, which remain the temp file's. */
 const char *cts_temp_path(const CtsTempFile *temp);
 int cts_temp_fd(const CtsTempFile *temp);
 /* fsync, close, mode 0666 less the umask, rename, fsync of the folder. Without force an existing path is
  * CTS_ERR_OUTPUT. Frees temp. bytes may be NULL. */
 CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err);
-/* A commit does not wait for the disk: for what is made again where a power cut took it. */
+/* A commit does not sync: for files that can be generated again after a power cut. */
 void cts_temp_do_not_sync(CtsTempFile *temp);
-/* A commit leaves nothing to others than the owner and, to read, the group: for what identifies a patient. */
+/* A commit gives no access to others than the owner and, for reading, the group: for files that identify a patient. */
 void cts_temp_keep_private(CtsTempFile *temp);
 /* Removes the temporary file; does nothing when *temp is NULL, as after a commit. */
 void cts_temp_discard(CtsTempFile **temp);
@@ -36,7 +36,7 @@ void cts_temp_discard(CtsTempFile **temp);
  * status where it cannot be read. */
 CtsStatus cts_file_text(const char *path, size_t most, CtsStatus fault, char **text, size_t *n, CtsError *err);
 
-/* $TMPDIR, or /tmp; and a new folder there whose name begins with this, for its owner alone; *folder is to be freed. */
+/* $TMPDIR, or /tmp; and a new folder there with this prefix, accessible to its owner alone; *folder is to be freed. */
 const char *cts_temp_root(void);
 CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err);
 

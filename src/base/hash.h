@@ -13,7 +13,7 @@ enum { CTS_DIGEST_BYTES = 32 };
 
 typedef struct CtsHash CtsHash;
 
-/* A failure on the way is kept and comes out of cts_hash_finish(), which frees the hash in any case. */
+/* A failure of an intermediate step is returned by cts_hash_finish(), which frees the hash in any case. */
 CtsStatus cts_hash_start(CtsHash **hash, CtsError *err);
 /* HMAC-SHA256 (RFC 2104) under a key; NULL: plain SHA-256. */
 CtsStatus cts_hash_start_keyed(CtsHash **hash, const CtsKey *key, CtsError *err);

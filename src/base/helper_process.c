@@ -30,12 +30,13 @@ typedef struct Reply {
     char text[240];
 } Reply;
 
-/* The state of this file: the way to the helper. */
+/* Global state of this file: the connection to the helper. */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static int way = -1;
 static pid_t helper;
 static bool kept;
-static double told_cpu_ms; /* of processes of a helper that is our child: they count again when it is waited for */
+/* of a helper that is our child process: subtracted when it is reaped, since they are counted then */
+static double told_cpu_ms;
 
 static bool receive_reply(int socket, Reply *reply)
 {
@@ -129,7 +130,7 @@ static void leave(bool kill_it)
 {
     const bool is_child = kept && helper;
     struct pollfd end = {.fd = way};
-    if (kill_it && way >= 0 && poll(&end, 1, 0) == 0) /* else it has gone */
+    if (kill_it && way >= 0 && poll(&end, 1, 0) == 0) /* else it has ended */
         kill(helper, SIGKILL);
     if (way >= 0)
         close(way);
@@ -168,7 +169,7 @@ static CtsStatus begin(CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "a helper process cannot be reached: %s", strerror(errno));
     const pid_t pid = fork();
     if (pid == 0) {
-        if (!kept && fork() != 0) /* whose parent ends is nobody's child */
+        if (!kept && fork() != 0) /* a process whose parent ends is adopted by init */
             _exit(0);
         help(ends[1]);
     }
@@ -196,8 +197,8 @@ CtsStatus cts_helper_start(CtsError *err)
     return st;
 }
 
-/* One try, with a socket of its own: where the reply is lost there may be a process all the same, for as long as it
- * takes the helper to die, and it must not answer to a socket that another one has. */
+/* One try, with a socket of its own: where the reply is lost, a process may exist nevertheless until the helper dies,
+ * and must not answer on a socket that another one has. */
 static bool try_fork(Request *request, Reply *reply, int *socket, CtsStatus *st, CtsError *err)
 {
     int ends[2];

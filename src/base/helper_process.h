@@ -1,5 +1,5 @@
-/* One process that forks all others (ctsplat/helper.h). It has no threads and no volumes, so a fork of it is cheap and
- * meets no lock that somebody holds; its caller's functions and constants stand at the same places in it. */
+/* The helper process, which forks all others (ctsplat/helper.h). It has no threads and no volumes, so that forking it
+ * is cheap and no lock is held; functions and constants have the same addresses as in the program. */
 #ifndef CTS_BASE_HELPER_PROCESS_H
 #define CTS_BASE_HELPER_PROCESS_H
 
@@ -11,7 +11,7 @@
 
 enum { CTS_HELPER_ORDER_BYTES = 64 };
 
-/* What a process is forked for. */
+/* The purpose of a process to be forked. */
 typedef struct CtsHelperOrder {
     CtsStatus (*prepare)(CtsError *err);         /* in the helper, before the fork: loads a library, once; or NULL */
     void (*live)(const void *order, int socket); /* the process's whole life */
@@ -22,15 +22,15 @@ typedef struct CtsHelperOrder {
  * called cts_walls_enter(). */
 CtsStatus cts_helper_fork(const CtsHelperOrder *order, pid_t *pid, int *socket, CtsError *err);
 
-/* Kill a process unless it has ended, and wait for it: its wait status. Its computing counts from now on
- * (cts_cpu_ms()). Processes are killed when the helper is. */
+/* Kills a process unless it has ended, and reaps it: its wait status. Adds its CPU time (cts_cpu_ms()). Killing the
+ * helper kills its processes. */
 int cts_helper_end(pid_t pid);
 
-/* The helper's processes are no good, for they meet a lock that was taken when it was forked: the next is another. */
+/* Replaces the helper for the next fork: its processes find a lock that was taken when it was forked. */
 void cts_helper_renew(void);
 
-/* Said early by a program that will call cts_helper_stop(): its helper is then its child, and what helpers compute
- * counts as the program's to whoever waits for the program. */
+/* To be called early by a program that will call cts_helper_stop(): the helper is then its child process, so that the
+ * CPU time of helpers counts as the program's. */
 void cts_helper_keep(void);
 void cts_helper_stop(void);
 

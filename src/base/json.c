@@ -47,7 +47,7 @@ static size_t skip_blanks(const CtsJson *json, size_t at)
     return at;
 }
 
-/* The value at an offset of a text known to be valid, and the offset behind it. */
+/* The value at an offset of a valid text, and the offset after it. */
 static json_t *decode_at(const CtsJson *json, size_t at, size_t *end)
 {
     json_error_t error;

@@ -1,7 +1,7 @@
-/* JSON text read with jansson, where every complaint names the file and the line.
+/* JSON text read with jansson, with the file and line in every error message.
  *
- * jansson tells places for syntax errors only. A CtsJsonAt therefore remembers how a value was reached, and the line
- * is found, when a complaint needs it, by walking the text again with jansson as the tokeniser. */
+ * jansson gives positions for syntax errors only. A CtsJsonAt therefore records the path to a value, and for a message
+ * the line is found by parsing the text again with jansson as the tokeniser. */
 #ifndef CTS_BASE_JSON_H
 #define CTS_BASE_JSON_H
 
@@ -11,7 +11,7 @@
 #include <stddef.h>
 
 typedef struct CtsJson {
-    const char *name; /* what messages call the file; the caller's */
+    const char *name; /* name of the file in messages; the caller's */
     const char *text; /* the caller's, size bytes, any bytes */
     size_t size;
     json_t *root;
@@ -32,7 +32,7 @@ CtsStatus cts_json_open(CtsJson *json, CtsError *err);
 void cts_json_close(CtsJson *json);
 
 CtsJsonAt cts_json_root(const CtsJson *json);
-/* False when there is no such member, or object is none. */
+/* False when there is no such member, or object is not an object. */
 bool cts_json_member(const CtsJsonAt *object, const char *key, CtsJsonAt *member);
 /* The same where there has to be one. */
 CtsStatus cts_json_need(const CtsJsonAt *object, const char *key, CtsJsonAt *member, CtsError *err);
@@ -52,9 +52,9 @@ CtsStatus cts_json_bool(const CtsJsonAt *at, bool *value, CtsError *err);
 /* Stays the document's. */
 CtsStatus cts_json_string(const CtsJsonAt *at, const char **value, CtsError *err);
 
-/* Text from outside; what is not UTF-8 becomes question marks. */
+/* Text from outside; invalid UTF-8 becomes question marks. */
 json_t *cts_json_new_text(const char *text);
-/* An object's text under this key, "" where there is none. */
+/* An object's text under this key, "" if missing. */
 static inline const char *cts_json_text_of(const json_t *object, const char *key)
 {
     const char *text = json_string_value(json_object_get(object, key));

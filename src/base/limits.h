@@ -1,4 +1,4 @@
-/* Between what limits a picture's error lies, whatever its errors are like. */
+/* Confidence limits of a picture's error, for any distribution of errors. */
 #ifndef CTS_BASE_LIMITS_H
 #define CTS_BASE_LIMITS_H
 

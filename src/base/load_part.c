@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Where it is built the program's folder stands in the library's. */
+/* Candidates relative to the library's folder: the build folder, then the installed folders. */
 static const char *const PLACES[] = {"", "cli/", "ctsplat/", "../" CTS_LIBDIR "/ctsplat/"};
 enum { N_PLACES = sizeof PLACES / sizeof *PLACES };
 

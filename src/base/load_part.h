@@ -1,13 +1,13 @@
-/* Parts of the program that are libraries of their own, loaded when they are wanted: what they need would cost every
- * other run its time. */
+/* Plug-ins: parts of the program in libraries of their own that are loaded on demand, since loading their dependencies
+ * would slow down every run. */
 #ifndef CTS_BASE_LOAD_PART_H
 #define CTS_BASE_LOAD_PART_H
 
 #include "ctsplat/status.h"
 
-/* What the function `name` of the library `file` tells: a table of its own. The library lies beside the object that
- * this code is in: where it was built, or installed. It stays loaded, and *kept, NULL at first, remembers the table.
- * Thread-safe; no process is forked meanwhile. CTS_ERR_INTERNAL when it is not there or of another program. */
+/* The function table that the function `name` of the library `file` returns. The library is in the build folder or
+ * installed beside the object that contains this code. It stays loaded, and *kept, NULL at first, caches the table.
+ * Thread-safe; no process is forked meanwhile. CTS_ERR_INTERNAL when it is missing or belongs to another version. */
 CtsStatus cts_part_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err);
 
 /* The function `name`, which finds that table for its callers. */

@@ -9,8 +9,8 @@
 #include <sys/mman.h>
 #include <sys/sysinfo.h>
 
-/* From this size on, huge pages save most of the page faults; below, they would waste memory. What is left of the last
- * one gets small pages, unless it is half of a huge one or more. */
+/* From this size on, huge pages save most of the page faults; below, they would waste memory. The end of a block gets
+ * small pages, unless it fills half of a huge one or more. */
 enum { HUGE_PAGE = 2 << 20, HUGE_FROM = 2 << 20 };
 
 static CtsStatus checked_size(size_t n, size_t size, size_t *bytes, CtsError *err)
@@ -20,7 +20,8 @@ static CtsStatus checked_size(size_t n, size_t size, size_t *bytes, CtsError *er
     return CTS_OK;
 }
 
-/* The block's own start stands just before it, so that fresh zeroed pages can come from calloc() untouched. */
+/* The original address is stored just before the block, so that fresh zeroed pages of calloc() can be used
+ * untouched. */
 static CtsStatus aligned_block(void **block, size_t n, size_t size, bool zeroed, CtsError *err)
 {
     size_t bytes;
@@ -77,7 +78,7 @@ CtsStatus cts_resize_bytes(void **block, size_t n_kept, size_t n, size_t size, C
     char *const start = realloc(start_of(*block), offset + bytes + CTS_ALIGNMENT);
     if (!start)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", bytes);
-    /* Pages move as they are; only a small block may come to lie otherwise. */
+    /* mremap() keeps the alignment of pages; only a small block may change it. */
     const size_t off = (uintptr_t)(start + offset) % CTS_ALIGNMENT;
     char *const p = start + offset + (off ? CTS_ALIGNMENT - off : 0);
     if (off)
@@ -110,7 +111,7 @@ static uint64_t machine_available(void)
             kib = 0;
     if (file)
         fclose(file);
-    /* A service may see nothing of /proc but processes: then what is free and no cache. */
+    /* In a service /proc may be hidden: then use free memory without the page cache. */
     struct sysinfo machine;
     if (kib == 0 && !sysinfo(&machine))
         return (uint64_t)machine.freeram * machine.mem_unit;
@@ -123,7 +124,7 @@ uint64_t cts_memory_available(void)
     const double quota = cts_memory_quota("/proc/self/cgroup", "/proc/self/mountinfo");
     if (isinf(quota) || (machine > 0 && quota > (double)machine))
         return machine;
-    return quota > 1 ? (uint64_t)quota : 1; /* 0 would mean that nobody knows */
+    return quota > 1 ? (uint64_t)quota : 1; /* 0 would mean unknown */
 }
 
 int cts_memory_allows(double n_bytes, uint64_t free_bytes)

@@ -1,4 +1,4 @@
-/* The one door for large heap memory: sizes checked for overflow, blocks aligned for vector code. */
+/* Allocation of large blocks: sizes checked for overflow, blocks aligned for vector code. */
 #ifndef CTS_BASE_MEM_H
 #define CTS_BASE_MEM_H
 
@@ -26,19 +26,18 @@ CtsStatus cts_resize_bytes(void **block, size_t n_kept, size_t n, size_t size, C
 /* Frees and leaves NULL behind. */
 #define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
 
-/* Room for one more than n items in a block of malloc()'s that grows by one item at a time: it doubles at powers of
- * two, so that its size needs no field. For a pointer variable p of any type: cts_grow(&p, n, err). */
+/* Makes room for one more than n items in a malloc() block that grows by one item at a time: it doubles at powers of
+ * two, so that its capacity needs no field. For a pointer variable p of any type: cts_grow(&p, n, err). */
 CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err);
 #define cts_grow(p, n, err) cts_grow_bytes((void **)(p), (size_t)(n), sizeof **(p), (err))
 
-/* Bytes that could be had without swapping: of the machine's, or what control groups leave of theirs where that is
- * less; 0 when the system does not tell. */
+/* Memory available without swapping: of the machine, or of its control groups where that is less; 0 when unknown. */
 uint64_t cts_memory_available(void);
-/* Bytes that control groups leave to this process, with the files in memory that would give way; INFINITY without a
- * limit. The paths are /proc/self/cgroup and /proc/self/mountinfo. */
+/* Memory that control groups leave to this process, including reclaimable page cache; INFINITY without a limit. The
+ * paths are /proc/self/cgroup and /proc/self/mountinfo. */
 double cts_memory_quota(const char *groups_path, const char *mounts_path);
-/* Whether a volume may take so many: 60 % of what is free (0: nobody knows), so that a batch does not drive its machine
- * into swap. */
+/* True if a volume may use so many bytes: 60 % of the free memory (0: unknown), so that a batch does not cause
+ * swapping. */
 int cts_memory_allows(double n_bytes, uint64_t free_bytes);
 
 /* *product = a * b; nonzero when it does not fit. */

@@ -4,7 +4,7 @@
 
 #include "ctsplat/report.h"
 
-/* Start, the call, stop: what the call took beyond the stages that it reported itself is added to the stage given. */
+/* Measures a call: its time, minus the stages that it reported itself, is added to the given stage. */
 typedef struct CtsMeter {
     double wall_ms, cpu_ms, known_wall_ms, known_cpu_ms;
 } CtsMeter;

@@ -1,4 +1,4 @@
-/* What somebody may have meant who wrote a word that is not known. */
+/* Suggestions for misspelt words. */
 #ifndef CTS_BASE_NEAR_WORD_H
 #define CTS_BASE_NEAR_WORD_H
 
@@ -12,8 +12,8 @@ typedef struct CtsNear {
     size_t distance;
 } CtsNear;
 
-/* A candidate is near that begins with what was written, or that takes few letters to be put in, left out, changed or
- * swapped with their neighbour: a third of them, and one at least. Capitals are small letters. */
+/* A candidate is similar if it begins with the written text, or differs from it by few insertions, deletions, changes
+ * or swaps of neighbouring letters: a third of them, and at least one. Case does not matter. */
 void cts_near_try(CtsNear *near, const char *candidate);
 
 /* " (did you mean WORD?)", or "". */
@@ -21,7 +21,7 @@ typedef struct CtsHint {
     char text[96];
 } CtsHint;
 CtsHint cts_near_hint(const CtsNear *near);
-/* Likewise of n names. */
+/* The most similar of n names. */
 CtsHint cts_near_name(const char *written, size_t length, const char *const *names, int n);
 
 #endif

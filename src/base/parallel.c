@@ -9,12 +9,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* A loop under way, on its caller's stack. */
+/* A running loop, on its caller's stack. */
 typedef struct Loop {
     cts_work_fn work;
     void *context;
     size_t n, chunk;
-    atomic_size_t taken;  /* items that workers have taken, counted past n too */
+    atomic_size_t taken;  /* items claimed by workers, counted past n too */
     int n_wanted;         /* helpers that may still join */
     int n_joined, n_busy; /* helpers so far, and those that have not left */
     pthread_cond_t left;  /* the last helper did */
@@ -25,7 +25,7 @@ typedef struct Loop {
  * one. */
 static struct {
     pthread_mutex_t lock;
-    pthread_cond_t work; /* there are loops that want helpers */
+    pthread_cond_t work; /* loops need helpers */
     Loop *loops;
     int n_helpers, n_idle, n_busy; /* busy: in a loop, listed or already over for its caller */
     bool stopping, has_ended;      /* helpers that find no work end; one did */
@@ -39,8 +39,8 @@ static _Thread_local bool inside_shared;
 
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
-/* Idle helpers end before a fork. A thread that has just begun, or ends, may hold a lock of the C library or of a
- * sanitizer, which the child would find locked for ever. */
+/* Idle helper threads end before a fork. A thread that has just begun, or ends, may hold a lock of the C library or of
+ * a sanitizer, which would stay locked in the child process. */
 static void before_fork(void)
 {
     pthread_mutex_lock(&pool.lock);

@@ -17,11 +17,11 @@
 #include <unistd.h>
 
 enum {
-    BASE_MEMORY = 256 << 20, /* what a codec may take for any stream */
+    BASE_MEMORY = 256 << 20, /* memory of a codec for any stream */
     ANSWER_MEMORY = 24,      /* and for each byte of the answer: OpenJPEG holds a pixel a few times as 32 bits */
     STREAM_MEMORY = 4,       /* and for each byte of the stream */
     BASE_CPU_S = 10,
-    BYTES_PER_CPU_S = 400000, /* a fiftieth of what the slowest codec does */
+    BYTES_PER_CPU_S = 400000, /* a fiftieth of the speed of the slowest codec */
     QUIET_S = 60,
     START_QUIET_S = 5,
     GONE_MS = 10000,
@@ -29,7 +29,7 @@ enum {
     ROOM_STEP = 1 << 20
 };
 
-/* What a child is told when it is forked. */
+/* Parameters of a sandbox process. */
 typedef struct Order {
     cts_sandbox_work_fn work;
     size_t n_memory;
@@ -73,7 +73,7 @@ static bool transmit(int socket, const void *message, size_t n)
     return TEMP_FAILURE_RETRY(send(socket, message, n, MSG_NOSIGNAL)) == (ssize_t)n;
 }
 
-/* The child's whole life. The first answer says whether the walls stand. */
+/* Main function of the sandbox process. Its first answer says whether the isolation succeeded. */
 static void serve(const void *order, int socket)
 {
     Order o;
@@ -96,8 +96,8 @@ static void serve(const void *order, int socket)
     _exit(wall ? 1 : 0);
 }
 
-/* The child's wait status. A helper that is killed takes its children with it, but a moment later, and nobody waits for
- * them: one that has not let its socket go yet may still write where the next one puts its answer. */
+/* The process's wait status. Killing a helper kills its processes, but a moment later and without reaping: one that
+ * still has its socket may write where the next one puts its answer. */
 static int end_child(CtsSandbox *d)
 {
     if (!d->pid)
@@ -142,7 +142,7 @@ static double cpu_seconds(pid_t pid)
                                                                         : (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Whether an answer came; not when the child has gone, or (*still) has done nothing for quiet_s. */
+/* True if an answer arrived; false when the process has ended, or (*still) has been idle for quiet_s. */
 static bool await(const CtsSandbox *d, Answer *a, int quiet_s, bool *still)
 {
     double before = -1;
@@ -162,7 +162,7 @@ static bool await(const CtsSandbox *d, Answer *a, int quiet_s, bool *still)
     return false;
 }
 
-/* What a child may take. */
+/* Memory limit of the process. */
 static size_t memory_limit(const CtsSandbox *d)
 {
     return d->memory_limit ? d->memory_limit
@@ -216,7 +216,7 @@ static bool slots_hold(const CtsSandbox *d, size_t n, size_t n_answer)
     return d->shared && n <= d->stream_capacity && n_answer <= d->answer_capacity;
 }
 
-/* What is done with a stream must not depend on what came before. */
+/* The result for a stream must not depend on earlier streams. */
 static bool is_prepared(const CtsSandbox *d)
 {
     return !d->prepare || d->prepare == d->prepared;
@@ -227,8 +227,7 @@ bool cts_sandbox_fits(const CtsSandbox *d, size_t n, size_t n_answer)
     return d->n_jobs == 0 || (d->pid && d->n_jobs < d->n_slots && slots_hold(d, n, n_answer) && is_prepared(d));
 }
 
-/* Memory without a name, that goes with the last process that has it. A file would be subject to the limits on files.
- */
+/* Anonymous shared memory, freed with the last process that has it. A file would be subject to the limits on files. */
 static CtsStatus share(CtsSandbox *d, size_t needed, CtsError *err)
 {
     d->memory_id = shmget(IPC_PRIVATE, needed, 0600 | SHM_NORESERVE);
@@ -262,13 +261,14 @@ CtsStatus cts_sandbox_room(CtsSandbox *d, size_t n, size_t n_answer, uint8_t **s
     return d->pid ? CTS_OK : start_child(d, err);
 }
 
-/* The child dies of SIGXCPU when the oldest frame takes longer. CPU time, for a busy machine is no fault of the file's.
- */
+/* SIGXCPU ends the process when the oldest frame takes too long. CPU time is limited, since a busy machine is not the
+ * file's fault. */
 static int limit_cpu(const CtsSandbox *d)
 {
     const int limit_s = d->cpu_limit_s ? d->cpu_limit_s : BASE_CPU_S + (int)(d->jobs[0].n_answer / BYTES_PER_CPU_S);
     const struct rlimit limit = {(rlim_t)cpu_seconds(d->pid) + (rlim_t)limit_s + 1, RLIM_INFINITY};
-    prlimit(d->pid, RLIMIT_CPU, &limit, NULL); /* fails only when the child is gone, which the answer tells */
+    /* fails only when the process has ended, which reading the answer detects */
+    prlimit(d->pid, RLIMIT_CPU, &limit, NULL);
     return limit_s;
 }
 
@@ -289,8 +289,8 @@ static CtsStatus tell_death(const char *name, int status, int limit_s, CtsError 
     }
 }
 
-/* The oldest frame's answer. *killed: by somebody or a system without memory, and hardly by what the stream made of it:
- * codecs do not send SIGKILL. */
+/* The oldest frame's answer. *killed: by a user or the OOM killer, and hardly by an effect of the stream: codecs do not
+ * send SIGKILL. */
 static CtsStatus await_oldest(CtsSandbox *d, bool *killed, CtsError *err)
 {
     Answer a;
@@ -311,7 +311,7 @@ static CtsStatus await_oldest(CtsSandbox *d, bool *killed, CtsError *err)
                     : CTS_OK;
 }
 
-/* A child that is gone is found out when its answer is waited for. */
+/* A process that has ended is detected when its answer is read. */
 static void send_job(const CtsSandbox *d, const CtsSandboxJob *job)
 {
     transmit(d->socket, job, sizeof *job);
@@ -334,7 +334,7 @@ void cts_sandbox_send(CtsSandbox *d, const void *order, size_t n_order, const ui
     send_job(d, job);
 }
 
-/* Another child for all that is under way. */
+/* Starts another process for all streams in progress. */
 static CtsStatus send_again(CtsSandbox *d, CtsError *err)
 {
     const CtsStatus st = start_child(d, err);

@@ -1,4 +1,4 @@
-/* Whether a sanitizer watches this build: gcc and clang say so in different ways. */
+/* CTS_SANITIZED: defined in builds with a sanitizer, for gcc and clang. */
 #ifndef CTS_BASE_SANITIZED_H
 #define CTS_BASE_SANITIZED_H
 

@@ -73,8 +73,8 @@ INLINE vf vf_taken(vf x)
     return less;
 }
 
-/* 1 / sqrt(x), x > 0, as precise as the rest: a guess by halving the exponent, and Newton's steps. Roots and quotients
- * of the processor take four times as long. */
+/* 1 / sqrt(x), x > 0, as precise as the other functions: an initial guess by halving the exponent, and Newton steps.
+ * The processor's square roots and divisions take four times as long. */
 INLINE vf vf_inverse_root(vf x)
 {
     vf y = (vf)(ROOT_GUESS - ((vi)x >> 1));

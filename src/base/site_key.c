@@ -29,7 +29,7 @@ static char *own_path(bool made)
     return path;
 }
 
-/* Written beside it and linked to its name, so that whoever reads it reads a whole one; the first of two stays. */
+/* Written to a temporary file and linked, so that readers never see a partial file; the first of two writers wins. */
 static CtsStatus make(const char *path, CtsError *err)
 {
     uint8_t bytes[CTS_KEY_BYTES];

@@ -1,4 +1,4 @@
-/* The texts of many slices in a few blocks: what repeats from slice to slice stands there once, and all go at once. */
+/* A string pool for the texts of many slices: repeated texts are stored once, and all are freed together. */
 #ifndef CTS_BASE_STRING_POOL_H
 #define CTS_BASE_STRING_POOL_H
 
@@ -17,7 +17,7 @@ typedef struct CtsTexts {
 
 /* A copy of n bytes and a 0 after them. NULL without memory. */
 const char *cts_texts_keep(CtsTexts *texts, const char *text, size_t n);
-/* The same, or a text like it that is there; what follows a 0 byte is left out. NULL without memory. */
+/* A pooled copy of the text up to its first 0 byte. NULL without memory. */
 const char *cts_texts_share(CtsTexts *texts, const char *text, size_t n);
 void cts_texts_free(CtsTexts *texts);
 

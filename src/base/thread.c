@@ -26,7 +26,7 @@ void *cts_thread_with_stack(CtsThreadFn run, void *context)
     void *result = NULL;
     if (getrlimit(RLIMIT_STACK, &stack) || stack.rlim_cur >= STACK_BYTES || cts_thread_start(&thread, run, context))
         return run(context);
-    /* A signal is to interrupt who works, not who waits. */
+    /* Signals are to be handled by other threads than the waiting one. */
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     pthread_join(thread, &result);

@@ -11,7 +11,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-/* What malloc, the C library's way out, and the talk with the parent need. */
+/* System calls of malloc, exit, and the communication with the parent. */
 static const int allowed[] = {
     SCMP_SYS(brk),
     SCMP_SYS(munmap),
@@ -32,20 +32,20 @@ static const int allowed[] = {
     SCMP_SYS(restart_syscall),
 };
 
-/* What the C library tries now and then, to find out about its machine, and can do without. */
+/* System calls that the C library tries, and can do without. */
 static const int refused[] = {
     SCMP_SYS(open),  SCMP_SYS(openat),    SCMP_SYS(stat),    SCMP_SYS(fstat), SCMP_SYS(newfstatat),
     SCMP_SYS(ioctl), SCMP_SYS(readlink),  SCMP_SYS(sysinfo), SCMP_SYS(uname), SCMP_SYS(sched_getaffinity),
     SCMP_SYS(write), SCMP_SYS(prlimit64),
 };
 
-/* What no codec needs and a sanitizer neither. */
+/* System calls that neither a codec nor a sanitizer needs. */
 static const int denied[] = {
     SCMP_SYS(execve),  SCMP_SYS(execveat), SCMP_SYS(fork),    SCMP_SYS(vfork),  SCMP_SYS(socket),
     SCMP_SYS(connect), SCMP_SYS(bind),     SCMP_SYS(sendmsg), SCMP_SYS(ptrace),
 };
 
-/* Memory may be asked for, but none that can be run. */
+/* Allow mapping memory, except executable memory. */
 static int allow_data_memory(scmp_filter_ctx filter)
 {
     const struct scmp_arg_cmp no_exec = SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0);
@@ -138,14 +138,15 @@ static int close_others(int keep_fd)
 int cts_walls_leave_all(int keep_fd)
 {
     leave_signals();
-    prctl(PR_SET_DUMPABLE, 0); /* a core would hold the patient; where that fails, the limit on cores still stands */
+    /* a core file would contain patient data; if this fails, the limit on core files still holds */
+    prctl(PR_SET_DUMPABLE, 0);
     const int result = limit(RLIMIT_CORE, 0);
     return result ? result : close_others(keep_fd);
 }
 
 int cts_walls_enter(int keep_fd, size_t n_bytes)
 {
-    mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, when a thread asks it first */
+    mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, at a thread's first call */
     free(malloc(1));
     int result = limit_resources(n_bytes); /* reads a file */
     if (!result)

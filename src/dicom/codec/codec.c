@@ -4,7 +4,7 @@
 #include "dicom/codec/dcm_decoder.h"
 #include <string.h>
 
-/* A frame of its own, or a part of a deflated data set. */
+/* A single frame, or a part of a deflated data set. */
 static CtsStatus inflate_frame(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
 {
     size_t got = 0;
@@ -29,22 +29,23 @@ static CtsStatus decode_by_dcmtk(const CtsFrameFormat *f, const uint8_t *stream,
     return st ? st : dcm->decode(f, stream, n, pixels, err);
 }
 
-/* By CtsCodec. What the check refuses never reaches the decoder. */
+/* By CtsCodec. A stream that fails the check never reaches the decoder. */
 static const struct {
     CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
     cts_decode_fn decode;
     CtsStatus (*prepare)(CtsError *err); /* CtsSandbox */
 } codecs[CTS_N_CODECS] = {
-    [CTS_CODEC_NATIVE] = {NULL, inflate_frame, NULL}, /* compressed only as a part of a deflated data set */
+    [CTS_CODEC_NATIVE] = {NULL, inflate_frame, NULL}, /* compressed only as part of a deflated data set */
     [CTS_CODEC_RLE] = {cts_codec_check_rle, decode_by_dcmtk, start_dcmtk},
     [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
     [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
     [CTS_CODEC_DEFLATE] = {NULL, inflate_frame, NULL},
-    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode, NULL}, /* OpenJPEG tells the stream's shape before it decodes */
+    /* OpenJPEG checks the stream's dimensions before it decodes */
+    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode, NULL},
 };
 
-/* Bits that the stream has and the header does not know belong to the number, where the stream's precision is no round
- * one: the header would read another number. With all 16 they may be an overlay. */
+/* If the stream has more significant bits than the header states, and its precision is not a whole number of bytes,
+ * these bits belong to the number and the header would misread it. With all 16 bits they may be an overlay. */
 static CtsStatus check_words(const CtsFrameFormat *f, int precision, const uint16_t *words, CtsError *err)
 {
     const size_t n = (size_t)f->columns * (size_t)f->rows;
@@ -78,7 +79,7 @@ CtsStatus cts_codec_work(const void *format, const uint8_t *stream, size_t n, vo
     return cts_codec_decode(format, stream, n, pixels, err);
 }
 
-/* DCMTK asks for an even number of bytes. */
+/* DCMTK needs an even number of bytes. */
 static size_t room_for(const CtsFrameFormat *format)
 {
     return cts_frame_bytes(format) + 1;

@@ -1,5 +1,5 @@
-/* One compressed frame -> stored words. Foreign bytes meet a codec only here, and only in a process of their own
- * (base/sandbox.h): codecs crash, hang and overrun on damaged streams. */
+/* Decoders for one compressed frame. Untrusted bytes reach a codec only here, and only in a sandboxed process
+ * (base/sandbox.h), since codecs crash, hang and overrun on damaged streams. */
 #ifndef CTS_DICOM_CODEC_H
 #define CTS_DICOM_CODEC_H
 
@@ -11,7 +11,7 @@
 
 CTS_C_BEGIN
 
-/* What the header says of one frame of grey pixels, or of a picture's colours: red, green, blue. */
+/* Format of one frame by its header: grey pixels, or red, green, blue. */
 typedef struct CtsFrameFormat {
     const CtsSyntax *syntax;
     int n_colours; /* samples a pixel, side by side; 0: grey */
@@ -28,8 +28,8 @@ static inline size_t cts_frame_bytes(const CtsFrameFormat *format)
 }
 
 /* stream: the frame's fragments, joined; for a deflated data set all of it. Writes rows * columns words of
- * bits_allocated bits, this machine's order. CTS_ERR_PIXELS when the stream is not what the header says, or the codec
- * fails or as much as warns: its warnings are noise in the picture. */
+ * bits_allocated bits in native byte order. CTS_ERR_PIXELS when the stream contradicts the header, or the codec fails
+ * or warns, since after its warnings the picture has noise. */
 typedef CtsStatus (*cts_decode_fn)(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                                    CtsError *err);
 
@@ -51,16 +51,16 @@ void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uin
 
 CTS_C_END
 
-/* A compressed stream looked over before a decoder sees it: DCMTK 3.6.7 loops for ever on some, overruns on others. */
+/* Checks of a compressed stream before decoding: DCMTK 3.6.7 loops for ever on some streams and overruns on others. */
 
-/* What the header says of the frame. */
+/* The frame by its header. */
 typedef struct CtsCodecFrame {
     int columns, rows, bits_allocated, n_samples;
-    int precision; /* what a JPEG stream says of itself; else 0 */
+    int precision; /* precision of a JPEG stream by its own header; else 0 */
 } CtsCodecFrame;
 
-/* One frame's joined fragments, looked over as a JPEG or JPEG-LS stream, or as an RLE one. CTS_ERR_PIXELS when its size
- * and precision are not the header's, or its markers or offsets are damaged. */
+/* Check one frame's joined fragments as a JPEG or JPEG-LS stream, or as an RLE one. CTS_ERR_PIXELS when size or
+ * precision differ from the header's, or markers or offsets are damaged. */
 CtsStatus cts_codec_check_jpeg(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
 CtsStatus cts_codec_check_rle(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
 

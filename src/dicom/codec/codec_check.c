@@ -46,7 +46,7 @@ CtsStatus cts_codec_check_jpeg(CtsCodecFrame *f, const uint8_t *p, size_t n, Cts
     return CTS_OK;
 }
 
-/* Bytes that a segment unpacks to; a run that is cut off counts for nothing (writers pad with zeros). */
+/* Number of bytes that a segment decodes to; a truncated run counts as 0 (writers pad with zeros). */
 static size_t unpacked(const uint8_t *p, size_t n)
 {
     size_t total = 0;
@@ -70,7 +70,7 @@ CtsStatus cts_codec_check_rle(CtsCodecFrame *f, const uint8_t *p, size_t n, CtsE
             return cts_fail(err, CTS_ERR_PIXELS, "its RLE header has offsets that do not fit the stream");
         last = offset;
     }
-    /* Too few bytes are the decoder's to find; it takes no notice of a row too many. */
+    /* Too few bytes are detected by the decoder; it ignores surplus rows. */
     const size_t wanted = (size_t)f->columns * (size_t)f->rows;
     for (uint32_t i = 0; i < segments; i++) {
         const uint32_t offset = little32(p + 4 + 4 * i), end = i + 1 < segments ? little32(p + 8 + 4 * i) : (uint32_t)n;

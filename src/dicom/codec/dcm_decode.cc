@@ -1,4 +1,4 @@
-/* One RLE, JPEG or JPEG-LS frame -> stored words, by DCMTK's codecs. */
+/* Decodes one RLE, JPEG or JPEG-LS frame with DCMTK's codecs. */
 #include <dcmtk/config/osconfig.h>
 
 #include "dicom/codec/codec.h"
@@ -12,13 +12,13 @@
 namespace
 {
 
-/* VRs are given, so that no dictionary is asked. */
+/* Explicit VRs avoid look-ups in the dictionary. */
 OFCondition put(DcmDataset &data_set, const DcmTagKey &key, int value)
 {
     return data_set.putAndInsertUint16(DcmTag(key, EVR_US), static_cast<Uint16>(value));
 }
 
-/* What the codecs look up: the frame's format, not the file's own header. */
+/* The attributes that the codecs use: those of the frame's format, not of the file's header. */
 OFCondition describe(DcmDataset &data_set, const CtsFrameFormat &f)
 {
     const struct {

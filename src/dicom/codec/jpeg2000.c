@@ -75,9 +75,9 @@ static CtsStatus check_shape(const CtsFrameFormat *f, const opj_image_t *image, 
     return CTS_OK;
 }
 
-/* One component, whose first sample goes to pixels. The stream has a sign and a precision of its own, and writers get
- * them wrong. Where the header's bits and sign read another number than the stream holds, no reading is the right one.
- * Left-justified words have no such test. */
+/* Copies one component, whose first sample goes to pixels. The stream has its own sign and precision, which writers get
+ * wrong. Where the header's bits and sign give another number than the stream's, the true value is unknown, and the
+ * frame is refused. Left-justified words cannot be tested so. */
 static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c, void *pixels, CtsError *err)
 {
     const size_t step = f->n_colours > 0 ? (size_t)f->n_colours : 1, n = (size_t)f->columns * (size_t)f->rows;
@@ -87,7 +87,7 @@ static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c
     if (justified && (c->prec != (unsigned)f->bits_allocated || c->sgnd))
         return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u bits, which its HighBit (0028,0102) denies",
                         c->prec);
-    /* Loops without ways out, for vectors. */
+    /* Loops without exits vectorise. */
     int n_outside = 0;
     for (size_t i = 0; i < n; i++)
         n_outside += (c->data[i] < low) | (c->data[i] > high);
@@ -147,7 +147,7 @@ static CtsStatus run(const CtsFrameFormat *f, opj_codec_t *codec, opj_stream_t *
 
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *f, const uint8_t *bytes, size_t n, void *pixels, CtsError *err)
 {
-    /* A bare codestream is what the standard asks for; some writers leave it in its JP2 file. */
+    /* The standard requires a bare codestream; some writers store a JP2 file. */
     static const uint8_t jp2[12] = {0, 0, 0, 12, 'j', 'P', ' ', ' ', '\r', '\n', 0x87, '\n'};
     const bool is_jp2 = n >= sizeof jp2 && memcmp(bytes, jp2, sizeof jp2) == 0;
     Source source = {bytes, n, 0};

@@ -2,10 +2,11 @@
 
 #include <string.h>
 
-/* What is read at a time, so that it is still in the nearest caches when it is looked at. */
+/* Size of reads, small enough that the data are still in the L1 or L2 cache when they are processed. */
 enum { PART_BYTES = 64 << 10 };
 
-/* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
+/* Removes the 8-byte item headers between the fragments of a frame; most frames have one fragment, which needs no
+ * copying. */
 static CtsStatus join_fragments(uint8_t **stream, size_t *n, CtsError *err)
 {
     uint8_t *const bytes = *stream;
@@ -44,7 +45,7 @@ CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, co
     return st;
 }
 
-/* What a decoder is given: the frame's fragments, or a deflated data set whole. */
+/* The decoder's input: the frame's fragments, or the whole of a deflated data set. */
 static void find_stream(const CtsSlice *s, uint64_t *offset, uint64_t *n)
 {
     *offset = s->syntax->deflated ? s->data_offset : s->pixel_offset;

@@ -8,7 +8,7 @@
 namespace
 {
 
-/* Where a frame says what a slice's header says. */
+/* Location of an attribute in an object of many frames. */
 struct Place {
     DcmTagKey asked, group, tag;
     bool is_number = false; /* US or UL, where a slice has text */
@@ -116,7 +116,7 @@ bool find(const CtsAttributes &item, const DcmTagKey &tag, CtsElement *found)
 bool cts_attribute_has(const CtsAttributes &item, const DcmTagKey &tag)
 {
     CtsElement found;
-    /* How many frames there are is no question to one of them. */
+    /* NumberOfFrames is not an attribute of a single frame. */
     return !(item.is_frame && tag == DCM_NumberOfFrames) && find(item, tag, &found);
 }
 

@@ -1,4 +1,4 @@
-/* SOP classes by names that people know: "MR Image". */
+/* Readable names of SOP classes: "MR Image". */
 #include <dcmtk/config/osconfig.h>
 
 #include "dicom/header/dcm_read.h"
@@ -9,7 +9,7 @@
 #include <dcmtk/dcmdata/dcuid.h>
 #include <string>
 
-/* Where a word of DCMTK's "MRImageStorage" begins: a capital after a small letter, or before one. */
+/* True at the start of a word within DCMTK's "MRImageStorage": a capital after a small letter, or before one. */
 static bool begins_word(const std::string &name, size_t i)
 {
     const auto is_capital = [&](size_t k) { return std::isupper(static_cast<unsigned char>(name[k])) != 0; };

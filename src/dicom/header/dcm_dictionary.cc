@@ -1,5 +1,5 @@
-/* DCMTK's dictionary, filled here: DCMTK's own reader of its file does not look at what malloc() returns, takes several
- * times as long, and asks the environment which file to read. */
+/* Loads DCMTK's dictionary: DCMTK's own reader does not check malloc(), takes several times as long, and gets the file
+ * name from the environment. */
 #include <dcmtk/config/osconfig.h>
 
 #include "base/file.h"
@@ -18,8 +18,8 @@ namespace
 
 const size_t MAX_BYTES = 4 << 20;
 
-/* The dictionary is made by the first who asks for it, and from outside only by naming the member: an explicit
- * instantiation may name private ones. */
+/* Access to the private member that holds the dictionary, before DCMTK creates one: an explicit instantiation may name
+ * private members. */
 DcmDataDictionary *&the_dictionary();
 template <DcmDataDictionary *GlobalDcmDataDictionary::*member> struct Member {
     friend DcmDataDictionary *&the_dictionary()
@@ -29,7 +29,7 @@ template <DcmDataDictionary *GlobalDcmDataDictionary::*member> struct Member {
 };
 template struct Member<&GlobalDcmDataDictionary::dataDict>;
 
-/* Whether DCMTK takes a dictionary for a whole one; its network library sends nothing without. */
+/* The flag that marks a dictionary as loaded; DCMTK's network library sends nothing without it. */
 OFBool &is_whole(DcmDataDictionary &dictionary);
 template <OFBool DcmDataDictionary::*member> struct Flag {
     friend OFBool &is_whole(DcmDataDictionary &dictionary)
@@ -57,7 +57,7 @@ bool parse_range(const char *text, unsigned *first, unsigned *last, DcmDictRange
     return true;
 }
 
-/* One line: (group,element), VR, name, and two things not looked at, between tabs. The name stays where it is. */
+/* One line: (group,element), VR, name, and two unused fields, separated by tabs. The name is used in place. */
 bool add_line(DcmDataDictionary &dictionary, char *line)
 {
     char groups[16], elements[16], *rest = nullptr;
@@ -93,7 +93,7 @@ bool fill(DcmDataDictionary &dictionary, char *text)
 CtsStatus cts_dcm_load_dictionary(CtsError *err)
 {
     const std::string paths = DCM_DICT_DEFAULT_PATH, path = paths.substr(0, paths.find(':'));
-    static char *text; /* which the dictionary takes its names from */
+    static char *text; /* memory of the dictionary's names */
     size_t n;
     CtsError why = {};
     if (the_dictionary()) /* the caller of the library uses DCMTK too */

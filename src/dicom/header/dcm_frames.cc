@@ -8,9 +8,9 @@
 namespace
 {
 
-const int max_frames = 20000; /* what a series may have */
+const int max_frames = 20000; /* limit of slices in a series */
 
-/* One slice that stands for an object of which no frame can be used. */
+/* One faulty slice in place of an object without a usable frame. */
 void refuse(const CtsDataSet &data_set, CtsTexts &texts, CtsObject *object, const char *why)
 {
     CtsAttributes attributes{data_set, true};

@@ -22,7 +22,7 @@ const char directory_class[] = "1.2.840.10008.1.3.10";
 const std::string_view label_classes[] = {"1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7",
                                           "1.2.840.10008.5.1.4.1.1.481.3"};
 
-/* The n-th part of a multi-valued text. */
+/* The n-th value of a multi-valued text. */
 std::string_view part_of(std::string_view text, int n)
 {
     for (; n > 0; n--) {
@@ -93,8 +93,8 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
     return CTS_OBJECT_OTHER;
 }
 
-/* Words by which an image type says that its pixels measure something other than attenuation (PS3.3 C.8.15.2.1.1,
- * C.8.16.1, and makers' own): a word that begins with MAT is a material's. */
+/* True if a value of ImageType means a quantity other than attenuation (PS3.3 C.8.15.2.1.1, C.8.16.1, and
+ * manufacturers' own); values that begin with MAT are material images. */
 bool names_quantity(std::string_view image_type)
 {
     for (const char *word : {"SUBTRACT", "IODINE", "PERFUSION", "MATERIAL", "DENSITY", "ATOMIC_NUM", "EFF_ATOMIC"})
@@ -106,7 +106,7 @@ bool names_quantity(std::string_view image_type)
     return false;
 }
 
-/* As HU is written out, or misspelt, by programs that are met (RescaleType is a long string of free text). */
+/* HU and spellings of it that occur in files (RescaleType is a free text). */
 bool is_hu(const std::string &word)
 {
     for (const char *name : {"HU", "HOUNSFIELD", "HOUNSFIELDUNIT", "HOUNSFIELDUNITS", "HOUNSFIELDUNIT(S)",
@@ -116,7 +116,7 @@ bool is_hu(const std::string &word)
     return false;
 }
 
-/* The terms of RescaleType (PS3.3 C.11.1.1.2) that multi-energy CT has for what is not HU. */
+/* The terms of RescaleType (PS3.3 C.11.1.1.2) in multi-energy CT for quantities other than HU. */
 bool is_quantity(std::string_view rescale_type)
 {
     for (const char *term : {"HU_MOD", "MGML", "PCT", "Z_EFF", "ED", "EDW"})
@@ -140,7 +140,7 @@ const char *share_some(CtsTexts &texts, std::string_view text)
     return text.empty() ? nullptr : cts_dcm_share(texts, text, text.size());
 }
 
-/* Trailing delimiters of a name's parts say nothing (PS3.5 6.2.1.2), nor do blanks among them. */
+/* Trailing delimiters of a name's components are insignificant (PS3.5 6.2.1.2), as are blanks among them. */
 std::string_view without_delimiters(std::string_view text)
 {
     const size_t last = text.find_last_not_of("^= ");
@@ -247,7 +247,7 @@ bool read_shape(CtsAttributes &item, CtsSlice *s)
     return true;
 }
 
-/* Before its place is looked for, which an object of many frames has for each of them. */
+/* Before the position, which an object of many frames has for each frame. */
 void read_frame_count(CtsAttributes &item, CtsSlice *s)
 {
     int frames = 1;
@@ -398,7 +398,7 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
     read_rescale(item, s);
 }
 
-/* A UID with control characters is another one to whoever leaves them out. */
+/* A UID with control characters would be a different one in software that strips them. */
 static bool is_torn_uid(const CtsTagValue &value, const uint8_t *bytes)
 {
     const uint32_t uids[] = {0x00080018, 0x0020000D, 0x0020000E, 0x00200052};

@@ -1,5 +1,5 @@
-/* The values of DICOM headers, and the C door to DCMTK for what reading asks of it. Nothing of DCMTK comes through, no
- * exception either. All calls are thread-safe. */
+/* Values of DICOM headers, and the C interface to DCMTK for reading. No DCMTK type and no exception crosses it. All
+ * calls are thread-safe. */
 #ifndef CTS_DICOM_DCM_READ_H
 #define CTS_DICOM_DCM_READ_H
 
@@ -11,14 +11,13 @@
 
 CTS_C_BEGIN
 
-/* Before any other use of DCMTK, by whoever uses it: its log goes to a counter instead of stderr, the decoders are
- * registered, the data dictionary is loaded, which takes several ms. Later calls return the first one's result. */
+/* Must precede any other use of DCMTK: redirects its log from stderr to a counter, registers the decoders and loads the
+ * data dictionary, which takes several ms. Later calls return the first result. */
 CtsStatus cts_dcm_start(CtsError *err);
 /* The same without the dictionary, which decoders do not need. */
 CtsStatus cts_dcm_start_decoders(CtsError *err);
 
-/* A data set in memory up to its pixels, encoded as `native` (an uncompressed syntax), and what cts_scan_data() found
- * in it. */
+/* A data set in memory up to its pixels, in the uncompressed syntax `native`, and the result of cts_scan_data(). */
 typedef struct CtsDataSet {
     const uint8_t *bytes;
     size_t n;
@@ -26,18 +25,18 @@ typedef struct CtsDataSet {
     const CtsSyntax *native;
 } CtsDataSet;
 
-/* What it describes, into a zeroed object whose texts are kept in texts: of each slice all but path, file facts,
- * syntax, odd syntax flags and the place of the pixels, which the caller knows. class_uid: what the meta header tells,
- * where the data set does not. A slice whose values cannot be used is a success with slice->fault set; so is an object
- * with many frames that cannot be used at all, of one slice. DCMTK is not asked. */
+/* Reads the data set into a zeroed object whose texts are kept in texts: all fields of each slice except path, file
+ * facts, syntax, odd syntax flags and pixel offset, which the caller knows. class_uid: the meta header's, used where
+ * the data set has none. A slice with unusable values is a success with slice->fault set; so is an object of many
+ * frames without a usable one, as one slice. Does not use DCMTK. */
 CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsTexts *texts, const char *class_uid, CtsObject *object,
                               CtsError *err);
 
-/* The SOP class by a name that people know, such as "MR Image". Cut to its size. */
+/* A readable name of the SOP class, such as "MR Image", truncated to size. */
 void cts_dcm_class_name(const char *class_uid, char *text, size_t size);
 
-/* Text in a DICOM character set (0008,0005; NULL: ASCII) as UTF-8, at most 64 characters, controls replaced by '?'.
- * What cannot be converted becomes '?' too. NULL without memory. */
+/* Text in a DICOM character set (0008,0005; NULL: ASCII) as UTF-8, at most 64 characters; controls and inconvertible
+ * characters become '?'. NULL without memory. */
 char *cts_dcm_utf8(const char *text, const char *charset);
 /* The same by DCMTK, of any length and with all that is in it; NULL when it cannot, too. Free with free(). */
 char *cts_dcm_convert(const char *text, const char *charset);

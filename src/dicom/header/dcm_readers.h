@@ -1,7 +1,6 @@
-/* The door to DCMTK. DCMTK, and what of the tree calls it, is a library of its own (base/load_part.h): linking it takes
- * longer than all else that starting the program takes, and a plain series needs none of it. Each room that calls DCMTK
- * shows a table of its functions; the program's side of the door loads the library, and finds it there. Tests have the
- * tables in them. */
+/* DCMTK, and the code that calls it, is a plug-in library (base/load_part.h): linking it takes longer than the rest of
+ * the program's start, and a plain series does not need it. Each folder that calls DCMTK exports a table of its
+ * functions; the program loads the library and calls them through the table. Tests link the tables directly. */
 #ifndef CTS_DICOM_DCM_READERS_H
 #define CTS_DICOM_DCM_READERS_H
 

@@ -57,7 +57,7 @@ class CountingAppender : public log4cplus::Appender
     }
 };
 
-/* As long as the program runs, and no longer: DCMTK's list of codecs does not free them. */
+/* Lives until exit: DCMTK's list of codecs does not free them. */
 class Decoders final
 {
   public:
@@ -86,8 +86,8 @@ bool start_decoders()
         appender->setThreshold(log4cplus::OFF_LOG_LEVEL);
     root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
     static const Decoders decoders;
-    /* A process that is forked finds none of DCMTK's locks taken. There this one is made anew, for it knows the thread
-     * that has taken it by another number. */
+    /* A forked process must find DCMTK's locks free. This lock is recreated there, since it records its owner by a
+     * thread number that differs after a fork. */
     return pthread_atfork([] { cts_dcm_in_use().lock(); }, [] { cts_dcm_in_use().unlock(); },
                           [] { new (&cts_dcm_in_use()) std::shared_mutex; }) == 0;
 }

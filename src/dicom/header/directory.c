@@ -6,7 +6,7 @@
 
 enum { RECORDS = 0x00041220, FILE_ID = 0x00041500 };
 
-/* A file ID is untrusted: it must name something below the DICOMDIR's own folder. Its parts are joined in place. */
+/* A file ID is untrusted: it must name a file below the DICOMDIR's own folder. Its components are joined in place. */
 static bool make_relative(char *id)
 {
     char *to = id;
@@ -26,7 +26,7 @@ static bool make_relative(char *id)
     return true;
 }
 
-/* folder of `directory` + '/' + file; where that is missing, the lower-case name that some CD drives show. */
+/* folder of `directory` + '/' + file; where that is missing, the lower-case name that some CD drives present. */
 static char *file_beside(const char *directory, const char *file)
 {
     const char *slash = strrchr(directory, '/');

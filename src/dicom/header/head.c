@@ -62,7 +62,8 @@ static CtsStatus scan_plain(CtsHead *h, CtsError *err)
     return CTS_OK;
 }
 
-/* How a deflated data set begins: a size_t, then so many bytes of it, as many as there are or find room. */
+/* Inflates the start of a deflated data set in the sandbox. The answer is a size_t, then so many bytes: at most as many
+ * as there is room for. */
 static CtsStatus inflate_apart(const void *order, const uint8_t *stream, size_t n, void *head, size_t n_head,
                                CtsError *err)
 {
@@ -73,8 +74,8 @@ static CtsStatus inflate_apart(const void *order, const uint8_t *stream, size_t 
     return st;
 }
 
-/* The data set's first `want` bytes, inflated by a process of its own and copied: they stay as they are when they are
- * looked at. */
+/* The data set's first `want` bytes, inflated in a sandbox and copied, so that they cannot change while they are
+ * parsed. */
 static CtsStatus inflate_head(const CtsHead *h, size_t want, size_t *got, CtsError *err)
 {
     CtsScratch *s = h->scratch;
@@ -95,7 +96,7 @@ static CtsStatus inflate_head(const CtsHead *h, size_t want, size_t *got, CtsErr
     return st;
 }
 
-/* A deflated data set is inflated only as far as its pixels, and never past the header limit. */
+/* A deflated data set is inflated only up to its pixels, within the header limit. */
 static CtsStatus scan_deflated(CtsHead *h, CtsError *err)
 {
     CtsScratch *s = h->scratch;
@@ -122,7 +123,7 @@ static CtsStatus scan_deflated(CtsHead *h, CtsError *err)
     return st;
 }
 
-/* How the data set is encoded: as its meta header says, else as it looks. */
+/* The encoding of the data set: by its meta header, else by detection. */
 static CtsStatus find_syntax(CtsHead *h, CtsError *err)
 {
     if (!h->meta.has_preamble)
@@ -145,7 +146,7 @@ static CtsStatus find_syntax(CtsHead *h, CtsError *err)
     return CTS_OK;
 }
 
-/* What looks like damage is an encoding that nobody here knows. */
+/* Apparent damage is in fact an unknown encoding. */
 static CtsStatus unknown_syntax(const CtsHead *h, CtsError *err)
 {
     if (!*h->syntax_uid)

@@ -1,4 +1,4 @@
-/* Headers: of one file, and what stands in it of slices and pixels. */
+/* Headers of DICOM files, and the slices and pixels that they describe. */
 #ifndef CTS_DICOM_HEAD_H
 #define CTS_DICOM_HEAD_H
 
@@ -8,13 +8,13 @@
 #include "dicom/header/slice.h"
 #include "dicom/parser/elements.h"
 
-/* The header of a DICOM file: read as far as its pixels, its framing looked over, a deflated one inflated. */
+/* The header of a DICOM file: read up to its pixels, with its framing checked, inflated if deflated. */
 
 CTS_C_BEGIN
 
 typedef struct CtsHead {
     CtsFileBytes file; /* open until the end */
-    CtsFileKind kind;  /* DICOM or not; the rest is of DICOM alone */
+    CtsFileKind kind;  /* DICOM or not; the following fields are for DICOM only */
     CtsScratch *scratch;
     size_t n; /* bytes from the file's start that are in scratch */
     CtsMetaScan meta;
@@ -25,12 +25,12 @@ typedef struct CtsHead {
     CtsDataSet data_set; /* in scratch */
 } CtsHead;
 
-/* CTS_ERR_READ, without the path, for what cannot be opened or is damaged. Close in any case. */
+/* CTS_ERR_READ, without the path, for a file that cannot be opened or is damaged. Close in any case. */
 CtsStatus cts_head_open(CtsHead *head, const CtsFile *source, CtsScratch *scratch, CtsError *err);
 void cts_head_close(CtsHead *head);
 
-/* cts_head_open() in two steps, for callers that know other formats: open the file and read its first n bytes into
- * scratch->file (n is 0 for what is no regular file), then read on as DICOM. */
+/* cts_head_open() in two steps, for callers that also read other formats: open the file and read its first n bytes into
+ * scratch->file (n is 0 for a file that is not regular), then continue as DICOM. */
 CtsStatus cts_head_begin(CtsHead *head, const CtsFile *source, CtsScratch *scratch, CtsError *err);
 CtsStatus cts_head_read(CtsHead *head, CtsError *err);
 
@@ -49,21 +49,21 @@ typedef struct CtsSliceHead {
 CtsStatus cts_slice_head_open(CtsSliceHead *slice_head, const CtsSlice *slice, CtsError *err);
 void cts_slice_head_close(CtsSliceHead *slice_head);
 
-/* What an object is called: "" where it does not say. CTS_ERR_READ, with the path, for what is no DICOM file. */
+/* The UIDs of an object: "" where missing. CTS_ERR_READ, with the path, for a file that is not DICOM. */
 typedef struct CtsDcmIds {
     char class_uid[65], sop_uid[65], syntax_uid[65];
 } CtsDcmIds;
 CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err);
 
-/* Where in its file each frame's pixels lie. */
+/* Offsets of the frames' pixels in the file. */
 
 /* n frames' places among the fragments of the value at pixel_offset: those of frame k lie between offset[k] and
  * offset[k + 1], each with the 8 bytes of its item. n + 1 numbers, for cts_free(). */
 CtsStatus cts_find_frames(const CtsFileBytes *file, uint64_t pixel_offset, int n, uint64_t **offset, CtsError *err);
 
-/* For the n frames of one object, in order, whose pixel_offset and pixel_bytes still are those of the whole value of
- * PixelData: set them to each frame's own. A fault where the bytes do not hold the frames, or do not tell which
- * fragment begins which frame. */
+/* For the n frames of one object, in order, whose pixel_offset and pixel_bytes are those of the whole value of
+ * PixelData: sets them to each frame's own. Sets a fault where the bytes do not contain the frames, or the first
+ * fragment of each frame is unknown. */
 CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n, CtsError *err);
 void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n);
 

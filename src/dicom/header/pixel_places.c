@@ -158,7 +158,7 @@ void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
         if (!deflated && left < end)
             cts_slice_fault(frames[k], CTS_ERR_PIXELS, "truncated: PixelData needs %llu bytes, %llu left",
                             (unsigned long long)need, (unsigned long long)left);
-        else if (!deflated && n == 1 && have > left + 1) /* the byte that makes it even is missed by nobody */
+        else if (!deflated && n == 1 && have > left + 1) /* a missing padding byte is tolerated */
             cts_slice_fault(frames[k], CTS_ERR_PIXELS, "truncated: PixelData is %llu bytes long, and %llu are left",
                             (unsigned long long)have, (unsigned long long)left);
         frames[k]->pixel_offset = start + frame * (uint64_t)k;

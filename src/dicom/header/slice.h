@@ -23,21 +23,21 @@ typedef enum CtsObjectKind {
     CTS_OBJECT_NIFTI      /* no DICOM, but a NIfTI CT that was named: its slices are this file's alone */
 } CtsObjectKind;
 
-/* Odd but usable; the series turns each into one warning. */
+/* Deviations that do not prevent use; the series gives one warning for each. */
 enum {
     CTS_ODD_NO_PREAMBLE = 1,  /* no preamble or meta header: a bare data set */
     CTS_ODD_NO_SYNTAX = 2,    /* no transfer syntax UID; found by looking */
     CTS_ODD_ORIENTATION = 4,  /* direction cosines off by more than 0.001 */
     CTS_ODD_MONOCHROME1 = 8,  /* display polarity only; HU do not change */
     CTS_ODD_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
-    CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the rest is not read */
+    CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the surplus is not read */
     CTS_ODD_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
     CTS_ODD_FALLING = 128,    /* RescaleSlope is negative, which no scanner writes */
     CTS_ODD_NOT_HU = 256,     /* ImageType or RescaleType names another quantity */
     CTS_ODD_BURNED_IN = 512   /* (0028,0301) is YES */
 };
 
-/* Who and what a slice is of; the slices of one volume agree in all of it. */
+/* Attributes that identify patient, study and space; the slices of one volume agree in all of them. */
 typedef enum CtsIdentity {
     CTS_PATIENT_ID,
     CTS_PATIENT_ISSUER,
@@ -52,7 +52,7 @@ typedef enum CtsIdentity {
 /* Its texts are the reader's (CtsScratch), shared by the slices it has read. */
 typedef struct CtsSlice {
     const char *path;      /* the file's (CtsFile) */
-    const uint8_t *memory; /* the file where it is an archive\'s member, which the series list keeps; else NULL */
+    const uint8_t *memory; /* the bytes of an archive\'s member, owned by the series list; NULL for a file */
     uint64_t file_bytes;   /* with mtime_ns: the file must be the same when the pixels are read */
     int64_t mtime_ns;
     CtsObjectKind kind;
@@ -62,10 +62,10 @@ typedef struct CtsSlice {
 
     const char *sop_uid, *series_uid; /* "" where missing; at most 64 characters */
     const char *class_uid;            /* its object's SOP class */
-    /* As stored, without padding; "" where missing. What names a patient is compared and never told. */
+    /* As stored, without padding; "" where missing. Patient attributes are compared and never written to messages. */
     const char *identity[CTS_N_IDENTITY];
     const char *modality;              /* at most 16 */
-    const char *scanner;               /* manufacturer, model and serial number, one after the other; "" for none */
+    const char *scanner;               /* manufacturer, model and serial number, concatenated; "" if unknown */
     const char *description, *charset; /* (0008,103E) and (0008,0005) as stored; may be NULL */
     const char *study_date;            /* (0008,0020) as stored; may be NULL */
     int series_number;                 /* (0020,0011); negative where missing */
@@ -83,11 +83,12 @@ typedef struct CtsSlice {
     bool page;            /* a dose report or the like: never had a place in a patient */
     int frame, n_frames;  /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
     const char *stack_id; /* (0020,9056), of a frame; at most 16 characters */
-    /* Of a frame's object, where it is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
+    /* For a frame whose object is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
     const char *concatenation; /* (0020,9161); "" where missing */
     int part_number, n_parts;  /* (0020,9162), from 1, and (0020,9163); 0 where missing */
     int64_t first_frame;       /* (0020,9228), from 0; negative where missing */
-    /* Of which parts are missing: what the series says of it, and how many frames between others that is. NULL, 0. */
+    /* If parts are missing: the series' message about them, and the number of missing frames between others. NULL,
+     * 0. */
     const char *lacks;
     int n_lacking;
 
@@ -95,9 +96,9 @@ typedef struct CtsSlice {
     bool is_signed;
     bool has_padding;
     int padding_low, padding_high;    /* stored values, both inclusive (0028,0120) and (0028,0121) */
-    int padding_word;                 /* a padding value too large for bits_stored: the whole 16-bit word; else -1 */
+    int padding_word;                 /* a padding value that exceeds bits_stored: the whole 16-bit word; else -1 */
     double slope, intercept;          /* HU = slope * stored + intercept */
-    double row_lps[3], column_lps[3]; /* unit directions in which the column and the row index rise */
+    double row_lps[3], column_lps[3]; /* unit directions of rising row and column index */
     double normal_lps[3];             /* row x column */
     double position_lps[3];           /* centre of the first pixel, mm */
     double column_spacing_mm, row_spacing_mm; /* along row_lps, along column_lps */
@@ -105,7 +106,7 @@ typedef struct CtsSlice {
     /* The value of PixelData (7FE0,0010): its place in the file, or in the inflated data set when deflated; the frame's
      * fragments, each with its item's 8 bytes in front, when encapsulated. */
     uint64_t pixel_offset, pixel_bytes;
-    uint64_t data_offset; /* where the data set begins in the file */
+    uint64_t data_offset; /* offset of the data set in the file */
     bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
 
     CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
@@ -123,7 +124,7 @@ void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...)
 /* The path without its folders. */
 const char *cts_slice_name(const CtsSlice *slice);
 
-/* The same with the number of the frame, from 1, where there are several; text is cut to its size. */
+/* The label with the frame number, from 1, where there are several; truncated to its size. */
 typedef struct CtsSliceLabel {
     char text[320];
 } CtsSliceLabel;
@@ -133,44 +134,46 @@ CtsSliceLabel cts_slice_label(const CtsSlice *slice);
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
     size_t file_capacity, inflated_capacity;
-    size_t most_header;          /* what may stand before the pixels; 0: CTS_MAX_HEADER_BYTES */
-    struct CtsSandbox *inflater; /* a process for deflated headers, started when the first comes */
-    CtsTexts texts;              /* of the slices whose headers were read; may be taken out */
+    size_t most_header;          /* limit of bytes before the pixels; 0: CTS_MAX_HEADER_BYTES */
+    struct CtsSandbox *inflater; /* sandbox for deflated headers, started at the first one */
+    CtsTexts texts;              /* of the slices read; the caller may take them over */
 } CtsScratch;
 
 void cts_scratch_free(CtsScratch *scratch);
 
 typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, CTS_FILE_UNREADABLE } CtsFileKind;
 
-/* What one file holds: a slice, or the frames of an object with many. */
+/* Contents of one file: a slice, or the frames of an object with many. */
 typedef struct CtsObject {
     CtsObjectKind kind;
-    const char *class_uid; /* of DICOM; "" where it names none */
-    const char *study_uid; /* of DICOM; "" where it names none */
+    const char *class_uid; /* of DICOM; "" if missing */
+    const char *study_uid; /* of DICOM; "" if missing */
     bool has_number;
     int instance_number; /* (0020,0013) of DICOM */
     CtsSlice **slices;   /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
-    const char *packed; /* no DICOM, but looks like this packer's: "gzip"; or NIfTI that was not named; else NULL */
+    /* for a file that is not DICOM: its probable packer, such as "gzip"; or NIfTI that was not named itself; else
+     * NULL */
+    const char *packed;
 } CtsObject;
 
 void cts_object_free(CtsObject *object);
 
-/* Read the header of a DICOM file into a zeroed object that ends before source's path and scratch's texts do.
- * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_UNREADABLE: err says why, without the path.
- * bytes_read is added to. Files that may be NIfTI: input/files/file_header.h. */
+/* Reads the header of a DICOM file into a zeroed object, which must not outlive source's path and scratch's texts.
+ * CTS_FILE_NOT_DICOM: clearly another format, or not a regular file. CTS_FILE_UNREADABLE: err has the reason, without
+ * the path. Adds to bytes_read. Files that may be NIfTI: input/files/file_header.h. */
 CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
                                   CtsError *err);
 
-/* How its stored words are read. */
+/* The conversion of its stored words. */
 CtsStored cts_slice_stored(const CtsSlice *slice);
 
-/* Bytes first <= i < end of its frame, in the file's byte order, become words of 16 bits in this machine's; first is
- * even. Words that are there already may be the bytes' own place. */
+/* Bytes first <= i < end of its frame, in the file's byte order, become 16-bit words in native order; first is even.
+ * bytes and words may be the same memory. */
 void cts_slice_widen(const CtsSlice *slice, const uint8_t *bytes, uint16_t *words, size_t first, size_t end);
 
-/* Grey levels of 1 HU (0: padding, and -1024 HU or less) at the middles of the squares of a grid over the slice, from
- * its stored words or, where are_grey, such grey levels. */
+/* Samples of grey levels of 1 HU (0: padding, and -1024 HU or less) at the centres of a grid over the slice, from its
+ * stored words or, where are_grey, from such grey levels. */
 enum { CTS_SAMPLE_SIDE = 32, CTS_SAMPLES = CTS_SAMPLE_SIDE * CTS_SAMPLE_SIDE };
 void cts_slice_sample(const CtsSlice *slice, const uint16_t *words, bool are_grey, uint16_t sample[CTS_SAMPLES]);
 

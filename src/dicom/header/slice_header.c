@@ -30,7 +30,7 @@ static void check_pixels(const CtsHead *h, CtsSlice *slice)
                         h->scan.encapsulated ? "" : "not ", syntax->name);
 }
 
-/* What the file says of all its slices alike. */
+/* Sets the fields common to all slices of the file. */
 static CtsStatus complete(const CtsHead *h, const CtsFile *source, CtsObject *object, CtsError *err)
 {
     bool usable = object->n_slices > 0;
@@ -45,7 +45,7 @@ static CtsStatus complete(const CtsHead *h, const CtsFile *source, CtsObject *ob
         s->odd |= h->odd;
         s->memory = source->memory;
         s->path = source->path;
-        /* What a frame's own values are worth is its own matter; without a size nothing can be placed. */
+        /* Faults of a frame are its own; but without a size no frame's offset is known. */
         const bool sized = s->rows > 0 && s->columns > 0 && (s->bits_allocated == 8 || s->bits_allocated == 16);
         const bool sound = !s->fault || (s->n_frames && sized);
         check_pixels(h, s);

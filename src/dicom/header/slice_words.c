@@ -1,4 +1,4 @@
-/* A slice's bytes -> words, and what they range over. */
+/* Conversion of a slice's bytes to words, and their range. */
 #include "dicom/header/slice.h"
 
 #include <math.h>

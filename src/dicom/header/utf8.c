@@ -1,4 +1,4 @@
-/* Text of any DICOM character set, safe to show. */
+/* Decoding of text in any DICOM character set. */
 #include "base/text.h"
 #include "dicom/header/dcm_readers.h"
 #include <iconv.h>
@@ -16,9 +16,9 @@ static bool is_same_in_utf8(const char *text, const char *charset)
     return strncmp(charset, "ISO_IR 1", 8) == 0 && strlen(charset) == 10;
 }
 
-/* Sets of two bytes a character, which DCMTK does not know in every build (PS3.3 C.12.1.1.2). An escape sequence makes
- * what follows one of them; in `code`, which iconv knows, the same bytes have their upper bit set, and a byte in front
- * where it says which set. */
+/* Sets with two bytes per character, which not every build of DCMTK supports (PS3.3 C.12.1.1.2). An escape sequence
+ * selects a set; in `code`, an iconv encoding, the same bytes have their upper bit set, and a prefix byte where it
+ * selects the set. */
 static const struct {
     const char *term, *escape, *code;
     char in_front; /* 0: none */
@@ -43,7 +43,7 @@ static char *without_escapes(const char *text, const char *code)
         for (int i = 0; *p == ESCAPE && i < N_WIDE && !n_escape; i++)
             if (!strcmp(wide_sets[i].code, code) && !strncmp(p + 1, wide_sets[i].escape, strlen(wide_sets[i].escape))) {
                 n_escape = strlen(wide_sets[i].escape) + 1;
-                wide = wide_sets[i].escape[1] == ')' ? -1 : i; /* of the upper half, whose bytes tell themselves */
+                wide = wide_sets[i].escape[1] == ')' ? -1 : i; /* sets in the upper half need no state */
             }
         for (size_t i = 0; *p == ESCAPE && i < sizeof narrow / sizeof *narrow && !n_escape; i++)
             if (!strncmp(p + 1, narrow[i], strlen(narrow[i]))) {

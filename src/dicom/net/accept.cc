@@ -20,7 +20,7 @@ struct Visitor {
     const CtsAcceptRules &rules;
     CtsVisit &visit;
     const int socket;
-    bool given_up = false; /* by the rules, which have told why */
+    bool given_up = false; /* ended by the rules, which have set the reason */
     T_ASC_Network *network = nullptr;
     T_ASC_Association *association = nullptr;
     std::unique_ptr<DcmTransportLayer> transport = {}; /* outlives both */
@@ -41,7 +41,7 @@ void tell_end(CtsVisit &visit, const std::string &how)
     std::snprintf(visit.end, sizeof visit.end, "%s", how.c_str());
 }
 
-/* DCMTK has one place for a socket from outside, which the network and its first association look at. */
+/* DCMTK has one global for an external socket, which its network object and the first association use. */
 OFCondition open_association(Visitor &v, DcmTransportLayer *transport)
 {
     static std::mutex external_socket;
@@ -103,7 +103,7 @@ bool acknowledge(Visitor &v)
         classes.insert(classes.end(), std::begin(cts_capture_classes), std::end(cts_capture_classes));
     OFCondition state = ASC_acceptContextsWithPreferredTransferSyntaxes(
         params, classes.data(), static_cast<int>(classes.size()), syntaxes.data(), static_cast<int>(syntaxes.size()));
-    if (state.good()) /* native ones alone, which stand first */
+    if (state.good()) /* native syntaxes only, which are listed first */
         state = ASC_acceptContextsWithPreferredTransferSyntaxes(params, verification, 1, syntaxes.data(), 2);
     if (state.good() && ASC_countAcceptedPresentationContexts(params) == 0) {
         reject(v, ASC_REASON_SU_NOREASON, "refused: it offers nothing that is taken");

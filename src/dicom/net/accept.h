@@ -1,5 +1,5 @@
-/* One association that a peer has opened, served on its socket: verification (C-ECHO) and storage of CT (C-STORE), bit
- * by bit into files. Whom to listen to, how much and for how long is the caller's to say. */
+/* Serves one incoming association on its socket: verification (C-ECHO) and storage of CT (C-STORE) into files,
+ * unchanged. The caller decides on peers, limits and times. */
 #ifndef CTS_DICOM_ACCEPT_H
 #define CTS_DICOM_ACCEPT_H
 
@@ -9,34 +9,34 @@
 
 CTS_C_BEGIN
 
-/* What the peer is told of an object. */
+/* The status for an object. */
 typedef enum CtsStoredAs { CTS_STORED, CTS_STORED_NOT_CT, CTS_STORED_NO_ROOM } CtsStoredAs;
 
-/* Who the peer says it is, and how the association went; filled on the way. */
+/* The peer's identity, and statistics of the association; updated while it runs. */
 typedef struct CtsVisit {
     char calling_aet[17], called_aet[17];
     char certificate[256];                  /* the subject of the peer's; "" without TLS or without one */
-    uint64_t n_objects, n_bytes, n_refused; /* n_bytes of what was stored */
-    char end[200];                          /* how it ended, for people */
+    uint64_t n_objects, n_bytes, n_refused; /* n_bytes: of stored objects */
+    char end[200];                          /* how it ended, for messages */
 } CtsVisit;
 
 typedef struct CtsAcceptRules {
     const CtsNet *net;   /* own AE title, TLS files, timeout for a peer that does not answer */
     bool takes_captures; /* for peers that fail at a series which they may not send whole */
     bool (*allows)(void *context, const char *calling_aet);
-    /* Where the next object goes, to be freed with free(); NULL: there is no room. */
+    /* The path for the next object, to be freed with free(); NULL: there is no room. */
     char *(*begin)(void *context);
     /* It has n_bytes by now; false breaks the association off. */
     bool (*grows)(void *context, uint64_t n_bytes);
-    /* It is complete: keep it, or remove it. */
+    /* The object is complete: keep or remove it. */
     CtsStoredAs (*keep)(void *context, const char *path, const char *sop_uid);
     void *context;
 } CtsAcceptRules;
 
-/* Takes the socket over. Of several threads one at a time is served until its association stands, for DCMTK takes a
- * socket from outside in a variable of its own. */
+/* Takes ownership of socket. Associations of several threads are negotiated one at a time, since DCMTK passes an
+ * external socket in a global variable. */
 void cts_accept(const CtsAcceptRules *rules, int socket, CtsVisit *visit);
-/* Whether the TLS files are good: before any peer comes. */
+/* Checks the TLS files before any peer connects. */
 CtsStatus cts_accept_check(const CtsNet *net, CtsError *err);
 
 CTS_C_END

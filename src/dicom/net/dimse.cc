@@ -29,7 +29,7 @@ class GetScu : public CtsScu
     CtsStatus status = CTS_OK;
 
   protected:
-    /* Called while a file comes, however long it is. */
+    /* Called repeatedly while a file is received. */
     void notifyRECEIVEProgress(const unsigned long n_bytes) override
     {
         if (!status && !cts_net_stopped(&net))
@@ -71,7 +71,7 @@ const char *remedy_of(const CtsParcel &parcel)
                                             : " (`compress` none sends it uncompressed)";
 }
 
-/* One file over a connection that stands. */
+/* Stores one file over an open association. */
 void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
 {
     const T_ASC_PresentationContextID context =
@@ -125,14 +125,14 @@ void fill_query(DcmDataset &query, const CtsRequest &request, const char *series
     query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
 }
 
-/* A series, and how many objects there are of it by C-FIND; 0: not told. */
+/* A series, and its number of objects by C-FIND; 0: unknown. */
 struct Series {
     std::string uid;
     int n_objects;
 };
 
-/* The study's CT series by C-FIND, or the one that is asked for: a whole study holds objects that we have no use for,
- * and some peers fail at them. */
+/* The study's CT series by C-FIND, or the requested one: a whole study contains objects that are not needed, and some
+ * peers fail to send them. */
 std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
 {
     std::vector<Series> found;
@@ -140,7 +140,7 @@ std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
     fill_query(query, request, request.series_uid ? request.series_uid : "");
     query.putAndInsertString(DCM_Modality, request.series_uid ? "" : "CT");
     query.putAndInsertString(DCM_NumberOfSeriesRelatedInstances, "");
-    scu.ask(query, CTS_MOST_FOUND, nullptr); /* what it does not tell may be there all the same */
+    scu.ask(query, CTS_MOST_FOUND, nullptr); /* a peer without an answer may have the series nevertheless */
     for (const auto &answer : scu.answers) {
         const char *uid = nullptr;
         Sint32 n = 0;
@@ -155,7 +155,7 @@ std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
     return found;
 }
 
-/* What the last response says. n_objects becomes what all of them count, if that is more. */
+/* Evaluates the last response. n_objects is raised to its total count. */
 CtsStatus judge(OFList<RetrieveResponse *> &responses, int *n_objects, CtsError *err)
 {
     CtsStatus st = responses.empty() ? cts_fail(err, CTS_ERR_READ, "the peer does not answer") : CTS_OK;
@@ -180,8 +180,8 @@ CtsStatus judge(OFList<RetrieveResponse *> &responses, int *n_objects, CtsError 
     return st;
 }
 
-/* One series after the other over a connection that stands. Of a whole study, a series that does not come is told and
- * left out. */
+/* Fetches one series after the other over an open association. In a whole study, a series that cannot be fetched is
+ * reported and skipped. */
 template <typename Fetch>
 CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
 {
@@ -216,7 +216,7 @@ CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request,
     return CTS_OK;
 }
 
-/* To receive it, in whichever way it is stored. */
+/* Offers to receive the SOP class in every transfer syntax. */
 void offer_each(CtsScu &scu, const char *sop_class)
 {
     for (const char *syntax : cts_ct_syntaxes) {
@@ -226,7 +226,7 @@ void offer_each(CtsScu &scu, const char *sop_class)
     }
 }
 
-/* By the model's retrieval, which send() asks for. */
+/* Fetches with the retrieval that send() requests. */
 template <typename Send>
 CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
                    Send send, CtsError *err)

@@ -15,7 +15,7 @@
 static const char prefix[] = "ctsplat-from-";
 enum { TRIES = 8 };
 
-/* A folder of ours, locked; -1 when it is another's, in use, or gone. */
+/* Locks a folder of this program; -1 when it belongs to another program, is in use, or does not exist. */
 static int lock_folder(const char *path)
 {
     struct stat info;
@@ -29,7 +29,7 @@ static int lock_folder(const char *path)
     return -1;
 }
 
-/* What programs that were killed have left. */
+/* Removes folders of killed programs. */
 static void sweep(void)
 {
     DIR *dir = opendir(cts_temp_root());
@@ -63,7 +63,7 @@ CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err)
     CtsStatus st = CTS_OK;
     *inbox = (CtsInbox){.lock = -1};
     sweep();
-    /* Another program's sweep may take a folder between its making and its lock. */
+    /* Another program's sweep may remove the folder before it is locked. */
     for (int i = 0; !st && !inbox->folder && i < TRIES; i++)
         st = try_make(inbox, err);
     if (!st && !inbox->folder)
@@ -107,7 +107,7 @@ CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err)
     struct stat file;
     if (stat(path, &file))
         return cts_fail(err, CTS_ERR_READ, "%s: what was fetched is gone: %s", path, strerror(errno));
-    /* The same object is the same file, whenever it comes: a batch does not render it again. */
+    /* Equal objects give equal files (size and time), so that a batch does not render them again. */
     const struct timespec never[2] = {{0}, {0}};
     utimensat(AT_FDCWD, path, never, 0);
     const CtsStatus st = cts_inbox_grows(inbox, (uint64_t)file.st_size, err);

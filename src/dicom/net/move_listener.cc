@@ -52,7 +52,7 @@ CtsStatus CtsMoveListener::find_peer(CtsError *err)
 {
     addrinfo hints = {}, *found = nullptr;
     hints.ai_socktype = SOCK_STREAM;
-    hints.ai_family = AF_INET; /* as DCMTK 3.6.7 connects */
+    hints.ai_family = AF_INET; /* IPv4, as DCMTK 3.6.7 connects */
     const int why = getaddrinfo(peer.host, nullptr, &hints, &found);
     if (why)
         return cts_fail(err, CTS_ERR_READ, "%s: its address is not found: %s", peer.host, gai_strerror(why));
@@ -106,7 +106,7 @@ void CtsMoveListener::take_connection()
             std::thread([this, socket, own] { serve(socket, own); }).detach();
             return;
         }
-    } catch (...) { /* no room for it: the peer tells */
+    } catch (...) { /* without memory the object is counted as missing */
         served.erase(own);
         ::close(own);
     }
@@ -138,7 +138,7 @@ void CtsMoveListener::serve(int socket, int own)
     rules.keep = [](void *self, const char *path, const char *) {
         return static_cast<CtsMoveListener *>(self)->keep(path);
     };
-    /* A connection that says nothing keeps no other one waiting. */
+    /* A silent connection must not block others. */
     pollfd ready = {own, POLLIN, 0};
     poll(&ready, 1, -1);
     cts_accept(&rules, socket, &visit);
@@ -148,7 +148,7 @@ void CtsMoveListener::serve(int socket, int own)
     one_less.notify_all();
 }
 
-/* All that the peer says it has sent is there: an association that it keeps open is not waited for. */
+/* All objects that the peer announced have arrived: do not wait for an association that it keeps open. */
 CtsStatus CtsMoveListener::close(CtsError *err)
 {
     done = true;

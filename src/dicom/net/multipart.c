@@ -26,7 +26,7 @@ CtsStatus cts_multipart_start(CtsMultipart *m, const char *content_type, const C
     if (n < 1 || n > CTS_MAX_BOUNDARY)
         return cts_fail(err, CTS_ERR_READ, "the peer's multipart answer has a boundary of %zu characters", n);
     m->n_delimiter = (size_t)snprintf(m->delimiter, sizeof m->delimiter, "\r\n--%.*s", (int)n, at);
-    /* The first delimiter may stand at the very start: as if a line had ended before. */
+    /* The first delimiter may be at the very start, as if a line had ended before it. */
     memcpy(m->held, "\r\n", 2);
     m->n_held = 2;
     return CTS_OK;
@@ -38,7 +38,7 @@ static void drop(CtsMultipart *m, size_t n)
     memmove(m->held, m->held + n, m->n_held);
 }
 
-/* Up to a delimiter, or to where one may have begun: then there is nothing to do before more comes. */
+/* Consumes up to a delimiter, or to a possible start of one, which needs more data. */
 static CtsStatus take_body(CtsMultipart *m, bool *more, CtsError *err)
 {
     const char *at = memmem(m->held, m->n_held, m->delimiter, m->n_delimiter);
@@ -54,7 +54,7 @@ static CtsStatus take_body(CtsMultipart *m, bool *more, CtsError *err)
     return inside ? m->sink.end(m->sink.context, err) : CTS_OK;
 }
 
-/* The rest of a delimiter's line, of which "--" ends everything, and a header to its blank line, which may come at
+/* The remainder of a delimiter's line ("--" ends the body), and a header up to its blank line, which may follow at
  * once. */
 static CtsStatus take_header(CtsMultipart *m, bool *more, CtsError *err)
 {

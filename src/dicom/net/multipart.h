@@ -1,4 +1,4 @@
-/* multipart/related bodies (RFC 2046) taken apart while they come. */
+/* A streaming parser of multipart/related bodies (RFC 2046). */
 #ifndef CTS_DICOM_MULTIPART_H
 #define CTS_DICOM_MULTIPART_H
 
@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* One call for the start of a part, some for its bytes, one for its end. A failure ends all. */
+/* Callbacks for the start of a part, its bytes, and its end. A failure ends the parsing. */
 typedef struct CtsPartSink {
     CtsStatus (*begin)(void *context, CtsError *err);
     CtsStatus (*bytes)(void *context, const void *bytes, size_t n, CtsError *err);
@@ -21,14 +21,15 @@ typedef struct CtsMultipart {
     char delimiter[CTS_MAX_BOUNDARY + 5]; /* CR LF -- boundary */
     size_t n_delimiter;
     enum { CTS_PART_BEFORE, CTS_PART_HEADER, CTS_PART_BODY, CTS_PART_AFTER } state;
-    char held[2 * CTS_MAX_PART_HEADER]; /* what came last: the start of a delimiter, perhaps, or a header so far */
+    /* unprocessed bytes: a possible start of a delimiter, or an incomplete header */
+    char held[2 * CTS_MAX_PART_HEADER];
     size_t n_held;
 } CtsMultipart;
 
 /* content_type: the response's header. CTS_ERR_READ when it is no multipart type with a boundary. */
 CtsStatus cts_multipart_start(CtsMultipart *m, const char *content_type, const CtsPartSink *sink, CtsError *err);
 CtsStatus cts_multipart_feed(CtsMultipart *m, const char *bytes, size_t n, CtsError *err);
-/* CTS_ERR_READ when the last delimiter did not come. */
+/* CTS_ERR_READ when the last delimiter is missing. */
 CtsStatus cts_multipart_finish(const CtsMultipart *m, CtsError *err);
 
 #endif

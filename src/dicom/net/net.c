@@ -19,7 +19,7 @@ CtsNet cts_net_with_defaults(const CtsNet *net)
     return full;
 }
 
-/* Over plain http everybody on the way could read them. */
+/* Credentials must not be readable on the network. */
 static CtsStatus check_credentials(const CtsPeer *peer, const CtsNet *net, CtsError *err)
 {
     const char *variable = getenv("CTSPLAT_CREDENTIALS");
@@ -53,14 +53,14 @@ CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err)
     return (st = cts_dcm_readers(&dcm, err)) ? st : dcm->start(err);
 }
 
-/* Asleep for a while, in parts, so that a request to stop is heard. */
+/* Sleeps in short intervals, to react to a request to stop. */
 static void rest(const CtsNet *net, int ms)
 {
     for (; ms > 0 && !cts_net_stopped(net); ms -= 50)
         nanosleep(&(struct timespec){.tv_nsec = 50 * 1000000}, NULL);
 }
 
-/* How a file can be sent by hand; dcmsend knows no TLS. */
+/* Command to send a file by hand; dcmsend does not support TLS. */
 static void by_hand(const CtsPeer *peer, const CtsNet *net, char *text, size_t size)
 {
     if (peer->web || net->tls_ca || net->tls_key)
@@ -131,7 +131,7 @@ static int by_text(const void *a, const void *b)
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-/* Whether one object that came is of what was asked for. What is no CT goes into no picture. */
+/* Checks that one received object belongs to the request. Objects that are not CT are not rendered. */
 static CtsStatus compare(const CtsObject *object, const CtsRequest *request, CtsError *err)
 {
     const CtsSlice *const slice = object->n_slices ? object->slices[0] : NULL;
@@ -143,7 +143,7 @@ static CtsStatus compare(const CtsObject *object, const CtsRequest *request, Cts
                     other_study ? "StudyInstanceUID (0020,000D)" : "SeriesInstanceUID (0020,000E)");
 }
 
-/* What came against what was asked for: every object, and how many there are that differ. */
+/* Checks all received objects against the request, and counts the different ones. */
 static CtsStatus check_inbox(const CtsRequest *request, CtsError *err)
 {
     const int n_files = request->inbox->n_files;
@@ -221,7 +221,7 @@ void cts_found_free(CtsFound *found)
     *found = (CtsFound){0};
 }
 
-/* A value of a query goes out as it is given: one value, of the length that all these may have. */
+/* A query value is sent unchanged: one value, within the length limit of all these attributes. */
 static CtsStatus check_value(const char *value, CtsError *err)
 {
     if (!value)

@@ -1,4 +1,4 @@
-/* What the ways to a peer share. */
+/* Interface shared by DIMSE and DICOMweb. */
 #ifndef CTS_DICOM_PEER_H
 #define CTS_DICOM_PEER_H
 
@@ -16,7 +16,7 @@ enum {
     CTS_INBOX_MAX_MIB = 65536
 };
 
-/* The folder that fetched files go to: private, with names of our own, under limits. */
+/* Folder for fetched files: private, with our own file names, under limits. */
 typedef struct CtsInbox {
     char *folder; /* owned */
     int lock;     /* held while the folder is in use */
@@ -31,7 +31,7 @@ CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err);
 CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err);
 /* The file being received has n_bytes by now. CTS_ERR_READ when that is too much for a file, the inbox or the disk. */
 CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err);
-/* That file is complete. CTS_ERR_READ when it made the inbox too large. */
+/* The file is complete. CTS_ERR_READ when it exceeds the inbox's limits. */
 CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err);
 /* Without the files after the first n. */
 void cts_inbox_cut(CtsInbox *inbox, int n);
@@ -39,17 +39,17 @@ void cts_inbox_cut(CtsInbox *inbox, int n);
 void cts_inbox_remove(char **folder, int *lock);
 
 bool cts_aet_is_valid(const char *aet, size_t n);
-/* Whether a URL names this machine. */
+/* True if a URL names this machine. */
 bool cts_url_is_here(const char *url);
 
-/* One file on its way to a peer. */
+/* A file to be sent to a peer. */
 typedef struct CtsParcel {
     const char *path;
     CtsDcmIds ids;
     bool sent;
 } CtsParcel;
 
-/* A failure of one try; `again`: another one may do better. */
+/* A failed try; `again`: another try may succeed. */
 typedef struct CtsTry {
     bool again;
     CtsError error;
@@ -59,13 +59,13 @@ typedef struct CtsRequest {
     const char *study_uid, *series_uid; /* series_uid may be NULL */
     CtsInbox *inbox;
     CtsReport *report;
-    int *n_promised; /* objects that there are by the peer's own count, as far as it tells */
+    int *n_promised; /* number of objects by the peer's own count, if given */
 } CtsRequest;
 
 struct CtsAcceptRules;
 struct CtsVisit;
 
-/* Both ways in one table. send takes the parcels that are not sent yet, in order, and marks those that are. */
+/* The functions of a protocol. send transmits the parcels not yet sent, in order, and marks them. */
 typedef struct CtsWay {
     void (*send)(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result);
     CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
@@ -76,10 +76,8 @@ typedef struct CtsWay {
     CtsStatus (*accept_check)(const CtsNet *net, CtsError *err);
 } CtsWay;
 
-/* The ways stand in a library of their own, CTS_NET_PART, with all that only the network needs: loading it takes
- * longer than starting the rest of the program. It shows cts_net_ways() alone; the ways use none of the program's
- * state.
- */
+/* The protocols are in a plug-in library, CTS_NET_PART, with all network dependencies, since loading it takes longer
+ * than the rest of the program's start. It exports cts_net_ways() only, and uses no state of the program. */
 extern const CtsWay cts_way_dimse, cts_way_web;
 typedef struct CtsNetWays {
     const CtsWay *dimse, *web;
@@ -88,9 +86,9 @@ CtsStatus cts_net_ways(const CtsNetWays **ways, CtsError *err);
 /* Loads the library when first called, and makes DCMTK ready. */
 CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
 
-/* What is 0 or NULL stands for what the header says. */
+/* Replaces 0 and NULL by the defaults of the header. */
 CtsNet cts_net_with_defaults(const CtsNet *net);
-/* One more; what names no series by UIDs is left out. */
+/* Adds a series; skips one without valid UIDs. */
 CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError *err);
 bool cts_net_stopped(const CtsNet *net);
 /* The peer has confirmed it. */

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <vector>
 
-/* A peer that knows only some callers says no more than that it rejects this one. */
+/* A peer that accepts only known callers does not say more than that it rejects this one. */
 static std::string refusal(const OFCondition &state)
 {
     std::string text = cts_one_line(state);

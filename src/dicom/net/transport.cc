@@ -19,8 +19,8 @@ std::string cts_one_line(const OFCondition &state)
 namespace
 {
 
-/* One side holds back the rest of a command until its first bytes are acknowledged, the other its acknowledgement until
- * it has something to say: 40 ms for each command and each answer. The kernel forgets the second with every answer. */
+/* Nagle's algorithm on one side and delayed acknowledgements on the other cost 40 ms for each command and each answer.
+ * The kernel resets the second option with every answer. */
 void hurry(int socket)
 {
     const int on = 1;
@@ -86,7 +86,7 @@ CtsStatus take_files(DcmTLSTransportLayer &tls, const CtsNet &net, CtsError *err
     return CTS_OK;
 }
 
-/* A certificate that is good for another host is none for this one; found out before anything is sent. */
+/* A certificate for another host is rejected before anything is sent. */
 bool expect_host(DcmTLSTransportLayer &tls, const char *host)
 {
     X509_VERIFY_PARAM *param = SSL_CTX_get0_param(tls.getNativeHandle());

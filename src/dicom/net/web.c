@@ -1,4 +1,4 @@
-/* DICOMweb with libcurl (PS3.18): STOW-RS out, WADO-RS in, QIDO-RS to ask. */
+/* DICOMweb with libcurl (PS3.18): STOW-RS to store, WADO-RS to fetch, QIDO-RS to query. */
 #include "dicom/net/multipart.h"
 #include "dicom/net/peer.h"
 
@@ -15,15 +15,15 @@
 
 enum { MAX_CREDENTIALS = 4096, MAX_ANSWER = 1 << 20, MAX_QUERY = 1200 };
 
-/* One request and what it needs to be kept alive. */
+/* One request and its resources. */
 typedef struct Web {
     CURL *curl;
     struct curl_slist *headers;
-    curl_mime *body; /* of what is sent; NULL: none */
+    curl_mime *body; /* of the data sent; NULL: none */
     const CtsNet *net;
     char credentials[MAX_CREDENTIALS];
     char why[CURL_ERROR_SIZE];
-    char *answer; /* what the peer says, with a 0 behind it; an answer that is longer says nothing */
+    char *answer; /* the answer, 0-terminated; ignored where it is too long */
     size_t n_answer;
     bool too_long;
 } Web;
@@ -74,7 +74,7 @@ static bool add_header(Web *web, const char *line)
     return longer;
 }
 
-/* A request for what stands below the peer's root; web_close() in any case. */
+/* A request below the peer's root; web_close() in any case. */
 static CtsStatus web_open(Web *web, const CtsPeer *peer, const CtsNet *net, const char *what, const char *accept,
                           CtsError *err)
 {
@@ -103,7 +103,7 @@ static CtsStatus web_open(Web *web, const CtsPeer *peer, const CtsNet *net, cons
     curl_easy_setopt(c, CURLOPT_XFERINFODATA, web);
     curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, keep_answer);
     curl_easy_setopt(c, CURLOPT_WRITEDATA, web);
-    if (cts_url_is_here(peer->url)) /* nor may a proxy see what goes to this machine in the clear */
+    if (cts_url_is_here(peer->url)) /* unencrypted traffic to this machine must not go through a proxy either */
         curl_easy_setopt(c, CURLOPT_PROXY, "");
     if (net->tls_ca)
         curl_easy_setopt(c, CURLOPT_CAINFO, net->tls_ca);
@@ -132,7 +132,7 @@ static void web_close(Web *web)
     memset(web, 0, sizeof *web);
 }
 
-/* A peer that hangs up must not end the program: curl leaves SIGPIPE to its caller. */
+/* A closed connection must not end the program: curl leaves SIGPIPE to its caller. */
 static CURLcode perform(Web *web, long *status)
 {
     sigset_t pipe, before;
@@ -158,7 +158,7 @@ static const char *content_type(const Web *web)
     return type ? type : "";
 }
 
-/* Why there is no answer, or none that is meant to be one. */
+/* The reason why there is no valid answer. */
 static CtsStatus fail(const Web *web, CURLcode code, long status, CtsStatus fault, CtsError *err)
 {
     if (code)
@@ -180,7 +180,7 @@ static bool names(const json_t *answer, const char *sequence, const char *sop_ui
     return false;
 }
 
-/* ReferencedSOPSequence (0008,1199) names what is stored, FailedSOPSequence (0008,1198) what is not. */
+/* ReferencedSOPSequence (0008,1199) lists stored objects, FailedSOPSequence (0008,1198) rejected ones. */
 static bool confirmed_by_json(const Web *web, const char *sop_uid)
 {
     json_t *answer = json_loadb(web->answer, web->n_answer, 0, NULL);
@@ -195,7 +195,7 @@ static bool confirmed_by_json(const Web *web, const char *sop_uid)
     return stored && !failed;
 }
 
-/* The native DICOM model (PS3.19 A.1): the sequence that a UID stands in is the last one that began before it. */
+/* The native DICOM model (PS3.19 A.1): a UID belongs to the last sequence that began before it. */
 static bool confirmed_by_xml(const Web *web, const char *sop_uid)
 {
     char value[80];
@@ -211,7 +211,7 @@ static bool confirmed_by_xml(const Web *web, const char *sop_uid)
     return stored && !failed;
 }
 
-/* A status of success is not enough: there are peers, and pages to log in by, that give it for what is not stored. */
+/* A status of success does not suffice: some peers, and login pages, return it for objects that are not stored. */
 static bool is_confirmed(const Web *web, const char *sop_uid)
 {
     return !web->too_long &&
@@ -270,7 +270,7 @@ static void web_send(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels,
             store(peer, net, &parcels[i], result);
 }
 
-/* A WADO-RS answer on its way into files. */
+/* State while a WADO-RS answer is written to files. */
 typedef struct Download {
     Web *web;
     CtsInbox *inbox;
@@ -321,7 +321,7 @@ static size_t take_answer(char *bytes, size_t size, size_t n, void *context)
     Download *d = context;
     long status = 0;
     curl_easy_getinfo(d->web->curl, CURLINFO_RESPONSE_CODE, &status);
-    if (status != 200) /* told by its number */
+    if (status != 200) /* reported by its number */
         return size * n;
     if (!d->started) {
         const CtsPartSink sink = {begin_file, write_file, end_file, d};
@@ -346,7 +346,7 @@ static CtsStatus judge_download(const Download *d, CURLcode code, long status, C
     return d->started ? cts_multipart_finish(&d->multipart, err) : CTS_OK;
 }
 
-/* The first value of an attribute of DICOM's JSON model (PS3.18 F.2), as text ("" for none) or as a number. */
+/* The first value of an attribute in DICOM's JSON model (PS3.18 F.2), as text ("" if missing) or as a number. */
 static const json_t *first_value(const json_t *object, const char *tag)
 {
     return json_array_get(json_object_get(json_object_get(object, tag), "Value"), 0);
@@ -377,7 +377,7 @@ static int count_instances(const json_t *answer, const char *series_uid)
     return n > 0 && n <= CTS_INBOX_MAX_FILES ? (int)n : 0;
 }
 
-/* A list that the peer cuts off says so (PS3.18 8.3.4.4), and is not taken for a whole one. */
+/* True for a truncated result list, which the peer marks (PS3.18 8.3.4.4). */
 static bool is_cut(const Web *web)
 {
     struct curl_header *warning;
@@ -394,7 +394,7 @@ static CtsStatus judge_answer(const Web *web, CURLcode code, long status, CtsErr
                : CTS_OK;
 }
 
-/* What the peer answers to GET of its root and `what`, the caller's to release; NULL when it has nothing (204). */
+/* The answer to GET of the peer's root and `what`, a new reference; NULL when it has no result (204). */
 static CtsStatus ask(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **told, CtsError *err)
 {
     Web web;
@@ -411,7 +411,7 @@ static CtsStatus ask(const CtsPeer *peer, const CtsNet *net, const char *what, j
     return st;
 }
 
-/* How many objects there are, where the peer answers QIDO-RS. */
+/* Counts the objects, where the peer supports QIDO-RS. */
 static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request)
 {
     char what[300];
@@ -429,7 +429,7 @@ static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequ
     Download d = {.web = &web, .inbox = request->inbox};
     char what[200];
     long status;
-    /* UIDs are digits and dots: they were looked at. */
+    /* UIDs need no encoding: they have been checked to be digits and dots. */
     snprintf(what, sizeof what, "studies/%s%s%s", request->study_uid, request->series_uid ? "/series/" : "",
              request->series_uid ? request->series_uid : "");
     CtsStatus st = web_open(&web, peer, net, what,
@@ -449,7 +449,7 @@ static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequ
     return st;
 }
 
-/* NAME=VALUE behind what stands in the text, percent-encoded (RFC 3986, 2.3). */
+/* Appends NAME=VALUE to the text, percent-encoded (RFC 3986, 2.3). */
 static void add_key(char text[MAX_QUERY], const char *name, const char *value)
 {
     size_t n = strlen(text);

@@ -30,7 +30,7 @@ void drop_private(DcmItem &item)
     }
 }
 
-/* Without memory for a value, DCMTK may leave it out and say that all is well. */
+/* Without memory for a value, DCMTK may omit it and report success. */
 bool whole(DcmItem &item)
 {
     for (unsigned long i = 0; i < item.card(); i++) {
@@ -45,7 +45,8 @@ bool whole(DcmItem &item)
     return true;
 }
 
-/* What some devices pad texts with is no character of any of them (PS3.5 6.1.3): each value ends at its first zero. */
+/* Zeros with which some devices pad texts are not valid in any character set (PS3.5 6.1.3): each value is truncated at
+ * its first zero. */
 OFCondition drop_zeros(DcmItem &item)
 {
     OFCondition state = EC_Normal;

@@ -16,7 +16,7 @@ namespace
 
 const int frame_ms = 100;
 
-/* Body parts of PS3.16 Annex L that come in pairs, or are parts of a limb. */
+/* Body parts of PS3.16 Annex L that are paired, or parts of a limb. */
 bool is_paired(const char *part)
 {
     static const char parts[] =
@@ -29,8 +29,8 @@ bool is_paired(const char *part)
     return *part && strstr(parts, word.c_str());
 }
 
-/* Which side is meant must be said of parts that come in pairs, or left empty where it is not known (C.7.3.1.1.1); of
- * all others it is said that there is one. */
+/* Laterality is required for paired parts, or empty where it is unknown (C.7.3.1.1.1); for all others ImageLaterality
+ * is U. */
 void put_side(Put &put, DcmItem &source)
 {
     const char *part = cts_dcm_text(source, DCM_BodyPartExamined);
@@ -42,7 +42,7 @@ void put_side(Put &put, DcmItem &source)
         cts_dcm_copy(put, source, DCM_ImageLaterality);
     else if (is_paired(part))
         put.text(DCM_Laterality, "");
-    else /* an axial slice goes through both breasts */
+    else /* an axial slice contains both breasts */
         put.text(DCM_ImageLaterality, strcmp(part, "BREAST") == 0 ? "B" : "U");
 }
 
@@ -130,8 +130,8 @@ void put_references(Put &put, const CtsScObject &object)
     put.keep(in_series.state());
 }
 
-/* FrameTime steps the frames, and comes first: some viewers know nothing else. The angles are vectors of their own,
- * which must be named beside it (C.8.6.4). A value of text is shorter than 64 KiB. */
+/* FrameTime is the increment and comes first, since some viewers know nothing else. The angles are separate vectors
+ * that must be listed beside it (C.8.6.4). A text value is shorter than 64 KiB. */
 void put_frames(Put &put, const CtsScObject &object)
 {
     const bool angles_fit = object.n_frames <= 0xFFFE / 17;

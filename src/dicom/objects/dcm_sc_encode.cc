@@ -18,7 +18,7 @@
 namespace
 {
 
-/* As long as the program runs, like the decoders (dcm_start.cc). */
+/* Lives until exit, like the decoders (dcm_start.cc). */
 class Encoders final
 {
   public:
@@ -36,7 +36,7 @@ class Encoders final
     Encoders &operator=(const Encoders &) = delete;
 };
 
-/* The least that DCMTK's encoders want to know of a picture. */
+/* The minimal attributes for DCMTK's encoders. */
 OFCondition describe(DcmDataset &data, const CtsScFrame &frame)
 {
     const int bits = frame.grey ? 16 : 8;

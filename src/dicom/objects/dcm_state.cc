@@ -32,7 +32,7 @@ void put_names(Put &put, const CtsDcmState &s)
         put.reference(DCM_RenderedImageReferenceSequence, s.capture_class_uid, s.capture_uid);
 }
 
-/* Another way to crop, with its number. */
+/* Adds a cropping method, with its number. */
 template <typename Fill> void put_crop(Put &put, std::vector<Uint16> &numbers, const char *method, Fill fill)
 {
     if (DcmItem *item = put.item(DCM_VolumeCroppingSequence)) {
@@ -44,7 +44,7 @@ template <typename Fill> void put_crop(Put &put, std::vector<Uint16> &numbers, c
     }
 }
 
-/* The segments that are cropped by in one way, by their segmentations; false where there are none. */
+/* Adds the segments of one cropping method, by segmentation; false where there are none. */
 bool put_segments(Put *put, const CtsDcmState &s, CtsLabelCrop way)
 {
     bool any = false;
@@ -78,7 +78,7 @@ void put_crops(Put &put, const CtsDcmState &s)
         put.words(DCM_GlobalCroppingSpecificationIndex, numbers);
 }
 
-/* The volume, its window, the box that is kept, and the instances again for whoever follows references. */
+/* The volume, its window, the crop box, and a list of all referenced instances. */
 void put_input(Put &put, const CtsDcmState &s)
 {
     if (DcmItem *item = put.item(DCM_VolumetricPresentationInputSetSequence)) {

@@ -1,4 +1,4 @@
-/* The program's side of the doors to DCMTK (dicom/header/dcm_readers.h). */
+/* Loads DCMTK's plug-in and its function tables (dicom/header/dcm_readers.h). */
 #include "base/load_part.h"
 #include "dicom/codec/dcm_decoder.h"
 #include "dicom/header/dcm_readers.h"

@@ -53,8 +53,8 @@ static void put_xyz(Profile *p, const double xyz[3])
     put_fixed(p, xyz, 3);
 }
 
-/* D50, which all profiles share, and sRGB's primaries (IEC 61966-2-1) as seen under it, by Bradford's adaptation from
- * D65, which is `adaptation`. */
+/* D50, the white point of profiles, and sRGB's primaries (IEC 61966-2-1) adapted to it from D65 by Bradford's method,
+ * whose matrix is `adaptation`. */
 static const double d50[3] = {0.96420288, 1, 0.82490540};
 static const double primaries[3][3] = {
     {0.4360747, 0.2225045, 0.0139322},
@@ -68,7 +68,7 @@ static const double curve[5] = {2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.0404
 
 static void put_header(Profile *p)
 {
-    put32(p, 0); /* the length, known at the end */
+    put32(p, 0); /* the length, filled in at the end */
     put32(p, 0);
     put32(p, 0x04300000);
     put_name(p, "scnr");
@@ -78,7 +78,7 @@ static void put_header(Profile *p)
     put32(p, 1 << 16);
     put32(p, 0);
     put_name(p, "acsp");
-    p->n += 28; /* platform, flags, device, attributes, intent: none */
+    p->n += 28; /* platform, flags, device, attributes, intent: 0 */
     put_fixed(p, d50, 3);
     p->n += 48; /* creator, checksum, reserved */
 }

@@ -10,7 +10,7 @@
 
 enum { EXTRA_BYTES = 1 << 16, SAMPLES_PER_CPU_S = 100000 };
 
-/* The code stream; an encoder may go back in it. */
+/* The code stream; an encoder may seek backwards in it. */
 typedef struct Stream {
     uint8_t *bytes;
     size_t n, at, capacity;
@@ -78,7 +78,7 @@ static void set_parameters(const CtsScFrame *frame, opj_cparameters_t *p)
     p->cp_disto_alloc = 1;
     p->irreversible = 0;
     p->tcp_mct = !frame->grey;
-    p->cp_comment = (char *)"ctsplat"; /* else OpenJPEG's version, which is no part of the picture */
+    p->cp_comment = (char *)"ctsplat"; /* the default is OpenJPEG's version, which would make files depend on it */
     const int side = frame->width < frame->height ? frame->width : frame->height;
     while (p->numresolution > 1 && side >> (p->numresolution - 1) == 0)
         p->numresolution--;
@@ -110,7 +110,7 @@ static bool encode(const CtsScFrame *frame, opj_image_t *image, Stream *s, char 
     return done;
 }
 
-/* What goes through the sandbox: the frame, then its samples; back come the code stream's length, then it. */
+/* Encodes in the sandbox. Request: the frame, then its samples; answer: the code stream's length, then the stream. */
 static CtsStatus encode_apart(const void *order, const uint8_t *request, size_t n, void *answer, size_t n_answer,
                               CtsError *err)
 {
@@ -131,7 +131,7 @@ static CtsStatus encode_apart(const void *order, const uint8_t *request, size_t 
 
 CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err)
 {
-    /* Noise may take more than its samples do. */
+    /* Noise may expand. */
     const size_t n_answer = 2 * frame->n_samples_bytes + EXTRA_BYTES;
     const size_t n = sizeof *frame + frame->n_samples_bytes;
     CtsSandbox encoder = cts_sandbox_make(encode_apart, "encoder");

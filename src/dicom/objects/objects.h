@@ -1,6 +1,6 @@
-/* The C door to DCMTK for secondary captures and presentation states, loaded as dicom/header/dcm_readers.h: write one,
- * read one. Nothing of DCMTK comes through, no exception either. What an object says is decided by the caller
- * (output/export); how it is encoded is decided here. */
+/* The C interface to DCMTK for writing and reading secondary captures and presentation states, loaded like
+ * dicom/header/dcm_readers.h. No DCMTK type and no exception crosses it. The caller decides on the contents
+ * (output/export), this code encodes them. */
 #ifndef CTS_DICOM_OBJECTS_H
 #define CTS_DICOM_OBJECTS_H
 
@@ -19,7 +19,7 @@ typedef struct CtsScCode {
     const char *value, *scheme, *meaning;
 } CtsScCode;
 
-/* What a secondary capture says of itself. Texts are ASCII and fit their attribute. */
+/* Texts of a secondary capture. They are ASCII and fit their attribute. */
 typedef struct CtsScWords {
     const char *image_type;                         /* value 3 of (0008,0008) */
     char series_description[65], description[65];   /* of all views; of this one */
@@ -27,7 +27,7 @@ typedef struct CtsScWords {
     CtsScCode mode, view;
 } CtsScWords;
 
-/* What it is called. */
+/* UIDs and numbers of a secondary capture. */
 typedef struct CtsScNames {
     char study_uid[65], series_uid[65], sop_uid[65];
     /* "", or the identity to put in the patient's and the study's place: then nothing that identifies is copied and no
@@ -41,30 +41,30 @@ typedef struct CtsScObject {
     const CtsScNames *names;
     int width, height, n_frames;               /* more than one frame makes a multi-frame object */
     bool grey;                                 /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
-    const char *syntax_uid;                    /* that the pixels come in */
+    const char *syntax_uid;                    /* transfer syntax of the pixels */
     bool reversible_ycc;                       /* colours are stored as JPEG 2000's reversible transform of RGB */
-    char date[9], time[7];                     /* of the making: YYYYMMDD and HHMMSS; "": not told */
+    char date[9], time[7];                     /* of creation: YYYYMMDD and HHMMSS; "": omitted */
     const double *azimuth_deg, *elevation_deg; /* of each frame */
     double mm_per_pixel;                       /* 0: not known */
     bool burned_in, recognizable;
     const CtsSeries *source;
     const CtsDataSet *header; /* of its first slice: patient and study are copied from it, byte for byte */
-    const CtsLabels *labels;  /* that are seen, too; NULL: none */
-    const CtsDataSet *lossy;  /* of a slice whose pixels went through lossy compression; NULL when there is none */
+    const CtsLabels *labels;  /* the labels whose files are referenced; NULL: none */
+    const CtsDataSet *lossy;  /* of a slice with lossy compressed pixels; NULL when there is none */
 } CtsScObject;
 
-/* Takes the encoded file piece by piece. */
+/* Receives the encoded file in pieces. */
 typedef CtsStatus (*CtsScSink)(void *context, const void *bytes, size_t n, CtsError *err);
 
 /* The file up to PixelData (7FE0,0010), which is the last element and the caller's to write: Explicit VR Little Endian,
  * as all compressed syntaxes have it. */
 CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err);
 
-/* One frame on its way into a compressed file. */
+/* One frame to be compressed. */
 typedef struct CtsScFrame {
     int width, height;
     bool grey;     /* as in CtsScObject */
-    void *samples; /* words in this machine's order */
+    void *samples; /* words in native byte order */
     size_t n_samples_bytes;
     int n_threads;
 } CtsScFrame;
@@ -75,11 +75,11 @@ CtsStatus cts_dcm_sc_encode(const char *syntax_uid, const CtsScFrame *frame, Cts
                             CtsError *err);
 CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err);
 
-/* The first frame of a secondary capture (8-bit RGB or MONOCHROME2 of 8 or 16 bits), as 16-bit words, n_samples a
- * pixel: 8-bit values come as they are. Free samples with cts_free(). */
+/* The first frame of a secondary capture (8-bit RGB or MONOCHROME2 of 8 or 16 bits), as 16-bit words, n_samples per
+ * pixel, 8-bit values unscaled. Free samples with cts_free(). */
 typedef struct CtsScPixels {
     int width, height, n_samples;
-    int largest; /* the sample value that stands for 1: 255 or 65535 */
+    int largest; /* the sample value of 1: 255 or 65535 */
     uint16_t *samples;
 } CtsScPixels;
 
@@ -87,14 +87,13 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err);
 
 enum { CTS_ICC_BYTES = 600 };
 
-/* The colours of ctsplat's pictures in words that colour management knows: an ICC profile, version 4.3, of the input
- * class, as DICOM wants it (PS3.3 C.11.15): sRGB (IEC 61966-2-1). Returns its length, which is a multiple of 4. The
- * same bytes each time. */
+/* The ICC profile of ctsplat's colours, sRGB (IEC 61966-2-1): version 4.3, input class, as required by DICOM (PS3.3
+ * C.11.15). Returns its length, a multiple of 4. Always the same bytes. */
 size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES]);
 
 enum { CTS_STATE_ENTRIES = 4096 };
 
-/* ctsplat's own block of attributes: what the standard's cannot carry to the last bit. */
+/* Private attributes for settings that the standard's attributes cannot represent exactly. */
 enum { CTS_STATE_GROUP = 0x0073, CTS_STATE_CREATOR = 0x0010, CTS_STATE_PRESET = 0x1001, CTS_STATE_OPTIONS = 0x1002 };
 #define CTS_STATE_BLOCK "CTSPLAT STATE 1"
 #define CTS_STATE_CLASS "1.2.840.10008.5.1.4.1.1.11.9"
@@ -113,10 +112,10 @@ typedef struct CtsDcmState {
     bool shaded;
     double ambient, diffuse, specular, shininess; /* each 0..1 */
     bool cropped;
-    double crop_lps[6];                          /* two opposite corners */
-    const CtsLabels *labels;                     /* that the volume is cropped by, or NULL */
+    double crop_lps[6];                          /* two opposite vertices */
+    const CtsLabels *labels;                     /* that crop the volume, or NULL */
     const CtsLabelCrop *label_crop;              /* of each */
-    double window_centre_hu, window_width_hu;    /* that the tables below span */
+    double window_centre_hu, window_width_hu;    /* range of the tables below */
     uint16_t tables[4][CTS_STATE_ENTRIES];       /* red, green, blue, opacity */
     char capture_class_uid[65], capture_uid[65]; /* "": no picture is referenced */
     const char *preset, *options;                /* private, byte by byte */
@@ -124,8 +123,8 @@ typedef struct CtsDcmState {
 
 CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err);
 
-/* The private texts of a state that ctsplat wrote, which the caller frees with free(), and the series it is of (""
- * where it does not tell). */
+/* The private texts of a state that ctsplat wrote, to be freed with free(), and the UID of its series ("" if
+ * missing). */
 CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err);
 
 typedef struct CtsDcmWriters {

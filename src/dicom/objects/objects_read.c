@@ -86,7 +86,7 @@ static CtsStatus read_header(const CtsElements all, ScHeader *h, CtsError *err)
     return CTS_OK;
 }
 
-/* Nothing is taken apart here: a process of its own does. */
+/* Compressed pixels are decoded in a sandbox. */
 static CtsStatus decode(ScFile *f, CtsError *err)
 {
     const ScHeader *h = &f->header;

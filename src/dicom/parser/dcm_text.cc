@@ -1,4 +1,4 @@
-/* Text values by DICOM's own grammar, whatever the locale. */
+/* Text values by DICOM's grammar, in any locale. */
 #include "dicom/parser/elements.h"
 
 #include <charconv>
@@ -16,7 +16,7 @@ std::string_view trimmed(std::string_view text)
     return text;
 }
 
-/* A number and nothing else, which may begin with a plus. from_chars alone would take "inf" and "nan". */
+/* A whole number or decimal number, which may begin with a plus. from_chars alone would accept "inf" and "nan". */
 template <typename Number> bool parse_whole(std::string_view text, const char *letters, Number *value)
 {
     text = trimmed(text);

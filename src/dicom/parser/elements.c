@@ -5,7 +5,7 @@
 
 enum { ITEM = 0xFFFEE000, DELIMITER_BYTES = 8 };
 
-/* Goes on behind a value of undefined length, or an item, whose end is found. */
+/* Skips a value of undefined length, or an item, and determines its end. */
 static bool skip_undefined(CtsElements *rest, CtsElements *value, bool is_item, bool is_raw)
 {
     const size_t n = cts_scan_undefined(value->at, (size_t)(rest->end - value->at), value->explicit_vr,
@@ -101,7 +101,7 @@ bool cts_elements_integer(CtsElements elements, uint32_t tag, int *value)
 {
     const CtsElements v = cts_elements_find(elements, tag);
     const size_t n = (size_t)(v.end - v.at);
-    const bool is_text = tag == 0x00280008 || tag >> 16 == 0x3006; /* of those that are asked for, the IS */
+    const bool is_text = tag == 0x00280008 || tag >> 16 == 0x3006; /* among the requested attributes, those of VR IS */
     if (is_text)
         return n && cts_dcm_parse_is((const char *)v.at, n, value);
     if (n != 2 && n != 4)

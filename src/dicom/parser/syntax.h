@@ -1,4 +1,4 @@
-/* The transfer syntaxes ctsplat knows, and how each stores a slice (PS3.5 Annex A). */
+/* The supported transfer syntaxes, and the encoding of pixels in each (PS3.5 Annex A). */
 #ifndef CTS_DICOM_SYNTAX_H
 #define CTS_DICOM_SYNTAX_H
 
@@ -20,7 +20,7 @@ typedef enum CtsCodec {
 
 typedef enum CtsLoss {
     CTS_LOSSLESS,
-    CTS_MAYBE_LOSSY, /* the header's Lossy Image Compression (0028,2110) tells */
+    CTS_MAYBE_LOSSY, /* depends on the header's Lossy Image Compression (0028,2110) */
     CTS_LOSSY
 } CtsLoss;
 

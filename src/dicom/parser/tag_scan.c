@@ -30,7 +30,7 @@ static bool is_one_of(const char *vrs, const uint8_t vr[2])
     return false;
 }
 
-/* Of an explicit VR: the length stands in 2 bytes, or in 4 after two reserved ones. */
+/* Explicit VRs with a length of 2 bytes, and those with 4 after two reserved bytes. */
 static const char short_vrs[] = "AEASATCSDADSDTFDFLISLOLTPNSHSLSSSTTMUIULUS", long_vrs[] = "OBODOFOLOVOWSQSVUCUNURUTUV";
 
 static bool known_vr(const uint8_t vr[2])
@@ -38,8 +38,8 @@ static bool known_vr(const uint8_t vr[2])
     return is_one_of(short_vrs, vr) || is_one_of(long_vrs, vr);
 }
 
-/* An unknown VR of two capitals is taken for one of the future, which are all long; anything else for a broken writer
- * that uses the short form. */
+/* An unknown VR of two capitals is treated as a future one, which all have the long form; any other bytes as a faulty
+ * writer's, in the short form. */
 static bool long_vr(const uint8_t vr[2])
 {
     return !is_one_of(short_vrs, vr) && vr[0] >= 'A' && vr[0] <= 'Z' && vr[1] >= 'A' && vr[1] <= 'Z';
@@ -83,7 +83,8 @@ const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n)
     if (little == 0x0002 || (little >= 0x0008 && little <= 0x0020)) {
         if (known_vr(p + 4))
             return cts_syntax_native(true, false);
-        /* No letters to go by: only what a data set begins with (0008,00xx), and an even length that is no nonsense. */
+        /* Without VR letters the tests are a tag at the start of a data set (0008,00xx), and a plausible even
+         * length. */
         const uint32_t length = read32(p + 4, false);
         const bool first = little == 0x0008 && read16(p + 2, false) <= 0x00FF && length <= 0xFFFF && length % 2 == 0;
         return first ? cts_syntax_native(false, false) : NULL;
@@ -133,8 +134,8 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
     return CTS_SCAN_DONE;
 }
 
-/* What a header is asked for, by rising tag. Some decide the picture: where one of those stands twice with different
- * values, no reading is the right one. */
+/* The header's attributes, by rising tag. Some affect the picture: where one of those occurs twice with different
+ * values, the file is ambiguous and refused. */
 static const struct {
     uint32_t tag;
     bool decides;
@@ -173,7 +174,7 @@ typedef struct Walk {
     bool explicit_vr, big;
     int height;   /* of the stack */
     Frame *stack; /* 2 * CTS_MAX_NESTING */
-    /* An implicit VR element that begins like a sequence may be one. When it turns out not to be, skip it. */
+    /* An implicit VR element that begins like a sequence may be one. If it turns out not to be, it is skipped. */
     int maybe_height;
     uint64_t maybe_end;
     size_t start, most;
@@ -201,7 +202,7 @@ static CtsScanResult more(Walk *w, uint64_t need)
 
 static CtsScanResult push(Walk *w, bool item, uint64_t end, bool implicit_vr, bool fragments)
 {
-    /* Sequences and items take turns on the stack, a sequence first. */
+    /* Sequences and items alternate on the stack, beginning with a sequence. */
     const int nesting = w->height / 2 + 1;
     if (nesting > CTS_MAX_NESTING) {
         w->maybe_end = 0;
@@ -213,7 +214,7 @@ static CtsScanResult push(Walk *w, bool item, uint64_t end, bool implicit_vr, bo
     return CTS_SCAN_DONE;
 }
 
-/* Inside a sequence only items and its end may stand. */
+/* A sequence may contain only items and its end. */
 static CtsScanResult sequence_step(Walk *w, const CtsRawElement *e)
 {
     Frame *top = &w->stack[w->height - 1];
@@ -245,7 +246,7 @@ static const CtsTagValue *find_value(const CtsDataScan *scan, uint32_t tag)
     return NULL;
 }
 
-/* Keep the place of a header's value; it has to be there, for a second one to be compared with it. */
+/* Records the offset of a header's value; it must be in the file, for comparison with a second one. */
 static CtsScanResult note_value(Walk *w, const CtsRawElement *e)
 {
     while (w->next_tag > 0 && header_tags[w->next_tag - 1].tag >= e->tag)
@@ -325,7 +326,7 @@ static void found_pixels(Walk *w, const CtsRawElement *e)
     scan->pixel_bytes = scan->encapsulated ? 0 : e->length;
 }
 
-/* The top level: notes the header's values and stops at the pixels. *stop says that the walk is over. */
+/* The top level: records the header's values and stops at the pixels. *stop: the walk is over. */
 static CtsScanResult top_step(Walk *w, const CtsRawElement *e, bool *stop)
 {
     w->maybe_end = 0;
@@ -364,7 +365,7 @@ static CtsScanResult step(Walk *w, bool *stop)
         return CTS_SCAN_DONE;
     }
     const bool implicit_vr = top ? top->implicit_vr || !w->explicit_vr : !w->explicit_vr;
-    /* An UN of undefined length is implicit little endian whatever the file is (PS3.5 6.2.2). */
+    /* A UN value of undefined length is implicit little endian in every file (PS3.5 6.2.2). */
     const bool big = w->big && !(top && top->implicit_vr);
     CtsRawElement e;
     if (w->pos > w->n || !cts_read_element(w->bytes + w->pos, w->n - w->pos, !implicit_vr, big, &e)) {

@@ -34,7 +34,7 @@ typedef struct CtsMetaScan {
     bool has_preamble, has_meta;
     char syntax_uid[65];    /* (0002,0010), "" where missing */
     char sop_class_uid[65]; /* (0002,0002) */
-    size_t data_offset;     /* where the data set begins */
+    size_t data_offset;     /* offset of the data set */
 } CtsMetaScan;
 
 CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan);
@@ -50,10 +50,10 @@ typedef struct CtsRawElement {
 /* False when more bytes are needed (12 always do). */
 bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, CtsRawElement *element);
 
-/* How the data set at p is encoded, judged by its first element; NULL when it is neither. */
+/* The encoding of the data set at p, detected from its first element; NULL when it is neither. */
 const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
 
-enum { CTS_N_HEADER_TAGS = 55 }; /* what a CT slice's header is asked for */
+enum { CTS_N_HEADER_TAGS = 55 }; /* number of attributes read from a CT slice */
 bool cts_scan_notes(uint32_t tag);
 
 /* A top-level element with one of those tags. */
@@ -70,21 +70,21 @@ typedef struct CtsDataScan {
     char why[112];
     CtsTagValue values[CTS_N_HEADER_TAGS]; /* in the order of the data set */
     int n_values;
-    bool repeats;      /* one of them stands twice, or they are out of order */
+    bool repeats;      /* an element occurs twice, or they are out of order */
     size_t header_end; /* offset of PixelData's tag, or the end of the data set */
     bool has_pixels, pixel_words, encapsulated;
     uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */
-    uint32_t float_pixels; /* the tag of Float or Double Float Pixel Data, where they stand instead; else 0 */
-    int depth;             /* deepest nesting met */
+    uint32_t float_pixels;              /* the tag of Float or Double Float Pixel Data, where used instead; else 0 */
+    int depth;                          /* deepest nesting met */
 } CtsDataScan;
 
-/* The data set from `start` on. `total` is the number of bytes there really are (n or more), `most` how many may stand
- * before the pixels. */
+/* The data set from `start` on. `total`: the number of bytes in the file (n or more), `most`: the limit of bytes before
+ * the pixels. */
 CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
                             size_t most, CtsDataScan *scan);
 
-/* How many bytes a value of undefined length takes that begins here, its delimiter's 8 with them; is_item: an item that
- * does; is_raw: its items are fragments. 0: it has no end among the n bytes, or is damaged. */
+/* Number of bytes of a value of undefined length that begins here, including its delimiter's 8; is_item: an item;
+ * is_raw: its items are fragments. 0: no end among the n bytes, or damage. */
 size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool big, bool is_item, bool is_raw);
 
 CTS_C_END

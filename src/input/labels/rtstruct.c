@@ -185,7 +185,7 @@ static const Contour *next_plane(const Outline *o, size_t *at, const Contour **e
     return first;
 }
 
-/* The slice that a plane lies in: no further off than half the way to the next one. */
+/* The slice of a contour plane: at most half the distance to the next slice away. */
 static int slice_at(const CtsLabelGrid *g, double at_mm)
 {
     for (int k = 0; k < g->n_slices; k++) {
@@ -197,7 +197,7 @@ static int slice_at(const CtsLabelGrid *g, double at_mm)
     return -1;
 }
 
-/* Each slice takes the nearest of the planes that lie in it. */
+/* Each slice gets the nearest of its planes. */
 static CtsStatus fill_slices(Outline *o, CtsLabel *label, CtsError *err)
 {
     CtsStatus st = CTS_OK;

@@ -47,13 +47,13 @@ typedef struct Seg {
     double step_lps[2][3], gap_mm;
     double (*position_lps)[3]; /* of each frame */
     int32_t *segment;          /* of each frame: which of the labels; LABELMAP: 0 */
-    int32_t *label_of;         /* by number of a segment or pixel: which of the labels; -1: none */
+    int32_t *label_of;         /* label index by number of a segment or pixel; -1: none */
     uint64_t *offset;          /* of encapsulated frames */
     uint16_t *values, *shares; /* of one frame, shares where it is FRACTIONAL; and its bytes: */
     uint8_t *bytes;
     CtsSandbox decoder;
     int first_plane;   /* the frames of a mask that is placed */
-    const int *planes; /* which they are; NULL: all, from first_plane on */
+    const int *planes; /* indices of the planes; NULL: consecutive ones from first_plane on */
     bool has_strangers;
     bool crops;      /* a volume, in a presentation state */
     double held_mm3; /* by labels, in the file */
@@ -184,8 +184,8 @@ static size_t frame_bytes(const Seg *s)
     return s->bits_allocated == 1 ? (n + 7) / 8 : n * (size_t)(s->bits_allocated / 8);
 }
 
-/* Frames follow each other without a gap, so one may begin in the middle of a byte. *shift: at which bit. Words of 16
- * bits are read whole where a big-endian file swaps their bytes. */
+/* Frames follow each other without a gap, so one may begin within a byte. *shift: at which bit. Words of 16 bits are
+ * read whole where a big-endian file swaps their bytes. */
 static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
     const CtsPlainObject *const o = s->object;
@@ -209,7 +209,7 @@ static bool is_jpeg2000(const Seg *s)
     return s->object->syntax->codec == CTS_CODEC_JPEG_2000;
 }
 
-/* Codecs see a frame of bits as one row of bytes, but for JPEG 2000, which makes pixels of them. */
+/* A frame of bits is one row of bytes for codecs, except for JPEG 2000, which decodes it to pixels. */
 static CtsFrameFormat format_of(const Seg *s)
 {
     const bool pixels = is_jpeg2000(s);

@@ -258,7 +258,7 @@ static bool has_own_frames(const CtsSliceSet *set, CtsStatus *st, CtsError *err)
     return own && n_own >= FEWEST_OWN_FRAMES;
 }
 
-/* One volume is of one patient, one study, one frame of reference. No value is told. */
+/* A volume needs one patient, one study and one frame of reference. Messages contain no values. */
 static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
 {
     const CtsSlice *known = NULL;
@@ -280,7 +280,7 @@ static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
                          n_empty, set->n);
 }
 
-/* A CT object is of the modality CT; DICOM asks for it, and who leaves it out says nothing else. */
+/* A CT object has the modality CT; DICOM requires it, and a missing value is not a contradiction. */
 static void check_modality(const CtsSliceSet *set, CtsSeries *series)
 {
     for (int i = 0; i < set->n; i++) {
@@ -383,8 +383,8 @@ static void take_slices(CtsSeries *series, CtsSliceSet *set)
     *set = (CtsSliceSet){0};
 }
 
-/* Slices that are missing everywhere leave no gap that is wider than others; their numbers show it. Evenly thinned to
- * every 2nd or 3rd, the picture is coarse and true. n_in_gaps of them were already reported. */
+/* Slices missing at regular intervals leave no wider gap; their instance numbers reveal them. With every 2nd or 3rd
+ * slice the picture is coarse but correct. n_in_gaps of them were already reported. */
 static void judge_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers, int n_in_gaps, CtsSeries *series)
 {
     const CtsMissingSlices missing = cts_slice_set_missing(set, numbers);
@@ -415,7 +415,7 @@ static void judge_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers
                          what);
 }
 
-/* A part at an end leaves no gap, and is warned of; one between others is so many missing slices. */
+/* A missing part at an end leaves no gap and causes a warning; one between others counts as missing slices. */
 static const char *judge_parts(const CtsSliceSet *set, CtsSeries *series)
 {
     const CtsSlice *lacking = NULL;
@@ -472,8 +472,8 @@ static bool distinct(int *numbers, int n)
     return true;
 }
 
-/* Scanners number slices as they lie. Where numbers and positions disagree, one of the two is wrong, and the picture
- * goes by the positions. */
+/* Scanners number slices by position. Where numbers and positions disagree, one of the two is wrong, and the picture
+ * follows the positions. */
 static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
     int *numbers = malloc((size_t)set->n * sizeof *numbers), n = 0;
@@ -491,8 +491,8 @@ static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError
     return CTS_OK;
 }
 
-/* Slices that are missing at an end leave no gap. Where instance numbers rise by one from slice to slice they tell the
- * first ones; they need not begin at 1, so that is no warning. */
+/* Slices missing at an end leave no gap. Where instance numbers rise by one from slice to slice they reveal missing
+ * first ones; they need not begin at 1, so this is not a warning. */
 static void note_first_number(const CtsSliceSet *set, CtsSeries *series)
 {
     const int a = set->items[0]->instance_number, b = set->items[set->n - 1]->instance_number;
@@ -547,7 +547,7 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, const CtsStudyNumbe
     return st;
 }
 
-/* Everything that can be told before positions are compared. */
+/* All checks that do not compare positions. */
 static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
     static const pick_fn picks[] = {pick_slices, pick_sound, pick_largest_grid};
@@ -565,7 +565,7 @@ static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     return st;
 }
 
-/* Slices of one position at as many times: how a contrast agent comes is watched so, and no volume is scanned. */
+/* True for as many slices at one position as there are times: a time series of contrast agent, not a volume. */
 static bool is_watch(const CtsSliceSet *set)
 {
     for (int i = 0; i < set->n; i++)
@@ -575,7 +575,7 @@ static bool is_watch(const CtsSliceSet *set)
     return true;
 }
 
-/* Copies dropped, phases told apart. The parts own the slices afterwards; one part when nothing had to be split. */
+/* Removes copies and separates phases. The parts own the slices afterwards; one part when nothing had to be split. */
 static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts[CTS_MAX_PARTS], int *n_parts,
                           CtsError *err)
 {

@@ -76,8 +76,8 @@ void cts_study_numbers_free(CtsStudyNumbers *numbers)
     *numbers = (CtsStudyNumbers){0};
 }
 
-/* A slice fills most of a gap that holds no other; a step over more numbers than a series may have slices counts none.
- */
+/* THIN_SHARE: a slice's thickness fills most of its gap unless slices are missing. A step larger than the largest
+ * number of slices counts as none. */
 #define THIN_SHARE 0.6
 enum { MOST_STEPS = 20000 };
 
@@ -108,7 +108,7 @@ static int64_t step_over(const CtsSliceSet *set, int i, double smallest_mm, doub
     return is_near(each_mm, *thickness_mm) || is_near(each_mm, smallest_mm) ? step : 0;
 }
 
-/* How many of the numbers passed over gap i other objects have. */
+/* The number of instance numbers skipped at gap i that other objects have. */
 static int64_t count_others(const CtsSliceSet *set, int i, const CtsStudyNumbers *numbers)
 {
     const CtsSlice *a = set->items[i], *b = set->items[i + 1];

@@ -93,7 +93,8 @@ end:
     return same;
 }
 
-/* A few pixels from the middle, to tell most slices apart without reading them whole; 0 when they cannot be read. */
+/* A hash of a few pixels from the middle, which distinguishes most slices without reading them whole; 0 when they
+ * cannot be read. */
 static uint64_t sample_of(const CtsSlice *s)
 {
     uint8_t bytes[4096];
@@ -111,7 +112,7 @@ static uint64_t sample_of(const CtsSlice *s)
     return hash;
 }
 
-/* Two files that give the same voxels: one of them may go. */
+/* True for two files with the same voxels: one is redundant. */
 static bool same_picture(const CtsSlice *a, const CtsSlice *b)
 {
     if (a->syntax->deflated && a->pixel_offset != b->pixel_offset)
@@ -149,7 +150,7 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
     return CTS_OK;
 }
 
-/* A part is whole when its slices alone make an even stack. */
+/* A part is complete when its slices form an even stack. */
 static bool is_whole(const CtsSliceSet *part, double same_mm)
 {
     CtsSliceStack stack;
@@ -179,7 +180,7 @@ enum {
 static const struct {
     const char *name;
     bool takes_turns;  /* the slices of two acquisitions may lie between each other */
-    bool must_overlap; /* what it names may as well change along one scan */
+    bool must_overlap; /* its values may also change within one scan, so parts must overlap */
 } ways[N_WAYS] = {
     [BY_ACQUISITION] = {"AcquisitionNumber (0020,0012)", true, false},
     [BY_VOLTAGE] = {"KVP (0018,0060)", true, false},
@@ -194,7 +195,7 @@ static const struct {
     [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false},
 };
 
-/* What an acquisition says of a slice; NaN where it says nothing. */
+/* The value of an acquisition criterion for a slice; NaN where it is missing. */
 static double acquisition_label(const CtsSlice *s, int way)
 {
     switch (way) {
@@ -235,7 +236,7 @@ static bool label_kernels(const CtsSliceSet *set, double *part)
     return true;
 }
 
-/* The how manyth of its position a slice is by ContentTime; false where two of one position have the same. */
+/* Rank of a slice among those at its position by ContentTime; false where two of one position have equal times. */
 static bool label_content_order(const CtsSliceSet *set, double same_mm, double *part)
 {
     for (int first = 0, end; first < set->n; first = end) {
@@ -253,7 +254,7 @@ static bool label_content_order(const CtsSliceSet *set, double same_mm, double *
     return true;
 }
 
-/* part[i] for each slice; false when this way tells nothing. */
+/* part[i] for each slice by a criterion; false when it does not separate them. */
 static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
     if (way == BY_KERNEL)
@@ -288,7 +289,7 @@ static double time_of(const CtsSlice *s, int way)
     return way == BY_CONTENT_ORDER ? s->content_s : s->time_s;
 }
 
-/* Phases follow each other: a later part begins after the earlier one has ended. */
+/* Phases are consecutive: a later part begins after the earlier one has ended. */
 static bool in_turn(const CtsSliceSet *parts, int n_parts, int way)
 {
     double end = -1;
@@ -305,7 +306,7 @@ static bool in_turn(const CtsSliceSet *parts, int n_parts, int way)
     return true;
 }
 
-/* The set's slices by rising label, into parts that only borrow them. *n_parts is 0 when there are too many. */
+/* Distributes the slices by rising label to parts that do not own them. *n_parts is 0 when there are too many. */
 static CtsStatus deal(const CtsSliceSet *set, const double *part, CtsSliceSet *parts, int max_parts, int *n_parts,
                       CtsError *err)
 {
@@ -339,13 +340,13 @@ static void free_parts(CtsSliceSet *parts, int *n_parts)
     *n_parts = 0;
 }
 
-/* Two parts have slices between each other's, over and over: each begins more than once along the stack. One that lies
- * as a block within another took the place of a piece of it. */
+/* True if slices of two parts alternate repeatedly: each part has more than one run along the stack. A single block
+ * within another part is no alternation. */
 static bool takes_turns(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts)
 {
     int n_turning = 0;
     for (int p = 0; p < n_parts; p++) {
-        int n_runs = 0, next = 0; /* of the part's slices */
+        int n_runs = 0, next = 0; /* position in the part */
         for (int i = 0, within = 0; i < set->n; i++) {
             const int is_here = next < parts[p].n && parts[p].items[next] == set->items[i];
             n_runs += is_here && !within;
@@ -357,7 +358,7 @@ static bool takes_turns(const CtsSliceSet *set, const CtsSliceSet *parts, int n_
     return n_turning > 1;
 }
 
-/* Parts of one body, not ends of a scan that meet in a slice: there is a stretch that all of them hold. */
+/* True if all parts share a range of positions, unlike ends of two scans that meet in a slice. */
 static bool overlap(const CtsSliceSet *parts, int n_parts)
 {
     double begin = -INFINITY, finish = INFINITY;

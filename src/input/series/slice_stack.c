@@ -10,7 +10,7 @@ double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *sl
     return cts_dot3(reference->normal_lps, slice->position_lps);
 }
 
-/* What positions are written to; less is no news. */
+/* Precision of stored positions; smaller deviations are ignored. */
 #define JITTER_MM 0.02
 
 double cts_slice_stack_tolerance_mm(double median_gap_mm)
@@ -24,7 +24,7 @@ void cts_slice_stack_free(CtsSliceStack *stack)
     *stack = (CtsSliceStack){0};
 }
 
-/* How many times the median a gap is, when it is that within 5 % (but at least 0.02 mm); else 0. */
+/* The multiple of the median that a gap is, within 5 % (but at least 0.02 mm); else 0. */
 static int multiple_of(double gap_mm, double median_mm)
 {
     const double k = floor(gap_mm / median_mm + 0.5);
@@ -67,7 +67,7 @@ static void classify(CtsSliceStack *s, const double *gaps, int n)
         if (k > 1 && s->first_gap < 0)
             s->first_gap = i;
     }
-    /* Gaps that all pass may still add up to a bend; a tenth of a layer is seen. */
+    /* Gaps within the tolerance may still add up to a drift; a tenth of a layer is visible. */
     if (even && drift <= 0.1 * s->spacing_mm)
         s->kind = CTS_STACK_EVEN;
     else if (whole && s->n_missing > 0 && !changes_protocol(gaps, n_gaps, s->spacing_mm))
@@ -98,7 +98,7 @@ static void place(CtsSliceStack *s, const double *gaps, int n)
     s->n_layers = layer + 1;
 }
 
-/* The line from the first to the last position, its angle to the normal, and how far slices stand off it sideways. */
+/* The line from the first to the last position, its angle to the normal, and the slices' lateral deviation from it. */
 static void follow_line(CtsSliceStack *s, const CtsSlice *const *slices, int n)
 {
     const CtsSlice *first = slices[0], *last = slices[n - 1], *middle = slices[n / 2];

@@ -1,4 +1,4 @@
-/* Where the slices of a sorted stack lie, and the even grid of layers they become. */
+/* Positions of the slices of a sorted stack, and the even grid of layers for them. */
 #ifndef CTS_SERIES_SLICE_STACK_H
 #define CTS_SERIES_SLICE_STACK_H
 
@@ -11,14 +11,14 @@ CTS_C_BEGIN
 
 typedef enum CtsStackKind {
     CTS_STACK_EVEN,    /* slice k is layer k */
-    CTS_STACK_MISSING, /* slices lie on whole layers, and some layers have none */
+    CTS_STACK_MISSING, /* slices lie on whole layers, and some layers are empty */
     CTS_STACK_UNEQUAL  /* slices lie between layers */
 } CtsStackKind;
 
 typedef struct CtsSliceStack {
     CtsStackKind kind;
     int n_layers;
-    double *layer;      /* of each slice: rises from 0 to n_layers - 1; owned */
+    double *layer;      /* position of each slice in layers: rises from 0 to n_layers - 1; owned */
     double step_lps[3]; /* from layer to layer */
     double spacing_mm;  /* median gap along the normal */
     double smallest_gap_mm, largest_gap_mm;
@@ -29,7 +29,7 @@ typedef struct CtsSliceStack {
 
 enum { CTS_STACK_GROWTH = 4 }; /* an unequal stack becomes at most this many times its slices */
 
-/* Whether so many missing slices are more than a tenth of all. */
+/* True if more than a tenth of all slices are missing. */
 bool cts_slice_stack_lacks_many(int n_missing, int n);
 
 /* Slices sorted along the normal, no two at one position, 2 or more. CTS_ERR_GEOMETRY when they make no volume: more
@@ -45,7 +45,7 @@ void cts_slice_stack_findings(const CtsSliceStack *stack, const CtsSlice *const 
 /* Position along the normal of `reference`. */
 double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice);
 
-/* What two gaps may differ by and count as the same: 0.02 mm or 1 % of the median, but never a quarter of it. */
+/* The difference up to which two gaps count as equal: 0.02 mm or 1 % of the median, but at most a quarter of it. */
 double cts_slice_stack_tolerance_mm(double median_gap_mm);
 
 CTS_C_END

@@ -30,7 +30,7 @@ typedef struct Search {
     int n;
     int n_threads;
     CtsScratch *scratch; /* of each thread */
-    bool in_directory;   /* files come from a DICOMDIR, which is not to name another */
+    bool in_directory;   /* files come from a DICOMDIR, which must not refer to another */
 } Search;
 
 static void read_headers(void *context, int worker, size_t first, size_t end)
@@ -128,7 +128,7 @@ static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *
     return CTS_OK;
 }
 
-/* Read what waits and hand it on, in the order in which it came. */
+/* Reads the queued files and passes them on in order. */
 static CtsStatus flush(Search *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
