@@ -1,4 +1,4 @@
-/* What stands around declarations: C++ sees them as C, and those between CTS_API_BEGIN and CTS_API_END are exported. */
+/* Macros around declarations: C linkage in C++, and export of those between CTS_API_BEGIN and CTS_API_END. */
 #ifndef CTSPLAT_API_H
 #define CTSPLAT_API_H
 

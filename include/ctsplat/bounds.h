@@ -1,4 +1,4 @@
-/* What settings may be: the one source of their ranges, for callers, for options, help and messages. */
+/* Ranges of settings, the single source for callers, options, help and messages. */
 #ifndef CTSPLAT_BOUNDS_H
 #define CTSPLAT_BOUNDS_H
 
@@ -8,11 +8,11 @@
 CTS_API_BEGIN
 
 enum {
-    CTS_MAX_SIDE = 32768,     /* pixels of a picture, each way */
+    CTS_MAX_SIDE = 32768,     /* pixels of a picture in each direction */
     CTS_MAX_KERNEL_RADIUS = 4 /* voxels */
 };
 
-/* From 1 on, so that 0 can stand for none. */
+/* From 1 on, so that 0 means none. */
 typedef enum CtsSetting {
     CTS_SETTING_WIDTH = 1,
     CTS_SETTING_HEIGHT,
@@ -32,13 +32,13 @@ typedef enum CtsSetting {
 
 typedef struct CtsBounds {
     const char *name; /* the setting's, as messages and struct fields have it */
-    const char *unit; /* "" where it has none */
+    const char *unit; /* "" without a unit */
     double low, high; /* both belong to the range */
     bool whole;       /* whole numbers only */
-    bool automatic;   /* 0 is taken too, and means: chosen by ctsplat */
+    bool automatic;   /* 0 is accepted too: chosen by ctsplat */
 } CtsBounds;
 
-/* NULL for what is no setting. */
+/* NULL for an invalid setting. */
 const CtsBounds *cts_setting_bounds(CtsSetting setting);
 
 /* CTS_ERR_USAGE with the setting's name and range when value lies outside. */

@@ -1,5 +1,5 @@
-/* Everything ctsplat offers to C callers; what these headers declare is what the shared library exports.
- * man/example.c renders a folder in 30 lines. Messages write the names of settings as `max_error`. */
+/* The whole C interface of ctsplat; the shared library exports the declarations of these headers. man/example.c renders
+ * a folder in 30 lines. Messages write the names of settings as `max_error`. */
 #ifndef CTSPLAT_CTSPLAT_H
 #define CTSPLAT_CTSPLAT_H
 

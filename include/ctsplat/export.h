@@ -23,66 +23,66 @@ enum { CTS_QUALITY_DEFAULT = 90, CTS_FRAME_RATE_DEFAULT = 10 };
 
 struct CtsLabels;
 typedef struct CtsExportSettings {
-    const CtsSeries *source;        /* whose study a secondary capture joins; NULL where none is written */
-    const struct CtsLabels *labels; /* (ctsplat/labels.h) that it shows, and refers to; NULL: none */
+    const CtsSeries *source;        /* source of a secondary capture, which joins its study; NULL for other formats */
+    const struct CtsLabels *labels; /* (ctsplat/labels.h) visible labels, to be referenced; NULL: none */
     CtsScCompression compression;   /* of secondary captures */
     bool new_uids, deidentify;      /* of secondary captures */
-    const char *key;   /* file that keys the UIDs of deidentify; NULL: the site's, made when first wanted */
+    const char *key;   /* key file for the UIDs of deidentify; NULL: the site's key, created at first use */
     int series_number; /* of secondary captures; 0: one that preset, kind and view have for themselves */
-    const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: chosen likewise */
+    const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: by preset and mode */
     bool png_8_bits;                /* a .png has 8 bits a sample, not 16 */
     int quality;                    /* of .jpg and .webp, 1 to 100; 0: the default */
     int frame_rate;                 /* frames a second of an animated .webp; 0: the default */
-    bool scratch;                   /* the file is for this process alone, and does not wait for the disk */
+    bool scratch;                   /* a temporary file of this process, which need not be synced to the disk */
     bool force;                     /* overwrite a file that exists; else CTS_ERR_OUTPUT */
     int n_threads;
 } CtsExportSettings;
 
-/* What there is to know of a format. */
+/* Properties of a format. */
 typedef struct CtsFormatInfo {
     const char *name;  /* also the ending, without the dot */
     const char *about; /* for people */
     bool many_frames;  /* one file holds all pictures of a rotation */
     bool has_depth;    /* writes depth_mm where the picture has it */
     bool has_alpha;    /* else a picture over nothing is written over black */
-    bool is_object;    /* a secondary capture: joins the study of its source, takes compression, new_uids and
-                          deidentify */
-    bool read_back;    /* cts_picture_read() reads it */
+    /* a secondary capture: joins the study of its source, supports compression, new_uids and deidentify */
+    bool is_object;
+    bool read_back; /* cts_picture_read() reads it */
 } CtsFormatInfo;
 
 /* The formats by index; NULL past the last. */
 const CtsFormatInfo *cts_format(size_t index);
 
-/* Endings of the formats that are wanted (NULL: of all) in text, as ".png, .exr or .dcm"; returns text. */
+/* Endings of the selected formats (NULL: of all) in text, as ".png, .exr or .dcm"; returns text. */
 enum { CTS_ENDINGS_MAX = 128 };
 const char *cts_format_endings(bool (*wanted)(const CtsFormatInfo *format), char text[CTS_ENDINGS_MAX]);
 
 /* The format a path's ending names, or NULL. */
 const CtsFormatInfo *cts_export_format(const char *path);
 
-/* Before any work: the ending is known, the folder exists and can be written, the file may be (over)written. The source
- * may still be NULL. */
+/* Checks before any work: the ending is known, the folder exists and is writable, the file may be (over)written. The
+ * source may still be NULL. */
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err);
 
-/* Likewise: the format can hold as many pictures of this size, all grey or not. n_frames > 1 only where
- * one file holds many_frames. */
+/* Checks that the format supports so many pictures of this size, all grey or not. n_frames > 1 only for formats with
+ * many_frames. */
 CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames, bool grey,
                                 const CtsExportSettings *settings, CtsError *err);
 
-/* A file that is written while its rows come: all bands of the first frame from the top, then the next frame's. What
- * is held meanwhile does not grow with the picture (but a compressed secondary capture holds a frame) or the number of
- * frames. Written whole or not at all: temporary file in the same folder, fsync, rename. Adds to the export stage. */
+/* A file written while its rows arrive: all bands of the first frame from the top, then the next frame's. Memory does
+ * not grow with the size of the picture (but a compressed secondary capture buffers a frame) or the number of frames.
+ * Written whole or not at all: temporary file in the same folder, fsync, rename. Adds to the export stage. */
 typedef struct CtsExport CtsExport;
 
-/* first: the first band, of which no row is taken yet; its info.grey says whether all frames are grey. settings are
- * copied, their source and report must stay until the end. */
+/* first: the first band, not yet added; its info.grey says whether all frames are grey. settings are copied, their
+ * source and report must outlive the output. */
 CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPicture *first, int n_frames,
                            const CtsExportSettings *settings, CtsReport *report, CtsError *err);
 CtsStatus cts_export_rows(CtsExport *output, const CtsPicture *band, CtsError *err);
-/* report->verified as it stands now is the error that a .dcm tells of. Makes *output NULL, whatever comes of it; bytes
- * (may be NULL) is the file's size. */
+/* A .dcm describes the error in report->verified. Sets *output to NULL, also on failure; bytes (may be NULL) is the
+ * file's size. */
 CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err);
-/* Gives up; does nothing when *output is NULL. */
+/* Frees without writing; *output may be NULL. */
 void cts_export_discard(CtsExport **output);
 
 /* Whole pictures at once; grey when every pixel is. bytes (may be NULL) is the file's size. */

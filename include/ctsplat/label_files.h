@@ -12,21 +12,22 @@ CTS_API_BEGIN
 typedef struct CtsLabelRequest {
     const char *const *paths; /* files, folders of masks, "auto"; {series_uid}, {stem} and * are filled in */
     int n_paths;
-    const char *names;               /* a file of names for the numbers of label maps; NULL: none */
-    const char *const *series_paths; /* where the series was looked for: auto looks there and beside its slices */
+    const char *names; /* file with names for the numbers of label maps; NULL: none */
+    /* paths that were searched for the series: auto searches these and its slices' folders */
+    const char *const *series_paths;
     int n_series_paths;
-    bool listed;                 /* these are all label files that auto may take, members of archives too */
-    const CtsArchives *archives; /* that hold some of them; or NULL */
-    bool unnamed;                /* messages tell a label file by its number, not by its path */
+    bool listed;                 /* label_paths are all files that auto may use, members of archives too */
+    const CtsArchives *archives; /* archives that contain some of them; or NULL */
+    bool unnamed;                /* messages identify a label file by its number, not by its path */
 } CtsLabelRequest;
 
-/* The labels of a series, as runs of its slices' voxels, not counted yet; free with cts_labels_free(). What is odd
- * about the files goes into the report; messages name the file. CTS_ERR_READ for what cannot be read, CTS_ERR_GEOMETRY
- * or CTS_ERR_PIXELS for labels of another patient or place, or without sense. */
+/* The labels of a series, as runs of its slices' voxels, without statistics yet; free with cts_labels_free(). The
+ * report gets notes and warnings; messages name the file. CTS_ERR_READ for an unreadable file, CTS_ERR_GEOMETRY or
+ * CTS_ERR_PIXELS for labels of another patient or position, or invalid ones. */
 CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *series, CtsLabels **labels,
                           CtsReport *report, CtsError *err);
 
-/* The series that one of the label files names or shares its space with; else the one that would be taken. */
+/* The series that one of the label files refers to or shares its frame of reference with; else the default choice. */
 CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList *list, const CtsSeries **series,
                             CtsError *err);
 

@@ -1,4 +1,4 @@
-/* What tissues a histogram holds, and which grey levels are probably of tissue that a preset does not show. */
+/* Tissue classes of a histogram, and grey levels that probably belong to tissue without visibility in a preset. */
 #ifndef CTSPLAT_MIXTURE_H
 #define CTSPLAT_MIXTURE_H
 
@@ -30,19 +30,19 @@ typedef struct CtsMixture {
     bool converged;
 } CtsMixture;
 
-/* Expectation maximisation from fixed starting values at the usual HU of each tissue, within which its mean stays.
+/* Expectation maximisation from fixed initial values at the usual HU of each tissue, whose mean stays within its range.
  * count: voxels by grey level, 65536 of them; HU = hu_offset + hu_step * grey. Grey 0 is air or padding: it counts as
- * air, but tells nothing of the air's mean. Tissues of less than a millionth of the voxels are dropped. Sums run in
- * one order, so the same counts give the same mixture to the bit. CTS_ERR_USAGE when there are no voxels. */
+ * air, but does not contribute to the air's mean. Tissues of less than a millionth of the voxels are dropped. Sums have
+ * a fixed order, so equal counts give the same mixture to the bit. CTS_ERR_USAGE when there are no voxels. */
 CtsStatus cts_mixture_fit(const uint64_t *count, double hu_offset, double hu_step, CtsMixture *mixture, CtsError *err);
 
-/* Whether blood carries contrast agent: more than a tenth as many voxels as of soft tissue are as dense as spongy bone
- * or enhanced blood. Few vessels in much soft tissue do not tell. */
+/* True if blood contains contrast agent: the voxels as dense as spongy bone or enhanced blood are more than a tenth of
+ * those of soft tissue. A few vessels in much soft tissue are not detected. */
 bool cts_mixture_has_contrast(const CtsMixture *mixture);
 
-/* The probability that what is at a voxel of this HU is void tissue: is_void tells which tissues are. Between two means
- * a voxel is of one of the two tissues or mixes them, and mixed voxels count by their shares; beyond the first and the
- * last mean it is as at that mean. */
+/* The probability that a voxel of this HU is void tissue, as marked in is_void. Between two means a voxel is of one of
+ * the two tissues or mixes them, and mixed voxels contribute by their shares; beyond the first and the last mean it is
+ * constant. */
 double cts_mixture_void(const CtsMixture *mixture, const bool is_void[CTS_MAX_TISSUES], double hu);
 
 /* HU from from_hu up to, not including, below_hu. Ranges that begin or end with the grey levels are open there:
@@ -51,20 +51,20 @@ typedef struct CtsKeyRange {
     double from_hu, below_hu;
 } CtsKeyRange;
 
-/* Which HU count as void for a preset, and what that loses. Plain data. */
+/* The HU that count as void for a preset, and the resulting loss. Plain data. */
 typedef struct CtsVoidKey {
-    bool useful;                   /* false: every tissue shows, or none does; nothing is dropped then */
-    bool is_void[CTS_MAX_TISSUES]; /* the preset shows nothing within a standard deviation of the tissue's mean */
-    double probability;            /* the key: what is void with this probability, or a greater one, is skipped */
+    bool useful;                   /* false: every tissue is visible, or none; nothing is dropped then */
+    bool is_void[CTS_MAX_TISSUES]; /* the preset has no opacity within a standard deviation of the tissue's mean */
+    double probability;            /* the key: levels that are void with this probability or more are skipped */
     int n_ranges;
-    CtsKeyRange range[CTS_MAX_KEY_RANGES]; /* that is, these HU */
+    CtsKeyRange range[CTS_MAX_KEY_RANGES]; /* the corresponding HU */
     uint64_t total, visible, dropped;      /* voxels: all, of opacity above 0, and those of them that count as void */
     double opacity_dropped;                /* share of the summed opacity of all voxels */
 } CtsVoidKey;
 
-/* The key that a mixture proposes for a preset: the least probability from 0.5 to 1, in steps of 0.01, at which no more
- * than a thousandth of the opacity of tissue that shows is to be expected among what is skipped. count, hu_offset and
- * hu_step as for the mixture. */
+/* The key that a mixture proposes for a preset: the least probability from 0.5 to 1, in steps of 0.01, at which the
+ * expected loss is at most a thousandth of the opacity of visible tissue. count, hu_offset and hu_step as for the
+ * mixture. */
 CtsStatus cts_void_key_propose(const CtsMixture *mixture, const CtsPreset *preset, const uint64_t *count,
                                double hu_offset, double hu_step, CtsVoidKey *key, CtsError *err);
 bool cts_void_key_drops(const CtsVoidKey *key, double hu);

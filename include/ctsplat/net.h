@@ -17,42 +17,42 @@ typedef struct CtsPeer {
     char url[1024]; /* without a slash at the end */
 } CtsPeer;
 
-/* CTS_ERR_USAGE for what is neither; a URL must not hold a password. */
+/* CTS_ERR_USAGE for an invalid peer; a URL must not contain a password. */
 CtsStatus cts_peer_parse(const char *text, CtsPeer *peer, CtsError *err);
 
 /* Strings stay the caller's. */
 typedef struct CtsNet {
     const char *own_aet; /* calling AE title; NULL: CTSPLAT */
-    const char *tls_ca;  /* PEM file of certificates to trust. With any of the three, DIMSE goes over TLS; */
+    const char *tls_ca;  /* PEM file of certificates to trust. With any of the three, DIMSE uses TLS; */
     const char *tls_key, *tls_certificate; /* PEM files that name this side; NULL: anonymous */
     const char *credentials; /* DICOMweb: file with "user:password" or "Bearer token"; NULL: $CTSPLAT_CREDENTIALS */
-    int timeout_s;           /* that a silent peer is waited for; 0: 30 */
+    int timeout_s;           /* timeout for a peer that does not answer; 0: 30 */
     int n_tries;             /* to send, with pauses that double between them; 0: 4 */
     int move_port;           /* fetch by C-MOVE to this port of ours; 0: by C-GET */
-    bool insecure_http;      /* credentials may go over plain http to other machines */
-    const volatile sig_atomic_t *stop;             /* give up with CTS_ERR_INTERRUPTED; may be NULL */
+    bool insecure_http;      /* allow credentials over plain http to other machines */
+    const volatile sig_atomic_t *stop;             /* cancels with CTS_ERR_INTERRUPTED when set; may be NULL */
     void (*sent)(void *context, const char *path); /* a file that the peer has confirmed; may be NULL */
     void *context;                                 /* for sent */
 } CtsNet;
 
-/* What can be refused before any work; peer may be NULL. */
+/* Checks before any work; peer may be NULL. */
 CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *net, CtsError *err);
 
-/* Send DICOM files. A peer that is down, refuses or dies costs no file: CTS_ERR_OUTPUT names the first that is not
- * there and how to send it again. *n_sent counts those that the peer has confirmed (may be NULL). */
+/* Sends DICOM files. No file is lost when a peer is down, refuses or fails: CTS_ERR_OUTPUT names the first file not
+ * sent and the way to send it again. *n_sent counts confirmed ones (may be NULL). */
 CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *net, const char *const *paths, int n_paths, int *n_sent,
                        CtsError *err);
 
-/* Which series are asked for: each of these that is not NULL must match, as the peer understands it (PS3.4 C.2.2.2): *
- * and ? stand for any characters, two dates with - between them for all from the first to the second. */
+/* Search keys of series: each that is not NULL must match, as the peer implements it (PS3.4 C.2.2.2): * and ? stand for
+ * any characters, two dates with - between them for a range. */
 typedef struct CtsSeriesQuery {
     const char *study_uid, *series_uid, *accession, *patient_id, *study_date, *modality;
 } CtsSeriesQuery;
 
-/* What the peer tells of a series; "" for what it does not. Date and description may identify the patient. */
+/* The peer's attributes of a series; "" if missing. Date and description may identify the patient. */
 typedef struct CtsFoundSeries {
     char study_uid[65], series_uid[65], modality[17], study_date[9], description[65];
-    int n_objects; /* 0: not told */
+    int n_objects; /* 0: unknown */
 } CtsFoundSeries;
 
 enum { CTS_MOST_FOUND = 20000 };
@@ -67,19 +67,19 @@ CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQu
                        CtsError *err);
 void cts_found_free(CtsFound *found);
 
-/* What was fetched. A folder that a program which was killed has left goes when the next one fetches. */
+/* Fetched files. The folder of a killed program is removed when the next one fetches. */
 typedef struct CtsFetched {
     char *folder; /* NULL: none */
-    int lock;     /* says that the folder is in use */
+    int lock;     /* lock that marks the folder as in use */
 } CtsFetched;
 
-/* The CT images of a study, or of one of its series (series_uid not NULL), as files in a folder that only this user can
- * read. Names are ctsplat's own, whatever the peer says. CTS_ERR_READ when nothing comes or more than the limits allow.
- * Remove the folder with cts_net_forget(), in any case. */
+/* Fetches the CT images of a study, or of one of its series (series_uid not NULL), as files in a folder that only this
+ * user can read, under names independent of the peer. CTS_ERR_READ when nothing arrives, or more than the limits allow.
+ * Remove the folder with cts_net_forget() in any case. */
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
                         CtsFetched *fetched, CtsReport *report, CtsError *err);
 
-/* Removes the folder and what is in it; does nothing when there is none. */
+/* Removes the folder with its contents; does nothing when there is none. */
 void cts_net_forget(CtsFetched *fetched);
 
 CTS_API_END

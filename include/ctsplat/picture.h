@@ -9,7 +9,7 @@
 
 CTS_API_BEGIN
 
-/* How a picture was made: what exporters write beside the pixels. Holds no patient data. */
+/* Description of a picture that exporters write beside the pixels. Contains no patient data. */
 typedef struct CtsPictureInfo {
     char preset[64];
     char engine[16];
@@ -20,10 +20,10 @@ typedef struct CtsPictureInfo {
     /* The camera: unit vectors and the picture's centre, patient coordinates (LPS, mm). */
     double right_lps[3], up_lps[3], forward_lps[3], centre_lps[3];
     bool grey; /* no pixel can have a colour: preset, background and all labels are grey, or it is a projection */
-    bool light_behind; /* behind what is visible it is nearer to white than to black */
+    bool light_behind; /* the background is nearer to white than to black */
     bool shows_skin;   /* skin may be visible: a face may be recognised */
     bool annotated;    /* marks are drawn on it */
-    double camera_mm;  /* how far before centre_lps the camera plane stands, where depth is 0 */
+    double camera_mm;  /* distance of the camera plane, where depth is 0, in front of centre_lps */
 } CtsPictureInfo;
 
 /* n_channels 4: premultiplied red, green, blue and alpha; 1: grey without alpha (mip, minip, average).
@@ -38,10 +38,10 @@ typedef struct CtsPicture {
     float *pixels;
     float *depth_mm; /* distance of the first visible surface from the camera plane (the plane through the nearest
                         corner of the volume's bounding sphere) along the view; +inf where empty; may be NULL */
-    float *bound;    /* upper limit of each pixel's error, rms over red, green and blue, as far as the engine can tell;
-                        of a pixel interpolated between others an estimate; 0: re-rendered at reference precision. NULL:
-                        the engine has no bound */
-    bool has_alpha;  /* false once blended over a background: alpha is then 1 everywhere */
+    /* upper limit of each pixel's error, rms over red, green and blue, as estimated by the engine; of an interpolated
+     * pixel an estimate; 0: re-rendered at reference precision. NULL: the engine has none */
+    float *bound;
+    bool has_alpha; /* false once blended over a background: alpha is then 1 everywhere */
     CtsPictureInfo info;
 } CtsPicture;
 
@@ -56,7 +56,7 @@ void cts_picture_over(CtsPicture *picture, const double background[3], int n_thr
 typedef struct CtsDifference {
     double rmse, psnr_db; /* psnr_db is INFINITY for equal pictures */
     double ssim;          /* Gaussian windows of 11x11 pixels, sigma 1.5, mean of red, green and blue */
-    double p999;          /* what 99.9 % of the samples' differences do not pass */
+    double p999;          /* 99.9th percentile of the samples' differences */
     double max;
     double share; /* of pixels that differ by more than 1/255 in a channel */
     bool equal;   /* to the bit: not clamped, with alpha, and with depth where both have it */

@@ -25,7 +25,7 @@ typedef struct CtsColourPoint {
  * which the later one holds from that HU on. */
 typedef struct CtsPreset {
     char name[64];
-    double window_low_hu, window_high_hu; /* what mip, minip and average show from black to white */
+    double window_low_hu, window_high_hu; /* black and white of mip, minip and average */
     CtsMode mode;
     double unit_distance_mm;
     bool shade;
@@ -36,22 +36,21 @@ typedef struct CtsPreset {
     int n_opacity, n_colour;
     CtsOpacityPoint opacity[CTS_MAX_POINTS];
     CtsColourPoint colour[CTS_MAX_POINTS];
-    bool needs_contrast; /* shows vessels by their contrast agent: without any it is bone that shows */
-    char note[160]; /* what the file asks for and a picture cannot have, to be told as a warning; "" when all is well */
+    bool needs_contrast; /* shows vessels by their contrast agent; without it the visible tissue is bone */
+    char note[160];      /* features of the file that are not supported, for a warning; "" if none */
 } CtsPreset;
 
-/* Largest extinction, per mm: what opacity 1 means. */
+/* Largest extinction, per mm: that of opacity 1. */
 #define CTS_MAX_EXTINCTION_PER_MM 50.0
 
 /* A built-in preset, a preset of the user's folder ($XDG_CONFIG_HOME/ctsplat/presets/NAME.json), or a file, in this
- * order; a name with a slash is a file, and one that begins
- * with a brace the JSON text itself. Files are ctsplat's JSON, Slicer's volume property JSON, a Slicer .vp
- * file or Slicer's presets.xml; of a file with several presets FILE#NAME takes one. CTS_ERR_PRESET with the list of
- * names, or the file, line and reason. */
+ * order; a name with a slash is a file, and one that begins with a brace the JSON text itself. Files are ctsplat's
+ * JSON, Slicer's volume property JSON, a Slicer .vp file or Slicer's presets.xml; for a file with several presets
+ * FILE#NAME selects one. CTS_ERR_PRESET with the list of names, or the file, line and reason. */
 CtsStatus cts_preset_load(const char *name_or_file, CtsPreset *preset, CtsError *err);
 
-/* A preset from text of any of these forms, size bytes. name: what messages call it, and the preset where the text
- * does not name itself; which: the one to take where there are several, or NULL. */
+/* A preset from text in any of these formats, size bytes. name: its source in messages, and the preset's name where the
+ * text has none; which: the one to select where there are several, or NULL. */
 CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
                            CtsError *err);
 
@@ -61,9 +60,10 @@ char **cts_preset_user_names(void);
 
 /* The built-in presets by index; NULL past the last. */
 const CtsPreset *cts_preset_builtin(size_t index);
-/* What the built-in preset of this name cannot do alone, and what to type; NULL where there is nothing to say. */
+/* Advice on limitations of the built-in preset of this name, with helpful options; NULL where there is none. */
 const char *cts_preset_advice(const char *name);
-/* The number that series of its pictures are told by, 1 to 80, the same in each version; 0 where it is not built in. */
+/* The number that identifies the preset in series numbers, 1 to 80, the same in each version; 0 where it is not built
+ * in. */
 int cts_preset_number(const char *name);
 
 /* Opacity (per unit distance), extinction per mm and colour at any HU. */
@@ -71,8 +71,7 @@ double cts_preset_opacity(const CtsPreset *preset, double hu);
 double cts_preset_extinction_per_mm(const CtsPreset *preset, double hu);
 void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3]);
 
-/* True when nothing gets a colour by the preset and its background in this mode, whatever the volume; labels may have
- * colours of their own. */
+/* True when preset and background give no colour in this mode, for any volume; labels may have colours of their own. */
 bool cts_preset_is_grey(const CtsPreset *preset, CtsMode mode);
 
 /* JSON text as in a preset file, to be freed by the caller with free(). */

@@ -1,4 +1,4 @@
-/* What a picture should be, at single pixels: the float64 reference ray caster, converged to 1e-7. */
+/* Reference values of single pixels: the float64 reference ray caster, converged to 1e-7. */
 #ifndef CTSPLAT_REFERENCE_H
 #define CTSPLAT_REFERENCE_H
 
@@ -12,19 +12,19 @@
 
 CTS_API_BEGIN
 
-/* Pixels of one scene with their true values; made once, to judge any number of pictures of that scene. */
+/* Pixels of one scene with their reference values; created once, to compare any number of pictures of that scene. */
 typedef struct CtsReference CtsReference;
 
-/* n random pixels (at most all) of the picture that cts_render() would make with these settings, whatever engine they
- * name; kernel, mode and lighting as in the settings. The picture is halved again and again into equal parts, with two
- * pixels in each part, so that the pixels are spread evenly. The same scene gets the same pixels. */
+/* n random pixels (at most all) of the picture that cts_render() would render with these settings, whatever the engine;
+ * kernel, mode and lighting as in the settings. Stratified sampling: the picture is halved repeatedly into equal parts,
+ * with two pixels in each part. The same scene gets the same pixels. */
 CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, const CtsPreset *preset,
                             const CtsRenderSettings *settings, size_t n, CtsError *err);
 void cts_reference_free(CtsReference **reference);
 
 /* Differences over red, green and blue as display values 0..1, clamped, after blending over the preset's background
- * (black where it has none): the same numbers as comparing the two final pictures at these pixels. rmse_low and
- * rmse_high are a 95 % interval from the spread within the parts. CTS_ERR_USAGE when the size is another. */
+ * (black if none): the same numbers as comparing the two final pictures at these pixels. rmse_low and rmse_high are a
+ * 95 % interval from the spread within the parts. CTS_ERR_USAGE for a different size. */
 CtsStatus cts_reference_compare(const CtsReference *reference, const CtsPicture *picture, CtsVerified *verified,
                                 CtsError *err);
 

@@ -1,6 +1,6 @@
-/* What a run found out: stage times, what was left out, warnings, voxel counts, measured error.
+/* The report of a run: stage times, skipped steps, notes and warnings, voxel counts, measured error.
  *
- * One CtsReport travels through loading, rendering and export; each adds to it. The cli turns it into the timing log.
+ * One CtsReport is passed through loading, rendering and export; each adds to it. The cli turns it into the timing log.
  * A report is not thread-safe: stages add to it outside parallel regions. */
 #ifndef CTSPLAT_REPORT_H
 #define CTSPLAT_REPORT_H
@@ -33,7 +33,7 @@ typedef struct CtsStageTime {
     bool ran;
     double wall_ms; /* exclusive: the stages of a run add up to its wall time */
     double cpu_ms;
-    uint64_t items; /* slices, voxels, samples or pixels, whatever the stage counts */
+    uint64_t items; /* slices, voxels, samples or pixels, depending on the stage */
     uint64_t bytes;
 } CtsStageTime;
 
@@ -45,7 +45,7 @@ typedef struct CtsSkip {
 typedef enum CtsSeverity { CTS_NOTE, CTS_WARNING, CTS_REFUSAL } CtsSeverity;
 extern const char *const cts_severity_names[3];
 
-/* Something odd but usable (or the reason of a refusal). code is a stable snake_case word, for programs. */
+/* A diagnostic: note, warning, or the reason of a refusal. code is a stable snake_case word, for programs. */
 typedef struct CtsFinding {
     char code[40];
     CtsSeverity severity;
@@ -62,11 +62,11 @@ typedef struct CtsVoxelCounts {
     uint64_t total, void_voxels, reused, splatted;
 } CtsVoxelCounts;
 
-/* What table removal took and left of what is denser than -350 HU. */
+/* Result of table removal, for voxels denser than -350 HU. */
 typedef struct CtsTableFact {
     bool known;
     double body_mm3, removed_mm3;
-    double thick_mm3; /* of what went: thicker than tables are, so it may have been body */
+    double thick_mm3; /* removed parts thicker than tables, possibly body */
 } CtsTableFact;
 
 enum { CTS_ERROR_CAPS = 16 };
@@ -76,43 +76,44 @@ typedef struct CtsVerified {
     double rmse;                /* over display values 0..1 of red, green and blue */
     double rmse_low, rmse_high; /* 95 % confidence interval */
     double p999, max;
-    double share_above;            /* share of pixels off by more than 1/255 */
-    double share_high;             /* 97.5 % limit of that; with CtsRenderSettings.verify alone */
-    double unit;                   /* the largest share of the picture that a sampled pixel stands for; 0: all were */
-    double capped[CTS_ERROR_CAPS]; /* mean square error, no pixel's square counted as more than 4^-k */
+    double share_above; /* share of pixels off by more than 1/255 */
+    double share_high;  /* 97.5 % limit of that; with CtsRenderSettings.verify alone */
+    /* largest share of the picture for which one sampled pixel stands; 0: all pixels were sampled */
+    double unit;
+    double capped[CTS_ERROR_CAPS]; /* mean square error with each pixel's square limited to 4^-k */
     double wall_ms, cpu_ms;        /* the verification's own; not the picture's, though in its composite stage */
     int worst_x, worst_y;
 } CtsVerified;
 
-/* What a picture's error against the integral does not exceed, over display values 0..1 before rounding to a file's
- * bits; of several pictures the largest. */
+/* Upper limits of a picture's error against the integral, over display values 0..1 before rounding to a file's bits; of
+ * several pictures the largest. */
 typedef struct CtsErrorBound {
     bool known;
     double rmse;     /* holds in 999 of 1000 pictures */
     double max;      /* of a channel of a pixel; negative where nothing bounds it (an engine that only estimates its
                         errors, or pixels that were interpolated between others) */
     uint64_t cast;   /* pixels that were re-rendered one by one for it */
-    char engine[16]; /* that rendered the picture */
-    char level[16];  /* of that engine; "" where it has none */
+    char engine[16]; /* engine of the picture */
+    char level[16];  /* of that engine; "" without levels */
 } CtsErrorBound;
 
 typedef enum CtsLabelSource { CTS_LABEL_SEG, CTS_LABEL_RTSTRUCT, CTS_LABEL_NIFTI, CTS_N_LABEL_SOURCES } CtsLabelSource;
 extern const char *const cts_label_source_names[CTS_N_LABEL_SOURCES];
 
-/* A label (segment, structure, number of a label map), and what was counted of its voxels. */
+/* A label (segment, structure, number of a label map), with statistics of its voxels. */
 typedef struct CtsLabelFact {
-    int file;   /* the how manyth label file it comes from, from 1 */
-    int number; /* as its file has it */
-    char *name; /* UTF-8, safe to show */
+    int file;   /* index of its label file, from 1 */
+    int number; /* as in its file */
+    char *name; /* UTF-8, sanitised for display */
     CtsLabelSource source;
     uint64_t voxels;
     double ml;             /* of a voxel: its area times half the sum of the gaps to both neighbour slices */
     uint64_t n_hu;         /* voxels that are no padding */
-    double hu_mean, hu_sd; /* of those, as stored, as a population; NAN where there are none */
+    double hu_mean, hu_sd; /* of the stored voxels, as a population; NAN where there are none */
     double air_share;      /* of those, below -900 HU */
-    bool in_air;           /* too many for what the label's name says: a mirrored or shifted mask */
+    bool in_air;           /* more voxels in air than plausible by the label's name: a mirrored or shifted mask */
     bool touches_edge;     /* has a voxel on a face of the scanned box */
-    uint64_t parts;        /* that hang together by faces, edges or corners of voxels */
+    uint64_t parts;        /* 26-connected parts */
     uint64_t overlap;      /* voxels that another label holds too */
 } CtsLabelFact;
 
@@ -132,10 +133,10 @@ typedef struct CtsReport {
     char *plan;      /* for people: lines of text; NULL until a plan is made */
 } CtsReport;
 
-/* Zero-initialise a CtsReport before use; this frees what it owns and zeroes it again. */
+/* Zero-initialise a CtsReport before use; this frees its contents and zeroes it again. */
 void cts_report_free(CtsReport *report);
 
-/* All of the following accept a NULL report and then do nothing. Texts longer than their field are cut. */
+/* The following functions accept a NULL report and then do nothing. Texts longer than their field are truncated. */
 void cts_report_stage(CtsReport *report, CtsStage stage, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes);
 
 /* Share one parallel region's wall and CPU time among the stages that ran inside it, in proportion to busy[stage]
@@ -143,7 +144,7 @@ void cts_report_stage(CtsReport *report, CtsStage stage, double wall_ms, double 
 void cts_report_region(CtsReport *report, double wall_ms, double cpu_ms, const double busy[CTS_N_STAGES],
                        const uint64_t items[CTS_N_STAGES], const uint64_t bytes[CTS_N_STAGES]);
 
-/* CPU time from classify to warp, without that of verification: what the picture alone cost. */
+/* CPU time from classify to warp, without verification: the cost of the picture. */
 double cts_report_picture_cpu_ms(const CtsReport *report);
 
 void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)

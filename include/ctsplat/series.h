@@ -27,35 +27,34 @@ void cts_study_numbers_sort(CtsStudyNumbers *numbers);
 bool cts_study_numbers_have(const CtsStudyNumbers *numbers, const char *study_uid, int number);
 void cts_study_numbers_free(CtsStudyNumbers *numbers);
 
-/* Which of the two places that a NIfTI file may give its voxels holds where they disagree. AUTO: the sform, or of a
- * label map the form that equals the CT's grid. */
+/* Choice between a NIfTI file's two forms where they disagree. AUTO: the sform, or for a label map the form that equals
+ * the CT's grid. */
 typedef enum CtsNiftiForm { CTS_NIFTI_FORM_AUTO, CTS_NIFTI_FORM_S, CTS_NIFTI_FORM_Q } CtsNiftiForm;
 
-/* What the user decides of series in doubt. All 0: nothing. */
+/* The user's decisions about ambiguous series. All 0: none. */
 typedef struct CtsSeriesRules {
     bool allow_missing_slices; /* a series in which slices are missing is rendered, with a warning */
     CtsNiftiForm nifti_form;
 } CtsSeriesRules;
 
 typedef struct CtsSeries {
-    char uid[65]; /* SeriesInstanceUID (0020,000E); "" where the data has none */
+    char uid[65]; /* SeriesInstanceUID (0020,000E); "" where missing */
     int part;     /* 0; or 1, 2, ... where the UID holds several volumes at the same positions */
     char study_uid[65];
-    /* With the description: may identify, print only when asked. */
+    /* Like the description it may identify the patient: print only when requested. */
     char study_date[11]; /* (0008,0020) as YYYY-MM-DD; "" where missing */
     int series_number;   /* (0020,0011); negative where missing */
     char modality[17];
-    char *description; /* (0008,103E), UTF-8, may identify: print only when asked */
+    char *description; /* (0008,103E), UTF-8, may identify the patient: print only when requested */
     char transfer_syntax[65];
     char orientation[16]; /* axial, coronal, sagittal or oblique */
     int n_slices, columns, rows;
-    double spacing_mm[3]; /* column, row, slice (along the slice normal, the median where it varies; 0: there are no
-                           * two positions to tell) */
-    double tilt_deg;      /* angle between the slice normal and the line of positions */
-    bool no_patient;      /* a NIfTI file: no DICOM object can be made of it */
-    bool
-        frames_differ; /* each slice names a frame of reference of its own, as anonymisers write; none is the series' */
-    CtsSeriesRules rules; /* by which it was judged, and will be loaded */
+    /* column, row, slice (along the slice normal, the median where it varies; 0: fewer than two positions) */
+    double spacing_mm[3];
+    double tilt_deg;    /* angle between the slice normal and the line of positions */
+    bool no_patient;    /* a NIfTI file: no DICOM object can be made of it */
+    bool frames_differ; /* each slice has a frame of reference of its own, as anonymisers write; the series has none */
+    CtsSeriesRules rules; /* the rules applied, also for loading */
     bool renderable;
     bool passed;       /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
@@ -74,14 +73,14 @@ typedef struct CtsFileCount {
 typedef struct CtsArchives CtsArchives;
 
 typedef struct CtsSeriesList {
-    CtsSeries *items; /* most slices first, then by uid and part */
+    CtsSeries *items; /* those with most slices first, then by uid and part */
     size_t n;
-    int n_files;        /* looked at */
+    int n_files;        /* number of files read */
     const char **paths; /* of the files in folders and archives; n_paths, owned, among the texts */
     size_t n_paths;
     int n_not_ct;         /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
     int n_unreadable;     /* DICOM that could not be read; findings name them */
-    CtsFileCount *others; /* what the n_not_ct files are, most frequent first; n_others, owned */
+    CtsFileCount *others; /* kinds of the n_not_ct files, most frequent first; n_others, owned */
     size_t n_others;
     CtsFindings findings;
     CtsArchives *archives;  /* zip files in memory, which slices are read from; owned */
@@ -103,68 +102,67 @@ typedef struct CtsSeriesSearch {
     const char *const *paths;
     int n_paths, n_threads;
     CtsSeriesRules rules;
-    const CtsArchives *archives;    /* paths may name members too: "FILE.zip/MEMBER"; NULL: none */
+    const CtsArchives *archives;    /* archives whose members paths may name: "FILE.zip/MEMBER"; NULL: none */
     const CtsStudyNumbers *numbers; /* of more objects than the paths hold; NULL: of theirs */
 } CtsSeriesSearch;
 CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list, CtsReport *report, CtsError *err);
-/* What was passed over, as text: "3 MR Image, 1 not DICOM"; "" for nothing. Cut to its size. */
+/* The skipped files, as text: "3 MR Image, 1 not DICOM"; "" without any. Truncated to size. */
 void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size);
 
-/* A file of an archive, for as long as the call lasts: a slice, or what may hold labels. */
+/* A file of an archive, valid during the call: a slice, or an object with labels. */
 typedef struct CtsArchiveFile {
     const char *path;
-    const char *why; /* it cannot be read, or NULL; then the rest is empty */
+    const char *why; /* reason why it cannot be read, or NULL; the other fields are then empty */
     const char *series_uid, *sop_uid;
     bool is_alone;         /* a series of its own, without a UID */
-    const char *labels_of; /* a segmentation or a structure set: the study that it is of; NULL: none */
-    const char *study_uid; /* of a slice; "" where it tells none */
+    const char *labels_of; /* study of a segmentation or a structure set; NULL: neither */
+    const char *study_uid; /* of a slice; "" if missing */
     bool has_number;
     int instance_number; /* of a slice alone in its object */
     uint64_t bytes;
     int64_t mtime_ns;
-    uint64_t n_voxels; /* of all its frames that the header tells of */
+    uint64_t n_voxels; /* of all frames, by the header */
 } CtsArchiveFile;
 
 typedef struct CtsArchiveCounts {
     uint64_t n_files, n_not_ct, n_unreadable;
-    uint64_t n_packed; /* of n_not_ct: zip files and the like, which are looked into only where they are named */
+    uint64_t n_packed; /* of n_not_ct: zip files and the like, which are read only where they are named as paths */
 } CtsArchiveCounts;
 
 /* Reads the header of each file below paths once, in the folders' own order, and calls found for each CT slice, for
- * each segmentation and structure set, and for each file that cannot be read; what is no CT is only counted. Memory
- * does not grow with the number of files. found's status, when not CTS_OK, ends the search. *stop, unless stop is NULL,
- * ends it with CTS_ERR_INTERRUPTED. */
+ * each segmentation and structure set, and for each unreadable file; other files are only counted. Memory does not grow
+ * with the number of files. found's status, when not CTS_OK, ends the search. *stop, unless stop is NULL, ends it with
+ * CTS_ERR_INTERRUPTED. */
 typedef CtsStatus (*CtsArchiveSink)(void *context, const CtsArchiveFile *file, CtsError *err);
 typedef struct CtsArchiveSearch {
     const char *const *paths;
     int n_paths, n_threads;
     CtsArchiveSink found;
     void *context;
-    CtsArchives **archives; /* takes the zip files that are named in, whose members have paths of their own */
+    CtsArchives **archives; /* receives the zip files among the paths; their members have paths of their own */
     const volatile sig_atomic_t *stop;
 } CtsArchiveSearch;
 CtsStatus cts_archive_search(const CtsArchiveSearch *search, CtsArchiveCounts *counts, CtsError *err);
 
 /* The series named by uid (NULL: the renderable one with the most slices, or the first). "UID#2" names the second
- * volume of a UID that holds several. CTS_ERR_USAGE when there is none of that name. */
+ * volume of a UID that contains several. CTS_ERR_USAGE when there is none. */
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
-/* What was scanned: the slices of a series, each where it lies. Once it is read nobody changes it; pictures are made of
- * volumes that cts_scanned_volume() makes of it. Slice k's voxels stand at grey[(offset + k) * columns * rows] of
- * `even`, as in a volume. */
+/* The scanned slices of a series with their positions. Constant after reading; cts_scanned_volume() makes volumes for
+ * pictures. Slice k's voxels are at grey[(offset + k) * columns * rows] of `even`, as in a volume. */
 typedef struct CtsScanned {
     int n_slices;
     int *number;               /* n_slices: which of the series' slices each is; damaged ones are left out */
     double (*position_lps)[3]; /* the centre of each slice's first voxel */
-    double *layer;             /* where each slice lies, in layers of `even`; NULL: slice k is layer k */
+    double *layer;             /* position of each slice, in layers of `even`; NULL: slice k is layer k */
     CtsVolume *even;           /* place, size and HU of the evenly spaced volume; its grey may be handed over: NULL */
     int offset, n_slots;       /* grey has room for n_slots slices, and slice 0 is number `offset` of them */
 } CtsScanned;
 
-/* Who watches while slices are read. take (may be NULL) sees what is stored: called for words first <= n < end of
+/* Observer of the reading of slices. take (may be NULL) gets the stored values: called for words first <= n < end of
  * series->slices[slice], from `words` on, before they become grey levels; HU = slope * stored + intercept. From any
- * thread, one slice's from one thread and in order; a slice that is read again begins anew. *stop (stop may be NULL),
- * set by a signal handler or another thread, ends the reading within a slice a thread, with CTS_ERR_INTERRUPTED. */
+ * thread, one slice's from one thread and in order; a slice that is read again begins again. *stop (stop may be NULL),
+ * set by a signal handler or another thread, ends the reading within a slice per thread, with CTS_ERR_INTERRUPTED. */
 typedef struct CtsWordWatch {
     void (*take)(void *context, int slice, const uint16_t *words, size_t first, size_t end,
                  const struct CtsStored *stored, double slope, double intercept);
@@ -172,17 +170,17 @@ typedef struct CtsWordWatch {
     const volatile sig_atomic_t *stop;
 } CtsWordWatch;
 
-/* Decode the pixels, in parallel, each slice straight into its place. The list that holds the series must still be
- * there. Refuses a series that is not renderable. Adds the decode and grey stages and the series' warnings to report.
- * watch: NULL: nobody. */
+/* Decodes the pixels, in parallel, each slice directly into its place. The list that contains the series must still
+ * exist. Refuses a series that is not renderable. Adds the decode and grey stages and the series' warnings to report.
+ * watch may be NULL. */
 CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
                           CtsReport *report, CtsError *err);
 
 void cts_scanned_free(CtsScanned **scanned);
 
-/* The filling outside a scan, which padding, rotating or masking has put there: at least 16 voxels of exactly one value
- * above -700 HU in a row or column from each of a slice's corners on, or from one corner on and 4 such rows or columns.
- * False where there is none, and where all values lie within 100 HU. */
+/* Detects filling outside a scan from padding, rotating or masking: at least 16 voxels of exactly one value above -700
+ * HU in a row or column from each of a slice's corners on, or from one corner on and 4 such rows or columns. False
+ * where there is none, and where all values lie within 100 HU. */
 bool cts_scanned_find_fill(const CtsScanned *scanned, double *hu);
 /* Voxels of exactly this value that are connected to the border of the volume, by faces, become air. */
 CtsStatus cts_scanned_clear_fill(CtsScanned *scanned, double hu, int n_threads, uint64_t *n_cleared, CtsError *err);
@@ -200,19 +198,19 @@ typedef struct CtsGivenHu {
     double origin_lps[3], step_lps[3][3];
 } CtsGivenHu;
 
-/* As if it had been scanned so: axes change places and direction as a scanner would have stored them (the thickest
- * across the slices, rows to the left or the back, columns to the back or the feet), which moves no voxel. What is not
- * finite is padding. Refuses steps that do not span space and numbers that are no HU. */
+/* A scan from an array of HU: axes are permuted and reversed to a scanner's storage order (the thickest across the
+ * slices, rows to the left or the back, columns to the back or the feet), which moves no voxel. Non-finite values
+ * become padding. Refuses steps that do not span space and numbers that are not HU. */
 CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned **scanned, CtsReport *report,
                             CtsError *err);
 
-/* Evenly spaced layers, as a volume of its own, made as cts_volume_refine() says where slices are unevenly spaced. Adds
- * to *made. hand_over: nobody wants another volume of it; the slices' own memory becomes the volume, and scanned keeps
- * their places alone. */
+/* Evenly spaced layers, as a volume of its own, interpolated like cts_volume_refine() where slices are unevenly spaced.
+ * Adds to *made. hand_over: no other volume will be made of it; the slices' own memory becomes the volume, and scanned
+ * keeps only their positions. */
 CtsStatus cts_scanned_volume(CtsScanned *scanned, CtsInterpolation how, bool hand_over, int n_threads,
                              CtsVolume **volume, CtsMadeUp *made, CtsError *err);
 
-/* Both in one, linearly, for who wants one volume. stop: as of a watch. */
+/* Both in one, with linear interpolation, for a single volume. stop: as in a CtsWordWatch. */
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile sig_atomic_t *stop, CtsVolume **volume,
                           CtsReport *report, CtsError *err);
 

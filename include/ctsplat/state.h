@@ -1,5 +1,5 @@
-/* How a picture was made, as a DICOM object beside it: Volume Rendering Volumetric Presentation State (PS3.3 A.80.2).
- */
+/* The settings of a picture as a DICOM object beside it: Volume Rendering Volumetric Presentation State (PS3.3
+ * A.80.2). */
 #ifndef CTSPLAT_STATE_H
 #define CTSPLAT_STATE_H
 
@@ -15,14 +15,14 @@ CTS_API_BEGIN
 struct CtsLabels;
 struct CtsLabelChoice;
 
-/* One thing that ctsplat is told, in its own words: an option's name and its argument (ctsplat/job.h). from: who says
- * so, such as a file, for messages; NULL: the caller. */
+/* An option of ctsplat: its name and argument (ctsplat/job.h). from: its source, such as a file, for messages; NULL:
+ * the caller. */
 typedef struct CtsWord {
     const char *name, *value, *from;
 } CtsWord;
 
-/* A picture as it was made. The standard's attributes say what they can say of it; preset and options stand beside them
- * in private ones, to the last bit. */
+/* A picture and its settings. The standard's attributes represent them as far as possible; private ones contain preset
+ * and options exactly. */
 typedef struct CtsStateScene {
     const CtsPreset *preset;
     const CtsPictureInfo *info;
@@ -31,11 +31,11 @@ typedef struct CtsStateScene {
     double crop_low_lps[3], crop_high_lps[3];
     const CtsSeries *source;
     const char *capture;  /* the .dcm of the picture, or NULL */
-    const CtsWord *words; /* what ctsplat was told besides the preset; n_words */
+    const CtsWord *words; /* options besides the preset; n_words */
     int n_words;
-    const struct CtsLabels *labels; /* (ctsplat/labels.h) that the picture shows or hides, or NULL; and what of them */
+    const struct CtsLabels *labels; /* (ctsplat/labels.h) labels of the picture, or NULL; and their visibility */
     const struct CtsLabelChoice *choice;
-    CtsReport *report; /* gets what of the labels the standard's attributes cannot say; may be NULL */
+    CtsReport *report; /* gets warnings about labels that the standard's attributes cannot represent; may be NULL */
 } CtsStateScene;
 
 /* Written whole or not at all. CTS_ERR_OUTPUT where path exists, without force. The UIDs follow from the scene. */
@@ -45,13 +45,13 @@ typedef struct CtsState {
     CtsPreset preset;
     CtsWord *words;
     int n_words;
-    char *text;          /* what the words point into */
-    char source_uid[65]; /* the series that it is of; "" where it does not tell */
+    char *text;          /* memory of the words' strings */
+    char source_uid[65]; /* UID of its series; "" if missing */
 } CtsState;
 
-/* CTS_ERR_READ for what is no such object, or none that ctsplat wrote. */
+/* CTS_ERR_READ for another object, or one that ctsplat did not write. */
 CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err);
-/* The SOPInstanceUID of such an object, whoever wrote it; CTS_ERR_READ for what is none. */
+/* The SOPInstanceUID of a presentation state, of any writer; CTS_ERR_READ for another object. */
 CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err);
 void cts_state_free(CtsState **state);
 

@@ -1,4 +1,4 @@
-/* How calls fail: a status as return value, one message in a record that the caller owns. */
+/* Error handling: a status as return value, and one message in a record that the caller owns. */
 #ifndef CTSPLAT_STATUS_H
 #define CTSPLAT_STATUS_H
 
@@ -18,7 +18,7 @@ typedef enum CtsStatus {
     CTS_ERR_GEOMETRY = 40,    /* the series' geometry is refused */
     CTS_ERR_PIXELS = 41,      /* the series' pixel data is refused */
     CTS_ERR_OUTPUT = 50,      /* an output could not be written */
-    CTS_ERR_INTERRUPTED = 60, /* the caller asked to stop */
+    CTS_ERR_INTERRUPTED = 60, /* the caller requested a stop */
     CTS_ERR_INTERNAL = 70     /* a fault of ctsplat's own */
 } CtsStatus;
 
@@ -28,10 +28,10 @@ typedef struct CtsError {
     char text[1024];
 } CtsError;
 
-/* Fill err (which may be NULL) and return status, so that a failure is one statement. */
+/* Sets err (which may be NULL) and returns status, so that a failure is one statement. */
 CtsStatus cts_fail(CtsError *err, CtsStatus status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
-/* Put what the caller was doing in front of the message: "reading IM3: ..."; returns err's status. */
+/* Puts the context in front of the message: "reading IM3: ..."; returns err's status. */
 CtsStatus cts_context(CtsError *err, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 CTS_API_END

@@ -13,10 +13,9 @@ struct CtsMacrocells; /* src/core/volume/macrocells.h */
 struct CtsBodyMask;   /* src/core/volume/body_mask.h */
 struct CtsOwners;     /* src/core/volume/owners.h */
 
-/* Plain data; made by cts_volume_new() or cts_series_load(), freed by cts_volume_free().
- * Voxel (i, j, k) stands at grey[(k * dims[1] + j) * dims[0] + i]; its centre lies at
- * origin_lps + i * step_lps[0] + j * step_lps[1] + k * step_lps[2] (patient coordinates, LPS, mm).
- * The steps need not be orthogonal: a stack with gantry tilt keeps its true shear. */
+/* Plain data; created by cts_volume_new() or cts_series_load(), freed by cts_volume_free(). Voxel (i, j, k) is grey[(k
+ * * dims[1] + j) * dims[0] + i]; its centre lies at origin_lps + i * step_lps[0] + j * step_lps[1] + k * step_lps[2]
+ * (patient coordinates, LPS, mm). The steps need not be orthogonal: a stack with gantry tilt keeps its true shear. */
 typedef struct CtsVolume {
     int dims[3]; /* columns, rows, slices; each 1 or more */
     uint16_t *grey;
@@ -25,19 +24,17 @@ typedef struct CtsVolume {
     /* HU = hu_offset + hu_step * grey. Usually -1024 and 1; hu_step is a negative power of two for a fractional
      * rescale slope. Grey 0 is air or padding, the paper's invalid data. */
     double hu_offset, hu_step;
-    /* How many layers go from one slice as it was scanned to the next: 1, or more where layers were put between them.
-     * Over that distance gradients are taken along the slice axis, since what lies between two slices was never
-     * measured. */
+    /* Number of layers from one scanned slice to the next: 1, or more where layers were interpolated. Gradients along
+     * the slice axis are taken over this distance, since interpolated layers contain no measured detail. */
     int slice_layers;
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
-    /* Ranges of grey levels by macro-cell, for engines that skip what is void; NULL where nobody has made them. Whoever
-     * changes grey calls cts_volume_changed(). */
+    /* Ranges of grey levels by macro-cell, for engines with empty-space skipping; NULL where not computed. To be
+     * invalidated with cts_volume_changed() after changing grey. */
     struct CtsMacrocells *macrocells;
-    /* The inside of the patient's body, which minip and average look at; NULL: everything. Made by
-     * cts_volume_remove_table(). */
+    /* The inside of the patient's body, for minip and average; NULL: everything. Set by cts_volume_remove_table(). */
     struct CtsBodyMask *body;
-    /* Which label owns each voxel, and how it looks; NULL: all look alike. Made by cts_volume_take_labels(), after all
-     * that changes the volume; owned. */
+    /* Assignment of voxels to labels, with their appearances; NULL: one appearance for all. Set by
+     * cts_volume_take_labels(), after all changes of the volume; owned. */
     struct CtsOwners *owners;
 } CtsVolume;
 
@@ -47,7 +44,7 @@ void cts_volume_free(CtsVolume **volume);
 
 /* Make the macro-cells once, before several pictures of one volume; n_threads 0: all cores. */
 CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err);
-/* Forget what was derived from the grey levels. */
+/* Frees data derived from the grey levels. */
 void cts_volume_changed(CtsVolume *volume);
 
 size_t cts_volume_n_voxels(const CtsVolume *volume);
@@ -61,23 +58,22 @@ double cts_volume_spacing_mm(const CtsVolume *volume, int axis);
 /* Centre of the box that holds the outermost voxel centres, and its longest diagonal. */
 void cts_volume_centre_lps(const CtsVolume *volume, double centre_lps[3]);
 double cts_volume_diagonal_mm(const CtsVolume *volume);
-/* The box along the patient's axes that holds all voxel centres: what cts_volume_crop() takes. */
+/* The box along the patient's axes that contains all voxel centres, as used by cts_volume_crop(). */
 void cts_volume_box_lps(const CtsVolume *volume, double low_lps[3], double high_lps[3]);
 /* Continuous voxel coordinates of a point, and the inverse of the step matrix: vox[a] = sum_c inverse[a][c] * lps[c].
  * False when the steps do not span space. */
 int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
 
-/* Keep the voxels whose centres lie in [lo, hi] (LPS mm); others become air, and the volume shrinks to what is left.
- * CTS_ERR_USAGE when nothing is left. */
+/* Keeps the voxels whose centres lie in [lo, hi] (LPS mm); others become air, and the volume shrinks to the box.
+ * CTS_ERR_USAGE when it is empty. */
 CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], CtsError *err);
 
-/* How many layers each slice distance is worth, so that voxels come near to cubes: 1 where slices lie no further apart
- * than one and a half pixels, at most 8. */
+/* Number of layers per slice distance that makes voxels nearly cubes: 1 where slices lie no further apart than one and
+ * a half pixels, at most 8. */
 int cts_volume_thickness(const CtsVolume *volume);
 
-/* What comes between slices: cubics along the slice axis (Catmull and Rom 1974), which pass nothing that their two
- * slices have; in shape what moves from slice to slice by more than its own edge is moved, and else they are cubics;
- * linear. */
+/* Interpolation between slices: cubics along the slice axis (Catmull and Rom 1974), clamped to the range of the two
+ * slices; shape-based where a surface moves by more than the width of its edge, elsewhere cubic; linear. */
 typedef enum CtsInterpolation {
     CTS_INTERPOLATION_SHAPE,
     CTS_INTERPOLATION_CUBIC,
@@ -85,21 +81,21 @@ typedef enum CtsInterpolation {
     CTS_N_INTERPOLATIONS
 } CtsInterpolation;
 
-/* What of layers between slices no blend of what lies above and below is. */
+/* Statistics of layers between slices, as far as they are not linear. */
 typedef struct CtsMadeUp {
     uint64_t n_voxels, n_moved;   /* of layers between slices, and those of them that were moved */
     double sum_of_differences_hu; /* between those and straight lines from slice to slice */
     bool no_memory;               /* for moving any */
 } CtsMadeUp;
 
-/* Puts n_parts - 1 layers between any two slices, by cubics or by shape: grey levels at the slices stay what they were.
- * n_parts 1 changes nothing. n_threads 0: all cores; threads never change the result. Adds to *made. On CTS_ERR_MEMORY
- * the volume is as it was. */
+/* Inserts n_parts - 1 layers between any two slices, by cubic or shape-based interpolation: grey levels at the slices
+ * are unchanged. n_parts 1 changes nothing. n_threads 0: all cores; threads never change the result. Adds to *made. On
+ * CTS_ERR_MEMORY the volume is unchanged. */
 CtsStatus cts_volume_refine(CtsVolume *volume, int n_parts, CtsInterpolation how, int n_threads, CtsMadeUp *made,
                             CtsError *err);
 
 /* Smooths the grey levels with a Gaussian of this standard deviation, 0 to CTS_MAX_SMOOTH_MM, along all three axes;
- * each axis rounds to whole grey levels. Beyond the border the last voxel goes on. Threads never change the result. */
+ * each axis rounds to whole grey levels. Border voxels are continued outside. Threads never change the result. */
 enum { CTS_MAX_SMOOTH_MM = 20 };
 CtsStatus cts_volume_smooth(CtsVolume *volume, double sd_mm, int n_threads, CtsError *err);
 

@@ -7,22 +7,22 @@
 
 /* Air is -1000 HU in a calibrated scanner; a lung, even an emphysematous one, is mostly denser than this. */
 static const double LUNG_HU = -930;
-/* From air to the least dense lung, whatever the scanner calls air. */
+/* Difference from air to the least dense lung, independent of the scanner's level for air. */
 static const double AIR_TO_LUNG_HU = 70;
 /* One voxel in so many is sampled, along rows and across. */
 enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
-/* Noise goes down in the mean of a square of this half size, and of at most so many voxels each way. */
+/* Half size of the window whose mean reduces noise, limited to this number of voxels each way. */
 static const double MEAN_MM = 2;
 enum { MEAN_MOST = 4 };
-/* Room air is a large peak of what lies around a patient, without dense things: a third of it lies within half of
- * AIR_TO_LUNG_HU of its level, where foam and the edges of other things take the rest. Lungs that the field of view
- * cuts have a peak too, but a flatter one. Measured so: room air 65 to 86 %, lungs 52 to 60 %. */
+/* Room air is a large, sharp peak of the histogram around a patient: a third of it lies within half of AIR_TO_LUNG_HU
+ * of its level; foam and edges make up the rest. Lungs cut by the field of view have a flatter peak. Measured: room air
+ * 65 to 86 %, lungs 52 to 60 %. */
 static const double PEAK_SHARE = 1 / 3.0, SHARP_SHARE = 2 / 3.0;
 /* More than this share of all air, deeper inside the patient and darker than a lung's level by AIR_TO_LUNG_HU, is the
  * windpipe or gas of the bowel, and not noise. */
 static const double DARKER_SHARE = 0.001;
 
-/* Sampled voxels of one connected part of the air, and how many of them are as dense as a lung. */
+/* Counts of one connected part of the air: sampled voxels, and those as dense as a lung. */
 typedef struct Sample {
     uint32_t n, n_lung;
 } Sample;
@@ -35,7 +35,7 @@ typedef struct Air {
     const uint8_t *at_border; /* of each part: it reaches the border of its section */
 } Air;
 
-/* A sampled voxel of a part. */
+/* Callback for a sampled voxel of a part. */
 typedef void (*Visit)(void *context, const Air *air, uint32_t part, int i, int j, int k);
 
 double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *v, int i, int j, int k)
@@ -72,7 +72,7 @@ static void visit_samples(const Air *a, Visit visit, void *context)
 typedef struct LungCount {
     double lung_hu;
     Sample *of_part;
-    uint64_t n, n_lung; /* of all parts at the border, padding left out */
+    uint64_t n, n_lung; /* of all parts at the border, without padding */
 } LungCount;
 
 static void count_lung(void *context, const Air *a, uint32_t part, int i, int j, int k)
@@ -95,7 +95,7 @@ static bool is_air(const Air *a, int i, int j, int k)
     return hu > a->volume->hu_offset && hu < CTS_DENSE_HU;
 }
 
-/* The HU of samples, by whether their part reaches the border. */
+/* Histograms of sampled HU, for parts that reach the border and for others. */
 typedef struct Levels {
     float *of[2];
     size_t n[2];
@@ -155,9 +155,9 @@ static double darkest_peak(const float *hu, size_t n, double *share)
     return n ? hu[peak_first + most / 2] : 0;
 }
 
-/* Where most of what reaches the border is denser than LUNG_HU: room air of a scanner that is not calibrated to -1000
- * HU, as of cone beams, or lungs that the field of view cuts. Where a table stands in it, it is room air. Else room air
- * is known by one sharp level, than which nothing is darker. */
+/* For volumes where most of the air at the border is denser than LUNG_HU: either room air of a scanner not calibrated
+ * to -1000 HU, such as a cone beam's, or lungs cut by the field of view. If a table stands in it, it is room air.
+ * Otherwise room air is recognised by one sharp level that is also the darkest. */
 static CtsStatus find_level(const Air *a, bool has_table, CtsAirLevel *level, CtsError *err)
 {
     Levels l = {0};

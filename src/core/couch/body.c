@@ -7,18 +7,18 @@
 
 /* Fingers and the tips of ears are twice as thick, blankets, tubes and plates are not. */
 static const double THICK_RADIUS_MM = 3;
-/* Parts smaller than this are noise; they stay only in the rim around the patient. */
+/* Smaller parts are noise; they are kept only in the margin around the patient. */
 static const double NOISE_MM3 = 500;
 /* A thin thing that is longer than an ear, a nose or a fold of skin is a mask, a strap or a blanket, but not where it
  * is bone, or where such things make up more of the body than a mask does of a head: that may be all that there is. */
 static const double SHELL_MM = 100, BONE_HU = 300, SHELL_SHARE = 0.1;
 /* The skin's soft edge. */
 static const double SKIN_MM = 3;
-/* From node to node of the body's mask, and half a side of what a node has the share of. */
+/* Distance of the nodes of the body's mask, and half a side of the cube of which a node has the share. */
 static const double AROUND_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
-/* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
+/* flags[]: the largest part, and those of sufficient size that are mostly thick; sized[]: the latter. */
 static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
                                 uint8_t *flags, uint8_t *sized, CtsError *err)
 {
@@ -53,15 +53,15 @@ end:
     return st;
 }
 
-/* The patient's dense bits: what hangs together once the extruded is taken away with the voxel next to it, which then
- * comes back. */
+/* The patient's dense bits: connected parts after removal of the extruded voxels and their neighbours, which are added
+ * again afterwards. */
 static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *extruded,
                             CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
 {
     CtsStatus st;
     CtsParts parts = {0};
     uint8_t *flags = NULL, *sized = NULL;
-    CtsBits *const rest = &body->foreign; /* first what is no plate, then what is foreign */
+    CtsBits *const rest = &body->foreign; /* first the voxels outside plates, then those not of the patient */
     if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new_unset(&body->dense, plan->dims, err)))
         return st;
     cts_each_section(workers, n_threads, cts_dilate_section, extruded, ONE, rest);
@@ -101,7 +101,7 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, bool
         (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
     cts_parts_paint(&parts, outside, NULL, &body->whole);
-    /* What was painted is outside: of the foreign that alone stays, and the whole is the rest. */
+    /* The painted voxels are outside: only these remain foreign, and the whole is the complement. */
     cts_bits_combine(&body->foreign, CTS_BITS_AND, &body->whole);
     cts_bits_combine(&body->whole, CTS_BITS_NOT, &body->whole);
 end:
@@ -143,7 +143,7 @@ static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, c
     return CTS_OK;
 }
 
-/* Takes masks and straps that lie on the body for foreign. */
+/* Marks masks and straps on the body as foreign. */
 static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, bool has_table, CtsBits *thin,
                              CtsBody *body, CtsError *err)
 {
@@ -193,7 +193,7 @@ void cts_body_free(CtsBody *body)
     cts_bits_free(&body->foreign);
 }
 
-/* A section that is body with both its neighbours, narrowed: what is not, widened and turned round. */
+/* A section where it and both its neighbours are body, eroded: the complement is dilated and inverted. */
 static void narrow_section(const CtsBits *whole, int k, CtsReach reach, CtsMorphology *m, CtsBits *to)
 {
     const int last = whole->dims[2] - 1;
@@ -217,7 +217,7 @@ typedef struct Sharing {
     CtsBodyMask *mask;
 } Sharing;
 
-/* What of 0 to n lies within half of a node. */
+/* The part of 0 to n within half a node. */
 static int clipped(int at, int n)
 {
     return at < 0 ? 0 : at < n ? at : n;

@@ -3,8 +3,8 @@
 /* The far face wavers by so many voxels, no more, and behind it nothing may lie. */
 enum { WAVER = 3, TAPER = 40 };
 
-/* One way to look at a section: plates run along `axis`, and their far face looks to larger (side 1) or smaller (-1)
- * places across; they are followed to larger (way 1) or smaller (-1) places along. */
+/* Orientation of the search in a section: plates run along `axis`, their far face is towards larger (side 1) or smaller
+ * (-1) coordinates across; they are followed to larger (way 1) or smaller (-1) coordinates along. */
 typedef struct Face {
     const CtsBits *always, *ever;
     CtsBits *plates;
@@ -22,7 +22,7 @@ static bool is_face(const Face *f, int along, int across)
     return get(f, f->always, along, across) && !get(f, f->always, along, across + f->side);
 }
 
-/* Follow the face one step on from *across; false where it ends or something lies behind it. */
+/* Follows the face one step from *across; false where it ends or another voxel lies behind it. */
 static bool follow(const Face *f, int along, int *across)
 {
     const int at[3] = {*across, *across + f->side, *across - f->side};
@@ -34,8 +34,8 @@ static bool follow(const Face *f, int along, int *across)
     return false;
 }
 
-/* How far behind the face a plate begins, which was found over a longer way and wavered there; more than WAVER where
- * none does. */
+/* Distance behind the face at which a plate begins that was found in a longer window, where it wavers; more than WAVER
+ * without a plate. */
 static int recess(const Face *f, int along, int across)
 {
     int n = 0;
@@ -44,8 +44,8 @@ static int recess(const Face *f, int along, int across)
     return n;
 }
 
-/* The plate's thickness near its end at (along, across), where it may taper: the largest some steps away from there. 0
- * where it is no longer along than across, as a plate is that runs the other way. */
+/* The plate's thickness near its end at (along, across), where it may taper: the largest within some steps. 0 where it
+ * is not longer along than across, like a plate in the other direction. */
 static int thickness(const Face *f, int along, int across, int step)
 {
     int most = 0, s = 0, n;
@@ -60,7 +60,7 @@ static int thickness(const Face *f, int along, int across, int step)
     return s > most ? most : 0;
 }
 
-/* How much is always there from the face on, n_most at most. */
+/* Number of voxels that are set in all sections from the face on, at most n_most. */
 static int depth(const Face *f, int along, int across, int n_most)
 {
     int n = 0;
@@ -77,8 +77,8 @@ static void set_strip(const Face *f, int along, int across, int thick)
     }
 }
 
-/* From the plate's end at (along, across) on: as far as it is thin, and through what is thicker to where it comes out
- * of that, at the next plate or thin as it went in, and so on. The strip is set. */
+/* From the plate's end at (along, across): continues over the thin part, and through a thicker one up to the next plate
+ * or to where it is as thin as before, and so on. Sets the strip's bits. */
 static void bridge(const Face *f, int along, int across)
 {
     const int left = thickness(f, along, across, -f->way);
@@ -119,14 +119,14 @@ static uint64_t word_at(const CtsBits *bits, int j, ptrdiff_t w)
     return j >= 0 && j < bits->dims[1] && w >= 0 && w < (ptrdiff_t)bits->row_words ? cts_bits_row(bits, j, 0)[w] : 0;
 }
 
-/* Word w of row j, where each bit tells of the columns one further to the left (by -1), or to the right (by 1). */
+/* Word w of row j shifted by one column: each bit is that of the column to the left (by -1) or to the right (by 1). */
 static uint64_t beside(const CtsBits *bits, int j, ptrdiff_t w, int by)
 {
     const uint64_t own = word_at(bits, j, w), next = word_at(bits, j, w + by);
     return by < 0 ? own << 1 | next >> 63 : own >> 1 | next << 63;
 }
 
-/* Whether one of the three voxels that come next along the face is set. */
+/* True where one of the three voxels that follow along the face is set. */
 static uint64_t next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
 {
     if (axis)
@@ -134,7 +134,7 @@ static uint64_t next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_
     return beside(bits, j - 1, w, way) | beside(bits, j, w, way) | beside(bits, j + 1, w, way);
 }
 
-/* From all ends of plates beyond which something goes on. */
+/* Starts from all ends of plates that continue into other voxels. */
 static void add_from_ends(const CtsBits *always, const CtsBits *ever, CtsBits *plates, int axis, int way)
 {
     for (int j = 0; j < plates->dims[1]; j++)

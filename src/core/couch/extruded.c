@@ -8,17 +8,17 @@
 
 /* Longer than an ear, a nose or a fold of skin is straight. */
 static const double EXTRUDED_MM = 60;
-/* Where something touches it, a plate that was found is followed by what stands still over so much. */
+/* Length over which a plate in contact with the patient is followed by static voxels. */
 static const double FOLLOWED_MM = 24;
 /* Half the thickness up to which a thing is a plate or a rail, with the voxel that is added on either side. */
 static const double PLATE_RADIUS_MM = 7;
 /* Up to here it may be one. */
 static const double DOUBT_RADIUS_MM = 16;
-/* A smaller cross-section is noise; from the second on it counts though most of the part moves, as where an ear leans
+/* A smaller cross-section is noise; from SURE_MM2 on it counts although most of the part moves, as where an ear leans
  * on a wall. */
 static const double LEAST_MM2 = 40, SURE_MM2 = 100;
 
-/* Sections first to end of the stack, seen together. */
+/* Sections first to end of the stack, evaluated together. */
 typedef struct Window {
     int first, end;
 } Window;
@@ -30,7 +30,7 @@ typedef struct Windows {
 
 typedef struct Search {
     const CtsSectionPlan *plan;
-    CtsBits wide; /* the sections, a voxel wider: what wavers by a voxel stands still */
+    CtsBits wide; /* the sections dilated by a voxel: wavering by a voxel counts as static */
     Windows windows, shorter;
     CtsBits plates, doubtful; /* by window */
     CtsBits followed;         /* by shorter window */
@@ -53,7 +53,7 @@ static Window window_at(const Windows *w, int n)
     return (Window){first, first + w->length};
 }
 
-/* What one thread works with: sections of one slice. */
+/* Scratch memory of one thread: sections of one slice. */
 typedef struct Worker {
     CtsMorphology *morphology;
     CtsBits always, ever, thin;
@@ -78,7 +78,7 @@ static void worker_free(Worker *w)
     cts_parts_free(&w->parts);
 }
 
-/* What is there in every section of the window, but for single ones that noise has broken; and in any. */
+/* Voxels that are set in every section of the window, except for single ones lost in noise; and those set in any. */
 static void look_along(const Search *s, Window window, Worker *w)
 {
     const size_t n = w->morphology->n_words;
@@ -95,7 +95,7 @@ static void look_along(const Search *s, Window window, Worker *w)
     }
 }
 
-/* Of the thin parts, those that are always there, as far as they are. */
+/* Of the thin parts, those that are static, as far as they are. */
 static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
 {
     uint64_t *count = NULL;
@@ -116,8 +116,8 @@ end:
     return st;
 }
 
-/* A plate is thin in all sections together and always there: that tells it from the patient's ears, skin and walls,
- * which move from section to section. Where a back lies on it, it is thin on both sides alone. */
+/* A plate is thin in the union of all sections and static, unlike the patient's ears, skin and walls, which move from
+ * section to section. Where a back lies on it, it is thin on both sides only. */
 static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err)
 {
     CtsStatus st;
@@ -131,8 +131,8 @@ static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err
     return choose_parts(s, w, &doubtful, err);
 }
 
-/* A plate's end moves where the plate is cut askew, so that it ends before what touches it does; over a shorter way it
- * stands still for longer. Nothing new is found here, only what goes on from a plate along its face. */
+/* The end of an obliquely cut plate moves, so that it ends before the contact; in a shorter window more of it is
+ * static. This step only extends plates along their faces. */
 static void follow_plates(const Search *s, int n, Worker *w)
 {
     const Window window = window_at(&s->shorter, n);
@@ -148,7 +148,7 @@ static void follow_plates(const Search *s, int n, Worker *w)
     if (!cts_bits_count(&followed))
         return;
     look_along(s, window, w);
-    /* Over the longer way the plate has wavered: up to the faces that it has here. */
+    /* In the longer window the plate wavered: extend it to its faces in this one. */
     cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
     cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
     cts_dilate_section(w->morphology, followed.words, waver, followed.words);
@@ -199,7 +199,7 @@ end:
     return st;
 }
 
-/* Each section has what was found in the windows over it. */
+/* Each section gets the union of the results of its windows. */
 static void gather(const Windows *windows, const CtsBits *found, CtsBits *to)
 {
     for (int at = 0; at < windows->n; at++) {

@@ -18,15 +18,14 @@ CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2])
     return (CtsReach){diamond, {r[0] - diamond, r[1] - diamond}};
 }
 
-/* How far leaps may take a voxel out of the section before it comes back: rows that something may stand in on either
- * side, and as many beyond that stay empty. */
+/* MARGIN: rows outside the section that may be set between steps; EMPTY: rows beyond them that stay 0. */
 enum { MARGIN = 32, EMPTY = MARGIN };
 
 CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)
 {
     *m = (CtsMorphology){.row_words = like->row_words, .n_words = like->row_words * (size_t)like->dims[1]};
     m->last_word = cts_bits_mask(like, like->row_words - 1);
-    /* Between two rows at least a word: half of it is the one's margin, half the other's. */
+    /* At least one word between two rows: half of it is margin of one, half of the other. */
     m->stride = like->row_words + (like->dims[0] % 64 != 0);
     m->n_rows = (size_t)like->dims[1];
     m->n_copy = m->stride * (m->n_rows + 2 * (MARGIN + EMPTY)) + 2;
@@ -70,7 +69,7 @@ static void write_section(const CtsMorphology *m, uint64_t *out)
 
 typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
 
-/* One leap of n voxels, 1 to MARGIN: each stays, and goes to all four sides, or to two. */
+/* One dilation step of n voxels, 1 to MARGIN: each voxel is kept, and copied in all four directions, or in two. */
 static inline __attribute__((always_inline)) void
 leap_any_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n, ptrdiff_t rows)
 {
@@ -101,7 +100,7 @@ CTS_TARGET_AVX2 static void leap_words_avx2(Way way, const uint64_t *in, uint64_
     leap_any_words(way, in, out, n_words, n, rows);
 }
 
-/* m->a a leap further; `reach` rows outside the section on either side may then hold something. */
+/* Dilates m->a by another step; `reach` rows outside the section on either side may be set afterwards. */
 static void leap(CtsMorphology *m, Way way, int n, int reach)
 {
     const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
@@ -112,7 +111,7 @@ static void leap(CtsMorphology *m, Way way, int n, int reach)
     m->b = t;
 }
 
-/* Nothing outside the section, in either copy, where something may stand in so many rows on either side. */
+/* Clears voxels outside the section in both copies, where so many rows on either side may be set. */
 static void clip(CtsMorphology *m, int rows)
 {
     const size_t margin = (size_t)rows * m->stride, n = m->stride * m->n_rows;
@@ -128,8 +127,8 @@ static void clip(CtsMorphology *m, int rows)
     }
 }
 
-/* A diamond of n steps becomes one of n + leap by one leap along the axes, if that is no longer than n: so it doubles
- * (van den Boomgaard and van Balen). */
+/* A diamond of n steps becomes one of n + leap by one leap along the axes, if that is no longer than n; so it doubles
+ * in each step (van den Boomgaard and van Balen). */
 static void grow_diamond(CtsMorphology *m, int steps)
 {
     while (steps > 0) {
@@ -144,8 +143,8 @@ static void grow_diamond(CtsMorphology *m, int steps)
     }
 }
 
-/* A line of n voxels to either side, set three times with no gap between, is a longer one; on the way from a voxel to
- * another none lies outside. */
+/* A line of n voxels to either side, copied three times without a gap, is a longer one; no voxel between two voxels of
+ * the section lies outside. */
 static void grow_line(CtsMorphology *m, Way way, int steps)
 {
     while (steps > 0) {

@@ -3,7 +3,7 @@
 #include "base/mem.h"
 #include <string.h>
 
-/* A start sets one bit and an end, one past the last voxel, sets another; both come in turn. */
+/* The start of a run sets one bit and its end, one past the last voxel, another; both alternate. */
 static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
 {
     uint64_t before = 0;
@@ -24,7 +24,7 @@ static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
         run->end = (uint32_t)nx;
 }
 
-/* CtsRun.part serves as the parent link until the labels are known: a run's parent never comes after it. */
+/* CtsRun.part is the parent link until the labels are known: a run's parent never follows it. */
 static uint32_t root(CtsRun *runs, uint32_t n)
 {
     while (runs[n].part != n) {
@@ -39,7 +39,7 @@ static void join_rows(CtsParts *p, size_t row_a, size_t row_b)
     uint32_t a = p->row_start[row_a], b = p->row_start[row_b];
     const uint32_t end_a = p->row_start[row_a + 1], end_b = p->row_start[row_b + 1];
     while (a < end_a && b < end_b) {
-        /* Most that meet have met before, and know it without a look at their roots. */
+        /* Most adjacent runs are already joined, which is visible without searching their roots. */
         if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end &&
             p->runs[a].part != p->runs[b].part) {
             const uint32_t ra = root(p->runs, a), rb = root(p->runs, b);
@@ -55,7 +55,7 @@ static void join_rows(CtsParts *p, size_t row_a, size_t row_b)
     }
 }
 
-/* Runs come in order of slices. */
+/* Runs are added in order of slices. */
 static void add_run(CtsPart *part, const CtsRun *run, int j, int k)
 {
     const int first = (int)run->first, last = (int)run->end - 1;
@@ -93,7 +93,7 @@ static CtsStatus list_runs(CtsParts *p, const CtsBits *bits, CtsError *err)
     return CTS_OK;
 }
 
-/* Runs come in order and a parent before its children, so one pass is enough. */
+/* Runs are in order and parents precede their children, so one pass suffices. */
 static CtsStatus number_parts(CtsParts *p, CtsError *err)
 {
     const uint32_t ny = (uint32_t)p->dims[1];

@@ -6,11 +6,11 @@
 #include "core/volume/body_mask.h"
 #include "ctsplat/volume.h"
 
-/* A volume as sections across the scanner's axis, which run from the patient's head to the feet: what is denser than
- * air, one bit a voxel, a few slices to a section. */
+/* A volume as sections across the scanner's axis, from head to feet: voxels denser than air, one bit per voxel, several
+ * slices joined to a section. */
 
-/* Where the sections of a volume lie: axis[2] runs along the scanner, nearest to the patient's z; axis[0] and axis[1]
- * are the columns and rows of a section, in the volume's order. */
+/* Orientation of the sections: axis[2] runs along the scanner, nearest to the patient's z; axis[0] and axis[1] are the
+ * columns and rows of a section, in the volume's order. */
 typedef struct CtsSectionPlan {
     int axis[3];
     int n_slices;         /* voxels along axis[2] that one section joins */
@@ -31,7 +31,8 @@ void cts_sections_row(const CtsSectionPlan *plan, const CtsBits *sections, int n
 
 /* One section, a slice of a CtsBits, made wider and narrower. */
 
-/* How far a shape reaches: an octagon of `diamond` steps along the axes, then a box of these half sizes, in voxels. */
+/* Size of a structuring element: an octagon of `diamond` steps along the axes, then a box of these half sizes, in
+ * voxels. */
 typedef struct CtsReach {
     int diamond, box[2];
 } CtsReach;
@@ -42,8 +43,9 @@ CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2]);
 /* Scratch for sections of one size, of one thread. */
 typedef struct CtsMorphology {
     size_t row_words, n_words;
-    uint64_t last_word;            /* the bits of a row's last word that lie inside */
-    size_t n_rows, stride, n_copy; /* of the two copies a and b, with margins: words from row to row, and in all */
+    uint64_t last_word; /* mask of a row's last word inside the section */
+    /* of the two copies a and b, with margins: rows, words from row to row, and in total */
+    size_t n_rows, stride, n_copy;
     uint64_t *buffer, *a, *b;
 } CtsMorphology;
 
@@ -53,18 +55,18 @@ void cts_morphology_free(CtsMorphology *m);
 CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
 void cts_morphologies_free(CtsMorphology **workers, int n_threads);
 
-/* Sections of n_words words; in and out may be the same. Outside the section lies nothing for dilation, and for opening
- * whatever lies at its border goes on, as a patient does whom the field of view cuts off. */
+/* Sections of n_words words; in and out may be the same. Outside the section all voxels are 0 for dilation; for opening
+ * the border voxels are continued, like a patient cut off by the field of view. */
 typedef void (*cts_section_fn)(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
-/* What an opening takes away from a section for good: opened, grown back by a voxel, the rest. */
+/* The parts that an opening removes: the section without its opening dilated by a voxel. */
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 /* One of these for all sections, which may be changed in place. */
 void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
                       CtsBits *out);
 
-/* The connected parts of a bit mask: voxels that share a face belong together. */
+/* Connected parts of a bit mask: voxels that share a face are connected. */
 
 /* Voxels first <= i < end of one row, all set, as long as possible. */
 typedef struct CtsRun {
@@ -83,26 +85,26 @@ typedef struct CtsParts {
     int dims[3];
     CtsRun *runs;
     uint32_t *row_start;
-    uint64_t n_runs; /* of which UINT32_MAX - 1 can be told apart */
+    uint64_t n_runs; /* at most UINT32_MAX - 1 */
     CtsPart *parts;
     uint32_t n_parts;
 } CtsParts;
 
-/* A zero-initialised CtsParts may be freed; finding frees what it held before. across_slices false: voxels of different
- * slices never belong together. */
+/* A zero-initialised CtsParts may be freed; finding frees the previous contents. across_slices false: voxels of
+ * different slices are never connected. */
 CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, bool across_slices, CtsError *err);
 void cts_parts_free(CtsParts *parts);
 
-/* For each part, how many of its voxels are set in bits; free with cts_free(). */
+/* For each part, the number of its voxels that are set in bits; free with cts_free(). */
 CtsStatus cts_parts_count_in(const CtsParts *parts, const CtsBits *bits, uint64_t **count, CtsError *err);
 
-/* Set the bits of the parts whose flag is set; all other bits become those of `under` (NULL: 0). */
+/* Sets the bits of the parts whose flag is set; all other bits become those of `under` (NULL: 0). */
 void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits);
 
-/* What is drawn along the scanner's axis: the same thin cross-section for a good way. */
+/* Extruded structures along the scanner's axis: constant thin cross-sections. */
 
-/* Bits of the sections, in their dimensions: thin things that stand at the same place over 60 mm of the scanner's axis;
- * and those, thicker ones among them, that may be such. None where there are fewer slices than that. */
+/* Bits in the dimensions of the sections: thin structures at a constant position over 60 mm of the scanner's axis; and
+ * candidates, which may be thicker. None in volumes with fewer slices. */
 typedef struct CtsExtruded {
     CtsBits plates, doubtful;
 } CtsExtruded;
@@ -114,9 +116,9 @@ void cts_extruded_free(CtsExtruded *extruded);
 
 /* A plate under the patient's back, where both are one: found between the plate's two ends that stick out. */
 
-/* All of one section: what is always and ever there, and the plates found in it, to which the strips are added that
- * continue a plate from where it meets something thicker to where it comes out again: along the far face, under which
- * nothing lies, and as thick as the plate. */
+/* All of one section: voxels set always and ever, and the plates found in it. Adds strips that continue a plate from
+ * its contact with a thicker structure to where it emerges again: along the far face, with nothing beneath, and as
+ * thick as the plate. */
 void cts_contact_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates);
 
 /* The HU at a place of the sections: of the first slice of section k. */
@@ -125,32 +127,33 @@ double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *volume, int i
 /* The level of the air around the patient, found when it is first needed. */
 typedef struct CtsAirLevel {
     double lung_hu;  /* air above this is a lung; 0: not found yet */
-    bool is_unknown; /* a table stands in what looks like lungs, and room air has no level of its own */
+    bool is_unknown; /* a table stands in air as dense as lungs, and room air has no level of its own */
 } CtsAirLevel;
 
-/* outside[]: the parts of the air that reach the border of a section and are no lung. has_table: plates were found.
- * *level is found where it is not yet known. */
+/* outside[]: parts of the air that reach the border of a section and are not lung. has_table: plates were found. *level
+ * is determined where it is not yet known. */
 CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsParts *air, bool has_table,
                           CtsAirLevel *level, uint8_t *outside, CtsError *err);
 
-/* The patient among the connected parts of what is denser than air, with what it encloses. */
+/* The patient among the connected parts denser than air, with the voxels it encloses. */
 
 typedef struct CtsBody {
     CtsBits dense;   /* the patient where it is denser than air */
-    CtsBits whole;   /* and what it encloses in a section */
-    CtsBits foreign; /* what is no patient, of some size */
+    CtsBits whole;   /* and the voxels it encloses in a section */
+    CtsBits foreign; /* parts of some size that are not the patient */
     double mm3;      /* of the dense bits */
-    double thin_mm3; /* of those that stand out thin from the whole */
+    double thin_mm3; /* volume of its thin protrusions */
     CtsAirLevel air;
 } CtsBody;
 
-/* sections without extruded is what there may be of the patient; both and the volume in memory as the plan has them.
- * workers[]: one for each thread. */
+/* sections without extruded are the patient's candidates; both and the volume in memory are in the plan's orientation.
+ * workers[]: one per thread. */
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
                         const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err);
 void cts_body_free(CtsBody *body);
 
-/* What minip and average look at: the whole body but for its outermost 3 mm, which hold the soft edge of the skin. */
+/* The voxels that minip and average use: the whole body except its outermost 3 mm, which contain the soft edge of the
+ * skin. */
 CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
                           CtsBodyMask **mask, CtsError *err);
 

@@ -67,7 +67,7 @@ CtsStatus cts_sections_new(const CtsSectionPlan *plan, const CtsBits *dense, int
 {
     const CtsStatus st = cts_bits_new(sections, plan->dims, err);
     Joining joining = {plan, dense, sections};
-    /* Slices that one thread takes together never meet those of another in a row. */
+    /* Chunks of slices of different threads have no row in common. */
     if (!st)
         cts_parallel(n_threads, (size_t)dense->dims[2], plan->axis[2] == 2 ? (size_t)plan->n_slices : 1, join_slices,
                      &joining);

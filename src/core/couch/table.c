@@ -11,16 +11,16 @@
 #include <stdatomic.h>
 #include <string.h>
 
-/* As fine along the scanner as tables need it; finer slices are joined. */
+/* Sufficient resolution along the scanner's axis for tables; thinner slices are joined. */
 static const double SECTION_MM = 3.5;
-/* What stays around the body. */
+/* Width of the margin kept around the body. */
 static const double RIM_MM = 3;
 /* Less than this outside the body is noise. */
 static const double NOTHING_MM3 = 30;
-/* Thin parts beyond this share of the body are named. */
+/* Thin parts beyond this share of the body cause a warning. */
 static const double UNCERTAIN_SHARE = 0.05;
-/* Shells of tables, mattresses and holders are thinner than 20 mm where they are denser than air: of what went, thicker
- * things are named, as they may be a limb. Below this share of the body it is nothing that anybody misses. */
+/* Shells of tables, mattresses and holders that are denser than air are thinner than 20 mm: thicker removed parts cause
+ * a warning, as they may be a limb, unless they are below this share of the body. */
 static const double NO_SHELL_RADIUS_MM = 10, LOST_SHARE = 0.001;
 /* One run for so many voxels is noise, not anatomy; it bounds the memory. */
 enum { VOXELS_PER_RUN = 32, RUNS_ANYWAY = 1 << 16 };
@@ -36,7 +36,7 @@ typedef struct Removal {
     CtsBits sections;
     CtsExtruded extruded;
     CtsBody body;
-    CtsBits gone; /* of the sections: what becomes air */
+    CtsBits gone; /* of the sections: voxels that become air */
     uint64_t n_dense_gone;
 } Removal;
 
@@ -58,7 +58,7 @@ static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
     return st;
 }
 
-/* The size of what is dense along the volume's axes. */
+/* The extent of dense voxels along the volume's axes. */
 static void find_size(const Removal *r, const double spacing_mm[3], double size_mm[3])
 {
     const int *const dims = r->dense.dims;
@@ -125,8 +125,8 @@ static void join_neighbours(const CtsBits *whole, CtsBits *joined)
     }
 }
 
-/* Air are the voxels beyond the rim of the body, and in the rim the ramp of what is foreign, but for the voxels next to
- * the body. */
+/* Voxels beyond the margin of the body become air, and in the margin the soft edges of foreign parts, except for the
+ * voxels next to the body. */
 static CtsStatus find_gone(Removal *r, CtsError *err)
 {
     CtsStatus st;
@@ -152,7 +152,7 @@ static CtsStatus find_gone(Removal *r, CtsError *err)
     return st;
 }
 
-/* Row (j, k) of the volume becomes air where it is gone; the number of its voxels that were dense. */
+/* Row (j, k) of the volume becomes air where it is gone; returns the number of its dense voxels. */
 static uint64_t clear_row(const Removal *r, CtsVolume *v, int j, int k, const uint64_t *gone)
 {
     uint16_t *grey = v->grey + ((size_t)k * (size_t)v->dims[1] + (size_t)j) * (size_t)v->dims[0];
@@ -203,7 +203,7 @@ static void clear(Removal *r, CtsVolume *v)
     cts_volume_changed(v);
 }
 
-/* What went, and yet is as thick as no table. The bits of what is gone are used up. */
+/* The volume of removed parts that are thicker than tables. Overwrites the bits of gone. */
 static double report_lost(Removal *r, CtsReport *report)
 {
     cts_bits_combine(&r->gone, CTS_BITS_AND, &r->sections);
@@ -218,7 +218,7 @@ static double report_lost(Removal *r, CtsReport *report)
     return lost_mm3;
 }
 
-/* Nothing is outside the patient where room air cannot be told from lungs. */
+/* Nothing is outside the patient where room air and lungs cannot be distinguished. */
 static void report_air(const Removal *r, CtsReport *report)
 {
     if (r->body.air.is_unknown)
@@ -227,7 +227,7 @@ static void report_air(const Removal *r, CtsReport *report)
                            "stay in the picture (remove it by a crop)");
 }
 
-/* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
+/* Warns about possible tables that are kept: thin parts, and structures extruded along the scanner's axis. */
 static void report_uncertain(const Removal *r, CtsReport *report)
 {
     const uint64_t n_doubtful = cts_bits_count_common(&r->extruded.doubtful, &r->body.dense, r->n_threads);

@@ -38,7 +38,7 @@ static Item item_of(const char *text, size_t length)
     return item;
 }
 
-/* * stands for any letters. Where a letter does not fit, the last * takes one more. */
+/* Wildcard match: * stands for any characters; on a mismatch the last * takes one character more. */
 static bool is_called(const char *name, const char *pattern, size_t length)
 {
     const char *const end = pattern + length, *star = NULL, *taken = NULL;
@@ -96,7 +96,7 @@ bool cts_label_fits(const CtsLabels *labels, const char *text, size_t length)
     return fits;
 }
 
-/* More letters than any name has, but for those that a * stands for and the number of a file in front. */
+/* Longer than any name, its wildcards and the number of a file in front. */
 static size_t longest_name(const CtsLabels *labels)
 {
     enum { IN_FRONT = 10 };
@@ -121,7 +121,7 @@ size_t cts_label_name_length(const CtsLabels *labels, const char *text, char sep
     return fitting;
 }
 
-/* Says what may have been meant by the item, or by all that begins with it. */
+/* Fails with a suggestion for the item, or for a longer part of the list that begins with it. */
 static CtsStatus fail_unknown(const CtsLabels *labels, const char *option, const char *item, size_t length,
                               CtsError *err)
 {
@@ -165,7 +165,7 @@ CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char
     return any || is_word(&item, "all") ? CTS_OK : fail_unknown(labels, option, text, length, err);
 }
 
-/* One item of a list; with `lacking` (a stream) what no label is called is written there, not refused. */
+/* One item of a list; with `lacking` (a stream) an unknown name is written there instead of refused. */
 static CtsStatus take_item(const CtsLabels *labels, const char *option, const char *item, size_t length, uint32_t value,
                            uint32_t *hit, FILE *lacking, CtsError *err)
 {

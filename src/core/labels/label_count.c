@@ -5,7 +5,7 @@
 
 #define AIR_SHARE 0.2 /* of a label that is no air itself */
 
-/* What may hold air. */
+/* Names of structures that may contain air. */
 static const char *const airy[] = {"lung", "airway", "trachea", "bronch", "bowel", "colon", "air", "gas"};
 
 static bool may_hold_air(const CtsLabel *l)
@@ -16,7 +16,7 @@ static bool may_hold_air(const CtsLabel *l)
     return l->surrounds;
 }
 
-/* Puts a row into its slice's new place; false where the slice is gone. */
+/* Moves a row to its slice's new number; false where the slice was removed. */
 static bool move_row(uint32_t *row, int rows, const int *new_number)
 {
     const int slice = new_number[*row / (uint32_t)rows];
@@ -24,7 +24,7 @@ static bool move_row(uint32_t *row, int rows, const int *new_number)
     return slice >= 0;
 }
 
-/* Slices that could not be read take what lies in them with them, and the others close up. */
+/* Removes the runs in slices that could not be read, and renumbers the others. */
 static void keep_slices(CtsLabel *l, int rows, const int *new_number)
 {
     size_t n = 0, n_shares = 0;

@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Okabe and Ito 2008, but for black: told apart whatever kind of colour vision one has. */
+/* Okabe and Ito 2008, without black: distinguishable with any kind of colour vision. */
 static const uint8_t colours[][3] = {{230, 159, 0}, {86, 180, 233}, {0, 158, 115},  {240, 228, 66},
                                      {0, 114, 178}, {213, 94, 0},   {204, 121, 167}};
 enum { N_COLOURS = sizeof colours / sizeof *colours };
 
-/* Where they come round again they are paler, and then darker. */
+/* Repeated cycles are paler, then darker. */
 void cts_label_colour(size_t n, double rgb[3])
 {
     const size_t round = n / N_COLOURS % 3;
@@ -32,8 +32,8 @@ static double srgb(double linear)
     return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
 }
 
-/* CIELab to XYZ and sRGB (IEC 61966-2-1; Lindbloom's matrix), both under D65. PS3.3 C.10.7.1.1 has D50, but DCMTK,
- * highdicom and dcmjs, by which nearly all files are written, and the viewers take D65. */
+/* CIELab to XYZ and sRGB (IEC 61966-2-1; Lindbloom's matrix), both under D65. PS3.3 C.10.7.1.1 specifies D50, but
+ * DCMTK, highdicom and dcmjs, which write nearly all files, and the viewers use D65. */
 void cts_label_take_lab(CtsLabel *l, const int lab[3])
 {
     static const double white[3] = {0.95047, 1, 1.08883};

@@ -1,4 +1,4 @@
-/* Labels become the owners of a volume's voxels. */
+/* Assignment of a volume's voxels to labels, and the labels' appearances. */
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "core/labels/label_set.h"
@@ -6,15 +6,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What is decided of each label, and behind them of the rest. */
+/* Decisions for each label, and in the last entry for unlabelled voxels. */
 typedef struct Deciding {
     const CtsLabels *labels;
     const CtsLabelChoice *choice;
     uint32_t *shown, *hidden, *first; /* 0: not named; first: the place in the order */
-    uint32_t *own;                    /* looks + 1 of those that have one of their own */
+    uint32_t *own;                    /* index + 1 in looks of a label's own appearance; 0: none */
     CtsOwnerLook *looks;              /* n_looks, from CTS_LOOK_OWN on */
     int n_looks;
-    size_t *owners; /* n_owners labels that own what they hold; others count as rest */
+    size_t *owners; /* the n_owners labels that get voxels; others count as unlabelled */
     size_t n_owners;
 } Deciding;
 
@@ -39,7 +39,7 @@ static CtsStatus add_look(Deciding *d, const CtsOwnerLook *look, CtsError *err)
     return CTS_OK;
 }
 
-/* NAME=LOOK: the last one that names a label holds. */
+/* NAME=LOOK: the last one that names a label applies. */
 static CtsStatus take_look(Deciding *d, const char *text, CtsError *err)
 {
     CtsOwnerLook look;
@@ -62,7 +62,7 @@ static CtsStatus take_look(Deciding *d, const char *text, CtsError *err)
     return st;
 }
 
-/* The file's colour, or one of the table, for labels that are shown without a look. */
+/* Colours of the files, or of the table, for visible labels without an appearance of their own. */
 static CtsStatus take_colours(Deciding *d, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -119,7 +119,7 @@ static uint8_t look_of(const Deciding *d, size_t label)
     return d->own[label] ? (uint8_t)(d->own[label] - 1) : CTS_LOOK_PRESET;
 }
 
-/* True where b owns what both hold. */
+/* True where b gets the voxels that both contain. */
 static bool yields(const Deciding *d, size_t a, size_t b)
 {
     const CtsLabel *const p = &d->labels->items[a], *const q = &d->labels->items[b];
@@ -132,7 +132,7 @@ static bool yields(const Deciding *d, size_t a, size_t b)
     return p->fact.voxels != q->fact.voxels ? q->fact.voxels < p->fact.voxels : b < a;
 }
 
-/* Owners (numbers into d->owners) in the order in which they are painted, the last on top. */
+/* Labels (indices in d->owners) in painting order, the last on top. */
 static void sort(const Deciding *d, size_t *order)
 {
     for (size_t i = 0; i < d->n_owners; i++) {
@@ -199,7 +199,7 @@ static bool overlap(const CtsLabel *a, const CtsLabel *b)
     return false;
 }
 
-/* Whether hidden labels take from shown ones, and these from them. */
+/* Sets take if hidden labels take voxels from visible ones, yield for the opposite. */
 static void compare_hidden(const Deciding *d, bool *take, bool *yield)
 {
     *take = *yield = false;
@@ -212,7 +212,7 @@ static void compare_hidden(const Deciding *d, bool *take, bool *yield)
         }
 }
 
-/* Crops by the labels that are hidden, or by those that are not; all of them, or none. */
+/* The cropping by all hidden labels, or by all visible ones. */
 static void crop_by(const Deciding *d, bool hidden, const char *study_uid, CtsLabelCrop *crop, const char **unsaid)
 {
     size_t n = 0;

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Where a scanned slice lies in the volume: its first voxel's column and row there, and its layer. */
+/* Position of a scanned slice in the volume: column and row of its first voxel, and its layer. */
 static CtsStatus place_slice(const CtsLabelGrid *g, const CtsVolume *v, int slice, double at[3], CtsError *err)
 {
     double inverse[3][3], away[3];
@@ -22,31 +22,31 @@ static CtsStatus place_slice(const CtsLabelGrid *g, const CtsVolume *v, int slic
     return CTS_OK;
 }
 
-/* A voxel of which some label has a share, while its owners take theirs. */
+/* A voxel with fractions of labels, while they are assigned. */
 typedef struct Sharing {
     CtsSharedVoxel voxel;
     uint16_t left;
-    uint32_t last; /* who took of it last, + 1 */
+    uint32_t last; /* index + 1 of the last label assigned */
 } Sharing;
 
 /* Of one plane. */
 typedef struct Sharings {
     Sharing *items; /* n */
     size_t n;
-    uint32_t *number; /* of each voxel's, + 1, 0 where it has none; NULL where the plane has none */
+    uint32_t *number; /* index + 1 of the voxel's entry, 0: none; NULL where the plane has none */
 } Sharings;
 
 typedef struct Painting {
     CtsOwners *owners;
     const CtsLabels *labels;
-    const size_t *label, *order; /* of each of n owners; owners, the last one wins */
+    const size_t *label, *order; /* label of each of n owners; painting order, the last one wins */
     size_t n;
     int first;         /* slice of the first plane */
     double (*at)[3];   /* of each plane, where it lies in the volume */
     CtsStatus *status; /* of each plane */
 } Painting;
 
-/* Owners take what is left, from the one that wins on. Of many the largest are kept, equal ones by their numbers. */
+/* Labels get the remaining fraction, in order of priority. Only the largest ones are kept, equal ones by number. */
 static void take(Sharing *s, size_t owner, uint16_t share)
 {
     CtsSharedVoxel *const v = &s->voxel;
@@ -68,7 +68,7 @@ static void take(Sharing *s, size_t owner, uint16_t share)
     }
 }
 
-/* The voxels of a plane that a row of the scan begins with: the first is in the volume at column *x0; NULL: none is. */
+/* Index of the plane's voxel at which a row of the scan begins, with its column *x0 in the volume; NULL: outside. */
 static size_t row_at(const Painting *p, size_t plane, uint32_t row, int *x0)
 {
     const CtsOwners *const o = p->owners;
@@ -82,7 +82,7 @@ static uint32_t slice_row(const Painting *p, size_t plane)
     return ((uint32_t)p->first + (uint32_t)plane) * (uint32_t)p->labels->grid.rows;
 }
 
-/* An owner's shares in a plane become sharings, or, where all of these are known, are taken. */
+/* Adds entries for a label's fractions in a plane, or, where all entries are known, assigns the fractions. */
 static CtsStatus share_out(const Painting *p, size_t plane, size_t owner, bool known, Sharings *all)
 {
     const CtsLabel *const l = &p->labels->items[p->label[owner]];
@@ -106,7 +106,7 @@ static CtsStatus share_out(const Painting *p, size_t plane, size_t owner, bool k
     return st;
 }
 
-/* Voxels that nobody owns yet, and what is left of those that are shared. */
+/* Assigns voxels without a label, and the remainder of fractional ones. */
 static void paint_runs(const Painting *p, size_t plane, size_t owner, const Sharings *all)
 {
     const CtsOwners *const o = p->owners;
@@ -131,7 +131,7 @@ static int by_place(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* The rest takes what is left, and the voxel is whose most of it is. */
+/* Assigns the remainder to the unlabelled entry, and the voxel to its largest fraction. */
 static CtsStatus end_plane(const Painting *p, size_t plane, Sharings *all)
 {
     CtsOwners *const o = p->owners;

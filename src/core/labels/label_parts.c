@@ -1,5 +1,5 @@
-/* How many parts a label has, that hang together by faces, edges or corners of voxels: runs are joined in a forest
- * (Hoshen, Kopelman 1976), voxels are never looked at. */
+/* Number of 26-connected parts of a label: runs are joined in a union-find forest (Hoshen, Kopelman 1976), without
+ * visiting voxels. */
 #include "base/mem.h"
 #include "core/labels/label_set.h"
 
@@ -10,8 +10,7 @@ static uint32_t root_of(uint32_t *parent, uint32_t i)
     return i;
 }
 
-/* Joins run i with those of one row before it that touch it; *at is where that row is looked for from, and never falls.
- */
+/* Joins run i with the adjacent runs of an earlier row; *at: position of the search, which only increases. */
 static uint64_t join(const CtsLabel *l, uint32_t *parent, uint32_t i, uint32_t row, size_t *at)
 {
     const CtsLabelRun *const r = &l->runs[i];

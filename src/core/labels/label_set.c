@@ -124,7 +124,7 @@ static int by_place(const void *a, const void *b)
     return x->row != y->row ? (x->row < y->row ? -1 : 1) : x->first < y->first ? -1 : x->first > y->first;
 }
 
-/* The first of n items that begin with their row, which rises, at or behind one. */
+/* The first of n items, sorted by row, at or behind this row. */
 static size_t find_row(const void *items, size_t size, size_t n, uint32_t row)
 {
     size_t low = 0, high = n;

@@ -1,5 +1,5 @@
-/* Labels that come in pairs, of the left and of the right: the left one lies left of the other. So a mask is found out
- * that was mirrored where the body is symmetric, and no voxel of it in air. */
+/* Laterality check: of a pair of labels the left one must lie left of the right one. It detects mirrored masks of
+ * symmetric anatomy, none of whose voxels lie in air. */
 #include "base/mem.h"
 #include "core/labels/label_set.h"
 #include <stdio.h>
@@ -25,7 +25,7 @@ static int by_name(const void *a, const void *b)
     return x->fact.file != y->fact.file ? x->fact.file - y->fact.file : strcasecmp(x->fact.name, y->fact.name);
 }
 
-/* The label of the same file that is named as this one with "right" for "left"; NULL: none, or one of them is empty. */
+/* The label of the same file with "right" for "left" in its name; NULL: none, or one of them is empty. */
 static const CtsLabel *other_side(const CtsLabel *left, const CtsLabel *const *sorted, size_t n)
 {
     char name[600];

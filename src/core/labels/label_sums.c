@@ -86,7 +86,8 @@ void cts_labels_take_words(CtsLabels *labels, int slice, const uint16_t *words, 
              intercept);
 }
 
-/* Means and squares about them are joined slice by slice (Chan, Golub, LeVeque 1979): no difference of large sums. */
+/* Means and sums of squared deviations are combined slice by slice (Chan, Golub, LeVeque 1979), without cancellation of
+ * large sums. */
 void cts_label_take_sums(CtsLabel *l, const int *slice_number, int n_kept)
 {
     long double n = 0, mean = 0, squares = 0;

@@ -1,20 +1,20 @@
-/* From what the caller asked for to the scene that engines get. */
+/* From the caller's settings to the scene for engines. */
 #ifndef CTS_SCENE_RESOLVE_H
 #define CTS_SCENE_RESOLVE_H
 
 #include "core/scene/engine.h"
 
-/* A scene with what it points at; not to be copied. */
+/* A scene with the data it points to; must not be copied. */
 typedef struct CtsSceneStore {
     CtsPreset preset;
     CtsRenderSettings settings;
     CtsScene scene;
 } CtsSceneStore;
 
-/* All that can be said of settings by themselves. */
+/* Checks settings independent of the volume. */
 CtsStatus cts_scene_check(const CtsRenderSettings *settings, CtsError *err);
 
-/* The effective preset: the settings' mode and shade have gone into it. */
+/* The effective preset, with the settings' mode and shade. */
 CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *settings);
 
 /* Checks and resolves the settings. The scene has no lut yet. */

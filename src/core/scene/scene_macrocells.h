@@ -1,11 +1,11 @@
-/* The volume's macro-cell ranges, for engines that skip what is void. */
+/* The volume's macro-cell ranges, for engines with empty-space skipping. */
 #ifndef CTS_SCENE_MACROCELLS_H
 #define CTS_SCENE_MACROCELLS_H
 
 #include "core/scene/engine.h"
 #include "core/volume/macrocells.h"
 
-/* Those that the volume has, or *own, made here if need be (the caller frees them). The report says which. */
+/* The volume's own, or *own, created here if needed (the caller frees them). The report says which. */
 CtsStatus cts_scene_macrocells(const CtsScene *scene, CtsMacrocells **own, const CtsMacrocells **macrocells,
                                CtsReport *report, CtsError *err);
 

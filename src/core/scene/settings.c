@@ -4,7 +4,7 @@
     {offsetof(CtsRenderSettings, field), sizeof((CtsRenderSettings *)0)->field, bounds, CTS_REMAKES_##remakes},
 const CtsSettingRow cts_setting_rows[CTS_N_SETTING_ROWS] = {CTS_RENDER_SETTINGS(ROW)};
 
-/* A struct of the rows' fields is laid out as the settings are only where the rows stand in their order. */
+/* A struct of the rows' fields has the layout of the settings only if the rows are in the same order. */
 #define SAME_FIELD(field, first, bounds, remakes) __typeof__(((CtsRenderSettings *)0)->field) field;
 struct Mirror {
     CTS_RENDER_SETTINGS(SAME_FIELD)

@@ -1,5 +1,5 @@
-/* What is known of each field of CtsRenderSettings, once: its default, its bounds, and what has to be remade for
- * another value. A field without a row here does not compile. */
+/* Table of the fields of CtsRenderSettings: default, bounds, and state to be recreated when the value changes. A field
+ * without a row does not compile. */
 #ifndef CTS_SCENE_SETTINGS_H
 #define CTS_SCENE_SETTINGS_H
 
@@ -8,11 +8,11 @@
 #include <stddef.h>
 
 typedef enum CtsRemakes {
-    CTS_REMAKES_RENDERER, /* what a renderer keeps from picture to picture, or the volume it gets */
+    CTS_REMAKES_RENDERER, /* the renderer's cached state, or its volume */
     CTS_REMAKES_PICTURE,  /* the picture alone, at most */
 } CtsRemakes;
 
-/* row(field, default, bounds or 0, what another value remakes), in the order of the fields. */
+/* row(field, default, bounds or 0, state to be recreated), in the order of the fields. */
 #define CTS_RENDER_SETTINGS(row)                                                                                       \
     row(width, 1024, CTS_SETTING_WIDTH, PICTURE) row(height, 1024, CTS_SETTING_HEIGHT, PICTURE)                        \
         row(mm_per_pixel, 0, CTS_SETTING_MM_PER_PIXEL, PICTURE) row(azimuth_deg, 0, CTS_SETTING_AZIMUTH, PICTURE)      \

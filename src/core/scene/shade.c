@@ -4,7 +4,8 @@
 #include "base/mutation.h"
 #include <math.h>
 
-/* Lines over steps h miss x^p by up to h^2 p^2 / 8; 250 steps for each unit of power keep that below 2e-6. */
+/* Linear interpolation with step h has an error of up to h^2 p^2 / 8 for x^p; 250 steps for each unit of power keep it
+ * below 2e-6. */
 static int power_steps(double power)
 {
     int n = 1024;

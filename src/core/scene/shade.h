@@ -1,35 +1,35 @@
 /* Gradient lighting: colour * (ambient + diffuse * |n.v|) + specular * |n.v|^power, n the normalised gradient of HU in
- * mm, v the viewing direction. Shared by the splatting engines; float32, the same bits on every path.
+ * mm, v the viewing direction. Shared by the splatting engines; float32, the same bits on every SIMD path.
  *
- * Gradients come as grey level differences along the three voxel axes, in one scale: grey[i + step] - grey[i - step],
- * where a one-sided difference counts twice. The step is a voxel, along the slice axis the distance of two slices as
- * they were scanned: layers between them know no finer detail, only the interpolation's own. Steps of the volume may be
- * sheared and of different length: what the gradient in mm is along the picture's right, its up and the viewing
- * direction, are dot products with the voxels per mm that each of these runs. */
+ * Gradients are differences of grey levels along the three voxel axes, in one scale: grey[i + step] - grey[i - step],
+ * with one-sided differences doubled. The step is a voxel, along the slice axis the distance of two scanned slices,
+ * since layers between them contain no measured detail. The volume's steps may be sheared and of different length: the
+ * components of the gradient in mm along the picture's right, its up and the viewing direction are dot products with
+ * the voxels per mm of each of these directions. */
 #ifndef CTS_SCENE_SHADE_H
 #define CTS_SCENE_SHADE_H
 
+#include "core/scene/view.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
-#include "core/scene/view.h"
 #include <math.h>
 
 typedef struct CtsShade {
     float frame[3][3]; /* to the right, up and along the viewing direction; axes as the caller orders them */
-    int step[3];       /* voxels along each axis from which differences are taken, either way */
+    int step[3];       /* voxels along each axis between the ends of a difference and its centre */
     float ambient, diffuse, specular, exponent;
     int n_power; /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
     float *power;
     int whole_power;   /* the power where it is a whole number that few multiplications make, else 0 */
-    float least_power; /* |n.v| below which its power counts as that of this: no denormal numbers on the way */
+    float least_power; /* lower limit of |n.v| for its power: avoids denormal numbers */
     bool air_beyond;   /* cts_shade_air_beyond() */
 } CtsShade;
 
-/* What differences at the volume's border are taken to: air, grey level 0; or, for a preset that shows air, whose faces
- * would shine as if they were a body's, nothing: one-sided. */
+/* True for differences to air, grey level 0, at the volume's border; false for one-sided ones, for presets that show
+ * air, whose border faces would be shaded like a body's surface. */
 bool cts_shade_air_beyond(const CtsPreset *preset);
-/* Voxels along a volume axis from which differences are taken, either way. */
+/* Voxels along a volume axis from the centre of a difference to its ends. */
 int cts_shade_step(const CtsVolume *volume, int axis);
 
 /* axes[i] is the volume axis that the caller's i-th difference runs along. Free with cts_shade_free(). */
@@ -50,7 +50,7 @@ static inline float cts_shade_facing(const CtsShade *s, float g0, float g1, floa
     return facing < 1 ? facing : 1;
 }
 
-/* What colour is multiplied with, and the white that is added to it. */
+/* The factor of the colour, and the white that is added to it. */
 static inline void cts_shade_factors(const CtsShade *s, float facing, float *colour, float *white)
 {
     const float at = facing * (float)s->n_power;

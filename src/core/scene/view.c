@@ -21,7 +21,7 @@ static void sincos_deg(double deg, double *s, double *c)
     *c = cos(rad);
 }
 
-/* Signs and roundings of trigonometry leave parts of 1e-17 that would make an axis view oblique. */
+/* Removes components of 1e-17 from rounded trigonometry, which would make an axis view oblique. */
 static void clean(double v[3])
 {
     for (int c = 0; c < 3; c++)
@@ -33,7 +33,7 @@ void cts_view_axes(CtsViewAxes *axes, double azimuth_deg, double elevation_deg)
     double sa, ca, se, ce;
     sincos_deg(azimuth_deg, &sa, &ca);
     sincos_deg(elevation_deg, &se, &ce);
-    /* The camera stands at sin(az) cos(el) to the left, cos(az) cos(el) to the front, sin(el) to the head. */
+    /* The camera is at sin(az) cos(el) to the left, cos(az) cos(el) to the front, sin(el) to the head. */
     const double forward[3] = {-sa * ce, ca * ce, -se}, right[3] = {ca, sa, 0};
     for (int c = 0; c < 3; c++) {
         axes->forward_lps[c] = forward[c] + 0.0;
@@ -76,7 +76,8 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderS
     clean(view->right_vox);
     clean(view->up_vox);
     clean(view->forward_vox);
-    /* A tie goes to the later axis by a margin of rounding, so that 45 degrees does not depend on the last bit. */
+    /* Ties go to the later axis, within a margin of rounding, so that the choice at 45 degrees does not depend on the
+     * last bit. */
     for (int axis = 1; axis < 3; axis++)
         if (fabs(view->forward_vox[axis]) >= fabs(view->forward_vox[view->axis]) * (1 - 1e-12))
             view->axis = axis;

@@ -21,27 +21,27 @@ typedef struct CtsView {
     double centre_lps[3];
     /* The same in voxel coordinates: the centre, and voxels per mm along each direction. */
     double centre_vox[3], right_vox[3], up_vox[3], forward_vox[3];
-    /* Nothing is seen outside 0..dims-1 (the box of voxel centres). */
+    /* Nothing is visible outside 0..dims-1 (the box of voxel centres). */
     int dims[3];
     int axis;        /* principal axis: the volume axis nearest to the viewing direction, in voxel coordinates */
     int axis_sign;   /* +1: layers are crossed front to back in rising order */
     double layer_mm; /* length of a ray between two layers */
-    /* What is seen of a ray: from here to there, beyond the plane through the centre across the viewing direction. */
+    /* Visible part of a ray: distances from the plane through the centre across the viewing direction. */
     double near_mm, far_mm;
 } CtsView;
 
-/* The camera that the settings ask for: width, height, mm_per_pixel (0: the whole bounding box fits), azimuth_deg and
+/* The camera of the settings: width, height, mm_per_pixel (0: the whole bounding box fits), azimuth_deg and
  * elevation_deg. CTS_ERR_GEOMETRY when the voxel steps do not span space. */
 CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *asked, CtsError *err);
 
-/* Only a slab across the view is seen, thickness_mm thick, its middle at_mm in front of the volume's centre. */
+/* Limits rays to a slab across the view, thickness_mm thick, its middle at_mm in front of the volume's centre. */
 void cts_view_set_slab(CtsView *view, const CtsVolume *volume, double thickness_mm, double at_mm);
 
-/* Moves the picture's centre, within its plane, to where this point is seen. */
+/* Moves the picture's centre, within its plane, to the projection of this point. */
 void cts_view_aim(CtsView *view, const double centre_lps[3]);
 
-/* Position in voxel coordinates of pixel (x, y)'s ray where it crosses the plane through the volume's centre across
- * the viewing direction; the ray goes on by forward_vox for each mm. Pixel centres, x from the left, y from the top. */
+/* Voxel coordinates of the intersection of pixel (x, y)'s ray with the plane through the volume's centre across the
+ * viewing direction; the ray advances by forward_vox per mm. Pixel centres, x from the left, y from the top. */
 void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3]);
 
 #endif

@@ -15,9 +15,10 @@ bool cts_scene_is_grey(const CtsPreset *preset, const CtsOwners *owners)
     return grey;
 }
 
-/* HU from where skin meets air up to soft tissue, and how finely presets are asked in between. */
+/* HU from the skin's surface to soft tissue, and the step at which presets are evaluated. */
 enum { SKIN_LOW_HU = -700, SKIN_HIGH_HU = 80, SKIN_STEP_HU = 10 };
-/* Extinction per mm with which 20 mm, what rays along the outline of a face pass, show 1/16: -ln(15/16) / 20. */
+/* Extinction per mm with which 20 mm, the path of rays along the outline of a face, have an opacity of 1/16: -ln(15/16)
+ * / 20. */
 static const double outline_per_mm = 0.0032;
 
 static bool preset_shows_skin(const CtsPreset *preset, double extinction_scale)
@@ -28,7 +29,7 @@ static bool preset_shows_skin(const CtsPreset *preset, double extinction_scale)
     return false;
 }
 
-/* Under a window skin stands out from the air about it where black lies below soft tissue. */
+/* With a window, skin is visible against air where black lies below soft tissue. */
 static bool look_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsOwners *owners, int look)
 {
     if (look == CTS_LOOK_HIDDEN)

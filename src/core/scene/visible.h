@@ -1,4 +1,4 @@
-/* Properties of a picture that follow from its scene, and not from its pixels. Every output asks here. */
+/* Properties of a picture that follow from its scene, independent of its pixels, for all outputs. */
 #ifndef CTS_SCENE_VISIBLE_H
 #define CTS_SCENE_VISIBLE_H
 
@@ -6,8 +6,8 @@
 #include "ctsplat/preset.h"
 #include <stdbool.h>
 
-/* True when no pixel can have a colour: the preset, its background, and how each label is shown are grey. preset: mode
- * as the settings ask; owners: the volume's, or NULL. */
+/* True when no pixel can have a colour: the preset, its background, and each label's appearance are grey. preset: with
+ * the settings' mode; owners: the volume's, or NULL. */
 bool cts_scene_is_grey(const CtsPreset *preset, const CtsOwners *owners);
 
 /* True when skin may be visible, so that a face may be recognised; in doubt too. extinction_scale as in CtsScene. */

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Whether a point of the preset shows something between two levels. */
+/* Marks intervals between levels in which a point of the preset has opacity. */
 static void mark_points(uint8_t *between, int n, const CtsPreset *preset, const CtsVolume *volume,
                         const CtsVoidKey *key)
 {

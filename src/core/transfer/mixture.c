@@ -1,7 +1,7 @@
 /* Expectation maximisation on the occupied bins of a histogram.
  *
- * A mixed voxel says little about the tissues it mixes, so means and deviations come from pure voxels alone; the mixed
- * classes follow their neighbours and have a weight of their own. */
+ * A mixed voxel contains little information on its tissues, so means and deviations are estimated from pure voxels
+ * alone; the mixed classes follow their neighbours and have weights of their own. */
 #include "ctsplat/mixture.h"
 
 #include "base/mem.h"
@@ -18,8 +18,8 @@ static const double COARSE_HU = 8;
 /* Further out than this many deviations a density counts as 0. */
 static const double REACH = 9;
 
-/* Where tissues start, and how far they may go: the ranges of radiology's tables, with gaps between them so that no
- * two means meet. Without a peak of its own the lung's range is that of skin and of airway walls, which mix air. */
+/* Initial means of tissues and their ranges: those of radiology's tables, with gaps so that no two means meet. Without
+ * a peak of its own, the lung's range would be that of skin and airway walls, which mix with air. */
 typedef struct Start {
     const char *name;
     double mean_hu, lowest_hu, highest_hu, sd_hu, largest_sd_hu;
@@ -50,7 +50,7 @@ typedef struct Fit {
     const Start *start[CTS_MAX_TISSUES]; /* of each tissue that is left */
 } Fit;
 
-/* What one round sums up: parts 2 i is pure tissue i, 2 i + 1 its mixture with the next. */
+/* Sums of one iteration: parts 2 i is pure tissue i, 2 i + 1 its mixture with the next. */
 typedef struct Sums {
     double weight[MAX_PARTS];
     double first[CTS_MAX_TISSUES], second[CTS_MAX_TISSUES]; /* moments about the old mean */
@@ -79,8 +79,8 @@ static double mixed_density(const CtsTissue *a, const CtsTissue *b, double hu)
     return (above_a - above_b) / (b->mean_hu - a->mean_hu);
 }
 
-/* Weighted densities of all parts; returns their sum. Where none reaches, the nearest pure tissue has it all, as in
- * the limit of the densities, and the sum is 0. */
+/* Weighted densities of all parts; returns their sum. Where all underflow, the nearest pure tissue gets everything, as
+ * in the limit, and the sum is 0. */
 static double densities(const CtsMixture *m, double hu, double part[MAX_PARTS])
 {
     double sum = 0, nearest = INFINITY;
@@ -149,7 +149,7 @@ static void maximise(const Fit *f, const Sums *s)
     }
 }
 
-/* Whether a tissue is not there: its peak stands no higher than the mixture of its two neighbours would without it. */
+/* True for an absent tissue: its peak is no higher than the mixture of its two neighbours would be without it. */
 static bool lacks_peak(const CtsMixture *m, int i)
 {
     const CtsTissue *t = &m->tissue[i];
@@ -170,8 +170,8 @@ static void drop(Fit *f, int i)
     memmove(t + i, t + i + 1, (size_t)after * sizeof *t);
     memmove(f->start + i, f->start + i + 1, (size_t)after * sizeof *f->start);
     m->n--;
-    /* The voxels of a tissue that is dropped go to the mixture of its neighbours, or to the last tissue; the next round
-     * sorts them out. */
+    /* The voxels of a dropped tissue go to the mixture of its neighbours, or to the last tissue; the next iteration
+     * redistributes them. */
     if (i == 0) {
         t[0].weight += weight;
     } else if (i < m->n) {
@@ -219,7 +219,8 @@ static void run(Fit *f, double converged)
         expect(f, &sums);
         maximise(f, &sums);
         m->n_rounds++;
-        /* The pull of the starting values can hold the likelihood still for a round, so it takes three to end. */
+        /* The prior of the initial values can keep the likelihood constant for an iteration, so convergence needs
+         * three. */
         n_still = fabs(sums.log_likelihood - before) <= converged * f->n_voxels ? n_still + 1 : 0;
         const bool still = n_still == 3;
         before = sums.log_likelihood;
@@ -252,7 +253,7 @@ static void run_coarse(Fit *f, Bin *coarse)
     f->n_bins = n_bins;
 }
 
-/* Scale weights to add up to 1: rounds that were cut short, and tissues that were dropped, leave a rest. */
+/* Scales the weights to a sum of 1, which truncated iterations and dropped tissues change. */
 static void normalise(CtsMixture *m)
 {
     double sum = 0;
@@ -315,7 +316,7 @@ double cts_mixture_void(const CtsMixture *m, const bool is_void[CTS_MAX_TISSUES]
     const double sum = below + mixed + above;
     if (is_void[i] == is_void[i + 1])
         return is_void[i];
-    /* Where the densities of both tissues are 0, the place between their means decides. */
+    /* If the densities of both tissues are 0, the position between their means decides. */
     const double of_a = sum > 0 ? (below + mixed * (1 - share)) / sum : 1 - share;
     return is_void[i] ? of_a : 1 - of_a;
 }

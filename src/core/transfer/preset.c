@@ -9,8 +9,8 @@
 CTS_BY_ID(char *const, cts_mode_names, CTS_N_MODES, [CTS_MODE_COMPOSITE] = "composite", [CTS_MODE_MIP] = "mip",
           [CTS_MODE_MINIP] = "minip", [CTS_MODE_AVERAGE] = "average");
 
-/* Where hu stands among the points: between lower and upper at fraction 0..1 (lower == upper outside them).
- * The HU are the first member of each point, stride bytes apart. Of two points at one HU the later one counts. */
+/* Position of hu among the points: between lower and upper at fraction 0..1 (lower == upper outside them). The HU are
+ * the first member of each point, stride bytes apart. Of two points at one HU the later one applies. */
 typedef struct Place {
     int lower, upper;
     double fraction;

@@ -1,5 +1,5 @@
-/* The built-in presets: ctsplat's own looks, 3D Slicer's CT presets (preset_slicer.c), and grey windows for mip, minip
- * and average with the widths and levels of reading rooms. */
+/* The built-in presets: ctsplat's own, 3D Slicer's CT presets (preset_slicer.c), and grey windows for mip, minip and
+ * average with widths and levels of radiological practice. */
 #include "core/transfer/preset_table.h"
 
 #include <string.h>
@@ -21,8 +21,8 @@ static const CtsPreset looks[] = {
            PRESET_OPACITY({-30, 0}, {20, 0.12}, {60, 0.5}, {180, 0.6}, {400, 0.9}),
            PRESET_COLOUR({-30, {0.50, 0.16, 0.12}}, {20, {0.62, 0.22, 0.17}}, {60, {0.74, 0.32, 0.25}},
                          {180, {0.86, 0.62, 0.50}}, {400, {0.95, 0.88, 0.77}}, {3071, {1, 0.99, 0.95}})),
-    /* What lies between lung and soft tissue: vessels, and the lung's own surface, thin as it is. Below -620 HU the
-     * noise of a low dose shows the lung as felt, above -300 HU fat and muscle hide it. */
+    /* Range between lung and soft tissue: vessels, and the lung's thin surface. Below -620 HU the noise of a low dose
+     * would show as texture, above -300 HU fat and muscle hide the lung. */
     PRESET("lung", -1350, 150, PRESET_LIGHT(0.3, 0.7, 0.2, 12),
            PRESET_OPACITY({-620, 0}, {-520, 0.2}, {-420, 0.25}, {-300, 0}),
            PRESET_COLOUR({-620, {0.70, 0.35, 0.30}}, {-520, {0.85, 0.50, 0.42}}, {-420, {0.97, 0.62, 0.50}},
@@ -35,8 +35,8 @@ static const CtsPreset looks[] = {
            PRESET_COLOUR({1900, {0.60, 0.65, 0.72}}, {2300, {0.66, 0.72, 0.80}}, {3071, {0.88, 0.92, 0.97}})),
 };
 
-/* Each with the mode that shows something of a whole head, chest or belly: the largest value for what is denser than
- * the rest, the smallest for air ways, the mean for what lies in between (brain: in a slab). */
+/* Grey windows, each with a mode that suits a whole head, chest or abdomen: mip for the densest structures, minip for
+ * airways, average for those in between (brain: in a slab). */
 static const CtsPreset windows[] = {
     GREY_WINDOW("brain", CTS_MODE_AVERAGE, 0, 80),          GREY_WINDOW("soft", CTS_MODE_AVERAGE, -160, 240),
     GREY_WINDOW("lung-window", CTS_MODE_MINIP, -1350, 150), GREY_WINDOW("bone-window", CTS_MODE_MIP, -700, 1300),
@@ -44,7 +44,7 @@ static const CtsPreset windows[] = {
     GREY_WINDOW("vessel-window", CTS_MODE_MIP, -165, 485),
 };
 
-/* What a look cannot do alone, and what to type. */
+/* Limitations of presets, with options that help. */
 static const struct {
     const char *name, *advice;
 } advices[] = {
@@ -63,7 +63,7 @@ const char *cts_preset_advice(const char *name)
     return NULL;
 }
 
-/* A list's places are its presets' numbers, so a new one goes to its end. */
+/* Positions in a list are preset numbers, so new presets are appended. */
 enum { FIRST_LOOK = 1, FIRST_SLICER = 21, FIRST_WINDOW = 61 };
 _Static_assert(sizeof looks / sizeof *looks <= FIRST_SLICER - FIRST_LOOK &&
                    CTS_N_PRESETS_SLICER <= FIRST_WINDOW - FIRST_SLICER && sizeof windows / sizeof *windows <= 20,

@@ -208,7 +208,7 @@ static CtsStatus read_preset(const CtsJsonAt *root, CtsPreset *preset, CtsError 
     return CTS_OK;
 }
 
-/* What `ctsplat presets --json` prints: a list under the one key "presets", from which `which` takes one. */
+/* The output of `ctsplat presets --json`: a list under the only key "presets", from which `which` selects one. */
 static CtsStatus choose_from_list(const CtsJsonAt *list, const char *which, CtsJsonAt *chosen, CtsError *err)
 {
     const CtsStatus st = cts_json_check_array(list, 1, 1000, err);
@@ -291,7 +291,7 @@ char *cts_preset_to_json(const CtsPreset *p)
                   points_to_json(p, together), "colour_points", together ? NULL : colours_to_json(p), "mode",
                   cts_mode_names[p->mode], "unit_distance_mm", cts_json_new_number(p->unit_distance_mm), "shade",
                   p->shade ? light_to_json(p) : NULL, "background", background, "remove_table", p->remove_table);
-    /* 15 digits read well, and nearly always say it all. */
+    /* 15 digits are readable and nearly always exact. */
     char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(15));
     json_t *again = text ? json_loads(text, 0, NULL) : NULL;
     if (again && !json_equal(again, root)) {

@@ -1,4 +1,4 @@
-/* Finds a preset by name or file and reads it, whatever its form. */
+/* Finds a preset by name or file and reads it in any format. */
 #include "core/transfer/preset_read.h"
 
 #include "base/file.h"
@@ -14,7 +14,7 @@ static bool user_folder(char *path, size_t size)
 {
     const char *config = getenv("XDG_CONFIG_HOME"), *home = getenv("HOME");
     int n = -1;
-    /* A relative XDG_CONFIG_HOME is to be taken for none (XDG base directory specification). */
+    /* A relative XDG_CONFIG_HOME must be ignored (XDG base directory specification). */
     if (config && config[0] == '/')
         n = snprintf(path, size, "%s/ctsplat/presets", config);
     else if (home && home[0] == '/')
@@ -86,7 +86,7 @@ static CtsStatus fail_unknown(const char *name, CtsError *err)
     return CTS_ERR_PRESET;
 }
 
-/* What a file's name says: no folder, no ending. */
+/* The name from a file's name, without folder and ending. */
 static void name_after_file(CtsPreset *preset, const char *path)
 {
     char stem[sizeof preset->name];

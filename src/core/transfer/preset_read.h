@@ -13,14 +13,15 @@
 #define CTS_PRESET_MAX_UNIT_MM 1e3
 enum { CTS_PRESET_MAX_BYTES = 1 << 20 };
 
-/* A valid preset but for name and points: composite, unlit, black background, 1 mm. */
+/* A valid preset except for name and points: composite, unlit, black background, 1 mm. */
 void cts_preset_init(CtsPreset *preset);
-/* The window where none was given: the range of the points; and one that another program hints at, where it is one. */
+/* The default window: the range of the points; and the window that another program suggests, if valid. */
 void cts_preset_default_window(CtsPreset *preset);
 void cts_preset_hint_window(CtsPreset *preset, double low_hu, double high_hu);
-/* Text as a preset's name: at most 63 bytes, no control characters or slashes, so that it can stand in a file name. */
+/* Text as a preset's name: at most 63 bytes, without control characters and slashes, so that it can be part of a file
+ * name. */
 bool cts_preset_set_name(CtsPreset *preset, const char *text);
-/* Append to what cannot be had. */
+/* Appends to the list of unsupported features. */
 void cts_preset_note(CtsPreset *preset, const char *text);
 
 /* A point's HU, opacity and colour under these keys, and lighting; HU never fall. */

@@ -6,7 +6,7 @@
 
 #define GLOSSY PRESET_LIGHT(0.1, 0.9, 0.2, 10)
 #define MATT PRESET_LIGHT(0.2, 1, 0, 1)
-/* For whoever asks for --shade on. */
+/* Lighting for --shade on. */
 #define UNLIT .ambient = 0.2, .diffuse = 1, .specular = 0, .power = 1
 
 const CtsPreset cts_presets_slicer[CTS_N_PRESETS_SLICER] = {

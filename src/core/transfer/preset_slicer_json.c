@@ -7,7 +7,7 @@
 #include <string.h>
 #include <strings.h>
 
-/* VTK bends the line between two points by the first one's midpoint and sharpness; ours are straight. */
+/* VTK bends the segment between two points by the first one's midpoint and sharpness; ctsplat's segments are linear. */
 static void note_bends(const CtsJsonAt *point, CtsPreset *preset)
 {
     const json_t *midpoint = json_object_get(point->value, "midpoint"),

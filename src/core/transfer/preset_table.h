@@ -1,4 +1,4 @@
-/* How the tables of built-in presets are written. */
+/* Macros for the tables of built-in presets. */
 #ifndef CTS_TRANSFER_PRESET_TABLE_H
 #define CTS_TRANSFER_PRESET_TABLE_H
 
@@ -10,7 +10,7 @@
 #define PRESET_COLOUR(...)                                                                                             \
     .n_colour = sizeof((CtsColourPoint[]){__VA_ARGS__}) / sizeof(CtsColourPoint), .colour = {__VA_ARGS__}
 #define PRESET_LIGHT(a, d, s, p) .shade = true, .ambient = (a), .diffuse = (d), .specular = (s), .power = (p)
-/* A row: name and window, then what is left of it. */
+/* A row: name and window, then the other fields. */
 #define PRESET(title, low, high, ...)                                                                                  \
     {                                                                                                                  \
         .name = (title), .unit_distance_mm = 1, .remove_table = true, .window_low_hu = (low),                          \

@@ -39,7 +39,7 @@ static bool at_end(const char *text)
     return !text[strspn(text, " \t\r")];
 }
 
-/* A single number; absent or empty keeps the value that stands there. */
+/* A single number; an absent or empty one keeps the present value. */
 static CtsStatus read_value(const char *name, const CtsVtkText values[], int which, double low, double high,
                             double *value, CtsError *err)
 {
@@ -137,7 +137,7 @@ CtsStatus cts_preset_from_vtk(const char *name, const CtsVtkText values[CTS_VTK_
     if (interpolation != 1)
         cts_preset_note(preset, "its interpolation");
 
-    /* effectiveRange is a hint of Slicer's window and known to be malformed in published presets. */
+    /* effectiveRange is Slicer's suggested window and malformed in some published presets. */
     cts_preset_default_window(preset);
     const char *range = values[CTS_VTK_RANGE].text;
     double low, high;

@@ -1,4 +1,4 @@
-/* Slicer's presets.xml (or a scene): the VolumeProperty element asked for. */
+/* Slicer's presets.xml (or a scene): the requested VolumeProperty element. */
 #include "core/transfer/preset_read.h"
 
 #include <expat.h>
@@ -66,7 +66,7 @@ static void on_element(void *user, const char *element, const char **attributes)
     }
 }
 
-/* Presets need none, and entities are a way to blow a file up. */
+/* Presets need no document type, and entities allow attacks by exponential expansion. */
 static void on_doctype(void *user, const char *name, const char *sysid, const char *pubid, int has_internal_subset)
 {
     (void)name, (void)sysid, (void)pubid, (void)has_internal_subset;

@@ -24,8 +24,8 @@ static double hu_of(const Levels *levels, int g)
     return levels->hu_offset + levels->hu_step * g;
 }
 
-/* Whether the preset shows a tissue: only HU within a standard deviation of its mean count, as the tails of its
- * distribution are noise and voxels of its neighbours. */
+/* True if the preset shows a tissue: only HU within a standard deviation of its mean count, as the tails of its
+ * distribution are noise and partial volume. */
 static bool shows(const Levels *levels, const CtsTissue *t)
 {
     const double low = (t->mean_hu - t->sd_hu - levels->hu_offset) / levels->hu_step;
@@ -37,7 +37,7 @@ static bool shows(const Levels *levels, const CtsTissue *t)
     return false;
 }
 
-/* The share of all opacity that belongs to tissue which shows, and would be expected to be skipped with this key. */
+/* The share of all opacity that belongs to visible tissue, and is expected to be skipped with this key. */
 static double loss(const Levels *levels, double probability)
 {
     double lost = 0;

@@ -1,5 +1,5 @@
-/* Where a volume is the inside of the patient's body: what minip and average look at, as air around the body would be
- * all that they show. */
+/* Mask of the inside of the patient's body, for minip and average, which would otherwise show only the air around
+ * it. */
 #ifndef CTS_VOLUME_BODY_MASK_H
 #define CTS_VOLUME_BODY_MASK_H
 
@@ -12,31 +12,32 @@
  * CTS_BODY_LEVEL, which no node has. Cells of voxels never lie across a node. */
 typedef struct CtsBodyMask {
     int n[3], step[3];  /* nodes, and voxels from node to node */
-    int first[3];       /* where the volume begins, in voxels from the first node */
+    int first[3];       /* the volume's origin, in voxels from the first node */
     double per_step[3]; /* 1 / step */
-    uint8_t *share;     /* of each node, of 255: how much of what lies around it is body */
+    uint8_t *share;     /* of each node: fraction of its surroundings that is body, in 1/255 */
 } CtsBodyMask;
 
 #define CTS_BODY_LEVEL 127.5
 
 /* share[] unset. */
 CtsStatus cts_body_mask_new(CtsBodyMask **mask, const int n[3], const int step[3], CtsError *err);
-/* Whoever makes the volume's layers n times as many. */
+/* To be called when the volume's layers become n times as many. */
 void cts_body_mask_refine(CtsBodyMask *mask, int n);
 CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err);
 void cts_body_mask_free(CtsBodyMask **mask);
 
 typedef enum CtsSees { CTS_SEES_NONE, CTS_SEES_SOME, CTS_SEES_ALL } CtsSees;
-/* Whether voxels low[] to high[] have body between them; CTS_SEES_SOME where it must be looked at closely. */
+/* Tests if voxels low[] to high[] enclose body; CTS_SEES_SOME where a closer test is needed. */
 CtsSees cts_body_mask_sees(const CtsBodyMask *mask, const int low[3], const int high[3]);
 
-/* The last node that is not behind a voxel. Dividing is slow; halves keep rounding from the nodes. */
+/* The last node not behind a voxel. Halves keep rounding away from the nodes; multiplication is faster than
+ * division. */
 static inline int cts_body_mask_node(const CtsBodyMask *mask, int axis, int voxel)
 {
     return (int)((voxel + mask->first[axis] + 0.5) * mask->per_step[axis]);
 }
 
-/* The mask at the eight nodes around a cell, bit a of a corner's number being its place along axis a; and a place
+/* The mask at the eight nodes around a cell, bit a of a node's number being its position along axis a; and a position
  * within the cell (0..1) as one between the nodes (0..1). */
 void cts_body_mask_corners(const CtsBodyMask *mask, const int cell[3], double corner[8]);
 static inline double cts_body_mask_place(const CtsBodyMask *mask, int axis, int cell, double within)

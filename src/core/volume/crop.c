@@ -36,14 +36,14 @@ static void row_run(const CtsVolume *v, int j, int k, const double lo[3], const 
         --*last;
 }
 
-/* Voxels lo[] to hi[], both kept; lo > hi: none. */
+/* Voxels lo[] to hi[], inclusive; lo > hi: none. */
 typedef struct Box {
     int lo[3], hi[3];
 } Box;
 
 static const Box EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
 
-/* The box of what the rows keep. */
+/* The bounding box of the voxels that the rows keep. */
 static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
 {
     Box box = EMPTY;
@@ -62,7 +62,7 @@ static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
     return box;
 }
 
-/* Rows of the box to the front, one after the other; what is not between first and last of its row becomes air. */
+/* Moves rows of the box to the front; voxels outside first and last of a row become air. */
 static void move_rows(CtsVolume *v, const Box *box, const double lo[3], const double hi[3])
 {
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box->hi[0] - box->lo[0] + 1);

@@ -3,9 +3,9 @@
 #include "base/cpu.h"
 #include <math.h>
 
-/* For slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
- * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. Integers alone, so
- * that every compilation of it gives the same bytes. */
+/* For slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so grey = u
+ * + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. Integer arithmetic, so that
+ * all SIMD paths give the same bytes. */
 static inline __attribute__((always_inline)) CtsStoredRange slope_one(uint16_t *to, const uint16_t *words, size_t n,
                                                                       const CtsStored *s, int32_t rise)
 {

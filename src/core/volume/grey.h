@@ -1,10 +1,10 @@
-/* Stored words to grey levels (PS3.3 C.7.6.3, C.11.1; PS3.5 8.1.1). */
+/* Conversion of stored words to grey levels (PS3.3 C.7.6.3, C.11.1; PS3.5 8.1.1). */
 #ifndef CTS_VOLUME_GREY_H
 #define CTS_VOLUME_GREY_H
 
 #include "core/volume/stored.h"
 
-/* The finest power of two, 1 at most, for which the largest HU still fits 16 bits: what fractions of HU get. */
+/* The step for fractional HU: the finest power of two, at most 1, for which the largest HU fits 16 bits. */
 double cts_grey_finest_step(double hu_offset, double hu_max);
 
 /* grey = clamp(slope * stored + offset, 0, 65535), padding 0. |slope| * 65535 + |offset| must fit 31 bits.
@@ -14,8 +14,8 @@ CtsStoredRange cts_grey_whole(uint16_t *grey, const uint16_t *words, size_t n, c
 CtsStoredRange cts_grey_whole_plain(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,
                                     int32_t slope, int32_t offset);
 
-/* For a fractional rescale, cts_stored_range() alone first; then
- * grey = floor((slope * stored + intercept - hu_offset) / hu_step + 0.5), clamped, as a table of all words. */
+/* For a fractional rescale, after cts_stored_range(): grey = floor((slope * stored + intercept - hu_offset) / hu_step +
+ * 0.5), clamped, as a table of all words. */
 void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,
                     double hu_step);
 void cts_grey_look_up(uint16_t *words, size_t n, const uint16_t table[65536]);

@@ -4,7 +4,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 
-/* Neighbours are often equal: each of four takes a table of its own, so that none waits for the other's sum. */
+/* Neighbours are often equal: four interleaved tables avoid dependent increments. */
 enum { N_GREY = 65536, TABLES = 4, MOST_PARTS = 64 };
 
 typedef struct Count {

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A fine macro-cell reaches over so many voxels; columns are taken so many at a time, while they are in the cache. */
+/* REACH: voxels that a fine macro-cell spans; COLUMNS: columns processed together, while they are in the cache. */
 enum { REACH = CTS_FINE_MACROCELL + 1, COLUMNS = 256 * CTS_FINE_MACROCELL };
 
 static inline uint16_t min16(uint16_t a, uint16_t b)
@@ -25,7 +25,7 @@ static inline void widen(CtsRange *r, CtsRange other)
     r->high = max16(r->high, other.high);
 }
 
-/* What of five rows is lower or higher than what a column has so far. */
+/* Extends each column's range by five rows. */
 static inline __attribute__((always_inline)) void widen_columns(uint16_t *restrict low, uint16_t *restrict high,
                                                                 const uint16_t *const row[REACH], int n)
 {

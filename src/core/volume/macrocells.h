@@ -1,6 +1,6 @@
-/* Smallest and largest grey level of each macro-cell: 8 x 8 x 8 cells of the volume, or 4 x 4 x 4 in the fine ones for
- * a closer look. A cell lies between 2 x 2 x 2 voxels, so whatever is interpolated inside a macro-cell lies between its
- * smallest and largest level. Every engine that skips empty space needs them. */
+/* Macro-cells: smallest and largest grey level of 8 x 8 x 8 cells of the volume, or of 4 x 4 x 4 in the fine ones. A
+ * cell lies between 2 x 2 x 2 voxels, so that any value interpolated inside a macro-cell lies within its range. For
+ * engines with empty-space skipping. */
 #ifndef CTS_VOLUME_MACROCELLS_H
 #define CTS_VOLUME_MACROCELLS_H
 
@@ -29,7 +29,7 @@ CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3]
 void cts_macrocells_sum(CtsMacrocells *macrocells, int n_threads);
 void cts_macrocells_free(CtsMacrocells **macrocells);
 
-/* Those of a volume, by n_threads. */
+/* Computes those of a volume with n_threads. */
 CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume, int n_threads, CtsError *err);
 
 #endif

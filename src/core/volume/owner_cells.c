@@ -1,10 +1,10 @@
-/* Owners within one cell. Along a straight way their fields are cubics; by their Bernstein numbers it is known where
- * one lies above another, and where it is not the way is cut, at the root where two alone are left. */
+/* Labels within one cell. Along a line their fields are cubics; the Bernstein coefficients show where one exceeds
+ * another; elsewhere the line is split, at the root where only two are left. */
 #include "core/volume/owners.h"
 #include <math.h>
 #include <stdlib.h>
 
-/* Ways are halved so often at most. */
+/* Largest number of bisections of a line. */
 enum { HALVINGS = 24 };
 
 static void add_share(CtsCellOwners *c, int owner, int corner, double share)
@@ -33,7 +33,7 @@ static int by_place(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* NULL where a scanned voxel has one owner. */
+/* NULL where a scanned voxel has one label only. */
 static const CtsSharedVoxel *shared_at(const CtsOwners *o, size_t at)
 {
     if (!o->is_shared || !(o->is_shared[at / 64] >> at % 64 & 1))
@@ -53,7 +53,8 @@ static void add_voxel(const CtsOwners *o, CtsCellOwners *c, size_t at, int corne
         add_share(c, s->owner[i], corner, weight * s->share[i] / CTS_WHOLE_SHARE);
 }
 
-/* The scanned voxel of a corner: in one slice or, of a layer between two, in the next one too, in_plane further. */
+/* The scanned voxel at a vertex of a cell: in one slice, or for an interpolated layer also in the next one, in_plane
+ * further. */
 static size_t corner_of(const CtsOwners *o, const int cell[3], int corner, size_t *in_plane, double *share)
 {
     int at[3];
@@ -105,7 +106,7 @@ int cts_look_of_place(const CtsOwners *o, size_t at)
     return look;
 }
 
-/* Fields along a way, by their Bernstein numbers. */
+/* Fields along a line, as Bernstein coefficients. */
 typedef struct Fields {
     int n, look[CTS_CELL_OWNERS];
     double b[CTS_CELL_OWNERS][4];
@@ -131,7 +132,7 @@ static bool lies_above(const double p[4], const double q[4])
     return p[0] >= q[0] && p[1] >= q[1] && p[2] >= q[2] && p[3] >= q[3];
 }
 
-/* Drops what lies below another all along; of equal ones the first stays. */
+/* Removes fields that lie below another everywhere; of equal ones the first is kept. */
 static void drop_hidden(Fields *f)
 {
     int n = 0;

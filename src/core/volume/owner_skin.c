@@ -1,5 +1,5 @@
-/* Which owners hold skin: tissue that rays from the air around the body meet first. Along two axes of the volume, as
- * a body lies along the third and is cut off at its ends, where air may stand open that is inside. */
+/* Labels that may contain skin: tissue that rays from the air around the body reach first. Tested along two axes of the
+ * volume, since the body is cut at its ends along the third, where enclosed air may be open. */
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
@@ -9,8 +9,8 @@
 
 /* HU: between air, blankets and foam below it, and fat above. */
 static const double tissue_hu = -500;
-/* How deep skin and the mean of its edge reach; and how thick a holder, a cloth or an ear may be that skin stands
- * behind. A chest wall is thicker. */
+/* Depth of skin including its blurred edge; and thickness of a holder, a cloth or an ear behind which skin may be
+ * visible. A chest wall is thicker. */
 static const double skin_mm = 3, thin_mm = 5;
 
 /* Every second line along either axis: skin that few lines meet is no face. */
@@ -21,7 +21,7 @@ typedef struct Search {
     const CtsVolume *volume;
     uint16_t tissue; /* grey level from which on a voxel is tissue */
     int axis[3];     /* across the body twice, and along it */
-    bool *on_skin;   /* of each worker, of each owner */
+    bool *on_skin;   /* of each worker, for each label */
 } Search;
 
 /* Follows one line from its first voxel, at `at`, in the direction of sign. */
@@ -34,7 +34,7 @@ static void follow(const Search *s, const int at[3], int axis, int sign, bool *o
     const int n = v->dims[axis], n_skin = 1 + (int)(skin_mm / step_mm), n_thin = (int)(thin_mm / step_mm);
     int voxel[3] = {at[0], at[1], at[2]};
     if (*grey >= s->tissue)
-        return; /* tissue that the volume's border cuts */
+        return; /* tissue cut by the volume's border */
     for (int i = 0, run = 0; i < n; i++, grey += stride) {
         const bool is_tissue = *grey >= s->tissue;
         if (run > 0 && !is_tissue && run > n_thin)

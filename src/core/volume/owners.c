@@ -77,13 +77,13 @@ void cts_owner_preset(const CtsOwnerLook *look, const CtsPreset *picture, CtsPre
     }
 }
 
-/* What is done layer by layer, or block by block. */
+/* State of the loops over layers and blocks. */
 typedef struct Finishing {
     CtsOwners *owners;
     const CtsVolume *volume;
 } Finishing;
 
-/* The one look of all owners of the voxels of n x n x n cells, or CTS_LOOKS_DIFFER. */
+/* The common appearance of the labels of n x n x n cells, or CTS_LOOKS_DIFFER. */
 static int look_of_cells(const CtsOwners *o, const int first[3], int n)
 {
     const size_t nx = (size_t)o->dims[0], ny = (size_t)o->dims[1];
@@ -138,7 +138,7 @@ static void show_layers(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* Ranges for what is shown, from the volume's: where looks differ air may stand beside anything. */
+/* Ranges of visible values, from the volume's: where appearances differ, air may be adjacent to any value. */
 static CtsStatus show_macrocells(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsError *err)
 {
     const CtsMacrocells *const all = volume->macrocells;

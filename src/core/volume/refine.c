@@ -25,7 +25,7 @@ CtsRefineWeights cts_refine_weights(double t, const double distance[3])
                               .d = (float)rise_cd};
 }
 
-/* first, last: the stack begins or ends with the inner slices, and goes on as it was. */
+/* first, last: the stack begins or ends with the inner slices, and is continued with constant values. */
 static inline __attribute__((always_inline)) void refine_part(uint16_t *restrict to, const uint16_t *const slices[4],
                                                               int n, const CtsRefineWeights *w, bool first, bool last)
 {
@@ -72,8 +72,8 @@ typedef struct Refining {
     int n_slices, n_parts;
 } Refining;
 
-/* The slices of a column of chunks go to their places, the last one first, so that none is written over; with each go
- * the layers up to the next one. */
+/* Moves the slices of a column of chunks to their final places, the last one first, so that none is overwritten, and
+ * inserts the layers after each. */
 static void refine_column(const Refining *r, size_t at, int n)
 {
     const size_t slice = r->layer_voxels, step = (size_t)r->n_parts * slice;
@@ -102,7 +102,7 @@ static void refine_columns(void *context, int worker, size_t first, size_t end)
 
 int cts_volume_thickness(const CtsVolume *volume)
 {
-    enum { MOST_PARTS = 8 }; /* a cubic in eight straight pieces is off it by 1 % of its rise */
+    enum { MOST_PARTS = 8 }; /* error of a cubic as eight linear segments: 1 % of its range */
     const double pixel_mm = fmin(cts_volume_spacing_mm(volume, 0), cts_volume_spacing_mm(volume, 1));
     const double ratio = cts_volume_spacing_mm(volume, 2) / pixel_mm;
     if (volume->dims[2] < 2 || !(ratio > 1.5))

@@ -1,5 +1,5 @@
-/* Layers between slices by cubics through the slices: Catmull and Rom's (1974), their slopes those of the parabola
- * through a slice and its neighbours, cut off where they would leave the range of the two slices they lie between. */
+/* Layers between slices by cubic interpolation through the slices (Catmull and Rom 1974): slopes of the parabola
+ * through a slice and its neighbours, clamped to the range of the two adjacent slices. */
 #ifndef CTS_VOLUME_REFINE_H
 #define CTS_VOLUME_REFINE_H
 

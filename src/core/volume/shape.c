@@ -14,20 +14,20 @@
 static const double SURFACE_HU[] = {-500, 300};
 enum { N_SURFACES = sizeof SURFACE_HU / sizeof *SURFACE_HU };
 
-/* Distances are found among blocks of 2 x 2 pixels, whose means have less noise: a quarter of the work. They are
- * counted in parts of a block; a way to the side has 12, one to a corner 17 (Borgefors 1986). */
+/* Distances are computed on blocks of 2 x 2 pixels, whose means have less noise: a quarter of the work. Unit: a part of
+ * a block; a step to the side has 12, a diagonal one 17 (Borgefors 1986). */
 enum { BLOCK = 2, SIDE = 12, CORNER = 17, FAR = 16000 };
 static const float BLOCK_OF_UNIT = 1.0F / SIDE;
 
 /* A surface that moves by less than its own edge, about a pixel, is blended well; from three times as much on all that
  * there is moves with it. In blocks. */
 static const float MOVES_FROM = 0.25F, MOVES_ALL = 0.75F;
-/* What is this far from the surface, in terms of how far it moves, stays where it is: nearer things move with it, and
- * none passes another, as the way back to rest is longer than the move. */
+/* Factor of the displacement: pixels nearer to the surface are displaced with it, and none passes another, as the
+ * transition back to zero is longer than the displacement. */
 static const float GOES_WITH = 3;
-/* What differs by less from slice to slice is texture and noise, which blending does well. A move is believed as far as
- * what it brings together is alike: half as different as what lies there, or no more than two edges half a pixel off
- * each other are. */
+/* ALIKE_HU: smaller differences between slices are texture and noise, which blending handles well. A displacement is
+ * accepted if the values it matches are similar: half as different as without it, or within EDGES_HU, the difference of
+ * two edges half a pixel apart. */
 static const double ALIKE_HU = 100, EDGES_HU = 300;
 
 #define INLINE __attribute__((always_inline)) static inline
@@ -52,32 +52,31 @@ typedef uint32_t __attribute__((aligned(2), may_alias)) Pair;
 /* Distances side by side. */
 enum { EIGHT = 8 };
 
-/* Where a block's grey levels come from, in pixels from there: x and y in the slice before, x and y in the one behind;
- * and how much of it does. Each number has an array of its own, each row with its first and its last once more at its
- * ends. */
+/* Displacement of a block's grey levels, in pixels: x and y in the slice before, x and y in the slice behind; and its
+ * weight. Each number has an array of its own, each row padded with its first and last value. */
 enum { MOVE_NUMBERS = 5, SHARE = 4 };
-/* Pixels whose numbers are worked out together: reading a row's moves goes on past its last block by as many. */
+/* Pixels computed together: reading a row's displacements extends beyond its last block by as many. */
 enum { VECTOR = 8 };
 
-/* Moves of so many blocks, worked out together; what is left of others stands beyond n. */
+/* Displacements of blocks computed together; entries beyond n are unused. */
 enum { BATCH = 32 };
 typedef struct Direction {
     float x[BATCH], y[BATCH];
 } Direction;
 typedef struct Batch {
     int n, i[BATCH], j[BATCH];
-    int32_t known[BATCH];                                /* whether a surface is near in both slices */
-    float before[BATCH], difference[BATCH], rest[BATCH]; /* of a surface, in blocks; what has not moved yet */
+    int32_t known[BATCH];                                /* a surface is near in both slices */
+    float before[BATCH], difference[BATCH], rest[BATCH]; /* of a surface, in blocks; part without displacement so far */
     Direction direction[2];
     float move[MOVE_NUMBERS][BATCH];
 } Batch;
 
-/* What one thread works with. */
+/* Scratch memory of one thread. */
 typedef struct Scratch {
     Field field[2];
     uint16_t *grey, *row;       /* of both fields; two rows of blocks, and two blocks */
     uint8_t *moves, *near;      /* for one gap: blocks that move, and those that do or whose neighbours in the row do */
-    uint32_t *moving, *written; /* blocks whose moves are wanted, and those whose pixels may be made */
+    uint32_t *moving, *written; /* blocks with displacements, and blocks whose pixels are written */
     size_t n_moving, n_written;
     float *move[MOVE_NUMBERS], *moves_store;
     int16_t *store;
@@ -151,7 +150,7 @@ INLINE void smooth_row(const uint16_t *before, const uint16_t *own, const uint16
         to[i] = (uint16_t)((before[i] + 2U * own[i] + behind[i] + 2) / 4);
 }
 
-/* Blocks, each with a quarter of what lies on either side of it, along rows and across: noise has no shape. */
+/* Means of blocks, with a quarter of the adjacent pixels along rows and columns: smoothing suppresses noise. */
 INLINE void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows, uint16_t *grey)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
@@ -175,7 +174,8 @@ INLINE void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows,
     }
 }
 
-/* From a block to where the grey level passes the surface's on the way to a neighbour; FAR where it does not. */
+/* Distance from a block's centre to where the grey level passes the surface's towards a neighbour; FAR where it does
+ * not. */
 INLINE int to_crossing(uint16_t own, uint16_t other, uint16_t level)
 {
     if ((own >= level) == (other >= level))
@@ -220,7 +220,7 @@ INLINE int16_t nearer(int16_t a, int16_t b)
     return a < b ? a : b;
 }
 
-/* The distances of a row from those of the row that was gone over before. */
+/* Distances of a row from those of the row visited before. */
 INLINE void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
 {
     for (int i = 1; i + 1 < n; i++)
@@ -277,7 +277,7 @@ INLINE void reach_left(int16_t *row, int n)
         row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
 }
 
-/* One way over the blocks, row by row: from the row before, and from what is known of the own one. */
+/* One pass over the blocks, row by row: from the previous row, then within the row. */
 INLINE void sweep(const Shaping *s, int16_t *d, int way)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
@@ -323,7 +323,7 @@ INLINE float within(float x, float low, float high)
     return x < low ? low : x > high ? high : x;
 }
 
-/* The direction in which a distance rises, and its length. */
+/* The gradient direction of a distance map, and its length. */
 INLINE void read_direction(const Shaping *s, const int16_t *d, int i, int j, Direction *to, int n)
 {
     const int nx = s->n_blocks[0];
@@ -332,7 +332,8 @@ INLINE void read_direction(const Shaping *s, const int16_t *d, int i, int j, Dir
     to->y[n] = (float)(at[j + 1 < s->n_blocks[1] ? nx : 0] - at[j > 0 ? -nx : 0]);
 }
 
-/* A way of so many blocks along a direction is added to x and y. Midway between two surfaces there is no direction. */
+/* Adds a displacement of so many blocks along a direction to x and y. Midway between two surfaces there is no
+ * direction. */
 INLINE void go(const Direction *d, int n, float blocks, float *x, float *y)
 {
     const float length = sqrtf(d->x[n] * d->x[n] + d->y[n] * d->y[n]);
@@ -341,8 +342,8 @@ INLINE void go(const Direction *d, int n, float blocks, float *x, float *y)
     *y += leads ? BLOCK * blocks * d->y[n] / length : 0;
 }
 
-/* What is at these blocks `way` (0..1) from the one slice to the other: the body's surface first, and what does not go
- * with it may go with a bone. */
+/* Displacements of these blocks at `way` (0..1) from one slice to the other: by the body's surface first, then by
+ * bone's where that gives none. */
 INLINE void find_any_batch(const Shaping *s, const Scratch *c, const uint32_t *blocks, float way, Batch *m)
 {
     const uint32_t nx = (uint32_t)s->n_blocks[0];
@@ -390,8 +391,8 @@ CTS_TARGET_AVX2 static void find_batch_avx2(const Shaping *s, const Scratch *c, 
     find_any_batch(s, c, blocks, way, m);
 }
 
-/* Blocks that move somewhere on the way from slice to slice, where find_batch() lets the others rest, and differ by
- * more than noise. */
+/* Lists blocks that are displaced at any position between the slices, where find_batch() leaves the others unchanged,
+ * and that differ by more than noise. */
 INLINE void find_any_moves(const Shaping *s, Scratch *c)
 {
     const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
@@ -433,8 +434,8 @@ static size_t list_flagged(const uint8_t *flags, size_t n, size_t first, uint32_
     return found;
 }
 
-/* Lists what is looked at in every layer of a gap: most of it is at rest, or alike. A pixel's move is one of the blocks
- * around it, too. */
+/* Lists the blocks processed in every layer of a gap: most blocks are not displaced, or similar. Displacements of
+ * adjacent blocks affect a pixel, too. */
 static void list_blocks(const Shaping *s, Scratch *c)
 {
     const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_all_blocks(s);
@@ -464,15 +465,14 @@ typedef struct Sums {
     uint64_t n_voxels, n_moved, differences;
 } Sums;
 
-/* A layer that is made, `way` (0..1) between two slices. */
+/* A layer to be made, at `way` (0..1) between two slices. */
 typedef struct Layer {
     const uint16_t *slices[2];
     uint16_t *grey; /* blended, before anything moves */
     float way;
 } Layer;
 
-/* Pixels side by side, as the blocks of a row that are listed one behind the other; numbers are worked out for whole
- * vectors of them, which hold what is left of other runs beyond n. */
+/* A run of pixels from the listed blocks of a row; computed in whole vectors, whose entries beyond n are unused. */
 enum { RUN_BLOCKS = 32, RUN = BLOCK * RUN_BLOCKS };
 typedef struct Run {
     int x, y, n, n_whole;
@@ -500,7 +500,7 @@ INLINE float of_pair(uint32_t pair, int n)
     return (float)(int32_t)(pair >> 16 * (n ^ (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__)) & 0xffff);
 }
 
-/* Grey levels of a slice where the pixels of a run come from: between four of its pixels. */
+/* Grey levels of a slice at the displaced positions of a run: bilinear between four pixels. */
 INLINE void find_grey(const CtsShapeStack *t, const uint16_t *slice, const Run *r, const float *dx, const float *dy,
                       float *restrict grey)
 {

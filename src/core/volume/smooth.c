@@ -18,7 +18,7 @@ typedef struct Lines {
     size_t n_lanes, lane_step, n_outer, outer_step;
     int reach;      /* of the kernel on one side, in voxels */
     float *weight;  /* reach + 1 of them, from the centre outwards */
-    float *scratch; /* scratch_size for each worker: LANES lines with what lies beyond their ends */
+    float *scratch; /* scratch_size for each worker: LANES lines with padding at their ends */
     size_t scratch_size;
 } Lines;
 
@@ -32,7 +32,7 @@ static Lines lines_along(const CtsVolume *v, int axis)
     return (Lines){.step = nx * ny, .n_lanes = nx * ny, .lane_step = 1, .n_outer = 1};
 }
 
-/* Beyond its ends a line goes on as its last voxel, so that what is constant stays so. */
+/* Lines are continued with their end voxels, so that constants are preserved. */
 static void smooth_lines(const Lines *s, uint16_t *at, int n_lanes, float *line)
 {
     const int reach = s->reach;

@@ -1,4 +1,4 @@
-/* Stored words to stored values (PS3.5 8.1.1): shifted, masked, signed, padding told from pixels. */
+/* Conversion of stored words to stored values (PS3.5 8.1.1): shifted, masked, sign-extended, padding separated. */
 #ifndef CTS_VOLUME_STORED_H
 #define CTS_VOLUME_STORED_H
 
@@ -9,11 +9,11 @@
 
 CTS_C_BEGIN
 
-/* How one slice's words are read: shifted right, masked, sign-extended, then padding told from pixels. */
+/* Encoding of one slice's words: shifted right, masked, sign-extended, then compared with the padding. */
 typedef struct CtsStored {
     int shift, bits; /* the stored value is `bits` wide and begins at bit `shift` */
     bool is_signed;
-    int32_t padding_low, padding_high; /* stored values, inclusive; low > high: none */
+    int32_t padding_low, padding_high; /* stored values, inclusive; low > high: no padding */
     int32_t padding_word;              /* a whole word that is padding; -1: none */
 } CtsStored;
 
@@ -34,7 +34,7 @@ static inline bool cts_stored_is_padding(uint16_t word, int32_t value, const Cts
 }
 
 CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored *stored);
-/* Of what two ranges hold. */
+/* The union of two ranges. */
 CtsStoredRange cts_stored_range_join(CtsStoredRange a, CtsStoredRange b);
 
 CTS_C_END

@@ -39,7 +39,7 @@ void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16
     }
 }
 
-/* What all rows are thresholded with. */
+/* Parameters common to all rows. */
 typedef struct Threshold {
     CtsBits *bits;
     const uint16_t *grey;

@@ -1,4 +1,4 @@
-/* Which voxels reach a grey level, as bits. */
+/* Thresholding of voxels to bits. */
 #ifndef CTS_VOLUME_THRESHOLD_H
 #define CTS_VOLUME_THRESHOLD_H
 
@@ -7,11 +7,11 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* What counts as dense: below fat and skin, above foam, paper and most cloth. */
+/* Lower limit of dense voxels: below fat and skin, above foam, paper and most cloth. */
 static const double CTS_DENSE_HU = -350;
 
-/* Whether these are voxels, and tissue denser than that, of a micro-CT's specimen: no patient, and no table that fits
- * one. Cone beams for teeth and ears of people have such voxels too, and show less than a head. */
+/* True for voxels and dense extent of a micro-CT specimen, which is no patient and has no table. Cone beams for teeth
+ * and ears of patients have such voxels too, and show less than a head. */
 static inline bool cts_is_specimen(const double spacing_mm[3], const double size_mm[3])
 {
     static const double finest_mm = 0.005, coarsest_mm = 0.2, largest_mm = 200;
@@ -28,7 +28,7 @@ static inline uint16_t cts_dense_grey(const CtsVolume *v)
     return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
 }
 
-/* One row: bit i tells whether level i of n is at least min. */
+/* One row: bit i is set if level i of n is at least min. */
 void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
 
 /* The voxels whose level is at least grey_min; grey has the dimensions of bits. Returns how many runs their rows have.

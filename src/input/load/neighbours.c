@@ -176,7 +176,7 @@ static void tell_adjacent(const Samples *s, const double *one, const double *two
     for (int k = 1; k + 2 < s->n; k++)
         if (better(two[k - 1] + two[k], one[k - 1] + one[k + 1]))
             first = (*n_found)++ ? first : k;
-    /* Where it holds throughout the stack, the scanner acquired slices alternately. */
+    /* If it holds throughout the stack, the scanner acquired slices alternately. */
     if (*n_found && 4 * *n_found < s->n)
         tell_exchanged(s, first, first + 1, report);
 }
@@ -318,9 +318,9 @@ static bool is_specimen(const Samples *s, double gap_mm)
     return cts_is_specimen(spacing_mm, size_mm);
 }
 
-/* Judged by the size of the body, since small isotropic spacings are real in micro-CT. A body that would be narrower
- * than a scanner's bore of 700 mm if its unit were metres is in metres; one that would lie completely within a field of
- * view of 500 mm in centimetres is in centimetres, unless it has a micro-CT's voxels. */
+/* Uses the size of the body, since small isotropic spacings are real in micro-CT. A body that would be narrower than a
+ * scanner's bore of 700 mm if its unit were metres is in metres; one that would lie completely within a field of view
+ * of 500 mm in centimetres is in centimetres, unless it has a micro-CT's voxels. */
 static void tell_spacing(const Samples *s, int rim, CtsReport *report)
 {
     const CtsSlice *m = &s->slices[s->n / 2];
