@@ -15,7 +15,8 @@ def declarations(headers):
             text += file.read()
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
     text = re.sub(r"^\s*#(.*\\\n)*.*$|^CTS_API_(BEGIN|END)$", "", text, flags=re.M)
-    text = re.sub(r"[A-Z_]+\([A-Z_]+\) (CTS_N_[A-Z]+)", r"\1, ...", text)  # ids of a list by macro: the compiler knows
+    # enumerators from a macro list: the compiler counts them
+    text = re.sub(r"[A-Z_]+\([A-Z_]+\) (CTS_N_[A-Z]+)", r"\1, ...", text)
     text = re.sub(r"__attribute__\s*\(\(.*?\)\)(?=;)", "", text, flags=re.S)
     return re.sub(r"static inline [^{]*\{.*?\n\}", "", text, flags=re.S)
 

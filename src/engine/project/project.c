@@ -8,7 +8,7 @@
 #include "engine/project/project_packets.h"
 #include <math.h>
 
-/* A picture under way. */
+/* State of a picture. */
 typedef struct Projecting {
     const CtsScene *scene;
     CtsProjection projection;
@@ -56,7 +56,7 @@ static void project_some(void *context, int worker, size_t first, size_t end)
         project_tiles(pr, worker, (int)i * CTS_PROJECT_TILE);
 }
 
-/* Levels that the window shows as black or white need not be told apart. */
+/* Levels beyond the window, which are black or white, need not be distinguished. */
 static void set_window(const CtsScene *scene, CtsProjection *p)
 {
     const CtsPreset *preset = scene->preset;
@@ -115,7 +115,7 @@ static void look_into_rows(void *context, int worker, size_t first, size_t end)
         }
 }
 
-/* The cells of a macro-cell one by one: their field lies between the smallest and the largest of their corners. */
+/* The cells of a macro-cell one by one: their field lies between the smallest and the largest voxel of each. */
 static CtsSeenCells look_into_cells(const CtsProjector *p, const int block[3])
 {
     enum { N = CTS_FINE_MACROCELL, CORNERS = N + 1 };

@@ -6,12 +6,11 @@
 #include "core/scene/engine.h"
 #include "core/volume/macrocells.h"
 
-/* Which cells of a volume are seen, where not all are. */
+/* Visible cells of a volume, where not all are. */
 typedef struct CtsSeen CtsSeen;
 void cts_seen_free(CtsSeen **seen);
 
-/* *seen: NULL, or what an earlier picture of the volume left there; the caller frees it. picture NULL: only make the
- * plan. */
+/* *seen: NULL, or the cache of an earlier picture of the volume; the caller frees it. picture NULL: only the plan. */
 CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsSeen **seen, CtsPicture *picture,
                       CtsReport *report, CtsError *err);
 

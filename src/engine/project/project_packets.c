@@ -19,10 +19,10 @@ typedef struct Packet {
     vf start[3], t0, t1;
     vmask inside;           /* rays with some length in the box */
     int first, last;        /* macro-cells along axes[2] that they cross */
-    double low[2], high[2]; /* where the rays cross layer 0, along axes[0] and [1]: the lowest and the highest */
+    double low[2], high[2]; /* extent of the rays' intersections with layer 0, along axes[0] and [1] */
 } Packet;
 
-/* What is the same for all rays. */
+/* Parameters common to all rays. */
 typedef struct Way {
     double step[3], per_step[3];
     double slope[2]; /* along axes[0] and [1] for a layer of axes[2] */
@@ -79,7 +79,7 @@ static Packet packet_of(const CtsProjection *p, const Way *w, int x, int y, int 
     return r;
 }
 
-/* The macro-cells of one layer of them that rays may touch: from low to high along axes[0] and [1]. */
+/* The macro-cells of one layer that rays may cross: from low to high along axes[0] and [1]. */
 typedef struct Box {
     int low[2], high[2];
 } Box;
@@ -97,7 +97,7 @@ static Box box_of(const CtsProjection *p, const Way *w, const double low[2], con
     return box;
 }
 
-/* What the macro-cells of a box have in common. */
+/* Properties common to the macro-cells of a box. */
 typedef struct Common {
     CtsRange range;
     bool sees_some, sees_all;
@@ -130,8 +130,8 @@ INLINE vn cell_at(const CtsProjection *p, int a, vf place)
     return __builtin_convertvector(vf_min(vf_max(place, vf_of(0)), last), vn);
 }
 
-/* The rays' way through layer k of cells is cut where they cross from cell to cell: t[0] to t[1] in the first, to t[2]
- * in the second, to t[3] in the third. No ray moves by more than a cell along the other axes. */
+/* Splits the rays within layer k of cells where they cross from cell to cell: t[0] to t[1] in the first, to t[2] in the
+ * second, to t[3] in the third. No ray moves by more than a cell along the other axes. */
 INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, vf t[4])
 {
     const int axis = p->axes[2];
@@ -163,7 +163,7 @@ INLINE void cells_at(const CtsProjection *p, const Way *w, const Packet *r, vf t
     cell[p->axes[2]] = vn_of(k);
 }
 
-/* Their eight corners, bit a of the index for axis a. */
+/* Their eight voxels, bit a of the index for axis a. */
 INLINE void load_corners(const CtsProjection *p, const vn cell[3], vf value[8])
 {
     const uint16_t *grey = p->projector.volume->grey;
@@ -211,8 +211,8 @@ static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
     return ray;
 }
 
-/* What the rays see of the way through their cells, as many stretches as the ray has that is cut most often; from first
- * to last, which are the same where a ray has fewer. */
+/* Visible intervals of the rays through their cells, as many as the ray with most intervals has; from first to last,
+ * empty where a ray has fewer. */
 typedef struct Seen {
     int n;
     vf first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES];
@@ -286,13 +286,14 @@ INLINE vf largest_between(const Way *w, const Packet *r, const vn cell[3], const
     return best;
 }
 
-/* What a packet has found. */
+/* Results of a packet. */
 typedef struct Found {
     vf best; /* times sign */
     vmask seen;
 } Found;
 
-/* Some of the rays may find more in layer k of cells; those not seen yet need only be told whether they see. */
+/* Updates the results in layer k of cells; with sees_all false only whether rays without any visible interval so far
+ * have one. */
 static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
 {
     vf t[4];
@@ -343,7 +344,7 @@ static int32_t bound_of(const CtsProjection *p, const Common *c)
     return !c->sees_some ? INT32_MIN : p->sign > 0 ? c->range.high : -(int32_t)c->range.low;
 }
 
-/* The least that a ray has found which might use more; infinite when none might. */
+/* The smallest result of the rays that could still change; infinite when none could. */
 INLINE double least_found(const CtsProjection *p, const Packet *r, const Found *found)
 {
     const vf open = vf_select(r->inside & (found->best < p->enough), found->best, vf_of(INFINITY));
@@ -353,7 +354,7 @@ INLINE double least_found(const CtsProjection *p, const Packet *r, const Found *
     return least;
 }
 
-/* The layers of macro-cells that the tile's rays touch, in falling order of what they promise, as far as asked for. */
+/* The layers of macro-cells that the tile's rays cross, in falling order of their bounds, as far as requested. */
 typedef struct Layers {
     const CtsProjectScratch *scratch;
     int first, last, n_sorted;
@@ -374,7 +375,7 @@ static int layer_of_rank(Layers *layers, int rank)
     return order[rank];
 }
 
-/* Whether each ray sees anything, where what it has found does not tell. */
+/* Determines for each ray whether it has a visible interval, where its result does not show it. */
 static void look_whether_seen(const CtsProjection *p, const Way *w, const Packet *r, Found *found)
 {
     for (int layer = r->first; layer <= r->last && mask_any(r->inside & ~found->seen); layer++) {
@@ -406,7 +407,7 @@ static void find_extremes(const CtsProjection *p, const Way *w, const Packet *r,
             grey[l] = p->sign * found.best[l];
 }
 
-/* Sum and length of what a packet sees. */
+/* Sum and length of a packet's visible intervals. */
 typedef struct Summed {
     vf sum, length;
 } Summed;
@@ -467,7 +468,7 @@ static void find_means(const CtsProjection *p, const Way *w, const Packet *r, do
             grey[l] = s.sum[l] / s.length[l];
 }
 
-/* What no ray of the tile can exceed in each layer. */
+/* Upper limits of the tile's rays in each layer. */
 static Layers bound_layers(const CtsProjection *p, const Way *w, const Packet *packets, int n,
                            const CtsProjectScratch *scratch)
 {

@@ -8,15 +8,15 @@
 #include "core/volume/owners.h"
 #include <stdint.h>
 
-/* One ray of the modes mip, minip and average, and which stretches of it are seen within one cell. */
+/* A ray of the modes mip, minip and average, and its visible intervals within one cell. */
 
 typedef struct CtsProjector {
     const CtsVolume *volume;
     const CtsMacrocells *macrocells;
     const CtsView *view;
     CtsMode mode;
-    const CtsBodyMask *body; /* what alone is seen; NULL: all */
-    const CtsOwners *owners; /* some of whom are hidden; NULL: nobody is */
+    const CtsBodyMask *body; /* the visible part; NULL: all */
+    const CtsOwners *owners; /* with hidden labels; NULL: none are hidden */
     ptrdiff_t stride[3];     /* of voxels; 0 along an axis of one */
 } CtsProjector;
 
@@ -27,35 +27,35 @@ typedef struct CtsProjectedRay {
 
 /* Pixel (x, y)'s ray; false where it misses the box. */
 bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *ray);
-/* The grey level at t0 of a ray that has no length, as at a corner of the box; infinite where nothing is seen. */
+/* The grey level at t0 of a ray without length, as at a corner of the box; infinite where nothing is visible. */
 double cts_project_point(const CtsProjector *projector, const CtsProjectedRay *ray);
 
-/* What is seen of a cell that the ray is in from t = `from` to `to`: stretches first[] to last[] of it, in order, and
- * how many. */
+/* The visible intervals of a cell that the ray crosses from t = `from` to `to`: first[] to last[], in order; returns
+ * their number. */
 int cts_project_stretches(const CtsProjector *projector, const CtsProjectedRay *ray, const int cell[3], double from,
                           double to, double first[CTS_CELL_STRETCHES], double last[CTS_CELL_STRETCHES]);
 
-/* The modes mip, minip and average by tiles: rows of eight pixels as packets of rays that go through the same layers of
- * cells together, the layers of most promise first. */
+/* The modes mip, minip and average by tiles: rows of eight pixels as packets of rays that cross the same layers of
+ * cells together, the most promising layers first. */
 
-enum { CTS_PROJECT_TILE = 8 }; /* pixels each way */
+enum { CTS_PROJECT_TILE = 8 }; /* pixels in each direction */
 
-/* Cells of a fine macro-cell, bit i + 4 j + 16 k: those that are seen at least in part, and those that are seen whole.
- */
+/* Cells of a fine macro-cell, bit i + 4 j + 16 k: those visible at least in part, and those visible completely. */
 typedef struct CtsSeenCells {
     uint64_t some, all;
 } CtsSeenCells;
 enum { CTS_ALL_CELLS = -1, CTS_NO_CELL = -2 };
 
-/* What all tiles of a picture share. */
+/* Parameters common to all tiles of a picture. */
 typedef struct CtsProjection {
     CtsProjector projector;
-    int axes[3]; /* of the volume: axes[2] is crossed layer by layer, as the ray goes fastest along it */
+    int axes[3]; /* of the volume: axes[2] is crossed layer by layer, as the ray advances fastest along it */
     const int32_t
         *sees; /* of each fine macro-cell: CTS_ALL_CELLS, CTS_NO_CELL or a place in cells[]; NULL: all of all */
     const CtsSeenCells *cells;
-    double sign;          /* 1: the largest level is looked for, -1: the smallest */
-    double least, enough; /* levels times sign: what is below counts as `least`, and what is above need not be known */
+    double sign; /* 1: search for the largest level, -1: the smallest */
+    /* levels times sign: smaller ones count as `least`, and larger ones than `enough` need not be distinguished */
+    double least, enough;
 } CtsProjection;
 
 /* Of one thread, n_fine[axes[2]] each: levels times sign that no ray of the tile exceeds there, and layers in falling
@@ -65,9 +65,9 @@ typedef struct CtsProjectScratch {
     int *order;
 } CtsProjectScratch;
 
-/* grey[8 * row + column] of the tile that begins at (x, y) of the view, so many pixels wide and high: the
- * largest, smallest or mean level, infinite where nothing is seen, but for levels below `least` and above `enough`. The
- * same numbers on every path. */
+/* grey[8 * row + column] of the tile that begins at (x, y) of the view, with this width and height in pixels: the
+ * largest, smallest or mean level, infinite where nothing is visible; exact between `least` and `enough`. The same
+ * numbers on every SIMD path. */
 typedef void (*cts_project_tile_fn)(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,
                                     int width, int height, double *grey);
 void cts_project_tile(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,

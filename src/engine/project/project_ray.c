@@ -34,7 +34,7 @@ static inline double clamp01(double x)
     return x < 1 ? x : 1;
 }
 
-/* Where a ray is in a cell, 0 to 1. */
+/* Position of a ray in a cell, 0 to 1. */
 static void place_in(const CtsProjectedRay *ray, const int cell[3], double t, double place[3])
 {
     for (int a = 0; a < 3; a++)
@@ -53,7 +53,7 @@ static int body_stretches(const CtsBodyMask *body, const int cell[3], const doub
     return cts_level_stretches(corner, CTS_BODY_LEVEL, begin, end, stretch);
 }
 
-/* Owners divide what lies in the body. */
+/* Within the body, the intervals are split at boundaries of labels. */
 int cts_project_stretches(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
                           double first[CTS_CELL_STRETCHES], double last[CTS_CELL_STRETCHES])
 {

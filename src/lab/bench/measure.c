@@ -43,7 +43,7 @@ static CtsStatus judge(Child *c, const CtsPicture *picture, const CtsReport *rep
     return st ? st : cts_reference_compare(c->own[CTS_KERNEL_TENT], picture, &c->row->trilinear, &c->err);
 }
 
-/* The processor's high-water mark starts anew, as the parent's was handed down; where that cannot be, it stays. */
+/* Resets the peak memory, which is inherited from the parent; where that is impossible, it stays. */
 static void reset_peak(void)
 {
     const int file = open("/proc/self/clear_refs", O_WRONLY | O_CLOEXEC);
@@ -95,7 +95,7 @@ static CtsStatus render_runs(Child *c)
     return CTS_OK;
 }
 
-/* Reads what the child sends; passes a request to stop on to it. */
+/* Reads the worker process's result; forwards a request to stop. */
 static bool read_all(int file, pid_t pid, const volatile sig_atomic_t *stop, void *data, size_t n)
 {
     bool told = false;

@@ -1,4 +1,4 @@
-/* The paper's tables on one series: each of its engines, and each with what ours does otherwise undone. */
+/* The paper's tables on one series: each of its engines, and each without ctsplat's additions. */
 #include "lab/bench/paper_table.h"
 
 #include "base/clock.h"
@@ -75,7 +75,7 @@ static CtsStatus run_round(const CtsPaperSettings *settings, const CtsVolume *le
     return st;
 }
 
-/* Each round's share of classic's time: what slows the machine slows both. */
+/* Each round's time as a share of classic's in the same round, since slowdowns of the machine affect both. */
 static void sum_up(CtsPaperTable *table)
 {
     double share[CTS_PAPER_ROUNDS];

@@ -1,5 +1,5 @@
-/* `ctsplat bench --paper`: the paper's engines as it has them (cones from a table, 8 bits, unlit, one picture of each
- * by turns), their times in per cent of plain splatting beside those it gives. */
+/* `ctsplat bench --paper`: the paper's engines, configured as in the paper (cones from a table, 8 bits, unlit, one
+ * picture of each in turn), and their times in per cent of plain splatting beside the published ones. */
 #ifndef CTS_BENCH_PAPER_TABLE_H
 #define CTS_BENCH_PAPER_TABLE_H
 
@@ -14,7 +14,7 @@ typedef struct CtsPaperRow {
     CtsEngineId engine;
     bool sees_hidden, reuses_always; /* as in CtsRenderSettings */
     double paper_percent;            /* the paper's mean; 0: it has no such engine */
-    const char *paper_sets;          /* its data sets', one by one; NULL likewise */
+    const char *paper_sets;          /* those of its data sets, one by one; NULL likewise */
     double ms[CTS_PAPER_ROUNDS];     /* of each round; wall, or with one thread CPU time, which others disturb less */
     double median_ms, percent;       /* medians; percent of classic's of the same round, with its quartiles */
     double percent_low, percent_high;

@@ -1,4 +1,4 @@
-/* Which settings are measured: each engine with each of its kernels, and what each can be tuned by. */
+/* The settings to be measured: each engine with each of its kernels and tuning parameters. */
 #include "lab/bench/bench.h"
 
 #include <assert.h>
@@ -40,7 +40,7 @@ static void add_by_error(Plan *p, CtsEngineId engine)
     }
 }
 
-/* An engine that is neither the paper's nor the reference keeps --max-error, and is measured by it. */
+/* An engine that is neither the paper's nor the reference has --max-error, and is measured with it. */
 static void add_engine(Plan *p, CtsEngineId engine)
 {
     const bool reuses_layers = engine == CTS_ENGINE_LAYERS || engine == CTS_ENGINE_COMBINED;

@@ -1,5 +1,5 @@
 /* The numerical stability suite (`ctsplat check`): scenes with a closed form or an exact property, for every engine to
- * which they apply. Works through the public interface alone, so it tests what users get. */
+ * which they apply. Uses only the public interface, and so tests the library as users get it. */
 #ifndef CTS_CHECK_CHECK_H
 #define CTS_CHECK_CHECK_H
 
@@ -7,7 +7,7 @@
 #include <signal.h>
 #include <stdbool.h>
 
-/* What was rendered last for a result, so that it can be looked at. */
+/* The last picture of a result, so that it can be reproduced. */
 typedef struct CtsCheckScene {
     int width, height; /* 0: nothing */
     int x, y;          /* the pixel that expected and found are of; -1: they are of no single pixel */
@@ -17,7 +17,7 @@ typedef struct CtsCheckScene {
 
 typedef struct CtsCheckResult {
     const char *name;   /* of the case, unique together with engine */
-    const char *engine; /* or "-" where the case needs none */
+    const char *engine; /* or "-" for a case without an engine */
     double expected, found, error, bound;
     bool pass; /* error <= bound */
     CtsCheckScene scene;
@@ -33,8 +33,8 @@ typedef struct CtsCheckSettings {
     void *context;
 } CtsCheckSettings;
 
-/* Counts may be NULL. A case that cannot be rendered at all is a failure of the case (found NAN), not of the suite;
- * CTS_ERR_USAGE when no case has such a name; CTS_ERR_INTERRUPTED when asked to stop. */
+/* Counts may be NULL. A case that cannot be rendered is a failure of the case (found NAN), not of the suite;
+ * CTS_ERR_USAGE when no case has such a name; CTS_ERR_INTERRUPTED when a stop is requested. */
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err);
 
 #endif

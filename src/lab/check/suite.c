@@ -8,9 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* An error that nobody asks for is not told either. */
+/* Errors below the smallest requested one are not reported either. */
 #define UNTOLD (0.01 / 255)
-/* Twice the error that a single pixel may have where pictures keep what is promised of them. */
+/* Twice the error of a single pixel that is possible where pictures meet the promised one. */
 #define CHECK_BRIGHT (50 * CHECK_PROMISED)
 
 CtsCheckFamily cts_check_family(CtsEngineId engine)
@@ -103,7 +103,7 @@ double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene)
                             scene->dims[2] != 1 && scene->mm_per_pixel <= CTS_SCENE_COARSEST_PIXEL;
     if (!(CHECK_OF_SHEETS >> run->engine & 1))
         return bound;
-    /* Cases of opacities so small that the bound of sheets says nothing of them are the others'. */
+    /* In cases of very small opacity the error bound of sheets has no meaning; the other engines test them. */
     return !has_sheets || bound < 1e-6 ? CHECK_NONE : fmax(bound, CHECK_SHEETS_PIXEL);
 }
 
@@ -136,7 +136,7 @@ static CtsRenderSettings settings_of(const CtsCheckRun *run, const CtsFormulaSce
     r.opacity_per_voxel = s->per_voxel;
     r.max_error = s->max_error;
     r.tolerance_hu = s->tolerance_hu;
-    /* On a small picture threads would do little but wait for each other. */
+    /* Threads do not pay for small pictures. */
     r.n_threads = s->n_threads > 0 ? s->n_threads : r.width * r.height < 16384 ? 1 : run->settings->n_threads;
     return r;
 }
@@ -203,7 +203,7 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixe
     worst.rms = sqrt(sum / (3.0 * n));
     cts_picture_free(&picture);
     if (brightest > 0 && 2 * bound > brightest)
-        bound = -1; /* half of the light might be missing */
+        bound = -1; /* the bound would allow half of the light to be missing */
     if (!st)
         cts_check_worst_value(run, &worst, bound);
     return st;

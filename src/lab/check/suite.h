@@ -1,4 +1,4 @@
-/* What the stability suite's case files share: a row per case, and ways to state a result. */
+/* Shared declarations of the suite's case files: a row per case, and functions to report a result. */
 #ifndef CTS_CHECK_SUITE_H
 #define CTS_CHECK_SUITE_H
 
@@ -18,12 +18,14 @@ enum {
         1u << CTS_ENGINE_CLASSIC | 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED,
     CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
     CHECK_OF_ALL = (1u << CTS_N_ENGINES) - 1,
-    CHECK_OF_SHEETS = 1u << CTS_ENGINE_SHEETS, /* samples rays, and keeps --max-error by error control alone */
-    CHECK_OF_TILED = CHECK_OF_ALL & ~(CHECK_OF_PAPER | CHECK_OF_RAYCAST | CHECK_OF_SHEETS), /* keep it by bounds */
-    CHECK_OF_FIELDS = CHECK_OF_TILED | CHECK_OF_RAYCAST, /* what lies between voxels, and the edges between labels */
+    CHECK_OF_SHEETS = 1u << CTS_ENGINE_SHEETS, /* samples rays, and meets --max-error by error control alone */
+    /* meet it by estimates for each segment */
+    CHECK_OF_TILED = CHECK_OF_ALL & ~(CHECK_OF_PAPER | CHECK_OF_RAYCAST | CHECK_OF_SHEETS),
+    /* the field between voxels, and the boundaries between labels */
+    CHECK_OF_FIELDS = CHECK_OF_TILED | CHECK_OF_RAYCAST,
 };
 
-/* What tiled promises of a picture's rms: the default of --max-error. */
+/* The rms error that tiled promises: the default target. */
 #define CHECK_PROMISED (0.5 / 255)
 
 /* Sheets promise the rms of a picture: a pixel may be off by four times that. */
@@ -60,7 +62,7 @@ extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, 
 /* One result; error is |found - expected|, or INFINITY where it is no number. */
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);
 
-/* A scene by formula, and what each family may miss of it. What is left out is 0, which stands for what is said. */
+/* A scene by formula, and the error bound of each family. Omitted fields are 0, which has the stated meaning. */
 typedef struct CtsFormulaScene {
     int dims[3];
     double spacing_mm[3]; /* zeros: 1 */
@@ -113,7 +115,7 @@ typedef struct CtsMadeScene {
 } CtsMadeScene;
 CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *scene, CtsMadeScene *made, CtsError *err);
 
-/* Made, rendered, and but for the picture gone again. */
+/* Creates and renders a scene, and frees everything except the picture. */
 CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPicture **picture, CtsError *err);
 
 /* cts_render(), noted for the result. */
@@ -124,26 +126,25 @@ CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsP
 typedef struct CtsCheckWorst {
     double expected, found, error;
     int x, y;
-    bool dark;        /* a value that should be bright has lost half of its light */
-    double rms, most; /* of the picture's colours: error, and the largest; 0: not known */
+    bool dark;        /* a bright value has lost half of its light */
+    double rms, most; /* of the picture's colours: rms and largest error; 0: not known */
 } CtsCheckWorst;
 void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found);
-/* Fails whatever the bound where a pixel is dark, or rms or the largest error is above what the picture's report tells.
- */
+/* Fails for any bound where a pixel is dark, or rms or largest error exceed the picture's reported one. */
 void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound);
 
 /* Truth of a ray that meets the box; rgba is 0 before. */
 typedef void (*CtsPixelTruth)(const CtsTruthRay *ray, const void *data, double rgba[4]);
 
-/* Sets run->truth, unless an engine before had the same scene: a truth often takes longer than any of them. */
+/* Sets run->truth, unless an earlier engine had the same scene: a truth often takes longer than any engine. */
 CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
                                CtsError *err);
 
-/* Renders and states the worst of all pixels and channels against truth, which is handed data. Fails too where the
+/* Renders and reports the largest error of all pixels and channels against truth, which gets data. Also fails where the
  * bound is so wide that half of the brightest pixel's light might be missing. */
 CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
                             double bound, CtsError *err);
-/* The same for a scene by formula; data is what was made of it, a CtsMadeScene. */
+/* The same for a scene by formula; data is the scene created from it, a CtsMadeScene. */
 CtsStatus cts_check_against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPixelTruth truth, CtsError *err);
 
 /* A CtsCheckCase.run of a scene whose truth is rays through its voxels; and that truth, of a CtsMadeScene. */
@@ -155,7 +156,7 @@ double cts_check_differing(const CtsPicture *a, const CtsPicture *b);
 
 /* Repeatable pseudo-random HU in low..high (data: double[3], low, high and seed) at whole voxels. */
 double cts_hu_noise(const double vox[3], const void *data);
-/* 16-bit extremes by turns. */
+/* Alternating 16-bit extremes. */
 double cts_hu_checkers(const double vox[3], const void *data);
 
 #endif

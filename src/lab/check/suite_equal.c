@@ -1,12 +1,12 @@
-/* What must be equal to the bit: threads, CPU features, and the paper's savings when nothing is lost. Found is the
- * number of values that differ. */
+/* Bit-exact properties: threads, CPU features, and the paper's savings in lossless settings. Found is the number of
+ * different values. */
 #include "base/cpu.h"
 #include "lab/check/suite.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Mostly air, and layers that repeat: what voids and similar layers feed on. */
+/* Mostly air, and repeated layers: the input on which void voxels and similar layers save most. */
 static double hu_blocks(const double vox[3], const void *data)
 {
     const double block[3] = {floor(vox[0] / 5), floor(vox[1] / 4), floor(vox[2] / 7)};
@@ -20,7 +20,7 @@ static double hu_repeats(const double vox[3], const void *data)
     return cts_hu_noise((const double[3]){vox[0], floor(vox[1] / 12), vox[2]}, data);
 }
 
-/* Alike in all layers, 499 HU and a little of 500: the last of a patch's levels decides whether it shows. */
+/* Equal in all layers, 499 HU and a little of 500: visibility depends on the last of a patch's levels. */
 static double hu_one_level(const double vox[3], const void *data)
 {
     return 499 + (cts_hu_noise((const double[3]){vox[0], 0, vox[2]}, data) > 0.97);
@@ -72,7 +72,7 @@ static CtsStatus savings(CtsCheckRun *run, const void *data, CtsError *err)
     return compare(run, &classic, data, data, err);
 }
 
-/* A change of exactly the tolerance is none, so that a wider one makes no difference. */
+/* A change of exactly the tolerance counts as none, so that a larger tolerance makes no difference. */
 static CtsStatus tolerance(CtsCheckRun *run, const void *data, CtsError *err)
 {
     CtsFormulaScene a = *(const CtsFormulaScene *)data, b = a;

@@ -1,5 +1,5 @@
 /* A box of one tissue, filled to the border of the volume: beyond it is air, so that the faces where a scan cuts
- * through the body are lit as surfaces, and nothing inside is. */
+ * through the body are shaded as surfaces, and nothing inside is. */
 #include "lab/check/suite.h"
 
 static const CtsCheckPoint of_3[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.03, {0.2, 0.5, 0.9}}};

@@ -1,4 +1,4 @@
-/* Labels that are hidden or have a colour of their own: what a ray shows where its owner changes within cells. */
+/* Hidden or coloured labels: pixels of rays that cross boundaries of labels within cells. */
 #include "lab/check/suite.h"
 
 #include "ctsplat/labels.h"
@@ -12,9 +12,9 @@ enum { NX = 13, NY = 12, NZ = 10, MOST_LABELS = 3 };
 typedef struct Scene {
     int n_labels;
     bool (*holds)(int label, int i, int j, int k);
-    double (*share)(int label, int i, int j, int k); /* of a voxel that a label fills in part; NULL: none is */
+    double (*share)(int label, int i, int j, int k); /* fraction of a voxel that a label fills in part; NULL: none */
     const char *show, *hide, *looks[MOST_LABELS];
-    const char *colours[MOST_LABELS + 1]; /* as the truth has them: of each label, and of the rest; NULL: hidden */
+    const char *colours[MOST_LABELS + 1]; /* for the truth: of each label, and of unlabelled voxels; NULL: hidden */
     int layers;                           /* to a slice distance; 0: 1 */
     bool lit;
     double azimuth_deg, elevation_deg;
@@ -29,7 +29,7 @@ typedef struct Labels {
     double position_lps[NZ][3];
 } Labels;
 
-/* As it is stored. */
+/* Rounded as stored. */
 static double share_of(const Scene *s, int label, int i, int j, int k)
 {
     const double share = s->share ? fmin(fmax(s->share(label, i, j, k), 0), 1) : s->holds(label, i, j, k);
@@ -74,7 +74,8 @@ typedef struct Truth {
     uint64_t voxels[MOST_LABELS];
 } Truth;
 
-/* A scanned voxel's part in the fields: labels take of it from the smallest on what they fill, as far as it is left. */
+/* A scanned voxel's contribution to the fields: labels take their fractions, from the smallest label on, as far as a
+ * remainder is left. */
 static void add_voxel(const Truth *t, int i, int j, int k, double weight, double field[MOST_LABELS + 1])
 {
     const int n_labels = t->scene->n_labels;
@@ -93,7 +94,7 @@ static void add_voxel(const Truth *t, int i, int j, int k, double weight, double
     field[n_labels] += weight * left;
 }
 
-/* Who owns a point: all eight corners of its cell of layers, straight lines between slices. */
+/* The label of a point: from all eight voxels of its cell of layers, linear between slices. */
 static int owner_at(const Truth *t, const double vox[3])
 {
     double field[MOST_LABELS + 1] = {0};
@@ -126,7 +127,7 @@ static int owner_on(const Truth *t, const CtsTruthRay *ray, double t_mm)
     return owner_at(t, vox);
 }
 
-/* Steps far shorter than a cell, and between two of different owners the place where they meet. */
+/* Steps far shorter than a cell; between two points of different labels, the position of the boundary. */
 static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     enum { STEPS = 3000, HALVINGS = 34 };
@@ -208,7 +209,7 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
     return st;
 }
 
-/* For engines that know no edges a hidden voxel is one of air. */
+/* For engines without label boundaries a hidden voxel is air. */
 static CtsStatus air(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const Scene *const s = data;

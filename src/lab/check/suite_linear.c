@@ -1,4 +1,4 @@
-/* Linear fields, whatever the view. */
+/* Linear fields, in any view. */
 #include "lab/check/suite.h"
 
 #include <math.h>
@@ -55,7 +55,7 @@ static void find_gradient(Scene *s)
     s->gradient_length = sqrt(length2);
 }
 
-/* Voxels that a millimetre of ray crosses: what --opacity-unit voxel counts by. */
+/* Voxels per millimetre of ray, the unit of --opacity-unit voxel. */
 static double voxels_per_mm(const CtsVolume *volume, const CtsFormulaScene *l)
 {
     const CtsTruthCamera camera = {l->azimuth_deg, l->elevation_deg, 1, 1, 1};

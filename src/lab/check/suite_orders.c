@@ -8,7 +8,7 @@ enum { SIZE = 64, VIEWS = 6, MOST = 2 };
 
 typedef struct OrderScene {
     CtsFormulaScene scene;
-    int samples[MOST]; /* from few to many; 0: none */
+    int samples[MOST]; /* rising numbers; 0: none */
     double order, bound;
 } OrderScene;
 
@@ -20,8 +20,8 @@ static double hu_hill(const double vox[3], const void *data)
     return -1000 + 60000 * exp(-(x * x + y * y + z * z + 0.4 * x * y - 0.3 * y * z));
 }
 
-/* A bent surface in one trilinear polynomial for the whole volume. Were there kinks between cells, sheets would find
- * the surface only to order 1.5; a ray that grazes it would outweigh all others. */
+/* A curved surface in one trilinear polynomial for the whole volume. With discontinuities of the slope between cells,
+ * sheets would find the surface only to order 1.5; a ray in grazing contact with it would outweigh all others. */
 static double hu_saddle(const double vox[3], const void *data)
 {
     const double x = vox[0] - 8, y = vox[1] - 8, z = vox[2] - 8;
@@ -55,8 +55,8 @@ static CtsStatus add_view(CtsCheckRun *run, const OrderScene *o, CtsMadeScene *m
     return st;
 }
 
-/* rms error with each number of samples, over several views together: where a surface lies between two sheets is chance
- * in each. */
+/* rms error with each number of samples, over several views together, since the position of a surface between two
+ * sheets is random in each view. */
 static CtsStatus find_rms(CtsCheckRun *run, const OrderScene *o, double rms[MOST], CtsError *err)
 {
     CtsMadeScene m;
@@ -73,7 +73,7 @@ static CtsStatus find_rms(CtsCheckRun *run, const OrderScene *o, double rms[MOST
     return st;
 }
 
-/* The order in which errors fall; with one number of samples what is left, as an error may fall as it should and yet be
+/* The order in which errors fall; with one number of samples the error itself, as it may fall correctly and yet be
  * large. */
 static CtsStatus order(CtsCheckRun *run, const void *data, CtsError *err)
 {

@@ -18,8 +18,8 @@ static double hu_ball(const double vox[3], const void *data)
     return b[1] - b[2] * sqrt(x * x + y * y + z * z);
 }
 
-/* What a ray so far from the middle of a ball of radius 10 mm shows: the closed form of the chord, 2 sqrt(R^2 - b^2).
- */
+/* The opacity of a ray at this distance from the centre of a ball of radius 10 mm: the closed form of the chord, 2
+ * sqrt(R^2 - b^2). */
 static double chord(double off)
 {
     return off < 10 ? -expm1(2 * sqrt(100 - off * off) * log(0.9)) : 0;
@@ -79,8 +79,8 @@ static double hu_marker(const double vox[3], const void *data)
     return fabs(vox[0] - 20) + fabs(vox[1] - 5) + fabs(vox[2] - 19) < 2 ? 1500 : -1024;
 }
 
-/* A marker at the patient's left, front and head: the share of light in the quarter of the picture where it belongs, of
- * which hu tells the side, right and up. */
+/* A marker at the patient's left, front and head: the share of light in the expected quarter of the picture, given by
+ * hu: side, right and up. */
 static CtsStatus marker(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const CtsFormulaScene *s = data;
@@ -99,7 +99,7 @@ static CtsStatus marker(CtsCheckRun *run, const void *data, CtsError *err)
     return st;
 }
 
-/* Two pictures' largest difference; b is seen mirrored left to right where asked. */
+/* The largest difference of two pictures; b is mirrored left to right on request. */
 static double largest(const CtsPicture *a, const CtsPicture *b, bool mirrored)
 {
     double most = 0;
@@ -112,14 +112,14 @@ static double largest(const CtsPicture *a, const CtsPicture *b, bool mirrored)
     return most;
 }
 
-/* Noise, mirrored where hu[3] says so, and from hu[4] on along y. */
+/* Noise, mirrored if hu[3] says so, and shifted along y by hu[4]. */
 static double hu_noise(const double vox[3], const void *data)
 {
     const double *hu = data;
     return cts_hu_noise((const double[3]){hu[3] > 0 ? 18 - vox[0] : vox[0], vox[1] + hu[4], vox[2]}, hu);
 }
 
-/* Renders two scenes, the second one turned with its patient by a quarter turn where asked, and states the largest
+/* Renders two scenes, the second one optionally rotated with its patient by a quarter turn, and reports the largest
  * difference. */
 static CtsStatus render_both(CtsCheckRun *run, const CtsFormulaScene scene[2], bool turned, bool mirrored,
                              CtsError *err)
@@ -143,7 +143,7 @@ static CtsStatus render_both(CtsCheckRun *run, const CtsFormulaScene scene[2], b
     return st;
 }
 
-/* Patient and camera turned by the same quarter turn. */
+/* Patient and camera rotated by the same quarter turn. */
 static CtsStatus turned(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const CtsFormulaScene *s = data;
@@ -162,7 +162,7 @@ static CtsStatus mirrored(CtsCheckRun *run, const void *data, CtsError *err)
     return render_both(run, scene, false, true, err);
 }
 
-/* Front and back half, one over the other, are the whole: layer `cut` bounds both. */
+/* Front and back half, one over the other, equal the whole: layer `cut` belongs to both. */
 static CtsStatus halves(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const int first[3] = {0, 0, 7}, length[3] = {21, 8, 14};
@@ -188,13 +188,14 @@ static CtsStatus halves(CtsCheckRun *run, const void *data, CtsError *err)
     return st;
 }
 
-/* What stands behind an opaque wall is not seen. */
+/* Objects behind an opaque wall are invisible. */
 static double hu_wall(const double vox[3], const void *data)
 {
     return vox[1] < 4 ? 3000 : cts_hu_noise(vox, data);
 }
 
-/* One cell of eight unlike voxels, along which HU rises and falls: dense straight stretches stand for the cubic. */
+/* One cell of eight different voxels, along which HU rises and falls: many short linear segments approximate the
+ * cubic. */
 static double cell_hu(const CtsVolume *v, const CtsTruthRay *ray, double t_mm)
 {
     double at[3], hu = 0;
@@ -235,7 +236,7 @@ static double hu_haze(const double vox[3], const void *data)
     return vox[1] <= 200 ? 200 : 3000;
 }
 
-/* Stripes, so that HU turns within one of them on most rays. */
+/* Stripes, so that most rays have an extreme of HU within one of them. */
 static CtsStatus cell(CtsCheckRun *run, const void *data, CtsError *err)
 {
     CtsFormulaScene s = *(const CtsFormulaScene *)data;

@@ -41,7 +41,7 @@ static const CtsCheckPoint grey_range[] = {{-1024, 0, {0, 0, 1}}, {64511, 0.02, 
 #define NEARLY .bound = {CHECK_NONE, 4e-3, 1e-6}
 
 static const CtsCheckCase cases[] = {
-    /* The paper's engines hold what is left of the light in float32, which changes by steps of 6e-8. */
+    /* The paper's engines store transmittance in float32, which changes by steps of 6e-8. */
     CHECK_LINEAR("stiff: tau h = 1e-8", PLATE, CHECK_POINTS(tau_1e_8), SPACING(1), .bound = {CHECK_NONE, 1e-11, 1e-13}),
     CHECK_LINEAR("stiff: tau h = 1e-8, oblique", PLATE, CHECK_POINTS(tau_1e_8), FROM_AROUND,
                  .bound = {CHECK_NONE, 1e-11, 1e-13}),

@@ -7,7 +7,8 @@ static const CtsCheckPoint even_3[] = {{0, 0.03, {0.2, 0.5, 0.9}}};
 static const CtsCheckPoint even_50[] = {{0, 0.5, {0.2, 0.5, 0.9}}};
 static const CtsCheckPoint even_ramp[] = {{0, 0, {1, 0, 0}}, {1000, 0.06, {0, 1, 1}}};
 static const CtsCheckPoint soft[] = {{100, 0, {0.9, 0.5, 0.2}}, {900, 0.08, {0.3, 0.8, 1}}};
-/* In RAMP, seen near its middle, what lies a voxel and more from the faces: there the gradient knows no border. */
+/* In RAMP, with its middle in view, the part at least a voxel from the faces, where the border does not affect the
+ * gradient. */
 static const CtsCheckPoint inner[] = {{400, 0, {0.9, 0.5, 0.2}}, {550, 0.08, {0.3, 0.8, 1}}, {690, 0, {0.3, 0.8, 1}}};
 static const CtsCheckPoint hidden[] = {{2000, 0, {1, 1, 1}}, {2001, 1, {1, 1, 1}}};
 

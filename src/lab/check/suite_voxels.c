@@ -1,10 +1,11 @@
-/* Things of a voxel's size, steps, and haze beside metal, from all sides and at all scales, against rays through their
- * voxels. What is thinner than a voxel once opacity has cut it is lost first where an engine looks too rarely. */
+/* Structures of a voxel's size, steps, and haze beside metal, from all sides and at all scales, against rays through
+ * their voxels. Structures whose visible part is thinner than a voxel are the first to be lost by an engine that
+ * samples too coarsely. */
 #include "lab/check/suite.h"
 
 #include <math.h>
 
-/* A pixel may be off by this many times what the picture may be off by, rms. */
+/* Largest error of a pixel as a multiple of the picture's rms error. */
 #define PIXELWISE 25
 
 static double shown(double value)
@@ -13,7 +14,7 @@ static double shown(double value)
 }
 
 /* Found is the rms over the picture's colours, or a PIXELWISE-th of the largest difference where that is more: the
- * pixel named is the one furthest off. Of a dark scene no more than an eighth of its light may be missing. */
+ * pixel named has the largest error. In a dark scene at most an eighth of its light may be missing. */
 static void judge(CtsCheckRun *run, const CtsRenderSettings *s, const CtsPicture *picture, double bound)
 {
     CtsCheckWorst worst = {0};
@@ -82,7 +83,7 @@ static double every(double at, double step)
     return fmod(at, step) == 3;
 }
 
-/* hu: what there is of 1 plates, 2 wires, 3 dots; 4 a single dot; one voxel each. Then their HU, 0: metal's. */
+/* hu: 1 plates, 2 wires, 3 dots, 4 a single dot; one voxel each. Then their HU, 0: metal's. */
 static double hu_thin(const double vox[3], const void *data)
 {
     const double *kind = data;
@@ -185,13 +186,13 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 #define WHOLE(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 1, CHECK_SIZE(32, 32)
 #define DOUBLE(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 2, CHECK_SIZE(18, 18)
 
-/* Seen from the side, where a ray may pass between two layers that hardly show it. */
+/* From the side, where a ray may pass between two layers in which it is hardly visible. */
 #define SINGLE(KIND, HU, AZ, EL)                                                                                       \
     CHECK_CUBE(17), .formula = hu_single, .hu = {KIND, HU}, CHECK_POINTS(from_150), CHECK_VIEW(AZ, EL),                \
                     .mm_per_pixel = 0.23, CHECK_SIZE(60, 60)
 
 #define VOXELS(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_FIELDS | CHECK_OF_SHEETS, voxels, __VA_ARGS__)
-/* What tiled does not keep yet. */
+/* Cases whose target tiled does not meet yet. */
 #define EXACT(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_RAYCAST, voxels, __VA_ARGS__)
 
 static const CtsCheckCase cases[] = {
@@ -239,7 +240,7 @@ static const CtsCheckCase cases[] = {
            .max_error = 0.25),
     VOXELS("voxels: steps of colour, oblique, 0.5 asked", LUMP, CHECK_POINTS(steps), HALF(80, 30), .max_error = 0.5),
     VOXELS("voxels: shells about bright wires", BRIGHT(2), CHECK_POINTS(about_metal), HALF(47, 27.85)),
-    /* Opaque where a voxel brightens its cells ever so little: rays graze it between the places that are looked at. */
+    /* Opaque where a voxel is only slightly above its cells: rays graze it between sampling positions. */
     VOXELS("voxels: grazing a dot", DOT, CHECK_POINTS(step_100), HALF(-35, 25)),
     VOXELS("voxels: grazing a dot, magnified", DOT, CHECK_POINTS(step_100), QUARTER(70, 50)),
     VOXELS("voxels: grazing dots, not magnified", DOTS, CHECK_POINTS(step_100), WHOLE(33, 57)),

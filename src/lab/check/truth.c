@@ -27,7 +27,7 @@ double cts_truth_integral(double (*f)(double, const void *), const void *data, d
     return last;
 }
 
-/* Between two knots: opacity runs from a0 by slope per mm, so that depth has a closed form. */
+/* Between two control points: opacity is linear per mm, so that depth has a closed form. */
 typedef struct Line {
     double a0, slope, unit_mm, scale;
     bool capped;
@@ -54,7 +54,8 @@ static double line_alpha(double t, const void *data)
     return -expm1(-line_depth(data, t));
 }
 
-/* Integral of line_alpha over the line. Short faint stretches are all but parabolas, for which three points do. */
+/* Integral of line_alpha over the line. Short segments of low opacity are nearly parabolas, for which three points
+ * suffice. */
 static double alpha_integral(const Line *l, double mm, double a1)
 {
     if (line_depth(l, mm) < 0.02 && (l->capped || fabs(a1 - l->a0) < 0.02 * (1 - fmax(l->a0, a1))))
@@ -100,8 +101,7 @@ static double lit(const CtsPreset *p, double facing, double colour)
     return colour * (p->ambient + p->diffuse * facing) + (facing > 0 ? p->specular * pow(facing, p->power) : 0);
 }
 
-/* A stretch without a knot inside; c(t) changes in a straight line: integral of c dA = c(end) A(end) - c' integral of
- * A. */
+/* A segment without a control point inside; c(t) is linear: integral of c dA = c(end) A(end) - c' integral of A. */
 static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, double mm, double facing,
                      CtsTruthLight *sum)
 {
@@ -220,7 +220,7 @@ bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double
 {
     const double az = camera->azimuth_deg * M_PI / 180, el = camera->elevation_deg * M_PI / 180;
     const double scale = camera->mm_per_pixel > 0 ? camera->mm_per_pixel : default_scale(volume, camera);
-    /* From the front: right is +x, up is +z. Azimuth turns about z, elevation about the picture's right. */
+    /* From the front: right is +x, up is +z. Azimuth rotates about z, elevation about the picture's right. */
     const double right[3] = {cos(az), sin(az), 0}, level[3] = {-sin(az), cos(az), 0};
     double forward[3], up[3];
     for (int c = 0; c < 3; c++) {

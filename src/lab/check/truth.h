@@ -1,5 +1,5 @@
-/* What pixels must be, from formulas: closed forms along straight stretches of HU, and rays through a volume's box
- * worked out in patient millimetres. Shares no code with the renderers, so that it can judge them. */
+/* True values of pixels from formulas: closed forms along linear segments of HU, and rays through a volume's box in
+ * patient millimetres. Shares no code with the renderers, which it validates. */
 #ifndef CTS_CHECK_TRUTH_H
 #define CTS_CHECK_TRUTH_H
 
@@ -17,7 +17,7 @@ typedef struct CtsTruthStretch {
 void cts_truth_stretches(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretches, int n,
                          double rgba[4]);
 
-/* The same bit by bit: light starts zeroed. */
+/* The same for each value of opacity separately: transmittance starts zeroed. */
 typedef struct CtsTruthLight {
     double rgb[3], depth;
 } CtsTruthLight;
@@ -42,9 +42,9 @@ typedef struct CtsTruthRay {
 
 /* False when the ray misses the box. */
 bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double x, double y, CtsTruthRay *ray);
-/* What a ray shows of a volume, trilinear between its voxels, by short straight stretches in every cell: good to 1e-4
- * where opacity steps, unless the ray grazes the step, elsewhere to 1e-6. Composite; the volume has 2 voxels or more
- * along each axis. */
+/* The pixel of a ray through a volume, trilinear between its voxels, by short linear segments in every cell: accurate
+ * to 1e-4 where opacity steps, unless the ray grazes the step, elsewhere to 1e-6. Composite; the volume has 2 voxels or
+ * more along each axis. */
 void cts_truth_volume(const CtsVolume *volume, const CtsPreset *preset, const CtsTruthRay *ray, double rgba[4]);
 
 /* Voxel coordinates of a point in patient millimetres. */

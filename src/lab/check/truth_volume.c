@@ -1,16 +1,16 @@
-/* Rays through voxels, the plain way. */
+/* Rays through voxels by a straightforward method. */
 #include "lab/check/truth.h"
 
 #include <math.h>
 
-/* Stretches in a cell: many where opacity is steep in it; lit, the gradient may turn where HU stands still, as it does
+/* Segments in a cell: many where opacity is steep in it; with lighting, the gradient may vary where HU is constant, as
  * at an edge of the volume. */
 enum { FEW = 16, MANY = 128, TURN = 400 };
 
 typedef struct Cell {
-    double hu[8], gradient[8][3]; /* at its corners; the gradient in HU per voxel */
+    double hu[8], gradient[8][3]; /* at its voxels; the gradient in HU per voxel */
     double low, high;
-    bool turns; /* lit: some corners' gradients have other directions */
+    bool turns; /* with lighting: gradients of some voxels have different directions */
 } Cell;
 
 static double voxel_hu(const CtsVolume *v, const int at[3])
@@ -20,7 +20,8 @@ static double voxel_hu(const CtsVolume *v, const int at[3])
                v->grey[((size_t)at[2] * (size_t)v->dims[1] + (size_t)at[1]) * (size_t)v->dims[0] + (size_t)at[0]];
 }
 
-/* Over two voxels, along the slices' axis over two slices; beyond the volume is air, or where air shows nothing. */
+/* Central difference over two voxels, along the slice axis over two slices; beyond the volume is air if it is
+ * invisible. */
 static double difference(const CtsVolume *v, const int at[3], int axis, bool air_beyond)
 {
     const int step = axis == 2 ? v->slice_layers : 1;
@@ -84,7 +85,7 @@ static bool shows(const CtsPreset *p, double low, double high)
     return false;
 }
 
-/* Two points of the preset close to each other, as the cell's range goes. */
+/* True if two points of the preset are close to each other, relative to the cell's range. */
 static bool steep_in(const CtsPreset *p, const Cell *cell)
 {
     for (int i = 0; i + 1 < p->n_opacity; i++)

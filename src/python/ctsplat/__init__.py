@@ -1,9 +1,9 @@
-"""CT series and arrays of HU become pictures, without a display.
+"""Rendering of CT series and arrays of HU, without a display.
 
 >>> volume = ctsplat.load("folder of slices")
 >>> volume.render(preset="skin", view=(30, 15)).save("head.png")
 
-A picture has the bytes that `ctsplat render` writes for the same words; options are its options, with underscores.
+A picture has the bytes that `ctsplat render` writes for the same options, which are written with underscores.
 """
 import hashlib
 import json
@@ -24,7 +24,7 @@ __version__ = "@VERSION@"
 
 
 class Error(Exception):
-    """What went wrong, in the words of `ctsplat`. code: the exit code that it would end with (ctsplat(1))."""
+    """A failure, with the message of `ctsplat`. code: the exit code of `ctsplat` for it (ctsplat(1))."""
 
     def __init__(self, text: str, code: int):
         super().__init__(text)
@@ -32,7 +32,7 @@ class Error(Exception):
 
 
 class Finding(NamedTuple):
-    """Something odd about the input. code: a stable word; severity: "note", "warning" or "refusal"."""
+    """A note or warning about the input. code: a stable word; severity: "note", "warning" or "refusal"."""
 
     code: str
     severity: str
@@ -40,7 +40,8 @@ class Finding(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """Upper limits of a picture's error, in display values 0 to 1: rms, and of any one pixel (None: nothing bounds it)."""
+    """Upper limits of a picture's error, in display values 0 to 1: rms, and of any one pixel (None: no limit is
+    known)."""
 
     rmse: float
     max: Optional[float]
@@ -63,7 +64,7 @@ def _check(status: int, err: Any) -> None:
 
 
 class _Report:
-    """A CtsReport while it is filled; what it says afterwards."""
+    """A CtsReport while a call fills it, and its contents afterwards."""
 
     def __init__(self) -> None:
         self.c = ffi.gc(ffi.new("CtsReport *"), lib.cts_report_free)
@@ -92,7 +93,7 @@ _FLAGS = {"allow_missing_slices", "deidentify", "explain", "force", "insecure_ht
 
 
 def _values(name: str, value: Any) -> List[str]:
-    """An option's arguments as words: several where it may be repeated."""
+    """The arguments of an option: several where it may be repeated."""
     if isinstance(value, Preset):
         return [value.json]
     if isinstance(value, bool):
@@ -223,7 +224,7 @@ def _interruptible(call: Any, err: Any) -> None:
 
 
 def _owner(kind: str, free: Any) -> Any:
-    """Room for what the library makes, which goes with it."""
+    """A pointer for an object of the library, which is freed with it."""
     return ffi.gc(ffi.new(kind + " **"), free)
 
 
@@ -274,9 +275,9 @@ class Picture:
     """A rendered picture. Display values (sRGB); row 0 is the top.
 
     rgba: float32, (height, width, 4), colours multiplied by alpha; depth_mm: float32, (height, width), from the camera
-    plane to what is seen first, inf where nothing is, None where the mode has no surfaces; bound: what its error does
-    not exceed, None where the engine does not tell; log: times by stage and what was left out; findings: warnings.
-    Pictures can be pickled, and are then without their series: .dcm is written before."""
+    plane to the first visible surface, inf where there is none, None where the mode has no surfaces; bound: upper limit
+    of its error, None where the engine has none; log: times by stage and skipped steps; findings: notes and warnings.
+    Pictures can be pickled, but lose their series, which .dcm outputs need."""
 
     def __init__(self, owner: Any, report: _Report, volume: "Volume"):
         self._owner, self._c = owner, owner[0]
@@ -367,7 +368,7 @@ def _unpickled(pixels: np.ndarray, depth: Optional[np.ndarray], info: bytes, has
 
 
 class _Buffer:
-    """Memory of the library's as an array, read-only; keeps its owner."""
+    """Memory of the library as a read-only array, which keeps its owner alive."""
 
     def __init__(self, owner: Any, address: int, shape: Tuple[int, ...], kind: str):
         self._owner = owner
@@ -408,14 +409,14 @@ class Volume:
     """A CT volume in memory, for many pictures.
 
     Volume(array, spacing_mm=(k, j, i)): HU with index k towards the head, j to the back and i to the patient's left.
-    Volume(array, affine_lps=A) or (array, affine_ras=A): A (4 x 4, mm) takes the array's own indices to the patient;
-    nibabel's arrays and affines are RAS, SimpleITK's are LPS with indices in reverse. Nothing is guessed: left and
-    right are swapped where the wrong one is given. As a context manager its memory goes at the end."""
+    Volume(array, affine_lps=A) or (array, affine_ras=A): A (4 x 4, mm) maps the array's indices to patient coordinates;
+    nibabel's arrays and affines are RAS, SimpleITK's are LPS with reversed indices. With the wrong one left and right
+    are swapped. As a context manager it frees its memory at the end."""
 
     def __init__(self, array: Any, spacing_mm: Optional[Sequence[float]] = None, *, affine_lps: Any = None,
                  affine_ras: Any = None, threads: int = 0):
         if sum(x is not None for x in (spacing_mm, affine_lps, affine_ras)) != 1:
-            raise Error("one of spacing_mm, affine_lps and affine_ras says where the voxels lie", 2)
+            raise Error("one of spacing_mm, affine_lps and affine_ras is needed for the position of the voxels", 2)
         if spacing_mm is not None:
             affine = np.zeros((4, 4))
             affine[2, 0], affine[1, 1], affine[0, 2] = spacing_mm
@@ -436,17 +437,17 @@ class Volume:
     def _begin(self) -> None:
         self._session: Any = None
         self._lock = threading.RLock()  # a session takes one call at a time
-        self._turns: Dict[int, _Turn] = {}  # rotations under way, by the thread that takes their pictures
+        self._turns: Dict[int, _Turn] = {}  # running rotations, by the thread that takes their pictures
 
     def _take(self, session: Any, report: _Report, source: Optional[Dict[str, Any]]) -> None:
-        self._session, self._source = session, source  # the latter as load() was told
+        self._session, self._source = session, source  # the options given to load()
         self._even: Any = None
         self.findings: List[Finding] = report.findings()
 
     def _read(self, source: Dict[str, Any]) -> None:
         labels = source.get("labels") or []
         if self._session is None and any(isinstance(x, _Mask) and x.affine is None for x in labels):
-            self._read({**source, "labels": None})  # where the voxels lie
+            self._read({**source, "labels": None})  # position of the voxels
         with tempfile.TemporaryDirectory() as folder:
             paths = []
             for i, item in enumerate(labels):
@@ -459,7 +460,7 @@ class Volume:
         self._take(session, report, source)
 
     def _keep_numbers(self) -> None:
-        """HU that came as an array, as a file, since labels are read with a series."""
+        """An array of HU as a file, since labels are read together with a series."""
         self._folder = tempfile.TemporaryDirectory()
         path = os.path.join(self._folder.name, "ct.nii")
         _write_nifti(path, self.hu.transpose(2, 1, 0), self.affine_ras)
@@ -469,7 +470,7 @@ class Volume:
         return tuple(self._volume().dims)[::-1]
 
     def _words(self, options: Dict[str, Any]) -> _Words:
-        """Those of a picture; labels that are not here yet are read, and the series once more with them."""
+        """The label options of a picture; labels not yet loaded are read, together with the series."""
         own = {name: options.pop(name) for name in ("labels", "label_names") if name in options}
         if "labels" in own:
             own["labels"] = _labels(own["labels"])
@@ -501,7 +502,7 @@ class Volume:
         return self._lock
 
     def _volume(self) -> Any:
-        """The evenly spaced volume of what was scanned; a copy where slices are not even."""
+        """The evenly spaced volume of the scanned slices; a copy where slices are unevenly spaced."""
         scanned = lib.cts_session_scanned(self._open())
         if scanned.layer == ffi.NULL and scanned.even.grey != ffi.NULL:
             return scanned.even
@@ -559,15 +560,15 @@ class Volume:
 
     def render(self, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
                **options: Any) -> Picture:
-        """One picture. options: those of `ctsplat render`, such as mode="mip", max_error=2, crop=(x0, x1, y0, y1, z0,
+        """Renders one picture. options: those of `ctsplat render`, such as mode="mip", max_error=2, crop=(x0, x1, y0, y1, z0,
         z1), background="none", shade=False, labels="organs.nii.gz", threads=4."""
         picture = _owner("CtsPicture", lib.cts_picture_free)
         return Picture(picture, self._run({"preset": preset, "view": view, "size": size, **options}, picture), self)
 
     def save(self, path: Union[str, os.PathLike], preset: Union[str, Preset, None] = None, view: Any = None,
              size: Any = None, **options: Any) -> List[Finding]:
-        """Writes what `ctsplat render` writes, with its options: rotation=36 as one animated .webp or one .dcm, or a
-        file a picture; force=True over what exists. Returns what is odd about it."""
+        """Writes the files of `ctsplat render`, with its options: rotation=36 gives one animated .webp or one .dcm, or one
+        file per picture; force=True overwrites. Returns the findings."""
         return self._run({"output": path, "preset": preset, "view": view, "size": size, **options}, ffi.NULL).findings()
 
     def _run(self, options: Dict[str, Any], picture: Any) -> _Report:
@@ -579,8 +580,8 @@ class Volume:
 
     def rotation(self, frames: int, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
                  **options: Any) -> Iterator[Picture]:
-        """So many pictures over 360 degrees about the head-foot axis, from view on; the next is rendered while one is
-        used. The volume makes no other picture meanwhile: who asks in another thread waits."""
+        """Yields the pictures of a rotation over 360 degrees about the head-foot axis, from view on; the next one is rendered
+        while the current one is used. Other threads that render this volume wait until the end."""
         with self._alone():
             words = self._words({"rotation": frames, "preset": preset, "view": view, "size": size, **options})
         turn = _Turn(self, words)
@@ -597,7 +598,7 @@ class Volume:
 
 
 class _Turn:
-    """The pictures of a rotation on their way."""
+    """The thread that renders the pictures of a rotation."""
 
     def __init__(self, volume: Volume, words: _Words):
         self.volume, self.report, self.stop = volume, _Report(), ffi.new("sig_atomic_t *")
@@ -641,7 +642,7 @@ def take_frame(context: Any, frame: int, picture: Any, err: Any) -> int:
 def load(path: Union[str, os.PathLike, Sequence[str]], series: Optional[str] = None, **options: Any) -> Volume:
     """Reads a CT series: path is a file, folder, zip file, DICOMDIR or NIfTI CT, or several of these; series its UID
     where there is more than one. options: threads, labels (a path, an array of the shape of volume.hu, a nibabel image, or
-    a list of these), label_names, and those that say from where (`from` is a word of Python's: **{"from": peer})."""
+    a list of these), label_names, and those of the source (`from` is a keyword of Python: **{"from": peer})."""
     volume = Volume.__new__(Volume)
     volume._begin()
     volume._read({"path": _paths("load", path), "series": series, **options, "labels": _labels(options.get("labels"))})
