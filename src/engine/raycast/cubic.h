@@ -1,4 +1,4 @@
-/* Cubic polynomials on 0..1: what a trilinear field is along a ray inside one cell. c[0] + c[1] u + c[2] u^2 + c[3]
+/* Cubic polynomials on 0..1, the form of a trilinear field along a ray inside one cell: c[0] + c[1] u + c[2] u^2 + c[3]
  * u^3. */
 #ifndef CTS_RAYCAST_CUBIC_H
 #define CTS_RAYCAST_CUBIC_H
@@ -20,7 +20,7 @@ int cts_cubic_turns(const double c[4], double u[2]);
 /* Smallest and largest value on 0..1. */
 void cts_cubic_range(const double c[4], double *low, double *high);
 
-/* Where the polynomial equals value on [a, b], on which it is monotone and whose end values lie on either side. */
+/* The root of polynomial = value on [a, b], on which it is monotone and whose end values lie on either side. */
 double cts_cubic_solve(const double c[4], double value, double a, double b);
 
 /* Zeros strictly inside 0..1 at which the sign changes, in rising order; returns how many (0 to 3). */
@@ -29,11 +29,11 @@ int cts_cubic_sign_changes(const double c[4], double u[3]);
 /* The four Bezier points of the polynomial on a..b: it stays within their hull. */
 void cts_cubic_bezier(const double c[4], double a, double b, double point[4]);
 
-/* The part on a..b as a cubic on 0..1. */
+/* The restriction to a..b as a cubic on 0..1. */
 void cts_cubic_part(const double c[4], double a, double b, double part[4]);
 
-/* Trilinear interpolation of a cell's eight corners along a straight way from -> to within it: a cubic, exactly. Bit a
- * of a corner's number is its place along axis a. */
+/* Trilinear interpolation of a cell's eight voxels along a line from -> to within it: a cubic, exactly. Bit a of a
+ * voxel's number is its position along axis a. */
 void cts_cubic_in_cell(const double corner[8], const double from[3], const double to[3], double c[4]);
 
 /* The cubic through value[i] at u = at[i]. */

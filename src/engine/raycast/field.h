@@ -1,5 +1,5 @@
-/* What a ray meets: HU along it as a chain of cubic polynomials. The ray code knows nothing else of the data, so the
- * same integration serves the trilinear volume, other kernels and formulas. */
+/* Fields: HU along a ray as a sequence of cubic polynomials. The integration uses only this interface, and so serves
+ * the trilinear volume, other kernels and formulas. */
 #ifndef CTS_RAYCAST_FIELD_H
 #define CTS_RAYCAST_FIELD_H
 
@@ -12,7 +12,8 @@
 
 typedef struct CtsRay {
     double start_vox[3], step_vox[3]; /* voxel coordinates are start + t * step, t in mm */
-    double t0_mm, t1_mm;              /* inside the closed box of voxel centres; t0 == t1 where it only touches it */
+    /* inside the closed box of voxel centres; t0 == t1 for a single point of contact */
+    double t0_mm, t1_mm;
 } CtsRay;
 
 /* HU from t0 to t1 is the cubic hu in u = (t - t0) / (t1 - t0). */
@@ -38,22 +39,23 @@ static inline bool cts_hu_wanted(const CtsHuRanges *wanted, double low, double h
     return false;
 }
 
-/* A walk along one ray; the field keeps its place in it. Start with ray, wanted, t_mm = ray->t0_mm, the rest zero. */
+/* A traversal of one ray; the field keeps its state in it. Initialise with ray, wanted, t_mm = ray->t0_mm, the rest
+ * zero. */
 typedef struct CtsRayWalk {
     const CtsRay *ray;
-    const CtsHuRanges *wanted; /* pieces that hold none of these may be left out; may change during the walk */
-    double t_mm;               /* end of what was handed out so far */
-    int cell[3];               /* of the piece handed out last */
-    double from[3], to[3];     /* the ends of that piece within the cell, 0..1 */
-    bool within;               /* a stretch that was found to be wanted goes on, where the field keeps such stretches */
+    const CtsHuRanges *wanted; /* segments without any of these HU may be skipped; may change during the traversal */
+    double t_mm;               /* end of the last segment returned */
+    int cell[3];               /* of the last segment returned */
+    double from[3], to[3];     /* the ends of that segment within the cell, 0..1 */
+    bool within;               /* within an interval already known to be wanted, for fields that store such intervals */
     bool started;
 } CtsRayWalk;
 
 typedef struct CtsField CtsField;
 struct CtsField {
-    /* The next piece, or false at the end of the ray. */
+    /* The next segment, or false at the end of the ray. */
     bool (*next)(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece);
-    /* Gradient of HU per voxel along each volume axis, on the piece handed out last. */
+    /* Gradient of HU per voxel along each volume axis, on the last segment returned. */
     void (*gradient)(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double gradient[3][4]);
     void (*free)(CtsField **field);
 };
@@ -63,13 +65,12 @@ struct CtsField {
  * without thickness: rays within its plane see it, others cross it in a point. */
 bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 
-/* Trilinear between voxel centres. The preset says what gradients at the border are taken to. volume must outlive the
- * field. */
+/* Trilinear between voxel centres. The preset determines the gradients at the border. volume must outlive the field. */
 CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, CtsError *err);
 /* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
- * weights normalised at every position (cone-paper apart) and voxels beyond the border counted as grey 0; between two
- * layers HU runs straight. What the splatting engines tend to with ever finer tables and sub-sheets. The pieces are
- * cubics fitted to 1e-3 HU (lit: the gradient's too). radius is in voxels; CTS_ERR_USAGE below 0.75. */
+ * weights normalised at every position (except cone-paper) and voxels beyond the border counted as grey 0; between two
+ * layers HU is linear. The limit of the splatting engines for ever finer tables and sub-sheets. The segments are cubics
+ * fitted to 1e-3 HU (lit: the gradient's too). radius is in voxels; CTS_ERR_USAGE below 0.75. */
 CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
                            double radius, const CtsPreset *preset, CtsError *err);
 

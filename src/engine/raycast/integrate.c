@@ -1,16 +1,17 @@
-/* Emission and absorption along one cubic piece of a ray: C = integral of c t exp(-integral of t). */
+/* Emission and absorption along one cubic segment of a ray: C = integral of c t exp(-integral of t). */
 #include "base/mutation.h"
 #include "base/vec3.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
 #include <math.h>
 
-/* Largest change that refining a stretch may still make, in display values: many stretches add up along a ray to 1e-7
- * at most, and the finer rule, which is the one used, errs far less than the two rules differ. Light ends at DARK. */
+/* Largest change by refining an interval, in display values: many intervals add up to 1e-7 at most along a ray, and the
+ * finer rule, which is used, has a far smaller error than the difference of the two rules. A ray ends at transmittance
+ * DARK. */
 #define TOLERANCE 1e-9
 #define DARK 1e-12
 
-/* A stretch deeper than this is halved before it is looked at, so that light ends near its front. */
+/* An interval of larger optical depth is halved before evaluation, so that a ray ends near its front. */
 #define DEEP 8.0
 
 typedef struct Stretch {
@@ -76,7 +77,8 @@ static void sum_colour(const Stretch *s, const CtsGauss *rule, double a, double 
     }
 }
 
-/* Stretch a..b of the piece. Depth of the surface: where half of the light is taken, or else what is seen first. */
+/* Interval a..b of the segment. Depth of the surface: where half of the light is absorbed, or else the first visible
+ * point. */
 static bool add(const Stretch *s, double a, double b, const double rgb[3], double depth)
 {
     CtsRayLight *light = s->light;
@@ -102,18 +104,16 @@ static bool add_even(const Stretch *s, double a, double b)
     return add(s, a, b, rgb, depth);
 }
 
-/* Two rules that agree may both have passed over a highlight between their nodes, or over a normal that turns on the
- * spot where the gradient all but vanishes: not where the normal turns little, or where all that could shine is less
- * than counts. */
+/* Two rules may agree because both missed a highlight between their nodes, or a normal that reverses where the gradient
+ * nearly vanishes: excluded where the normal varies little, or where the largest possible highlight is negligible. */
 static bool sees_all_light(const Stretch *s, double a, double b, double depth)
 {
     const CtsPreset *p = s->caster->preset;
-    return !s->gradient ||
-           depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= TOLERANCE ||
+    return !s->gradient || depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= TOLERANCE ||
            cts_raycast_turns_little(s->caster, s->framed, a, b);
 }
 
-/* a..b of the piece, halved until two rules agree. False when the light has ended. */
+/* a..b of the segment, halved until two rules agree. False when the ray has ended. */
 static bool add_stretch(const Stretch *s, double a, double b)
 {
     const CtsRaycaster *caster = s->caster;
@@ -147,8 +147,8 @@ static bool add_span(const Stretch *s, double a, double b)
     return add_stretch(s, a, b);
 }
 
-/* a..b, on which HU only rises or only falls: from span to span. The next span is known by counting, not by looking up
- * a rounded HU, so a step is crossed exactly once. */
+/* a..b, on which HU is monotone: from span to span. The next span is found by counting, not by looking up a rounded HU,
+ * so that a step is crossed exactly once. */
 static bool add_monotone(Stretch *s, double a, double b)
 {
     const CtsTransfer *transfer = s->transfer;
@@ -169,7 +169,7 @@ static bool add_monotone(Stretch *s, double a, double b)
     }
 }
 
-/* Places at which the piece is cut: turning points of HU, and where the lit side changes. */
+/* Positions at which the segment is split: extremes of HU, and changes of the lit side. */
 static int find_cuts(const Stretch *s, double cut[8])
 {
     int n = 0;

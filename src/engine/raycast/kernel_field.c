@@ -1,4 +1,4 @@
-/* Fields of kernels other than the trilinear one: no polynomials, so cubics are fitted to them piece by piece. */
+/* Fields of kernels other than the trilinear one, approximated by fitted cubics. */
 #include "base/order.h"
 #include "core/scene/shade.h"
 #include "ctsplat/bounds.h"
@@ -18,19 +18,19 @@ typedef struct KernelField {
     size_t stride[3];
     CtsKernelId kernel;
     double radius;
-    double shortest_mm; /* of a piece */
+    double shortest_mm; /* of a segment */
     bool lit, air_beyond;
 } KernelField;
 
 static double cubic_bspline(double x)
 {
-    /* Pieces of the convolution of four unit boxes. */
+    /* Polynomial pieces of the convolution of four unit boxes. */
     const double a = fmax(2 - fabs(x), 0), b = fmax(1 - fabs(x), 0);
     return (a * a * a - 4 * b * b * b) / 6;
 }
 
-/* A voxel's kernel at (u, v) voxels from it, ending at radius, by the names' own definitions: written apart from the
- * footprint tables, which are judged by it. Gaussians have a sigma of 0.3 radius; cone-paper has unit volume. */
+/* A voxel's kernel at (u, v) voxels from it, ending at radius, by the kernels' definitions: independent of the
+ * footprint tables, which it validates. Gaussians have a sigma of 0.3 radius; cone-paper has unit volume. */
 static double kernel_at(CtsKernelId kernel, double u, double v, double radius)
 {
     const double r = sqrt(u * u + v * v) / radius;
@@ -132,8 +132,7 @@ static double field_at(const KernelField *f, const CtsRay *ray, double t_mm, int
     return difference_axis < 0 ? f->volume->hu_offset + f->volume->hu_step * value : f->volume->hu_step * value;
 }
 
-/* False when no voxel that reaches the ray between t0 and t1, at most a layer apart, lets anything wanted come about.
- */
+/* False when no voxel that reaches the ray between t0 and t1, at most a layer apart, can contribute a wanted value. */
 static bool wanted(const KernelField *f, const CtsRayWalk *walk, double t0, double t1)
 {
     int low[3], high[3];
@@ -162,7 +161,7 @@ static bool wanted(const KernelField *f, const CtsRayWalk *walk, double t0, doub
                          f->volume->hu_offset + f->volume->hu_step * most);
 }
 
-/* Where the ray crosses the next layer after t, or ends. */
+/* The ray's intersection with the next layer after t, or its end. */
 static double next_layer_mm(const KernelField *f, const CtsRay *ray, double t_mm)
 {
     const double start = ray->start_vox[f->axis], step = ray->step_vox[f->axis];
@@ -171,8 +170,8 @@ static double next_layer_mm(const KernelField *f, const CtsRay *ray, double t_mm
     return fmin((plane - start) / step, ray->t1_mm);
 }
 
-/* The earlier of until and the place after t at which a voxel's kernel begins or ends on the ray: jumps and kinks
- * that no cubic bends round. */
+/* The earlier of until and the next position after t at which a voxel's kernel begins or ends on the ray:
+ * discontinuities of value or slope that no cubic fits. */
 static double next_edge_mm(const KernelField *f, const CtsRay *ray, double t_mm, double until_mm)
 {
     const double u = ray->start_vox[f->u_axis], v = ray->start_vox[f->v_axis];
@@ -209,7 +208,8 @@ static double next_edge_mm(const KernelField *f, const CtsRay *ray, double t_mm,
     return edge;
 }
 
-/* Fits the cubic to t0..t1; true when it holds in between too. Never looks at the ends, where kernels may jump. */
+/* Fits the cubic to t0..t1; true when it is accurate in between too. Does not evaluate the ends, where kernels may be
+ * discontinuous. */
 static bool fit(const KernelField *f, const CtsRay *ray, double t0, double t1, int difference_axis, double cubic[4])
 {
     static const double node[4] = {0.038060233744356624, 0.30865828381745511, 0.69134171618254489, 0.96193976625564337};

@@ -17,9 +17,9 @@ void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], dou
         rgb[c] = rgb[c] * (p->ambient + p->diffuse * across) + specular;
 }
 
-/* A curve lies in every cone, and beyond every plane, that all its Bezier points lie in. |n.v|^power falls to 1/e
- * within sqrt(2 / power) of the normal that shines most: in a cone of twice that, left at a pace that changes 16-fold
- * at most (the square of the lengths' ratio), the rules' nodes see it. */
+/* A curve lies in every cone, and beyond every plane, in which all its Bezier points lie. |n.v|^power falls to 1/e
+ * within sqrt(2 / power) of the normal of the highlight's peak: in a cone of twice that, with a speed that varies
+ * 16-fold at most (the square of the lengths' ratio), the rules' nodes resolve it. */
 bool cts_raycast_turns_little(const CtsRaycaster *caster, const double (*framed)[4], double a, double b)
 {
     const double least_ratio = 0.25, most_tan2 = 8 / (2 + caster->preset->power);

@@ -5,14 +5,14 @@
 #include "engine/raycast/raycaster.h"
 #include <math.h>
 
-/* What of a piece is seen: n cubics, of this share of its length each. */
+/* The visible part of a segment: n cubics, of this share of its length each. */
 typedef struct Seen {
     int n;
     double hu[CTS_OWNED_STRETCHES][4], share[CTS_OWNED_STRETCHES];
 } Seen;
 
-/* Where a piece crosses the body's edge, with its ends; how far the body's mask lies above its level there, as a cubic.
- * Returns how many stretches these places part it in. */
+/* The crossings of a segment with the body's boundary, and its ends; the body's mask minus its level there, as a cubic.
+ * Returns the number of intervals. */
 static int body_cuts(const CtsRaycaster *caster, const CtsRay *ray, const CtsRayPiece *piece, double above[4],
                      double cut[5])
 {

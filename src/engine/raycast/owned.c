@@ -1,4 +1,4 @@
-/* Whose a ray is, within one cell: owners' fields are cubics along it, and so are their differences. */
+/* Labels along a ray within one cell: labels' fields are cubics along it, and so are their differences. */
 #include "engine/raycast/raycaster.h"
 
 #include "base/mutation.h"
@@ -13,7 +13,7 @@ static int by_place(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Where two owners that look differently change places, and the ends. */
+/* Positions where the largest field changes between two labels of different appearance, and the ends. */
 static int find_cuts(const CtsOwners *owners, const CtsCellOwners *in_cell, const double (*field)[4], double *cut)
 {
     int n = 1;

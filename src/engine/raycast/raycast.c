@@ -18,7 +18,7 @@ static CtsStatus make_field(CtsField **field, const CtsScene *scene, CtsError *e
     return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset, err);
 }
 
-/* A look of a label's own may show any HU. */
+/* A label's own appearance may show any HU. */
 static CtsStatus make_transfers(CtsRaycaster *r, const CtsScene *scene, CtsError *err)
 {
     cts_transfer_init(&r->transfer, scene->preset, scene->extinction_scale);
@@ -77,7 +77,7 @@ void cts_raycaster_free(CtsRaycaster **caster)
     *caster = NULL;
 }
 
-/* A piece of a ray, stretch by stretch as they look. */
+/* A segment of a ray, interval by interval of equal appearance. */
 static bool composite_piece(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRayPiece *piece,
                             const double (*gradient)[4], CtsRayLight *light)
 {

@@ -1,4 +1,4 @@
-/* What a ray meets is field.h; what is made of it is here. */
+/* Compositing along rays; field.h has the fields. */
 #ifndef CTS_RAYCAST_RAYCASTER_H
 #define CTS_RAYCAST_RAYCASTER_H
 
@@ -7,14 +7,14 @@
 #include "ctsplat/preset.h"
 #include "engine/raycast/field.h"
 
-/* The preset's transfer function cut at its knots, so that between two cuts opacity and colour are straight lines in HU
- * and the extinction is either one smooth formula or the cap. Made from cts_preset_opacity() and cts_preset_colour().
- */
+/* The preset's transfer function, split at its control points, so that between two of them opacity and colour are
+ * linear in HU and the extinction is either one smooth formula or the cap. Derived from cts_preset_opacity() and
+ * cts_preset_colour(). */
 
 /* From low_hu up to, not including, high_hu; the first starts at -inf, the last ends at +inf. */
 typedef struct CtsSpan {
     double low_hu, high_hu;
-    double at_hu;                  /* where the lines below have their first value */
+    double at_hu;                  /* HU of the first values below */
     double opacity, opacity_slope; /* per unit distance; slope per HU */
     double rgb[3], rgb_slope[3];
     bool visible;         /* opacity above 0 somewhere */
@@ -39,18 +39,18 @@ int cts_transfer_find_below(const CtsTransfer *transfer, double hu);
 /* Extinction per mm for an opacity per unit distance, capped, scaled. */
 double cts_transfer_extinction(const CtsTransfer *transfer, double opacity);
 
-/* Stretches of a ray within a cell, by how they look. */
+/* Intervals of a ray within a cell, by appearance. */
 
 typedef struct CtsOwnedStretch {
-    double from, to; /* of the piece, 0 to 1 */
+    double from, to; /* of the segment, 0 to 1 */
     int look;
 } CtsOwnedStretch;
 
-/* The piece of a trilinear field that was handed out last, stretch by stretch; returns how many. */
+/* The intervals of the last segment returned by a trilinear field; returns their number. */
 enum { CTS_OWNED_STRETCHES = 3 * CTS_CELL_OWNERS * CTS_CELL_OWNERS / 2 + 1 };
 int cts_raycast_owned(const CtsOwners *owners, const CtsRayWalk *walk, CtsOwnedStretch *stretch);
 
-/* Gauss-Legendre rules on 0..1 that also integrate up to each node, for the attenuation inside a piece. */
+/* Gauss-Legendre rules on 0..1 that also integrate up to each node, for the attenuation inside a segment. */
 
 enum { CTS_GAUSS_COARSE = 4, CTS_GAUSS_FINE = 7 };
 
@@ -64,7 +64,7 @@ typedef struct CtsGauss {
 /* n is 1 to CTS_GAUSS_FINE. */
 void cts_gauss_init(CtsGauss *rule, int n);
 
-/* The parts of the reference ray caster: derived once per picture, then read-only for all rays. */
+/* State of the reference ray caster: derived once per picture, then read-only for all rays. */
 
 typedef struct CtsRaycaster {
     const CtsPreset *preset;
@@ -72,34 +72,34 @@ typedef struct CtsRaycaster {
     const CtsField *field;
     CtsField *own_field;     /* NULL where the caller gave one */
     CtsTransfer transfer;    /* composite only */
-    const CtsOwners *owners; /* NULL: all looks alike */
-    CtsTransfer *looks;      /* of each look but what is hidden; composite only */
-    CtsHuRanges wanted;      /* what any of them shows */
+    const CtsOwners *owners; /* NULL: one appearance for all */
+    CtsTransfer *looks;      /* of each appearance except hidden; composite only */
+    CtsHuRanges wanted;      /* the union of their visible HU */
     CtsGauss coarse, fine;
-    const struct CtsBodyMask *body; /* what minip and average look at; NULL: all */
+    const struct CtsBodyMask *body; /* the voxels that minip and average use; NULL: all */
     double frame[3][3];     /* a gradient in HU/voxel to HU/mm to the right, up and along the viewing direction */
     double camera_mm;       /* from the camera plane to t = 0 of every ray */
-    double least_gradient2; /* below this square (HU/voxel) there is no gradient but rounding */
+    double least_gradient2; /* below this square (HU/voxel) a gradient is only rounding */
 } CtsRaycaster;
 
-/* What a ray has met so far. Depth is optical depth; transmittance is exp(-depth). */
+/* Accumulated state of a ray. Depth is optical depth; transmittance is exp(-depth). */
 typedef struct CtsRayLight {
     double rgb[3], depth, transmittance;
-    double surface_mm; /* t where half of the light is taken, or else where anything is seen first; +inf before */
+    double surface_mm; /* t where half of the light is absorbed, or else of the first visible point; +inf before */
 } CtsRayLight;
 
-/* Front to back along one piece; gradient is NULL unlit. False when too little light is left to go on. */
+/* Front to back along one segment; gradient is NULL when unlit. False when the transmittance is too low to continue. */
 bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRayPiece *piece,
                        const double (*gradient)[4], CtsRayLight *light);
 
-/* HU that mip, minip or average shows for a ray inside the box; false where it meets nothing that counts. */
+/* HU of mip, minip or average for a ray inside the box; false where no part of it is visible. */
 bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *hu);
 
-/* Colour of a sample, lit by its gradient in HU/voxel. */
+/* Colour of a sample, shaded by its gradient in HU/voxel. */
 void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double rgb[3]);
 
-/* True when the normal turns so little on a..b of a piece that a quadrature rule cannot pass over the highlight.
- * framed: the gradient's cubics in the caster's frame. */
+/* True when the normal varies so little on a..b of a segment that a quadrature rule cannot miss the highlight. framed:
+ * the gradient's cubics in the caster's frame. */
 bool cts_raycast_turns_little(const CtsRaycaster *caster, const double (*framed)[4], double a, double b);
 
 /* Premultiplied red, green, blue and alpha of the ray of position (x, y) in pixels; 0 where it misses the box. depth_mm

@@ -33,7 +33,7 @@ static double cap_hu(const CtsPreset *preset, double low, double high)
 
 static void init_span(CtsSpan *span, const CtsTransfer *transfer, const CtsPreset *preset)
 {
-    /* Outside the knots the end values hold: the lines are flat. */
+    /* Outside the control points the end values apply: the lines are flat. */
     const bool open = isinf(span->low_hu) || isinf(span->high_hu);
     const double first = !isinf(span->low_hu)    ? span->low_hu
                          : !isinf(span->high_hu) ? nextafter(span->high_hu, -INFINITY)

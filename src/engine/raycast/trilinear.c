@@ -1,4 +1,5 @@
-/* The trilinear field, cell by cell along the ray: a judge shares no macro-cells with what it judges. */
+/* The trilinear field, cell by cell along the ray, without macro-cells, so as to be independent of the engines that it
+ * validates. */
 #include "base/mutation.h"
 #include "core/scene/shade.h"
 #include "core/volume/macrocells.h"
@@ -11,7 +12,7 @@
 typedef struct Trilinear {
     CtsField field;
     const CtsVolume *volume;
-    const CtsVolume *shown; /* what gradients are taken of: air where labels are hidden */
+    const CtsVolume *shown; /* volume for gradients: air where labels are hidden */
     int n_cells[3];         /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
     size_t stride[3];       /* to the next voxel; 0 along an axis of one voxel */
     bool air_beyond;
@@ -65,7 +66,7 @@ static double leave_mm(const CtsRay *ray, const int low[3], const int high[3])
     return t;
 }
 
-/* The cell the ray is in just after t; rounding may name the neighbour, of which at most a point is then missed. */
+/* The cell of the ray just after t; rounding may give the neighbour, in which case at most a point is missed. */
 static void find_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int cell[3])
 {
     for (int axis = 0; axis < 3; axis++) {

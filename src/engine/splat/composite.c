@@ -66,7 +66,7 @@ void cts_compositor_free(CtsCompositor *c)
     cts_free(&c->marks.bits);
 }
 
-/* Set depth_mm: the first sample that takes light, and from then on the first by which half of the light is taken. */
+/* Sets depth_mm: the first sample that absorbs, and from then on the first by which half of the light is absorbed. */
 static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y)
 {
     const size_t row = (size_t)y * (size_t)c->picture->width;
@@ -82,7 +82,7 @@ static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y)
         }
 }
 
-/* Lighting is timed on every sixteenth row, as a clock on each would cost more than it tells. */
+/* Lighting is timed on every sixteenth row only, as reading the clock on each row would be too expensive. */
 static bool is_timed(const CtsPlane *plane, int y)
 {
     return plane->light && (y & 15) == 0;
@@ -107,7 +107,8 @@ static int cell_at(const CtsCompositor *c, int axis, int x)
     return cell < n_cells(c, axis) ? cell : n_cells(c, axis) - 1;
 }
 
-/* Where pixels xa..xb-1, which run through cells from the side `rising` says, pass the border below cell t. */
+/* The index among pixels xa..xb-1, whose cells rise or fall as `rising` says, of the first one past the border below
+ * cell t. */
 static int find_border(const CtsCompositor *c, int axis, int t, int xa, int xb)
 {
     const bool rising = c->row.raster->by_x[axis] > 0;
@@ -140,7 +141,7 @@ static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
     return c->border[t] < xa ? xa : c->border[t] > xb ? xb : c->border[t];
 }
 
-/* Mark pixels xa..xb-1, all within one row of cells, where those may show something. */
+/* Marks those of pixels xa..xb-1, all within one row of cells, that are potentially visible. */
 static void mark_cell_row(const CtsCompositor *c, const CtsPlane *plane, int row, int xa, int xb)
 {
     const uint64_t *shown = plane->shown + (size_t)(row * c->patches.row_cells) * (size_t)c->patches.n_cell_words;
@@ -154,7 +155,7 @@ static void mark_cell_row(const CtsCompositor *c, const CtsPlane *plane, int row
     }
 }
 
-/* Mark the pixels of a row that may show something. */
+/* Marks the potentially visible pixels of a row. */
 static void mark_row(const CtsCompositor *c, const CtsPlane *plane)
 {
     const bool moves = c->row.raster->moves[1], rising = c->row.raster->by_x[1] > 0;

@@ -18,7 +18,7 @@ typedef struct CtsPlane {
     CtsSheetPair sheets;
     const CtsEntries *entries;
     const CtsLight *light; /* NULL: unlit */
-    const uint64_t *shown; /* by row of cells, a bit for each cell that may show something; NULL: all do */
+    const uint64_t *shown; /* by row of cells, a bit for each potentially visible cell; NULL: all */
 } CtsPlane;
 
 /* One thread's state. */
@@ -26,13 +26,13 @@ typedef struct CtsCompositor {
     const CtsSimd *simd;
     CtsPatches patches;
     CtsPicture *picture;     /* red, green, blue and, until the end, transmittance */
-    CtsOcclusion *occlusion; /* NULL: look at all pixels, also behind opaque ones */
+    CtsOcclusion *occlusion; /* NULL: no occlusion culling */
     CtsRasterRow row;
     uint16_t *grey;
-    uint64_t *shown;   /* pixels of a row that may show something */
-    int shown_row;     /* the row of cells that they look at, where the next row may have the same; or -1 */
-    CtsRowMarks marks; /* of those the ones that are open; then those that do show */
-    int *border;        /* where it is known for all planes: the first pixel behind that below a cell */
+    uint64_t *shown;   /* potentially visible pixels of a row */
+    int shown_row;     /* the row of cells that they sample, reused if the next row has the same; or -1 */
+    CtsRowMarks marks; /* open ones among those; then the visible ones */
+    int *border;       /* cached for all planes: the first pixel past the border below a cell */
     bool borders_known;
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;

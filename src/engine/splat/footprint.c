@@ -16,7 +16,7 @@ static double cone(double u, double v, double radius)
     return fmax(0, 1 - hypot(u, v) / radius);
 }
 
-/* As the paper has it: of unit volume, but never normalised on the grid, ripple and all. */
+/* As in the paper: of unit volume, not normalised on the grid, and therefore with ripple. */
 static double cone_paper(double u, double v, double radius)
 {
     return cone(u, v, radius) * 3 / (M_PI * radius * radius);

@@ -21,7 +21,7 @@ enum {
 
 typedef struct CtsFootprint {
     int density[2]; /* lattice samples per voxel: 1, 2 or 4, so that a tent's weights need no rounding */
-    int reach[2];   /* taps stand at lattice offsets -reach..reach */
+    int reach[2];   /* taps are at lattice offsets -reach..reach */
     int apron;      /* voxels beyond a region that reach into it: the support, rounded up, less one */
     uint32_t weight[CTS_MAX_TAPS][CTS_MAX_TAPS]; /* [v + reach[1]][u + reach[0]], zero beyond the taps */
     uint32_t sum_low, sum_high; /* smallest and largest sum of a phase: CTS_WEIGHT_ONE unless cone-paper */

@@ -32,9 +32,9 @@ CtsChangeSample cts_layers_sample(const CtsPaperPlan *p)
 
 bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool skips_void)
 {
-    /* As measured with all kernels at a quarter of a voxel to one a pixel, 8 to 16 bits: by itself reuse takes 0.3 to
+    /* Measured with all kernels at a quarter of a voxel to one per pixel, 8 to 16 bits: by itself reuse takes 0.3 to
      * 0.7 of the time where up to 0.3 of the voxels change, and breaks even at 0.7, or at 0.36 where a footprint is a
-     * single row. Beside void skipping, which drops the quiet voxels anyway, it takes 1 to 1.15 of the time. */
+     * single row. With void skipping, which drops the unchanged voxels anyway, it takes 1 to 1.15 of the time. */
     const int vectors = (2 * footprint->reach[1] + 1) * ((2 * footprint->reach[0] + 8) / 8);
     return !skips_void && (double)sample.changed < (vectors > 1 ? 0.5 : 0.3) * (double)sample.voxels;
 }

@@ -1,4 +1,4 @@
-/* Inter-layer similarity: whether it pays, and the dead band that --tolerance asks for. */
+/* Inter-layer similarity: the test whether reuse pays, and the dead band of --tolerance. */
 #ifndef CTS_SPLAT_LAYERS_H
 #define CTS_SPLAT_LAYERS_H
 
@@ -12,11 +12,11 @@ typedef struct CtsChangeSample {
  * changed. */
 CtsChangeSample cts_layers_sample(const CtsPaperPlan *plan);
 
-/* True when adding changes costs less than splatting anew. */
+/* True when adding changes costs less than splatting all voxels. */
 bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool skips_void);
 
-/* The dead band: kept = fresh where they differ by more than tolerance, else the value splatted before, so that what
- * is splatted is never further off than that, however long it goes on. */
+/* The dead band: kept = fresh where they differ by more than tolerance, else the value splatted before, so that the
+ * splatted value always stays within tolerance. */
 void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolerance, int n, uint16_t *kept);
 
 #endif

@@ -1,4 +1,4 @@
-/* Each hot loop in a compiler's vectors: no vector changes a bit. Compiled again for each instruction set. */
+/* The hot loops, vectorised by the compiler with identical results. Compiled again for each instruction set. */
 #include "engine/splat/loops.h"
 
 #include "base/mutation.h"
@@ -6,8 +6,8 @@
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
-/* Voxels to splat: where their first tap goes, and the change of grey. Neighbours' footprints overlap, and to add to
- * what was stored a moment ago stalls; so of a list every TURNS-th voxel is taken before the next ones. */
+/* Voxels to splat: offset of the first tap, and change of grey. Neighbours' footprints overlap, and adding to a value
+ * stored just before stalls; so every TURNS-th voxel of a list is processed before the next ones. */
 enum { TURNS = 4, ENOUGH = 128, MOST = ENOUGH + 64 + 8 };
 
 typedef struct List {
@@ -119,7 +119,7 @@ static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
     }
 }
 
-/* 64 bits, of which bit 8 k + l stands in bit k of lane l: a square of bits that is turned over its diagonal. */
+/* Transposes 64 bits: bit k of lane l becomes bit 8 k + l. */
 INLINE uint64_t lane_bits(u16x8 lanes)
 {
     const u8x8 narrow = CONVERT(lanes, u8x8);
@@ -195,7 +195,7 @@ INLINE u32x4 load_two(const uint32_t *a, const uint32_t *b)
     return SHUFFLE(*(const u32x2 *)a, *(const u32x2 *)b, 0, 1, 2, 3);
 }
 
-/* Two lattice neighbours of each of eight samples, halved so that they fit a signed integer, which is what vector units
+/* Two lattice neighbours of each of eight samples, halved so that they fit a signed integer, which vector units can
  * convert. Lanes are loaded as 0 1 4 5 and 2 3 6 7, so that one shuffle within 128-bit halves puts them in order. */
 INLINE void load_pairs(const uint32_t *sheet, const int32_t *at, f32x8 *left, f32x8 *right)
 {
@@ -216,7 +216,7 @@ INLINE f32x8 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t *at,
     return lerp(lerp(a, b, fu), lerp(c, d, fu), fv);
 }
 
-/* Which of 64 levels may show. */
+/* Potentially visible ones of 64 levels. */
 INLINE uint64_t shown_64(const uint16_t *grey, const CtsEntries *entries)
 {
     const uint16_t low = entries->low, range = (uint16_t)(entries->high - low);
@@ -251,7 +251,7 @@ INLINE u16x8 sample_8(const CtsSheetPair *sheets, const CtsPlaces *places, int i
     return CONVERT((whole & ~above) | (sheets->top & above), u16x8);
 }
 
-/* Where in its word the first eight with a mark begins, and where the last one ends. */
+/* Positions in a word of the first group of eight with a mark, and of the end of the last one. */
 INLINE int first_eight(uint64_t marks)
 {
     return __builtin_ctzll(marks) & 56;
@@ -282,14 +282,15 @@ static uint64_t sample(const CtsSheetPair *sheets, const CtsPlaces *places, cons
 {
     const uint64_t n =
         places->level ? sample_row(sheets, places, marks, grey, true) : sample_row(sheets, places, marks, grey, false);
-    /* Only now: to read what was written a moment ago would be to wait for it. */
+    /* In a separate loop, since reading a value written just before would stall. */
     for (int w = marks->first; w < marks->past; w++)
         if (marks->bits[w])
             marks->bits[w] &= shown_64(grey + 64 * w, entries);
     return n;
 }
 
-/* Add transmittance times entry, then let what is left of almost nothing be nothing. Returns whether that closed it. */
+/* Adds transmittance times entry, and sets a negligible transmittance to 0. Returns whether the pixel is opaque
+ * then. */
 INLINE bool blend_one(float *pixel, f32x4 entry)
 {
     const f32x4 old = *(const f32x4 *)pixel;
@@ -301,7 +302,7 @@ INLINE bool blend_one(float *pixel, f32x4 entry)
     return closes & (old[3] > 0);
 }
 
-/* The same of two pixels side by side, as far as masks let it; lanes other than 3 and 7 of the result mean nothing. */
+/* The same for two adjacent pixels, subject to masks; only lanes 3 and 7 of the result are meaningful. */
 INLINE i32x8 blend_two(float *pixels, const float first[4], const float second[4], i32x8 mask)
 {
     static const i32x8 transmittance = {0, 0, 0, -1, 0, 0, 0, -1};
@@ -313,7 +314,7 @@ INLINE i32x8 blend_two(float *pixels, const float first[4], const float second[4
     return closes & (old > 0);
 }
 
-/* Eight pixels of which any is marked. The result says which closed, as blend_two() does. */
+/* Eight pixels of which any is marked. The result marks those now opaque, as in blend_two(). */
 INLINE i32x8 blend_8(float *pixels, const uint16_t *grey, unsigned marks, const float (*entry)[4])
 {
     static const i32x8 masks[4] = {
@@ -336,7 +337,7 @@ INLINE unsigned opaque_8(const float *pixels, int n)
     return bits;
 }
 
-/* Whether no transmittance of eight pixels is left, so that nothing can be added. */
+/* True if the transmittance of eight pixels is 0, so that nothing can be added. */
 INLINE bool all_opaque(const float *pixels)
 {
     const i32x8 *two = (const i32x8 *)pixels, any = two[0] | two[1] | two[2] | two[3];
@@ -357,7 +358,7 @@ static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMa
                 continue;
             if (i + 8 <= width)
                 closes = blend_8(pixels + 4 * (size_t)i, grey + i, eight, entry);
-            else /* what is beyond is the next row's */
+            else /* the remainder belongs to the next row */
                 for (unsigned one = eight; one; one &= one - 1) {
                     const int k = i + __builtin_ctz(one);
                     closes[3] |= blend_one(pixels + 4 * (size_t)k, *(const f32x4 *)entry[grey[k]]);
@@ -411,7 +412,7 @@ static void light(float *pixels, const uint16_t *grey, const CtsRowMarks *marks,
         }
 }
 
-/* By turns one of a and one of b, from the low and from the high half of each 128 bits. */
+/* Alternates elements of a and b, from the low and from the high half of each 128 bits. */
 INLINE f32x8 weave_low(f32x8 a, f32x8 b)
 {
     return SHUFFLE(a, b, 0, 8, 1, 9, 4, 12, 5, 13);

@@ -10,13 +10,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { CTS_SHEET_MARGIN = 2 * CTS_MAX_TAPS }; /* lattice points beside a sheet row that the loops may touch */
+enum { CTS_SHEET_MARGIN = 2 * CTS_MAX_TAPS }; /* lattice points beside a sheet row that the loops may access */
 
-/* Below this a ray's transmittance counts as 0: what is left is an eighth of a step of a 16-bit picture. */
+/* A smaller transmittance counts as 0: an eighth of a step of a 16-bit picture. */
 #define CTS_OPAQUE_BELOW 0x1p-19f
 
-/* Where footprints go: sheet is the lattice row of tap row tap0 at the column of voxel 0's first tap. Arithmetic is
- * modulo 2^32. Values added are value[i] - old[i], or value[i] where old is NULL. */
+/* Destination of footprints: sheet is the lattice row of tap row tap0 at the column of voxel 0's first tap. Arithmetic
+ * is modulo 2^32. Values added are value[i] - old[i], or value[i] where old is NULL. */
 typedef struct CtsScatter {
     const CtsFootprint *footprint;
     uint32_t *sheet;
@@ -25,15 +25,15 @@ typedef struct CtsScatter {
     const uint16_t *value, *old;
 } CtsScatter;
 
-/* Where a picture row's samples fall on the lattice: cell and fraction along u and v, for each pixel. Cells never fall,
- * or never rise, from pixel to pixel. level: all have the same place along v, given once. */
+/* Lattice positions of a picture row's samples: cell and fraction along u and v, for each pixel. Cells are monotone
+ * along the row. level: all have the same position along v, given once. */
 typedef struct CtsPlaces {
     const int32_t *cell[2];
     const float *frac[2];
     bool level;
 } CtsPlaces;
 
-/* Bits for the pixels of a picture's row: words first..past-1, the others are not looked at. */
+/* Bits for the pixels of a picture's row: words first..past-1, the others are ignored. */
 typedef struct CtsRowMarks {
     uint64_t *bits;
     int first, past;
@@ -63,10 +63,9 @@ typedef struct CtsLight {
     int shift[2];  /* log2 of the lattice's density */
 } CtsLight;
 
-/* What the gradients of a row of voxels are made of: the row itself, n long, and the rows before and after it along v
- * [0] and across the layers [1]. scale makes all differences alike: 1 where before and after lie two voxels apart, 2
- * where they lie one apart, at a border beyond which is no air (and where there is one layer, both are the row itself).
- */
+/* Input for the gradients of a row of voxels: the row itself, n long, and the rows before and after it along v [0] and
+ * across the layers [1]. scale equalises all differences: 1 where before and after are two voxels apart, 2 where they
+ * are one apart, at a border without air beyond (with a single layer, both are the row itself). */
 typedef struct CtsGradientRows {
     const uint16_t *row, *before[2], *after[2];
     float scale[2];
@@ -75,22 +74,22 @@ typedef struct CtsGradientRows {
 } CtsGradientRows;
 
 typedef struct CtsSimd {
-    /* Add the footprints of those of n voxels whose bit in marks is set (bit i & 63 of word i / 64; none past n).
-     * Touches up to CTS_MAX_TAPS columns right of a footprint, unchanged. */
+    /* Adds the footprints of those of n voxels whose bit in marks is set (bit i & 63 of word i / 64; none past n).
+     * Accesses up to CTS_MAX_TAPS columns right of a footprint, without changing them. */
     void (*scatter)(const CtsScatter *job, const uint64_t *marks, int n);
-    /* Set bit i where value[i] differs from old[i]; whole words, bits past n are 0. */
+    /* Sets bit i where value[i] differs from old[i]; whole words, bits past n are 0. */
     void (*differ)(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks);
-    /* Of the wanted ones those that are at least so much. */
+    /* Marks those of the wanted voxels with at least this value. */
     void (*reach)(const uint16_t *value, uint16_t least, int n, const uint64_t *wanted, uint64_t *marks);
-    /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. May write what
-     * it likes up to the next multiple of 8. */
+    /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, clamped to 0..last. May write any
+     * values up to the next multiple of 8. */
     void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);
-    /* Nearest grey levels of marked samples, bilinear, by eights of pixels, each of which it may sample whole. Only
-     * what may show stays marked. Returns about how many eights there were. */
+    /* Nearest grey levels of marked samples, bilinear, in groups of eight pixels, which it may sample completely. Only
+     * potentially visible ones stay marked. Returns the approximate number of groups. */
     uint64_t (*sample)(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsEntries *entries,
                        const CtsRowMarks *marks, uint16_t *grey);
-    /* Blend marked samples, unlit, under a row of pixels of red, green, blue and transmittance. Bits are set in closed
-     * (unless NULL), in the same words, for those that it left opaque. */
+    /* Blends marked samples, unlit, under a row of pixels of red, green, blue and transmittance. Sets bits in closed
+     * (unless NULL), in the same words, for pixels that become opaque. */
     void (*blend)(float *pixels, int width, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
                   uint64_t *closed);
     /* The same, lit. */

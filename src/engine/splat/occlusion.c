@@ -20,7 +20,7 @@ void cts_occlusion_free(CtsOcclusion *o)
     cts_free(&o->closed);
 }
 
-/* Whether any of pixels x0..x1 of row y is open. */
+/* True if any of pixels x0..x1 of row y is open. */
 static bool row_open(const CtsOcclusion *o, int y, int x0, int x1)
 {
     const uint64_t *closed = cts_occlusion_row(o, y);
@@ -33,7 +33,8 @@ static bool row_open(const CtsOcclusion *o, int y, int x0, int x1)
     return false;
 }
 
-/* Whole numbers within low..high, a pixel wider for rounding and clipped to from..past-1; false when none is left. */
+/* Integers within low..high, extended by a pixel for rounding and clipped to from..past-1; false when there are
+ * none. */
 static bool pixels_within(double low, double high, int from, int past, int *first, int *last)
 {
     low = floor(low) - 1;
@@ -45,8 +46,8 @@ static bool pixels_within(double low, double high, int from, int past, int *firs
     return true;
 }
 
-/* Whether an open pixel may look at a rectangle of lattice points: its centre, from where the layer's lattice begins,
- * and half its sides. */
+/* True if an open pixel may sample a rectangle of lattice points, given by its centre, relative to the start of the
+ * layer's lattice, and half its sides. */
 static bool rectangle_open(const CtsOcclusion *o, const double centre[2], const double half[2], int from_y, int past_y)
 {
     int x0, x1, y0, y1;

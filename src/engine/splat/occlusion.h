@@ -1,6 +1,6 @@
-/* Occlusion culling: a pixel whose transmittance is 0 is closed. Its ray takes nothing more, so its samples can be left
- * out, and patches that only closed pixels look at need no sheet. Exact: the picture keeps its bytes. (FastSplats,
- * Huang and others 2000, keep an occlusion map likewise.) */
+/* Occlusion culling: a pixel whose transmittance is 0 is closed. Its further samples can be skipped, and patches that
+ * only closed pixels sample need no sheet. Exact: the picture keeps its bytes. (FastSplats, Huang and others 2000, has
+ * a similar occlusion map.) */
 #ifndef CTS_SPLAT_OCCLUSION_H
 #define CTS_SPLAT_OCCLUSION_H
 
@@ -10,27 +10,27 @@
 typedef struct CtsOcclusion {
     int width, height, first_row, n_words; /* first_row: of the view; n_words: in a row of bits */
     uint64_t *closed;                      /* by picture row, a bit for each pixel */
-    /* A lattice point's pixel, from where the layer's lattice begins: x = inverse[0] . (u, v), y likewise. */
+    /* A lattice point's pixel, relative to the start of the layer's lattice: x = inverse[0] . (u, v), y likewise. */
     double inverse[2][2];
 } CtsOcclusion;
 
 CtsStatus cts_occlusion_init(CtsOcclusion *occlusion, const CtsRaster *raster, CtsError *err);
 void cts_occlusion_free(CtsOcclusion *occlusion);
 
-/* Which pixels of row y are closed. */
+/* Bits of the closed pixels of row y. */
 static inline uint64_t *cts_occlusion_row(const CtsOcclusion *occlusion, int y)
 {
     return occlusion->closed + (size_t)y * (size_t)occlusion->n_words;
 }
 
-/* Where open pixels are looked for: rows y0..y1-1 of the picture, and what they look at within `spread` layers of
- * `layer`, a place across the layers. */
+/* Region of the search for open pixels: rows y0..y1-1 of the picture, and their samples within `spread` layers of
+ * `layer`, a position across the layers. */
 typedef struct CtsOcclusionQuery {
     double layer, spread;
     int y0, y1;
 } CtsOcclusionQuery;
 
-/* Set bits for the patches of a swath that an open pixel may look at. */
+/* Sets bits for the patches of a swath that an open pixel may sample. */
 void cts_occlusion_open_row(const CtsOcclusion *occlusion, const CtsRaster *raster, const CtsPatches *patches,
                             const CtsOcclusionQuery *query, int swath, uint64_t *row);
 

@@ -18,7 +18,7 @@ typedef struct Worker {
 } Worker;
 
 struct Walk;
-/* What is done of a step for one swath. */
+/* The work of a step for one swath. */
 typedef void Part(struct Walk *walk, Worker *w, int swath);
 
 /* A walk through the layers: of all swaths by all threads, or of one by one. */
@@ -28,12 +28,12 @@ typedef struct Walk {
     int worker, swath;   /* by swaths */
     int s, chunk;        /* the step, and the chunk of layers that is loaded */
     int open_until;      /* the step up to which open patches hold */
-    _Atomic bool needed; /* something of the step */
+    _Atomic bool needed; /* any work in the step */
     Part *part;
-    CtsStage stage; /* that the part is counted for */
+    CtsStage stage; /* the stage that the part counts for */
 } Walk;
 
-/* The first plane and the last stand for half a length of ray. */
+/* The first and the last plane represent half a length of ray. */
 static bool at_end(const CtsPaperPlan *p, int s, int sub)
 {
     const int last = p->stack.n_layers - 1;
@@ -84,8 +84,8 @@ static int beside(const CtsPaperPlan *p, int c)
     return p->lit && p->footprint.apron < p->shade.step[c] ? p->shade.step[c] : p->footprint.apron;
 }
 
-/* The eights of voxels of row v that a chunk is loaded for: those that reach into wanted patches, and for gradients
- * their neighbours. */
+/* The groups of eight voxels of row v that a chunk is loaded for: those that reach into wanted patches, and for
+ * gradients their neighbours. */
 static void find_eights(const CtsPaperPlan *p, CtsSwathWork *w, int v)
 {
     const int n = p->patches.n[0], n_words = p->patches.n_words, last = p->patches.n[1] - 1;
@@ -104,7 +104,7 @@ static void find_eights(const CtsPaperPlan *p, CtsSwathWork *w, int v)
     }
 }
 
-/* The rows of voxels that a swath's part loads and settles: by swaths what its thread reads, else its own. */
+/* The rows of voxels that a swath's part loads and settles: with one thread per swath all it reads, else its own. */
 static void voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
 {
     *first = cts_swath_start(&p->patches, swath, 1);
@@ -123,7 +123,7 @@ static void picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
         cts_paper_picture_rows(p, swath, y0, y1);
 }
 
-/* Chunks are loaded only where something may show, unless changes are looked for, which is everywhere. */
+/* Chunks are loaded in part, only potentially visible voxels, unless changes are needed everywhere. */
 static bool loads_partly(const CtsPaperPlan *p)
 {
     return p->skip_void && !p->reuse;
@@ -147,7 +147,7 @@ static void load(Walk *walk, Worker *w, int swath)
     }
 }
 
-/* Rows as they are splatted under a tolerance: voxels that changed too little since the step before keep its value. */
+/* Rows as splatted under a tolerance: voxels that changed too little since the step before keep their value. */
 static void settle(Walk *walk, Worker *w, int swath)
 {
     const CtsPaperPlan *p = walk->plan;
@@ -214,7 +214,7 @@ static void do_timed_part(void *context, int worker, size_t first, size_t end)
     walk->workers[worker].busy_ms[walk->stage] += cts_wall_ms() - start_ms;
 }
 
-/* Steps are alike, and a clock on each part of all would cost more than it tells. */
+/* Steps are similar, so only a sample of the parts is timed. */
 static void each(Walk *walk, CtsStage stage, Part *part)
 {
     const bool timed = walk->s % 4 == 0;

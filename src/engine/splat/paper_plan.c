@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { SWATHS_A_THREAD = 3 }; /* with fewer, some threads would wait for others */
+enum { SWATHS_A_THREAD = 3 }; /* with fewer, threads would be idle */
 
 /* Lattice points a voxel along one axis: about one a pixel, and a power of two. */
 static int choose_density(double voxels_per_pixel)
@@ -87,7 +87,7 @@ static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, Cts
     return CTS_OK;
 }
 
-/* Whether reusing layers pays, told from a sample of them; the picture is the same with and without. */
+/* Whether reusing layers pays, estimated from a sample of them; the picture is the same with and without. */
 static void plan_reuse(CtsPaperPlan *p, CtsReport *report)
 {
     if (!p->reuse)
@@ -131,14 +131,14 @@ static double level_at(const CtsRaster *r, int y)
     return r->origin[1] + r->by_y[1] * (double)(r->first_row + y);
 }
 
-/* Whether picture row y may see the volume; false only where it certainly does not. */
+/* True if picture row y may intersect the volume; false only where it certainly does not. */
 static bool sees_volume(const CtsRaster *r, int y)
 {
     return level_at(r, y) >= -1 && level_at(r, y) <= r->last[1] + 1;
 }
 
-/* Where the swaths of a picture whose rows run along the lattice's begin: each row lies in one row of patches, but for
- * those that see nothing of the volume, above and below. */
+/* Row limits of the swaths of a picture whose rows run along the lattice's: each row lies in one row of patches, except
+ * for those that miss the volume, above and below. */
 static CtsStatus plan_swath_rows(CtsPaperPlan *p, CtsError *err)
 {
     const CtsStatus st = cts_alloc_array(&p->swath_row, (size_t)p->patches.n_swaths + 1, err);
@@ -153,7 +153,7 @@ static CtsStatus plan_swath_rows(CtsPaperPlan *p, CtsError *err)
     while (past > y && !sees_volume(r, past - 1))
         past--;
     for (int i = 0; i <= p->patches.n_swaths; i++) {
-        /* The i-th swath as rows go down the picture, and where it ends. */
+        /* The i-th swath in order of the picture's rows, and its end. */
         p->swath_row[i] = y;
         const int swath = rising ? i : p->patches.n_swaths - 1 - i;
         for (; y < past; y++) {
@@ -264,9 +264,8 @@ void cts_paper_plan_free(CtsPaperPlan *p)
     cts_shade_free(&p->shade);
 }
 
-/* Add the patches that open pixels look at on a step's plane, and where there are planes between from there to
- * another's.
- */
+/* Adds the patches that open pixels sample on a step's plane, and where there are planes between, on those up to
+ * another's. */
 static void open_patches(const CtsPaperPlan *p, int step, int other_step, int patch_v, uint64_t *row)
 {
     const int here = cts_paper_layer(p, step), last = p->stack.n_layers - 1;

@@ -1,4 +1,4 @@
-/* What the paper's engines derive once per picture. */
+/* State of the paper's engines, derived once per picture. */
 #ifndef CTS_SPLAT_PAPER_PLAN_H
 #define CTS_SPLAT_PAPER_PLAN_H
 
@@ -15,14 +15,14 @@ typedef struct CtsPaperStore {
     CtsSheet sheet[2];
     float (*gradient[2])[4]; /* at the voxels of the sheets' layers */
     uint16_t *settled[3];    /* rows as they are splatted, where they differ from the volume's; step s in s % 3 */
-    uint64_t *wanted;        /* with void skipping: by row of patches, what of a chunk of layers is to be loaded */
+    uint64_t *wanted;        /* with void skipping: by row of patches, the part of a chunk of layers to be loaded */
 } CtsPaperStore;
 
-/* Threads only read it, but for the store, runs, and bits by swath, whose parts they own in turn. Layers are counted in
- * the order in which rays cross them ("step"), not as in the volume.
+/* Threads only read it, except for the store, runs, and bits by swath, whose parts they own exclusively. Layers are
+ * counted in the order in which rays cross them ("step"), not as in the volume.
  *
- * Where all layers of a swath of patches fall on the same rows of the picture, one thread takes the swath through all
- * layers, with a store of its own; else all threads work on one layer at a time. */
+ * If all layers of a swath of patches project to the same rows of the picture, one thread processes the swath through
+ * all layers, with a store of its own; else all threads work on one layer at a time. */
 typedef struct CtsPaperPlan {
     const CtsScene *scene;
     CtsPicture *picture;
@@ -42,13 +42,14 @@ typedef struct CtsPaperPlan {
     bool skip_void, reuse; /* the paper's two savings */
     CtsRangeRule rule;
     CtsVoidMap map;                /* with skip_void */
-    CtsMacrocells *own_macrocells; /* where the volume has none */
+    CtsMacrocells *own_macrocells; /* if the volume has none */
     CtsOcclusion occlusion;        /* with skip_void */
-    uint64_t *open;                /* with skip_void: by swath, patches that open pixels look at within some steps */
-    uint16_t least;                /* no mixture of levels that are all below shows anything */
-    uint64_t *visible[2];          /* reuse without skip_void: of each sheet, by swath and row of voxels that reach in,
-                                    * the voxels of that level and above; what did not change is not asked again */
-    uint64_t *shown;               /* with either: by row of cells, what to composite */
+    uint64_t *open;                /* with skip_void: by swath, patches that open pixels sample within some steps */
+    uint16_t least;                /* mixtures of smaller levels are invisible */
+    /* reuse without skip_void: of each sheet, by swath and row of voxels that reach in, the voxels of that level and
+     * above; not evaluated again for unchanged voxels */
+    uint64_t *visible[2];
+    uint64_t *shown; /* with either: by row of cells, the cells to composite */
 
     int tolerance; /* dead band, in grey levels */
 
@@ -56,10 +57,10 @@ typedef struct CtsPaperPlan {
     int *swath_row;      /* by_swaths: the first picture row of each swath, from the top down, and the end */
     CtsPaperStore store; /* unless by_swaths */
     size_t gradient_stride;
-    uint16_t *air; /* a row of it, where lighting takes it for what is beyond the border; else NULL */
+    uint16_t *air; /* a row of air, if lighting uses it beyond the border; else NULL */
 } CtsPaperPlan;
 
-/* Derive everything but memory for pixels; with picture NULL no more than what --explain tells. */
+/* Derives all but memory for pixels; with picture NULL only the data for --explain. */
 CtsStatus cts_paper_plan_init(CtsPaperPlan *plan, const CtsScene *scene, bool reuse, bool skip_void,
                               CtsPicture *picture, CtsReport *report, CtsError *err);
 void cts_paper_plan_free(CtsPaperPlan *plan);
@@ -74,7 +75,7 @@ static inline int cts_paper_layer(const CtsPaperPlan *p, int step)
 CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *plan, CtsError *err);
 void cts_paper_store_free(CtsPaperStore *store);
 
-/* The picture rows that a swath of patches is seen in, as far as that is known: y0..y1-1. */
+/* The picture rows that a swath of patches covers, as far as known: y0..y1-1. */
 static inline void cts_paper_picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
 {
     const int i = p->raster.by_y[1] > 0 ? swath : p->patches.n_swaths - 1 - swath;
@@ -105,13 +106,13 @@ static inline const uint16_t *cts_paper_row(const CtsPaperPlan *p, const CtsPape
     return cts_stack_row(&store->stack, cts_paper_layer(p, step), v);
 }
 
-/* Which of a row of patches the sheet of a step must hold, and with skip_void which the planes that the step completes
- * look at, as far as macro-cells know. Rows outside the layer have none. */
+/* The patches of a row that the sheet of a step must contain, and with skip_void those that the planes completed by the
+ * step sample, by macro-cells. Rows outside the layer have none. */
 void cts_paper_needed(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
 void cts_paper_shown(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
 
-/* With skip_void: what open pixels look at is found anew every CTS_PAPER_OPEN_STEPS steps, one swath at a time; and
- * what of a chunk of layers is worth loading, one row of patches at a time. */
+/* With skip_void: open pixels' patches are determined every CTS_PAPER_OPEN_STEPS steps, one swath at a time; and the
+ * parts of a chunk of layers to be loaded, one row of patches at a time. */
 enum { CTS_PAPER_OPEN_STEPS = 8 };
 void cts_paper_find_open(const CtsPaperPlan *plan, int step, int swath);
 void cts_paper_find_wanted(const CtsPaperPlan *plan, const CtsPaperStore *store, int chunk, int patch_v);

@@ -1,8 +1,8 @@
-/* Patches of a layer, CTS_PATCH voxels wide, as the volume's fine macro-cells are, and within them cells, between 2 x 2
- * voxels of the layer: what is skipped is skipped by patches, then by cells, kept as rows of bits.
+/* Patches of a layer, CTS_PATCH voxels wide, like the volume's fine macro-cells, and within them cells, between 2 x 2
+ * voxels of the layer: skipping is decided by patches, then by cells, stored as rows of bits.
  *
- * A cell's samples lie between its first and last lattice point, both included, so neighbours share an edge. What a
- * layer needs is worked on in swaths of CTS_SWATH rows of patches; a swath owns the lattice rows from its first edge to
+ * A cell's samples lie between its first and last lattice point, both included, so neighbours share an edge. The work
+ * on a layer is divided into swaths of CTS_SWATH rows of patches; a swath owns the lattice rows from its first edge to
  * just before the next swath's, and the last swath its far edge too. */
 #ifndef CTS_SPLAT_PATCHES_H
 #define CTS_SPLAT_PATCHES_H
@@ -14,11 +14,11 @@
 enum { CTS_PATCH = CTS_FINE_MACROCELL, CTS_SWATH = 2, CTS_SWATH_CELLS = CTS_SWATH * CTS_PATCH };
 
 typedef struct CtsPatches {
-    int n[2];     /* patches along u and v, at least 1 */
-    int n_swaths; /* along v */
-    int n_words;  /* of a row of bits, one a patch */
-    int n_cells[2], n_cell_words; /* likewise, one a cell or a voxel */
-    int row_cells; /* rows of cells that are shown alike: 1 or CTS_PATCH */
+    int n[2];                     /* patches along u and v, at least 1 */
+    int n_swaths;                 /* along v */
+    int n_words;                  /* of a row of bits, one a patch */
+    int n_cells[2], n_cell_words; /* likewise, a bit per cell or voxel */
+    int row_cells;                /* rows of cells that are shown alike: 1 or CTS_PATCH */
     int last_voxel[2];
     int density[2];
 } CtsPatches;

@@ -3,7 +3,7 @@
 #include "base/mem.h"
 #include <math.h>
 
-/* Rays along the box's faces belong to it, whatever the last bit of their position says. */
+/* Rays along the box's faces belong to it, independent of rounding. */
 #define FACE 1e-9
 
 void cts_raster_init(CtsRaster *r, const CtsView *view, const CtsStack *stack, const int density[2])

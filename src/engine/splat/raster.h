@@ -1,7 +1,7 @@
-/* Where the picture's rays cross a layer: lattice positions, linear in pixel and layer, in closed form.
+/* Intersections of the picture's rays with a layer: lattice positions, linear in pixel and layer, in closed form.
  *
- * A position is (origin + by_layer * layer + by_y * y) + by_x * x in double, so it depends neither on where a row was
- * begun nor on vector width, and never falls (or never rises) along a row. */
+ * A position is (origin + by_layer * layer + by_y * y) + by_x * x in double, so that it depends neither on the start of
+ * a row nor on vector width, and is monotone along a row. */
 #ifndef CTS_SPLAT_RASTER_H
 #define CTS_SPLAT_RASTER_H
 
@@ -40,7 +40,7 @@ typedef struct CtsRasterRow {
     double base[2];       /* of the row begun last */
     int x0, x1;           /* pixels of the row whose rays cross the plane inside the box */
     CtsRasterTable columns[2], rows[2];
-    int32_t level_cell; /* where rows are level in v */
+    int32_t level_cell; /* for rows that are level in v */
     float level_frac;
 } CtsRasterRow;
 
@@ -51,10 +51,10 @@ void cts_raster_row_free(CtsRasterRow *row);
 void cts_raster_begin_plane(CtsRasterRow *row, double layer);
 bool cts_raster_begin_row(CtsRasterRow *row, int y);
 
-/* Fill in cells and fractions of pixels xa..xb-1 of the row, as far as they do not come from the plane's tables. */
+/* Computes cells and fractions of pixels xa..xb-1 of the row, where they are not in the plane's tables. */
 void cts_raster_fill(CtsRasterRow *row, int xa, int xb);
 
-/* Where the pixels of the row fall. */
+/* Lattice positions of the row's pixels. */
 static inline void cts_raster_places(const CtsRasterRow *row, CtsPlaces *places)
 {
     places->level = !row->raster->moves[1];

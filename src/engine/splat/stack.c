@@ -83,7 +83,7 @@ void cts_stack_load(CtsStack *s, int chunk, int v, const uint64_t *wanted)
     uint16_t *to = s->chunk[chunk & 1] + (size_t)(v - s->first_row) * (size_t)s->n[0];
     for (int e = 0; e < n_eights; e++) {
         const int u0 = 8 * e, n_u = s->n[0] - u0 < 8 ? s->n[0] - u0 : 8;
-        /* Rows lie too far apart for the processor to see where it goes on. */
+        /* Rows are too far apart for the hardware prefetcher. */
         const int soon = e + AHEAD;
         if (soon < n_eights && (!wanted || wanted[soon / 64] >> (soon & 63) & 1))
             for (int u = 8 * soon; u < 8 * soon + 8 && u < s->n[0]; u++) {

@@ -1,7 +1,7 @@
 /* The volume as a stack of layers across the principal axis, each a picture of rows that are contiguous in memory.
  *
- * Across z and y the volume's own rows serve. Across x voxels of a layer lie a row apart, so layers are transposed a
- * chunk at a time; two chunks are kept, and the caller sees to it that those it reads have been loaded. */
+ * Across z and y the volume's own rows are used. Across x voxels of a layer are a row apart, so layers are transposed a
+ * chunk at a time; two chunks are kept, and the caller must load those that it reads. */
 #ifndef CTS_SPLAT_STACK_H
 #define CTS_SPLAT_STACK_H
 
@@ -21,12 +21,12 @@ typedef struct CtsStack {
     size_t v_step, layer_step; /* distances in grey; rows are contiguous unless axis is 0 */
     uint16_t *chunk[2];
     int n_rows, first_row; /* rows that a chunk has room for, and the first of those it holds now */
-    int loaded[2];         /* which chunk of layers, or -1 */
+    int loaded[2];         /* index of the chunk of layers, or -1 */
 } CtsStack;
 
 /* Without chunks: rows cannot be read yet where they need them. */
 CtsStack cts_stack(const CtsVolume *volume, int axis);
-/* Make room for so many rows at a time, if chunks are needed; then say where they start. */
+/* Allocates room for so many rows at a time, if chunks are needed; then sets their starts. */
 CtsStatus cts_stack_init(CtsStack *stack, int n_rows, CtsError *err);
 void cts_stack_begin(CtsStack *stack, int first_row);
 void cts_stack_free(CtsStack *stack);
@@ -38,8 +38,8 @@ static inline int cts_stack_missing(const CtsStack *stack, int k)
     return stack->axis == 0 && stack->loaded[chunk & 1] != chunk ? chunk : -1;
 }
 
-/* Load row v of a chunk: eight voxels at a time, those whose bit is set in wanted (NULL: all); threads may share the
- * rows. Then one thread says that it is loaded. */
+/* Loads row v of a chunk: eight voxels at a time, those whose bit is set in wanted (NULL: all); threads may share the
+ * rows. Afterwards one thread marks the chunk as loaded. */
 void cts_stack_load(CtsStack *stack, int chunk, int v, const uint64_t *wanted);
 void cts_stack_set_loaded(CtsStack *stack, int chunk);
 

@@ -25,7 +25,7 @@ void cts_swath_work_free(CtsSwathWork *w)
     cts_free(&w->visible);
 }
 
-/* The words of rows of bits that are not 0, and one more on either side; false when all are. */
+/* The words of rows of bits that are not 0, and one more on either side; false when all are 0. */
 static bool find_words(CtsSwathWork *w, const uint64_t *rows, int n_words, int n_rows)
 {
     w->first = n_words;
@@ -82,8 +82,8 @@ static void cells_of(const CtsPatches *patches, const uint64_t *row, uint64_t *c
     }
 }
 
-/* Ask early for the next layer's voxels where something may show: of a layer's rows little is read, too little for the
- * processor to see where it goes on. */
+/* Prefetches the next layer's potentially visible voxels: too few voxels of a row are read for the hardware
+ * prefetcher. */
 static void ask_for_next(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int patch_v, const uint64_t *shown)
 {
     for (int v = patch_v * CTS_PATCH; v < (patch_v + 1) * CTS_PATCH && v < p->stack.n[1]; v++) {
@@ -99,8 +99,8 @@ static uint64_t *cell_row(const CtsPaperPlan *p, const CtsSwathWork *w, int v)
     return w->cells + (size_t)(v + 1) * (size_t)p->patches.n_cell_words;
 }
 
-/* The cells that the sheet must hold as far as macro-cells know, of the swath's rows and, where another swath has their
- * edge, of the row before; true when there are any. */
+/* The cells that the sheet must contain by macro-cells, of the swath's rows and, where another swath has their edge, of
+ * the row before; true when there are any. */
 static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     const int n_words = p->patches.n_cell_words;
@@ -119,7 +119,7 @@ static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
     return find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1);
 }
 
-/* Where pixels cross rows of cells, some rows are shown alike. */
+/* Where pixels cross rows of cells, these rows get the union of their visible cells. */
 static void make_alike(const CtsPaperPlan *p, uint64_t *rows, int n_rows)
 {
     const int n_words = p->patches.n_cell_words, n_alike = p->patches.row_cells;
@@ -133,8 +133,8 @@ static void make_alike(const CtsPaperPlan *p, uint64_t *rows, int n_rows)
         }
 }
 
-/* w->row becomes what any of rows first..last of the needed cells has, as far as they are the swath's to know; whether
- * that is anything. */
+/* w->row becomes the union of rows first..last of the needed cells, within the swath's own; returns true if it is not
+ * empty. */
 static bool needed_rows(const CtsPaperPlan *p, CtsSwathWork *w, int swath, int first, int last)
 {
     const int v0 = swath * CTS_SWATH_CELLS - 1, past = last + 1 - v0;
@@ -160,8 +160,7 @@ static uint64_t take_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int s
     return n;
 }
 
-/* Drop cells that no voxel of the step's layer itself makes visible, which macro-cells know only with those before and
- * behind and all around. */
+/* Drops cells that no voxel of the step's own layer makes visible; macro-cells include the voxels around it. */
 static void judge(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     const int n_words = p->patches.n_cell_words, apron = p->rule.apron, j0 = swath * CTS_SWATH_CELLS - apron;
@@ -215,14 +214,14 @@ static void clear_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     }
 }
 
-/* Take what changed since the sheet was made; returns how many voxels. */
+/* Adds the changes since the sheet was computed; returns their number of voxels. */
 static uint64_t take_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
 {
     p->simd.differ(job->value, job->old, p->stack.n[0], w->taken);
     return cts_bits_count_run(w->taken, 0, p->stack.n[0]);
 }
 
-/* Row j of what layers know of a swath's voxels, or NULL: it does not reach in. */
+/* Row j of the layer's visible voxels in a swath, or NULL: it does not reach in. */
 static uint64_t *visible_row(const CtsPaperPlan *p, int s, int swath, int j)
 {
     const int apron = p->rule.apron, r = j - (swath * CTS_SWATH_CELLS - apron);
@@ -259,15 +258,15 @@ static void scatter_words(const CtsPaperPlan *p, const CtsSwathWork *w, CtsScatt
     p->simd.scatter(&job, w->taken + w->first, past - from);
 }
 
-/* Whole footprints of every voxel that reaches into a needed cell: what falls beside needed points does no harm, as
- * nobody reads it. Where the sheet holds the swath, the changes of all voxels instead. */
+/* Complete footprints of every voxel that reaches into a needed cell: contributions beside needed points are harmless,
+ * as they are not read. Where the sheet contains the swath, the changes of all voxels instead. */
 static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool held)
 {
     const int reach = p->footprint.reach[1], density = p->footprint.density[1];
     const int v0 = cts_swath_start(&p->patches, swath, density);
     const int v1 = cts_swath_start(&p->patches, swath + 1, density) + (p->by_swaths && swath < p->patches.n_swaths - 1);
     const int own0 = cts_swath_start(&p->patches, swath, 1), own1 = cts_swath_start(&p->patches, swath + 1, 1);
-    /* The far edge's voxels too, which change what lies before it. */
+    /* Includes the far edge's voxels, which change points before it. */
     const int j0 = -floor_div(reach - v0, density), j1 = floor_div(v1 + reach, density) + 1;
     const int n = p->stack.n[0];
     uint64_t n_taken = (uint64_t)n;
@@ -316,7 +315,7 @@ static void gradient_row(const CtsPaperPlan *p, const CtsStack *s, int k, int v,
     p->simd.gradient(&rows, u0, u1, field + (size_t)v * p->gradient_stride);
 }
 
-/* The swath's rows of what is to be composited, and how many there are. */
+/* The swath's rows of cells to composite, and their number. */
 static uint64_t *shown_rows(const CtsPaperPlan *p, int swath, int *n_rows)
 {
     const int v0 = swath * CTS_SWATH_CELLS, left = p->patches.n_cells[1] - v0;
@@ -324,7 +323,7 @@ static uint64_t *shown_rows(const CtsPaperPlan *p, int swath, int *n_rows)
     return p->shown + (size_t)v0 * (size_t)p->patches.n_cell_words;
 }
 
-/* The cells that the one plane of a step looks at, which are known once all swaths are splatted. */
+/* The cells that the single plane of a step samples, known once all swaths are splatted. */
 static bool take_shown(const CtsPaperPlan *p, CtsSwathWork *w, int swath)
 {
     const int n_words = p->patches.n_cell_words;
@@ -350,8 +349,8 @@ void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     }
 }
 
-/* What is to be composited of the swath: with void skipping what is needed on a layer, and between two what macro-cells
- * know; else what the visible voxels of the sheets reach. */
+/* The cells to composite in the swath: with void skipping the needed cells on a layer, and between two layers by
+ * macro-cells; else the cells that visible voxels of the sheets reach. */
 static void find_shown(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     const int n_words = p->patches.n_cell_words, apron = p->rule.apron;
@@ -388,7 +387,7 @@ bool cts_swath_splat(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
         judge(p, w, s, swath);
     if (p->skip_void)
         find_shown(p, w, s, swath);
-    /* A sheet keeps account by whole swaths, and lasts longest where nothing is left out. */
+    /* A sheet's state is kept by whole swaths, and is valid longest where nothing is skipped. */
     if (p->reuse)
         memset(w->cells, 255, (size_t)(n_words * (CTS_SWATH_CELLS + 1)) * sizeof *w->cells);
     needed = find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1) && needed;

@@ -1,5 +1,4 @@
-/* One swath of patches at one step: its part of the sheet brought up to date, gradients, and what is to be composited.
- */
+/* One swath of patches at one step: update of its part of the sheet, gradients, and cells to composite. */
 #ifndef CTS_SPLAT_SWATH_H
 #define CTS_SPLAT_SWATH_H
 
@@ -7,12 +6,12 @@
 
 /* One thread's scratch and counts. */
 typedef struct CtsSwathWork {
-    CtsPaperStore *store;           /* borrowed */
-    uint64_t *marks, *taken, *row;  /* a bit for each voxel of a row: may be splatted, are; and for what else */
-    uint64_t *cells;                /* needed ones of the row before a swath and of its own */
-    int first, past;                /* words of a row within which all of that lies */
-    uint64_t *visible;              /* voxels of the rows that reach into it, where it is found anew */
-    /* Voxels that stand in what is needed, with their footprint added or left as they were; each of one swath alone. */
+    CtsPaperStore *store;          /* borrowed */
+    uint64_t *marks, *taken, *row; /* a bit for each voxel of a row: candidates, splatted ones; and scratch */
+    uint64_t *cells;               /* needed ones of the row before a swath and of its own */
+    int first, past;               /* range of words of a row that contain all of that */
+    uint64_t *visible;             /* voxels of the rows that reach into it, when recomputed */
+    /* Voxels in needed cells, with their footprint added or unchanged; each counted in one swath. */
     uint64_t splatted, reused;
 } CtsSwathWork;
 

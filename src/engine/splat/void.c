@@ -58,7 +58,7 @@ static void widen_line(CtsRange *line, const CtsRange *other, int n)
         widen(&line[i], other[i]);
 }
 
-/* Whether voxels outside the volume reach into a patch. */
+/* True if voxels outside the volume reach into a patch. */
 static bool reached_from_outside(const CtsPatches *patches, const CtsRangeRule *rule, int axis, int patch)
 {
     return patch * CTS_PATCH - rule->apron < 0 || (patch + 1) * CTS_PATCH + rule->apron > patches->last_voxel[axis];
@@ -118,7 +118,7 @@ void cts_void_add_row(const CtsVoidMap *map, int a, int b, int patch_v, uint64_t
     const int layer = a < b ? a : b, last = map->n_macrocells - 1;
     const int macrocell = layer / CTS_PATCH < last ? layer / CTS_PATCH : last;
     const uint64_t *shows = shows_row(map, macrocell, patch_v), *also = shows;
-    /* Two macro-cells know the layer on which they meet. */
+    /* Two macro-cells contain the layer at their common face. */
     if (a == b && macrocell > 0 && macrocell * CTS_PATCH == layer)
         also = shows_row(map, macrocell - 1, patch_v);
     for (int w = 0; w < map->patches.n_words; w++)
@@ -136,7 +136,7 @@ void cts_void_keep_rows(const CtsVoidMap *map, int first, int last, int patch_v,
     }
 }
 
-/* Layers of the macro-cells that show something, and with slabs their neighbours. */
+/* Layers of visible macro-cells, and with slabs their neighbours. */
 static void find_active(CtsVoidMap *map)
 {
     const size_t n_words = (size_t)map->patches.n[1] * (size_t)map->patches.n_words;
@@ -157,7 +157,7 @@ typedef struct Mapping {
     _Atomic uint64_t n_shown;
 } Mapping;
 
-/* Lines of one row of patches share words of bits, so they are one thread's. */
+/* Lines of one row of patches share words of bits, so they belong to one thread. */
 static void map_rows(void *context, int worker, size_t first, size_t end)
 {
     Mapping *const m = context;
