@@ -1,6 +1,6 @@
 #!/bin/sh
-# What somebody added and nobody calls: functions of the SIMD libraries, the check suite's tables of cases, formats of
-# pictures; and SIMD paths that the build does not offer: forgotten.sh SOURCE_ROOT CORE_LIBRARY SIMD_LIBRARY...
+# Unused additions: functions of the SIMD libraries, the check suite's tables of cases, formats of pictures; and SIMD
+# paths that the build does not offer: forgotten.sh SOURCE_ROOT CORE_LIBRARY SIMD_LIBRARY...
 set -eu
 root=$1 core=$2
 shift 2

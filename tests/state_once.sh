@@ -1,6 +1,6 @@
 #!/bin/sh
-# What the program remembers it has once: libraries that it loads bring no file of the core that has variables of its
-# own: state_once.sh CORE_LIBRARY PART...
+# Global state exists once: plug-ins link no file of the core that has variables of its own: state_once.sh CORE_LIBRARY
+# PART...
 set -eu
 
 core=$1

@@ -1,5 +1,5 @@
 #!/bin/sh
-# What a machine can see of the house's style: style.sh SOURCE_ROOT
+# Style rules that a script can check: style.sh SOURCE_ROOT
 set -eu
 
 # texts ROOT: the files that people write

@@ -1,6 +1,6 @@
 #!/bin/sh
-# What the linker sees begins with cts_, and with cli_ in the program's own files: symbols.sh PROGRAM LIBRARY...
-# C++ names are judged by the function's own name; what only C++ can emit (tables, templates) has none of ours.
+# Linker symbols begin with cts_, and with cli_ in the program's own files: symbols.sh PROGRAM LIBRARY... C++ names are
+# checked by the function's own name; symbols that only C++ emits (tables, templates) are not.
 set -eu
 
 # outside PREFIX FILE...: external symbols defined in these files whose names begin with something else

@@ -1,4 +1,4 @@
-/* What the benchmarks share: a series in memory, and medians. */
+/* Shared functions of the benchmarks: a series in memory, and medians. */
 #ifndef BENCH_H
 #define BENCH_H
 
@@ -9,7 +9,7 @@ enum { BENCH_MOST_ROUNDS = 99 };
 /* Sorts values. */
 double bench_median(double *values, int n);
 
-/* Rounds asked for as text, or by_default where that is NULL; 1 to BENCH_MOST_ROUNDS. */
+/* The number of rounds in text, or by_default where that is NULL; 1 to BENCH_MOST_ROUNDS. */
 int bench_rounds(const char *text, int by_default);
 
 /* The CT series in a folder, macro-cells made. Free with cts_volume_free(). */

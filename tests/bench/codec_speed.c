@@ -1,8 +1,7 @@
-/* How near the decoding of a compressed series comes to what its codec takes: codec_speed SERIES THREADS
+/* Overhead of decoding a compressed series compared with its codec: codec_speed SERIES THREADS
  *
- * Loads the series, decoders in processes of their own, and decodes the same frames once more one by one in this
- * process; best of three each. The figure is wall time / (the codec's own CPU time / threads): 1 is as fast as can be.
- */
+ * Loads the series, with sandboxed decoders, and decodes the same frames once more one by one in this process; best of
+ * three each. The result is wall time / (the codec's own CPU time / threads): 1 is the optimum. */
 #include "base/clock.h"
 #include "base/file_bytes.h"
 #include "ctsplat/series.h"

@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""README's figures: processor time and error of one picture by ctsplat, beside other renderers. `./dev figures` runs
+"""README's figures: processor time and error of one picture by ctsplat and by other renderers. `./dev figures` runs
 
-    figures.py CTSPLAT RAW2CT MATRIX.dat PEERS.jsonl OUT.svg
+figures.py CTSPLAT RAW2CT MATRIX.dat PEERS.jsonl OUT.svg
 
-MATRIX.dat: the demo's head (int16, 108 slices of 256 x 256), which is resampled to 512 x 512 x 324 voxels, trilinearly.
-PEERS.jsonl: what other renderers took for the same scene, an object a line: peer, setting, cpu_ms of one picture of a
-volume in memory, rmse or psnr_db over display values 0..1. The peer `ctsplat` with the setting `engine classic` is the
-yardstick that was measured beside them: all their times are taken times what it takes now over what it took then. When
-that engine's code gets faster, all are measured anew.
-Times are medians of five; errors are those that --verify finds. Prints the table, in units of the default's time, and
-draws the plot by gnuplot."""
+MATRIX.dat: the demo's head (int16, 108 slices of 256 x 256), which is resampled to 512 x 512 x 324 voxels,
+trilinearly.
+PEERS.jsonl: results of other renderers for the same scene, an object per line: peer, setting, cpu_ms of one
+picture of a volume in memory, rmse or psnr_db over display values 0..1. The peer `ctsplat` with the setting
+`engine classic` is the reference measured on the same machine: all peers' times are scaled by the ratio of its
+present time to that time. When that engine's code gets faster, all peers must be measured again.
+Times are medians of five; errors are those of --verify. Prints the table, in units of the default's time, and
+draws the plot with gnuplot."""
 import json
 import statistics
 import subprocess

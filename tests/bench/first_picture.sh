@@ -1,8 +1,8 @@
 #!/bin/bash
-# What the first picture of a series costs: first_picture.sh CTSPLAT SOURCE_ROOT, or with BEFORE=CTSPLAT in the environment
-# two builds by turns. A preview of 512 x 512 pixels of each real series by bone and skin, one thread, the one of 5 runs
-# that took the least processor time: milliseconds by stage, the peak of its memory over the volume as it was scanned, and
-# last what six previews of a batch (2 presets, 3 views) take of one.
+# Cost of the first picture of a series: first_picture.sh CTSPLAT SOURCE_ROOT, or with BEFORE=CTSPLAT in the environment
+# two builds in turn. A preview of 512 x 512 pixels of each real series with bone and skin, one thread, the run with the
+# least processor time of 5: milliseconds by stage, peak memory relative to the scanned volume, and finally the time of
+# six previews of a batch (2 presets, 3 views) relative to one.
 set -euo pipefail
 ctsplat=$1 data=$2/../shared/data
 work=$(mktemp -d)

@@ -1,5 +1,4 @@
-/* Reads the first 4 KiB of each file named on standard input, a line each: what looking at many files costs at least.
- */
+/* Reads the first 4 KiB of each file named on standard input, one per line: the least cost of reading many headers. */
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>

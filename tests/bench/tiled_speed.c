@@ -1,11 +1,10 @@
-/* Where the tiled engine's time goes: tiled_speed FOLDER [ROUNDS]
+/* Profile of the tiled engine: tiled_speed FOLDER [ROUNDS]
  *
- * Renders a CT series with the presets bone and skin, lit and unlit, from the front and from 30,20, by one thread and
- * by all, rounds interleaved with the classic engine. Prints medians: time relative to classic; ns for sampling the
- * field, and for all that is done for a sample that shows something; the bytes of the macro-cells that may be visible
- * against the volume's, those that samples read (often the same ones again) against these, and the time against what
- * one pass over them takes at the speed at which this machine reads memory; the share of each stage. Never a timed
- * test. */
+ * Renders a CT series with the presets bone and skin, lit and unlit, from the front and from 30,20, with one thread and
+ * with all, rounds interleaved with the classic engine. Prints medians: time relative to classic; ns per sample of the
+ * field, and per visible sample in total; the bytes of potentially visible macro-cells relative to the volume's, those
+ * read by samples (often repeatedly) relative to these, and the time relative to one pass over them at this machine's
+ * memory bandwidth; the share of each stage. Never a timed test. */
 #include "bench_series.h"
 
 #include "base/clock.h"
@@ -42,7 +41,7 @@ static double read_bytes_per_ms(const CtsVolume *v)
         uint64_t sum = 0;
         for (size_t i = 0; i < n; i++)
             sum += words[i];
-        __asm__ volatile("" : : "r"(sum)); /* the sum is wanted */
+        __asm__ volatile("" : : "r"(sum)); /* the sum must not be optimised away */
         best = fmin(best, cts_wall_ms() - start);
     }
     return (double)n * 8 / best;

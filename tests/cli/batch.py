@@ -78,7 +78,7 @@ class Batch:
         return found
 
     def outputs(self, folder):
-        """What is there, by hash; what a run leaves beside it is a fault."""
+        """All outputs, by hash; any other file that a run leaves is an error."""
         found = {}
         for root, _, names in os.walk(folder):
             for name in names:
@@ -111,7 +111,7 @@ def test_plain(b):
     b.add(archive, 77, lambda data, k: None if 2 <= k < 7 else data)
     with open(archive + "/notes.txt", "w") as f:
         f.write("not DICOM")
-    # A file that cannot be read is told with the series beside it; where there is none, it stands for itself.
+    # An unreadable file is reported with the series in its folder; without one, it has a record of its own.
     b.add(archive, 88, lambda data, k: data[:160] + b"\xff" * 40 if k == 9 else data)
     b.add(archive, 99, lambda data, k: data[:160] + b"\xff" * 40 if k < 3 else None)
     b.ok(8, archive, "-O", "o", *OPTIONS)
@@ -145,7 +145,7 @@ def test_plain(b):
 
 
 def test_resume(b):
-    """Nothing that stands is made again; what changed is, and nothing else."""
+    """Only changed inputs are rendered again."""
     archive = b.archive("resume", 4)
     words = [archive, "-O", "o", *OPTIONS]
     b.ok(0, *words)
@@ -171,7 +171,7 @@ def test_resume(b):
     b.ok(0, *more)
     fourth = times("o")
     check(len(fourth) == 4 * N_OUTPUTS * 3 // 2 and all(fourth[p] == third[p] for p in third), "another preset")
-    # What is said in other words, in another order, or by default anyway is no change.
+    # Other notation, another order, or an explicit default is no change.
     same = more[:more.index("--compress")] + ["--compress=rle", "--fit", "visible", "--engine", "tiled", "--kernel",
                                               "tent", "--mode", "composite", "--background", "#000000", "--shade", "on",
                                               "--remove-table=on", "--slab-at", "0.0", "--annotate", "none"]
@@ -212,7 +212,7 @@ def phases(b):
 
 
 def test_journal(b):
-    """What a line tells of a series: errors, times and memory, as the log has them; and the sums add up."""
+    """A record's contents: errors, times and memory, as in the log; and the sums are consistent."""
     archive = b.archive("journal", 3, bad=1)
     b.ok(8, archive, "-O", "o", *OPTIONS, "--verify", "50", "--log", "log")
     lines = b.lines("o")
@@ -228,13 +228,13 @@ def test_journal(b):
               {(p, v) for p in ("bone", "skin") for v in ("anterior", "30,-20")}, line["errors"])
         check(line["peak_rss_bytes"] > 1 << 20 and line["cpu_ms"] >= 0 and line["waited_ms"] >= 0, line)
         check(line["geometry"]["hu_max"] > line["geometry"]["hu_min"] and len(line["geometry"]["box_mm"]) == 6, line)
-    # Of what is made anew without --verify nothing is known; of what stands it is.
+    # Pictures rendered again without --verify have no errors; unchanged ones keep theirs.
     known = {uid: line.get("errors") for uid, line in lines.items()}
     b.ok(8, archive, "-O", "o", *OPTIONS)
     check({uid: line.get("errors") for uid, line in b.lines("o").items()} == known, "errors of what stands")
     b.ok(8, archive, "-O", "o", *[w.replace("png,dcm", "png,exr,dcm") for w in OPTIONS])
     check(not any(line.get("errors") for line in b.lines("o").values()), "errors of what was made anew")
-    # What is found in the pictures of a preset is told of it, for as long as they stand.
+    # Findings about the pictures of a preset are recorded with it, as long as the pictures are kept.
     for presets in "bone", "bone,skin", "skin":
         b.ok(0, phases(b), "-O", "f", "--size", "48x48", "--window", "0,1", "--presets", presets, "--crop", "-9,9,-9,9,-9,9")
         for line in b.lines("f").values():
@@ -401,7 +401,7 @@ def test_outputs(b):
     check(done.returncode == 5 and done.stderr.count("error:") == 1, done.returncode, done.stderr)
     b.outputs("o")
     b.ok(0, archive, "-O", "o", *OPTIONS)
-    # What cannot go well with any series is refused before what stands is touched.
+    # Options that would fail for any series are refused before any output is changed.
     before = times("o")
     for words, code, said in ((["--engine", "classic", "--slab", "10"], 2, "slab"), (["--log", "none/log"], 5, "none/log"),
                               (["--series", "1.2.3"], 2, "1.2.3")):
@@ -444,7 +444,7 @@ def test_passed(b):
 
 
 def sheet(folder):
-    """What the contact sheet knows."""
+    """The data of the contact sheet."""
     with open(folder + "/index.html", encoding="utf-8") as f:
         return json.loads(f.read().split('id="data">')[1].split("</script>")[0])
 
@@ -571,7 +571,7 @@ def test_sheet(b):
     for data in seen:
         check(data["run"]["series"] == n and data["run"]["goes_on"], "the total is not steady", data["run"])
         ended = [s for s in data["series"] if "unfinished" not in s]
-        # A series is told before the process that made it has gone, which is when it counts as ended.
+        # A series is reported before its worker process has ended, after which it counts as ended.
         check(len(ended) - data["run"]["ended"] in (0, 1), len(ended), data["run"])
         check(all(s["status"] == "done" and len(s["pictures"]) == 4 for s in ended), "half a series")
     b.ok(0, "sheet", "-O", folder, *words)

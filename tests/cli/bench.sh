@@ -25,7 +25,7 @@ done
 # The reference is what errors are measured against.
 grep '"engine":"raycast"' b/bench.jsonl | grep -qE '"rmse":[0-9.]*e-' || fail "the reference differs from itself"
 
-# What --max-error asks for, and a bound above what was measured.
+# The requested errors are in the table, and reported limits are above the measured errors.
 python3 - b/bench.jsonl <<'PY' || fail "errors asked for and told"
 import json, sys
 rows = [json.loads(line) for line in open(sys.argv[1])]
@@ -50,7 +50,7 @@ refused 2 'output: not an option of bench' bench "$data/phantom" -o b
 env PATH=/nowhere "$ctsplat" bench "$data/phantom" -O q --size 16x16 2>err && fail "a plot without gnuplot"
 has err 'gnuplot cannot be run'
 [ ! -e q/bench.jsonl ] || fail "measured for nothing"
-# What an engine cannot do is left out and said.
+# Features that an engine lacks are left out with a message.
 ok bench "$data/phantom" -O m --size 16x16 -p brain
 has err 'left out: classic'
 has m/report.html 'Left out'

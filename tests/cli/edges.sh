@@ -20,7 +20,7 @@ code=0
 "$ctsplat" presets >&- 2>err || code=$?
 [ $code = 5 ] || fail "exit code $code of output without a place, expected 5"
 
-# A lock that is removed keeps nobody out: the batch that had it gives up, and another one finishes its work.
+# A removed lock excludes no other batch: the one that had it gives up, and another one finishes its work.
 mkdir many
 for i in 1 2 3 4 5 6 7 8 9; do
     cp -r "$data/syntax/explicit" many/$i
@@ -45,7 +45,7 @@ code=0
 wait $batch || code=$?
 [ $code = 1 ] && has err 'lock was removed' || fail "exit code $code, expected 1 and the reason"
 
-# Links that lead nowhere, and what cannot be read, are told and counted; the good series beside them is made.
+# Dangling links and unreadable files are reported and counted; the good series beside them is rendered.
 cp -r "$data/syntax/explicit" beside
 ln -s nowhere beside/zz.dcm
 head -c 250 "$(ls "$data"/syntax/explicit/* | head -n 1)" >beside/cut.dcm
@@ -67,7 +67,7 @@ PY
 refused 3 'no CT slice' info torn
 refused 3 'UID \(0020,000E\) holds control' render torn -o torn.png
 
-# Who is in a capture is nobody else's business; a picture and a de-identified capture are as the umask has them.
+# Captures with a patient's identity are private; a picture and a de-identified capture follow the umask.
 (
     umask 0
     ok render "$data/syntax/explicit" $draw -o a.png -o a.dcm --write-state s.dcm
@@ -76,7 +76,7 @@ refused 3 'UID \(0020,000E\) holds control' render torn -o torn.png
 modes=$(stat -c %a a.png a.dcm s.dcm b.dcm | tr '\n' ' ')
 [ "$modes" = "666 640 640 666 " ] || fail "modes are $modes"
 
-# What acts on DICOM outputs alone is told where there is none; who a patient is stays out of a batch's folders, too.
+# Options for DICOM outputs cause a warning where there is none; de-identification covers a batch's folders, too.
 ok batch "$data/syntax/explicit" -O unnamed $draw --deidentify --series-number 7
 has err 'series-number acts on .*dcm outputs'
 ! grep -q "deidentify acts on" err || fail "--deidentify acts on a batch without DICOM outputs, too"

@@ -21,7 +21,7 @@ failures = 0
 
 
 def outputs():
-    """What stands in the folder of outputs, which is empty afterwards."""
+    """The files in the folder of outputs, which is emptied afterwards."""
     found = {}
     for name in os.listdir(out):
         with open(os.path.join(out, name), 'rb') as f:

@@ -1,4 +1,4 @@
-"""What --help says of an option, its entry in the man page says too: help_man.py HELP MAN"""
+"""The man page's entry of an option agrees with its --help: help_man.py HELP MAN"""
 import re
 import sys
 

@@ -43,7 +43,7 @@ shown = shown["series"][0]
 assert set(shown) == keys | {"description", "study_date", "series_number"}
 assert shown["study_date"] == "2000-01-01" and shown["series_number"] == 1, shown
 PY
-# Without two positions there is no spacing of slices, and none is told: a scout alone, one slice, all at one place.
+# Without two positions the spacing of slices is undefined, and omitted: a scout alone, one slice, all at one position.
 mkdir scout
 cp "$data"/series/localizer/IM0011.dcm scout
 for folder in scout "$data/geometry/one-slice" "$data/geometry/same-position"; do
@@ -57,7 +57,7 @@ assert len(found) == 1 and found[0]["spacing_mm"][2] is None, found' || fail "th
 done
 refused 3 'nowhere' info nowhere
 refused 3 '' info "$data/broken/none"
-# Packed files are told as what they are.
+# Packed files are counted by their packer.
 mkdir packed
 gzip -c "$data/phantom/IM0001.dcm" >packed/IM0001.dcm
 refused 3 'packed: no CT slice among 1 file: 1 packed with gzip \(unpack first\)' info packed

@@ -1,4 +1,5 @@
-# --show, --hide, --label and their like: pictures, refusals, what a batch makes anew, what a capture refers to.
+# --show, --hide, --label and related options: pictures, refusals, pictures that a batch renders again, references in
+# captures.
 labels=$root/testdata/fuzz/labels
 see="$data/phantom --labels $labels/binary --size 64x64 -p muscle --view 30,20"
 ok render "$data/phantom" --size 64x64 -p muscle --view 30,20 -o plain.png
@@ -38,7 +39,7 @@ ok render $see --label-colours --size 256x256 --annotate labels -o named.png
 ok render $see --hide 1 --annotate labels -o none.png
 has err 'no label has a colour of its own'
 
-# A look file says the same, and options beside it win.
+# An appearance file is equivalent to options, and options take precedence.
 cat >own.json <<'END'
 {"name": "own", "points": [{"hu": 0, "rgb": [1, 1, 0], "opacity": 0}, {"hu": 900, "rgb": [1, 1, 1], "opacity": 1}]}
 END
@@ -77,7 +78,7 @@ refused 2 'mode mip shows HU' render $see --label '1=#123456' --mode mip -o x.pn
 refused 2 'label files 1 and 2 both have it' render $see --labels "$labels/first" --hide 1 -o x.png
 ok render $see --labels "$labels/first" --hide 2:1 -o second.png
 
-# A state tells what is seen of the labels, not where they lie.
+# A state contains the visibility of labels, but no paths.
 ok render $see --show 1 -o shown.png --write-state state.dcm
 ! grep -aq "$labels" state.dcm || fail "a state tells where label files lie"
 has err 'has no information for other programs on which labels are hidden: they are no segments of a BINARY'
@@ -113,7 +114,7 @@ for asked in '' '--show liver --deidentify'; do
     ok render $liver $asked --force -o unseen.dcm
     ! grep -aq $segmentation unseen.dcm || fail "render $asked: refers to a segmentation"
 done
-# Other programs are told by whole segments what a picture hides.
+# Hidden labels are encoded for other programs as whole segments.
 while read -r way asked; do
     ok render $liver $asked --force -o seen.png --write-state state.dcm
     [ ! -s err ] || fail "render $asked: a state that says all is told of: $(cat err)"

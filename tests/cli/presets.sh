@@ -21,7 +21,7 @@ assert presets["ct-soft-tissue"]["shade"] is None
 assert presets["ct-mip"]["mode"] == "composite" and presets["brain"]["window"] == [0, 80]
 PY
 
-# What --json prints is a preset file, and the same picture comes out of it.
+# The output of --json is a preset file that gives the same picture.
 small="--size 40x30"
 for name in bone ct-fat ct-bone; do
     ok presets $name --json

@@ -18,7 +18,7 @@ tr '\r' '\n' <terminal | grep -q '\[########################\] rendering' || fai
 TERM=dumb script -qec "'$ctsplat' render '$data/phantom' $small -o dumb.png" /dev/null </dev/null >terminal
 grep -q rendering terminal && fail "a bar on a dumb terminal"
 cmp piped.png dumb.png || fail "a dumb terminal changes the picture"
-# Of a rotation it tells the frame, and how long the rest may take.
+# In a rotation it shows the frame, and the estimated remaining time.
 TERM=xterm script -qec "'$ctsplat' render '$data/phantom' -p skin --size 32x32 --rotation 5 -o turned.dcm" /dev/null </dev/null >terminal
 for frame in 1 3 5; do
     tr '\r' '\n' <terminal | grep -q "\] frame $frame of 5" || fail "frame $frame is not told"

@@ -28,7 +28,7 @@ refused 2 'big.dcm: 9999 pictures of 8000x8000 are more than' render "$data/phan
 refused 2 'big.dcm: 6 pictures' render "$data/phantom" --size 16384x16384 --rotation 6 -o big.dcm
 refused 2 'big.dcm: 8 pictures' render "$data/phantom" --size 16384x16384 --rotation 8 --mode mip -o big.dcm
 
-# Written one frame behind where there are threads for it: the same files, told in order, and the stages add up.
+# With several threads files are written one frame behind: the same files, reported in order, and the stages add up.
 for threads in 1 3; do
     mkdir by-$threads
     ok render "$data/phantom" --size 300x200 --rotation 5 --verify 20 --threads $threads --log by-$threads/log \

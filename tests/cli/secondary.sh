@@ -1,4 +1,4 @@
-# Secondary captures from the command line: the study is joined, bytes repeat, a judge is content.
+# Secondary captures from the command line: they join the study, are reproducible, and pass a validator.
 ok render "$data/phantom" --size 64x48 -o a.dcm
 SOURCE_DATE_EPOCH=1000000000 && export SOURCE_DATE_EPOCH
 ok render "$data/phantom" --size 64x48 -o one.dcm

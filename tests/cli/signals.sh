@@ -27,7 +27,7 @@ PY
         code=$(cat out)
         [ "$code" = 130 ] || fail "exit code $code, expected 130"
         [ "$(cat err)" = "ctsplat: error: interrupted" ] || fail "not the one line"
-        # What has its name is whole.
+        # Files with their final names are complete.
         for picture in o/*.png; do
             [ -e "$picture" ] || continue
             ok compare "$picture" "$picture"

@@ -32,7 +32,7 @@ refused 2 'holds one picture' render "$data/phantom" $small -o - --format png --
 refused 2 'no DICOM output to send' render "$data/phantom" $small -o - --format dcm --send A@localhost:1
 refused 3 'nowhere' render nowhere -o - --format png
 
-# A full disk and a reader that goes away are told. (That a terminal gets no binary data, progress.sh sees.)
+# A full disk and a closed pipe are errors. (progress.sh checks that a terminal gets no binary data.)
 if [ -w /dev/full ]; then
     last="render -o - >/dev/full" code=0
     "$ctsplat" render "$data/phantom" $small -o - --format png --log log >/dev/full 2>err || code=$?

@@ -48,7 +48,7 @@ value compress jpeg
 value threads 0 1025 x
 value series ''
 
-# What may have been meant is named; what render makes one of, batch makes many of.
+# Misspelt options cause a suggestion; options of batch with several values are suggested by render.
 refused 2 'vew: no such option .did you mean --view' render x --vew left
 refused 2 'did you mean render' rendr x
 refused 2 'boen: no such preset .did you mean bone' render "$data/phantom" -p boen -o x.png

@@ -1,7 +1,7 @@
 # --void key: the mixture, the key, and what it loses, never hidden.
 python=$(command -v python3) || exit 77
 
-# What is lost is told and measured; the engines that take the key agree to the byte, with any number of threads.
+# The loss is reported and measured; the engines with the key agree to the byte, with any number of threads.
 small="--size 60x60 -p skin"
 ok render "$data/phantom" $small --engine void -o strict.png --log strict.log
 ok render "$data/phantom" $small --engine void --void key -o key.png --log key.log --threads 1
@@ -27,7 +27,7 @@ ok render "$data/phantom" $small --engine void --void key --explain
 has out '^mixture model: air -1000 HU \(void\)'
 has out '^void key: below -[0-9]+ HU counts as void'
 
-# Where it has no use nothing is lost, and that is told too.
+# Where the key has no effect nothing is lost, with a warning.
 for engine in classic tiled raycast; do
     ok render "$data/phantom" $small --engine $engine -o $engine.png
     ok render "$data/phantom" $small --engine $engine --void key -o $engine-key.png --log $engine.log

@@ -1,4 +1,4 @@
-# A mode without a preset takes a window that fits it and the data; pictures all black or white are told.
+# A mode without a preset gets a window fitted to the data; pictures that are all black or white cause a warning.
 /usr/bin/python3 -c 'import numpy' 2>/dev/null || exit 77
 cat >shares.py <<'PY'
 import sys, zlib, struct
@@ -36,7 +36,7 @@ for mode in mip minip average; do
     [ "$(/usr/bin/python3 shares.py $mode.png)" -ge 15 ] || fail "mode $mode shows little: $(/usr/bin/python3 shares.py $mode.png) %"
     ok render "$data/phantom" $small --mode $mode -o x.png --explain
     has out "^window -?[0-9]+ to -?[0-9]+ HU, fitted to mode $mode"
-    # What the words say holds, and a preset's own window.
+    # A window given by options, or by a preset, is kept.
     ok render "$data/phantom" $small --mode $mode --window -100,900 -o given.png --force
     ok render "$data/phantom" $small --mode $mode --window -100,900 -p bone -o given-bone.png --force
     cmp given.png given-bone.png || fail "--window does not hold in mode $mode"

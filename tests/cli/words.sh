@@ -1,4 +1,4 @@
-# What stderr says of the input: the series that was taken and those that were not, files left out, files that are no CT.
+# Messages about the input: the chosen series and the others, files left out, files that are not CT.
 small="--size 16x16 --engine classic"
 
 # IN OUT FROM TO: a copy in which one UID stands for another of the same length.
@@ -44,7 +44,7 @@ for file in IM0007 IM0021 IM0030; do
     [ "$(grep -c "warning: .*$file.dcm: " err)" = 1 ] || fail "$file is not named once"
 done
 
-# What is no CT is told by what it is, and where nothing else is there the refusal says so.
+# Files that are not CT are counted by kind, and a refusal lists them where there are no others.
 mkdir other
 with_uid "$data/phantom/IM0001.dcm" other/mr.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.840.10008.5.1.4.1.1.4
 cp other/mr.dcm other/mr-2.dcm
@@ -61,7 +61,7 @@ ln -s "$data/phantom" linked/series
 refused 3 'linked: no CT slice among 1 file: 1 links to folders' render linked -o x.png
 refused 3 'mr.dcm: no CT slice among 1 file: 1 MR Image \(' info other/mr.dcm
 
-# A reason is told once.
+# A reason is reported once.
 for folder in "$data"/geometry/many-missing "$data"/geometry/one-slice many/larger; do
     ok info "$folder"
     has out '^  renderable +no(, passed)?: '
@@ -69,6 +69,6 @@ for folder in "$data"/geometry/many-missing "$data"/geometry/one-slice many/larg
     [ "$(grep -cF "$why" out)" = 1 ] || fail "the reason of $folder stands there twice"
 done
 
-# What an engine lacks is told with the engines that have it.
+# A feature that an engine lacks is reported with the engines that have it.
 refused 2 'engine tiled has no kernel bspline \(classic, layers, void, combined and raycast have\)' \
     render "$data/phantom" --size 16x16 --kernel bspline -o x.png

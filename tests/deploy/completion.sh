@@ -50,7 +50,7 @@ for command in $commands; do
     grep -qx -e --help options || fail "$command --help lists no options"
     typed=("$command" -)
     expect $(cat options)
-    # What an option of several words may be is in its help; none of them may be lost.
+    # Values of an option with several words are listed in its help; none may be missing.
     grep -oE -e '--[a-z-]+ [a-z0-9, -]+ or [a-z0-9-]+' help | sed 's/,//g; s/ or / /' >choices
     while read -r option words; do
         typed=("$command" "$option" '')

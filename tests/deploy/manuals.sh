@@ -1,5 +1,5 @@
 #!/bin/sh
-# What the manuals of batch and node name is there: manuals.sh SOURCE_ROOT CTSPLAT
+# Names in the manuals of batch and node exist: manuals.sh SOURCE_ROOT CTSPLAT
 set -eu
 root=$1 ctsplat=$2
 work=$(mktemp -d)

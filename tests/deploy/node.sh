@@ -148,7 +148,7 @@ for ((i = half + 2; i <= studies; i++)); do send $i; done
 wait_for $((120 + 10 * studies)) all_done
 [ "$(captures)" = $((studies - 1)) ] || fail "$(captures) captures came, not $((studies - 1))"
 
-# Captures join their studies; the broken one is told.
+# Captures join their studies; the broken one is reported.
 for ((i = 1; i <= studies; i++)); do
     case $i in
     2) grep -q '"status": *"refused"' node/out/ST_1.2.826.0.1.2/batch.jsonl || fail "the broken study is not refused" ;;
@@ -167,7 +167,7 @@ wait_for 120 more_came
 sleep 3
 [ "$(captures)" = $((before + 1)) ] || fail "more than the new capture came"
 
-# What is old goes: what never was done, what was done before it came again, what a purge left that was killed.
+# Old studies are removed: never finished ones, ones finished before more slices arrived, and remains of a killed purge.
 for i in 1 2 4; do
     mkdir node/in/ST_9.$i
     echo 9 >node/tries/ST_9.$i

@@ -1,5 +1,5 @@
 #!/bin/sh
-# What systemd itself says of the units: unit_security.sh SOURCE_ROOT
+# systemd's own analysis of the units: unit_security.sh SOURCE_ROOT
 set -eu
 command -v systemd-analyze >/dev/null || { echo "skip: no systemd-analyze"; exit 77; }
 work=$(mktemp -d)

@@ -15,7 +15,7 @@ KEYS = {'Enter': '\ue007', 'Escape': '\ue00c', 'Space': ' ', 'Left': '\ue012', '
 
 
 def missing():
-    """What is not there, or None."""
+    """The missing program, or None."""
     for program in ('chromium', 'chromedriver'):
         if not shutil.which(program):
             return program
@@ -89,7 +89,7 @@ class Browser:
         self.call('POST', f'{self.session}/actions', {'actions': [mouse]})
 
     def messages(self):
-        """What the page complained about since the last call."""
+        """The page's console messages since the last call."""
         return [m['message'] for m in self.call('POST', f'{self.session}/se/log', {'type': 'browser'})]
 
     def requests(self):

@@ -29,7 +29,7 @@ def check(name, good, text=''):
 
 
 def dump(path, *options):
-    """What volume_dump says and the grey levels it makes, or None and the refusal."""
+    """The output of volume_dump and its grey levels, or None and the refusal."""
     with tempfile.NamedTemporaryFile() as raw:
         run = subprocess.run([DUMP, path, '--raw', raw.name, *options], capture_output=True, text=True)
         if run.returncode:

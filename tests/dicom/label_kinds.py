@@ -243,7 +243,7 @@ def legend(scan, work, *words):
 
 
 def test_letters(scan, work):
-    """Names in other letters: what is drawn of them, and what is told."""
+    """Names in other letters: the drawn part, and the warning."""
     said = 'are incomplete and preceded'
     for name, alike, told in (('Größe', 'GRÖSSE', False), ('ήπαρ', 'ΉΠΑΡ', False), ('肝臓', '3', True),
                               ('肝臓 liver', '3 LIVER', True), ('l' * 200, None, True), ('Śledziona, lewa', None, False)):
@@ -284,7 +284,7 @@ def test_stems(scan, work):
         check(f'stems: {pattern}: each has its own', got == [[1], [2], [3], [4]], got)
     code, text, all_of_it = info(os.path.join(images, 'case_1_0000.nii.gz'), os.path.join(maps, '{stem}.nii'))
     check('stems: info', code == 0 and [l['number'] for l in all_of_it['series'][0]['labels']] == [1], text)
-    # A batch makes pictures anew where the map of a CT changes.
+    # A batch renders pictures again where the label map of a CT changes.
     run('batch', os.path.join(images, 'case_1_0000.nii.gz'), '-O', out, '--fresh', '--size', '8x8', '--labels',
         os.path.join(maps, '{stem}.nii'))
     write_nifti(os.path.join(maps, 'case_1.nii'), volume, affine(scan))

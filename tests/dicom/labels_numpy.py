@@ -433,7 +433,7 @@ def test_names(scan, work):
 
 
 def test_places(scan, work):
-    """Masks that are shifted, mirrored, in part or wholly elsewhere are told or refused."""
+    """Masks that are shifted, mirrored, partly or wholly outside cause a warning or a refusal."""
     folder, matrix = os.path.join(work, 'places'), affine(scan)
     os.makedirs(folder)
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """NIfTI files whose sform and qform disagree: nifti_forms.py CTSPLAT SOURCE_ROOT
 
-A CT that is placed in two ways is refused or told of, unless an option decides; of a label map the form counts that the
-CT has. Exit 77 where numpy or pydicom is missing."""
+A CT with two positions is refused or causes a warning, unless an option decides; for a label map the form that
+equals the CT's is used. Exit 77 where numpy or pydicom is missing."""
 import os
 import subprocess
 import struct
@@ -118,7 +118,7 @@ def test_mask(scan, ijk, work):
                 check(f'{case}: labels', series['labels'] == expected, str(series['labels']))
                 told = findings(series, 'nifti_form_taken')
                 check(f'{case}: a note', len(told) == 1 and told[0]['severity'] == 'note', str(series['findings']))
-    # Both fill the CT's box, each in another order than the CT does: nobody knows which one is meant.
+    # Both fill the CT's box, each in another order than the CT: which one is right is unknown.
     write_two(path, numbers, right @ np.diag([1, -1, 1, 1]), right @ np.diag([-1, -1, 1, 1]))
     code, err, _ = info(scan.folder, path)
     check('both fill the box', code == 4 and 'contradict' in err, err)

@@ -1,5 +1,5 @@
-/* Files cut short, changed and lying: test_damage TESTDATA. A loaded volume is the right one or there is none; whatever
- * the bytes, the reader ends and stays in its memory (the sanitizer build watches). */
+/* Truncated, modified and inconsistent files: test_damage TESTDATA. A loaded volume is correct or there is none; for
+ * any bytes, the reader ends and stays within its memory (the sanitizer build checks it). */
 #include "base/sanitized.h"
 #include "ctsplat/series.h"
 #include "dicom_files.h"
@@ -16,7 +16,7 @@ typedef struct Series {
 
 static const char victim_name[] = "IM0004.dcm";
 
-/* *told: the reader says that a slice is missing. err->text: of a success, which slice was left out and why. */
+/* *told: the reader reported a missing slice. err->text: after a success, the slice left out and the reason. */
 static CtsStatus load_told(const char *folder, CtsVolume **volume, bool *told, CtsError *err)
 {
     static char left_out[400];
@@ -97,7 +97,7 @@ static const char *const encodings[] = {"syntax/implicit", "syntax/explicit", "s
                                         "syntax/jpeg-ls",  "syntax/jpeg-2000"};
 enum { N_ENCODINGS = sizeof encodings / sizeof *encodings };
 
-/* A slice that lost pixels is left out, interpolated, and the reader says so: never a part of it, never in silence. */
+/* A slice with truncated pixels is left out, interpolated, and reported: never used in part, never silently. */
 static void test_cut_short(void **state)
 {
     (void)state;
@@ -152,7 +152,7 @@ static uint8_t *find_bytes(Bytes *b, const char *bytes, size_t n)
     return at;
 }
 
-/* The victim is left out for this reason, and the volume says that it is interpolated there. */
+/* The victim is left out for this reason, and the volume reports that it is interpolated there. */
 static void expect_left_out(Series *s, const char *part)
 {
     CtsVolume *v;
@@ -231,12 +231,12 @@ static void test_rle_headers(void **state)
     CtsError err;
     write_bytes(s.folder, victim_name, s.victim.data, s.victim.n);
     if (load_folder(s.folder, &v, &err) == CTS_OK)
-        assert_true(v->dims[2] == s.good->dims[2]); /* 0x80 is "no operation"; the rest may still be whole */
+        assert_true(v->dims[2] == s.good->dims[2]); /* 0x80 is "no operation"; the remainder may still be complete */
     cts_volume_free(&v);
     done(&s);
 }
 
-/* The file changes between the look at its header and the reading of its pixels. */
+/* The file changes between the reading of its header and of its pixels. */
 static void test_changed_meanwhile(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* The dictionary that ctsplat fills says of every tag what DCMTK's own says. */
+/* The dictionary that ctsplat loads equals DCMTK's own for every tag. */
 #include <dcmtk/config/osconfig.h>
 
 #include "dicom/header/dcm_door.hpp"

@@ -1,5 +1,5 @@
-/* What the header reader says of a data set's attributes, DCMTK says too: as the file has them, and written anew with
- * implicit VR and in big endian. */
+/* The header reader agrees with DCMTK on a data set's attributes: as in the file, and rewritten with implicit VR and in
+ * big endian. */
 #include <dcmtk/config/osconfig.h>
 
 #include "dicom/header/dcm_attributes.hpp"

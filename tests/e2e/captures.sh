@@ -2,7 +2,7 @@
 command -v dciodvfy >/dev/null && command -v dcentvfy >/dev/null || exit 77
 shared=$root/../shared/data
 
-# A judge's words about a slice of the source, and about the object what it does not say of that slice.
+# A validator's messages about a slice of the source, and those about the object that the slice does not cause.
 old_words()
 {
     dciodvfy "$1" 2>&1 | grep -E '^(Error|Warning)' | grep -oE '<[A-Za-z]+>|\(0x[0-9a-f]+,0x[0-9a-f]+\)|DICOMDIR - .*' |
@@ -14,7 +14,7 @@ new_words()
     dciodvfy "$1" 2>&1 | grep -E '^(Error|Warning)' | grep -vFf source-words
 }
 
-# What dcentvfy finds, but for attributes that are invalid in a source: not there, or empty, against their type.
+# The findings of dcentvfy, except attributes that are invalid in the source: missing, or empty, against their type.
 check_entities()
 {
     object=$1

@@ -1,6 +1,6 @@
-# Every command of README.md and of the manuals' examples runs as it stands there, a page in one folder, in order. bench,
-# batch and rotations get small pictures, or they would take minutes; a PACS that is not there is all that a command with
-# one fails at; a server is ended when it has told its address. Sanitizers see as much in a small picture.
+# Every command of README.md and of the manuals' examples runs unchanged, a page in one folder, in order. bench, batch
+# and rotations get small pictures, to save time; a command with a PACS fails only since it is missing; a server is
+# ended once it has printed its address. Sanitizers check as much in a small picture.
 [ "$CTS_SANITIZE" = none ] && large=' no such line' || large=
 # Looks by name need a series whose labels have these names.
 shared=$root/../shared/data

@@ -39,7 +39,7 @@ run batch "$data/geometry" -O batch --size 32x32 --formats dcm,png --deidentify
 for name in mixed-patients two-phases coronal many-missing; do
     own=$("$ctsplat" info "$data/geometry/$name" --json | grep -oE '"series_uid": ?"[^"]*' | head -1 | sed 's/.*"//')
     [ "${#own}" -gt 5 ] || fail "no UID of $name"
-    # One of the UIDs made by chance may begin like it.
+    # A random UID may begin like it.
     ! grep -rqE "$(printf %s "$own" | sed 's/\./[.]/g')([^0-9]|\$)" batch || fail "the batch tells the UID of $name"
     [ ! -e "batch/$own" ] || fail "a folder of $name's own UID"
 done

@@ -1,10 +1,11 @@
-# What form each file has: grey, colour or alpha by preset, mode and background, and the same picture in all of them.
+# The pixel format of each file: grey, colour or alpha by preset, mode and background, and the same picture in all of
+# them.
 cat >greys.json <<'JSON'
 { "name": "greys", "shade": { "ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "power": 20 },
   "points": [ { "hu": 0, "rgb": [0, 0, 0], "opacity": 0 }, { "hu": 500, "rgb": [0.7, 0.7, 0.7], "opacity": 0.5 } ] }
 JSON
 
-# form FORM BACKGROUND OPTION...: renders all three formats, to be judged at the end
+# form FORM BACKGROUND OPTION...: renders all three formats, to be checked at the end
 judged=
 n=0
 form()

@@ -1,4 +1,4 @@
-"""Where the L, the metal pin and the picture's own borders stand, from the numbers in tests/tools/phantom.c."""
+"""Positions of the L, the metal pin and the picture's borders, from the numbers in tests/tools/phantom.c."""
 import numpy as np
 
 from pictures import View, check, read_png
@@ -31,7 +31,7 @@ for name, mm in ('mip-160x140', 2), ('mip-161x141', 2), ('fine', 1):
 for size in '160x140', '161x141':
     whole, crop = View(read_png('mip-%s.png' % size), 0, 0, 2), View(read_png('crop-%s.png' % size), 0, 0, 2)
     check(crop.picture.shape == whole.picture.shape, 'a crop changes the size')
-    # What is left is the box's own: its centre is the picture's, and there is less to see.
+    # The cropped box has its own frame: its centre is the picture's, and less is visible.
     lit = (crop.picture[..., 0] > 0.05).sum()
     check(0 < lit < (whole.picture[..., 0] > 0.05).sum() / 4, 'crop: %d pixels are left' % lit)
 

@@ -1,5 +1,5 @@
-# One volume is of one patient, one study, one frame of reference and one acquisition; what the header says of its
-# pixels is told. Each case is the phantom with a few attributes changed.
+# One volume is of one patient, one study, one frame of reference and one acquisition; findings about the header's pixel
+# attributes. Each case is the phantom with a few attributes changed.
 
 # case_of FILES CHANGE...: a fresh copy of the phantom in folder c, changed
 case_of()
@@ -11,7 +11,7 @@ case_of()
     (cd c && python3 "$root/tests/e2e/dicom_edit.py" $files -- "$@") || fail "the case cannot be made"
 }
 
-# two_values TAG...: refused, the tag named, no value told
+# two_values TAG...: refused, with the tag and without values
 two_values()
 {
     refused 4 "$1" render c --size 32x32 -o refused.png
@@ -50,7 +50,7 @@ two_values 'StudyInstanceUID \(0020,000D\)'
 case_of 'IM*' '0020,0052,UI=7.7.{k%2}'
 two_values 'FrameOfReferenceUID \(0020,0052\)'
 python3 -m zipfile -c c.zip c
-# An anonymiser gave each slice one of its own: told, where all else is one scan, and no object names any.
+# An anonymiser gave each slice one of its own: a warning, where all else is one scan, and no object references any.
 case_of 'IM*' '0020,0052,UI=7.7.{k+1}'
 warned frames_of_reference 'each of its 48 slices has a FrameOfReferenceUID \(0020,0052\) of its own'
 refused 4 'frame of reference' render c --size 32x32 -o refused.png --write-state refused.dcm
@@ -98,8 +98,8 @@ ok render c --size 32x32 -o burned.dcm
 [ "$(grep -c burned err)" = 1 ] || fail "told twice"
 refused 4 'BurnedInAnnotation' render c --size 32x32 -o refused.dcm --deidentify
 
-# Orientations that jitter by less than a tenth of a pixel are one; of what moves further, or drifts, nobody knows.
-# The phantom has 64 pixels a row, so that 0.0015 rad move the last one by a tenth.
+# Orientations that jitter by less than a tenth of a pixel are accepted; larger jitter, or a drift, is refused. The
+# phantom has 64 pixels a row, so that 0.0015 rad move the last one by a tenth.
 turned() { printf '0020,0037,DS={"%%.9f" %% math.cos(%s)}\\{"%%.9f" %% math.sin(%s)}\\0\\{"%%.9f" %% -math.sin(%s)}\\{"%%.9f" %% math.cos(%s)}\\0' \
     "$1" "$1" "$1" "$1"; }
 case_of 'IM*' "$(turned '0.0008 * (-1) ** (k * k // 3)')"
@@ -112,7 +112,8 @@ for turn in '0.0016 * (-1) ** k' '0.001 * (k - 23.5) / 23.5' '0.0005 * (k > 23)'
     refused 4 'differ in size, orientation or pixel spacing' render c --size 32x32 -o refused.png
 done
 
-# Where positions repeat, what else tells whole volumes apart: k of 10 slices each, by turns at every place.
+# Where positions repeat, other attributes separate complete volumes: k of 10 slices each, alternating at every
+# position.
 phases_of()
 {
     rm -rf c

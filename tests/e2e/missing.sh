@@ -1,6 +1,6 @@
-# Slices that are missing without a gap that is wider than others, told by their numbers: warned of where every 2nd or 3rd
-# is there, else refused; and stacks that are whole, which are quiet. Each case is the phantom (48 slices of 4.5 mm,
-# numbered 1 to 48) with a few slices and attributes changed.
+# Slices missing without a wider gap, detected by their numbers: a warning where every 2nd or 3rd is present, else
+# refused; and complete stacks, without a finding. Each case is the phantom (48 slices of 4.5 mm, numbered 1 to 48) with
+# a few slices and attributes changed.
 command -v python3 >/dev/null || exit 77
 
 # only PYTHON: a fresh copy in folder c of the slices k (from 1) for which this holds
@@ -108,7 +108,7 @@ run info c --json
 ! grep -q 'every' out || fail "a gap in one of two kernels makes all of the other's numbers missing"
 rm -rf c/odd
 missing '25 of 47 slices missing'
-# What else the study holds counts in hundreds.
+# Numbers of other objects of the study are in the hundreds.
 only 'k % 2'
 mkdir c/other
 cp "$data/series/localizer/"* c/other

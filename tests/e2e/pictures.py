@@ -1,4 +1,4 @@
-"""Reads 8- and 16-bit PNG files without a library of pictures, so that tests judge ctsplat by other code."""
+"""Reads 8- and 16-bit PNG files without a picture library, so that tests are independent of ctsplat's code."""
 import struct
 import sys
 import zlib
@@ -66,7 +66,7 @@ def check(condition, text):
 
 
 class View:
-    """Where patient coordinates (LPS, mm, about the volume's centre) fall in a picture (ctsplat(1), PICTURES)."""
+    """Projects patient coordinates (LPS, mm, about the volume's centre) to pixels (ctsplat(1), PICTURES)."""
 
     def __init__(self, picture, azimuth, elevation, mm_per_pixel):
         a, e = np.radians(azimuth), np.radians(elevation)

@@ -1,5 +1,5 @@
-# What no header check sees is told by the pixels: values that are no HU, slices in each other's place, lengths in other
-# units. Each case is the phantom with a few attributes changed.
+# Faults that only the pixels reveal: values that are no HU, exchanged slices, lengths in other units. Each case is the
+# phantom with a few attributes changed.
 command -v python3 >/dev/null || exit 77
 
 # case_of FILES CHANGE...: a fresh copy of the phantom in folder c, changed
@@ -12,7 +12,7 @@ case_of()
     (cd c && python3 "$root/tests/e2e/dicom_edit.py" $files -- "$@") || fail "the case cannot be made"
 }
 
-# told CODE PATTERN: by info and by render, once
+# told CODE PATTERN: the finding is reported by info and by render, once
 told()
 {
     ok info c --json

@@ -1,4 +1,4 @@
-# What is no volume is refused: the right exit code, one error line, no output.
+# Input without a volume is refused: the right exit code, one error line, no output.
 
 # refuse CODE PATTERN PATH...
 refuse()

@@ -26,7 +26,7 @@ done <<'LIST'
 --engine raycast --kernel bspline --background none --mm-per-pixel 2.7182818284590451 --annotate orientation
 --engine classic --grey-bits 8 --opacity-unit voxel --max-error 2
 LIST
-# What is given beside it wins, and the rest stays.
+# Options given beside a state take precedence over it.
 ok render "$data/phantom" --size 61x47 --preset skin --view left -o c.png
 ok render "$data/phantom" --state state-1.dcm --view left -o d.png
 cmp c.png d.png || fail "--view beside --state does not win"

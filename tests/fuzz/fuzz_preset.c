@@ -1,7 +1,7 @@
-/* Presets of every format: what is read is valid, what is not names its file. */
+/* Presets in every format: accepted ones are valid, errors name the file. */
+#include "core/transfer/preset_read.h"
 #include "ctsplat/preset.h"
 #include "fuzz.h"
-#include "core/transfer/preset_read.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* Our tag scanner, and what is read of the elements that it lets pass. */
+/* The tag scanner, and the reader of the elements that it accepts. */
 #include "dicom/header/dcm_read.h"
 #include "fuzz.h"
 

@@ -8,7 +8,7 @@
 
 enum { BYTES = 16, MAX_SLICES = 60, PIXEL_BYTES = 2 * 4 * 4 };
 
-/* Two pictures to tell apart. */
+/* Two distinguishable pictures. */
 static const uint8_t pixels[2][PIXEL_BYTES] = {{1}, {2}};
 
 static CtsSlice *invent(const uint8_t *b, int k)

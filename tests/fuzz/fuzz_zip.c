@@ -17,7 +17,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
             assert(m.name[0] && m.n_bytes > 0 && m.bytes >= room && m.n_bytes <= (uint64_t)(room + ROOM - m.bytes));
         }
     cts_archive_free(&archive);
-    /* The list alone: a child that was taken over may write anything. */
+    /* The list alone: a compromised unpacker may write anything. */
     if (room && n <= ROOM) {
         memcpy(room, data, n);
         cts_archive_list(room, ROOM, &archive, &err);

@@ -1,5 +1,5 @@
-/* Splatting's hot loops on ugly input: every SIMD path against plain C, to the bit, what lies around the output
- * included. A failure prints the parameters that show it again. */
+/* The hot loops of splatting on extreme input: every SIMD path against plain C, to the bit, including memory around the
+ * output. A failure prints the parameters that reproduce it. */
 #include "base/cpu.h"
 #include "engine/splat/loops.h"
 #include "unit.h"
@@ -117,7 +117,7 @@ static void mark(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint6
     same(least ? "reach, defined" : "differ, defined", marks[2], marks[1], sizeof marks[0], mask, seed, 0, n);
 }
 
-/* Places on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */
+/* Positions on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */
 enum { WORDS = (N + 63) / 64 };
 typedef struct Pixels {
     int32_t cell[2][64 * WORDS];

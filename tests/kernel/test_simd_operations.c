@@ -129,7 +129,7 @@ static int scalar_operations(const SimdInput *in, SimdRow row[MAX_ROWS], const c
     return at;
 }
 
-/* Whether two lanes have the same bits; all NaN count as equal. */
+/* True if two lanes have the same bits; all NaN count as equal. */
 static bool same_lane(uint32_t a, uint32_t b)
 {
     const bool both_nan = (a & INT32_MAX) > 0x7f800000 && (b & INT32_MAX) > 0x7f800000;

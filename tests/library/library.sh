@@ -1,6 +1,6 @@
 #!/bin/sh
-# What `meson install` gives to C callers: library.sh SOURCE_ROOT BUILD_ROOT CTSPLAT CC SANITIZER
-# The example is built and run against the installed tree alone, and makes the picture that the program makes.
+# The files that `meson install` gives to C callers: library.sh SOURCE_ROOT BUILD_ROOT CTSPLAT CC SANITIZER. The example
+# is built and run against the installed tree alone, and renders the same picture as the program.
 set -eu
 
 root=$1 build=$2 ctsplat=$3 cc=$4
@@ -70,7 +70,8 @@ if ./example no-such-folder x.png 2>err; then
 fi
 grep -q no-such-folder err || fail "the example tells nothing of its error"
 
-# The program starts without DCMTK and what only the network needs, and finds it where it is installed: port 9 answers nobody.
+# The program starts without DCMTK and the network plug-in, and finds them where they are installed: nothing listens on
+# port 9.
 program=$(find tree -name ctsplat -path '*/bin/*')
 if command -v readelf >/dev/null; then
     ! readelf -d "$program" "$library" | grep -E 'NEEDED.*lib(curl|dcm)' ||

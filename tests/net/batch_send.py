@@ -52,7 +52,7 @@ for line in lines('o'):
 assert 'of them before' in batch(*words) and pacs.count() == 2 * N_SERIES
 batch(*words, '--presets', 'bone,skin')
 assert pacs.count() == 4 * N_SERIES, pacs.count()
-# Captures that are made anew are new ones; those of a batch that sent nothing stand, and are sent.
+# Captures rendered again are new ones; up-to-date ones of a batch that sent nothing are sent.
 batch(*words, '--compress', 'rle')
 assert pacs.count() == 6 * N_SERIES, pacs.count()
 batch('-O', 'later', '--formats', 'dcm')
@@ -60,7 +60,7 @@ before = times('later')
 batch('-O', 'later', '--formats', 'dcm', '--send', to)
 assert pacs.count() == 8 * N_SERIES and times('later') == before, pacs.count()
 
-# A PACS that is down: written, not sent, told; the next run sends without making anything anew.
+# A PACS that is down: written, not sent, reported; the next run sends without rendering again.
 pacs.end()
 said = batch(*words, '--presets', 'skin,muscle', code=8)
 assert said.count('not sent') == 4 and '%d more series' % (N_SERIES - 3) in said and '%d failed' % N_SERIES in said, said
@@ -75,7 +75,7 @@ assert times('o') == before and all(line['status'] == 'done' for line in lines('
 # Those of skin have been there before.
 assert pacs.count() == n + 2 * N_SERIES, pacs.count()
 pacs.end()
-# What waits for a PACS is done for a batch that asks for none.
+# Captures queued for a PACS are finished for a batch without one.
 batch('-O', 'o', '--formats', 'png,dcm', '--presets', 'skin,muscle')
 
 # A PACS that refuses half-way: what it took is not sent to it again.

@@ -42,7 +42,7 @@ try:
         run(*way, *look, '-o', name + '.png', '-o', name + '.dcm')
         assert open(name + '.png', 'rb').read() == truth, name
 
-    # What else connects to our port while the PACS sends keeps nothing waiting, and puts nothing in.
+    # Other connections to our port while the PACS sends block nothing, and add nothing.
     def visit():
         end = time.monotonic() + 200
         while not visited and time.monotonic() < end:
@@ -62,7 +62,7 @@ try:
     assert visited == [True]
     assert open('visited.png', 'rb').read() == truth and time.monotonic() - start < 25
 
-    # What it has is found in each way; a batch fetches what is found, once, and renders what is new.
+    # Its series are found by each query; a batch fetches each once, and renders new ones.
     def ask(*words, code=0):
         done = subprocess.run([ctsplat, *words], capture_output=True, text=True,
                               env=dict(os.environ, TMPDIR=os.path.abspath('tmp')))

@@ -195,7 +195,7 @@ class Proxy:
 
 
 class Web(http.server.ThreadingHTTPServer):
-    """Answers with status, headers and body as it is told, or as a function tells, and keeps what it was asked."""
+    """Answers with given status, headers and body, or those of a function, and records the requests."""
     daemon_threads = True
 
     def __init__(self):

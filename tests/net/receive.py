@@ -91,7 +91,7 @@ def gone(s):
     s.close()
 
 
-# Bit by bit, whatever the syntax; the record tells; sent again, it is the same file; what is no CT is refused.
+# Stored unchanged, in any syntax, and recorded; sent again, it is the same file; other objects than CT are refused.
 r = Receiver('in')
 send(r, SLICES)
 study, n = uid_of(data_set(SLICES[0]), b'\x20\0\x0d\0'), len(SLICES)
@@ -248,8 +248,8 @@ r = Receiver('hostile')
 assert not glob.glob('hostile/.visitor-*.tmp')
 r.end()
 
-# Whatever call fails, of the receiver or of the process that serves a peer: the receiver goes on, and what a sender is
-# told to be stored is there, whole, and nothing else is.
+# For any failing call, of the receiver or of the process that serves a peer: the receiver continues, and exactly the
+# objects confirmed to a sender are there, complete.
 shim = os.environ.get('CTS_FAIL_NTH')
 calls = ('accept', 'fork'), ('open', 'read', 'write', 'fsync', 'rename', 'malloc')
 steps = {'read': 5, 'malloc': 301}

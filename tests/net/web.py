@@ -1,4 +1,4 @@
-"""What a DICOMweb peer says is data: bad answers are refused, names are never paths, credentials stay secret."""
+"""A DICOMweb peer's answers are untrusted: bad ones are refused, names are never paths, credentials stay secret."""
 import base64
 import glob
 import os
@@ -63,7 +63,7 @@ for status in (401, 404, 500, 302):
     said = run(*fetch, '-o', 'none.png', code=3)
     assert str(status) in said and '\x1b' not in said, said
 
-# Credentials come from a file or the environment, reach the peer, and are told to nobody else.
+# Credentials come from a file or the environment, and only the peer gets them.
 secret = 'someone:Geheim5'
 basic = 'Basic ' + base64.b64encode(secret.encode()).decode()
 open('secret', 'w').write('Bearer Token77\n')
@@ -124,7 +124,7 @@ run(data, '--size', '60x50', '-o', 'sent.dcm', '--force', '--send', web.url)
 first, second = asked_at[1] - asked_at[0], asked_at[2] - asked_at[1]
 assert first >= 1 and second >= 2 and first + second < 6, (first, second)
 
-# What comes must be what was asked for, and all of it by the peer's own count.
+# Received objects must belong to the request, and be complete by the peer's own count.
 other = [f.replace(study.encode(), study.encode()[:-1] + b'0') for f in files]
 answer(parts(other))
 said = run(*fetch, '-o', 'none.png', code=3)
@@ -155,7 +155,7 @@ for more in ([], ['--series-uid', series]):
         said = run(*fetch, *more, '-o', 'none.png', code=3)
         assert '6 of 48 objects' in said, said
 
-# What is asked for must be UIDs, and peers peers.
+# Requested UIDs must be valid, and peers too.
 for bad in ('../x', '1.2;3', '', '1' * 65, '1..2'):
     run('--from', web.url, '--study-uid', bad, '-o', 'none.png', code=2)
 for bad in ('host:104', 'AET@host', 'AET@:104', 'AET@host:0', 'AET@host:70000', 'A' * 17 + '@host:104', 'A@h o:1',
@@ -163,14 +163,14 @@ for bad in ('host:104', 'AET@host', 'AET@:104', 'AET@host:0', 'AET@host:70000', 
     run('--from', bad, '--study-uid', '1.2.3', '-o', 'none.png', code=2)
     run(data, '--send', bad, '-o', 'none.dcm', code=2)
 
-# What opens a door does not go where everybody on the way reads it.
+# Credentials are not sent unencrypted over the network.
 secret = {'CTSPLAT_CREDENTIALS': 'user:secret'}
 for host in ('192.0.2.1', '127.example.org', 'localhost.example.org:80'):
     said = run('--from', 'http://%s/rs' % host, '--study-uid', '1.2.3', '-o', 'none.png', code=2, env=secret)
     assert '--insecure-http' in said and 'secret' not in said, said
 said = run('--from', 'http://nowhere.invalid/rs', '--insecure-http', '--study-uid', '1.2.3', '-o', 'none.png', code=3,
            env=secret)
-# What goes to this machine goes past every proxy.
+# Traffic to this machine bypasses every proxy.
 answer(parts(files))
 run(*fetch, '-o', 'got.png', '--force', env=dict(secret, http_proxy='http://127.0.0.1:9', all_proxy='http://127.0.0.1:9'))
 assert open('got.png', 'rb').read() == truth

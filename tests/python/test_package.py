@@ -259,7 +259,7 @@ def test_rotation(tmp_path, phantom):
 
 
 def test_rotation_and_others(phantom):
-    """Nobody waits for himself; who closes the volume ends its rotations."""
+    """A thread does not wait for itself; closing the volume ends its rotations."""
     with ctsplat.load(PHANTOM) as volume:
         pictures = volume.rotation(3, **SMALL)
         next(pictures)
@@ -419,7 +419,7 @@ def box_in(volume):
 
 
 class Image:
-    """What a nibabel image has."""
+    """The interface of a nibabel image."""
 
     def __init__(self, dataobj, affine):
         self.dataobj, self.affine = dataobj, affine

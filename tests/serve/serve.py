@@ -30,7 +30,7 @@ def render(*options):
 
 
 def equal_bytes(server, series):
-    """What `render` writes, whoever asks, in whichever order and however often."""
+    """The same bytes as `render` writes, in any order and number of requests."""
     asked = [('png', 'preset=skin&view=left', '--preset skin --view left --png-bits 8'),
              ('png', 'preset=skin&view=left&png-bits=16', '--preset skin --view left'),
              ('png', 'view=-30,20&max-error=8', '--view -30,20 --max-error 8 --png-bits 8'),
@@ -50,14 +50,14 @@ def equal_bytes(server, series):
 
 
 def warned(server, series):
-    """What is wrong with a picture is told with each, also where its renderer was there already."""
+    """A warning about a picture is sent with each request, also for a cached renderer."""
     for view in 'left', 'left', 'head':
         scene = json.loads(server.ask(f'/series/{series}/picture.png?{SMALL}&preset=vessel&view={view}')[1]['Ctsplat-Scene'])
         assert sum('no contrast agent' in text for text in scene['warnings']) == 1, scene
 
 
 def words(server, series):
-    """What is wrong is said; what names files is nobody's."""
+    """Errors are reported; options that name files are refused."""
     picture = f'/series/{series}/picture.png?'
     for text, query in [('`size` x', 'size=x'), ('preset /etc/passwd', 'preset=/etc/passwd'), ('no such preset', 'preset=x'),
                         ('path: no such option', 'path=/'), ('output: no such', 'output=/tmp/x'), ('key: no', 'key=/etc/x'),
@@ -195,7 +195,7 @@ def labels():
 
 
 def crowded(server, series):
-    """Too many are told to come back; who has gone is forgotten; others are served meanwhile."""
+    """Requests beyond the limit are asked to retry; cancelled ones are dropped; others are served meanwhile."""
     slow = f'/series/{series}/picture.png?size=2048x2048&engine=raycast&view='
     request = 'GET %s HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer ' + server.token + '\r\n\r\n'
     crowd = []
@@ -286,7 +286,7 @@ def handed_over():
 
 
 def starts():
-    """What cannot be served is one line and the right exit code; a socket needs no token."""
+    """A failure to start is one line and the right exit code; a socket needs no token."""
     for code, text, args in [(2, 'nothing to serve', []), (3, 'no such|cannot be', ['nowhere']),
                              (2, 'need TLS', [data, '--listen', '0.0.0.0:0']), (2, 'HOST:PORT', [data, '--listen', 'x']),
                              (2, 'not a size', [data, '--memory', '1k']), (3, '16 characters', [data, '--token-file', 'short']),
@@ -306,7 +306,7 @@ def starts():
 
 
 def memory():
-    """What was not asked for longest goes; where all are in use, that is said."""
+    """The least recently used series is unloaded; where all are in use, an error says so."""
     with Server(ctsplat, data, '--memory', '1M') as server:
         picture = f'/series/{server.series()[0]["id"]}/picture.png?{SMALL}&crop=-500,500,-500,500,-500,'
         bodies = [server.get(picture + str(k)) for k in range(-60, 60, 10)]

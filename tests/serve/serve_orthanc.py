@@ -42,7 +42,7 @@ def look_at(pacs, server, study, series, resource):
     assert module['0070120D']['Value'] == ['VOLUME_RENDERED'] and module['00701A06']['Value'] == [180], module
     assert refused(pacs, base + '&match=x') == 400
     assert refused(pacs, base.replace(series, '1.2.3')) == 404
-    # What DICOMweb has of its own is still there.
+    # The functions of the DICOMweb plug-in still work.
     assert pacs.json(f'/dicom-web/studies/{study}/series')[0]['0020000E']['Value'] == [series]
     assert pacs.get(f'/series/{resource}/thumbnail')[:3] == b'\xff\xd8\xff'
 

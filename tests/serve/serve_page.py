@@ -24,7 +24,7 @@ def until(browser, script, seconds=60):
 
 
 def rested(browser, doing):
-    """What the stage tells once it rests again after doing."""
+    """The state shown once the stage rests again after doing."""
     before = browser.run("return document.querySelector('#picture').src")
     doing()
     until(browser, f"document.querySelector('#picture').src !== '{before}' && {RESTS}")

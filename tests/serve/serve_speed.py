@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""How long pictures of a loaded head take: serve_speed.py CTSPLAT PHANTOM RAW2CT [FOLDER]
+"""Time of pictures of a loaded head: serve_speed.py CTSPLAT PHANTOM RAW2CT [FOLDER]
 
-512 x 512 pixels from views by chance, one client and four at once; FOLDER: a series of one's own instead of the phantom of
+512 x 512 pixels from random views, one client and four at once; FOLDER: another series instead of the phantom of
 512 x 512 x 324 voxels, which needs 400 MB in the temporary folder."""
 import os
 import random

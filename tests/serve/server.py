@@ -11,7 +11,7 @@ import tempfile
 class Server:
     """Runs while the `with` lasts; ends with SIGTERM, and must leave nothing."""
 
-    tls = None  # or how its certificate is judged
+    tls = None  # or the verification of its certificate
 
     def __init__(self, ctsplat, *args, listen='127.0.0.1:0'):
         self.folder = tempfile.mkdtemp(dir=os.getcwd())
@@ -43,7 +43,7 @@ class Server:
         return self.errors.read()
 
     def kib(self):
-        """What it has of the machine's memory."""
+        """Its memory in use."""
         with open(f'/proc/{self.process.pid}/status') as f:
             return int(re.search(r'VmRSS:\s+(\d+)', f.read())[1])
 

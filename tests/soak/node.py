@@ -84,7 +84,7 @@ class Soak:
                 s.sendall(self.chance.randbytes(self.chance.randrange(1, 300)))
 
     def age(self):
-        """What was done and is no longer among the youngest is old."""
+        """A finished study that is no longer among the youngest is old."""
         for state in glob.glob('node/state/ST_*'):
             if int(state.split('.')[-1]) <= self.n_sent - KEPT:
                 for path in state, state.replace('/state/', '/in/'):
@@ -124,7 +124,7 @@ class Soak:
             assert 'starts again' not in f.read(), 'the receiver died'
         n, flat = len(self.samples), True
         for name, more in (('KiB', 1024), ('processes', 2), ('descriptors', 2), ('files', 40)):
-            # What lasts is there at every moment, and what comes and goes has the same middle.
+            # Permanent files exist at every moment, and the number of temporary ones has a constant mean.
             early, late = ([s[name] for s in self.samples[i * n // 4:(i + 1) * n // 4]] for i in (1, 3))
             row = [min(early), min(late), statistics.median(early), statistics.median(late), max(early), max(late)]
             good = row[1] <= row[0] + more and row[3] <= 1.1 * row[2] + more

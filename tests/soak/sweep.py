@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Holds tiled's error bound to the ray caster on random scenes: sweep.py CTSPLAT RAW2CT [DATA]
+"""Compares tiled's error limits with the ray caster on random scenes: sweep.py CTSPLAT RAW2CT [DATA]
 
-Volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; a series of DATA in every
-fourth round), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lights at random.
-Every picture by engine tiled is compared with the one by engine raycast. Faults are: a picture whose error is above the
-bound that its log tells, rms or largest; one above what was asked for, 0.5/255 rms by default, without a warning or
-(by default, up to 1/255) a note; one that is not made. Each is printed with the commands that show it, and its series is
-kept in soak-failures/. The same --seed repeats the same scenes; --only N makes round N alone.
+Random volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; a series of DATA
+in every fourth round), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lighting.
+Every picture by engine tiled is compared with the one by engine raycast. Faults are: a picture whose error
+exceeds the limit in its log, rms or largest; one above the requested error, 0.5/255 rms by default, without a
+warning or (by default, up to 1/255) a note; one that is not rendered. Each is printed with the commands that
+reproduce it, and its series is kept in soak-failures/. The same --seed repeats the same scenes; --only N runs
+round N alone.
 
-With --large half of the pictures are large, most of them rotations. These are made by one thread and by three, whose
-files must be the same, and are verified by rays; where that leaves doubt, every frame is compared with the ray
-caster's, and the worst is held to the bound that was told."""
+With --large half of the pictures are large, most of them rotations. These are rendered with one thread and with
+three, whose files must be equal, and are verified by rays; where that leaves doubt, every frame is compared with
+the ray caster's, and the worst is compared with the reported limit."""
 import argparse
 import filecmp
 import glob
@@ -164,7 +165,8 @@ def make_view(r):
 
 
 def read_log(path):
-    """The bound told, the error verified, and how it is said that it may be larger than asked: warning, note, or not."""
+    """The reported limit, the verified error, and the message for a limit above the requested error: warning, note,
+    or none."""
     with open(path) as f:
         events = [json.loads(line) for line in f]
     last = {e['event']: e for e in events}
@@ -188,7 +190,7 @@ class Sweep:
                               capture_output=True, text=True, timeout=1200)
 
     def held(self, bound, said, rms, most, asked, what, frames=1):
-        """A fault's words, or None: an error held to what was told of it. Counts what kind of picture it is."""
+        """A description of the fault, or None: an error compared with its reported limit. Counts kinds of pictures."""
         limit = (asked or 0.5) / 255
         if not bound:
             return 'no bound in the log'
@@ -250,7 +252,7 @@ class Sweep:
         for path in glob.glob(os.path.join(folder, 'large-1*')):
             if not filecmp.cmp(path, path.replace('large-1', 'large-3'), shallow=False):
                 return '%s differs by threads' % os.path.basename(path), commands
-        # One frame may have all of the error that is told of them together.
+        # One frame may have all of the error that is reported for them together.
         worst = verified['rmse'] * math.sqrt(len(frames))
         if not bound or worst < 0.5 * bound['rmse']:
             return (self.held(bound, said, verified['rmse_low'], verified['max'], asked, what, len(frames)),

@@ -1,9 +1,9 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, fork, shmget, poll, recv, wait4, getrandom, accept; kill: the helper, and with it the processes
- * it has forked, when one of them is sent something) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later
- * ones fail too. Calls are counted over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do.
- * When the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
-#undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
+ * write, fsync, rename, fork, shmget, poll, recv, wait4, getrandom, accept; kill: the helper, and with it its
+ * processes, when one of them is sent data) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail
+ * too. Calls are counted over all threads; child processes do not fail, or with CTS_FAIL_CHILD=1 only they do. When the
+ * call was reached, a line is appended to the file CTS_FAIL_TOLD. */
+#undef _FILE_OFFSET_BITS /* both names of a call are needed: open() and open64() */
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -55,8 +55,8 @@ static atomic_long seen;
 static pid_t child; /* the helper, which is forked last */
 static _Thread_local int loading;
 
-/* Calls fail inside main() alone: what the loader and the libraries do before and after it is not under test, nor what
- * they do when main() loads one: an exception in the constructor of a library's static object ends the program. */
+/* Calls fail only inside main(): the loader and the libraries before and after it are not under test, nor is the
+ * loading of a library in main(): an exception in the constructor of a library's static object ends the program. */
 static void choose(void)
 {
     const char *call = getenv("CTS_FAIL"), *at = getenv("CTS_FAIL_AT");

@@ -92,7 +92,7 @@ head -c 100 "$out/broken/strangers/IM0001.dcm" >"$out/broken/strangers/stub.dcm"
 mkdir -p "$out/broken/none"
 printf 'No image in this folder.\n' >"$out/broken/none/notes.txt"
 
-# Where fuzzing starts: the smallest files of each kind.
+# Seeds for fuzzing: the smallest files of each kind.
 fuzz=$out/fuzz
 mkdir -p "$fuzz/slice" "$fuzz/scan" "$fuzz/sort" "$fuzz/preset" "$fuzz/zip" "$fuzz/labels"
 python3 "$(dirname "$0")/make_labels.py" "$fuzz/labels"

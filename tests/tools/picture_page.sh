@@ -17,7 +17,7 @@ mkdir -p "$dir"
 n=0
 for ctsplat in "$@"; do
     n=$((n + 1))
-    # What is no volume is refused, which makes the batch's exit status 8.
+    # Series without a volume are refused, which makes the batch's exit status 8.
     "$ctsplat" batch "$folder" --presets "$(comma "$presets")" --views "$(comma "$views")" --size 256x256 \
         --max-error 8 --output-dir "$dir/$n" || [ $? -eq 8 ]
 done

@@ -1,5 +1,5 @@
 /* The three parts of raw2ct: options (raw2ct.c), slices cut from the raw volume (raw2ct_slices.c), DICOM files
- * (raw2ct_dicom.cc). A test tool: it says what is wrong on stderr. */
+ * (raw2ct_dicom.cc). A test tool: errors go to stderr. */
 #ifndef CTS_TESTS_RAW2CT_H
 #define CTS_TESTS_RAW2CT_H
 
@@ -39,21 +39,21 @@ typedef struct Stack {
     int n[3], axis[3];
     bool back[3];
     double spacing_mm[3];
-    double direction[3][3]; /* unit vectors, LPS: along a row, down a column, the way of the table */
+    double direction[3][3]; /* unit vectors, LPS: along a row, down a column, direction of the table feed */
     double first_lps[3];    /* the first voxel of the first slice */
     int32_t *raw;           /* owned */
 } Stack;
 
 /* Comma-separated finite numbers; false when the text is anything else. */
 bool parse_numbers(const char *text, Numbers *numbers);
-/* List entry k, the list being taken in turn. */
+/* List entry k, modulo the length of the list. */
 double pick(const Numbers *list, int k);
 
 /* Reads the raw file and lays the slices out; false after a message. Free with stack_free(). */
 bool stack_make(const Options *o, Stack *stack);
 void stack_free(Stack *stack);
 void stack_position(const Options *o, const Stack *stack, int k, double lps[3]);
-/* The 16-bit words of slice k as they are stored; pixels holds n[0] * n[1]. */
+/* The stored 16-bit words of slice k; pixels has room for n[0] * n[1]. */
 void stack_pixels(const Options *o, const Stack *stack, int k, uint16_t *pixels);
 
 /* Writes one file for each slice; false after a message. */

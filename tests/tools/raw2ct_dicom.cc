@@ -67,7 +67,7 @@ class Hash
         for (int i = 0; i < 4; i++)
             add_byte(static_cast<unsigned char>(v >> 8 * i));
     }
-    /* A UID derived from a UUID (2.25, PS3.5 B.2) of version 8, "made up by its owner's rules". */
+    /* A UID derived from a UUID (2.25, PS3.5 B.2) of version 8. */
     std::string uid() const
     {
         uint64_t high = (a & ~0xf000ull) | 0x8000u, low = (b & 0x3fffffffffffffffull) | 0x8000000000000000ull;
@@ -205,7 +205,7 @@ void put_image(DcmDataset &d, const Options &o, const Stack &s, int k)
         put_padding(d, o, DCM_PixelPaddingRangeLimit, o.padding.v[1]);
 }
 
-/* The meta header is filled here and kept by saveFile(), so that no DCMTK version stands in the bytes. */
+/* The meta header is filled here and kept by saveFile(), so that the bytes contain no DCMTK version. */
 void put_meta(DcmMetaInfo &m, E_TransferSyntax xfer, const std::string &instance_uid)
 {
     const Uint8 version[2] = {0, 1};
@@ -220,7 +220,7 @@ void put_meta(DcmMetaInfo &m, E_TransferSyntax xfer, const std::string &instance
           "meta header");
 }
 
-/* DCMTK's JPEG-LS encoder leaves whatever memory held in the byte that makes a fragment's length even. */
+/* DCMTK's JPEG-LS encoder leaves the byte that makes a fragment's length even uninitialised. */
 void clear_pad_byte(DcmDataset &d, E_TransferSyntax xfer)
 {
     DcmElement *element = nullptr;
@@ -240,7 +240,7 @@ void clear_pad_byte(DcmDataset &d, E_TransferSyntax xfer)
         bytes[n - 1] = 0;
 }
 
-/* DCMTK cannot write JPEG 2000: the stream is made here and cut into two fragments, as some writers do. */
+/* DCMTK cannot write JPEG 2000: the stream is encoded here and split into two fragments, as some writers do. */
 void put_jpeg2000(DcmDataset &d, const Options &o, const Stack &s, const Pixels &words)
 {
     const Jpeg2000 shape = {s.n[0], s.n[1], o.bits_stored, 1, !o.is_unsigned, false};

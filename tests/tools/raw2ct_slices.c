@@ -42,7 +42,7 @@ static bool normalise(double v[3])
     return length > 0;
 }
 
-/* How the stack runs through the raw volume, and where the raw axes point in the patient. */
+/* Orientation of the stack in the raw volume, and of the raw axes in the patient. */
 static bool orient(const char *orientation, Stack *s, double frame[3][3])
 {
     static const struct {

@@ -1,8 +1,8 @@
 #!/bin/bash
-# Whether two builds make the same pictures, bit for bit: same_pictures.sh OLD_CTSPLAT NEW_CTSPLAT SERIES...
-# A spread of engines, presets, views, modes, kernels, scales and formats for each series; small pictures, so that a
-# few hundred scenes take minutes. Prints each scene that differs and a last line with the count. For changes of
-# structure, which must not change a pixel.
+# Compares the pictures of two builds, bit for bit: same_pictures.sh OLD_CTSPLAT NEW_CTSPLAT SERIES... A range of
+# engines, presets, views, modes, kernels, scales and formats for each series; small pictures, so that a few hundred
+# scenes take minutes. Prints each scene that differs and a last line with the count. For changes of structure, which
+# must not change a pixel.
 set -u
 old=$1 new=$2
 shift 2

@@ -1,4 +1,4 @@
-/* volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list]: what the reader makes of a folder,
+/* volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list]: the reader's result for a folder,
  * as lines of "key value", for tests that compare it with other readers and for the reading benchmark. */
 #include "base/clock.h"
 #include "base/exit_code.h"

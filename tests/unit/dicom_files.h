@@ -1,4 +1,5 @@
-/* DICOM files byte by byte, right and wrong on purpose; no library helps, so that none agrees with ours by accident. */
+/* DICOM files built byte by byte, with deliberate faults; without a library, so that the tests are independent of
+ * one. */
 #ifndef CTS_TESTS_DICOM_FILES_H
 #define CTS_TESTS_DICOM_FILES_H
 
@@ -72,7 +73,7 @@ static inline void put_us(Bytes *b, uint32_t tag, int value)
         put_element(b, tag, "US", (uint8_t[]){(uint8_t)value, (uint8_t)(value >> 8)}, 2);
 }
 
-/* What a slice says; NULL or a negative number leaves the attribute out. */
+/* Attributes of a slice; NULL or a negative number omits the attribute. */
 typedef struct Slice {
     const char *syntax, *sop_class, *sop, *series, *patient, *frame, *type, *acquisition, *time, *instance, *temporal;
     const char *position, *orientation, *spacing, *slope, *intercept, *rescale_type, *frames, *photometric,
@@ -207,7 +208,7 @@ static inline void write_slice(const char *folder, const char *name, const Slice
     free(b.data);
 }
 
-/* Slice k of a stack along z: its position, its own UID, pixels that tell k. */
+/* Slice k of a stack along z: its position, its own UID, pixels that identify k. */
 typedef struct StackTexts {
     char position[64], sop[64];
 } StackTexts;

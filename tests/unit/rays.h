@@ -2,10 +2,10 @@
 #ifndef CTS_TESTS_RAYS_H
 #define CTS_TESTS_RAYS_H
 
-#include "lab/check/check_scene.h"
-#include "lab/check/truth.h"
 #include "engine/raycast/raycast.h"
 #include "engine/raycast/raycaster.h"
+#include "lab/check/check_scene.h"
+#include "lab/check/truth.h"
 #include "unit.h"
 #include <math.h>
 
@@ -17,7 +17,7 @@ typedef struct Rays {
     CtsRaycaster *caster;
 } Rays;
 
-/* Aims a caster at what rays holds. */
+/* Aims a caster at the scene in rays. */
 static inline void rays_aim(Rays *r, double azimuth_deg, double elevation_deg, double mm_per_pixel,
                             const CtsField *field)
 {

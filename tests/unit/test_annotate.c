@@ -1,4 +1,4 @@
-/* Letters and scale bar: where they stand, how long the bar is, what they leave alone. */
+/* Letters and scale bar: positions, length of the bar, unchanged pixels. */
 #include "ctsplat/annotate.h"
 #include "output/image/describe.h"
 #include "output/image/letters.h"
@@ -44,7 +44,7 @@ static void test_directions(void **state)
     }
 }
 
-/* Each edge has its letters in the middle, nothing else changes, and black as white lets them be seen. */
+/* Each edge has its letters in the middle, nothing else changes, and they are visible on black and white. */
 static void test_letters(void **state)
 {
     (void)state;
@@ -97,7 +97,7 @@ static void test_scale(void **state)
                 run += p->pixels[y * cases[i].width + x] * 255 / 242;
             longest = fmax(longest, run);
         }
-        /* What the dark rim adds at both ends is some 5 % of a pixel's light a pixel. */
+        /* The dark outline at both ends adds some 5 % of a pixel's light per pixel. */
         assert_true(fabs(longest - cases[i].length_mm / cases[i].mm_per_pixel) < 0.5);
         assert_int_equal(marked(p, 0, cases[i].width / 2, 0, cases[i].width, 200), 0);
         assert_int_equal(marked(p, 0, 0, 0, cases[i].width, 100), 0);
@@ -119,7 +119,7 @@ static void test_edges(void **state)
     assert_int_equal(cts_annotate(p, false, true, NULL, &err), CTS_ERR_USAGE);
     assert_int_equal(cts_annotate(p, true, false, NULL, &err), CTS_OK);
     cts_picture_free(&p);
-    /* Where all was transparent, only the marks become opaque, with no colour beyond their alpha. */
+    /* On a transparent picture only the marks become opaque, with no colour beyond their alpha. */
     p = flat(100, 100, 4, 0, 0.5);
     p->has_alpha = true;
     memset(p->pixels, 0, 100 * 100 * 4 * sizeof(float));
@@ -154,7 +154,7 @@ static void test_bands(void **state)
     cts_picture_free(&cut);
 }
 
-/* What has no room is left out and counted: nothing is drawn over another mark or cut off. */
+/* Marks without room are left out and counted: none is drawn over another mark or cut off. */
 static void test_no_room(void **state)
 {
     (void)state;
@@ -173,7 +173,7 @@ static void test_no_room(void **state)
     }
 }
 
-/* Names stand in their colours, band by band as in the whole picture; of a picture without room they are left out. */
+/* Names appear in their colours, by bands as in the whole picture; in a picture without room they are left out. */
 static void legend(void **state)
 {
     (void)state;
@@ -204,7 +204,7 @@ static void legend(void **state)
     cts_picture_free(&whole);
 }
 
-/* Letters as they are drawn, as a text to compare: what of them, with which accents. */
+/* Drawn letters as a text for comparison: base letters with their accents. */
 static void check_drawn(const char *text, const char *alike, bool lacks)
 {
     CtsLetters a = {.n = 0}, b = {.n = 0};
@@ -214,7 +214,7 @@ static void check_drawn(const char *text, const char *alike, bool lacks)
         fail_msg("%s: %d letters, lacking %d; as %s: %d letters, lacking %d", text, a.n, a.lacks, alike, b.n, b.lacks);
 }
 
-/* Latin with its accents and Greek are drawn in capitals, composed or decomposed; other scripts are told of. */
+/* Latin with accents and Greek are drawn in capitals, composed or decomposed; names in other scripts are counted. */
 static void letters_of_names(void **state)
 {
     (void)state;

@@ -1,7 +1,7 @@
 /* Zip files as input: the same volume as the folder, and nothing that a bad one can do. */
 #include "ctsplat/series.h"
-#include "input/files/archive.h"
 #include "dicom_files.h"
+#include "input/files/archive.h"
 #include <zip.h>
 
 enum { N_SLICES = 6 };
@@ -116,7 +116,7 @@ static void test_bomb(void **state)
     free(zeros);
 }
 
-/* A byte changed or the end cut off anywhere: the right volume, a member told of, or a refusal. */
+/* A byte changed or the end truncated anywhere: the right volume, a reported member, or a refusal. */
 static void test_damage(void **state)
 {
     (void)state;

@@ -38,7 +38,7 @@ static void test_fail(void **state)
     assert_int_equal(cts_context(NULL, "x"), CTS_ERR_INTERNAL);
 }
 
-/* A message is one line and drives no terminal, whatever a file name or a header holds. */
+/* A message is one line without control sequences, whatever a file name or a header contains. */
 static void test_fail_escapes(void **state)
 {
     (void)state;
@@ -98,7 +98,7 @@ static void test_memory(void **state)
     assert_true(product == SIZE_MAX);
 }
 
-/* Small blocks, which may come to lie otherwise, and large ones, whose pages move: what is kept is as it was. */
+/* Small blocks, which may change their alignment, and large ones, whose pages are moved: contents are kept. */
 static void test_resize(void **state)
 {
     (void)state;
@@ -145,7 +145,7 @@ static void test_stages_add_up(void **state)
     assert_false(r.stages[CTS_STAGE_SCAN].ran);
 }
 
-/* What runs at the same time is shared out by how busy it was, and nothing gets lost. */
+/* Concurrent activities share the time by CPU usage, and the sum is complete. */
 static void test_region(void **state)
 {
     (void)state;

@@ -67,7 +67,7 @@ static void test_threshold(void **state)
     }
 }
 
-/* Whether a voxel lies within reach of one that is set: voxel by voxel. */
+/* Reference implementation: is a voxel within reach of a set one? */
 static bool reached(const CtsBits *in, CtsReach reach, int i, int j, bool set)
 {
     const int r = reach.diamond;

@@ -1,4 +1,4 @@
-/* The contact sheet's data: which line of which journal counts, what is gathered, and what cannot break the page. */
+/* The contact sheet's data: valid records of several journals, gathered fields, and hostile contents. */
 #include "app/contact/contact_sheet.h"
 #include "folder.h"
 #include <jansson.h>

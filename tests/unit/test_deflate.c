@@ -1,4 +1,4 @@
-/* The packer of PNG rows: what it packs can be unpacked, and its bytes depend on its input alone. */
+/* The compressor of PNG rows: its output can be decompressed, and its bytes depend on the input alone. */
 #include "output/export/deflate.h"
 #include "unit.h"
 #include <pthread.h>
@@ -69,7 +69,7 @@ static const struct {
 };
 enum { N_INPUTS = sizeof inputs / sizeof *inputs, MOST = 600000 };
 
-/* Working memory of exactly the promised sizes, so that a sanitizer sees what reaches beyond. */
+/* Working memory of exactly the promised sizes, so that a sanitizer detects accesses beyond. */
 static size_t pack(const uint8_t *bytes, size_t n, bool last, uint8_t **packed)
 {
     CtsByteRun *runs = malloc(cts_deflate_max_runs(n) * sizeof *runs);

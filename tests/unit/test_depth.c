@@ -75,8 +75,8 @@ static void check_file(const CtsPicture *p)
     remove_folder(folder);
 }
 
-/* From six sides and askew. The tiled engine cuts a layer's slab into parts and tells the middle of one; the paper's
- * engines know the field on planes of samples alone: what they find lies up to one plane behind the surface. */
+/* From six sides and oblique. The tiled engine splits a layer's slab into parts and reports the middle of one; the
+ * paper's engines sample the field on planes only: their surface lies up to one plane behind the true one. */
 static void test_ball(void **state)
 {
     (void)state;
@@ -101,7 +101,7 @@ static void test_ball(void **state)
     cts_volume_free(&v);
 }
 
-/* Depth is made when asked for, in the mode that has surfaces, and the report says when it is left out. */
+/* Depth is computed when requested, in the mode with surfaces, and the report says when it is left out. */
 static void test_left_out(void **state)
 {
     (void)state;

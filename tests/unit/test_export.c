@@ -1,4 +1,4 @@
-/* Pictures in files: what is written is what is read back, whole or not at all. */
+/* Picture files: a round trip keeps the picture, and files are written whole or not at all. */
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "ctsplat/export.h"
@@ -42,8 +42,8 @@ static void assert_samples_equal(const CtsPicture *a, const CtsPicture *b, int n
     }
 }
 
-/* The IDAT chunks together are one zlib stream of that many bytes, its check value right: readers differ in whether
- * they look at it. */
+/* The IDAT chunks together are one zlib stream of this length with a valid checksum: readers differ in whether they
+ * check it. */
 static void check_zlib_stream(const char *path, size_t n_expected)
 {
     size_t n, n_idat = 0;
@@ -177,7 +177,7 @@ static const char *text_of(png_structp png, png_infop info, const char *key)
     return "";
 }
 
-/* Colour space, scale and texts stand in the file as libpng, an independent reader of them, finds them. */
+/* libpng, an independent reader, finds colour space, scale and texts in the file. */
 static void test_png_metadata(void **state)
 {
     (void)state;
@@ -248,7 +248,7 @@ static double nearest_half_step(double v)
     return v < 0x1p-14 ? 0x1p-24 : ldexp(1, ilogb(v) - 10);
 }
 
-/* What comes back is the picture to half a step of a half float in linear light; depth comes back to the bit. */
+/* The round trip keeps the picture to half a step of a half float in linear light, and depth to the bit. */
 static void check_exr(const CtsPicture *p, const CtsPicture *q)
 {
     const size_t n = (size_t)p->width * p->height;
@@ -306,7 +306,7 @@ static void test_exr_round_trip(void **state)
     remove_folder(folder);
 }
 
-/* The matrices carry points of the patient to where the picture shows them. */
+/* The matrices map points of the patient to their pixels. */
 static void test_exr_camera(void **state)
 {
     (void)state;
@@ -353,7 +353,7 @@ static void test_exr_camera(void **state)
     remove_folder(folder);
 }
 
-/* exrheader reads the file and shows what users look for. */
+/* exrheader reads the file and prints its main attributes. */
 static void test_exrheader(void **state)
 {
     (void)state;
@@ -387,7 +387,7 @@ static void put_file(const char *path, const void *bytes, size_t n)
     assert_int_equal(fclose(f), 0);
 }
 
-/* Cut short anywhere, a file is refused with one line and never read as a picture. */
+/* A file truncated anywhere is refused with one line and never read as a picture. */
 static void refuse_every_cut(const char *ending)
 {
     char folder[64], whole[100], cut[100];

@@ -4,7 +4,7 @@
 #include "dicom_files.h"
 #include <math.h>
 
-/* What one frame says; NULL or 0 leaves it to the shared groups, or out. */
+/* Attributes of one frame; NULL or 0 leaves them to the shared groups, or out. */
 typedef struct Frame {
     const char *position, *orientation, *slope, *stack, *type, *when;
     uint32_t temporal;
@@ -405,7 +405,7 @@ static void test_fragments(void **state)
         }
 }
 
-/* Streams that do not say where they begin, and no table. */
+/* Streams without offsets, and no table. */
 static void test_frames_not_told(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* The frame around what is visible: how far it reaches, by formula; what the picture then holds. */
+/* The frame around the visible part: its extent by formula, and the resulting picture. */
 #include "base/vec3.h"
 #include "core/scene/view.h"
 #include "render/framing/framing.h"
@@ -124,8 +124,8 @@ static void test_haze(void **state)
     }
 }
 
-/* What shows of a voxel far from the ball has less than 0.1 % of its area, what shows of 5 x 5 has more. From the first
- * of the ball's voxels to its last are 27 mm, and a fifth of a voxel on either side still shows. */
+/* The visible area of a voxel far from the ball is less than 0.1 % of the ball's, that of 5 x 5 more. From the first of
+ * the ball's voxels to its last are 27 mm, and a fifth of a voxel on either side is still visible. */
 static void test_specks(void **state)
 {
     (void)state;
@@ -142,8 +142,8 @@ static void test_specks(void **state)
     }
 }
 
-/* Where little is shown a ray tells nothing of a speck's area: many of a hundredth of a voxel's around a small block.
- */
+/* In a small visible area one ray is no measure of a speck: many specks of a hundredth of a voxel's area around a small
+ * block. */
 static void test_small_specks(void **state)
 {
     (void)state;
@@ -159,7 +159,8 @@ static void test_small_specks(void **state)
     cts_volume_free(&v);
 }
 
-/* Layers thinner than the rays of a look at the whole lie apart are framed from the side too, wherever they are. */
+/* Layers thinner than the distance of rays in a probe rendering of the whole are framed from the side too, at any
+ * position. */
 static void test_thin(void **state)
 {
     (void)state;
@@ -173,7 +174,7 @@ static void test_thin(void **state)
     cts_volume_free(&v);
 }
 
-/* Something small in a large volume that may show everywhere is looked at more closely. */
+/* A small object in a large, potentially visible volume is probed again at a finer scale. */
 static void test_small(void **state)
 {
     (void)state;
@@ -276,7 +277,7 @@ static void test_pictures(void **state)
     cts_volume_free(&v);
 }
 
-/* One scale for all frames, none cut, and the ball stands still: it is round, and on the axis. */
+/* One scale for all frames, nothing cut, and the ball keeps its place: it is round, and on the axis. */
 static void test_rotation(void **state)
 {
     (void)state;
@@ -314,7 +315,7 @@ static double scale_of(const CtsVolume *v, const CtsPreset *p, const CtsRenderSe
     return mm;
 }
 
-/* Where nothing is visible the whole volume is framed, and a warning says so; a scale that is given is kept. */
+/* Without any visible voxel the whole volume is framed, with a warning; a given scale is kept. */
 static void test_otherwise(void **state)
 {
     (void)state;

@@ -10,7 +10,7 @@
 
 enum { N_WORDS = 65536, EDGE = 8 };
 
-/* PS3.5 8.1.1 and PS3.3 C.11.1 by their own words, in 64 bits. */
+/* PS3.5 8.1.1 and PS3.3 C.11.1 literally, in 64 bits. */
 static uint16_t formula(uint16_t word, const CtsStored *s, int64_t slope, int64_t offset, int64_t *value)
 {
     *value = (word >> s->shift) % (1 << s->bits);

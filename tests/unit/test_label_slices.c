@@ -1,4 +1,4 @@
-/* The contact sheet's slices: where they are cut, what is grey, what has the colour of an outline. */
+/* The contact sheet's sections: position, grey levels, colours of outlines. */
 #include "app/contact/contact_sheet.h"
 #include "unit.h"
 #include <math.h>

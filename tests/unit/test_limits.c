@@ -1,4 +1,4 @@
-/* Limits on what is read: at each of them, and one beyond. */
+/* Limits of input: at each of them, and one beyond. */
 #include "base/file_bytes.h"
 #include "base/mem.h"
 #include "dicom/codec/codec.h"
@@ -11,7 +11,7 @@
 #include "input/series/series_judge.h"
 #include <zlib.h>
 
-/* A stack of invented slices; NULL members are what no judge looks at. */
+/* A stack of synthetic slices; NULL fields are not checked by any rule. */
 static CtsSliceSet stack_of(int n, int side)
 {
     static const uint8_t no_pixels;
@@ -72,10 +72,10 @@ static void test_share(void **state)
     const double limit = 600.0 * (1 << 30);
     assert_true(cts_memory_allows(limit, free_bytes));
     assert_false(cts_memory_allows(limit + 1, free_bytes));
-    assert_true(cts_memory_allows(1e18, 0)); /* a system that does not tell */
+    assert_true(cts_memory_allows(1e18, 0)); /* a system where it is unknown */
 }
 
-/* More than there is: said by the headers, before a pixel is read (there are none). */
+/* More than the available memory: refused by the headers, before a pixel is read (there are none). */
 static void test_volume(void **state)
 {
     (void)state;
@@ -122,7 +122,7 @@ static void test_header(void **state)
     free(bytes);
 }
 
-/* A deflated file of 16 MiB, and one byte more; what follows the stream is not looked at. */
+/* A deflated file of 16 MiB, and one byte more; data after the stream are ignored. */
 static void test_deflated(void **state)
 {
     (void)state;
@@ -340,7 +340,7 @@ static void test_streams(void **state)
     }
 }
 
-/* Texts that are shown: 64 characters, whatever bytes each takes. */
+/* Texts for display: 64 characters, however many bytes each has. */
 static void test_texts(void **state)
 {
     (void)state;

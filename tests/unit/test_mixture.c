@@ -1,4 +1,4 @@
-/* The mixture model against histograms of known mixtures, and the void key against what it promises. */
+/* The mixture model against histograms of known mixtures, and the void key against its promised loss. */
 #include "base/cpu.h"
 #include "ctsplat/mixture.h"
 #include "scenes.h"
@@ -72,7 +72,7 @@ static void expect_tissue(const CtsMixture *m, const char *name, double weight, 
     near(name, t->sd_hu, sd_hu, 0.15 * sd_hu);
 }
 
-/* What holds for any histogram. */
+/* Properties for any histogram. */
 static void expect_sane(const CtsMixture *m, double hu_offset, double hu_step)
 {
     static const bool none[CTS_MAX_TISSUES] = {false};
@@ -131,7 +131,7 @@ static void test_lung(void **state)
     add_normal(count, 400e3, 40, 20);
     CtsMixture m = fit(count);
     expect_sane(&m, -1024, 1);
-    /* What lies between air and lung could be either's, or both's. */
+    /* Values between air and lung may belong to either, or both. */
     near("air", tissue(&m, "air")->mean_hu, -1000, 3);
     near("lung", tissue(&m, "lung")->mean_hu, -840, 15);
     near("lung", tissue(&m, "lung")->weight, 0.3, 0.06);
@@ -159,7 +159,7 @@ static void test_noise(void **state)
     free(count);
 }
 
-/* Grey 0 is air, of which nothing more is known. */
+/* Grey 0 is clipped air, with an unknown mean. */
 static void test_clipped_air(void **state)
 {
     (void)state;
@@ -277,7 +277,7 @@ static CtsVoidKey propose(const CtsMixture *m, const CtsPreset *preset, const ui
     return key;
 }
 
-/* Soft tissue so noisy that its tail reaches into what the preset shows, and bone. */
+/* Soft tissue so noisy that its tail reaches into the preset's visible range, and bone. */
 static void add_noisy_head(uint64_t *count)
 {
     count[0] = 100e3;
@@ -296,11 +296,11 @@ static void test_key(void **state)
     const CtsVoidKey key = propose(&m, &bone, count);
     assert_true(key.useful && key.n_ranges == 1);
     assert_true(key.range[0].from_hu == -INFINITY);
-    /* Below it three deviations of soft tissue and more, and the noise that the preset would show. */
+    /* The key excludes three deviations of soft tissue and more, and the noise that the preset would show. */
     assert_true(key.range[0].below_hu > 200 && key.range[0].below_hu < 550);
     assert_true(cts_void_key_drops(&key, -5000) && cts_void_key_drops(&key, nextafter(key.range[0].below_hu, 0)));
     assert_false(cts_void_key_drops(&key, key.range[0].below_hu) || cts_void_key_drops(&key, 1e6));
-    /* What it says it drops, and what it promises of bone. */
+    /* The reported loss, and the promised limit for bone. */
     uint64_t total = 0, visible = 0, dropped = 0;
     double opacity = 0, opacity_dropped = 0, loss = 0;
     for (int g = 0; g < N_GREY; g++) {
@@ -327,7 +327,7 @@ static void test_key(void **state)
     free(count);
 }
 
-/* A band that shows what lies between two void tissues; and presets that show all or nothing of what is there. */
+/* A band between two void tissues; and presets that show all tissues or none. */
 static void test_key_forms(void **state)
 {
     (void)state;
@@ -388,8 +388,8 @@ static CtsVolume *noisy_head(int nx, int ny, int nz)
     return v;
 }
 
-/* The key's picture is the exact one of the preset without the levels that it drops, for each engine that takes it and
- * any number of threads; the others leave the picture as it is, and say so. */
+/* The key's picture is the exact one of the preset without the dropped levels, for each engine with the key and any
+ * number of threads; the others leave the picture unchanged, and say so. */
 static void test_picture(void **state)
 {
     (void)state;
@@ -440,7 +440,7 @@ static void test_picture(void **state)
     cts_volume_free(&v);
 }
 
-/* Frames share the key; it is told once. */
+/* Frames share the key; it is reported once. */
 static void test_frames(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Multipart bodies, cut into pieces of every length, and what a peer may write wrong. */
+/* Multipart bodies, received in pieces of every length, and with a peer's possible mistakes. */
 #include "unit.h"
 
 #include "dicom/net/multipart.h"
@@ -46,7 +46,7 @@ static CtsStatus split(const char *type, const char *body, size_t n, size_t piec
     const CtsPartSink sink = {begin, take, end, parts};
     CtsStatus st = cts_multipart_start(m, type, &sink, &err);
     for (size_t i = 0; i < n && !st; i += piece) {
-        /* Its own copy, so that a read past the end is seen. */
+        /* Its own copy, so that a read past the end is detected. */
         const size_t length = n - i < piece ? n - i : piece;
         char *copy = malloc(length);
         memcpy(copy, body + i, length);

@@ -1,5 +1,5 @@
-/* A check that cannot fail is worth nothing: each known fault is planted in turn, and the stability suite must see it.
- * What has faults is built a second time, so that they can be switched while the test runs. */
+/* Mutation testing: each known fault is enabled in turn, and the stability suite must detect it. Faulty files are
+ * compiled a second time, so that faults can be switched while the test runs. */
 #include "base/cpu.h"
 #include "base/mutation.h"
 #include "lab/check/check.h"

@@ -98,9 +98,12 @@ static void refused(void **state)
         CtsLabelChoice choice;
         const char *why;
     } cases[] = {
-        {{.show = "leison"}, "did you mean Lesion?"},   {{.hide = "brain"}, "1:brain or 2:brain"},
-        {{.hide = "1"}, "label files 1 and 2 both"},    {{.show = "lesion,,"}, "empty name"},
-        {{.hide = "3:brain"}, "no label has this name or number"}, {{.order = "zz*"}, "`label-order` zz*"},
+        {{.show = "leison"}, "did you mean Lesion?"},
+        {{.hide = "brain"}, "1:brain or 2:brain"},
+        {{.hide = "1"}, "label files 1 and 2 both"},
+        {{.show = "lesion,,"}, "empty name"},
+        {{.hide = "3:brain"}, "no label has this name or number"},
+        {{.order = "zz*"}, "`label-order` zz*"},
     };
     CtsVolume *v = phantom_head(NX, NY, NZ, 0);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -118,7 +121,7 @@ static void refused(void **state)
     cts_volume_free(&v);
 }
 
-/* Several looks, hidden labels, layers between slices; lit and in every mode. */
+/* Several appearances, hidden labels, layers between slices; lit and in every mode. */
 static void same_bytes_and_near_reference(void **state)
 {
     static const char *const looks[] = {"lesion=#00ff00:0.05", "bone*=#8080ff", "1:brain=skin"};

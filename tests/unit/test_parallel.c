@@ -193,7 +193,7 @@ static void write_text(const char *folder, const char *name, const char *text, c
     fclose(file);
 }
 
-/* A hierarchy that is mounted at `mount`, whose own group's files say what is expected. */
+/* A hierarchy mounted at `mount`, where the group's own files have the expected value. */
 typedef double (*Quota)(const char *groups_path, const char *mounts_path);
 
 static void check_limit(Quota quota, const char *groups, const char *mount_line, const char *const files[][2],

@@ -1,5 +1,5 @@
-/* What a picture looks at when it is not all there is: the inside of the body in minip and average, a slab in any mode.
- * Truth from formulas, for the tiled engine and the ray caster alike. */
+/* Partially rendered volumes: the inside of the body in minip and average, a slab in any mode. Truth from formulas, for
+ * the tiled engine and the ray caster alike. */
 #include "unit.h"
 
 #include "ctsplat/ctsplat.h"
@@ -158,7 +158,7 @@ static void test_slab_modes(void **state)
     cts_volume_free(&v);
 }
 
-/* An even medium takes exp(-k * thickness) of the light, from wherever it is seen; a slab outside shows nothing. */
+/* A homogeneous medium absorbs 1 - exp(-k * thickness) of the light, in any view; a slab outside shows nothing. */
 static void test_slab_composite(void **state)
 {
     (void)state;
@@ -188,7 +188,7 @@ static void test_slab_composite(void **state)
     cts_volume_free(&v);
 }
 
-/* The tiled engine's slabs against the ray caster's, where they cut what is uneven. */
+/* The tiled engine's slabs against the ray caster's, in inhomogeneous tissue. */
 static void test_slab_cut(void **state)
 {
     (void)state;

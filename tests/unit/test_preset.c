@@ -71,7 +71,7 @@ static void extinction(void **state)
     near(cts_preset_extinction_per_mm(&p, 0), 50, 0);
 }
 
-/* What VTK makes of 3D Slicer's control points. */
+/* 3D Slicer's control points as VTK interprets them. */
 static void slicer_numbers(void **state)
 {
     (void)state;
@@ -194,7 +194,7 @@ static void builtin_are_valid(void **state)
                 assert_true(p->colour[i].rgb[c] >= 0 && p->colour[i].rgb[c] <= 1);
             assert_true(i == 0 || p->colour[i].hu >= p->colour[i - 1].hu);
         }
-        /* Air is never seen, except where air is the point. */
+        /* Air is invisible, except in presets for air. */
         if (p->mode == CTS_MODE_COMPOSITE && strcmp(p->name, "ct-air") && strcmp(p->name, "ct-chest-vessels"))
             near(cts_preset_opacity(p, -1024), 0, 0);
     }

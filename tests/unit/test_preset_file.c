@@ -1,4 +1,4 @@
-/* Preset files: what is read, what is refused with its line, and that no bytes whatever break the readers. */
+/* Preset files: accepted ones, errors with their line, and readers that no bytes can break. */
 #include "ctsplat/preset.h"
 
 #include <math.h>
@@ -262,7 +262,7 @@ static void slicer_json(void **state)
     assert_true(p.window_low_hu == -5 && p.window_high_hu == 50);
     assert_true(cts_preset_opacity(&p, 50) == 0.25 && p.colour[0].rgb[1] == 0.5);
     assert_string_equal(p.note, "");
-    /* What cannot be had is said. */
+    /* Unsupported features are reported. */
     char *bent = strdup(text), *at = strstr(bent, "0.5, \"sharp");
     memcpy(at, "0.4", 3);
     at = strstr(bent, "\"y\": 1}");
@@ -276,7 +276,7 @@ static void slicer_json(void **state)
     refused("{\"volumeProperties\": 7}", 1, "not a list");
 }
 
-/* Whatever the bytes, a preset that is taken keeps the promises of ctsplat/preset.h. */
+/* For any bytes, an accepted preset keeps the promises of ctsplat/preset.h. */
 static void check_promises(const CtsPreset *p)
 {
     assert_true(p->n_opacity >= 1 && p->n_opacity <= CTS_MAX_POINTS && p->n_colour >= 1 &&
@@ -345,7 +345,7 @@ static void mutations(void **state)
                     n = at;
             }
         }
-        /* An exact block, so that a sanitizer sees a byte too far. */
+        /* An exact block, so that a sanitizer detects an access beyond. */
         char *exact = malloc(n ? n : 1);
         memcpy(exact, copy, n);
         CtsError err = {0};

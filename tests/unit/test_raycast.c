@@ -1,4 +1,4 @@
-/* The reference against closed forms: no other renderer is asked. */
+/* The reference against closed forms, independent of other renderers. */
 #include "engine/raycast/cubic.h"
 #include "rays.h"
 #include <stdlib.h>
@@ -124,7 +124,7 @@ static void test_linear_lit(void **state)
     make(&r, 12, 14, 10, spacing, cts_hu_linear, c);
     set_steps(r.volume, steps);
     r.preset = cts_check_preset(hard_points, 7);
-    r.preset.opacity[0].opacity = 0.01; /* in air too: at the border the field goes on as it was */
+    r.preset.opacity[0].opacity = 0.01; /* in air too: at the border the field is continued */
     r.preset.shade = true;
     r.preset.ambient = 0.2;
     r.preset.diffuse = 0.7;
@@ -173,7 +173,7 @@ static void test_lit_without_gradient(void **state)
     rays_free(&r);
 }
 
-/* An opaque step on a linear field: the entry depth is exact, so the light behind shows to the last digit. */
+/* An opaque step on a linear field: the entry depth is exact, so that the light behind is correct to the last digit. */
 static void test_step_entry(void **state)
 {
     (void)state;
@@ -246,7 +246,7 @@ static bool sphere_next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *pi
     return true;
 }
 
-/* A ball as a formula: HU falls from the centre, the preset shows what lies within radius R. L = 2 sqrt(R^2 - b^2). */
+/* A ball by a formula: HU falls from the centre, the preset shows radii below R. L = 2 sqrt(R^2 - b^2). */
 static void test_sphere_formula(void **state)
 {
     (void)state;
@@ -267,7 +267,8 @@ static void test_sphere_formula(void **state)
     rays_free(&r);
 }
 
-/* The same ball on voxels: the trilinear field bends less than the ball; half the spacing, a quarter of the error. */
+/* The same ball on voxels: the trilinear field is less curved than the ball; half the spacing, a quarter of the
+ * error. */
 static void test_sphere_voxels(void **state)
 {
     (void)state;
@@ -408,8 +409,8 @@ static double mix_at(const CtsVolume *v, const double vox[3], int difference_axi
     return sum;
 }
 
-/* Noise, lit, sheared: nothing has a closed form, so a plain midpoint sum with very short steps is the judge. The
- * preset shows no air, or, from the other half on, a little: then there is none beyond the border. */
+/* Noise, lit, sheared: without a closed form, so a plain midpoint sum with very short steps is the reference. The
+ * preset shows no air, or, in the second half, a little: then there is none beyond the border. */
 static void test_noise_midpoint(void **state)
 {
     (void)state;
@@ -515,7 +516,7 @@ static void test_thin(void **state)
     make(&r, 11, 5, 1, spacing, cts_hu_linear, c);
     r.preset = cts_check_even_preset(0.5, 1, 1, 1);
     r.settings.mm_per_pixel = 0.25;
-    /* From the head every ray crosses it in a point: nothing to integrate, but a HU to show. */
+    /* From the head every ray meets it in a point: an integral of length 0, but a HU to show. */
     r.settings.elevation_deg = 90;
     rays_aim(&r, 0, 90, 0.25, NULL);
     rays_shoot(&r, 31.5, 31.5, rgba);
@@ -544,7 +545,7 @@ static void test_thin(void **state)
     rays_free(&r);
 }
 
-/* A millionth of a degree and 1e-9 degrees off an axis or a diagonal show the same as on it. */
+/* A millionth of a degree and 1e-9 degrees off an axis or a diagonal give the same picture as on it. */
 static void test_nearly_on_axis(void **state)
 {
     (void)state;
@@ -598,7 +599,7 @@ static double marker_hu(const double vox[3], const void *data)
     return vox[0] == at[0] && vox[1] == at[1] && vox[2] == at[2] ? 1000 : -1024;
 }
 
-/* One bright voxel: where it is in the patient says where it must be in each view. */
+/* One bright voxel: its position in the patient determines its pixel in each view. */
 static void test_marker(void **state)
 {
     (void)state;
@@ -767,7 +768,7 @@ static void test_gauss(void **state)
     }
 }
 
-/* The spans must say what the preset says, cap and all. */
+/* The spans must agree with the preset, cap included. */
 static void test_transfer(void **state)
 {
     (void)state;
@@ -796,26 +797,16 @@ static void test_transfer(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_slab),
-        cmocka_unit_test(test_linear),
-        cmocka_unit_test(test_linear_lit),
-        cmocka_unit_test(test_lit_without_gradient),
-        cmocka_unit_test(test_step_entry),
-        cmocka_unit_test(test_on_the_step),
-        cmocka_unit_test(test_sphere_formula),
-        cmocka_unit_test(test_sphere_voxels),
-        cmocka_unit_test(test_modes_cubic),
-        cmocka_unit_test(test_noise_midpoint),
-        cmocka_unit_test(test_threads),
-        cmocka_unit_test(test_thin),
-        cmocka_unit_test(test_nearly_on_axis),
-        cmocka_unit_test(test_rotated_together),
-        cmocka_unit_test(test_marker),
-        cmocka_unit_test(test_stiff),
-        cmocka_unit_test(test_kernel_fields),
-        cmocka_unit_test(test_cubic),
-        cmocka_unit_test(test_gauss),
-        cmocka_unit_test(test_transfer),
+        cmocka_unit_test(test_slab),           cmocka_unit_test(test_linear),
+        cmocka_unit_test(test_linear_lit),     cmocka_unit_test(test_lit_without_gradient),
+        cmocka_unit_test(test_step_entry),     cmocka_unit_test(test_on_the_step),
+        cmocka_unit_test(test_sphere_formula), cmocka_unit_test(test_sphere_voxels),
+        cmocka_unit_test(test_modes_cubic),    cmocka_unit_test(test_noise_midpoint),
+        cmocka_unit_test(test_threads),        cmocka_unit_test(test_thin),
+        cmocka_unit_test(test_nearly_on_axis), cmocka_unit_test(test_rotated_together),
+        cmocka_unit_test(test_marker),         cmocka_unit_test(test_stiff),
+        cmocka_unit_test(test_kernel_fields),  cmocka_unit_test(test_cubic),
+        cmocka_unit_test(test_gauss),          cmocka_unit_test(test_transfer),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,8 +1,8 @@
-/* The ray caster's light: highlights narrower than a cell, normals that turn on the spot. */
+/* The ray caster's lighting: highlights narrower than a cell, normals that reverse within a point. */
 #include "rays.h"
 #include <stdint.h>
 
-/* Black but for its highlight, so that nothing else can make up for a highlight that was missed. */
+/* Black except for its highlight, so that a missed highlight cannot be compensated. */
 static CtsPreset shining(double opacity, double power)
 {
     CtsPreset preset = cts_check_preset((const CtsCheckPoint[]){{0, opacity, {0, 0, 0}}}, 1);
@@ -21,9 +21,9 @@ static void aim(Rays *r, const int dims[3], CtsHuFormula hu, const void *data, d
     rays_aim(r, azimuth_deg, elevation_deg, 0.05, NULL);
 }
 
-/* A normal that sweeps past the viewing direction within one piece: tan(n, v) = slope (u - u0), hence the highlight
+/* A normal that sweeps past the viewing direction within one segment: tan(n, v) = slope (u - u0), hence the highlight
  * is (1 + slope^2 (u - u0)^2)^(-p/2), whose integral over all u is sqrt(pi) G((p-1)/2) / G(p/2) / slope and whose
- * variance is 1 / (p - 3) / slope^2; the light that is left goes by exp(-depth u). */
+ * variance is 1 / (p - 3) / slope^2; transmittance is exp(-depth u). */
 static void test_narrow_highlights(void **state)
 {
     (void)state;
@@ -43,7 +43,7 @@ static void test_narrow_highlights(void **state)
             const double area = sqrt(M_PI) * exp(lgamma((power - 1) / 2) - lgamma(power / 2)) / slope;
             const double variance = 1 / (power - 3) / (slope * slope);
             const double expected = depth * exp(-depth * at) * area * (1 + depth * depth * variance / 2);
-            /* The tails beyond the piece's ends are less than this. */
+            /* The tails beyond the segment's ends are less than this. */
             assert_near(light.rgb[0], expected, 1e-8);
             assert_near(light.depth, depth, 1e-12);
         }
@@ -94,7 +94,7 @@ static double facing_at(const double vox[3], const double forward[3])
            sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
 }
 
-/* Noise, whose normals turn in every cell, against a plain sum over very short steps. */
+/* Noise, whose normals vary in every cell, against a plain sum over very short steps. */
 static void test_noise(void **state)
 {
     (void)state;

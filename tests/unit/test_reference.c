@@ -1,4 +1,4 @@
-/* Sampled pixels: where they lie, what they say about a picture of known error. */
+/* Sampled pixels: their distribution, and their estimates for a picture of known error. */
 #include "ctsplat/render.h"
 #include "rays.h"
 #include "render/error/reference_set.h"
@@ -66,7 +66,7 @@ static double rare_error(int x, unsigned random)
     return 0.0005 * pow((random >> 8) / 16777216.0 + 1e-5, -0.42);
 }
 
-/* Errors planted by a known law: the interval must hold their rmse in so many of 60 trials. */
+/* Errors planted by a known law: the interval must contain their rmse in so many of 60 trials. */
 static void estimate(double (*law)(int x, unsigned random), int least_inside)
 {
     const int n = 1000, width = 200, height = 150;
@@ -116,7 +116,7 @@ static void test_estimate(void **state)
     estimate(rare_error, 46);
 }
 
-/* The whole way: raycast verified by itself is right, and a spoilt background is seen only where there is one. */
+/* End to end: raycast verified by itself is correct, and a corrupted background counts only where it is visible. */
 static void test_whole_way(void **state)
 {
     (void)state;

@@ -25,7 +25,8 @@ static uint32_t next(uint32_t *state)
     return *state = *state * 1664525u + 1013904223u;
 }
 
-/* Slices keep their values, nothing passes its two slices, a straight line stays one, and places stay. */
+/* Slices keep their values, no value leaves the range of its two slices, a straight line stays one, and positions are
+ * kept. */
 static void test_layers(void **state)
 {
     (void)state;
@@ -88,7 +89,7 @@ static void test_uneven_parabola(void **state)
     }
 }
 
-/* What lies between slices is known to whoever takes gradients, also of a copy with fewer grey levels. */
+/* The number of layers per slice is known to code that computes gradients, also in a copy with fewer grey levels. */
 static void test_slice_layers(void **state)
 {
     (void)state;
@@ -184,7 +185,7 @@ static CtsVolume *make_discs(bool rings)
     return v;
 }
 
-/* How far from the disc's radius in a layer the surface lies at most, along rays from its middle outwards. */
+/* Largest distance of the surface in a layer from the disc's radius, along rays from its centre. */
 static double worst_radius(const CtsVolume *v, int layer, double level)
 {
     double worst = 0;
@@ -201,7 +202,7 @@ static double worst_radius(const CtsVolume *v, int layer, double level)
     return worst;
 }
 
-/* Between two discs lies a disc, within a pixel, where blending has two half ones; the slices are what they were. */
+/* Between two discs lies a disc, to within a pixel, where blending gives two half discs; the slices are unchanged. */
 static void test_shape(void **state)
 {
     (void)state;
@@ -229,8 +230,8 @@ static void test_shape(void **state)
     }
 }
 
-/* What stands still, or differs by no more than noise, is blended as ever; threads and SIMD paths
- * change nothing, whatever the slices. */
+/* Static structures, or differences below the noise, are blended as before; threads and SIMD paths change nothing, for
+ * any slices. */
 static void test_shape_at_rest(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* A prepared renderer: each frame is the picture that a render by itself makes, and what did not change is not made
+/* A renderer for several frames: each frame is the picture of a single render, and unchanged state is not computed
  * again. */
 #include "base/mem.h"
 #include "scenes.h"
@@ -69,8 +69,8 @@ static void test_same_pictures(void **state)
     cts_volume_free(&v);
 }
 
-/* A small ball in a large box of dim noise: side views copy only what lies around the ball, and see what a ray caster
- * that reads the volume itself sees. */
+/* A small ball in a large box of dim noise: side views copy only the surroundings of the ball, and agree with a ray
+ * caster that reads the volume itself. */
 static void test_sparse_copy(void **state)
 {
     (void)state;
@@ -174,8 +174,8 @@ static void check_bands(const CtsVolume *volume, const CtsPreset *preset, const 
     cts_render_end(&renderer);
 }
 
-/* Bands are the picture's rows to the bit: every engine, lit and unlit, along an axis and askew, with what is found out
- * on the way. */
+/* Bands are the picture's rows to the bit: every engine, lit and unlit, along an axis and oblique, with the report's
+ * contents. */
 static void test_bands(void **state)
 {
     (void)state;
@@ -195,7 +195,7 @@ static void test_bands(void **state)
             check_bands(v, &preset, &s);
             if (engine != CTS_ENGINE_TILED)
                 continue;
-            s.max_error = 4; /* a draft, parts of which are rendered anew */
+            s.max_error = 4; /* a preview, parts of which are re-rendered */
             s.samples = 0;
             s.width = 900; /* most of it is empty */
             s.want_depth = false;
@@ -214,7 +214,7 @@ static void test_bands(void **state)
     cts_volume_free(&v);
 }
 
-/* A rotation makes one transposed copy and one set of tables, and says so. */
+/* A rotation uses one transposed copy and one set of tables, and reports it. */
 static void test_report(void **state)
 {
     (void)state;
@@ -243,7 +243,8 @@ static void test_report(void **state)
     cts_volume_free(&v);
 }
 
-/* What a frame's own bands share was not made for an earlier one, nor was what a trial of the picture needed. */
+/* State shared by a frame's bands, or needed by a trial of the picture, does not count as reused from an earlier
+ * frame. */
 static void test_first_frame(void **state)
 {
     (void)state;
@@ -271,7 +272,7 @@ static void test_first_frame(void **state)
     cts_volume_free(&v);
 }
 
-/* Bad settings are told at the beginning, a bad view at its frame; the frames after it are as ever. */
+/* Bad settings are reported at the beginning, a bad view at its frame; later frames are unaffected. */
 static void test_refusals(void **state)
 {
     (void)state;

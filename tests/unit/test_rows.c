@@ -1,5 +1,5 @@
-/* Every row of the tables of kernels, engines, formats and settings has all that the rest of the program needs of it:
- * what a new row forgets fails here. */
+/* Every row of the tables of kernels, engines, formats and settings has all that the rest of the program needs: an
+ * incomplete new row fails here. */
 #include "ctsplat/bounds.h"
 #include "pictures.h"
 #include "scenes.h"
@@ -47,8 +47,8 @@ static CtsPicture *picture_of(const CtsVolume *volume, CtsEngineId engine, CtsKe
     return picture;
 }
 
-/* Footprints and the ray caster's kernels are written apart, so each judges the other: what is splatted with a kernel
- * is nearer to the ray cast of that kernel than to that of any other. */
+/* Footprints and the ray caster's kernels are independent implementations that validate each other: a picture splatted
+ * with a kernel is nearer to the ray cast of that kernel than to that of any other. */
 static void test_kernels(void **state)
 {
     (void)state;
@@ -190,7 +190,7 @@ static void test_settings(void **state)
     assert_null(cts_setting_bounds(CTS_N_SETTINGS));
 }
 
-/* What the bounds allow, every engine that has the kernel takes; what they do not, none. */
+/* Every engine with the kernel accepts the radii within the bounds, and none a radius beyond. */
 static void test_radius(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Codecs in a process of their own: what they do to themselves stays there. */
+/* Sandboxed codecs: their failures do not affect the program. */
 #include "../tools/htj2k_stream.h"
 #include "base/clock.h"
 #include "base/helper_process.h"
@@ -34,7 +34,7 @@ static CtsFrameFormat format_16(int columns, int rows)
                             .padding_word = -1};
 }
 
-/* A codec that does what the stream's first byte says. */
+/* A codec whose behaviour is determined by the stream's first byte. */
 static CtsStatus act(const void *order, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels, CtsError *err)
 {
     const CtsFrameFormat *const f = order;
@@ -62,7 +62,7 @@ static CtsStatus act(const void *order, const uint8_t *stream, size_t n, void *p
         *(uint8_t *)(uintptr_t)stream = 'd';
         raise(SIGKILL);
         break;
-    case 'l': /* a lock that nobody opens */
+    case 'l': /* a deadlock */
         syscall(SYS_futex, &locked, FUTEX_WAIT, 1, NULL, NULL, 0);
         break;
     case 'b': /* busy for half a second: within the second that it has */
@@ -134,7 +134,7 @@ static int open_files(void)
     return n;
 }
 
-/* Each ends its frame with a reason; the next frame is decoded by another child. */
+/* Each ends its frame with a reason; the next frame is decoded by another process. */
 static void test_deaths(void **state)
 {
     (void)state;
@@ -183,7 +183,7 @@ static void test_deaths(void **state)
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1); /* no child is left, dead or alive */
 }
 
-/* Killed between frames, and in the middle of one: the frame is decoded by another child. Not for ever. */
+/* Killed between frames, and in the middle of one: the frame is decoded by another process, but not without limit. */
 static void test_killed(void **state)
 {
     (void)state;
@@ -229,7 +229,7 @@ static void take(CtsSandbox *d, const char *stream, const char *reason)
         assert_memory_equal(pixels, stream, strlen(stream));
 }
 
-/* Two under way: each has its own answer, whatever becomes of the other. */
+/* Two in progress: each has its own answer, independent of the other. */
 static void test_two_frames(void **state)
 {
     (void)state;
@@ -269,7 +269,7 @@ static void test_two_frames(void **state)
     hand_over(d, "d12");
     take(d, "?", "byte 63");
     take(d, "d12", NULL);
-    hand_over(d, "h"); /* nobody waits for it to end */
+    hand_over(d, "h"); /* not waiting for it to end */
     cts_sandbox_free(&d);
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1);
 }
@@ -305,8 +305,8 @@ static void count_signal(int number)
     n_signals++;
 }
 
-/* A program that ignores SIGCHLD, waits for all its children, or has a handler: none of it touches the helper's
- * processes, whose deaths are told all the same. */
+/* A program that ignores SIGCHLD, waits for all its child processes, or has a handler: the helper's processes are
+ * unaffected, and their deaths are reported. */
 static void test_children_taken(void **state)
 {
     (void)state;
@@ -332,7 +332,7 @@ static void test_children_taken(void **state)
     signal(SIGCHLD, SIG_DFL);
 }
 
-/* One helper for all; when it is killed its processes go, and another goes on with what was under way. */
+/* One helper for all; when it is killed its processes end, and another one continues the streams in progress. */
 static void test_helper(void **state)
 {
     (void)state;
@@ -351,7 +351,7 @@ static void test_helper(void **state)
     cts_sandbox_stop(&e);
 }
 
-/* A helper that dies between its fork and its word of it, once: both processes live, one of them nobody knows. */
+/* A helper that dies between its fork and its reply, once: both processes live, one of them unknown. */
 static struct LostReply {
     atomic_int n_forked, first_answered;
 } * lost;
@@ -388,7 +388,7 @@ static void live(const void *order, int socket)
     lost->first_answered = 1;
 }
 
-/* Who asks again hears the process that it was told of, and no other. */
+/* After a retry the answer comes from the process that was reported, and no other. */
 static void test_lost_reply(void **state)
 {
     (void)state;
@@ -442,7 +442,7 @@ static void test_forked(void **state)
     cts_sandbox_stop(&d);
 }
 
-/* What the processes compute counts as the program's, and once: also where the helper is its child. */
+/* CPU time of the processes counts as the program's, once: also where the helper is its child process. */
 static void test_computing_counts(void **state)
 {
     (void)state;
@@ -493,7 +493,7 @@ static void test_room(void **state)
     cts_sandbox_stop(&d);
 }
 
-/* Threads that start children at the same time, while another is inside malloc and stdio all the time, also when the
+/* Threads that start processes at the same time, while another one uses malloc and stdio all the time, also when the
  * helper is forked; and the program ignores SIGCHLD. */
 static void *start_many(void *failed)
 {
@@ -520,8 +520,8 @@ static void *be_busy(void *stop)
 static void test_many_threads(void **state)
 {
     (void)state;
-    /* A sanitizer's malloc is not made whole after a fork: there the helper comes before the threads, else all its
-     * processes may wait for a lock that a thread of this one had. */
+    /* A sanitizer's malloc is not reset after a fork: there the helper must be forked before threads start, else its
+     * processes may wait for a lock that a thread held. */
     const int n_busy = CTS_SANITIZED ? 0 : 1;
     pthread_t starters[4], busy;
     int failed[4] = {0}, stop = 0;
@@ -543,7 +543,7 @@ static void test_many_threads(void **state)
     signal(SIGCHLD, SIG_DFL);
 }
 
-/* Three runs for each of two segments; a row more than the header says is another picture. */
+/* Three runs for each of two segments; a row more than in the header is an error. */
 static void test_rle_length(void **state)
 {
     (void)state;
@@ -675,7 +675,7 @@ static void test_htj2k(void **state)
         }
 }
 
-/* Cut at any byte, or with one changed: the right samples or a reason, never a hang or a crash. */
+/* Truncated at any byte, or with one changed: the right samples or a reason, never a hang or a crash. */
 static void damage_2000(bool high_throughput)
 {
     static int32_t samples[N];

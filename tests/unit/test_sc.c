@@ -1,4 +1,4 @@
-/* Secondary captures: what stands in the file, what is copied, what repeats, what comes back. */
+/* Secondary captures: contents, copied attributes, reproducibility, and the round trip. */
 #include "ctsplat/export.h"
 #include "output/export/sc_words.h"
 #include "output/image/samples.h"
@@ -89,8 +89,8 @@ static void write_sc(const CtsPicture *p, const char *path, const CtsExportSetti
     assert_int_equal(bytes, info.st_size);
 }
 
-/* The value of an attribute of an Explicit VR Little Endian file, as text without padding; "" if it is not there. The
- * last one of its tag: those inside sequences come before. Made for short text VRs. */
+/* The value of an attribute of an Explicit VR Little Endian file, as text without padding; "" if missing. The last one
+ * of its tag, since those inside sequences precede it. For short text VRs. */
 static char *text_of(const uint8_t *bytes, size_t n, unsigned group, unsigned element, const char *vr, char text[300])
 {
     const uint8_t head[6] = {(uint8_t)group,          (uint8_t)(group >> 8), (uint8_t)element,
@@ -169,7 +169,7 @@ static void test_single(void **state)
         {0x0028, 0x0301, "CS", "NO"},
         {0x0028, 0x0302, "CS", "YES"},
         {0x0028, 0x2110, "CS", "00"},
-        /* what a projection has none of */
+        /* attributes without meaning for a projection */
         {0x0020, 0x0032, "DS", ""},
         {0x0020, 0x0052, "UI", ""},
         {0x0028, 0x1050, "DS", ""},
@@ -487,7 +487,7 @@ static void test_icc(void **state)
         assert_true(fabs(white[c] - (int32_t)big32(profile + 68 + 4 * c) / 65536.0) < 5e-4);
 }
 
-/* dciodvfy, another maker's judge of DICOM objects, finds nothing to say but the object's name. */
+/* dciodvfy, an independent validator of DICOM objects, reports nothing except the object's name. */
 static void test_dciodvfy(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* From files to a volume: what is found, sorted, refused, warned of and loaded. */
+/* From files to a volume: finding, sorting, refusals, warnings and loading. */
 #include "ctsplat/series.h"
 #include "dicom/header/slice.h"
 #include "dicom_files.h"
@@ -142,7 +142,7 @@ static void test_resampled(void **state)
     done(&f);
 }
 
-/* What was scanned stays as it is, whatever is made of it. */
+/* The scanned slices are unchanged by the volumes made from them. */
 static void test_scanned(void **state)
 {
     (void)state;
@@ -175,7 +175,7 @@ static void test_scanned(void **state)
     done(&f);
 }
 
-/* One attribute of one slice, or of all: what becomes of the series. */
+/* One attribute of one slice, or of all, and the expected result of the series. */
 typedef struct Case {
     const char *name;
     void (*change)(Slice *s, int k);
@@ -446,7 +446,7 @@ static void test_wrong_sign(void **state)
     }
 }
 
-/* Numbers by slice that do not begin at 1 are noted, whatever way they rise; other numbers tell nothing. */
+/* Instance numbers by slice that do not begin at 1 cause a note, rising or falling; other numbers have no meaning. */
 static void test_first_number(void **state)
 {
     (void)state;
@@ -483,7 +483,7 @@ static void test_first_number(void **state)
     }
 }
 
-/* Slices of zeros between others are told, at the ends they may be air. */
+/* Slices of zeros between others are reported; at the ends they may be air. */
 static void test_blank(void **state)
 {
     (void)state;
@@ -649,7 +649,7 @@ static void interleaved_in_time(Slice *s, char text[2][32], int k, int phase)
     s->time = text[0];
 }
 
-/* Two phases at the same positions are told apart or refused, never mixed. */
+/* Two phases at the same positions are separated or refused, never mixed. */
 static void test_phases(void **state)
 {
     (void)state;

@@ -100,7 +100,7 @@ static void levels_against_reference(void **state)
             const double sheets = rms_255(v, &preset, &s);
             s.level = CTS_LEVEL_HALF_SHEETS;
             const double half = rms_255(v, &preset, &s);
-            /* The prototype's largest, bone at 45,35: 4.5 and 1.4 unlit; lit errors are the light's. */
+            /* The largest errors of the prototype, bone at 45,35: 4.5 and 1.4 unlit; lit errors come from lighting. */
             const double most = lit ? 4.5 : 1.5;
             if (half > most || sheets > 3 * most || (!lit && half > 0.75 * sheets + 0.05))
                 fail_msg("view %g,%g, lit %d: rms of sheets %.3f, of half-sheets %.3f", from[i][0], from[i][1], lit,
@@ -109,7 +109,7 @@ static void levels_against_reference(void **state)
     cts_volume_free(&v);
 }
 
-/* Homogeneous stuff that fills the volume to its faces: opacity by the length of each ray in the box, from any side,
+/* A homogeneous medium that fills the volume to its faces: opacity by the length of each ray in the box, in any view,
  * with slabs of the volume. Every pixel at the faces has its own part of a slab. */
 static void homogeneous_box(void **state)
 {
@@ -187,8 +187,8 @@ static void bands_and_rotations(void **state)
     cts_volume_free(&v);
 }
 
-/* What auto renders by: sheets for a smooth preset, the exact march, byte for byte, where opacity has a step, in other
- * modes, and where the error asked for is too small for any level. */
+/* The choice of auto: sheets for a smooth preset; the exact march, byte for byte, where opacity has a step, in other
+ * modes, and where the requested error is too small for any level. */
 static void choice_of_auto(void **state)
 {
     (void)state;

@@ -109,7 +109,7 @@ static void test_jitter(void **state)
     done(f);
 }
 
-/* Every gap passes, yet half way up a slice lies half a layer from its place. */
+/* Every gap is accepted, yet in the middle of the stack a slice lies half a layer from its position. */
 static void test_drift(void **state)
 {
     (void)state;

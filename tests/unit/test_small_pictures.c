@@ -1,4 +1,4 @@
-/* Pictures of 8 bits a channel, made to be sent: what others' decoders read is what was written. */
+/* Pictures of 8 bits per channel: independent decoders read what was written. */
 #include "output/image/samples.h"
 #include "pictures.h"
 

@@ -1,4 +1,4 @@
-/* Table removal on volumes made from formulas: what is body stays to the bit, its rim too, and what is not goes. */
+/* Table removal on volumes from formulas: the body and its margin are kept to the bit, everything else is removed. */
 #include "unit.h"
 
 #include "core/couch/removal.h"
@@ -145,7 +145,7 @@ static double distance_to(const Scene *s, const double p[3], bool patient)
 typedef struct Tally {
     int body, body_changed;    /* voxels of the patient */
     int rim, rim_changed;      /* the ramp around it, away from anything else */
-    int foreign, foreign_left; /* voxels of the rest, but for those within `near_mm` of the patient */
+    int foreign, foreign_left; /* voxels of everything else, except those within `near_mm` of the patient */
     int far_left;              /* denser than air, 6 mm and more from the patient */
 } Tally;
 
@@ -192,7 +192,7 @@ static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
     assert_true(report->stages[CTS_STAGE_CLASSIFY].ran);
 }
 
-/* The table goes, the patient stays to the bit, and any number of threads gives the same bytes. */
+/* The table is removed, the patient is kept to the bit, and any number of threads gives the same bytes. */
 static void check_removal(const Scene *s)
 {
     CtsVolume *before = make(s), *after = copy(before), *again;
@@ -215,7 +215,7 @@ static void check_removal(const Scene *s)
         CtsError err;
         assert_int_equal(cts_volume_prepare(again, 2, &err), CTS_OK);
         remove_table(again, threads[n], &report);
-        assert_null(again->macrocells); /* what was made before tells no longer what is there */
+        assert_null(again->macrocells); /* data derived before are invalid */
         assert_memory_equal(again->grey, after->grey, cts_volume_n_voxels(after) * sizeof *after->grey);
         cts_report_free(&report);
         cts_volume_free(&again);
@@ -262,7 +262,7 @@ static const Solid head_on_ear_rest[] = {HEAD, {trough, {0.5, 4, 95, 92, 0, 1}, 
 static void test_head_on_holder(void **state)
 {
     (void)state;
-    /* The back of the head at y = 95 touches the shell's inner face over a patch. */
+    /* The back of the head at y = 95 touches the shell's inner face over an area. */
     const Scene back = {head_in_trough, N(head_in_trough), {144, 144, 80}, AXIAL, {0, 0, 0}, 0};
     check_removal(&back);
     /* The ears' tips, 92 mm from the middle, end at or in the walls. */
@@ -386,7 +386,7 @@ static void test_raised_air(void **state)
         cts_report_free(&report);
         cts_volume_free(&before);
         cts_volume_free(&after);
-        /* Without a table only minip and average know: the air is outside the body. */
+        /* Without a table only minip and average have a mask: the air is outside the body. */
         after = make(&alone);
         raise_air(after, levels[n]);
         remove_table(after, 2, &report);
@@ -397,8 +397,8 @@ static void test_raised_air(void **state)
     }
 }
 
-/* A field of view within the chest: lungs reach its border, and nothing else. They are no room air, as their density
- * varies, or as the windpipe is darker; and where a table stands in what has no level, that is a doubt. */
+/* A field of view within the chest: only lungs reach its border. They are not room air, as their density varies, or as
+ * the windpipe is darker; with a table in air without a level of its own the result is doubtful. */
 static void test_lungs_at_border(void **state)
 {
     (void)state;
@@ -462,8 +462,8 @@ static void test_broad_contact(void **state)
     cts_volume_free(&after);
 }
 
-/* More than 5 % of the body at stake: a warning, and the part stays; a cloth that touches nothing still goes. */
-/* A mask that lies on a nose goes; the head under it stays, and its nose. */
+/* More than 5 % of the body in doubt: a warning, and the part is kept; a cloth without contact is still removed. */
+/* A mask on a nose is removed; the head under it is kept, with its nose. */
 static void test_mask(void **state)
 {
     (void)state;
@@ -486,7 +486,7 @@ static void test_mask(void **state)
     cts_volume_free(&after);
 }
 
-/* A board as thick as a limb that is no table goes by its wings, with a word. */
+/* A board as thick as a limb is removed by its wings, with a warning. */
 static void test_thick_gone(void **state)
 {
     (void)state;
@@ -499,7 +499,7 @@ static void test_thick_gone(void **state)
     assert_non_null(finding(&report, "table_removed"));
     assert_non_null(finding(&report, "table_removal_uncertain"));
     assert_non_null(strstr(finding(&report, "table_removal_uncertain")->text, "parts thicker than tables"));
-    /* The board's middle of 10 x 10 x 16 voxels, but for its corners; a trunk and two arms. */
+    /* The board's middle of 10 x 10 x 16 voxels, except its corners; a trunk and two arms. */
     const double limb_mm3 = 10 * 10 * 16 * 27, body_mm3 = 3.1416 * (150 * 100 + 2 * 20 * 26) * 120;
     assert_true(report.table.thick_mm3 > 0.8 * limb_mm3 && report.table.thick_mm3 <= limb_mm3);
     assert_true(fabs(report.table.body_mm3 - body_mm3) < 0.03 * body_mm3);
@@ -548,7 +548,7 @@ static void test_uncertain(void **state)
     }
 }
 
-/* At most 10 % of the table stay and 0.5 % of the body go, however the two touch. */
+/* At most 10 % of the table are kept and 0.5 % of the body removed, for any kind of contact. */
 static void check_shares(const char *name, const Scene *s)
 {
     CtsVolume *before = make(s), *after = copy(before);
@@ -563,7 +563,7 @@ static void check_shares(const char *name, const Scene *s)
     cts_volume_free(&after);
 }
 
-/* A trunk and a neck whose back goes to and fro along z, as backs do. */
+/* A trunk and a neck whose back varies along z, as backs do. */
 #define WAVY_TRUNK                                                                                                     \
     {ellipsoid, {0, 0, 0, 150, 98, 160}, 40, true}, {ellipsoid, {0, 5, 100, 120, 92, 120}, 40, true},                  \
     {                                                                                                                  \
@@ -643,7 +643,7 @@ static void test_limbs(void **state)
     check_removal(&s);
 }
 
-/* What the body encloses stays: lungs, stones in bowel gas, plates in a skull without flesh. */
+/* Structures that the body encloses are kept: lungs, stones in bowel gas, plates in a skull without flesh. */
 static void test_inside(void **state)
 {
     (void)state;

@@ -43,7 +43,7 @@ static void test_whole_file(void **state)
         assert_true(result == CTS_SCAN_MORE ? part.need > n && part.need <= b.n + 12
                                             : part.pixel_offset == data.pixel_offset);
     }
-    /* A file that ends early is never taken for whole. */
+    /* A truncated file is never accepted as complete. */
     for (size_t n = 0; n < data.pixel_offset; n++) {
         CtsDataScan part;
         CtsMetaScan first;
@@ -156,7 +156,7 @@ static void test_nesting(void **state)
     }
 }
 
-/* Implicit VR does not name its sequences: what looks like one is entered, and left when it is none. */
+/* Implicit VR does not mark sequences: a probable one is entered, and left when it is none. */
 static void test_implicit(void **state)
 {
     (void)state;
@@ -294,7 +294,7 @@ static void test_lies(void **state)
     free(b.data);
 }
 
-/* Any byte may be wrong; the scan ends, and says where the pixels are only inside the file. */
+/* Any byte may be wrong; the scan ends, and gives an offset of the pixels only inside the file. */
 static void test_wrong_bytes(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Texts that are kept and shared stay what they were, however many follow. */
+/* Pooled texts stay unchanged when others are added. */
 #include "base/string_pool.h"
 #include "unit.h"
 

@@ -1,4 +1,4 @@
-/* Thumbnails: means in linear light, frames in their slots, the same bytes however the bands come. */
+/* Thumbnails: means in linear light, frames in their slots, the same bytes for any division into bands. */
 #include "app/contact/contact_sheet.h"
 #include "base/mem.h"
 #include "pictures.h"
@@ -76,7 +76,7 @@ static CtsPicture *new_picture(int width, int height, int n_channels)
     return p;
 }
 
-/* Half black and half white is half the light, which sRGB writes as 188, not 128. */
+/* Half black and half white is half the light, which is 188 in sRGB, not 128. */
 static void test_linear_light(void **state)
 {
     (void)state;
@@ -104,7 +104,7 @@ static void test_linear_light(void **state)
     }
 }
 
-/* What is not there gives no colour to what is: an edge of a red disc stays red. */
+/* Transparent pixels contribute no colour: an edge of a red disc stays red. */
 static void test_alpha(void **state)
 {
     (void)state;
@@ -127,7 +127,7 @@ static void test_alpha(void **state)
     cts_picture_free(&p);
 }
 
-/* Of 90 frames 36 stand side by side: slot i holds frame floor(i * 90 / 36). */
+/* Of 90 frames 36 are side by side: slot i has frame floor(i * 90 / 36). */
 static void test_turn(void **state)
 {
     (void)state;

@@ -1,4 +1,5 @@
-/* The tiled engine: the same bytes on every path, close to the float64 reference, exact where formulas are known. */
+/* The tiled engine: the same bytes on every SIMD path, close to the float64 reference, exact where formulas are
+ * known. */
 #include "base/chance.h"
 #include "base/cpu.h"
 #include "base/mem.h"
@@ -81,7 +82,7 @@ static void same_bytes(void **state)
 }
 
 /* A constant slab of n layers: opacity 1 - exp(-extinction * length), length from face to face of voxel centres, for
- * rays that leave by the faces they should, and no light outside. */
+ * rays through both faces, and nothing outside. */
 static void constant_slab(void **state)
 {
     (void)state;
@@ -98,13 +99,14 @@ static void constant_slab(void **state)
         CtsPicture *p = render(v, &preset, &s, NULL);
         const float *centre = p->pixels + 4 * (32 * 64 + 32);
         const double opacity = -expm1(-extinctions[e] * 23 * 0.7);
-        double stopped = opacity > 0.998 ? 0.5 / 255 : 0; /* rays may end with so much left as is asked for */
+        /* rays may end with the requested error as remaining transmittance */
+        double stopped = opacity > 0.998 ? 0.5 / 255 : 0;
         assert_true(fabs(centre[3] - opacity) <= 1e-6 * opacity + stopped + 1e-9);
         assert_true(fabs(centre[0] - 0.2 * opacity) <= 2e-6 * opacity + stopped + 1e-9);
         assert_true(p->pixels[3] == 0);
         cts_picture_free(&p);
 
-        /* Oblique: from the ray's own way through the box. */
+        /* Oblique: by the ray's length within the box. */
         s.azimuth_deg = 45;
         p = render(v, &preset, &s, NULL);
         /* Rays near the middle all pass through the two nearer faces. */
@@ -118,8 +120,8 @@ static void constant_slab(void **state)
     }
 }
 
-/* Levels 500 and 501 side by side, and a step at 500.999 that halves light within 0.02 mm, of which there is 0.001:
- * the step's place counts to more digits than a float has. Of a small picture all pixels are made again. */
+/* Levels 500 and 501 side by side, and a step at 500.999 that halves light within 0.02 mm, of which there is 0.001: the
+ * step's position needs more digits than a float has. In a small picture all pixels are re-rendered. */
 static void step_near_level(void **state)
 {
     (void)state;
@@ -150,8 +152,8 @@ static double rms_between(const CtsPicture *a, const CtsPicture *b)
     return d.rmse;
 }
 
-/* Renders by tiled, and holds the picture to what the report says of it: the error against the ray caster's picture is
- * not above the bound, and not above what was asked for (1/255, 0.5 by default) unless a warning tells. Returns it. */
+/* Renders by tiled and checks the picture against its report: the error against the ray caster's picture must not
+ * exceed the reported limit, nor the requested error (1/255, 0.5 by default) unless a warning says so. Returns it. */
 static double hold_to_bound(const CtsVolume *v, const CtsPreset *preset, CtsRenderSettings s, const char *what)
 {
     CtsReport report = {0};
@@ -175,7 +177,7 @@ static double hold_to_bound(const CtsVolume *v, const CtsPreset *preset, CtsRend
     return rms;
 }
 
-/* A phantom with sharp edges: the default, and what --max-error asks for. */
+/* A phantom with sharp edges: the default, and the errors that --max-error requests. */
 static void near_reference(void **state)
 {
     (void)state;
@@ -249,7 +251,7 @@ static void thin_and_hard(void **state)
     }
 }
 
-/* What shows between two grey levels alone. */
+/* Visible only between two grey levels. */
 static void between_levels(void **state)
 {
     (void)state;
@@ -278,8 +280,8 @@ static void between_levels(void **state)
     cts_volume_free(&v);
 }
 
-/* A cell that rays cross along a diagonal, where the field rises and falls again, alike at both points of Gauss' rule:
- * what is opaque shows the colour that it has where rays enter. */
+/* A cell that rays cross along a diagonal, where the field rises and falls again, with equal values at both Gauss
+ * points: an opaque medium shows its colour at the rays' entry. */
 static void opaque_bump(void **state)
 {
     (void)state;
@@ -302,7 +304,7 @@ static void opaque_bump(void **state)
 }
 
 /* Opaque stripes narrower than a level: fields that cross a stripe twice within a cell, or touch its edge at the end of
- * one, where which crossing is the first decides the colour; and a peak of opacity between two levels, lit in steps. */
+ * one, where the first crossing determines the colour; and a peak of opacity between two levels, shaded in steps. */
 static void narrow_stripes(void **state)
 {
     (void)state;
@@ -328,14 +330,15 @@ static void narrow_stripes(void **state)
     s.mm_per_pixel = 0.03;
     s.shade = CTS_OFF;
     hold_to_bound(v, &stripes, s, "stripes");
-    s.width = s.height = 24; /* all pixels are made again */
+    s.width = s.height = 24; /* all pixels are re-rendered */
     s.mm_per_pixel = 0.2;
     s.shade = CTS_ON;
     assert_true(hold_to_bound(v, &peak, s, "peak") < 0.01 / 255);
     cts_volume_free(&v);
 }
 
-/* Faint shells whose sides are seen one by one: what lies between two of them has no gradient, and lights neither. */
+/* Shells of low opacity whose sides are visible separately: the space between two of them has no gradient, and
+ * contributes no light. */
 static void faint_shells(void **state)
 {
     (void)state;
@@ -373,7 +376,8 @@ static void hard_presets(void **state)
     cts_volume_free(&v);
 }
 
-/* A field of waves and a soft preset: less is asked for, less is wrong, down to what single precision leaves. */
+/* A field of waves and a soft preset: the error falls with the requested one, down to the limits of single
+ * precision. */
 static void falls_as_asked(void **state)
 {
     (void)state;
@@ -409,8 +413,8 @@ static void falls_as_asked(void **state)
     cts_volume_free(&v);
 }
 
-/* A draft of grain, where the judged pixels say so little that more would be told than was asked for: more of them are
- * judged, and nothing is warned of. */
+/* A preview of grain, in which a few reference samples would give an estimate above the requested error: more of them
+ * are taken, without a warning. */
 static void drafts_work_on(void **state)
 {
     (void)state;
@@ -438,8 +442,8 @@ static void drafts_work_on(void **state)
     cts_volume_free(&v);
 }
 
-/* Bright columns that lie between the pixels a draft looks at, every fourth: it finds out, or warns. Balls: pixels
- * that are alike stand for others, and what they show stays within what was asked for. */
+/* Bright columns between the pixels that a preview samples, every fourth: it detects them, or warns. Balls: similar
+ * pixels are interpolated, and the error stays within the requested one. */
 static void drafts_between(void **state)
 {
     (void)state;
@@ -473,8 +477,8 @@ static void drafts_between(void **state)
     cts_volume_free(&ball);
 }
 
-/* Specks of hardly a pixel on an even ground, so few that no judged pixel need be one of them: those that are drawn
- * tell how many there are. */
+/* Specks of hardly a pixel on an even ground, so few that no reference sample need hit one: the randomly drawn pixels
+ * estimate their number. */
 static void drafts_miss_specks(void **state)
 {
     (void)state;
@@ -568,7 +572,7 @@ static void give_body(CtsVolume *v, int across, unsigned seed)
     }
 }
 
-/* mip, minip and average by packets: the same bytes on every path, and what the reference gives. */
+/* mip, minip and average by packets: the same bytes on every SIMD path, and equal to the reference. */
 static void modes_by_packets(void **state)
 {
     (void)state;

@@ -1,13 +1,14 @@
-/* The tiled engine's lighting where a formula knows it: a gradient that turns round within a slab, and a ball; and
- * errors of light that are to be told. */
+/* The tiled engine's lighting against formulas: a gradient that reverses within a slab, and a ball; and reported errors
+ * of lighting. */
 #include "base/cpu.h"
 #include "scenes.h"
 
 static const unsigned masks[] = {0, CTS_CPU_AVX2, ~0u};
 enum { N_MASKS = sizeof masks / sizeof masks[0] };
 
-/* HU = 40 u (y - 1/2) between two layers: on a ray at u, the gradient (40 (y - 1/2), 40 u) faces the camera by
- * |u| / hypot(u, y - 1/2), in the mean over the slab 2 |u| asinh(1 / (2 |u|)). Half way alone it would all face it. */
+/* HU = 40 u (y - 1/2) between two layers: on a ray at u, the gradient (40 (y - 1/2), 40 u) faces the camera by |u| /
+ * hypot(u, y - 1/2), in the mean over the slab 2 |u| asinh(1 / (2 |u|)). Only in the middle it faces the camera
+ * directly. */
 static void turns_round(void **state)
 {
     (void)state;
@@ -96,7 +97,7 @@ static void ball(void **state)
     cts_volume_free(&v);
 }
 
-/* Where all levels are the same there is no gradient, and so the light is known: nothing can turn. */
+/* All levels are equal, so there is no gradient, and lighting is known. */
 static void flat(void **state)
 {
     (void)state;
@@ -162,7 +163,8 @@ static CtsPreset white(double low, double high, double opacity)
     return p;
 }
 
-/* Plates so thin and faint that each is lit as one: in front and behind they face the camera, half way they do not. */
+/* Plates so thin and of so low opacity that each is shaded as one: in front and behind they face the camera, in the
+ * middle they do not. */
 static void faint_turns(void **state)
 {
     (void)state;
@@ -180,7 +182,7 @@ static void faint_turns(void **state)
     cts_volume_free(&v);
 }
 
-/* HU = 1000 x + (0, 25, 25, 0) by layers: between the inner two a normal turns by little, but past perpendicular. */
+/* HU = 1000 x + (0, 25, 25, 0) by layers: between the inner two a normal varies little, but past perpendicular. */
 static void past_perpendicular(void **state)
 {
     (void)state;
@@ -198,7 +200,8 @@ static void past_perpendicular(void **state)
     cts_volume_free(&v);
 }
 
-/* Plates whose faces show between two levels: a ray errs at each of them alike, and so does one that judges it. */
+/* Plates whose faces are visible between two levels: a ray has the same error at each of them, and so has its reference
+ * sample. */
 static void errs_alike(void **state)
 {
     (void)state;

@@ -2,8 +2,8 @@
 #include "render/error/verify.h"
 
 #include "base/limits.h"
-#include "lab/check/check_scene.h"
 #include "core/scene/resolve.h"
+#include "lab/check/check_scene.h"
 #include "scenes.h"
 #include <math.h>
 #include <stdio.h>
@@ -48,7 +48,7 @@ static void free_case(Case *c)
     cts_picture_free(&c->truth);
 }
 
-/* Chooses n pixels of a picture by chance number `trial` and tells how far it is from the truth there. */
+/* Chooses n random pixels of a picture for this trial and estimates its error from them. */
 static CtsVerified verdict(const Case *c, size_t n, const float *bound, int trial)
 {
     CtsVerify verify;
@@ -71,8 +71,8 @@ static CtsVerified verdict(const Case *c, size_t n, const float *bound, int tria
     return verified;
 }
 
-/* Of 200 trials with other pixels, 95 % of the intervals hold the error of the whole picture, and estimates have no
- * bias: their mean square is the picture's. */
+/* Of 200 trials with different pixels, 95 % of the intervals contain the error of the whole picture, and estimates have
+ * no bias: their mean square is the picture's. */
 static void expect_coverage(const Case *c, size_t n, const float *bound, const char *name)
 {
     int inside = 0, share_inside = 0;
@@ -125,7 +125,7 @@ static void test_coverage_of_steps(void **state)
     cts_volume_free(&v);
 }
 
-/* Errors where nothing shows that they could be: single white pixels of a black picture that is black itself. */
+/* Errors without any indication: single white pixels of a black picture where the reference is black. */
 static void test_coverage_of_lost_dots(void **state)
 {
     (void)state;
@@ -151,7 +151,7 @@ static void test_coverage_of_lost_dots(void **state)
         char name[64];
         snprintf(name, sizeof name, "one of %d pixels", every);
         expect_coverage(&c, PIXELS, NULL, name);
-        /* An engine that knows nothing of it is not believed; one that does, helps. */
+        /* Indicators without information do not harm; good ones help. */
         float *bound = calloc(SIZE * SIZE, sizeof *bound);
         assert_non_null(bound);
         expect_coverage(&c, PIXELS, bound, "wrong bounds");
@@ -167,8 +167,8 @@ static void test_coverage_of_lost_dots(void **state)
     }
 }
 
-/* The same pixels however the picture comes, each once; all of them where as many are asked for, and then the error is
- * that of the picture. */
+/* The same pixels for any division into bands, each once; all of them where as many are requested, and then the error
+ * is that of the picture. */
 static void test_chosen(void **state)
 {
     (void)state;
@@ -212,8 +212,8 @@ static void test_chosen(void **state)
     cts_volume_free(&v);
 }
 
-/* What stands in limits.c, worked out the other way round: the chance of c or less of a Poisson law of mean m, summed
- * up, is below what the upper limit allows, and near it. */
+/* The formulas of limits.c in reverse: the probability of c or less of a Poisson law of mean m, summed up, is below the
+ * allowed one at the upper limit, and near it. */
 static void test_limits(void **state)
 {
     (void)state;

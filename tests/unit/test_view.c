@@ -1,4 +1,4 @@
-/* The geometry of ctsplat(1), PICTURES, to the last half pixel: where a voxel stands in the picture. */
+/* The geometry of ctsplat(1), PICTURES, to half a pixel: the position of a voxel in the picture. */
 #include "base/vec3.h"
 #include "core/scene/view.h"
 #include "unit.h"
@@ -25,8 +25,8 @@ static void assert_vector(const double v[3], double x, double y, double z)
     assert_true(fabs(v[0] - x) < 1e-12 && fabs(v[1] - y) < 1e-12 && fabs(v[2] - z) < 1e-12);
 }
 
-/* The named views: right, up and forward, exactly, and where the corner voxel falls in a picture of 101 x 81 pixels of
- * half a millimetre. The centre pixel is (50, 40); worked out by hand from the patient directions. */
+/* The named views: right, up and forward, exactly, and the corner voxel's pixel in a picture of 101 x 81 pixels of half
+ * a millimetre. The centre pixel is (50, 40); calculated by hand from the patient directions. */
 static void test_named_views(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Where voxels lie in the patient, and cropping. */
+/* Positions of voxels in the patient, and cropping. */
 #include "base/cpu.h"
 #include "base/vec3.h"
 #include "core/volume/macrocells.h"
@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* 5 x 6 x 7 voxels that know their place: grey = 1 + i + 10 j + 100 k. */
+/* 5 x 6 x 7 voxels whose values encode their indices: grey = 1 + i + 10 j + 100 k. */
 static CtsVolume *make_volume(const double step_lps[3][3])
 {
     CtsVolume *v = NULL;

@@ -1,5 +1,5 @@
-/* Words become a job: what a row of the option table promises holds, and the one call gives the picture in memory that
- * it writes. */
+/* Options become a job: the promises of each row of the option table, and the single call that returns the picture
+ * which it writes. */
 #include "app/words/options.h"
 #include "ctsplat/ctsplat.h"
 #include "unit.h"
@@ -13,7 +13,7 @@ static CtsStatus take(CtsOptions *options, CtsCommand command, const char *name,
     return cts_options_take(options, command, &(CtsWord){.name = name, .value = value}, err);
 }
 
-/* The text of one word, or of none. */
+/* The text of one option, or of none. */
 static char *text_of(const char *name, const char *value, CtsTouches touches)
 {
     CtsOptions options;
@@ -50,7 +50,7 @@ static const char *sample_of(const CtsOption *o)
     }
 }
 
-/* A batch that goes on with another value makes anew what the option touches. */
+/* A batch with another value renders again what the option touches. */
 static void test_batch_sees_all(void **state)
 {
     (void)state;
@@ -213,7 +213,7 @@ static void test_memory(void **state)
     free(bytes_b);
     cts_picture_free(&picture);
 
-    /* What has no place, and what is no job's. */
+    /* Options without a place, and options that are not a job's. */
     assert_int_equal(cts_words_run(words, 6, NULL, &picture, NULL, &err), CTS_ERR_USAGE);
     assert_null(picture);
     assert_int_equal(cts_words_run(words, 1, NULL, NULL, NULL, &err), CTS_ERR_USAGE);

@@ -1,4 +1,4 @@
-/* What every unit test includes: cmocka wants these headers before its own. */
+/* Included by every unit test: cmocka needs these headers before its own. */
 #ifndef CTS_TESTS_UNIT_H
 #define CTS_TESTS_UNIT_H
 
