@@ -93,7 +93,8 @@ def resource_of(lookup, uid):
 
 
 def stored_file(instance):
-    """The file that Orthanc keeps of an instance, or None where it is packed, elsewhere, or nobody else's to read."""
+    """The path of an instance in Orthanc's storage, or None where it is compressed, elsewhere, or not readable by
+    others."""
     try:
         attachment = api(f'/instances/{instance}/attachments/dicom/info')
         uuid = attachment['Uuid']
@@ -161,7 +162,7 @@ def modality(series_uid):
 
 
 def place_all(study_uid, series_uid, instance_uid):
-    """What a request needs: its series, or the one CT series of its study, or a presentation state with its series."""
+    """The series of a request, or the one CT series of its study, or a presentation state with its series."""
     if instance_uid and modality(series_uid) == 'PR':
         place_state(series_uid, instance_uid)
         return series_uid
@@ -240,7 +241,7 @@ def keep_preview(resource):
         if status == 200:
             orthanc.RestApiPut(f'/series/{resource}/attachments/{PREVIEW}', body)
     except (Refused, orthanc.OrthancException):
-        pass  # no volume, or gone again; who asks for its thumbnail is told why
+        pass  # no volume, or deleted meanwhile; a client that requests its thumbnail gets the reason
 
 
 def changed(change, level, resource):

@@ -239,7 +239,7 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
     return st;
 }
 
-/* Where the rescale intercept is lost, air has the value of a filling. */
+/* If the rescale intercept is lost, air has the value of a filling. */
 static bool is_shifted(const CtsReport *report)
 {
     for (size_t i = 0; report && i < report->findings.n; i++)

@@ -8,7 +8,7 @@
 #include "base/site_key.h"
 #include <pthread.h>
 
-/* Placeholder in a PATH for the UID of the requested series. */
+/* Marker in a PATH for the UID of the requested series. */
 #define CTS_SHELF_PLACE "{series_uid}"
 
 /* A renderer of one preset, cached for further pictures. */

@@ -30,7 +30,7 @@ static const char *name_of_format(size_t i)
     return cts_format(i) ? cts_format(i)->name : NULL;
 }
 
-/* Placeholders for lists of names or of file name endings. */
+/* Markers for lists of names or of file name endings. */
 static const struct {
     const char *word;
     const char *(*name)(size_t i);
@@ -40,7 +40,7 @@ static const struct {
     {"{formats}", name_of_format, NULL}, {"{objects}", NULL, is_object},      {"{stacks}", NULL, has_many_frames},
 };
 
-/* Writes the list for the placeholder that text begins with; returns the placeholder's length, 0 where there is
+/* Writes the list for the marker that text begins with; returns the marker's length, 0 where there is
  * none. */
 static size_t put_word(FILE *out, const char *text)
 {

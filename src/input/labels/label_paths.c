@@ -22,7 +22,7 @@ void cts_label_stem(const char *path, char *stem, size_t size)
     snprintf(stem, size, "%.*s", (int)n, name);
 }
 
-/* Writes the value of a placeholder: unchanged, or with glob()'s special characters escaped. */
+/* Writes the value of a pattern's part: unchanged, or with glob()'s special characters escaped. */
 static void put(FILE *out, const char *text, bool for_glob)
 {
     for (; *text; text++)
