@@ -1,6 +1,6 @@
 #!/bin/sh
 # Each header compiles alone: headers.sh SOURCE_ROOT CC CXX
-# Public ones as C and as C++; the tree's own as C, but for templates (*_tmpl.h) and what only C++ can read.
+# Public ones as C and as C++; the tree's own as C, except templates (*_tmpl.h) and headers for C++ only.
 set -u
 
 root=$1 cc=$2 cxx=$3

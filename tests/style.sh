@@ -16,7 +16,13 @@ texts()
 marks='TO''DO|FIX''ME|(^|[^X])XX''X([^X]|$)|not built ''yet|place''holder|for ''now'
 paths='(^|[^a-zA-Z0-9_.])/(wo''rk|fa''rm|ro''ot|ho''me)/'
 fast='fast''-math|O''fast'
-# Documents that are not in the tree: what they say stands in the manual pages.
+# Private words, which the terms of the field replace.
+private='(^|[^A-Za-z_-])(no''body|a''new|made ag''ain|in va''in|by ch''ance|every so mani''eth|how many''th|at the m''ost|but f''or)([^A-Za-z_]|$)'
+# Folders whose comments are still to be reworded.
+not_yet='^\./src/(engine/sheets|render/error|render/frames)/'
+# Comments begin with a noun or a verb.
+clause='/\* (Wh''at|Wh''ere|Wh''ether) |"""(Wh''at|Wh''ere|Wh''ether) '
+# Documents that are not in the tree: their contents are in the manual pages.
 outside='(^|[^A-Za-z_])(INTER''FACE|ALGO''RITHMS|CONVEN''TIONS|FAU''LTS)([^A-Za-z_]|$)'
 
 violations()
@@ -38,6 +44,15 @@ violations()
         look 'mark of unfinished work' -iE "$marks"
         look 'unsafe floating point' -E -e "-f($fast)|-$fast" | grep -v -e '-fno-' || true
         look 'a document that is not in the tree' -E "$outside"
+        look 'a private word' -E "$private" | grep -v -E -e '^\./CHANGELOG\.md:' -e "$not_yet" || true
+        look 'a comment that begins with a relative clause' -E "$clause" | grep -v -E "$not_yet" || true
+        # Of a block of comment lines only the first one counts.
+        grep -E '\.(py|sh|build|awk|bash)$|/dev$' "$work/list" | tr '\n' '\0' | xargs -0 awk '
+            FNR == 1 { inside = 0 }
+            /^ *# (Wh''at|Wh''ere|Wh''ether) / && !inside {
+                print FILENAME ":" FNR ": " $0 " <- a comment that begins with a relative clause"
+            }
+            { inside = /^ *#/ }' /dev/null
         # A Markdown file that is named must be there.
         tr '\n' '\0' <"$work/list" | xargs -0 grep -onHE '[A-Za-z0-9_-]+\.md\b' /dev/null |
             sort -t: -k3,3 -u | while IFS=: read -r f n name; do
@@ -46,9 +61,9 @@ violations()
         # One name, one file, so that a name says where to look.
         grep -E '^\./(src|include|tests)/' "$work/list" | grep -v '/meson\.build$' | sed 's|.*/||' | sort | uniq -d |
             sed 's|$| <- the name of several files|'
-        # The map knows every room.
+        # src/README.md lists every folder.
         for room in $(sed -n 's|^\./src/\(.*\)/[^/]*\.[ch]c*$|\1|p' "$work/list" | sort -u); do
-            [ ! -e src/README.md ] || grep -q "^| .$room. |" src/README.md || echo "src/README.md: no room $room"
+            [ ! -e src/README.md ] || grep -q "^| .$room. |" src/README.md || echo "src/README.md: no folder $room"
         done
         # All last characters at once, and file by file where one of them is not a newline.
         tr '\n' '\0' <"$work/list" | xargs -0 tail -qc 1 | grep -q . && while read -r f; do
@@ -77,6 +92,8 @@ breach '/* TO''DO */\n'
 breach '/* -ffast''-math */\n'
 breach '/* as ALGO''RITHMS section 7 has it */\n'
 breach '/* see no-such''.md */\n'
+breach '/* no''body does */\n'
+breach '/* Wh''at it does. */\n'
 breach '/* -O''fast */\n'
 breach "/* $(printf '%0120d' 0) */\\n"
 mkdir -p "$work/src/x" "$work/src/y"

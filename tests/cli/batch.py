@@ -152,7 +152,7 @@ def test_resume(b):
     first, hashes = times("o"), b.outputs("o")
     check(len(first) == 4 * N_OUTPUTS, len(first))
     b.ok(0, *words)
-    check(times("o") == first, "made again")
+    check(times("o") == first, "rendered again")
     # Files that are gone or damaged.
     gone, damaged = sorted(first)[3], sorted(first)[10]
     os.remove(gone)
@@ -177,7 +177,7 @@ def test_resume(b):
                                               "--remove-table=on", "--slab-at", "0.0", "--annotate", "none"]
     at = same.index("--size")
     b.ok(0, *(same[:at] + same[at + 2:] + ["--size", "48x48"]))
-    check(times("o") == fourth, "made again for the same options")
+    check(times("o") == fourth, "rendered again for the same options")
     window = b.run("batch", *more, "--window", "0,900")
     check(window.returncode == 0 and all(times("o")[p] != fourth[p] for p in fourth), "--window")
     b.ok(0, *more)
@@ -233,7 +233,7 @@ def test_journal(b):
     b.ok(8, archive, "-O", "o", *OPTIONS)
     check({uid: line.get("errors") for uid, line in b.lines("o").items()} == known, "errors of what stands")
     b.ok(8, archive, "-O", "o", *[w.replace("png,dcm", "png,exr,dcm") for w in OPTIONS])
-    check(not any(line.get("errors") for line in b.lines("o").values()), "errors of what was made anew")
+    check(not any(line.get("errors") for line in b.lines("o").values()), "errors of pictures rendered again without --verify")
     # Findings about the pictures of a preset are recorded with it, as long as the pictures are kept.
     for presets in "bone", "bone,skin", "skin":
         b.ok(0, phases(b), "-O", "f", "--size", "48x48", "--window", "0,1", "--presets", presets, "--crop", "-9,9,-9,9,-9,9")
@@ -262,7 +262,7 @@ def test_zip(b):
     reason = b.lines("z")[b.name(0).decode()]["reason"]
     check(reason == b.lines("o")[b.name(0).decode()]["reason"], reason)
     b.ok(8, "a.zip", "beside", "-O", "z", *OPTIONS)
-    check(times("z") == first, "made again")
+    check(times("z") == first, "rendered again")
 
 
 def test_kill(b):
@@ -335,7 +335,7 @@ def test_shards(b):
     codes = [b.run("batch", archive, "-O", "o", "--shard", "%d/2" % i, *OPTIONS).returncode for i in range(2)]
     check(sorted(codes) == [0, 8], codes)
     b.ok(8, archive, "-O", "o", *OPTIONS)
-    check(times("o") == before, "made again")
+    check(times("o") == before, "rendered again")
 
 
 def test_bad(b):
@@ -484,7 +484,7 @@ def test_paths(b):
     # Asked for, they stand there, of what stands too; and are gone again with the next run.
     before = times("o")
     b.ok(8, *words, "--show-paths", "--show-patient")
-    check(times("o") == before, "made again")
+    check(times("o") == before, "rendered again")
     journal, page, log = kept().values()
     for text in journal, page:
         check(all(n in text for n in ("DOE JOHN 1950/series0", "DOE JOHN 1950/series1", "ROE RICHARD.zip")), text[:300])

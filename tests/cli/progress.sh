@@ -6,7 +6,7 @@ command -v script >/dev/null && script -qec true /dev/null </dev/null >/dev/null
 unset XDG_CONFIG_HOME
 small="-p skin --size 200x900"
 ok render "$data/phantom" $small -o piped.png
-[ ! -s err ] || fail "words where nobody watches"
+[ ! -s err ] || fail "progress printed without a terminal"
 TERM=xterm script -qec "'$ctsplat' render '$data/phantom' $small -o watched.png" /dev/null </dev/null >terminal
 cmp piped.png watched.png || fail "watching changes the picture: $(tr '\r' '\n' <terminal)"
 # Searching, reading, and the picture in bands of 256 rows: from 2 to 3 of 3 steps, 24 marks wide.

@@ -8,9 +8,9 @@ ok render "$data/phantom" --size 64x48 --new-uids -o new.dcm
 cmp -s one.dcm new.dcm && fail "--new-uids changes nothing"
 ok render "$data/phantom" --size 64x48 --background none -o clear.dcm
 cmp one.dcm clear.dcm || fail "what shows through is not black"
-ok render "$data/phantom" --size 64x48 --deidentify -o nobody.dcm
+ok render "$data/phantom" --size 64x48 --deidentify -o anonymous.dcm
 grep -q PHANTOM one.dcm || fail "the patient is not copied"
-grep -q PHANTOM nobody.dcm && fail "--deidentify leaves the patient in"
+grep -q PHANTOM anonymous.dcm && fail "--deidentify leaves the patient in"
 ok render "$data/phantom" --size 64x48 --rotation 4 -o turn.dcm
 for compression in rle jpeg-lossless jpeg-2000; do
     ok render "$data/phantom" --size 64x48 --compress $compression -o $compression.dcm

@@ -27,7 +27,7 @@ ok render "$data/phantom" $small --engine void --void key --explain
 has out '^mixture model: air -1000 HU \(void\)'
 has out '^void key: below -[0-9]+ HU counts as void'
 
-# Where the key has no effect nothing is lost, with a warning.
+# A key without effect loses nothing, with a warning.
 for engine in classic tiled raycast; do
     ok render "$data/phantom" $small --engine $engine -o $engine.png
     ok render "$data/phantom" $small --engine $engine --void key -o $engine-key.png --log $engine.log

@@ -67,7 +67,7 @@ def until(browser, script, what, *arguments):
         if browser.run(f'return {script}', *arguments):
             return
         time.sleep(.1)
-    check(False, 'waited in vain:', what, browser.run('return document.activeElement.outerHTML')[:200])
+    check(False, 'timed out waiting for:', what, browser.run('return document.activeElement.outerHTML')[:200])
 
 
 def shown(browser):

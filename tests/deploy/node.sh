@@ -112,7 +112,7 @@ wait_for()
     local left=$1
     shift
     until "$@"; do
-        ((left-- > 0)) || fail "waited in vain for: $*"
+        ((left-- > 0)) || fail "timed out waiting for: $*"
         kill -0 "$node" || fail "the node ended"
         sleep 1
     done

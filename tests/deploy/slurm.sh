@@ -46,7 +46,7 @@ wait_for()
     local left=$1
     shift
     until "$@"; do
-        ((left-- > 0)) || fail "waited in vain for: $*"
+        ((left-- > 0)) || fail "timed out waiting for: $*"
         sleep 1
     done
 }

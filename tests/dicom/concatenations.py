@@ -86,7 +86,7 @@ def main():
         'no first part, without offsets': ((2, 3), {'offsets': False, 'total': False}, 'part 1 of', False),
         'no middle part, by offsets alone': ((1, 3), {'total': False, 'numbers': False}, 'frames 17 to 32', True),
         'an offset alone': ((3,), {'total': False, 'numbers': False}, 'frames 1 to 32', False),
-        'an end that nobody tells': ((1, 2), {'total': False}, None, False),
+        'an end without total': ((1, 2), {'total': False}, None, False),
     }
     with tempfile.TemporaryDirectory() as work:
         for n, (name, (parts, how, words, refused)) in enumerate(cases.items()):

@@ -10,7 +10,7 @@ ok render "$data/phantom" --size 32x32 --deidentify -o one.dcm --log log
 [ "$(stat -c %a "$key")" = 600 ] || fail "the key is not its owner's alone"
 cp "$key" first
 ok render "$data/phantom" --size 32x32 --deidentify -o two.dcm --log log
-cmp "$key" first || fail "the key is made anew"
+cmp "$key" first || fail "the key was created again"
 ok render "$data/phantom" --size 32x32 --deidentify --key first -o same.dcm --log log
 head -c 32 /dev/urandom >other
 ok render "$data/phantom" --size 32x32 --deidentify --key other -o other.dcm --log log

@@ -112,8 +112,7 @@ for turn in '0.0016 * (-1) ** k' '0.001 * (k - 23.5) / 23.5' '0.0005 * (k > 23)'
     refused 4 'differ in size, orientation or pixel spacing' render c --size 32x32 -o refused.png
 done
 
-# Where positions repeat, other attributes separate complete volumes: k of 10 slices each, alternating at every
-# position.
+# At repeated positions other attributes separate complete volumes: k of 10 slices each, alternating at every position.
 phases_of()
 {
     rm -rf c

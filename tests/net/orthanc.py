@@ -76,7 +76,7 @@ try:
             assert found == [{'series_uid': series, 'study_uid': study, 'modality': 'CT', 'objects': len(slices)}], found
         said = ask('info', '--from', peer, '--patient-id', patient, '--show-patient')
         assert date in said and series in said, said
-        for query in (['--patient-id', 'nobody'], ['--patient-id', patient, '--modality', 'MR'],
+        for query in (['--patient-id', 'unknown'], ['--patient-id', patient, '--modality', 'MR'],
                       ['--accession', '../x&y=z#']):
             ask('info', '--from', peer, *query, code=3)
         for query in ([], ['--modality', 'CT'], ['--patient-id', 'a\\b'], ['--study-uid', '1..2']):

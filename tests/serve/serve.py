@@ -189,7 +189,7 @@ def labels():
             server.refused(400, 'appearance|preset', picture + '&appearance=' + refused)
         listed = json.loads(server.get(f'/series/{server.series()[0]["id"]}/labels'))
         assert listed and all(label['name'] and label['voxels'] >= 0 for label in listed), listed
-        server.refused(400, 'no label has this name or number', picture + '&hide=nobody')
+        server.refused(400, 'no label has this name or number', picture + '&hide=unknown')
         for look in '1=/etc/passwd', '1%3D/etc/passwd', 'a%3D/etc/passwd%3Dbone':
             server.refused(400, 'preset', picture + '&label=' + look)
 

@@ -178,7 +178,7 @@ class Sweep:
     def __init__(self, args):
         self.args = args
         self.ratios, self.errors, self.faults, self.pictures, self.series = [], [], 0, 0, []
-        self.kinds = dict.fromkeys(['kept', 'noted', 'warned', 'warned in vain', 'silent'], 0)
+        self.kinds = dict.fromkeys(['kept', 'noted', 'warned', 'false positive', 'silent'], 0)
         self.compared = 0
         for root, _, files in os.walk(args.data or os.devnull):
             if sum(name != 'DIRFILE' for name in files) >= 20:
@@ -208,10 +208,10 @@ class Sweep:
         if rms > limit + ROUNDED and not said:
             faults.append('above %g/255 without a warning' % (asked or 0.5))
         vain = rms <= limit and said == 'warning'
-        kind = 'warned in vain' if vain else {'warning': 'warned', 'note': 'noted'}.get(said, 'kept')
+        kind = 'false positive' if vain else {'warning': 'warned', 'note': 'noted'}.get(said, 'kept')
         self.kinds['silent' if faults else kind] += frames
         if rms < 0.25 * limit and vain and self.args.cautious:
-            faults.append('warned in vain')
+            faults.append('false positive')
         return '; '.join(faults) + ': ' + says if faults else None
 
     def judge(self, folder, common, asked, what):

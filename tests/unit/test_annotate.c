@@ -234,7 +234,7 @@ static void letters_of_names(void **state)
                  {"a\xff\xe4z", "AZ", true}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         check_drawn(cases[i].text, cases[i].alike, cases[i].lacks);
-    /* Latin-1 and Latin Extended-A, but for multiplication and division signs, as small as large. */
+    /* Latin-1 and Latin Extended-A without multiplication and division signs, small letters like capitals. */
     for (unsigned code = 0xC0; code < 0x180; code++) {
         const char text[] = {(char)(0xC0 | code >> 6), (char)(0x80 | (code & 0x3F)), 0};
         CtsLetters letters = {.n = 0};

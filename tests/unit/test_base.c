@@ -29,7 +29,7 @@ static void test_fail(void **state)
 {
     (void)state;
     CtsError err;
-    assert_int_equal(cts_fail(NULL, CTS_ERR_READ, "nobody listens"), CTS_ERR_READ);
+    assert_int_equal(cts_fail(NULL, CTS_ERR_READ, "no listener"), CTS_ERR_READ);
     assert_int_equal(cts_fail(&err, CTS_ERR_READ, "%s: slice %d", "a.dcm", 3), CTS_ERR_READ);
     assert_int_equal(err.status, CTS_ERR_READ);
     assert_string_equal(err.text, "a.dcm: slice 3");

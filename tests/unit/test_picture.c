@@ -256,7 +256,8 @@ static void test_compare_ssim(void **state)
             a->pixels[40 * y + x] = v;
             b->pixels[40 * y + x] = 1 - v;
         }
-    /* The chessboard's windows have mean 0.5 and variance 0.0625 but for e = (sum of the weights' signs)^2. */
+    /* The chessboard's windows have mean 0.5 and variance 0.0625 up to e = (sum of the weights'
+     * signs)^2. */
     double sum = 0, signs = 0;
     for (int k = -5; k <= 5; k++) {
         const double weight = exp(-0.5 * k * k / 2.25);

@@ -191,7 +191,8 @@ static const CtsPreset *slicer_bone(void)
     return NULL;
 }
 
-/* Slicer's own text gives the built-in preset of that name, but for the table, of which a file says nothing. */
+/* Slicer's own text gives the built-in preset of that name, except for table removal, which such a file does not
+ * contain. */
 static void slicer_text(void **state)
 {
     (void)state;

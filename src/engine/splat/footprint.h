@@ -2,7 +2,7 @@
  *
  * A layer's sheet is a lattice with density[0] x density[1] samples per voxel, so that every voxel falls on a lattice
  * point and one table serves the whole volume. A lattice point's phase is its position within a voxel; the weights
- * that meet at a phase sum to CTS_WEIGHT_ONE exactly (but for cone-paper), so that sheets are exact in 32 bits and a
+ * that meet at a phase sum to CTS_WEIGHT_ONE exactly (except for cone-paper), so that sheets are exact in 32 bits and a
  * constant volume gives a constant sheet. */
 #ifndef CTS_SPLAT_FOOTPRINT_H
 #define CTS_SPLAT_FOOTPRINT_H

@@ -87,7 +87,7 @@ static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, Cts
     return CTS_OK;
 }
 
-/* Whether reusing layers pays, estimated from a sample of them; the picture is the same with and without. */
+/* Decides by a sample of the layers if reusing them pays; the picture is the same with and without. */
 static void plan_reuse(CtsPaperPlan *p, CtsReport *report)
 {
     if (!p->reuse)

@@ -119,7 +119,7 @@ static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
     return find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1);
 }
 
-/* Where pixels cross rows of cells, these rows get the union of their visible cells. */
+/* If pixels cross rows of cells, these rows get the union of their visible cells. */
 static void make_alike(const CtsPaperPlan *p, uint64_t *rows, int n_rows)
 {
     const int n_words = p->patches.n_cell_words, n_alike = p->patches.row_cells;

@@ -9,9 +9,9 @@ const CtsEngine *cts_engine(CtsEngineId id);
 
 /* The engine that re-renders an engine's pixels for error control: itself, else the first that can. */
 CtsEngineId cts_engine_march(CtsEngineId id);
-/* The first engine that has levels: what CTS_ENGINE_AUTO tries. */
+/* The first engine with levels, which CTS_ENGINE_AUTO tries. */
 CtsEngineId cts_engine_with_levels(void);
-/* The engine that draws small pictures to find what is visible: it has every mode and error control. */
+/* The engine of probe renderings: it has every mode and error control. */
 CtsEngineId cts_engine_for_probes(void);
 
 enum { CTS_ENGINE_FLAG = -1, CTS_ENGINE_LIST_MAX = 128 };

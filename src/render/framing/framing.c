@@ -6,36 +6,37 @@
 #include <math.h>
 #include <string.h>
 
-/* The share of the picture's tighter side that what is visible fills. */
+/* The share of the picture's tighter side that the visible part fills. */
 #define FILLED 0.9
-/* Parts of what is shown that have less than this share of it are specks. */
+/* Connected parts of less than this share of the visible area are specks. */
 #define SPECK 0.001
-/* Shown is what takes away 1/16 of the light: less is haze. Where nothing does, what 8 bits hold is shown; and in minip
- * and average, where no ray as a whole is brighter than black, what by itself is. */
+/* HAZE: opacity from which a pixel counts as visible. If none reaches it, DARKEST is used, the least value of 8 bits;
+ * and in minip and average, where no ray as a whole may be brighter than black, any value above 0. */
 static const double HAZE = 1.0 / 16, DARKEST = 1.0 / 255;
-/* Rays of a look, along rows and columns. Their ends are half a ray's distance off, below 1 % where what is shown goes
- * over LEAST_FOUND of them; where it does not, there is a closer look. */
+/* LOOK: rays of a probe rendering along rows and columns. Ends have an error of half a ray's distance, below 1 % where
+ * the visible part spans LEAST_FOUND rays; otherwise a finer probe rendering follows. */
 enum { LOOK = 128, LEAST_FOUND = LOOK / 2, MOST_LOOKS = 6 };
-/* A part of so many rays, which tell little of its area, is looked at by so many for each, along rows and columns. */
+/* SURE: a part of fewer rays is too small to estimate its area, and is probed by FINER rays for each, along rows and
+ * columns. */
 enum { SURE = 16, FINER = 4 };
-/* Views of a rotation that are looked at: nothing reaches 1 % further in those between, 7.5 degrees off at most. */
+/* Views of a rotation that are probed: between them, 7.5 degrees away at most, no extent is 1 % larger. */
 enum { MOST_VIEWS = 24 };
 
-/* What the looks for a frame share. */
+/* State shared by the probe renderings of a frame. */
 typedef struct Looking {
     const CtsFramed *what;
     CtsLut *lut;
     double lut_scale; /* extinction_scale that it was made for */
 } Looking;
 
-/* A small picture of what is shown: rays that go through the same volume in the same direction. */
+/* A probe rendering: rays through the same volume in the same direction. */
 typedef struct Look {
     CtsSceneStore store;
     double least; /* brighter is shown, or more opaque */
     uint8_t shown[LOOK][LOOK];
 } Look;
 
-/* Draws n[0] x n[1] of the rays, `apart` of a look's from one another, from that one on. */
+/* Renders n[0] x n[1] rays with spacing `apart`, in units of the probe rendering's, from this ray on. */
 static CtsStatus draw(Look *l, const double from[2], double apart, const int n[2], CtsError *err)
 {
     CtsScene scene = l->store.scene;
@@ -60,7 +61,7 @@ static CtsStatus draw(Look *l, const double from[2], double apart, const int n[2
     return st;
 }
 
-/* Rays of a look: from low to high, high included. */
+/* Rays of a probe rendering: from low to high, inclusive. */
 typedef struct Box {
     int low[2], high[2];
 } Box;
@@ -73,7 +74,7 @@ static void widen(Box *box, const Box *by)
     }
 }
 
-/* Takes what hangs together with a ray that shows something, corners too, out of the look. */
+/* Removes the 8-connected part of a visible ray from the probe rendering. */
 static int take_part(Look *l, int x, int y, Box *box)
 {
     uint16_t open[LOOK * LOOK];
@@ -102,7 +103,7 @@ static bool reaches_past(const Box *part, const Box *box)
            part->high[1] > box->high[1];
 }
 
-/* The largest part of what lies in a box and a ray around it, in rays. */
+/* The area of the largest part within a box extended by a ray, in rays. */
 static CtsStatus closer_area(const Look *l, const Box *box, double *area, CtsError *err)
 {
     const int n[2] = {(box->high[0] - box->low[0] + 3) * FINER, (box->high[1] - box->low[1] + 3) * FINER};
@@ -119,10 +120,10 @@ static CtsStatus closer_area(const Look *l, const Box *box, double *area, CtsErr
     return st;
 }
 
-/* The box of what is shown but for specks; high[0] < 0 where nothing is. */
+/* The box of the visible rays without specks; high[0] < 0 if there are none. */
 static CtsStatus take_box(Look *l, Box *box, CtsError *err)
 {
-    Box unsure[LOOK * LOOK / 4]; /* parts lie a ray apart */
+    Box unsure[LOOK * LOOK / 4]; /* parts are at least a ray apart */
     int n_shown = 0, n_unsure = 0;
     CtsStatus st = CTS_OK;
     *box = (Box){{LOOK, LOOK}, {-1, -1}};
@@ -144,7 +145,7 @@ static CtsStatus take_box(Look *l, Box *box, CtsError *err)
     return st;
 }
 
-/* What is visible between its ends along a direction, dot products with points in patient coordinates. */
+/* The visible range along a direction: dot products with points in patient coordinates. */
 typedef struct Span {
     double low_mm, high_mm;
 } Span;
@@ -166,7 +167,7 @@ static Span span_of_box(const CtsVolume *volume, const double direction_lps[3])
     return span;
 }
 
-/* What of a span lies in the volume, which may be thinner than a ray is wide. */
+/* The intersection of a span with the volume, which may be thinner than a ray's spacing. */
 static Span within(Span span, Span volume)
 {
     return (Span){fmax(span.low_mm, volume.low_mm), fmin(span.high_mm, volume.high_mm)};
@@ -190,8 +191,8 @@ static CtsStatus find_lut(Looking *l, CtsScene *scene, CtsError *err)
     return st;
 }
 
-/* Looks at what lies between the spans to the right and up, each with rays of its own, so that none passes a thin
- * volume by; one to spare lies behind either end. */
+/* Probe rendering between the spans to the right and up, with separate spacings, so that a thin volume is not missed;
+ * one more ray beyond either end. */
 static CtsStatus look(Looking *looking, const CtsRenderSettings *s, double least, const Span span[2], Box *box,
                       CtsError *err)
 {
@@ -222,14 +223,14 @@ static CtsStatus look(Looking *looking, const CtsRenderSettings *s, double least
     return st ? st : take_box(&l, box, err);
 }
 
-/* To what was found between low and high, and so many rays more on either side. */
+/* The span between rays low and high, extended by `more` rays on either side. */
 static Span narrowed(Span span, int low, int high, double more)
 {
     const double mm = ray_mm(span), first_mm = middle(span) - mm * LOOK / 2;
     return (Span){first_mm + mm * (low - more), first_mm + mm * (high + 1 + more)};
 }
 
-/* To the right and up, in the settings' view; *found says whether anything is shown. */
+/* The visible spans to the right and up, in the settings' view; *found: anything is visible. */
 static CtsStatus find_by(Looking *looking, const CtsRenderSettings *s, double least, Span span[2], bool *found,
                          CtsError *err)
 {
@@ -244,7 +245,7 @@ static CtsStatus find_by(Looking *looking, const CtsRenderSettings *s, double le
         const int n_found[2] = {box.high[0] - box.low[0], box.high[1] - box.low[1]};
         const bool up = n_found[1] * ray_mm(span[1]) > n_found[0] * ray_mm(span[0]);
         *found = n == MOST_LOOKS || n_found[up] >= LEAST_FOUND;
-        /* A closer look begins at the rays that show nothing. */
+        /* A finer probe rendering begins at the invisible rays. */
         const double more = *found ? 0 : 0.5;
         span[0] = within(narrowed(span[0], box.low[0], box.high[0], more), whole[0]);
         span[1] = within(narrowed(span[1], LOOK - 1 - box.high[1], LOOK - 1 - box.low[1], more), whole[1]);
@@ -267,7 +268,7 @@ static CtsStatus find_spans(Looking *looking, const CtsRenderSettings *s, Span s
     return find_by(looking, &brightest, DARKEST, span, found, err);
 }
 
-/* half[0] and half[1] become no less than how far what is visible in this view reaches from the settings' centre. */
+/* Raises half[0] and half[1] to the visible part's extent from the settings' centre in this view. */
 static CtsStatus reach_from_centre(Looking *looking, const CtsRenderSettings *s, double half[2], CtsError *err)
 {
     Span span[2];
@@ -282,8 +283,8 @@ static CtsStatus reach_from_centre(Looking *looking, const CtsRenderSettings *s,
     return st;
 }
 
-/* The centre of a rotation lies on the head-foot axis through the middle of what is visible from the front and from the
- * left. */
+/* The centre of a rotation lies on the head-foot axis through the middle of the visible part, from the front and from
+ * the left. */
 static CtsStatus frame_rotation(Looking *looking, CtsRenderSettings *s, double half[2], CtsError *err)
 {
     CtsStatus st;

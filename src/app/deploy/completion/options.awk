@@ -1,8 +1,4 @@
-# What `ctsplat COMMAND --help` lists, for the completions: one line an option, with tabs between
-#     -o,--output     what its argument may be     the help text
-# The second field is empty for a flag; else words, with @list before them
-# where several may be given with commas, or @files, @folders, @presets, or @nothing where
-# none can be offered.
+# Options that `ctsplat COMMAND --help` lists, for the completions: one line an option, with tabs between
 function kind(name, argument, help)
 {
     if (name == "--preset")
