@@ -1,5 +1,5 @@
-/* What is within distance n + 1 is what is within n, spread by one macro-cell to all 26 neighbours: along one axis
- * after the other, on rows of bits. */
+/* The set of macro-cells within distance n + 1 is the set within n dilated by one macro-cell to all 26 neighbours:
+ * along one axis after the other, on rows of bits. */
 #include "engine/tiled/cell_distance.h"
 
 #include "base/mem.h"
@@ -9,7 +9,7 @@
 typedef struct Grid {
     int nu, nv, nk;
     size_t words;  /* of a row of nu bits */
-    uint64_t last; /* bits of a row's last word that are macro-cells */
+    uint64_t last; /* mask of a row's last word */
 } Grid;
 
 static size_t n_words(const Grid *g)
@@ -46,7 +46,7 @@ static void spread_u(const Grid *g, const uint64_t *from, uint64_t *to)
         }
 }
 
-/* Along an axis of n steps of `stride` words, in each of n_outer groups of n * stride. */
+/* Dilation along an axis of n steps of `stride` words, in each of n_outer groups of n * stride. */
 static void spread_rows(const uint64_t *from, uint64_t *to, int n_outer, int n, size_t stride)
 {
     for (int outer = 0; outer < n_outer; outer++)
@@ -59,7 +59,7 @@ static void spread_rows(const uint64_t *from, uint64_t *to, int n_outer, int n, 
         }
 }
 
-/* Notes `level` where bits are new; false when there are none. */
+/* Stores `level` for new bits; false when there are none. */
 static bool note_new(const Grid *g, const uint64_t *before, const uint64_t *after, uint8_t level, uint8_t *distance)
 {
     uint64_t any = 0;

@@ -7,8 +7,8 @@
 
 enum { CTS_CELL_FAR = 255 };
 
-/* distance[(k * nv + v) * nu + u]: where it is 0 it stays, elsewhere it becomes the Chebyshev distance to the nearest
- * 0, at most CTS_CELL_FAR, which is also what stands where there is no 0. */
+/* distance[(k * nv + v) * nu + u]: a 0 stays, any other value becomes the Chebyshev distance to the nearest 0, at most
+ * CTS_CELL_FAR, which is also the value without any 0. */
 CtsStatus cts_cell_distance(uint8_t *distance, int nu, int nv, int nk, CtsError *err);
 
 #endif

@@ -14,9 +14,10 @@ enum { HALVINGS = 40, ROOT_STEPS = 60 };
 #define LEAST_MM ((real)1e-11)
 #define FAR_MM ((real)1e60)
 #define NEARLY_1 (1 - 0x1p-52)
-/* Between neighbouring levels, near one of them, a knot's place is known to a few digits in single precision. */
+/* Between neighbouring levels, or near one, single precision gives the position of a control point to a few digits
+ * only; the rest completes it. */
 #define FULL(rounded, rest) ((rounded) + (rest))
-/* Where a ray only touches a knot this march decides, as it is the judge. */
+/* The double-precision march is the reference and resolves grazing contacts itself. */
 #define DOUBTED(wrong) vf_of(0)
 #define JUDGES true
 #else
@@ -32,29 +33,29 @@ enum { HALVINGS = 3, ROOT_STEPS = 8 };
 #define JUDGES false
 #endif
 enum { MOST_CUTS = 12 };
-/* Levels are rounded by this share of what a ray may touch or not. */
+/* Rounding error of levels as a share of job->touch. */
 #define ROUNDED_BY ((real)0.003f)
 
 typedef struct Packet {
     vf start[3]; /* of the rays, voxels */
     vf at, end;  /* mm from there: where they are, and where they leave the box */
-    vf until;    /* a piece ends here at the latest */
+    vf until;    /* limit of the next segment after halving */
     vf light, sum[4], bound;
-    vf surface, first; /* mm to where half of the light is gone, and to where anything is seen */
+    vf surface, first; /* mm to half opacity, and to the first visible point */
     vi cell[3];
     vmask active;
-    vmask fresh; /* just cut at a knot */
-    vi look;     /* of who owns the place; and the next one's begins at edge, where it does so within the cell */
+    vmask fresh; /* starts at a control point, where it was just split */
+    vi look;     /* appearance at the ray's position; the next one begins at edge, if within the cell */
     vf edge;
-    int owned[LANES][3];  /* the cells that edges were looked for in */
+    int owned[LANES][3];  /* the cells in which boundaries of labels were computed */
     int last_look[LANES]; /* from the edge on to the end of the cell; -1: edges follow */
     int ray[LANES];
-    /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, its centre, and where the
-     * first of them begins and the last ends, in mm. */
+    /* Low-weight segments of each lane, queued until together they are worth a gradient: colour and weight, weighted
+     * centre, and in mm the begin of the first and the end of the last of them. */
     vf faint_colour[3], faint_weight, faint_centre, faint_begin, faint_end;
 } Packet;
 
-/* Packets take turns: while one waits for voxels the processor goes on with the other. */
+/* Packets alternate: while one waits for voxels the processor works on the other. */
 enum { PACKETS = 2 };
 
 typedef struct March {
@@ -65,10 +66,10 @@ typedef struct March {
     int next; /* ray */
     real step[3], inverse[3], far[3], cell_mm, tolerance, dark, touch, least_lit, turn, sharp, kinked;
     whole ahead[3], behind[3];
-    Packet packet[PACKETS], *p; /* the one whose turn it is */
+    Packet packet[PACKETS], *p; /* the current packet */
 } March;
 
-/* One cubic of the field along a piece, by its Bernstein numbers. */
+/* The field along a segment as a cubic, by its Bernstein coefficients. */
 typedef struct Cubic {
     vf b[4];
 } Cubic;
@@ -84,15 +85,15 @@ INLINE int count(unsigned bits)
     return __builtin_popcount(bits);
 }
 
-/* Where rays pass the nearest of the faces ahead of them: those of their cells, or of what they leap over. */
+/* Distances to the next faces: of the rays' cells, or of the empty space to be skipped. */
 typedef struct Faces {
     vmask leaping, shows;
     vi face[3];
     vf t[3], nearest; /* mm */
 } Faces;
 
-/* What rays have around them: a cell that may show something, or one that does not, or a corner of 2^3, half of a
- * block, or so many blocks of them. */
+/* The surroundings of rays: a visible cell, an invisible one, an invisible octant of 2^3 cells, half of a block, or a
+ * number of blocks. */
 INLINE Faces find_faces(const March *m)
 {
     const Packet *const p = m->p;
@@ -114,7 +115,7 @@ INLINE Faces find_faces(const March *m)
     return f;
 }
 
-/* Rays go on to the nearest face, and into the cell behind it. */
+/* Advances rays to the nearest face, and into the cell behind it. */
 INLINE void move(March *m, const Faces *f, vmask moving)
 {
     Packet *const p = m->p;
@@ -136,8 +137,8 @@ INLINE void move(March *m, const Faces *f, vmask moving)
     p->active &= ~(moving & outside);
 }
 
-/* The field from p->at on, so many mm, within the cell: F = f + x fx + y fy + z fz + xy fxy + xz fxz + yz fyz + xyz
- * fxyz about where a ray enters, from which it goes by `way`. */
+/* The field from p->at over `length` mm within the cell: F = f + x fx + y fy + z fz + xy fxy + xz fxz + yz fyz + xyz
+ * fxyz about the entry point, along the displacement `way`. */
 INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
 {
     const Packet *const p = m->p;
@@ -153,7 +154,7 @@ INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
         low[i] = to_float(lower_half(pair[i]));
         rise[i] = to_float(upper_half(pair[i])) - low[i];
     }
-    /* First about the cell's corner. */
+    /* First about the cell's origin. */
     const vf y = low[1] - low[0], z = low[2] - low[0], xy = rise[1] - rise[0], xz = rise[2] - rise[0];
     const vf yz = low[3] - low[2] - y, xyz = rise[3] - rise[2] - xy;
     const vf fxy = xy + at[2] * xyz, fxz = xz + at[1] * xyz, fyz = yz + at[0] * xyz, fy0 = y + at[0] * xy;
@@ -165,10 +166,10 @@ INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
     return (Cubic){{first, b1, b2, b2 + c1 + 2 * c2 + c3}};
 }
 
-/* What the transfer function says of a level. */
+/* The transfer function at a level. */
 typedef struct Look {
     vf extinction;          /* per mm, to the base of 2 */
-    vf opacity, rise, tint; /* slopes: of opacity, and of the colour that turns most */
+    vf opacity, rise, tint; /* slopes: of opacity, and of the colour that changes most */
     vf rgb[3];
 } Look;
 
@@ -201,7 +202,8 @@ INLINE vi piece_of(const TiledPieces *t, vf level)
     return q;
 }
 
-/* Of a level in piece q, or beside it where the knot between was not worth a cut. */
+/* At a level in linear segment q of the transfer function, or in the adjacent one if the control point between was not
+ * worth a split. */
 INLINE Look look_at(const TiledPieces *t, vi q, vf level)
 {
     const int n = t->n_knots + 1;
@@ -216,18 +218,18 @@ INLINE Look look_at(const TiledPieces *t, vi q, vf level)
     return l;
 }
 
-/* Knots that pieces are to be cut at. */
+/* Control points at which segments are to be split. */
 typedef struct Cuts {
     int n;
     vf knot[MOST_CUTS], jump[MOST_CUTS], bend[MOST_CUTS];
     vmask lanes[MOST_CUTS], all;
-    vf wrong;    /* what a piece is wrong by for knots that it is not cut at, */
-    vf passed;   /* those alone that it does pass */
-    vmask halve; /* pieces that pass more knots than can be told apart, or too much of them */
+    vf wrong;    /* error by control points without a split, */
+    vf passed;   /* the part of those that the field does cross */
+    vmask halve; /* segments that cross too many control points, or with too large an effect */
 } Cuts;
 
-/* Lanes are to be cut at the last of the knots, which the field goes beyond by `over`, where it is worth it, and by
- * `inside` further on than where it starts. */
+/* Adds the last control point of the list as a split candidate: the field overshoots it by `over` in total, and by
+ * `inside` without its start. Lanes are split if it is worth it; else its effect counts as error. */
 INLINE void weigh_knot(const March *m, Cuts *cuts, vmask lanes, vf over, vf inside, vf weight)
 {
     const int i = cuts->n;
@@ -241,8 +243,8 @@ INLINE void weigh_knot(const March *m, Cuts *cuts, vmask lanes, vf over, vf insi
     cuts->all |= cut;
 }
 
-/* The knots at both ends of pieces q of the transfer function, where the middle of each lane's field lies, and those
- * beyond. */
+/* Split candidates: the control points at both ends of the linear segment q in which the middle of each lane's field
+ * lies, and further ones in reach. */
 INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf length)
 {
     const TiledPieces *const t = m->pieces;
@@ -250,7 +252,7 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf leng
     const vf *const b = c->b, weight = length * m->p->light;
     vf inside[2] = {vf_min(vf_min(b[1], b[2]), b[3]), vf_max(vf_max(b[1], b[2]), b[3])};
     const vf range[2] = {vf_min(inside[0], b[0]), vf_max(inside[1], b[0])};
-    /* What a ray was just cut at it touches, where it starts. */
+    /* A segment that starts at a control point touches it there, which does not count. */
     for (int end = 0; end < 2; end++)
         inside[end] = vf_select(m->p->fresh, inside[end], range[end]);
     Cuts cuts = {.n = 0, .wrong = vf_of(0), .passed = vf_of(0), .all = mask_of_bits(0), .halve = mask_of_bits(0)};
@@ -271,7 +273,7 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf leng
             cuts.halve = more;
             break;
         }
-        lanes = more; /* what a lane finds does not depend on the others */
+        lanes = more; /* a lane's result must not depend on the others */
     }
     cuts.halve |= CTS_MUTATED(CUTS) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), cuts.passed) & ~cuts.all;
     cuts.wrong = vf_min(2 * cuts.wrong, m->p->light);
@@ -283,7 +285,7 @@ INLINE vmask differ(vmask a, vmask b)
     return (a & ~b) | (b & ~a);
 }
 
-/* Pieces that pass a knot more than once, as far as their numbers tell. */
+/* Segments that may cross a control point more than once, by the sign changes of their coefficients. */
 INLINE vmask passes_again(const Cubic *c, const Cuts *cuts)
 {
     vmask again = mask_of_bits(0);
@@ -298,7 +300,7 @@ INLINE vmask passes_again(const Cubic *c, const Cuts *cuts)
     return again;
 }
 
-/* The first half of a piece (de Casteljau). */
+/* The first half of a segment (de Casteljau). */
 INLINE void halve(Cubic *c, vf *length, vmask lanes)
 {
     vf *const b = c->b;
@@ -311,7 +313,7 @@ INLINE void halve(Cubic *c, vf *length, vmask lanes)
     *length = vf_select(lanes, h * *length, *length);
 }
 
-/* Where Bernstein's polygon first crosses 0. */
+/* Zero of the control polygon's first sign change. */
 INLINE vf first_crossing(const vf b[4])
 {
     vf from = b[2], to = b[3], side = vf_of(2);
@@ -325,10 +327,10 @@ INLINE vf first_crossing(const vf b[4])
     return (side + from / vf_select(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1))) * (real)(1 / 3.0);
 }
 
-/* Where the cubic c[0] + c[1] s + ..., whose Bernstein numbers are b, crosses 0 between ends of different sign, to
- * within what counts: Newton's steps, and halves where they leave what is between. By how much it is off at most, its
- * last step, and what rounding the cubic makes of it; that, times jump and bend by how far the field is beyond, is
- * *wrong. From where the polygon crosses, as an end that all but touches 0 is no crossing. */
+/* Root of the cubic c[0] + c[1] s + ..., with Bernstein coefficients b and ends of different sign: Newton steps from
+ * the control polygon's zero (an end that nearly touches 0 is no crossing), and bisection where they leave the bracket.
+ * *wrong: error estimate, from the last step and the rounding of the cubic, times jump, and bend times the remaining
+ * overshoot. */
 INLINE vf find_root(const March *m, const vf c[4], const vf b[4], vf jump, vf bend, vmask lanes, vf *wrong)
 {
     const vmask below = vf_lt(c[0], vf_of(0));
@@ -350,7 +352,7 @@ INLINE vf find_root(const March *m, const vf c[4], const vf b[4], vf jump, vf be
     return s;
 }
 
-/* Ends pieces where they first cross a knot; the lanes that are shorter than they were. */
+/* Shortens each segment to its first crossing of a control point. Returns the lanes that were shortened. */
 OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vmask *at_knot)
 {
     vmask shorter = mask_of_bits(0);
@@ -358,7 +360,7 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
         const vmask again = passes_again(c, cuts) & vf_lt(vf_of(LEAST_MM), *length);
         if (!mask_any(again))
             break;
-        if (i == HALVINGS) { /* it may well only touch */
+        if (i == HALVINGS) { /* it may be a grazing contact only */
             cuts->wrong += vf_select(again, m->p->light, vf_of(0));
             break;
         }
@@ -403,10 +405,10 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
 #define GAUSS_C ((real)0.105662433)
 #define GAUSS_D ((real)0.009437388)
 
-/* What a piece does to its rays. */
+/* Integral over a segment. */
 typedef struct Effect {
     Look at[2];
-    vf depth[2], taken[2], wrong; /* taken: shares of the light that reaches each half */
+    vf depth[2], taken[2], wrong; /* taken: absorbed shares of the light before each half */
 } Effect;
 
 INLINE Effect integrate(const March *m, const Cubic *c, vi q, vf length)
@@ -426,13 +428,13 @@ INLINE Effect integrate(const March *m, const Cubic *c, vi q, vf length)
     }
     for (int k = 0; k < 3; k++)
         apart = vf_max(apart, vf_abs(e.at[0].rgb[k] - e.at[1].rgb[k]));
-    /* Of a straight field the first is nearly all; one that turns may look alike at both points, and not where it
-     * enters, which is all that is seen of what is opaque. */
+    /* Of a linear field the first term is nearly all; another one may have equal colours at both points, but not at its
+     * start, the only visible part of an opaque segment. */
     apart = vf_max((real)1.73f * apart, 4 * e.at[0].tint * vf_abs(first - b[0]));
     const vf depth = (real)M_LN2 * (e.depth[0] + e.depth[1]);
     const real by_log = (real)t->by_log2, unit = (real)M_LN2 / by_log;
     const vf turn = unit * (e.at[0].extinction - e.at[1].extinction), turn2 = turn * turn;
-    /* How the logarithm's argument bends: its second derivative, by itself, beside that of two points alike. */
+    /* Curvature of the logarithm's argument: effect of its second derivative alone, and combined with the slope. */
     const vf bent = vf_max(vf_abs(b[0] - 2 * b[1] + b[2]), vf_abs(b[1] - 2 * b[2] + b[3]));
     const vf clear = 1 - vf_min(vf_max(e.at[0].opacity, e.at[1].opacity), vf_of((real)0.999f));
     const vf bend = 6 * bent * vf_max(vf_abs(e.at[0].rise), vf_abs(e.at[1].rise)) / clear;
@@ -442,7 +444,7 @@ INLINE Effect integrate(const March *m, const Cubic *c, vi q, vf length)
     return e;
 }
 
-/* Where half of the light is gone, in lanes whose piece takes it. */
+/* Position of half opacity, in lanes whose segment contains it. */
 OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
 {
     const vf before = p->light, between = before - before * e->taken[0], after = between - between * e->taken[1];
@@ -460,7 +462,7 @@ OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
 
 #include "engine/tiled/owned_tmpl.h"
 
-/* Rays in visible cells take a piece of them; the lanes that stay in their cell. */
+/* Integrates a segment of rays in visible cells. Returns the lanes that stay in their cell. */
 INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
 {
     const TiledJob *const j = m->job;
@@ -501,7 +503,7 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
     return again | (done & shorter);
 }
 
-/* Rays of one look after the other. */
+/* The same for each appearance among the lanes, one after the other. */
 OUTLINE vmask take_pieces(March *m, Lit *lit, vmask lanes, vf leave)
 {
     vmask stay = mask_of_bits(0);
@@ -515,7 +517,8 @@ OUTLINE vmask take_pieces(March *m, Lit *lit, vmask lanes, vf leave)
     return stay;
 }
 
-/* Pieces cost several times what a step through void does, so lanes wait for others that are on their way. */
+/* Evaluating a segment costs several times a step of empty-space skipping, so lanes wait until most of them are in
+ * visible cells. */
 INLINE void step(March *m, Lit *lit)
 {
     const Faces f = find_faces(m);
@@ -529,7 +532,7 @@ INLINE void step(March *m, Lit *lit)
     move(m, &f, m->p->active & ~stay);
 }
 
-/* What a ray has found is told. */
+/* Store the result of a finished ray. */
 INLINE void end_ray(const March *m, int lane)
 {
     const Packet *const p = m->p;
@@ -564,7 +567,7 @@ static void begin_ray(March *m, int lane, int i)
     p->sum[0][lane] = p->sum[1][lane] = p->sum[2][lane] = p->sum[3][lane] = p->bound[lane] = 0;
 }
 
-/* Side by side rays go to where each first meets something, before their ways part. */
+/* Advances neighbouring rays together to their first visible cells. */
 OUTLINE void approach(March *m)
 {
     Packet *const p = m->p = m->packet;
@@ -608,7 +611,7 @@ OUTLINE void approach(March *m)
     }
 }
 
-/* Lanes whose rays have ended take others. */
+/* Reloads lanes whose rays have ended. */
 OUTLINE void refill(March *m, Lit *lit)
 {
     Packet *const p = m->p;
@@ -680,9 +683,10 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         march_rays(&m, NULL);
     } else {
         Lit lit;
-        /* What light bends by, over its peak by exp(-1/2) of the power in the mean; a step's bound holds up to 3. */
+        /* Largest curvature of the shading function; the highlight's is its peak times exp(-1/2) on average; the error
+         * estimate of a step holds up to 3. */
         m.sharp = (real)fmaxf(1, (j->shade->diffuse + 0.607f * j->shade->specular * j->shade->exponent) / 3);
-        /* Four of turning are one of light; powers of 2 and more have no kink. */
+        /* Factor 4 converts to shading error; powers of 2 and more have no discontinuity of the slope. */
         m.kinked = 4 * (real)(j->shade->diffuse + j->shade->specular * fmaxf(2 - j->shade->exponent, 0));
         memset(&lit, 0, sizeof lit);
         march_rays(&m, &lit);
@@ -695,7 +699,7 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
                 rays->rgba[i][c] += rays->turned[kind][i][c];
             rays->bound[i] += rays->turned[kind][i][3];
         }
-        /* What a ray has left when it ends is taken to show what it showed before. */
+        /* The remaining transmittance of a ray that ended early gets the ray's own colour. */
         const float all = 1 / (1 - rays->left[i]);
         for (int c = 0; c < 4 && rays->left[i] > 0; c++)
             rays->rgba[i][c] *= all;

@@ -1,16 +1,16 @@
-/* Light, part of cells_tmpl.h: |n.v| is no polynomial, and turns most where the gradient all but vanishes. A stretch of
- * a ray is lit by the gradient at its weighted centre, unless the normal turns by so much that its weight makes it
- * count; then it is taken in steps, each as long as the turning allows. */
+/* Shading, part of cells_tmpl.h: |n.v| is not polynomial, and varies most where the gradient nearly vanishes. A segment
+ * is shaded with the gradient at its weighted centre, unless its normal deviation times its weight is too large; then
+ * it is shaded in steps, each as long as the normal deviation allows. */
 
-/* A stretch that waits for its light: a piece of a cell, or the weighted centre of several faint ones. */
+/* An entry of the shading queues: a ray segment, or the weighted centre of several low-weight ones. */
 enum {
     WAIT_CELL,
-    WAIT_ENTER = 3, /* where in the cell, each axis 0..1 */
+    WAIT_ENTER = 3, /* position in the cell, each axis 0..1 */
     WAIT_LEAVE = 6,
     WAIT_COLOUR = 9,  /* times its weight */
-    WAIT_WEIGHT = 12, /* share of the ray's light that it takes */
+    WAIT_WEIGHT = 12, /* absorbed share of the ray's light */
     WAIT_CENTRE,      /* of that, 0..1 */
-    WAIT_LIGHT,       /* what reaches it */
+    WAIT_LIGHT,       /* transmittance before it */
     WAIT_LENGTH,      /* mm; 0: it is a point */
     WAIT_PIECE,       /* of the transfer function */
     WAIT_FIELDS
@@ -24,14 +24,14 @@ typedef struct Waiting {
 } Waiting;
 
 typedef struct Lit {
-    Waiting wait, turning[TILED_TURNING]; /* the latter to be lit in steps, by how many these may be */
+    Waiting wait, turning[TILED_TURNING]; /* turning: segments to be shaded in steps, by the probable number of steps */
 } Lit;
 
 typedef struct Direction {
     vf right, up, along;
 } Direction;
 
-/* Differences of levels at a cell's corners along its three axes, and the levels themselves. */
+/* Differences of levels at a cell's voxels along its three axes, and the levels themselves. */
 typedef struct Corners {
     vf rise[3][8], level[8];
 } Corners;
@@ -46,7 +46,7 @@ INLINE vf between(const vf v[8], const vf at[3])
     return low + at[2] * (high - low);
 }
 
-/* The gradient at a share s of the way through the cell. */
+/* The gradient at fraction s of the segment through the cell. */
 INLINE Direction gradient_at(const TiledJob *j, const Corners *k, const vf enter[3], const vf way[3], vf s)
 {
     vf at[3], g[3], in_view[3];
@@ -66,8 +66,8 @@ INLINE vf dot(const Direction *a, const Direction *b)
 
 #define LEAST_SQUARE ((real)1e-20f)
 
-/* The square of the difference of their unit vectors, more where light is so sharp that it bends more than they do;
- * where neither has a direction, both are lit alike. */
+/* Squared difference of the unit vectors, scaled by the curvature of the highlight; without a gradient at either, both
+ * are shaded alike: 0. */
 INLINE vf turning(const March *m, const Direction *a, const Direction *b)
 {
     const vf aa = dot(a, a), bb = dot(b, b);
@@ -76,8 +76,8 @@ INLINE vf turning(const March *m, const Direction *a, const Direction *b)
     return vf_select(vf_lt(vf_of(LEAST_SQUARE), vf_max(aa, bb)), vf_min(m->sharp * square, vf_of(4)), vf_of(0));
 }
 
-/* What light errs by, counted as turning, where normals turn past perpendicular: |n.v| has a kink there. Of numbers x
- * from -a to b the mean of |x| is larger than |mean of x| by 2 a b / (a + b) at most. */
+/* Error by normals that pass the perpendicular, in units of normal deviation: |n.v| has a discontinuity of the slope
+ * there. Of numbers x from -a to b the mean of |x| exceeds |mean of x| by 2 a b / (a + b) at most. */
 INLINE vf passing(const March *m, const Direction *const *way, int n)
 {
     vf low = vf_of(0), high = vf_of(0);
@@ -94,7 +94,7 @@ INLINE vf passing(const March *m, const Direction *const *way, int n)
     return m->kinked * 2 * high * -low / vf_max(high - low, vf_of((real)1e-6f));
 }
 
-/* What a colour is multiplied with, and the white that is added, for a share of 1. */
+/* Factor of the colour, and white to be added, for a weight of 1. */
 typedef struct Glow {
     vf colour, white;
 } Glow;
@@ -119,7 +119,7 @@ static void leave_waiting(Waiting *all, int done)
     memmove(all->look, all->look + done, (size_t)all->n * sizeof *all->look);
 }
 
-/* What waits: LANES of it from entry `first` on. */
+/* LANES entries of a queue from entry `first` on. */
 typedef struct Wait {
     vi cell[3], piece;
     vf enter[3], way[3], colour[3], weight, centre, light, length;
@@ -149,8 +149,8 @@ INLINE Wait load_wait(const Waiting *all, int first)
     return w;
 }
 
-/* Where, 0..1, the centre lies of the light that is taken along a stretch of this depth: 1 / d - 1 / (e^d - 1), off by
- * less than 0.008. */
+/* Centroid, 0..1, of the light absorbed along a segment of this depth: 1 / d - 1 / (e^d - 1), with an error below
+ * 0.008. */
 INLINE vf centre_of(vf depth)
 {
     return ((real)0.5f + (real)0.0738f * depth) / (1 + ((real)0.3143f + (real)0.0738f * depth) * depth);
@@ -158,14 +158,14 @@ INLINE vf centre_of(vf depth)
 
 enum { LIGHT_HALVINGS = sizeof(real) == 4 ? 9 : 14 };
 
-/* What light at two points leaves of what it errs by at one: the fourth power of how far normals turn, where light is
- * taken evenly, and a quarter of the square where what is opaque takes it (a share) before its points. */
+/* Error of shading at two points, given that at one point: the fourth power of the normal deviation for even
+ * absorption, and a quarter of the square for the share that an opaque medium absorbs before its points. */
 INLINE vf left_by_two(vf turn, vf share)
 {
     return turn * ((real)0.25f * share + (real)0.1f * turn);
 }
 
-/* Takes stretches in steps over each of which the normal turns little, two points each; sum[3] is the bound. */
+/* Shades segments in steps of small normal deviation, two points each; sum[3] is the error estimate. */
 OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wait *w, const Corners *k, vmask lanes,
                             vf sum[4])
 {
@@ -187,7 +187,7 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
             const vf depth = look.extinction * half * w->length, share = vf_taken(depth);
             weight[i] = left * share;
             left -= weight[i];
-            /* Of what is faint the point is Gauss', of what is opaque the centre of its light. */
+            /* Gauss points for low opacity, the centroids of the halves for high opacity. */
             const vf gauss = (i ? (real)0.077350269 : -(real)0.077350269) * (1 - share);
             at_point[i] =
                 gradient_at(j, k, w->enter, w->way, s + half * ((real)i + centre_of((real)M_LN2 * depth) + gauss));
@@ -216,7 +216,7 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
     }
 }
 
-/* Those of the lanes that look like the first of them. */
+/* The lanes with the same appearance as the first of them. */
 INLINE vmask waits_alike(const Waiting *all, int first, unsigned lanes)
 {
     unsigned alike = 0;
@@ -227,7 +227,7 @@ INLINE vmask waits_alike(const Waiting *all, int first, unsigned lanes)
     return mask_of_bits(alike);
 }
 
-/* The first n of those of a kind that turn, in steps. */
+/* Shades the first n entries of a queue in steps. */
 OUTLINE void light_turning(const March *m, Lit *lit, int kind, int n)
 {
     const TiledJob *const j = m->job;
@@ -249,7 +249,7 @@ OUTLINE void light_turning(const March *m, Lit *lit, int kind, int n)
     leave_waiting(turning, n);
 }
 
-/* Steps that turn by less are that much shorter: stretches are lit beside such as take about as many. */
+/* Queue index by normal deviation: segments are shaded together with others that need about as many steps. */
 INLINE int kind_of_turning(const March *m, real turn)
 {
     int kind = 0;
@@ -279,7 +279,7 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
                     back = gradient_at(j, &k, w.enter, w.way, vf_of(1));
     const vf smooth = w.weight * (turning(m, &front, &centre) + turning(m, &centre, &back)),
              turn = smooth + w.weight * passing(m, (const Direction *const[]){&front, &centre, &back}, 3);
-    /* Kinks are few, and worth steps to a judge alone. */
+    /* Discontinuities of the slope are rare, and worth steps only for reference samples. */
     const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
                 turns =
                     CTS_MUTATED(LIT_STEPS) ? mask_of_bits(0) : stretch & vf_lt(vf_of(m->turn), JUDGES ? turn : smooth);
@@ -299,7 +299,7 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
             light_turning(m, lit, kind, LANES);
 }
 
-/* Lights what waits, as far as it fills vectors; all of it at the end. */
+/* Shades queued entries as far as they fill vectors; all of them at the end. */
 OUTLINE void light_up(March *m, Lit *lit, bool all)
 {
     const uint64_t begun = cts_tiled_ticks();
@@ -318,7 +318,8 @@ OUTLINE void light_up(March *m, Lit *lit, bool all)
     m->counts->shade_ticks += cts_tiled_ticks() - begun;
 }
 
-/* The lane's faint pieces are lit at their centre; how its cell goes on tells how much they turn. */
+/* Queues the lane's low-weight segments to be shaded at their common centre; the gradient field of that cell gives
+ * their normal deviation. */
 OUTLINE void end_pending(March *m, Lit *lit, int lane)
 {
     Packet *const p = m->p;
@@ -328,7 +329,7 @@ OUTLINE void end_pending(March *m, Lit *lit, int lane)
     const real begin = p->faint_begin[lane], mm = p->faint_centre[lane] / p->faint_weight[lane],
                length = p->faint_end[lane] - begin;
     lit->wait.ray[i] = p->ray[lane];
-    lit->wait.look[i] = CTS_LOOK_PRESET; /* a point is taken in no steps */
+    lit->wait.look[i] = CTS_LOOK_PRESET; /* a point needs no steps */
     for (int a = 0; a < 3; a++) {
         const real vox = p->start[a][lane] + mm * m->step[a];
         const int last = m->job->n_cells[a] - 1, cell = vox < 0 ? 0 : vox < (real)last ? (int)vox : last;
@@ -346,7 +347,7 @@ OUTLINE void end_pending(March *m, Lit *lit, int lane)
         light_up(m, lit, false);
 }
 
-/* Pieces that have taken this much light wait for theirs. */
+/* Queues segments for shading, with their absorbed light. */
 INLINE void await_light(March *m, Lit *lit, const Effect *e, vi q, const vf weight[2], const vf colour[3], vf length,
                         vmask lanes)
 {
@@ -356,7 +357,7 @@ INLINE void await_light(March *m, Lit *lit, const Effect *e, vi q, const vf weig
     const vf centre = (real)0.5f * (first_half + second * (1 + second_half - first_half));
     const vmask bright = lanes & vf_le(vf_of(m->least_lit), all),
                 faint = CTS_MUTATED(FAINT) ? mask_of_bits(0) : lanes & ~bright;
-    /* Between what lies apart there may be no gradient. */
+    /* Segments far from each other are not combined: there may be no gradient between them. */
     const vmask takes = faint & vf_lt(vf_of(0), all);
     const vmask apart = takes & vf_lt(vf_of(0), p->faint_weight) & vf_lt(p->faint_end + m->cell_mm, p->at);
     for (unsigned left = mask_bits(apart); left; left &= left - 1)

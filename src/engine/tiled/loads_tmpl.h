@@ -1,5 +1,5 @@
-/* Loads from the volume and what is made of it: lane by lane, or by gathers (GATHERS), for which offsets must fit into
- * 32 bits and voxels along x lie side by side. Lanes outside the mask are 0. */
+/* Loads of voxels: lane by lane, or by gathers (GATHERS), which need offsets of 32 bits and voxels adjacent along x.
+ * Lanes outside the mask are 0. */
 
 #ifdef GATHERS
 

@@ -1,4 +1,4 @@
-/* The transfer functions of a picture with labels: one for each look. */
+/* The transfer functions of a picture with labels: one for each appearance. */
 #ifndef CTS_TILED_LOOKS_H
 #define CTS_TILED_LOOKS_H
 
@@ -9,14 +9,14 @@
 typedef struct TiledLooks {
     const CtsOwners *owners;
     int n;
-    TiledPieces *pieces; /* of each look; nothing of what is hidden shows */
-    CtsLut **own;        /* of looks whose opacity is not the picture's; else NULL */
+    TiledPieces *pieces; /* of each appearance; hidden ones are invisible everywhere */
+    CtsLut **own;        /* of appearances whose opacity differs from the picture's; else NULL */
 } TiledLooks;
 
-/* Of a volume with owners; free with cts_tiled_looks_free(). */
+/* For a volume with labels; free with cts_tiled_looks_free(). */
 CtsStatus cts_tiled_looks_init(TiledLooks *looks, const CtsScene *scene, CtsError *err);
 void cts_tiled_looks_free(TiledLooks *looks);
-/* What of a look may be visible, NULL for nothing. */
+/* The visibility table of an appearance, NULL if it is invisible. */
 static inline const CtsLut *cts_tiled_look_lut(const TiledLooks *looks, const CtsLut *picture, int look)
 {
     return look == CTS_LOOK_HIDDEN ? NULL : looks->own[look] ? looks->own[look] : picture;

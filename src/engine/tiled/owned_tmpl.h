@@ -1,12 +1,13 @@
-/* Owners, part of cells_tmpl.h. Most cells have one look, which their block tells. In the others rays go from edge to
- * edge: where the look changes a piece ends, and each piece is of one look. */
+/* Labels, part of cells_tmpl.h. Most cells have one appearance, stored by block. In the others segments also end at the
+ * next boundary, so that each has one appearance. */
 
 static double within(double x)
 {
     return x < 0 ? 0 : x > 1 ? 1 : x;
 }
 
-/* How a lane's ray looks where it is, and how far; in double precision, so that no edge is passed by. */
+/* The appearance at a lane's position, and the distance to the next boundary; in double precision, so that no boundary
+ * is missed. */
 OUTLINE void find_edge(March *m, int l)
 {
     const TiledJob *const j = m->job;
@@ -55,7 +56,7 @@ INLINE void find_looks(March *m, vmask lanes)
     }
 }
 
-/* Those of the lanes that look like the first of them. */
+/* The lanes with the same appearance as the first of them. */
 INLINE vmask first_alike(const March *m, unsigned lanes)
 {
     const vi look = vi_of(m->p->look[__builtin_ctz(lanes)]);

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* HU that are knots, in any order. */
+/* HU of the control points, in any order. */
 typedef struct Knots {
     double hu[TILED_KNOTS];
     int n;
@@ -16,7 +16,7 @@ static int by_hu(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Where an opacity has the largest extinction. */
+/* The opacity from which the extinction has its maximum. */
 static double opacity_at_most(const CtsPreset *p)
 {
     return -expm1(-CTS_MAX_EXTINCTION_PER_MM * p->unit_distance_mm);
@@ -42,7 +42,7 @@ static void list_knots(const CtsPreset *p, Knots *k)
     k->n = n;
 }
 
-/* A piece: opacity and colours, at its begin and by level. */
+/* A linear segment: opacity and colours, at its begin and per level. */
 typedef struct Line {
     double begin, at[4], rise[4];
 } Line;
@@ -76,7 +76,7 @@ static double extinction(const TiledPieces *t, double opacity)
     return opacity < 1 ? fmin(-log1p(-fmax(opacity, 0)) * (double)t->by_log2, most) : most;
 }
 
-/* What changes at a level between two pieces: extinction, and colours weighed with it. */
+/* The change at a level between two linear segments: extinction, and colours weighted with it. */
 static bool find_change(const TiledPieces *t, const Line *below, const Line *above, double level, double *jump,
                         double *bend)
 {
@@ -117,7 +117,7 @@ static void find_colours(TiledPieces *t, const CtsScene *scene)
         t->colours = 1;
 }
 
-/* Where nothing is beyond. */
+/* Beyond the first and last control point. */
 #define NEVER 1e30f
 
 static void set_end(TiledPieces *t, int end, int piece, double level, double jump, double bend)
@@ -137,7 +137,7 @@ static void set_line(TiledPieces *t, int piece, const Line *l)
     }
 }
 
-/* Knots that change nothing are left out, so that the pieces beside them are one. */
+/* Control points without a change are left out, which joins their segments. */
 static void set_pieces(TiledPieces *t, const CtsPreset *p, const CtsVolume *v, const Knots *knots)
 {
     const double first = knots->n > 0 ? knots->hu[0] : 0;

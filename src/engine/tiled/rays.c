@@ -3,7 +3,7 @@
 #include "base/mutation.h"
 #include <math.h>
 
-/* As a ray that misses a face by rounding is still in the box. */
+/* Rays that miss a face by rounding are still in the box. */
 #define SLACK_VOX 1e-9
 
 static inline double smaller(double a, double b)
@@ -49,8 +49,8 @@ typedef struct Beam {
     double low[3], high[3];
 } Beam;
 
-/* Where a beam leaves blocks `first` to `last` across an axis, mm, what lies behind the outermost counted in; `at`
- * where it does not lie within them there. */
+/* Position in mm where a beam leaves blocks `first` to `last` across an axis, including the space behind the outermost;
+ * `at` if it is outside them there. */
 static double leave_mm(const TiledJob *j, const Beam *b, int a, int first, int last, double at)
 {
     const double step = j->step[a], begin = first > 0 ? (double)first * TILED_BLOCK : (double)-INFINITY,
@@ -60,7 +60,7 @@ static double leave_mm(const TiledJob *j, const Beam *b, int a, int first, int l
     return step > 0 ? (end - b->high[a]) / step : step < 0 ? (begin - b->low[a]) / step : INFINITY;
 }
 
-/* How far a beam surely meets nothing, from `at` on. */
+/* Distance over which a beam certainly meets no visible cell, from `at` on. */
 static double leap(const TiledJob *j, const Beam *b, double at)
 {
     int block[3];

@@ -1,4 +1,4 @@
-/* What a gradient needs, lane by lane, with what lies beyond the volume: part of light_tmpl.h. */
+/* Voxels for the gradients of a cell, lane by lane, including those beyond the volume: part of light_tmpl.h. */
 
 /* The difference at a voxel along one axis: over two steps, or twice that over one at the border where no air is
  * beyond. */
@@ -71,7 +71,7 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
             const ptrdiff_t row = (i >> 1 & 1) * j->stride[1] + (i >> 2) * j->stride[2];
             const ptrdiff_t away = j->shade->step[axis] * j->stride[axis];
             const bool low = !(i >> axis & 1), one = j->shade->step[axis] == 1;
-            const int beside = i ^ 1 << axis; /* the cell's corner beyond, which is a step away where that is a voxel */
+            const int beside = i ^ 1 << axis; /* the cell's opposite voxel, if it is a step away */
             vf before[2] = {k->level[beside], k->level[beside + 1]}, after[2] = {before[0], before[1]};
             if (low || !one) {
                 const vi pair = vi_gather_pairs(j->shown + row - away, at, lanes);

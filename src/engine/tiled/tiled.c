@@ -1,5 +1,5 @@
-/* The tiled engine: rays through the cells between voxels, where the field is known exactly (cells.h). What cannot be
- * seen is leapt over, and a ray ends when it is opaque. ctsplat-methods(7) has the mathematics. */
+/* The tiled engine: rays through the cells between voxels, in which the field is a cubic (cells.h). Empty space is
+ * skipped, and a ray ends when it is opaque. ctsplat-methods(7) has the mathematics. */
 #include "core/scene/engine.h"
 
 #include "base/clock.h"
@@ -15,9 +15,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What depends on volume and preset alone: made for the first frame, and kept for those that follow. */
+/* Data that depend on volume and preset only: computed for the first frame, and cached for the following ones. */
 typedef struct Kept {
-    CtsMacrocells *own_macrocells; /* where the volume has none */
+    CtsMacrocells *own_macrocells; /* if the volume has none */
     int macrocells_frame;
     TiledMask mask;
     int mask_frame;
@@ -64,7 +64,7 @@ static CtsStatus find_macrocells(Kept *k, const CtsScene *scene, const CtsMacroc
     return cts_scene_macrocells(scene, &k->own_macrocells, macrocells, report, err);
 }
 
-/* Of a volume with owners; only with opacity by voxel do they depend on the view. */
+/* For a volume with labels; they depend on the view only with opacity per voxel. */
 static CtsStatus find_looks(Kept *k, const CtsScene *scene, CtsError *err)
 {
     if (!scene->volume->owners || (k->looks.pieces && k->looks_scale == scene->extinction_scale))
@@ -93,18 +93,19 @@ static CtsStatus find_mask(Kept *k, const CtsScene *scene, const CtsMacrocells *
     return CTS_OK;
 }
 
-/* What a march may leave wrong, as shares of the error asked for. */
+/* Tolerances of a march, as shares of the requested error. */
 typedef struct Tolerances {
-    double piece;    /* pieces err either way and by far less than they may, */
-    double ray_end;  /* what a ray leaves out adds up */
-    double faint;    /* what weighs less is lit with what follows; */
-    double turn;     /* and by so much a normal may turn, weighed */
-    double touch_hu; /* levels are known to so many */
-    double alike;    /* pixels that are off by less from what lies between others are told by those */
+    double piece;    /* of segments: errors have either sign and are far smaller than estimated, */
+    double ray_end;  /* of ray ends: truncations add up */
+    double faint;    /* weight below which segments are shaded with the next ones; */
+    double turn;     /* normal deviation, weighted */
+    double touch_hu; /* precision of levels */
+    double alike;    /* interpolation error up to which pixels are interpolated */
 } Tolerances;
 static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.002, 0.01, 1e-6, 0.02, 1e-7, 0};
-/* Of a smaller error hardly any pixels are so much alike. And what is thin may be missed: a pixel that is wrong from
- * black to white is to count for little in the picture's error, an eighth of what is asked for. */
+/* ALIKE_FROM: below this requested error hardly any pixels can be interpolated. MISSED: thin structures may be missed,
+ * so one pixel wrong from black to white must not contribute more than an eighth of the requested error to the
+ * picture's. */
 static const double ALIKE_FROM = 4.0 / 255, MISSED = 1.0 / 8;
 
 static bool is_draft(const CtsScene *scene)
@@ -113,7 +114,7 @@ static bool is_draft(const CtsScene *scene)
     return asked >= ALIKE_FROM && 1 / sqrt(pixels) <= MISSED * asked;
 }
 
-/* asked: what a picture may be off by, rms over 0..1. */
+/* asked: requested rms error of a picture, over 0..1. */
 static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may, double asked)
 {
     const CtsVolume *const v = scene->volume;
@@ -148,7 +149,8 @@ static void light_job(TiledJob *j, const CtsShade *shade)
             j->frame[i][a] = shade->frame[i][a] * (a == 2 && CTS_MUTATED(GRADIENT_SIGN) ? -1 : 1);
 }
 
-/* The march of a picture: the fastest that this processor has, and plain C for what vectors' offsets cannot hold. */
+/* The march of a picture: the fastest that this processor supports, and plain C where offsets exceed those of
+ * vectors. */
 typedef struct Path {
     const char *name;
     cts_tiled_march_fn march, exact;
@@ -194,7 +196,7 @@ static void report_counts(const TiledCounts *c, const CtsScene *scene, const Til
     busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SHADE];
     items[CTS_STAGE_SHADE] = c->lit;
     items[CTS_STAGE_COMPOSITE] = c->pieces;
-    bytes[CTS_STAGE_COMPOSITE] = c->pieces * 8 * sizeof(uint16_t); /* a cell's corners */
+    bytes[CTS_STAGE_COMPOSITE] = c->pieces * 8 * sizeof(uint16_t); /* voxels of a cell */
     cts_report_region(report, wall_ms, cpu_ms, busy, items, bytes);
     if (report) {
         CtsVoxelCounts *v = &report->voxels;

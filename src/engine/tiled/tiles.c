@@ -1,6 +1,6 @@
-/* The rays of a tile are marched as one list; those of a draft in two: every fourth pixel each way and one anywhere
- * between four of them, then every second or all, where these show that those do not tell what lies between them. What
- * the pixels err by that have no rays, those drawn by chance tell. */
+/* The rays of a tile are marched as one list; those of a preview in two: every fourth pixel in each direction and one
+ * random pixel between each four of them, then every second or all, where the first ones show that interpolation is not
+ * accurate enough. The randomly sampled pixels estimate the error of interpolated ones. */
 #include "engine/tiled/tiles.h"
 
 #include "base/chance.h"
@@ -10,7 +10,7 @@
 #include <string.h>
 
 enum { TILE = 32, SQUARE = 4, SQUARES = TILE / SQUARE, PART = TILE / 4, OTHERS = SQUARE * SQUARE - 1 };
-/* Squares that are off by so many times what is alike are marched whole. */
+/* Pixel blocks with an interpolation error above this multiple of the tolerance are marched completely. */
 #define HALF_FROM 3.0f
 _Static_assert(TILE *TILE == TILED_RAYS, "a tile is a list of rays");
 _Static_assert(CTS_BAND_ROWS % TILE == 0, "a band of rows is whole tiles, or the picture would depend on it");
@@ -25,13 +25,13 @@ typedef struct Tiles {
     int across;
 } Tiles;
 
-/* n: its pixels each way, fewer at the picture's edges. */
+/* n: width and height in pixels, less at the picture's edges. */
 typedef struct Tile {
     const Tiles *tiles;
     TiledScratch *scratch;
     int x0, y0, n[2];
     uint8_t known[TILE][TILE];
-    double reach_mm[TILE / PART][TILE / PART]; /* of parts of it: where their rays may begin */
+    double reach_mm[TILE / PART][TILE / PART]; /* of its parts: distance at which their rays may begin */
 } Tile;
 
 static int at_most(int n, int most)
@@ -85,16 +85,17 @@ static void find_reach(Tile *t)
         }
 }
 
-/* Which pixels of a square have rays: corners and the drawn one, every second of every second row, or all. */
+/* Pixels of a pixel block that have rays: its vertices and the random one, every second of every second row, or all. */
 typedef enum Rays { FEW, HALF, ALL } Rays;
 
-/* A square's corners belong to its neighbours too; the last pixels of a tile end its last squares. */
+/* A pixel block of SQUARE x SQUARE pixels; it shares its vertices with its neighbours; the last pixels of a tile end
+ * its last blocks. */
 typedef struct Square {
     int x[2], y[2];
-    int drawn[2]; /* one of its other pixels, any, as what is thin and regular may miss all of a pattern's */
+    int drawn[2]; /* a random one of its other pixels, since thin regular structures may lie between all vertices */
     bool empty, empty_corners;
-    float twist, off; /* what lies between the corners is off by about so much: as they say, and the drawn one too */
-    Rays rays, rays_undrawn; /* and what it would have if none were drawn */
+    float twist, off;        /* estimated interpolation error: by the vertices, and including the random pixel */
+    Rays rays, rays_undrawn; /* rays_undrawn: those without the random pixel's information */
 } Square;
 
 static int corner(int square, int n)
@@ -119,7 +120,7 @@ static float part_of(int at, const int ends[2])
     return ends[1] > ends[0] ? (float)(at - ends[0]) / (float)(ends[1] - ends[0]) : 0;
 }
 
-/* The corners of a rectangle of pixels, and what they say of those between them. */
+/* The vertices of a rectangle of pixels, for interpolation between them. */
 typedef struct Corners {
     const float *at[4];
     int x[2], y[2];
@@ -145,7 +146,7 @@ static const float *drawn_pixel(const Tile *t, const Square *s)
     return t->tiles->picture->pixels + 4 * place_of(t, s->drawn[0], s->drawn[1]);
 }
 
-/* By the drawn pixel, and by how far the corners are from one plane. */
+/* Estimates the interpolation error by the random pixel, and by the distance of the vertices from one plane. */
 static void look_within(const Tile *t, Square *s)
 {
     const Corners k = corners_of(t, s->x, s->y);
@@ -176,15 +177,16 @@ static float worst_beside(const Square *squares, int number)
     return worst;
 }
 
-/* Where a square is empty, what is thin would be lost that stands out most, and rays through nothing take no time. */
+/* Empty blocks are marched completely: isolated thin structures would be most visible there, and rays through empty
+ * space are cheap. */
 static Rays rays_of(const Tile *t, bool empty, float off)
 {
     const float alike = t->tiles->job->alike;
     return empty || off > HALF_FROM * alike ? ALL : off > alike ? HALF : FEW;
 }
 
-/* What goes on in a square goes on next to it, often. And where squares are off by more than half of what they may, in
- * the mean of a tile, those that are off by less are so by chance. */
+/* Neighbouring blocks have similar errors. And where the mean error of a tile is more than half of the tolerance,
+ * smaller ones are probably random. */
 static void choose_rays(const Tile *t, Square *squares)
 {
     float sum = 0;
@@ -214,7 +216,7 @@ static void list_half(Tile *t, const Square *s)
         list_pixel(t, x[i % 3], y[i / 3]);
 }
 
-/* Where some see nothing, the nearest tells. */
+/* Bilinear; if a vertex has no surface, the nearest vertex's depth. */
 static float depth_between(const Tile *t, const Corners *k, int x, int y)
 {
     const float u = part_of(x, k->x), v = part_of(y, k->y);
@@ -228,7 +230,7 @@ static float depth_between(const Tile *t, const Corners *k, int x, int y)
     return all ? ab + v * (de - ab) : mm[(u > 0.5F) + 2 * (v > 0.5F)];
 }
 
-/* What nobody marched lies between the corners. */
+/* Interpolates the pixels that were not marched bilinearly from the vertices. */
 static void fill(Tile *t, const int x[2], const int y[2])
 {
     CtsPicture *const p = t->tiles->picture;
@@ -266,8 +268,9 @@ static void fill_half(Tile *t, const Square *s)
     }
 }
 
-/* Which pixel is drawn has nothing to do with what rays its square would have without it. So one that errs where it
- * would have had none stands for the others, which were not drawn: to find it took luck, 1 in OTHERS. */
+/* The choice of the random pixel is independent of the rays its block would have without it. So its error, where it
+ * would have been interpolated, is a sample of the interpolation error; its probability is 1 in OTHERS, and it is
+ * weighted accordingly. */
 static void tell_drawn(const Tile *t, const Square *s)
 {
     if (s->rays_undrawn == ALL)
@@ -295,7 +298,7 @@ static void list_square(Tile *t, const Square *s)
             list_pixel(t, x, y);
 }
 
-/* All at once: by squares, as what is side by side meets the same cells. */
+/* All pixels at once, by pixel blocks, as neighbouring rays traverse the same cells. */
 static void run_whole(Tile *t)
 {
     for (int i = 0; i < SQUARES * SQUARES; i++) {

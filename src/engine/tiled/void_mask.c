@@ -8,7 +8,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
-/* What shows lies between these levels. */
+/* Range of visible levels. */
 typedef struct Bracket {
     int low, high;
 } Bracket;
@@ -18,18 +18,18 @@ typedef struct Looking {
     const CtsVolume *volume;
     const CtsMacrocells *macrocells;
     const CtsLut *lut;
-    const TiledLooks *looks; /* NULL: all look alike */
-    Bracket bracket;         /* of what lut shows */
-    Bracket *brackets;       /* of each look */
+    const TiledLooks *looks; /* NULL: one appearance for all */
+    Bracket bracket;         /* of lut */
+    Bracket *brackets;       /* of each appearance */
     int n_cells[3];
     ptrdiff_t stride[3]; /* to the next voxel; 0 along an axis of one */
     ptrdiff_t n_voxels;
-    uint8_t *distance; /* of each block, to the next that shows something */
+    uint8_t *distance; /* of each block, to the nearest potentially visible one */
     _Atomic int64_t n_visible;
 } Looking;
 
 #define INLINE __attribute__((always_inline)) static inline
-/* Levels of a row of corners, those of a block's cells first. */
+/* Levels of a row of voxels, those of a block's cells first. */
 typedef uint16_t Row __attribute__((vector_size(16)));
 
 /* By how much a exceeds b, or 0. */
@@ -64,7 +64,7 @@ INLINE Row load_row(const Looking *l, ptrdiff_t at, int n)
     return row;
 }
 
-/* All bits of element i where cell i may show what lies above b->low and below b->high, by its corners' levels. */
+/* All bits of element i are set if cell i may have values above b->low and below b->high, by its voxels' levels. */
 INLINE Row row_shows(const Bracket *b, Row low, Row high)
 {
     const Row from = (Row){0} + (uint16_t)(b->low + 1), to = (Row){0} + (uint16_t)(b->high - 1);
@@ -115,7 +115,7 @@ CTS_TARGET_AVX2 static void block_bits_avx2(const Looking *l, const Bracket *b, 
     any_block_bits(l, b, block, cells);
 }
 
-/* True where something in a block of one look may show, whose cells are then told apart. */
+/* True if a block of one appearance is potentially visible; its cells are then tested one by one. */
 static bool look_at_block(const Looking *l, const CtsLut *lut, const Bracket *b, const int block[3], CtsRange r,
                           uint32_t cells[2])
 {
@@ -126,7 +126,7 @@ static bool look_at_block(const Looking *l, const CtsLut *lut, const Bracket *b,
     return visible;
 }
 
-/* Which looks the voxels of a cell have: bit l of look l. */
+/* Appearances of a cell's voxels: bit l for appearance l. */
 static void mark_looks(const CtsOwners *owners, const int cell[3], uint64_t looks[4])
 {
     CtsCellOwners in_cell;
@@ -142,7 +142,7 @@ static void mark_looks(const CtsOwners *owners, const int cell[3], uint64_t look
     }
 }
 
-/* Whether any look shows something of these levels. */
+/* True if these levels are visible in any appearance. */
 static bool some_look_shows(const Looking *l, CtsRange r)
 {
     bool shows = cts_lut_visible(l->lut, r.low, r.high);
@@ -151,7 +151,7 @@ static bool some_look_shows(const Looking *l, CtsRange r)
     return shows;
 }
 
-/* Cells of a block in which looks differ: those in which one of their own looks may show something. */
+/* Cells of a block with several appearances: those that are potentially visible in one of their own. */
 static bool look_at_cells(const Looking *l, const int block[3], CtsRange r, uint32_t cells[2])
 {
     const CtsOwners *const owners = l->looks->owners;

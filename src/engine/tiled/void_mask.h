@@ -1,4 +1,4 @@
-/* What a ray may leave out: which cells may show something, and how far it is to the next block that holds one. */
+/* Empty-space skipping: potentially visible cells, and the distance to the nearest block that has one. */
 #ifndef CTS_TILED_VOID_MASK_H
 #define CTS_TILED_VOID_MASK_H
 
@@ -6,19 +6,19 @@
 #include "core/volume/macrocells.h"
 #include "engine/tiled/looks.h"
 
-/* Cells stand in blocks of 4 x 4 x 4, the fine macro-cells. */
+/* Cells are grouped in blocks of 4 x 4 x 4, the fine macro-cells. */
 enum { TILED_BLOCK = 4 };
 _Static_assert((int)TILED_BLOCK == (int)CTS_FINE_MACROCELL, "blocks have the fine macro-cells' ranges");
 
-/* Two words a block, of its lower and its upper two layers of cells: larger than TILED_FAR, bit 16 (k % 2) + 4 (j % 4)
- * + i % 4 says whether cell (i, j, k) may show something, and else the word is how many blocks away (Chebyshev) the
- * next is that holds such a cell; 0: it is this one. A mask of bits that is no larger has its last bit set, too: a cell
- * that shows nothing may be looked at. */
+/* Two words per block, for its lower and its upper two layers of cells: if larger than TILED_FAR, bit 16 (k % 2) + 4 (j
+ * % 4) + i % 4 says whether cell (i, j, k) is potentially visible; otherwise the word is the distance in blocks
+ * (Chebyshev) to the nearest block with such a cell; 0: this one. A mask that would not be larger has its last bit set,
+ * too: an invisible cell may be evaluated. */
 enum { TILED_FAR = 255 };
 typedef struct TiledMask {
     int n[3]; /* blocks along each axis */
     uint32_t *words;
-    int64_t n_visible; /* blocks that may show something */
+    int64_t n_visible; /* potentially visible blocks */
 } TiledMask;
 
 static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
@@ -27,7 +27,7 @@ static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
     return 2 * (row * (size_t)m->n[0] + (size_t)(i / TILED_BLOCK)) + (size_t)(k / 2 % 2);
 }
 
-/* looks: NULL: all look alike. */
+/* looks: NULL: one appearance for all. */
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledLooks *looks,
                               const CtsMacrocells *macrocells, CtsError *err);
 void cts_tiled_mask_free(TiledMask *mask);
