@@ -287,7 +287,7 @@ def test_kill(b):
                 known.update({o["path"]: o["sha256"] for o in line["outputs"]})
         there = {p: h for p, h in b.hashes("o").items()}
         for path, digest in known.items():
-            check(there.get(path) == digest, "the journal tells what is not there:", path)
+            check(there.get(path) == digest, "the journal lists a missing or changed file:", path)
         for path, digest in there.items():
             check("/." in path or digest == expected[path], "half a file:", path)
         if i % 10 in (3, 9) or i == b.args.kills - 1:
@@ -475,7 +475,7 @@ def test_paths(b):
     check("000.dcm" in done.stderr and "DOE JOHN" in done.stderr, "messages name files", done.stderr)
     for path, text in kept().items():
         check(not [n for n in names if n in text], path, [n for n in names if n in text])
-        check("PixelData" in text, path, "does not tell the fault")
+        check("PixelData" in text, path, "the reason does not name the fault")
         check("phantom" not in text.replace("--fit", "") or path == "o/index.html", path)
     lines = b.lines("o")
     bad = [f for f in lines[b.name(0).decode()]["findings"] if f["code"] == "bad_slices"]
@@ -560,7 +560,7 @@ def test_sheet(b):
                 if "run" in data and (not seen or data["run"]["ended"] > seen[-1]["run"]["ended"]):
                     seen.append(data)
                 for s in data["series"]:
-                    check(s["series_uid"] in journal, "the sheet tells what the journal does not")
+                    check(s["series_uid"] in journal, "the sheet lists a series that is not in the journal")
             time.sleep(0.05)
         seconds = time.monotonic() - began
         run.kill()

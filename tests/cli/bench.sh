@@ -26,7 +26,7 @@ done
 grep '"engine":"raycast"' b/bench.jsonl | grep -qE '"rmse":[0-9.]*e-' || fail "the reference differs from itself"
 
 # The requested errors are in the table, and reported limits are above the measured errors.
-python3 - b/bench.jsonl <<'PY' || fail "errors asked for and told"
+python3 - b/bench.jsonl <<'PY' || fail "requested and reported errors in bench.jsonl"
 import json, sys
 rows = [json.loads(line) for line in open(sys.argv[1])]
 for engine in ("sheets", "tiled"):

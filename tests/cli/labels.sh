@@ -80,7 +80,7 @@ ok render $see --labels "$labels/first" --hide 2:1 -o second.png
 
 # A state contains the visibility of labels, but no paths.
 ok render $see --show 1 -o shown.png --write-state state.dcm
-! grep -aq "$labels" state.dcm || fail "a state tells where label files lie"
+! grep -aq "$labels" state.dcm || fail "a state contains the path of a label file"
 has err 'has no information for other programs on which labels are hidden: they are no segments of a BINARY'
 ok render $see --label-colours -o shown.png --write-state state.dcm --force
 has err 'has no information for other programs on the appearance of labels'
@@ -117,7 +117,7 @@ done
 # Hidden labels are encoded for other programs as whole segments.
 while read -r way asked; do
     ok render $liver $asked --force -o seen.png --write-state state.dcm
-    [ ! -s err ] || fail "render $asked: a state that says all is told of: $(cat err)"
+    [ ! -s err ] || fail "render $asked: a warning although the state expresses everything: $(cat err)"
     for word in INCLUDE_SEG EXCLUDE_SEG BOUNDING_BOX; do
         case $way in *$word*) grep -aq $word state.dcm ;; *) ! grep -aq $word state.dcm ;; esac ||
             fail "render $asked: $word"

@@ -21,7 +21,7 @@ cmp piped.png dumb.png || fail "a dumb terminal changes the picture"
 # In a rotation it shows the frame, and the estimated remaining time.
 TERM=xterm script -qec "'$ctsplat' render '$data/phantom' -p skin --size 32x32 --rotation 5 -o turned.dcm" /dev/null </dev/null >terminal
 for frame in 1 3 5; do
-    tr '\r' '\n' <terminal | grep -q "\] frame $frame of 5" || fail "frame $frame is not told"
+    tr '\r' '\n' <terminal | grep -q "\] frame $frame of 5" || fail "frame $frame is missing in the progress bar"
 done
 tr '\r' '\n' <terminal | grep -qE '\] frame [2-5] of 5, about [0-9]+ seconds left' || fail "no time left"
 # A terminal gets no binary data.

@@ -43,7 +43,7 @@ if command -v dcmdump >/dev/null; then
 fi
 for threads in 1 3; do
     [ "$(grep -o '/r[-0-9]*\.[a-z]*' by-$threads/log)" = "$(printf '/r-00%d.png\n' 0 1 2 3 4; echo /r.dcm)" ] ||
-        fail "outputs are not told in order: $(cat by-$threads/log)"
+        fail "outputs are not logged in order: $(cat by-$threads/log)"
     awk -F'[:,]' '/"stage"/ { sum += $8 } /"done"/ { ok = sum > 0.95 * $6 && sum < 1.05 * $6 } END { exit !ok }' \
         by-$threads/log || fail "stages do not add up: $(cat by-$threads/log)"
 done

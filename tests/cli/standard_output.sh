@@ -39,7 +39,7 @@ if [ -w /dev/full ]; then
     [ $code = 5 ] || fail "exit code $code, expected 5"
     has err '^ctsplat: error: standard output: '
     [ "$(wc -l <err)" = 1 ] || fail "more than one line"
-    tail -1 log | grep -q '"failed".*"exit_code":5' || fail "the log does not tell: $(tail -1 log)"
+    tail -1 log | grep -q '"failed".*"exit_code":5' || fail "the last line of the log is not the failure: $(tail -1 log)"
 fi
 TMPDIR="$work/none" run render "$data/phantom" $small -o - --format png
 [ "$code" = 5 ] && [ ! -s out ] || fail "no folder for the picture: exit code $code"

@@ -9,6 +9,6 @@ for name in node serve; do
     sed "s#@BINDIR@#/usr/bin#" "$1/src/app/deploy/ctsplat-$name.service" >"$unit"
     systemd-analyze security --offline=true --no-pager "$unit" >"$work/said" 2>&1 || true
     exposure=$(sed -n 's/.*Overall exposure level for .*: \([0-9.]*\) .*/\1/p' "$work/said")
-    [ -n "$exposure" ] || { echo "skip: this systemd-analyze does not judge a file: $(head -n 1 "$work/said")"; exit 77; }
+    [ -n "$exposure" ] || { echo "skip: this systemd-analyze does not analyse a file: $(head -n 1 "$work/said")"; exit 77; }
     awk "BEGIN { exit !($exposure < 1.5) }" || { cat "$work/said"; echo "FAIL: $name: exposure $exposure"; exit 1; }
 done

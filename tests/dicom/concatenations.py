@@ -95,7 +95,7 @@ def main():
             out = os.path.join(work, 'out.png')
             done = run('render', folder, '-o', out, '--force', '--size', '40x40')
             check(f'{name}: exit', done.returncode == (4 if refused else 0), done.stderr)
-            check(f'{name}: told', (words or '') in done.stderr and bool(words) == ('concatenation' in done.stderr),
+            check(f'{name}: finding', (words or '') in done.stderr and bool(words) == ('concatenation' in done.stderr),
                   done.stderr)
             if name.startswith('whole'):
                 found = picture(folder, work)

@@ -69,7 +69,7 @@ def test_ct(scan, ijk, work):
         done = run('render', path, '-o', out, '--force', '--size', '60x60', '--preset', 'skin', '--view', '30,20')
         check(f'{name}: exit', done.returncode == (4 if refused else 0), f'{done.returncode} {done.stderr}')
         told = 'sform' in done.stderr and 'qform' in done.stderr
-        check(f'{name}: told', told == bool(words) and (words or '') in done.stderr, done.stderr)
+        check(f'{name}: finding', told == bool(words) and (words or '') in done.stderr, done.stderr)
         check(f'{name}: one line', done.stderr.count('\n') == bool(words), done.stderr)
         for form, matrix in (('sform', right), ('qform', other)):
             decided = run('render', path, '-o', out, '--force', '--size', '60x60', '--nifti-form', form)

@@ -70,10 +70,10 @@ def test_lost(scan, ijk, work):
     holes[:, :2] = np.nan
     write_nifti(path, holes, affine(scan), code=16)
     codes = [f['code'] for f in info(path)[2]['series'][0]['findings']]
-    check('what is not finite is told', 'not_finite' in codes and 'no_air' not in codes, str(codes))
+    check('finding not_finite', 'not_finite' in codes and 'no_air' not in codes, str(codes))
     write_nifti(path, ijk + 1024, affine(scan))
     codes = [f['code'] for f in info(path)[2]['series'][0]['findings']]
-    check('what may be no CT is told', 'no_air' in codes, str(codes))
+    check('finding no_air', 'no_air' in codes, str(codes))
     # Isolated values that no scanner measures: the others' picture. More, or larger parts, are refused by what is there.
     n = np.array(ijk.shape) // 2
     def with_values(values):
@@ -91,7 +91,7 @@ def test_lost(scan, ijk, work):
         series = info(path)[2]['series'][0]
         check(f'outliers: {name}: range', [series['hu_min'], series['hu_max']] == [ijk.min(), ijk.max()], str(series))
         found = [f for f in series['findings'] if f['severity'] == 'warning']
-        check(f'outliers: {name}: told', [f['code'] for f in found] == ['outliers'] and
+        check(f'outliers: {name}: finding', [f['code'] for f in found] == ['outliers'] and
               found[0]['text'].startswith(f'{len(bad)} isolated voxel'), str(found))
     large = ijk.astype(float)
     large[n[0]:n[0] + 3, n[1]:n[1] + 3, n[2]] = 3e5
@@ -101,7 +101,7 @@ def test_lost(scan, ijk, work):
     extended[n[0], n[1], n[2]] = 30710
     write_nifti(path, extended, affine(scan), code=16)
     found = [f['code'] for f in info(path)[2]['series'][0]['findings'] if f['severity'] == 'warning']
-    check('an extended scale is told of', not found, str(found))
+    check('no finding for an extended scale', not found, str(found))
     holes[:] = np.nan
     write_nifti(path, holes, affine(scan), code=16)
     check('nothing finite', 'no finite number' in picture(path, work))

@@ -40,7 +40,7 @@ for name in mixed-patients two-phases coronal many-missing; do
     own=$("$ctsplat" info "$data/geometry/$name" --json | grep -oE '"series_uid": ?"[^"]*' | head -1 | sed 's/.*"//')
     [ "${#own}" -gt 5 ] || fail "no UID of $name"
     # A random UID may begin like it.
-    ! grep -rqE "$(printf %s "$own" | sed 's/\./[.]/g')([^0-9]|\$)" batch || fail "the batch tells the UID of $name"
+    ! grep -rqE "$(printf %s "$own" | sed 's/\./[.]/g')([^0-9]|\$)" batch || fail "the batch contains the UID of $name"
     [ ! -e "batch/$own" ] || fail "a folder of $name's own UID"
 done
 ls batch >before

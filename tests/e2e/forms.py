@@ -44,6 +44,6 @@ def judge(form, background, png_path, dcm_path):
 
 
 words = sys.argv[1:]
-check(words and len(words) % 4 == 0, 'what to judge')
+check(words and len(words) % 4 == 0, 'arguments: groups of four')
 for i in range(0, len(words), 4):
     judge(*words[i:i + 4])

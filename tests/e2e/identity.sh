@@ -95,7 +95,7 @@ quiet
 case_of 'IM0003.dcm' '0028,0301,CS=YES'
 warned burned_in_annotation '1 of 48 slices say that text is burned'
 ok render c --size 32x32 -o burned.dcm
-[ "$(grep -c burned err)" = 1 ] || fail "told twice"
+[ "$(grep -c burned err)" = 1 ] || fail "expected the burned-in warning once"
 refused 4 'BurnedInAnnotation' render c --size 32x32 -o refused.dcm --deidentify
 
 # Orientations that jitter by less than a tenth of a pixel are accepted; larger jitter, or a drift, is refused. The

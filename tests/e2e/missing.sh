@@ -121,4 +121,4 @@ run batch c -O none --size 32x32
 [ "$code" = 8 ] || fail "a batch of a thinned series ended with $code"
 grep -q '"status":"refused"' none/batch.jsonl || fail "not refused: $(cat none/batch.jsonl)"
 ok batch c -O some --size 32x32 --allow-missing-slices
-grep -q '"missing_slices"' some/batch.jsonl || fail "a batch does not tell what is missing"
+grep -q '"missing_slices"' some/batch.jsonl || fail "missing_slices is not in the journal of a batch"

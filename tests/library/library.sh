@@ -68,7 +68,7 @@ grep -q slices_moved log || fail "no layers were made between slices"
 if ./example no-such-folder x.png 2>err; then
     fail "a folder that is not there is rendered"
 fi
-grep -q no-such-folder err || fail "the example tells nothing of its error"
+grep -q no-such-folder err || fail "the example's error does not name no-such-folder"
 
 # The program starts without DCMTK and the network plug-in, and finds them where they are installed: nothing listens on
 # port 9.

@@ -198,13 +198,13 @@ class Sweep:
             self.ratios.append((bound['rmse'] / max(rms, ROUNDED), what))
         self.errors.append((rms, what, asked))
         largest = 1 if bound['max'] is None else bound['max']
-        says = '%.3f/255 rms, told %.3f; largest %.2f/255, told %.2f; asked %s' % (
+        says = '%.3f/255 rms, reported %.3f; largest %.2f/255, reported %.2f; requested %s' % (
             255 * rms, 255 * bound['rmse'], 255 * most, 255 * largest, asked or 'nothing')
         faults = []
         if rms > bound['rmse'] + ROUNDED:
             faults.append('above its bound')
         if most > largest + ROUNDED_MOST:
-            faults.append('a pixel above the largest told')
+            faults.append('a pixel above the reported largest error')
         if rms > limit + ROUNDED and not said:
             faults.append('above %g/255 without a warning' % (asked or 0.5))
         vain = rms <= limit and said == 'warning'

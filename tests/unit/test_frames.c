@@ -420,7 +420,7 @@ static void test_frames_not_told(void **state)
         }
     find_bytes(&f, b);
     assert_int_equal(f.list->items[0].refusal, CTS_ERR_PIXELS);
-    assert_non_null(strstr(f.list->items[0].reason, "cannot be told apart"));
+    assert_non_null(strstr(f.list->items[0].reason, "cannot be separated"));
     done(&f);
 }
 

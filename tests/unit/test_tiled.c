@@ -168,7 +168,7 @@ static double hold_to_bound(const CtsVolume *v, const CtsPreset *preset, CtsRend
                             report.findings.items[i].severity == CTS_WARNING);
     assert_true(report.bound.known);
     if (!(rms <= report.bound.rmse + 2e-6) || !(rms <= asked + 2e-6 || warned))
-        fail_msg("%s, %s%s at %g,%g, %g mm a pixel, asked %g: %.3f/255 rms, told %.3f%s", what, preset->name,
+        fail_msg("%s, %s%s at %g,%g, %g mm a pixel, requested %g: %.3f/255 rms, reported %.3f%s", what, preset->name,
                  s.shade == CTS_ON ? " lit" : "", s.azimuth_deg, s.elevation_deg, s.mm_per_pixel, s.max_error,
                  255 * rms, 255 * report.bound.rmse, warned ? " with a warning" : "");
     cts_picture_free(&p);

@@ -330,7 +330,7 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
     if (!strncmp(told, "ni", 2))
         return cts_fail(err, CTS_ERR_READ, "is half of a NIfTI pair .hdr/.img (convert it to one .nii file)");
     if (strncmp(told, second ? "n+2" : "n+1", 3))
-        return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (Analyze headers do not tell where they lie)");
+        return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (Analyze headers contain no position)");
     const Layout *const l = &layouts[second];
     const double offset = second ? (double)signed_at(f, h + l->offset, 8) : real_at(f, h + l->offset, 4);
     if ((st = read_shape(f, h, l, err)) || (st = read_place(f, h, l, err)))
