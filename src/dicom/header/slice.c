@@ -8,6 +8,11 @@
 
 void cts_slice_clear(CtsSlice *slice)
 {
+    for (CtsSlice *copy = slice->copy, *next; copy; copy = next) {
+        next = copy->copy;
+        free(copy->fault_text);
+        free(copy);
+    }
     free(slice->fault_text);
     *slice = (CtsSlice){0};
 }

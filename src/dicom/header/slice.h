@@ -109,6 +109,9 @@ typedef struct CtsSlice {
     uint64_t data_offset; /* offset of the data set in the file */
     bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
 
+    /* A slice of the same place and HU that was left out for this one, and so on; owned, NULL: none. */
+    struct CtsSlice *copy;
+
     CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
     char *fault_text; /* owned; without the path */
 } CtsSlice;

@@ -44,8 +44,9 @@ static bool names_series(const char *uid, const CtsSeries *series)
 static bool names_slice(const char *uid, const CtsSeries *series)
 {
     for (int k = 0; uid[0] && k < series->n_slices; k++)
-        if (!strcmp(uid, series->slices[k]->sop_uid))
-            return true;
+        for (const CtsSlice *s = series->slices[k]; s; s = s->copy)
+            if (!strcmp(uid, s->sop_uid))
+                return true;
     return false;
 }
 

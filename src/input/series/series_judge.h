@@ -28,7 +28,11 @@ CtsStatus cts_series_judge(CtsSliceSet *set, const CtsSeriesRules *rules, const 
 /* Sort along the normal of `reference`; slices at one position by acquisition, time and name. */
 void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference);
 
-/* Removes duplicate slices: same position, same pixels and rescale. *n_dropped: their number. */
+/* True if b, after a in a sorted set, lies at the position of a. */
+bool cts_slice_same_place(const CtsSlice *a, const CtsSlice *b, double same_mm);
+/* Removes duplicate slices: same position and same HU, whatever the encoding, to the rounding of the coarser rescale
+ * slope. Of each, the one of the smallest SOPInstanceUID stays and owns the others (CtsSlice.copy). *n_dropped counts
+ * them. */
 CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err);
 
 /* True if two neighbours of a sorted set lie at one position. */

@@ -1,6 +1,5 @@
 #include "input/series/series_judge.h"
 
-#include "base/file_bytes.h"
 #include "base/order.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
@@ -53,7 +52,7 @@ void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference)
     qsort_r(set->items, (size_t)set->n, sizeof(CtsSlice *), by_position, (void *)(uintptr_t)reference);
 }
 
-static bool same_place(const CtsSlice *a, const CtsSlice *b, double same_mm)
+bool cts_slice_same_place(const CtsSlice *a, const CtsSlice *b, double same_mm)
 {
     return cts_slice_stack_position_mm(a, b) - cts_slice_stack_position_mm(a, a) <= same_mm;
 }
@@ -61,93 +60,9 @@ static bool same_place(const CtsSlice *a, const CtsSlice *b, double same_mm)
 bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm)
 {
     for (int i = 1; i < set->n; i++)
-        if (same_place(set->items[i - 1], set->items[i], same_mm))
+        if (cts_slice_same_place(set->items[i - 1], set->items[i], same_mm))
             return true;
     return false;
-}
-
-static bool same_bytes(const CtsSlice *a, const CtsSlice *b)
-{
-    enum { BLOCK = 64 << 10 };
-    bool same = false;
-    const bool whole = a->syntax->deflated;
-    const uint64_t n = whole ? a->file_bytes : a->pixel_bytes;
-    const uint64_t from_a = whole ? 0 : a->pixel_offset, from_b = whole ? 0 : b->pixel_offset;
-    uint8_t *blocks = malloc(2 * BLOCK);
-    CtsFileBytes fa = {.fd = -1}, fb = {.fd = -1};
-    if (n != (whole ? b->file_bytes : b->pixel_bytes) || !blocks || cts_slice_open(a, &fa, NULL) ||
-        cts_slice_open(b, &fb, NULL))
-        goto end;
-    for (uint64_t pos = 0; pos < n; pos += BLOCK) {
-        const size_t part = n - pos < BLOCK ? (size_t)(n - pos) : BLOCK;
-        if (cts_file_bytes_read(&fa, blocks, part, from_a + pos, NULL) ||
-            cts_file_bytes_read(&fb, blocks + BLOCK, part, from_b + pos, NULL) ||
-            memcmp(blocks, blocks + BLOCK, part) != 0)
-            goto end;
-    }
-    same = true;
-end:
-    cts_file_bytes_close(&fa);
-    cts_file_bytes_close(&fb);
-    free(blocks);
-    return same;
-}
-
-/* A hash of a few pixels from the middle, which distinguishes most slices without reading them whole; 0 when they
- * cannot be read. */
-static uint64_t sample_of(const CtsSlice *s)
-{
-    uint8_t bytes[4096];
-    uint64_t hash = 14695981039346656037u;
-    CtsFileBytes file = {.fd = -1};
-    const bool whole = !s->syntax || s->syntax->deflated;
-    const uint64_t size = whole ? s->file_bytes : s->pixel_bytes;
-    const size_t n = size < sizeof bytes ? (size_t)size : sizeof bytes;
-    const uint64_t offset = (whole ? 0 : s->pixel_offset) + (size - n) / 2;
-    if (cts_slice_open(s, &file, NULL) || cts_file_bytes_read(&file, bytes, n, offset, NULL))
-        hash = 0;
-    for (size_t i = 0; hash && i < n; i++)
-        hash = (hash ^ bytes[i]) * 1099511628211u;
-    cts_file_bytes_close(&file);
-    return hash;
-}
-
-/* True for two files with the same voxels: one is redundant. */
-static bool same_picture(const CtsSlice *a, const CtsSlice *b)
-{
-    if (a->syntax->deflated && a->pixel_offset != b->pixel_offset)
-        return false; /* frames of one data set, which is compared whole */
-    return a->syntax == b->syntax && a->rows == b->rows && a->columns == b->columns &&
-           a->bits_allocated == b->bits_allocated && a->bits_stored == b->bits_stored && a->high_bit == b->high_bit &&
-           a->is_signed == b->is_signed && a->slope == b->slope && a->intercept == b->intercept &&
-           a->has_padding == b->has_padding && a->padding_low == b->padding_low && a->padding_high == b->padding_high &&
-           a->padding_word == b->padding_word && same_bytes(a, b);
-}
-
-CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err)
-{
-    *n_dropped = 0;
-    bool *keep = malloc((size_t)set->n + 1);
-    uint64_t *samples = calloc((size_t)set->n + 1, sizeof *samples);
-    if (!keep || !samples) {
-        free(keep);
-        free(samples);
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
-    for (int i = 0; i < set->n; i++) {
-        keep[i] = true;
-        for (int j = i - 1; keep[i] && j >= 0 && same_place(set->items[j], set->items[i], same_mm); j--) {
-            for (int k = j; k <= i; k += i - j)
-                samples[k] = samples[k] ? samples[k] : sample_of(set->items[k]);
-            if (keep[j] && samples[i] == samples[j] && same_picture(set->items[j], set->items[i]))
-                keep[i] = false;
-        }
-        *n_dropped += !keep[i];
-    }
-    cts_slice_set_filter(set, keep);
-    free(keep);
-    free(samples);
-    return CTS_OK;
 }
 
 /* A part is complete when its slices form an even stack. */
@@ -240,7 +155,7 @@ static bool label_kernels(const CtsSliceSet *set, double *part)
 static bool label_content_order(const CtsSliceSet *set, double same_mm, double *part)
 {
     for (int first = 0, end; first < set->n; first = end) {
-        for (end = first + 1; end < set->n && same_place(set->items[end - 1], set->items[end], same_mm);)
+        for (end = first + 1; end < set->n && cts_slice_same_place(set->items[end - 1], set->items[end], same_mm);)
             end++;
         for (int i = first; i < end; i++) {
             part[i] = 0;
@@ -263,7 +178,7 @@ static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
         return label_content_order(set, same_mm, part);
     for (int i = 0; i < set->n; i++) {
         const CtsSlice *s = set->items[i];
-        const bool repeats = i > 0 && same_place(set->items[i - 1], s, same_mm);
+        const bool repeats = i > 0 && cts_slice_same_place(set->items[i - 1], s, same_mm);
         if (way < BY_KERNEL || way == BY_CONTENT_TIME) {
             part[i] = acquisition_label(s, way);
             if (isnan(part[i]))

@@ -1,0 +1,204 @@
+/* Copies of slices: the same voxels twice, as the files have them or in another encoding. */
+#include "input/series/series_judge.h"
+
+#include "base/file_bytes.h"
+#include "base/mem.h"
+#include "base/sandbox.h"
+#include "dicom/codec/pixels.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* HU of air, as which lower HU and padding are shown. */
+#define LEAST_HU (-1024.0)
+/* Share of a slope: half a step is the rounding error, and a little for the decimals of slope and intercept. */
+#define ROUNDING 0.500001
+
+static bool same_bytes(const CtsSlice *a, const CtsSlice *b)
+{
+    enum { BLOCK = 64 << 10 };
+    bool same = false;
+    const bool whole = a->syntax->deflated;
+    const uint64_t n = whole ? a->file_bytes : a->pixel_bytes;
+    const uint64_t from_a = whole ? 0 : a->pixel_offset, from_b = whole ? 0 : b->pixel_offset;
+    uint8_t *blocks = malloc(2 * BLOCK);
+    CtsFileBytes fa = {.fd = -1}, fb = {.fd = -1};
+    if (n != (whole ? b->file_bytes : b->pixel_bytes) || !blocks || cts_slice_open(a, &fa, NULL) ||
+        cts_slice_open(b, &fb, NULL))
+        goto end;
+    for (uint64_t pos = 0; pos < n; pos += BLOCK) {
+        const size_t part = n - pos < BLOCK ? (size_t)(n - pos) : BLOCK;
+        if (cts_file_bytes_read(&fa, blocks, part, from_a + pos, NULL) ||
+            cts_file_bytes_read(&fb, blocks + BLOCK, part, from_b + pos, NULL) ||
+            memcmp(blocks, blocks + BLOCK, part) != 0)
+            goto end;
+    }
+    same = true;
+end:
+    cts_file_bytes_close(&fa);
+    cts_file_bytes_close(&fb);
+    free(blocks);
+    return same;
+}
+
+/* A hash of a few pixels from the middle, which distinguishes most slices without reading them whole; 0 when they
+ * cannot be read. */
+static uint64_t sample_of(const CtsSlice *s)
+{
+    uint8_t bytes[4096];
+    uint64_t hash = 14695981039346656037u;
+    CtsFileBytes file = {.fd = -1};
+    const bool whole = !s->syntax || s->syntax->deflated;
+    const uint64_t size = whole ? s->file_bytes : s->pixel_bytes;
+    const size_t n = size < sizeof bytes ? (size_t)size : sizeof bytes;
+    const uint64_t offset = (whole ? 0 : s->pixel_offset) + (size - n) / 2;
+    if (cts_slice_open(s, &file, NULL) || cts_file_bytes_read(&file, bytes, n, offset, NULL))
+        hash = 0;
+    for (size_t i = 0; hash && i < n; i++)
+        hash = (hash ^ bytes[i]) * 1099511628211u;
+    cts_file_bytes_close(&file);
+    return hash;
+}
+
+/* Headers that give the same words the same HU. */
+static bool same_encoding(const CtsSlice *a, const CtsSlice *b)
+{
+    return a->syntax == b->syntax && a->bits_allocated == b->bits_allocated && a->bits_stored == b->bits_stored &&
+           a->high_bit == b->high_bit && a->is_signed == b->is_signed && a->slope == b->slope &&
+           a->intercept == b->intercept && a->has_padding == b->has_padding && a->padding_low == b->padding_low &&
+           a->padding_high == b->padding_high && a->padding_word == b->padding_word;
+}
+
+/* Buffers and counts for the comparisons of one set. */
+typedef struct Copies {
+    uint64_t *samples;   /* of each slice; 0: not read yet */
+    CtsSandbox *decoder; /* started when the first compressed slice comes */
+    uint16_t *words[2];  /* of the two slices that are compared, room for n_words each */
+    size_t n_words;
+    int n_equal, n_differ; /* pairs whose pixels were decoded */
+} Copies;
+
+static void take_words(void *context, const uint16_t *at, size_t first, size_t end)
+{
+    uint16_t *const to = (uint16_t *)context + first;
+    if (at != to)
+        memcpy(to, at, (end - first) * sizeof *to);
+}
+
+static bool read_words(Copies *c, const CtsSlice *s, int which)
+{
+    return !cts_slice_read_pixels(s, &c->decoder, c->words[which], take_words, c->words[which], NULL);
+}
+
+static bool have_room(Copies *c, size_t n)
+{
+    for (int i = 0; n > c->n_words && i < 2; i++) {
+        uint16_t *const words = realloc(c->words[i], n * sizeof *words);
+        if (!words)
+            return false;
+        c->words[i] = words;
+    }
+    c->n_words = n > c->n_words ? n : c->n_words;
+    return true;
+}
+
+static double hu_of(const CtsSlice *s, const CtsStored *stored, uint16_t word)
+{
+    const int32_t value = cts_stored_value(word, stored);
+    return cts_stored_is_padding(word, value, stored) ? LEAST_HU : fmax(s->slope * value + s->intercept, LEAST_HU);
+}
+
+/* Two encodings of the same HU, to the rounding of the coarser one. */
+static bool same_hu(Copies *c, const CtsSlice *a, const CtsSlice *b)
+{
+    const size_t n = (size_t)a->rows * (size_t)a->columns;
+    const CtsStored of_a = cts_slice_stored(a), of_b = cts_slice_stored(b);
+    const double most = ROUNDING * fmax(fabs(a->slope), fabs(b->slope));
+    if (!have_room(c, n) || !read_words(c, a, 0) || !read_words(c, b, 1))
+        return false;
+    for (size_t i = 0; i < n; i++)
+        if (!(fabs(hu_of(a, &of_a, c->words[0][i]) - hu_of(b, &of_b, c->words[1][i])) <= most))
+            return false;
+    return true;
+}
+
+/* Decoding takes as long as loading, so phases of one encoding are decoded once, to see that they differ, and those of
+ * several only a few times. */
+static bool is_worth_decoding(const Copies *c, const CtsSlice *a, const CtsSlice *b)
+{
+    enum { FEW = 16 };
+    if (same_encoding(a, b))
+        return a->syntax && cts_slice_is_compressed(a) && !(a->syntax->deflated && a->path == b->path) &&
+               c->n_differ <= c->n_equal;
+    return c->n_differ <= c->n_equal + FEW;
+}
+
+/* Two slices of one place that give the same voxels. */
+static bool same_picture(Copies *c, const CtsSliceSet *set, int j, int i)
+{
+    const CtsSlice *a = set->items[j], *b = set->items[i];
+    if (a->rows != b->rows || a->columns != b->columns)
+        return false;
+    if (same_encoding(a, b) && !(a->syntax->deflated && a->pixel_offset != b->pixel_offset)) {
+        /* A deflated data set is compared whole; its frames differ by where they lie in it. */
+        for (int k = j; k <= i; k += i - j)
+            c->samples[k] = c->samples[k] ? c->samples[k] : sample_of(set->items[k]);
+        if (c->samples[i] == c->samples[j] && same_bytes(a, b))
+            return true;
+    }
+    if (!is_worth_decoding(c, a, b))
+        return false;
+    const bool equal = same_hu(c, a, b);
+    ++*(equal ? &c->n_equal : &c->n_differ);
+    return equal;
+}
+
+/* The slices without copies, in their order. */
+static void compact(CtsSliceSet *set, const bool *keep)
+{
+    int n = 0;
+    for (int i = 0; i < set->n; i++)
+        if (keep[i])
+            set->items[n++] = set->items[i];
+    set->n = n;
+}
+
+/* Of two, the one of the smaller UID stays, so that the order of files changes nothing. It owns the other. */
+static void drop_one(CtsSliceSet *set, bool *keep, int j, int i)
+{
+    const bool first = strcmp(set->items[j]->sop_uid, set->items[i]->sop_uid) <= 0;
+    const int stays = first ? j : i, goes = first ? i : j;
+    CtsSlice *last = set->items[goes];
+    while (last->copy)
+        last = last->copy;
+    last->copy = set->items[stays]->copy;
+    set->items[stays]->copy = set->items[goes];
+    keep[goes] = false;
+}
+
+CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err)
+{
+    Copies copies = {0};
+    bool *keep = NULL;
+    *n_dropped = 0;
+    CtsStatus st = cts_alloc_array(&keep, (size_t)set->n, err);
+    if (!st)
+        st = cts_alloc_array(&copies.samples, (size_t)set->n, err);
+    for (int i = 0; !st && i < set->n; i++) {
+        keep[i] = true;
+        copies.samples[i] = 0;
+        for (int j = i - 1; keep[i] && j >= 0 && cts_slice_same_place(set->items[j], set->items[i], same_mm); j--)
+            if (keep[j] && same_picture(&copies, set, j, i)) {
+                drop_one(set, keep, j, i);
+                ++*n_dropped;
+            }
+    }
+    if (!st)
+        compact(set, keep);
+    cts_sandbox_free(&copies.decoder);
+    free(copies.words[0]);
+    free(copies.words[1]);
+    cts_free(&copies.samples);
+    cts_free(&keep);
+    return st;
+}
