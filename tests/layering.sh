@@ -22,7 +22,7 @@ src/dicom/codec   | dicom/parser/ dicom/header/ | openjpeg.h
 src/dicom/objects | dicom/header/ dicom/codec/ | openjpeg.h
 src/dicom/net     | dicom/header/ | curl/ jansson.h netdb.h netinet/ openssl/
 src/input/files   | core/volume/box.h dicom/parser/ dicom/header/ | zlib.h zip.h
-src/input/series  | core/volume/stored.h dicom/header/ dicom/codec/ input/files/ |
+src/input/series  | dicom/header/ dicom/codec/ input/files/ |
 src/input/load    | core/volume/ dicom/header/slice.h dicom/codec/ input/files/ input/series/ |
 src/input/labels  | core/labels/ dicom/parser/ dicom/header/ dicom/codec/ input/files/ | expat.h
 src/engine/project | core/volume/ core/scene/ |

@@ -41,7 +41,7 @@ def packed(*tool):
     return change
 
 
-# What is done to the original, to the copy, and to the copy's file.
+# Changes of the original, of the copy, and of the copy's file.
 KINDS = {
     'intercept': (None, lambda d: rescaled(d, 1, -1024), None),
     'slope': (None, lambda d: rescaled(d, 0.25, -2048), None),

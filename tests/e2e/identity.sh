@@ -112,13 +112,14 @@ for turn in '0.0016 * (-1) ** k' '0.001 * (k - 23.5) / 23.5' '0.0005 * (k > 23)'
     refused 4 'differ in size, orientation or pixel spacing' render c --size 32x32 -o refused.png
 done
 
-# At repeated positions other attributes separate complete volumes: k of 10 slices each, alternating at every position.
+# At repeated positions other attributes separate complete volumes: k of 10 slices each, alternating at every position;
+# the second ones are 40 HU brighter.
 phases_of()
 {
     rm -rf c
     cp -r "$data/geometry/two-phases" c
-    (cd c && python3 "$root/tests/e2e/dicom_edit.py" IM* -- '0020,0012,IS=1' '0008,0032,TM=120000' '0008,0033,TM=120000' \
-        '0018,1060,DS' '0020,0100,IS' '0018,1210,SH=B30' "$@") || fail "the case cannot be made"
+    (cd c && python3 "$root/tests/e2e/dicom_edit.py" IM* -- '0020,0012,IS=1' '0028,1052,DS={40 * (k // 10)}' '0008,0032,TM=120000' \
+        '0008,0033,TM=120000' '0018,1060,DS' '0020,0100,IS' '0018,1210,SH=B30' "$@") || fail "the case cannot be made"
 }
 phases_of
 refused 4 'neither acquisition, tube voltage, .* time separates complete volumes' render c --size 32x32 -o refused.png

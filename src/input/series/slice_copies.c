@@ -122,6 +122,14 @@ static bool same_hu(Copies *c, const CtsSlice *a, const CtsSlice *b)
     return true;
 }
 
+/* Of one acquisition; what separates acquisitions is kept by all that encode a slice again. */
+static bool same_acquisition(const CtsSlice *a, const CtsSlice *b)
+{
+    return a->acquisition_number == b->acquisition_number && a->temporal_index == b->temporal_index &&
+           a->kvp == b->kvp && a->trigger_ms == b->trigger_ms && a->time_s == b->time_s &&
+           !strcmp(a->kernel ? a->kernel : "", b->kernel ? b->kernel : "");
+}
+
 /* Decoding takes as long as loading, so phases of one encoding are decoded once, to see that they differ, and those of
  * several only a few times. */
 static bool is_worth_decoding(const Copies *c, const CtsSlice *a, const CtsSlice *b)
@@ -146,7 +154,7 @@ static bool same_picture(Copies *c, const CtsSliceSet *set, int j, int i)
         if (c->samples[i] == c->samples[j] && same_bytes(a, b))
             return true;
     }
-    if (!is_worth_decoding(c, a, b))
+    if (!same_acquisition(a, b) || !is_worth_decoding(c, a, b))
         return false;
     const bool equal = same_hu(c, a, b);
     ++*(equal ? &c->n_equal : &c->n_differ);
