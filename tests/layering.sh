@@ -44,7 +44,7 @@ src/app/words     | app/job/ |
 src/app/contact   | output/image/ | jansson.h webp/
 src/app/batch     | output/export/sc_words.h output/report/ app/job/ app/words/ app/contact/ | jansson.h
 src/app/node      | dicom/header/slice.h dicom/net/ app/words/ | arpa/inet.h netinet/
-src/app/serve     | dicom/header/slice.h dicom/net/listener.h output/report/masked.h app/job/ app/words/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
+src/app/serve     | dicom/header/slice.h dicom/net/listener.h output/report/redact.h app/job/ app/words/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
 src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h openexr_base.h expat.h
 '
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.

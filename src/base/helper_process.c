@@ -1,7 +1,7 @@
 #include "base/helper_process.h"
 
 #include "base/clock.h"
-#include "base/walls.h"
+#include "base/isolation.h"
 #include <errno.h>
 #include <poll.h>
 #include <pthread.h>
@@ -109,7 +109,7 @@ static _Noreturn void help(int socket)
     Request request;
     Reply reply = {.pid = getpid()};
     int fd;
-    if (cts_walls_leave_all(socket))
+    if (cts_isolation_leave_all(socket))
         _exit(1);
     signal(SIGCHLD, SIG_DFL);
     prctl(PR_SET_NAME, "ctsplat-helper");

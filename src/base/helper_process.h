@@ -19,7 +19,7 @@ typedef struct CtsHelperOrder {
 } CtsHelperOrder;
 
 /* Fork a process for the order, which has the other end of *socket (SOCK_SEQPACKET) and no other file once it has
- * called cts_walls_enter(). */
+ * called cts_isolation_enter(). */
 CtsStatus cts_helper_fork(const CtsHelperOrder *order, pid_t *pid, int *socket, CtsError *err);
 
 /* Kills a process unless it has ended, and reaps it: its wait status. Adds its CPU time (cts_cpu_ms()). Killing the

@@ -1,7 +1,7 @@
 #include "base/sandbox.h"
 
 #include "base/helper_process.h"
-#include "base/walls.h"
+#include "base/isolation.h"
 #include <assert.h>
 #include <errno.h>
 #include <poll.h>
@@ -83,7 +83,7 @@ static void serve(const void *order, int socket)
     uint8_t *const shared = shmat(o.memory_id, NULL, 0);
     int wall = shared == (void *)-1 ? errno : 0;
     if (!wall)
-        wall = o.own_bytes ? cts_walls_leave_all(socket) : cts_walls_enter(socket, o.n_memory);
+        wall = o.own_bytes ? cts_isolation_leave_all(socket) : cts_isolation_enter(socket, o.n_memory);
     if (wall) {
         a.status = CTS_ERR_INTERNAL;
         snprintf(a.text, sizeof a.text, "%s", strerror(wall));

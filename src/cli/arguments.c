@@ -1,6 +1,6 @@
 #include "cli/commands.h"
 
-#include "base/near_word.h"
+#include "base/did_you_mean.h"
 #include <stdio.h>
 #include <string.h>
 

@@ -1,7 +1,7 @@
 /* ctsplat: looks up the command, runs it, turns its status into an exit code and at most one error line. */
+#include "base/did_you_mean.h"
 #include "base/exit_code.h"
 #include "base/helper_process.h"
-#include "base/near_word.h"
 #include "base/thread.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"

@@ -5,7 +5,7 @@
 #include "app/job/render_job.h"
 #include "app/words/options.h"
 #include "output/report/log.h"
-#include "output/report/masked.h"
+#include "output/report/redact.h"
 #include <jansson.h>
 #include <signal.h>
 

@@ -16,17 +16,17 @@ done
 render "$data/pixels/signed-12-junk" -o junk.png
 render "$data/pixels/signed-12-rle" -o rle.png
 cmp junk.png rle.png || fail "unused bits change the picture"
-py near.py 0.01 first.png junk.png
+py tolerance.py 0.01 first.png junk.png
 for pixels in fractional-slope odd-slope slope-per-slice; do
     render "$data/pixels/$pixels" -o "$pixels.png"
-    py near.py 0.01 first.png "$pixels.png"
+    py tolerance.py 0.01 first.png "$pixels.png"
 done
 
 # The same voxels in another order: the same scene, the same layers, up to the order of sums.
 for geometry in coronal sagittal feet-first far-origin; do
     render "$data/geometry/$geometry" --engine raycast -o "$geometry.png"
     render "$data/syntax/explicit" --engine raycast -o ray.png
-    py near.py 0.0001 ray.png "$geometry.png"
+    py tolerance.py 0.0001 ray.png "$geometry.png"
 done
 
 for engine in $engines; do

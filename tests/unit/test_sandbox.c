@@ -2,8 +2,8 @@
 #include "../tools/htj2k_stream.h"
 #include "base/clock.h"
 #include "base/helper_process.h"
+#include "base/isolation.h"
 #include "base/sandbox.h"
-#include "base/walls.h"
 #include "dicom/codec/codec.h"
 #include "unit.h"
 #include <dirent.h>

@@ -1,8 +1,8 @@
 /* The tiled engine: the same bytes on every SIMD path, close to the float64 reference, exact where formulas are
  * known. */
-#include "base/chance.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/random.h"
 #include "base/sanitized.h"
 #include "core/volume/body_mask.h"
 #include "ctsplat/reference.h"
@@ -312,7 +312,7 @@ static void narrow_stripes(void **state)
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 9, 9, 9, &err), CTS_OK);
     for (uint64_t at = 0; at < 9 * 9 * 9; at++)
-        v->grey[at] = (uint16_t)(1524 + (cts_chance_bits(at + 1) >> 63));
+        v->grey[at] = (uint16_t)(1524 + (cts_random_bits(at + 1) >> 63));
     CtsPreset stripes = {.name = "stripes", .unit_distance_mm = 1, .n_opacity = 4, .n_colour = 3};
     stripes.opacity[0] = (CtsOpacityPoint){500.12305549489855, 0};
     stripes.opacity[1] = (CtsOpacityPoint){500.12305549489855, 1};
@@ -427,7 +427,7 @@ static void drafts_work_on(void **state)
         const int x = at % SIZE - SIZE / 2, y = at / SIZE % SIZE - SIZE / 2, z = at / SIZE / SIZE - SIZE / 2;
         int grain = 0;
         for (uint64_t i = 0; i < 4; i++)
-            grain += (int)(cts_chance_bits(4 * (uint64_t)at + i) >> 56) - 128;
+            grain += (int)(cts_random_bits(4 * (uint64_t)at + i) >> 56) - 128;
         v->grey[at] = (uint16_t)(x * x + y * y + z * z < 22 * 22 ? 1024 + grain * 2 / 5 : 24);
     }
     CtsPreset preset = preset_named("ct-bone");

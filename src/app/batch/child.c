@@ -38,7 +38,7 @@ void cts_child_set_status(json_t *line, int exit_code, const char *reason)
 
 void cts_child_tell_status(CtsBatchChild *child, CtsStatus status, const char *reason)
 {
-    char *file = NULL, *text = cts_without_names(reason, &child->names, &file);
+    char *file = NULL, *text = cts_redact_names(reason, &child->names, &file);
     cts_child_set_status(child->line, cts_exit_code(status), text ? text : "");
     if (file)
         json_object_set_new(child->line, "reason_file", cts_json_new_text(file));
@@ -276,7 +276,7 @@ static json_t *same_finding(json_t *list, const json_t *entry)
 static void add_finding(CtsBatchChild *c, const CtsFinding *finding, const char *preset)
 {
     json_t *list = json_object_get(c->line, "findings"), *entry = cts_finding_json(finding);
-    char *file = NULL, *text = cts_without_names(finding->text, &c->names, &file);
+    char *file = NULL, *text = cts_redact_names(finding->text, &c->names, &file);
     json_object_set_new(entry, "text", cts_json_new_text(text ? text : ""));
     if (preset)
         json_object_set_new(entry, "preset", json_string(preset));

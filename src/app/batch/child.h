@@ -7,7 +7,7 @@
 #include "app/batch/journal.h"
 #include "app/contact/contact_sheet.h"
 #include "output/report/info.h"
-#include "output/report/masked.h"
+#include "output/report/redact.h"
 #include <jansson.h>
 #include <stdbool.h>
 #include <sys/types.h>

@@ -1,8 +1,8 @@
 #include "app/job/outputs.h"
 
+#include "base/did_you_mean.h"
 #include "base/file.h"
 #include "base/meter.h"
-#include "base/near_word.h"
 #include <libgen.h>
 #include <limits.h>
 #include <stdio.h>

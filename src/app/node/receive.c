@@ -1,8 +1,8 @@
 #include "app/node/node.h"
 
 #include "base/clock.h"
+#include "base/isolation.h"
 #include "base/sanitized.h"
-#include "base/walls.h"
 #include "dicom/net/listener.h"
 #include <limits.h>
 #include <poll.h>
@@ -94,7 +94,7 @@ static bool shut_in(const Receiver *r, pid_t parent)
     prctl(PR_SET_DUMPABLE, 0);
     umask(0027);
     return getppid() == parent && (CTS_SANITIZED || !setrlimit(RLIMIT_DATA, &data)) &&
-           !setrlimit(RLIMIT_NOFILE, &files) && !cts_walls_stay_inside();
+           !setrlimit(RLIMIT_NOFILE, &files) && !cts_isolation_stay_inside();
 }
 
 static _Noreturn void serve(Receiver *r, CtsVisitor *visitor, int socket, pid_t parent)

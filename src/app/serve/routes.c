@@ -73,18 +73,18 @@ typedef struct Target {
     const char *instance_uid;         /* NULL: a series */
 } Target;
 
-static CtsStatus find(CtsServer *server, const Target *t, CtsShelved **found, CtsError *err)
+static CtsStatus find(CtsServer *server, const Target *t, CtsCachedSeries **found, CtsError *err)
 {
     if (t->id) {
-        *found = cts_shelf_by_id(&server->shelf, t->id);
+        *found = cts_series_cache_by_id(&server->shelf, t->id);
         return *found ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
     }
-    return t->uid ? cts_shelf_by_uid(&server->shelf, t->study_uid, t->uid, found, err)
-                  : cts_shelf_of_study(&server->shelf, t->study_uid, found, err);
+    return t->uid ? cts_series_cache_by_uid(&server->shelf, t->study_uid, t->uid, found, err)
+                  : cts_series_cache_of_study(&server->shelf, t->study_uid, found, err);
 }
 
 /* Queues the render request, or fails with the reason. */
-static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError *err)
+static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, CtsError *err)
 {
     pthread_mutex_lock(&server->lock);
     CtsStatus st = server->stopping ? cts_fail(err, CTS_ERR_INTERRUPTED, "the server is stopping")
@@ -93,17 +93,17 @@ static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError 
         st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->shelved->series->reason);
     if (!st) {
         server->http->wait(e->request);
-        if (!cts_errand_queue(server, e))
+        if (!cts_render_queue_add(server, e))
             st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are queued (ask again)");
     }
     pthread_mutex_unlock(&server->lock);
     return st;
 }
 
-static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *format, CtsError *err)
+static CtsStatus prepare(CtsServer *server, CtsRenderRequest *e, const CtsFormatInfo *format, CtsError *err)
 {
-    CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
-                                   server->options->render.n_threads, &e->report, err);
+    CtsStatus st = cts_render_query_options(&e->asked, format, server->folder, ++server->n_pictures,
+                                            server->options->render.n_threads, &e->report, err);
     if (st == CTS_ERR_READ && e->asked.state_path)
         st = CTS_ERR_USAGE; /* the client's fault, not the server's */
     e->asked.job.render.stop = e->asked.job.source.stop = &e->stop;
@@ -111,17 +111,17 @@ static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *f
 }
 
 /* An object is a presentation state, or should be a whole series. */
-static void find_instance(const CtsServer *server, CtsErrand *e, const Target *target)
+static void find_instance(const CtsServer *server, CtsRenderRequest *e, const Target *target)
 {
     if (!target->instance_uid)
         return;
-    e->asked.state_path = cts_shelf_state(&server->shelf, target->uid, target->instance_uid);
+    e->asked.state_path = cts_series_cache_state(&server->shelf, target->uid, target->instance_uid);
     if (!e->asked.state_path)
         snprintf(e->asked.instance_uid, sizeof e->asked.instance_uid, "%s", target->instance_uid);
 }
 
 /* A presentation state's picture is of the series that it names. */
-static Target of_state(const CtsErrand *e, const Target *target)
+static Target of_state(const CtsRenderRequest *e, const Target *target)
 {
     Target of = *target;
     if (e->asked.state_path)
@@ -134,7 +134,7 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
 {
     CtsError err = {0};
     CtsHttpAnswer answer;
-    CtsErrand *const e = calloc(1, sizeof *e);
+    CtsRenderRequest *const e = calloc(1, sizeof *e);
     if (!e) {
         answer_text(server, request, 503, "out of memory");
         return;
@@ -143,7 +143,7 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
     e->socket = request->socket;
     server->http->query(request, cts_query_add, &e->asked.query);
     find_instance(server, e, target);
-    CtsStatus st = format ? CTS_OK : cts_asked_rendered(&e->asked, request->accept, &format, &err);
+    CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->asked, request->accept, &format, &err);
     const bool acceptable = st || format;
     if (!st && format && !(st = prepare(server, e, format, &err)))
         st = queue(server, e, of_state(e, target), &err);
@@ -155,7 +155,7 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
         cts_answer_text(&answer, server, 406,
                         "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last two), "
                         "and application/dicom+json for renderedvolumetricmetadata");
-    cts_errand_free(e);
+    cts_render_request_free(e);
     server->http->answer(request, &answer);
 }
 
@@ -194,7 +194,7 @@ void cts_routes_ask(void *context, CtsHttpRequest *request)
     CtsServer *const server = context;
     CtsHttpAnswer answer;
     Parts p;
-    if (!cts_guard(server, request, &answer)) {
+    if (!cts_access_check(server, request, &answer)) {
         server->http->answer(request, &answer);
         return;
     }

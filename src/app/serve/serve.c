@@ -39,7 +39,7 @@ static CtsStatus read_pem(const char *path, char **text, CtsError *err)
 /* Messages must not contain paths below the folders of series loaded on demand either. */
 static void add_place(CtsNames *names, const char *path)
 {
-    const char *place = strstr(path, CTS_SHELF_PLACE);
+    const char *place = strstr(path, CTS_SERIES_UID_MARKER);
     char *const before = place ? strndup(path, (size_t)(place - path)) : NULL;
     if (before)
         cts_names_add(names, before);
@@ -51,7 +51,7 @@ static CtsStatus search(CtsServer *server, void (*note)(const char *text), CtsEr
     CtsReport report = {0};
     char text[160];
     size_t n = 0;
-    const CtsStatus st = cts_shelf_fill(&server->shelf, server->options, &report, err);
+    const CtsStatus st = cts_series_cache_fill(&server->shelf, server->options, &report, err);
     const CtsSeriesList *const list = server->shelf.list;
     for (size_t i = 0; list && i < list->n_paths; i++)
         cts_names_add(&server->names, list->paths[i]);
@@ -82,7 +82,7 @@ static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, const Ct
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
-    CtsStatus st = cts_errands_begin(server, err);
+    CtsStatus st = cts_render_queue_begin(server, err);
     if (!st)
         st = server->http->start(http, settings, err);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
@@ -96,25 +96,25 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
     CtsHttpServer *http = NULL;
     CtsHttpSettings settings = {.certificate = certificate, .key = key, .ask = cts_routes_ask, .context = server};
     server->tls = certificate != NULL;
-    CtsStatus st = cts_door_open(server, &settings.socket, &url, err);
+    CtsStatus st = cts_listen_open(server, &settings.socket, &url, err);
     if (st) {
         free(url);
         return st;
     }
-    if (!(st = cts_guard_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
+    if (!(st = cts_access_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
         cts_names_add(&server->names, server->folder);
         st = begin_threads(server, &http, &settings, err);
     }
     if (!st)
         tell_ready(server, ready, url);
     while (!st && !*server->options->net.stop)
-        cts_errands_watch(server, WATCH_MS);
-    cts_errands_end(server);
+        cts_render_queue_watch(server, WATCH_MS);
+    cts_render_queue_end(server);
     if (http)
         server->http->stop(&http);
     else
         close(settings.socket);
-    cts_door_close(server);
+    cts_listen_close(server);
     if (server->folder)
         rmdir(server->folder);
     free(server->folder);
@@ -150,7 +150,7 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
                                    !(st = read_pem(options->net.tls_key, &key, err)))) &&
         !(st = search(server, note, err)))
         st = listen_and_serve(server, certificate, key, ready, err);
-    cts_shelf_free(&server->shelf);
+    cts_series_cache_free(&server->shelf);
     cts_names_free(&server->names);
     pthread_mutex_destroy(&server->lock);
     pthread_cond_destroy(&server->work);

@@ -4,22 +4,22 @@
 #define CTS_SERVE_SERVER_H
 
 #include "app/serve/http.h"
-#include "app/serve/shelf.h"
+#include "app/serve/series_cache.h"
 #include "app/words/options.h"
-#include "output/report/masked.h"
+#include "output/report/redact.h"
 #include <pthread.h>
 #include <signal.h>
 #include <stddef.h>
 
-/* asked.c, rendered.c: translation and checks of a request's query as ctsplat's options. */
-enum { CTS_ASKED_PARTS = 64, CTS_ASKED_MADE = 8 };
+/* query.c, rendered3d.c: translation and checks of a request's query as ctsplat's options. */
+enum { CTS_QUERY_PARTS = 64, CTS_QUERY_MADE = 8 };
 
 /* A query: names and values as the request has them, or made here. */
 typedef struct CtsQuery {
     struct {
         const char *name, *value;
-    } parts[CTS_ASKED_PARTS];
-    char made[CTS_ASKED_MADE][96];
+    } parts[CTS_QUERY_PARTS];
+    char made[CTS_QUERY_MADE][96];
     int n, n_made;
     bool too_many;
 } CtsQuery;
@@ -30,7 +30,7 @@ void cts_query_make(CtsQuery *query, const char *name, const char *format, ...) 
 /* NULL where it is not given. */
 const char *cts_query_value(const CtsQuery *query, const char *name);
 
-typedef struct CtsAsked {
+typedef struct CtsRenderQuery {
     CtsQuery query; /* as ctsplat's own options */
     const char *media_type;
     bool metadata;                                  /* the answer is the metadata, not the picture */
@@ -41,19 +41,20 @@ typedef struct CtsAsked {
     CtsOptions options;
     CtsPreset preset;
     CtsJob job; /* points at the two */
-} CtsAsked;
+} CtsRenderQuery;
 
 /* Translates ctsplat's own options; format: from the URL's ending. CTS_ERR_USAGE for options that a request may not
- * use. folder and serial determine the temporary file. Free with cts_asked_free(), also after a failure. */
-CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
-                          int n_threads, CtsReport *report, CtsError *err);
-void cts_asked_free(CtsAsked *asked);
+ * use. folder and serial determine the temporary file. Free with cts_render_query_free(), also after a failure. */
+CtsStatus cts_render_query_options(CtsRenderQuery *asked, const CtsFormatInfo *format, const char *folder,
+                                   unsigned long serial, int n_threads, CtsReport *report, CtsError *err);
+void cts_render_query_free(CtsRenderQuery *asked);
 
 const char *cts_media_type_of(const CtsFormatInfo *format);
 
 /* Replaces the parameters of PS3.18 8.3.5 in query by options, and chooses a media type that accept (the header; may be
  * NULL) allows; *format is NULL where there is none. */
-CtsStatus cts_asked_rendered(CtsAsked *asked, const char *accept, const CtsFormatInfo **format, CtsError *err);
+CtsStatus cts_render_query_rendered3d(CtsRenderQuery *asked, const char *accept, const CtsFormatInfo **format,
+                                      CtsError *err);
 
 /* The files of the page, put into C by page/embed_assets.py. */
 typedef struct CtsPageAsset {
@@ -71,18 +72,18 @@ extern const size_t cts_page_n_assets;
 enum { CTS_SERVE_WORKERS = 4, CTS_SERVE_WAITING = 64, CTS_SERVE_RETRY_S = 1 };
 
 /* One request for a picture. */
-typedef struct CtsErrand {
+typedef struct CtsRenderRequest {
     CtsHttpRequest *request;
     int socket;
-    CtsAsked asked;
-    CtsShelved *shelved;
+    CtsRenderQuery asked;
+    CtsCachedSeries *shelved;
     CtsReport report;
     CtsPictureInfo info; /* of the first frame, once told is set */
     bool told;
     volatile sig_atomic_t stop; /* set when the client has disconnected */
     bool running;
-    struct CtsErrand *next;
-} CtsErrand;
+    struct CtsRenderRequest *next;
+} CtsRenderRequest;
 
 typedef struct CtsServer {
     const CtsHttp *http;
@@ -93,8 +94,8 @@ typedef struct CtsServer {
     CtsNames names;       /* of input files and of the folder, which are never sent */
     pthread_mutex_t lock; /* of all below */
     pthread_cond_t work;
-    CtsShelf shelf;
-    CtsErrand *first;
+    CtsSeriesCache shelf;
+    CtsRenderRequest *first;
     int n_waiting;
     unsigned long n_pictures;
     bool stopping;
@@ -102,7 +103,7 @@ typedef struct CtsServer {
     int n_workers;
 } CtsServer;
 
-/* answer.c: common parts of answers. */
+/* response.c: common parts of answers. */
 void cts_answer_header(CtsHttpAnswer *answer, const char *name, const char *value);
 /* bytes: as CtsHttpAnswer has them. */
 void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *media_type,
@@ -110,40 +111,40 @@ void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status
 /* One line. */
 void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *text);
 /* The answer for a failure: status and reason, without names of files and UIDs. shelved may be NULL. */
-void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsShelved *shelved, CtsStatus st,
+void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsCachedSeries *shelved, CtsStatus st,
                         const CtsError *err);
 /* text without names of files and UIDs; free with free(), NULL without memory. */
-char *cts_server_masked(const CtsServer *server, const CtsShelved *shelved, const char *text);
+char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *shelved, const char *text);
 
-/* guard.c: true if access is allowed; else *answer contains the reason. */
-bool cts_guard(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer);
-CtsStatus cts_guard_token(CtsServer *server, CtsError *err);
+/* access.c: true if access is allowed; else *answer contains the reason. */
+bool cts_access_check(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer);
+CtsStatus cts_access_token(CtsServer *server, CtsError *err);
 
-/* door.c: opens a listening socket; *url is its URL, to be freed. */
-CtsStatus cts_door_open(CtsServer *server, int *fd, char **url, CtsError *err);
-void cts_door_close(const CtsServer *server);
+/* listen.c: opens a listening socket; *url is its URL, to be freed. */
+CtsStatus cts_listen_open(CtsServer *server, int *fd, char **url, CtsError *err);
+void cts_listen_close(const CtsServer *server);
 
 /* routes.c: CtsHttpSettings.ask. */
 void cts_routes_ask(void *server, CtsHttpRequest *request);
 
-/* errands.c: queues a request, or returns false where too many are queued; errand->shelved and its request must be set.
- * The caller holds the lock. */
-bool cts_errand_queue(CtsServer *server, CtsErrand *errand);
-void cts_errand_free(CtsErrand *errand);
-CtsStatus cts_errands_begin(CtsServer *server, CtsError *err);
+/* render_queue.c: queues a request, or returns false where too many are queued; errand->shelved and its request must be
+ * set. The caller holds the lock. */
+bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *errand);
+void cts_render_request_free(CtsRenderRequest *errand);
+CtsStatus cts_render_queue_begin(CtsServer *server, CtsError *err);
 /* Waits, then stops rendering for clients that have disconnected. */
-void cts_errands_watch(CtsServer *server, int ms);
-void cts_errands_end(CtsServer *server);
+void cts_render_queue_watch(CtsServer *server, int ms);
+void cts_render_queue_end(CtsServer *server);
 
-/* lists.c: JSON, to be freed with free(); NULL without memory. */
+/* listings.c: JSON, to be freed with free(); NULL without memory. */
 char *cts_list_series(CtsServer *server);
 char *cts_list_presets(void);
 /* The labels of a series; empty while it is not loaded. */
 char *cts_list_labels(CtsServer *server, const char *id);
 /* The Rendered Volume Response Module (PS3.18 Annex K). */
-char *cts_list_module(const CtsErrand *errand);
+char *cts_list_module(const CtsRenderRequest *errand);
 /* The scene of the picture, one line of JSON for the header of its answer. */
-char *cts_list_scene(const CtsServer *server, const CtsErrand *errand);
+char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *errand);
 
 /* Serves until options->net.stop is set; running requests are then answered with 503. Options are those of the command
  * `serve`. ready gets the URL of the page, with the token where the server generated it; note gets messages about the

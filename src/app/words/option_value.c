@@ -1,6 +1,6 @@
 #include "app/words/options.h"
 
-#include "base/near_word.h"
+#include "base/did_you_mean.h"
 #include "base/text.h"
 #include <errno.h>
 #include <limits.h>

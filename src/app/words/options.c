@@ -1,7 +1,7 @@
 #include "app/words/options.h"
 
+#include "base/did_you_mean.h"
 #include "base/mem.h"
-#include "base/near_word.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

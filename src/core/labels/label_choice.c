@@ -1,8 +1,8 @@
 #include "core/labels/label_set.h"
 
+#include "base/did_you_mean.h"
 #include "base/json.h"
 #include "base/mem.h"
-#include "base/near_word.h"
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>

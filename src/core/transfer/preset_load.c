@@ -1,8 +1,8 @@
 /* Finds a preset by name or file and reads it in any format. */
 #include "core/transfer/preset_read.h"
 
+#include "base/did_you_mean.h"
 #include "base/file.h"
-#include "base/near_word.h"
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>

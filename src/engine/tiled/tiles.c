@@ -3,9 +3,9 @@
  * accurate enough. The randomly sampled pixels estimate the error of interpolated ones. */
 #include "engine/tiled/tiles.h"
 
-#include "base/chance.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "base/random.h"
 #include <math.h>
 #include <string.h>
 
@@ -108,7 +108,7 @@ static Square square_of(const Tile *t, int number)
     const int i = number % SQUARES, j = number / SQUARES;
     Square s = {.x = {corner(i, t->n[0]), corner(i + 1, t->n[0])}, .y = {corner(j, t->n[1]), corner(j + 1, t->n[1])}};
     const uint64_t chance =
-        cts_chance_bits((uint64_t)(t->tiles->picture->first_row + t->y0 + s.y[0]) << 32 | (uint64_t)(t->x0 + s.x[0]));
+        cts_random_bits((uint64_t)(t->tiles->picture->first_row + t->y0 + s.y[0]) << 32 | (uint64_t)(t->x0 + s.x[0]));
     const int drawn = 1 + (int)((chance >> 32) * OTHERS >> 32);
     s.drawn[0] = at_most(s.x[0] + drawn % SQUARE, s.x[1]);
     s.drawn[1] = at_most(s.y[0] + drawn / SQUARE, s.y[1]);

@@ -1,7 +1,7 @@
 #include "output/report/info.h"
 
 #include "base/json.h"
-#include "output/report/masked.h"
+#include "output/report/redact.h"
 #include "output/report/text_table.h"
 #include <stdlib.h>
 #include <string.h>

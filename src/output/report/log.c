@@ -7,7 +7,7 @@
 #include "base/parallel.h"
 #include "base/site_key.h"
 #include "output/report/info.h"
-#include "output/report/masked.h"
+#include "output/report/redact.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
@@ -136,9 +136,9 @@ static void add_once(CtsLog *log, const char *event, json_t *told)
 /* A message names series by their UIDs, and files. */
 static json_t *new_message(const CtsLog *log, const char *text)
 {
-    char *nameless = log->names ? cts_without_names(text, log->names, NULL) : NULL;
+    char *nameless = log->names ? cts_redact_names(text, log->names, NULL) : NULL;
     char *masked =
-        nameless || !log->names ? cts_without_uids(log->has_key ? &log->key : NULL, nameless ? nameless : text) : NULL;
+        nameless || !log->names ? cts_redact_uids(log->has_key ? &log->key : NULL, nameless ? nameless : text) : NULL;
     free(nameless);
     json_t *value = masked ? cts_json_new_text(masked) : json_null();
     free(masked);

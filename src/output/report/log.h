@@ -8,7 +8,7 @@
 #include <stdbool.h>
 
 typedef struct CtsLog CtsLog;
-struct CtsNames; /* masked.h */
+struct CtsNames; /* redact.h */
 
 /* path "-" is stderr; NULL makes *log NULL, which all functions accept and ignore. start_ms is cts_wall_ms() at the
  * start of the program, the origin of t_ms. Opens the file, so that a log that cannot be written is refused before any

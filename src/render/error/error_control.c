@@ -1,11 +1,11 @@
 #include "render/error/error_control.h"
 
-#include "base/chance.h"
 #include "base/clock.h"
 #include "base/limits.h"
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
+#include "base/random.h"
 #include "render/engines/engines.h"
 #include <math.h>
 #include <stdio.h>
@@ -130,7 +130,7 @@ static bool is_drawn(const Round *r, const Strip *s, size_t at)
 {
     const uint64_t place = (uint64_t)r->band->first_row * (uint64_t)r->band->width + at;
     const uint64_t number = place + ((uint64_t)r->number << 60) + 1;
-    return (double)(cts_chance_bits(number) >> 11) * 0x1p-53 < chance_at(r, s, at);
+    return (double)(cts_random_bits(number) >> 11) * 0x1p-53 < chance_at(r, s, at);
 }
 
 static double share_of(const Round *r, Strip *s)

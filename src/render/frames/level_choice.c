@@ -1,8 +1,8 @@
 #include "render/frames/level_choice.h"
 
-#include "base/chance.h"
 #include "base/clock.h"
 #include "base/mem.h"
+#include "base/random.h"
 #include "render/error/error_control.h"
 #include <math.h>
 
@@ -28,7 +28,7 @@ typedef struct Probe {
 
 static int random_below(uint64_t number, int n)
 {
-    return (int)((cts_chance_bits(number) >> 32) * (uint64_t)n >> 32);
+    return (int)((cts_random_bits(number) >> 32) * (uint64_t)n >> 32);
 }
 
 static void add_tile(Probe *p, int row, int x0, int y0)

@@ -1,4 +1,4 @@
-#include "base/near_word.h"
+#include "base/did_you_mean.h"
 
 #include <ctype.h>
 #include <stdio.h>

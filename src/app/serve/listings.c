@@ -33,14 +33,14 @@ static json_t *labels_json(const CtsLabels *labels)
 char *cts_list_labels(CtsServer *server, const char *id)
 {
     pthread_mutex_lock(&server->lock);
-    const CtsShelved *const s = cts_shelf_by_id(&server->shelf, id);
+    const CtsCachedSeries *const s = cts_series_cache_by_id(&server->shelf, id);
     json_t *const list = labels_json(s && s->cuts ? s->loaded.labels : NULL);
     pthread_mutex_unlock(&server->lock);
     return text_of(list, JSON_COMPACT);
 }
 
 /* Contains nothing that identifies the patient. */
-static json_t *series_json(const CtsServer *server, const CtsShelved *shelved)
+static json_t *series_json(const CtsServer *server, const CtsCachedSeries *shelved)
 {
     const CtsSeries *const s = shelved->series;
     char *const reason = s->renderable ? NULL : cts_server_masked(server, shelved, s->reason);
@@ -58,7 +58,7 @@ char *cts_list_series(CtsServer *server)
 {
     json_t *const list = json_array();
     pthread_mutex_lock(&server->lock);
-    for (const CtsShelved *s = server->shelf.first; s; s = s->next)
+    for (const CtsCachedSeries *s = server->shelf.first; s; s = s->next)
         if (s->series)
             json_array_append_new(list, series_json(server, s));
     pthread_mutex_unlock(&server->lock);
@@ -97,7 +97,7 @@ static json_t *vector(const double v[3])
     return json_pack("[ooo]", cts_json_new_number(v[0]), cts_json_new_number(v[1]), cts_json_new_number(v[2]));
 }
 
-char *cts_list_module(const CtsErrand *e)
+char *cts_list_module(const CtsRenderRequest *e)
 {
     static const char *const methods[CTS_N_MODES] = {[CTS_MODE_COMPOSITE] = "VOLUME_RENDERED",
                                                      [CTS_MODE_MIP] = "MAXIMUM_IP",
@@ -127,7 +127,7 @@ char *cts_list_module(const CtsErrand *e)
     return text_of(m, JSON_COMPACT | JSON_PRESERVE_ORDER);
 }
 
-char *cts_list_scene(const CtsServer *server, const CtsErrand *e)
+char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *e)
 {
     const CtsPictureInfo *const info = &e->info;
     json_t *const scene = json_pack("{s:f, s:[fff], s:[ff], s:s, s:[ff], s:s}", "mm_per_pixel", info->mm_per_pixel,

@@ -1,4 +1,4 @@
-#include "output/report/masked.h"
+#include "output/report/redact.h"
 
 #include "base/hash.h"
 #include "base/mem.h"
@@ -32,7 +32,7 @@ static size_t uid_length(const char *text)
     return n;
 }
 
-char *cts_without_uids(const CtsKey *key, const char *text)
+char *cts_redact_uids(const CtsKey *key, const char *text)
 {
     char *masked = NULL;
     size_t size;
@@ -117,7 +117,7 @@ static size_t longest_name(const char *text, const CtsNames *names)
     return longest;
 }
 
-char *cts_without_names(const char *text, const CtsNames *names, char **name)
+char *cts_redact_names(const char *text, const CtsNames *names, char **name)
 {
     char *masked = NULL;
     size_t size;

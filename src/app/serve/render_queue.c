@@ -11,16 +11,16 @@
 #include <string.h>
 #include <unistd.h>
 
-void cts_errand_free(CtsErrand *e)
+void cts_render_request_free(CtsRenderRequest *e)
 {
-    cts_asked_free(&e->asked);
+    cts_render_query_free(&e->asked);
     cts_report_free(&e->report);
     free(e);
 }
 
-bool cts_errand_queue(CtsServer *server, CtsErrand *errand)
+bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *errand)
 {
-    CtsErrand **end = &server->first;
+    CtsRenderRequest **end = &server->first;
     if (server->n_waiting >= CTS_SERVE_WAITING)
         return false;
     while (*end)
@@ -33,20 +33,20 @@ bool cts_errand_queue(CtsServer *server, CtsErrand *errand)
 }
 
 /* The lock is the caller's. */
-static void unlink_errand(CtsServer *server, CtsErrand *errand)
+static void unlink_errand(CtsServer *server, CtsRenderRequest *errand)
 {
-    CtsErrand **link = &server->first;
+    CtsRenderRequest **link = &server->first;
     while (*link != errand)
         link = &(*link)->next;
     *link = errand->next;
     server->n_waiting -= !errand->running;
     errand->shelved->n_asked--;
-    cts_shelf_sweep(&server->shelf);
+    cts_series_cache_sweep(&server->shelf);
 }
 
 static void take_info(void *context, int frame, CtsPicture *band)
 {
-    CtsErrand *const e = context;
+    CtsRenderRequest *const e = context;
     if (frame == 0)
         e->info = band->info;
     /* The picture's description is complete with its first rows. */
@@ -54,7 +54,8 @@ static void take_info(void *context, int frame, CtsPicture *band)
     e->stop |= e->asked.metadata;
 }
 
-static CtsStatus use_lens(CtsErrand *e, const CtsCut *cut, CtsLens *lens, bool is_new, CtsError *err)
+static CtsStatus use_lens(CtsRenderRequest *e, const CtsProcessedVolume *cut, CtsCachedRenderer *lens, bool is_new,
+                          CtsError *err)
 {
     const CtsJob *job = &e->asked.job;
     const CtsLoaded loaded = {.series = e->shelved->series, .volume = cut->volume, .labels = e->shelved->loaded.labels};
@@ -65,7 +66,7 @@ static CtsStatus use_lens(CtsErrand *e, const CtsCut *cut, CtsLens *lens, bool i
     return e->asked.metadata && e->told ? CTS_OK : st;
 }
 
-static CtsStatus make_picture(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsError *err)
+static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *cut, CtsError *err)
 {
     CtsStatus st = cts_fit_window(cut->volume, &e->asked.job.render, &e->asked.preset, &e->report, err);
     if (st)
@@ -73,20 +74,20 @@ static CtsStatus make_picture(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsE
     char *const json = cts_preset_to_json(&e->asked.preset);
     bool is_new = false;
     pthread_mutex_lock(&server->lock);
-    CtsLens *const lens = json ? cts_cut_lens(cut, &e->asked.job, json, &is_new) : NULL;
+    CtsCachedRenderer *const lens = json ? cts_cached_renderer_get(cut, &e->asked.job, json, &is_new) : NULL;
     pthread_mutex_unlock(&server->lock);
     free(json);
     if (!lens)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     st = use_lens(e, cut, lens, is_new, err);
     pthread_mutex_lock(&server->lock);
-    cts_cut_give_back(cut, lens, !lens->prepared.renderer);
+    cts_cached_renderer_give_back(cut, lens, !lens->prepared.renderer);
     pthread_mutex_unlock(&server->lock);
     return st;
 }
 
 /* The picture's file, which has no name any more. */
-static CtsStatus open_picture(const CtsErrand *e, int *fd, CtsError *err)
+static CtsStatus open_picture(const CtsRenderRequest *e, int *fd, CtsError *err)
 {
     *fd = open(e->asked.path, O_RDONLY | O_CLOEXEC);
     if (*fd < 0)
@@ -95,7 +96,7 @@ static CtsStatus open_picture(const CtsErrand *e, int *fd, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus answer_picture(CtsServer *server, CtsErrand *e, CtsHttpAnswer *answer, CtsError *err)
+static CtsStatus answer_picture(CtsServer *server, CtsRenderRequest *e, CtsHttpAnswer *answer, CtsError *err)
 {
     if (e->asked.metadata) {
         char *const json = cts_list_module(e);
@@ -118,10 +119,10 @@ static CtsStatus answer_picture(CtsServer *server, CtsErrand *e, CtsHttpAnswer *
 }
 
 /* One slice is no volume. */
-static CtsStatus check_instance(const CtsErrand *e, CtsError *err)
+static CtsStatus check_instance(const CtsRenderRequest *e, CtsError *err)
 {
     const char *uid = e->asked.instance_uid;
-    const int n = uid[0] ? cts_shelved_count(e->shelved, uid) : e->shelved->series->n_slices;
+    const int n = uid[0] ? cts_cached_series_count(e->shelved, uid) : e->shelved->series->n_slices;
     if (n == e->shelved->series->n_slices)
         return CTS_OK;
     return n ? cts_fail(err, CTS_ERR_USAGE, "the object holds %d of the %d slices of its series (request the series)",
@@ -129,12 +130,14 @@ static CtsStatus check_instance(const CtsErrand *e, CtsError *err)
              : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
 }
 
-static CtsStatus run(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsHttpAnswer *answer, CtsError *err)
+static CtsStatus run(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *cut, CtsHttpAnswer *answer,
+                     CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const bool makes = !cut;
     if (makes) {
-        st = cts_shelf_make(&server->shelf, &server->lock, e->shelved, &e->asked.job.source, &cut, &e->report, err);
+        st = cts_series_cache_make(&server->shelf, &server->lock, e->shelved, &e->asked.job.source, &cut, &e->report,
+                                   err);
         pthread_mutex_lock(&server->lock);
         e->shelved->busy = false;
         if (cut)
@@ -156,13 +159,13 @@ static CtsStatus run(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsHttpAnswer
 }
 
 /* The first queued request whose volume is not in use by another; reserves its resources. */
-static CtsErrand *next_errand(CtsServer *server, CtsCut **cut)
+static CtsRenderRequest *next_errand(CtsServer *server, CtsProcessedVolume **cut)
 {
-    for (CtsErrand *e = server->first; e; e = e->next) {
-        CtsShelved *const s = e->shelved;
+    for (CtsRenderRequest *e = server->first; e; e = e->next) {
+        CtsCachedSeries *const s = e->shelved;
         if (e->running || s->n_running >= CTS_SERVE_WORKERS - 1)
             continue;
-        *cut = s->series ? cts_shelf_cut(s, &e->asked.job.source) : NULL;
+        *cut = s->series ? cts_series_cache_volume(s, &e->asked.job.source) : NULL;
         if (!*cut && s->busy)
             continue;
         if (*cut)
@@ -178,7 +181,7 @@ static CtsErrand *next_errand(CtsServer *server, CtsCut **cut)
     return NULL;
 }
 
-static void serve_one(CtsServer *server, CtsErrand *e, CtsCut *cut)
+static void serve_one(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *cut)
 {
     CtsError err = {0};
     CtsHttpAnswer answer;
@@ -193,7 +196,7 @@ static void serve_one(CtsServer *server, CtsErrand *e, CtsCut *cut)
     pthread_cond_broadcast(&server->work);
     pthread_mutex_unlock(&server->lock);
     server->http->answer(e->request, &answer);
-    cts_errand_free(e);
+    cts_render_request_free(e);
     pthread_mutex_lock(&server->lock);
 }
 
@@ -202,8 +205,8 @@ static void *work(void *context)
     CtsServer *const server = context;
     pthread_mutex_lock(&server->lock);
     for (;;) {
-        CtsCut *cut = NULL;
-        CtsErrand *const e = server->stopping ? NULL : next_errand(server, &cut);
+        CtsProcessedVolume *cut = NULL;
+        CtsRenderRequest *const e = server->stopping ? NULL : next_errand(server, &cut);
         if (e)
             serve_one(server, e, cut);
         else if (server->stopping)
@@ -215,7 +218,7 @@ static void *work(void *context)
     return NULL;
 }
 
-CtsStatus cts_errands_begin(CtsServer *server, CtsError *err)
+CtsStatus cts_render_queue_begin(CtsServer *server, CtsError *err)
 {
     for (; server->n_workers < CTS_SERVE_WORKERS; server->n_workers++)
         if (cts_thread_start(&server->workers[server->n_workers], work, server))
@@ -224,20 +227,20 @@ CtsStatus cts_errands_begin(CtsServer *server, CtsError *err)
 }
 
 /* The lock is the caller's. */
-static void drop_waiting(CtsServer *server, CtsErrand *e, const char *why)
+static void drop_waiting(CtsServer *server, CtsRenderRequest *e, const char *why)
 {
     CtsHttpAnswer answer;
     cts_answer_text(&answer, server, 503, why);
     server->http->answer(e->request, &answer);
     unlink_errand(server, e);
-    cts_errand_free(e);
+    cts_render_request_free(e);
 }
 
 static void drop_gone(CtsServer *server, const struct pollfd *sockets, int n)
 {
-    CtsErrand *e = server->first;
+    CtsRenderRequest *e = server->first;
     for (int i = 0; i < n && e; i++) {
-        CtsErrand *const next = e->next;
+        CtsRenderRequest *const next = e->next;
         if (sockets[i].revents & (POLLRDHUP | POLLHUP | POLLERR)) {
             e->stop = 1;
             if (!e->running)
@@ -247,26 +250,26 @@ static void drop_gone(CtsServer *server, const struct pollfd *sockets, int n)
     }
 }
 
-void cts_errands_watch(CtsServer *server, int ms)
+void cts_render_queue_watch(CtsServer *server, int ms)
 {
     struct pollfd sockets[CTS_SERVE_WAITING + CTS_SERVE_WORKERS];
     int n = 0;
     poll(NULL, 0, ms);
     /* Under the lock no request ends, so that each socket is still its own. */
     pthread_mutex_lock(&server->lock);
-    for (const CtsErrand *e = server->first; e; e = e->next)
+    for (const CtsRenderRequest *e = server->first; e; e = e->next)
         sockets[n++] = (struct pollfd){.fd = e->socket, .events = POLLRDHUP};
     if (n && poll(sockets, (nfds_t)n, 0) > 0)
         drop_gone(server, sockets, n);
     pthread_mutex_unlock(&server->lock);
 }
 
-void cts_errands_end(CtsServer *server)
+void cts_render_queue_end(CtsServer *server)
 {
     static const char why[] = "the server is stopping";
     pthread_mutex_lock(&server->lock);
     server->stopping = true;
-    for (CtsErrand *e = server->first, *next; e; e = next) {
+    for (CtsRenderRequest *e = server->first, *next; e; e = next) {
         next = e->next;
         e->stop = 1;
         if (!e->running)

@@ -1,7 +1,7 @@
 /* Redaction of messages for logs and journals: a UID identifies the patient in the archive, its hash does not; names of
  * files and folders often contain the patient's. */
-#ifndef CTS_REPORT_MASKED_H
-#define CTS_REPORT_MASKED_H
+#ifndef CTS_REPORT_REDACT_H
+#define CTS_REPORT_REDACT_H
 
 #include "base/site_key.h"
 #include <stddef.h>
@@ -11,7 +11,7 @@
 char *cts_uid_hash(const CtsKey *key, const char *uid);
 /* The text with every UID replaced by "uid:HASH", without a key by "uid:?", except those of the standard itself; NULL
  * without memory. */
-char *cts_without_uids(const CtsKey *key, const char *text);
+char *cts_redact_uids(const CtsKey *key, const char *text);
 
 /* Names of input files. Zero-initialise; free with cts_names_free(). */
 typedef struct CtsNames {
@@ -24,6 +24,6 @@ void cts_names_add(CtsNames *names, const char *path);
 void cts_names_free(CtsNames *names);
 /* The text without "NAME: " and "NAME, frame N: " for known files, and with other paths to them as "(path)"; NULL
  * without memory. *name, unless name is NULL: the first one removed, or NULL. Free both. */
-char *cts_without_names(const char *text, const CtsNames *names, char **name);
+char *cts_redact_names(const char *text, const CtsNames *names, char **name);
 
 #endif

@@ -1,4 +1,4 @@
-"""near.py RMSE A B: two pictures of one size differ by less than RMSE, over display values 0..1, and are not empty."""
+"""tolerance.py RMSE A B: two pictures of one size differ by less than RMSE, over display values 0..1, and are not empty."""
 import sys
 
 from pictures import check, read_png

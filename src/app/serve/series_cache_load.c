@@ -1,5 +1,5 @@
 /* Loading of series: find or fetch, read, process volumes, and free others to make room. */
-#include "app/serve/shelf.h"
+#include "app/serve/series_cache.h"
 
 #include "base/clock.h"
 #include <stdio.h>
@@ -9,16 +9,16 @@
 /* Idle renderers of one volume: as many presets as a page has at hand. */
 enum { IDLE_LENSES = 6 };
 
-static void free_lens(CtsLens *lens)
+static void free_lens(CtsCachedRenderer *lens)
 {
     cts_render_end(&lens->prepared.renderer);
     free(lens->preset);
     free(lens);
 }
 
-static void free_cut(CtsCut *cut)
+static void free_cut(CtsProcessedVolume *cut)
 {
-    for (CtsLens *l = cut->lenses, *next; l; l = next) {
+    for (CtsCachedRenderer *l = cut->lenses, *next; l; l = next) {
         next = l->next;
         free_lens(l);
     }
@@ -28,11 +28,11 @@ static void free_cut(CtsCut *cut)
 }
 
 /* Frees the least recently used ones that are idle. */
-static void drop_idle(CtsCut *cut)
+static void drop_idle(CtsProcessedVolume *cut)
 {
     int n = 0;
-    CtsLens **oldest = NULL;
-    for (CtsLens **l = &cut->lenses; *l; l = &(*l)->next)
+    CtsCachedRenderer **oldest = NULL;
+    for (CtsCachedRenderer **l = &cut->lenses; *l; l = &(*l)->next)
         if (!(*l)->in_use) {
             n++;
             if (!oldest || (*l)->used_ms < (*oldest)->used_ms)
@@ -40,14 +40,15 @@ static void drop_idle(CtsCut *cut)
         }
     if (n <= IDLE_LENSES)
         return;
-    CtsLens *const gone = *oldest;
+    CtsCachedRenderer *const gone = *oldest;
     *oldest = gone->next;
     free_lens(gone);
 }
 
-CtsLens *cts_cut_lens(CtsCut *cut, const CtsJob *job, const char *preset_json, bool *is_new)
+CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *cut, const CtsJob *job, const char *preset_json,
+                                           bool *is_new)
 {
-    CtsLens *l = cut->lenses;
+    CtsCachedRenderer *l = cut->lenses;
     while (l && (l->in_use || strcmp(l->preset, preset_json) || !cts_job_again(job, &l->prepared)))
         l = l->next;
     *is_new = !l;
@@ -64,11 +65,11 @@ CtsLens *cts_cut_lens(CtsCut *cut, const CtsJob *job, const char *preset_json, b
     return l;
 }
 
-void cts_cut_give_back(CtsCut *cut, CtsLens *lens, bool failed)
+void cts_cached_renderer_give_back(CtsProcessedVolume *cut, CtsCachedRenderer *lens, bool failed)
 {
     lens->in_use = false;
     lens->used_ms = cut->used_ms = cts_wall_ms();
-    CtsLens **link = &cut->lenses;
+    CtsCachedRenderer **link = &cut->lenses;
     while (*link != lens)
         link = &(*link)->next;
     if (failed) {
@@ -78,9 +79,9 @@ void cts_cut_give_back(CtsCut *cut, CtsLens *lens, bool failed)
     drop_idle(cut);
 }
 
-static void drop_cut(CtsShelf *shelf, CtsShelved *s, CtsCut *cut)
+static void drop_cut(CtsSeriesCache *shelf, CtsCachedSeries *s, CtsProcessedVolume *cut)
 {
-    CtsCut **link = &s->cuts;
+    CtsProcessedVolume **link = &s->cuts;
     while (*link != cut)
         link = &(*link)->next;
     *link = cut->next;
@@ -88,7 +89,7 @@ static void drop_cut(CtsShelf *shelf, CtsShelved *s, CtsCut *cut)
     free_cut(cut);
 }
 
-void cts_shelf_drop(CtsShelf *shelf, CtsShelved *s)
+void cts_series_cache_drop(CtsSeriesCache *shelf, CtsCachedSeries *s)
 {
     while (s->cuts)
         drop_cut(shelf, s, s->cuts);
@@ -108,16 +109,16 @@ static uint64_t bytes_of(const CtsVolume *v)
     return n * sizeof *v->grey + n / 4; /* macro-cells, and data of renderers */
 }
 
-static bool is_idle(const CtsShelved *s)
+static bool is_idle(const CtsCachedSeries *s)
 {
     return !s->busy && s->n_running == 0 && (s->bytes || s->cuts);
 }
 
 /* Frees the least recently used volume of a series. */
-static bool drop_one_cut(CtsShelf *shelf, CtsShelved *s)
+static bool drop_one_cut(CtsSeriesCache *shelf, CtsCachedSeries *s)
 {
-    CtsCut *oldest = NULL;
-    for (CtsCut *c = s->cuts; c; c = c->next)
+    CtsProcessedVolume *oldest = NULL;
+    for (CtsProcessedVolume *c = s->cuts; c; c = c->next)
         if (c->n_users == 0 && (!oldest || c->used_ms < oldest->used_ms))
             oldest = c;
     if (oldest)
@@ -125,15 +126,15 @@ static bool drop_one_cut(CtsShelf *shelf, CtsShelved *s)
     return oldest;
 }
 
-static bool make_room(CtsShelf *shelf, CtsShelved *own, uint64_t bytes)
+static bool make_room(CtsSeriesCache *shelf, CtsCachedSeries *own, uint64_t bytes)
 {
     while (shelf->bytes + bytes > shelf->most_bytes) {
-        CtsShelved *oldest = NULL;
-        for (CtsShelved *s = shelf->first; s; s = s->next)
+        CtsCachedSeries *oldest = NULL;
+        for (CtsCachedSeries *s = shelf->first; s; s = s->next)
             if (s != own && is_idle(s) && (!oldest || s->used_ms < oldest->used_ms))
                 oldest = s;
         if (oldest)
-            cts_shelf_drop(shelf, oldest);
+            cts_series_cache_drop(shelf, oldest);
         else if (!drop_one_cut(shelf, own))
             return false;
     }
@@ -141,7 +142,8 @@ static bool make_room(CtsShelf *shelf, CtsShelved *own, uint64_t bytes)
     return true;
 }
 
-static CtsStatus reserve(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *own, uint64_t bytes, CtsError *err)
+static CtsStatus reserve(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *own, uint64_t bytes,
+                         CtsError *err)
 {
     pthread_mutex_lock(lock);
     const bool has = make_room(shelf, own, bytes);
@@ -153,14 +155,15 @@ static CtsStatus reserve(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *own
                     (unsigned long long)(bytes >> 20), (unsigned long long)(most >> 20));
 }
 
-static void give_up(CtsShelf *shelf, pthread_mutex_t *lock, uint64_t bytes)
+static void give_up(CtsSeriesCache *shelf, pthread_mutex_t *lock, uint64_t bytes)
 {
     pthread_mutex_lock(lock);
     shelf->bytes -= bytes;
     pthread_mutex_unlock(lock);
 }
 
-static CtsStatus look_in(const char *path, const CtsSource *source, CtsShelved *s, CtsReport *report, CtsError *err)
+static CtsStatus look_in(const char *path, const CtsSource *source, CtsCachedSeries *s, CtsReport *report,
+                         CtsError *err)
 {
     const CtsSeriesSearch search = {
         .paths = &path, .n_paths = 1, .n_threads = source->n_threads, .rules = source->rules};
@@ -169,14 +172,14 @@ static CtsStatus look_in(const char *path, const CtsSource *source, CtsShelved *
 }
 
 /* Tries each possible location in turn. */
-static CtsStatus find_on_demand(const CtsShelf *shelf, const CtsSource *source, CtsShelved *s, CtsReport *report,
-                                CtsError *err)
+static CtsStatus find_on_demand(const CtsSeriesCache *shelf, const CtsSource *source, CtsCachedSeries *s,
+                                CtsReport *report, CtsError *err)
 {
     const CtsOptions *const o = shelf->options;
     CtsStatus st = CTS_ERR_NO_SERIES;
     char *path;
     for (int i = 0; st && i < o->paths.n; i++)
-        if ((path = cts_shelf_path(o->paths.items[i], s->uid, ""))) {
+        if ((path = cts_series_cache_path(o->paths.items[i], s->uid, ""))) {
             cts_loaded_free(&s->loaded);
             st = look_in(path, source, s, report, err);
             free(path);
@@ -196,7 +199,7 @@ static CtsStatus find_on_demand(const CtsShelf *shelf, const CtsSource *source, 
     return CTS_OK;
 }
 
-static CtsStatus read_slices(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, const CtsSource *source,
+static CtsStatus read_slices(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
                              CtsReport *report, CtsError *err)
 {
     const uint64_t bytes =
@@ -225,7 +228,7 @@ static CtsStatus read_slices(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved 
     return st;
 }
 
-static CtsStatus read_once(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, const CtsSource *source,
+static CtsStatus read_once(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
                            CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -241,10 +244,10 @@ static CtsStatus read_once(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s
     return st;
 }
 
-CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, const CtsSource *source, CtsCut **cut,
-                         CtsReport *report, CtsError *err)
+CtsStatus cts_series_cache_make(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *s,
+                                const CtsSource *source, CtsProcessedVolume **cut, CtsReport *report, CtsError *err)
 {
-    CtsCut *made = calloc(1, sizeof *made);
+    CtsProcessedVolume *made = calloc(1, sizeof *made);
     if (made && !(made->choice = cts_source_choice(source))) {
         free(made);
         made = NULL;

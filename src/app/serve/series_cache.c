@@ -1,15 +1,15 @@
-#include "app/serve/shelf.h"
+#include "app/serve/series_cache.h"
 
 #include "base/mem.h"
 #include "base/text.h"
 #include "dicom/header/slice.h"
-#include "output/report/masked.h"
+#include "output/report/redact.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
 
-static CtsStatus name_it(CtsShelf *shelf, CtsShelved *s, int part, CtsError *err)
+static CtsStatus name_it(CtsSeriesCache *shelf, CtsCachedSeries *s, int part, CtsError *err)
 {
     char text[96];
     snprintf(text, sizeof text, "%s#%d", s->uid, part);
@@ -21,10 +21,10 @@ static CtsStatus name_it(CtsShelf *shelf, CtsShelved *s, int part, CtsError *err
     return CTS_OK;
 }
 
-static CtsStatus add(CtsShelf *shelf, const char *study_uid, const char *uid, int part, CtsShelved **added,
+static CtsStatus add(CtsSeriesCache *shelf, const char *study_uid, const char *uid, int part, CtsCachedSeries **added,
                      CtsError *err)
 {
-    CtsShelved *s = calloc(1, sizeof *s), **end = &shelf->first;
+    CtsCachedSeries *s = calloc(1, sizeof *s), **end = &shelf->first;
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     snprintf(s->uid, sizeof s->uid, "%s", uid);
@@ -41,7 +41,7 @@ static CtsStatus add(CtsShelf *shelf, const char *study_uid, const char *uid, in
 }
 
 /* Without a site key, series names last as long as the server. */
-static CtsStatus find_key(CtsShelf *shelf, CtsError *err)
+static CtsStatus find_key(CtsSeriesCache *shelf, CtsError *err)
 {
     CtsError why;
     if (!cts_key_load(shelf->options->export.key, !shelf->options->export.key, &shelf->key, &why))
@@ -77,7 +77,7 @@ static const char **slice_paths(const CtsSeriesList *list, size_t *n)
 }
 
 /* Presentation states are among the files that the search skips. */
-static CtsStatus find_states(CtsShelf *shelf, CtsError *err)
+static CtsStatus find_states(CtsSeriesCache *shelf, CtsError *err)
 {
     const CtsSeriesList *const list = shelf->list;
     size_t n_slices;
@@ -88,7 +88,7 @@ static CtsStatus find_states(CtsShelf *shelf, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
     for (size_t i = 0; i < list->n_paths && shelf->n_states < (size_t)list->n_not_ct; i++) {
-        CtsShelvedState *const state = &shelf->states[shelf->n_states];
+        CtsCachedState *const state = &shelf->states[shelf->n_states];
         if (!bsearch(&list->paths[i], slices, n_slices, sizeof *slices, by_text) &&
             !cts_state_uid(list->paths[i], state->sop_uid, NULL)) {
             state->path = list->paths[i];
@@ -99,16 +99,17 @@ static CtsStatus find_states(CtsShelf *shelf, CtsError *err)
     return CTS_OK;
 }
 
-char *cts_shelf_path(const char *pattern, const char *uid, const char *more)
+char *cts_series_cache_path(const char *pattern, const char *uid, const char *more)
 {
-    const char *at = strstr(pattern, CTS_SHELF_PLACE);
+    const char *at = strstr(pattern, CTS_SERIES_UID_MARKER);
     char *path;
-    if (!at || asprintf(&path, "%.*s%s%s%s", (int)(at - pattern), pattern, uid, at + strlen(CTS_SHELF_PLACE), more) < 0)
+    if (!at ||
+        asprintf(&path, "%.*s%s%s%s", (int)(at - pattern), pattern, uid, at + strlen(CTS_SERIES_UID_MARKER), more) < 0)
         return NULL;
     return path;
 }
 
-char *cts_shelf_state(const CtsShelf *shelf, const char *series_uid, const char *sop_uid)
+char *cts_series_cache_state(const CtsSeriesCache *shelf, const char *series_uid, const char *sop_uid)
 {
     const CtsTextList *const paths = &shelf->options->paths;
     char name[80], uid[65];
@@ -117,7 +118,7 @@ char *cts_shelf_state(const CtsShelf *shelf, const char *series_uid, const char 
             return strdup(shelf->states[i].path);
     snprintf(name, sizeof name, "/%s.dcm", sop_uid);
     for (int i = 0; i < paths->n && cts_uid_is_valid(series_uid) && cts_uid_is_valid(sop_uid); i++) {
-        char *const path = cts_shelf_path(paths->items[i], series_uid, name);
+        char *const path = cts_series_cache_path(paths->items[i], series_uid, name);
         if (path && !cts_state_uid(path, uid, NULL) && !strcmp(uid, sop_uid))
             return path;
         free(path);
@@ -125,7 +126,7 @@ char *cts_shelf_state(const CtsShelf *shelf, const char *series_uid, const char 
     return NULL;
 }
 
-int cts_shelved_count(const CtsShelved *shelved, const char *sop_uid)
+int cts_cached_series_count(const CtsCachedSeries *shelved, const char *sop_uid)
 {
     const CtsSeries *const s = shelved->series;
     int n = 0;
@@ -134,7 +135,7 @@ int cts_shelved_count(const CtsShelved *shelved, const char *sop_uid)
     return n;
 }
 
-CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *report, CtsError *err)
+CtsStatus cts_series_cache_fill(CtsSeriesCache *shelf, const CtsOptions *options, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const char **paths = calloc((size_t)options->paths.n + 1, sizeof *paths);
@@ -148,7 +149,7 @@ CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *
         return cts_fail(err, CTS_ERR_USAGE, "the amount of free memory is unknown (give `memory` SIZE)");
     }
     for (int i = 0; i < options->paths.n; i++)
-        if (!strstr(options->paths.items[i], CTS_SHELF_PLACE))
+        if (!strstr(options->paths.items[i], CTS_SERIES_UID_MARKER))
             paths[n++] = options->paths.items[i];
     st = find_key(shelf, err);
     const CtsSeriesSearch search = {
@@ -157,7 +158,7 @@ CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *
         st = cts_series_search(&search, &shelf->list, report, err);
     for (size_t i = 0; !st && shelf->list && i < shelf->list->n; i++) {
         CtsSeries *const series = &shelf->list->items[i];
-        CtsShelved *s;
+        CtsCachedSeries *s;
         if (!(st = add(shelf, series->study_uid, series->uid, series->part, &s, err)))
             s->series = s->loaded.series = series;
     }
@@ -167,30 +168,30 @@ CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *
     return st;
 }
 
-void cts_shelf_free(CtsShelf *shelf)
+void cts_series_cache_free(CtsSeriesCache *shelf)
 {
-    for (CtsShelved *s = shelf->first, *next; s; s = next) {
+    for (CtsCachedSeries *s = shelf->first, *next; s; s = next) {
         next = s->next;
-        cts_shelf_drop(shelf, s);
+        cts_series_cache_drop(shelf, s);
         free(s);
     }
     free(shelf->states);
     cts_series_list_free(&shelf->list);
-    *shelf = (CtsShelf){0};
+    *shelf = (CtsSeriesCache){0};
 }
 
-CtsShelved *cts_shelf_by_id(CtsShelf *shelf, const char *id)
+CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *shelf, const char *id)
 {
-    CtsShelved *s = shelf->first;
+    CtsCachedSeries *s = shelf->first;
     while (s && strcmp(s->id, id))
         s = s->next;
     return s;
 }
 
-void cts_shelf_sweep(CtsShelf *shelf)
+void cts_series_cache_sweep(CtsSeriesCache *shelf)
 {
-    for (CtsShelved **link = &shelf->first; *link;) {
-        CtsShelved *const s = *link;
+    for (CtsCachedSeries **link = &shelf->first; *link;) {
+        CtsCachedSeries *const s = *link;
         if (s->on_demand && !s->series && s->n_asked == 0) {
             *link = s->next;
             free(s);
@@ -200,26 +201,27 @@ void cts_shelf_sweep(CtsShelf *shelf)
     }
 }
 
-static bool can_be_had(const CtsShelf *shelf)
+static bool can_be_had(const CtsSeriesCache *shelf)
 {
     bool can = shelf->options->from.given;
     for (int i = 0; i < shelf->options->paths.n; i++)
-        can |= strstr(shelf->options->paths.items[i], CTS_SHELF_PLACE) != NULL;
+        can |= strstr(shelf->options->paths.items[i], CTS_SERIES_UID_MARKER) != NULL;
     return can;
 }
 
 /* Of several volumes under one UID the first that can be rendered. */
-static CtsShelved *find_uid(const CtsShelf *shelf, const char *study_uid, const char *uid)
+static CtsCachedSeries *find_uid(const CtsSeriesCache *shelf, const char *study_uid, const char *uid)
 {
-    CtsShelved *found = NULL;
-    for (CtsShelved *s = shelf->first; s; s = s->next)
+    CtsCachedSeries *found = NULL;
+    for (CtsCachedSeries *s = shelf->first; s; s = s->next)
         if (!strcmp(s->uid, uid) && !strcmp(s->study_uid, study_uid) &&
             (!found || (found->series && !found->series->renderable && s->series && s->series->renderable)))
             found = s;
     return found;
 }
 
-CtsStatus cts_shelf_by_uid(CtsShelf *shelf, const char *study_uid, const char *uid, CtsShelved **found, CtsError *err)
+CtsStatus cts_series_cache_by_uid(CtsSeriesCache *shelf, const char *study_uid, const char *uid,
+                                  CtsCachedSeries **found, CtsError *err)
 {
     *found = find_uid(shelf, study_uid, uid);
     if (*found)
@@ -232,11 +234,12 @@ CtsStatus cts_shelf_by_uid(CtsShelf *shelf, const char *study_uid, const char *u
     return st;
 }
 
-CtsStatus cts_shelf_of_study(CtsShelf *shelf, const char *study_uid, CtsShelved **found, CtsError *err)
+CtsStatus cts_series_cache_of_study(CtsSeriesCache *shelf, const char *study_uid, CtsCachedSeries **found,
+                                    CtsError *err)
 {
     int n = 0;
     *found = NULL;
-    for (CtsShelved *s = shelf->first; s; s = s->next)
+    for (CtsCachedSeries *s = shelf->first; s; s = s->next)
         if (!strcmp(s->study_uid, study_uid) && s->series && s->series->renderable) {
             *found = s;
             n++;
@@ -247,9 +250,9 @@ CtsStatus cts_shelf_of_study(CtsShelf *shelf, const char *study_uid, CtsShelved 
                   : cts_fail(err, CTS_ERR_USAGE, "the study has %d volumes (ask for one: /studies/.../series/...)", n);
 }
 
-CtsCut *cts_shelf_cut(const CtsShelved *s, const CtsSource *source)
+CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *s, const CtsSource *source)
 {
-    CtsCut *c = s->cuts;
+    CtsProcessedVolume *c = s->cuts;
     char *const choice = cts_source_choice(source);
     while (c && choice && strcmp(c->choice, choice))
         c = c->next;

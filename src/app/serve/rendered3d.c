@@ -187,7 +187,7 @@ static CtsStatus positive(const CtsQuery *from, const char *name, double *value,
                : cts_fail(err, CTS_ERR_USAGE, "%s %.40s: not a number greater than zero", name, text);
 }
 
-static CtsStatus take_swivel(CtsAsked *asked, const CtsQuery *from, CtsError *err)
+static CtsStatus take_swivel(CtsRenderQuery *asked, const CtsQuery *from, CtsError *err)
 {
     CtsStatus st;
     if ((st = positive(from, "swivelrange", &asked->swivel_range_deg, err)) ||
@@ -300,7 +300,7 @@ static int accept_best(const char *list, const char *const *media_types, int n)
     return best;
 }
 
-static const CtsFormatInfo *choose_format(CtsAsked *asked, const char *accept)
+static const CtsFormatInfo *choose_format(CtsRenderQuery *asked, const char *accept)
 {
     static const char *const names[] = {"jpg", "png", "webp", "dcm"};
     static const char *const metadata[] = {"application/dicom+json", "application/json"};
@@ -320,7 +320,8 @@ static const CtsFormatInfo *choose_format(CtsAsked *asked, const char *accept)
     return best < 0 ? NULL : formats[best];
 }
 
-CtsStatus cts_asked_rendered(CtsAsked *asked, const char *accept, const CtsFormatInfo **format, CtsError *err)
+CtsStatus cts_render_query_rendered3d(CtsRenderQuery *asked, const char *accept, const CtsFormatInfo **format,
+                                      CtsError *err)
 {
     CtsQuery from = asked->query;
     CtsQuery *const words = &asked->query;

@@ -1,6 +1,6 @@
 /* Suggestions for misspelt words. */
-#ifndef CTS_BASE_NEAR_WORD_H
-#define CTS_BASE_NEAR_WORD_H
+#ifndef CTS_BASE_DID_YOU_MEAN_H
+#define CTS_BASE_DID_YOU_MEAN_H
 
 #include <stddef.h>
 

@@ -1,6 +1,6 @@
 /* Isolation of a process that runs codecs on untrusted bytes. */
-#ifndef CTS_BASE_WALLS_H
-#define CTS_BASE_WALLS_H
+#ifndef CTS_BASE_ISOLATION_H
+#define CTS_BASE_ISOLATION_H
 
 #include "base/sanitized.h"
 #include <stddef.h>
@@ -9,12 +9,12 @@
  * for memory, transfer over keep_fd and exit remain; opening a file fails, and any other call ends it with SIGSYS. It
  * ignores signals to the program's process group. 0, or an errno. Builds with sanitizers, which map and open files
  * freely, keep only the limits on processes, programs and the network (CTS_SANITIZED). */
-int cts_walls_enter(int keep_fd, size_t n_bytes);
+int cts_isolation_enter(int keep_fd, size_t n_bytes);
 
 /* Only the separation of a child process from its parent: signals, files, no core files. */
-int cts_walls_leave_all(int keep_fd);
+int cts_isolation_leave_all(int keep_fd);
 
 /* For a process that serves a peer: it can start no program and open no connection. 0, or an errno. */
-int cts_walls_stay_inside(void);
+int cts_isolation_stay_inside(void);
 
 #endif

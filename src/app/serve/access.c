@@ -22,7 +22,7 @@ static CtsStatus make_token(CtsServer *server, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_guard_token(CtsServer *server, CtsError *err)
+CtsStatus cts_access_token(CtsServer *server, CtsError *err)
 {
     const char *path = server->options->token_file;
     if (server->local_socket)
@@ -133,7 +133,7 @@ static void answer_preflight(const CtsServer *server, CtsHttpAnswer *answer)
     cts_answer_header(answer, "Access-Control-Allow-Headers", "Authorization");
 }
 
-bool cts_guard(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
+bool cts_access_check(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
     const char *host = request->host, *method = request->method;
     if (!server->local_socket && (!host || !host_is_ours(server, host)))

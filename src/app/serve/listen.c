@@ -99,7 +99,7 @@ static CtsStatus name_it(CtsServer *server, int fd, char **url, CtsError *err)
                : CTS_OK;
 }
 
-CtsStatus cts_door_open(CtsServer *server, int *fd, char **url, CtsError *err)
+CtsStatus cts_listen_open(CtsServer *server, int *fd, char **url, CtsError *err)
 {
     const char *address = address_of(server);
     CtsStatus st = CTS_OK;
@@ -116,7 +116,7 @@ CtsStatus cts_door_open(CtsServer *server, int *fd, char **url, CtsError *err)
     return st;
 }
 
-void cts_door_close(const CtsServer *server)
+void cts_listen_close(const CtsServer *server)
 {
     const char *address = address_of(server);
     if (server->local_socket && !is_handed_over())

@@ -9,7 +9,7 @@
 void cts_query_add(void *query, const char *name, const char *value)
 {
     CtsQuery *const q = query;
-    q->too_many |= q->n == CTS_ASKED_PARTS;
+    q->too_many |= q->n == CTS_QUERY_PARTS;
     if (q->too_many)
         return;
     q->parts[q->n].name = name;
@@ -70,7 +70,7 @@ static CtsStatus check_look(const char *text, CtsError *err)
     return check_preset(first + strcspn(first, "/#") < last ? first + 1 : last + 1, err);
 }
 
-static CtsStatus take_words(CtsAsked *asked, CtsError *err)
+static CtsStatus take_words(CtsRenderQuery *asked, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (int i = 0; i < asked->query.n && !st; i++) {
@@ -85,7 +85,7 @@ static CtsStatus take_words(CtsAsked *asked, CtsError *err)
     return st;
 }
 
-static CtsStatus name_file(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
+static CtsStatus name_file(CtsRenderQuery *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
                            CtsError *err)
 {
     if (asprintf(&asked->path, "%s/%lu.%s", folder, serial, format->name) < 0) {
@@ -95,8 +95,8 @@ static CtsStatus name_file(CtsAsked *asked, const CtsFormatInfo *format, const c
     return cts_options_take(&asked->options, CTS_FOR_JOB, &(CtsWord){.name = "output", .value = asked->path}, err);
 }
 
-CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
-                          int n_threads, CtsReport *report, CtsError *err)
+CtsStatus cts_render_query_options(CtsRenderQuery *asked, const CtsFormatInfo *format, const char *folder,
+                                   unsigned long serial, int n_threads, CtsReport *report, CtsError *err)
 {
     CtsOptions *const o = &asked->options;
     CtsStatus st;
@@ -106,7 +106,7 @@ CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const ch
     o->export.scratch = true;
     o->export.png_8_bits = true; /* as the standard requires; option png-bits overrides it */
     if (asked->query.too_many)
-        return cts_fail(err, CTS_ERR_USAGE, "more than %d parameters", CTS_ASKED_PARTS);
+        return cts_fail(err, CTS_ERR_USAGE, "more than %d parameters", CTS_QUERY_PARTS);
     if (asked->state_path &&
         (st = cts_options_take(o, CTS_FOR_JOB, &(CtsWord){.name = "state", .value = asked->state_path}, err)))
         return st;
@@ -124,10 +124,10 @@ CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const ch
     return cts_job_check(&asked->job, report, err);
 }
 
-void cts_asked_free(CtsAsked *asked)
+void cts_render_query_free(CtsRenderQuery *asked)
 {
     cts_options_free(&asked->options);
     free(asked->path);
     free(asked->state_path);
-    *asked = (CtsAsked){.path = NULL};
+    *asked = (CtsRenderQuery){.path = NULL};
 }

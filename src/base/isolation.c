@@ -1,4 +1,4 @@
-#include "base/walls.h"
+#include "base/isolation.h"
 
 #include <errno.h>
 #include <malloc.h>
@@ -135,7 +135,7 @@ static int close_others(int keep_fd)
     return close_range(keep + 1, ~0u, 0) ? errno : 0;
 }
 
-int cts_walls_leave_all(int keep_fd)
+int cts_isolation_leave_all(int keep_fd)
 {
     leave_signals();
     /* a core file would contain patient data; if this fails, the limit on core files still holds */
@@ -144,17 +144,17 @@ int cts_walls_leave_all(int keep_fd)
     return result ? result : close_others(keep_fd);
 }
 
-int cts_walls_enter(int keep_fd, size_t n_bytes)
+int cts_isolation_enter(int keep_fd, size_t n_bytes)
 {
     mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, at a thread's first call */
     free(malloc(1));
     int result = limit_resources(n_bytes); /* reads a file */
     if (!result)
-        result = cts_walls_leave_all(keep_fd);
+        result = cts_isolation_leave_all(keep_fd);
     return result ? result : load_filter();
 }
 
-int cts_walls_stay_inside(void)
+int cts_isolation_stay_inside(void)
 {
     static const int reaching[] = {SCMP_SYS(execve), SCMP_SYS(execveat),        SCMP_SYS(socket), SCMP_SYS(connect),
                                    SCMP_SYS(bind),   SCMP_SYS(listen),          SCMP_SYS(accept), SCMP_SYS(accept4),
