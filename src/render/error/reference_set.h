@@ -2,19 +2,19 @@
 #ifndef CTS_RENDER_REFERENCE_SET_H
 #define CTS_RENDER_REFERENCE_SET_H
 
-#include "ctsplat/reference.h"
 #include "core/scene/engine.h"
+#include "ctsplat/reference.h"
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Pixel i stands for weight[i] of the picture; the weights sum to about 1. */
+/* Pixel i represents weight[i] of the picture; the weights sum to about 1. */
 struct CtsReference {
     int width, height;
     double background[3];
     size_t n;
     int (*xy)[2];
     double *weight;
-    double unit;       /* the largest weight of pixels that stand for others too; 0: there are none */
+    double unit;       /* largest weight of pixels that represent others too; 0: all pixels are sampled */
     double (*rgba)[4]; /* premultiplied, before blending over the background */
 };
 
@@ -26,14 +26,14 @@ CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, s
 
 /* The true values of the pixels. */
 CtsStatus cts_reference_cast(CtsReference *reference, const CtsScene *scene, CtsError *err);
-/* How far the values found at the pixels are from the true ones. The interval takes pixels 2 i and 2 i + 1 to share a
- * part of the picture, as they do where they were placed; else see base/limits.h. */
+/* Compares values at the pixels with the reference values. The interval assumes that pixels 2 i and 2 i + 1 share a
+ * part of the picture, as in stratified sets; for others see base/limits.h. */
 CtsStatus cts_reference_judge(const CtsReference *reference, const float (*found)[4], CtsVerified *verified,
                               CtsError *err);
-/* Where pixel i stands in a band of the picture; false when it does not. */
+/* The value of pixel i from a band of the picture; false if it is in another band. */
 bool cts_reference_find(const CtsReference *reference, const CtsPicture *band, size_t i, float rgba[4]);
 
-/* A number that tells scenes apart. */
+/* A hash of the scene. */
 uint64_t cts_reference_seed(const CtsScene *scene);
 
 /* SplitMix64 (Steele, Lea, Flood 2014). */

@@ -1,6 +1,6 @@
-/* Pixels fall into classes by how large an error is likely there; a class is sampled evenly (the pixels of the highest
- * random numbers), one more densely than another. Half of the pixels are spread over the picture evenly, whatever its
- * classes, so that no pixel stands for more than twice its share: an error where nobody thought of one is found too. */
+/* Stratified sampling: pixels fall into classes by the probable size of their error; each class is sampled evenly (the
+ * pixels with the highest random numbers), with different densities. Half of the pixels are spread over the whole
+ * picture evenly, so that no pixel stands for more than twice its share: errors in unexpected places are found too. */
 #include "render/error/verify.h"
 
 #include "base/clock.h"
@@ -119,8 +119,8 @@ static inline void line_differences(f32x4 before, f32x4 here, f32x4 behind, f32x
     *second = larger(*second, size_of(on - back));
 }
 
-/* Rows are looked at in groups, so that how a picture is cut into bands does not matter; the picture's and the groups'
- * ends are mirrored. Errors lie where something is seen, along edges, and most of all where single pixels stand out. */
+/* Rows are processed in groups, so that the division of a picture into bands does not matter; the ends of the picture
+ * and of the groups are mirrored. Errors occur at visible pixels, along edges, and most of all at isolated pixels. */
 static inline double importance(const CtsPicture *band, f32x4 back, int x, int y)
 {
     const int n = band->n_channels, row = y % CTS_BAND_ROWS;
@@ -141,8 +141,8 @@ static inline double importance(const CtsPicture *band, f32x4 back, int x, int y
     return LEAST + (largest_of(here) > 0 ? 1 : 0) + 30 * (edge + spot) + 1000 * spot * spot;
 }
 
-/* What the engine says of a pixel's error goes before what the picture lets one guess: the square of it, so that a
- * sixteenth of 1/255 is least. */
+/* The engine's estimate of a pixel's error takes precedence over the picture's contrast: its square, at least a
+ * sixteenth of 1/255. */
 static inline double importance_of_bound(double bound)
 {
     const double steps = 16 * 255 * bound;
@@ -225,7 +225,7 @@ static int make_strata(const CtsVerify *v, Stratum stratum[CLASSES])
     return n;
 }
 
-/* n pixels over the strata by their shares; none gets more than it has. */
+/* Distributes n pixels over the strata by their shares, at most as many as a stratum has. */
 static void share_out(Stratum *stratum, int n_strata, size_t n)
 {
     double share = 0;

@@ -1,4 +1,4 @@
-/* Verification: some pixels of a picture are done again by the reference. */
+/* Verification: some pixels of a picture are compared with the reference. */
 #ifndef CTS_RENDER_VERIFY_H
 #define CTS_RENDER_VERIFY_H
 
@@ -12,9 +12,9 @@ typedef struct CtsVerifyClass {
     size_t n, room, offered;
 } CtsVerifyClass;
 
-/* n pixels of a picture (at most all), first chosen from its bands as they come: half of them anywhere, half where
- * errors are likely large; then done again. Of further pictures of the same scene the same pixels are looked up.
- * Zeroed, it is a verification of nothing, which costs nothing. */
+/* n pixels of a picture (at most all), first chosen from its bands: half of them uniformly, half where errors are
+ * probably large; then rendered by the reference. In further pictures of the same scene the same pixels are compared. A
+ * zeroed struct verifies nothing, at no cost. */
 typedef struct CtsVerify {
     const CtsScene *scene;
     size_t n;
@@ -26,15 +26,14 @@ typedef struct CtsVerify {
 } CtsVerify;
 
 CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n, CtsError *err);
-/* bound: what each pixel's error, rms over red, green and blue, hardly exceeds, as far as the engine knows; errors are
- * taken for large where it says so. It is not believed: half of the pixels lie anywhere. NULL: where neighbours differ
- * much. */
+/* bound: the engine's upper limit of each pixel's error, rms over red, green and blue; pixels with large ones are
+ * preferred. It is not trusted: half of the pixels are chosen uniformly. NULL: contrast to neighbours is used. */
 void cts_verify_take(CtsVerify *verify, const CtsPicture *band, const float *bound);
 /* Ends the choice; the true values are left zero. */
 CtsStatus cts_verify_choose(CtsVerify *verify, CtsError *err);
-/* Does the pixels again. */
+/* Renders the chosen pixels by the reference. */
 CtsStatus cts_verify_cast(CtsVerify *verify, CtsError *err);
-/* Chooses, casts, judges and fills report->verified, with an interval that holds for any picture. */
+/* Completes the verification and fills report->verified, with an interval that holds for any picture. */
 CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
 void cts_verify_free(CtsVerify *verify);
 

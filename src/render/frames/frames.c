@@ -17,7 +17,7 @@
 #include <string.h>
 
 struct CtsFrames {
-    const CtsVolume *volume; /* what the engine gets: the caller's, or quantised */
+    const CtsVolume *volume; /* volume for the engine: the caller's, or quantised */
     const CtsVolume *original;
     CtsVolume *quantised;
     const CtsOwners *owners; /* of the caller's volume, or NULL */
@@ -25,20 +25,20 @@ struct CtsFrames {
     CtsRenderSettings settings;
     const CtsEngine *engine;
     CtsEngineId engine_id; /* of engine, which may leave frames to the exact march (CTS_ENGINE_AUTO) */
-    const char *why_exact; /* reason why it has to; NULL: none */
+    const char *why_exact; /* reason for the exact march; NULL: none */
     CtsLut *lut;
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFoundKey key;
     bool key_found, key_told;
     void *kept[CTS_N_ENGINES]; /* by each engine that renders from volume: the chosen one, and the exact march */
-    void *kept_of_original;    /* by the engine that looks what is visible, where volume is quantised */
+    void *kept_of_original;    /* cache of the engine of probe renderings, if volume is quantised */
     int n_begun;               /* frames */
-    CtsRenderSettings fitted;  /* of the last view that was fitted, where is_fitted says so */
+    CtsRenderSettings fitted;  /* settings of the last view that was fitted, if is_fitted */
     bool is_fitted;
 };
 
-/* Opacity that rises by more than this within STEP_HU is a step: a picture of it is an isosurface, whose thinnest parts
- * flip whole pixels, which no sample of pixels can be relied on to meet. */
+/* An opacity that rises by more than this within STEP_HU is a step: its picture is an isosurface, whose thinnest parts
+ * change whole pixels, which a sample of pixels may miss. */
 #define STEP_OPACITY 0.25
 #define STEP_HU 20.0
 
@@ -73,7 +73,7 @@ static const char *why_exact(const CtsVolume *volume, const CtsSceneStore *store
                                                        : NULL;
 }
 
-/* The engine that CTS_ENGINE_AUTO stands for, as far as it does not depend on the view. */
+/* The engine for CTS_ENGINE_AUTO, as far as it does not depend on the view. */
 static CtsEngineId resolve_engine(const CtsVolume *volume, const CtsSceneStore *store, const char **why)
 {
     const CtsEngineId levels = cts_engine_with_levels();
@@ -87,7 +87,7 @@ static CtsEngineId resolve_engine(const CtsVolume *volume, const CtsSceneStore *
 static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
 {
     char list[CTS_ENGINE_LIST_MAX];
-    /* What the exact march cannot do, CTS_ENGINE_AUTO cannot; a level asks for an engine that has it. */
+    /* CTS_ENGINE_AUTO is limited to the features of the exact march; a given level selects an engine that has it. */
     const CtsEngineId levels = cts_engine_with_levels();
     const CtsEngine *e = cts_engine(s->engine != CTS_ENGINE_AUTO ? s->engine
                                     : s->level                   ? levels
@@ -110,7 +110,7 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
     return CTS_OK;
 }
 
-/* Engines that know the edges between owners get the volume with them; others one with air where it is hidden. */
+/* Engines with label boundaries get the volume with its labels; others one in which hidden voxels are air. */
 static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *store, const CtsEngine *engine,
                                const CtsVolume **chosen, CtsError *err)
 {
@@ -236,7 +236,7 @@ const CtsVolume *cts_frames_volume(const CtsFrames *frames)
     return frames->original;
 }
 
-/* What most of the picture's edges show. Of a projection that is the air in the box. */
+/* True if the background around the visible part is light. In a projection that is the air in the box. */
 static bool is_light_behind(const CtsPreset *preset)
 {
     const double *rgb = preset->background;
@@ -265,7 +265,7 @@ static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScen
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 
-/* What --void key leaves out of the transfer function's table; the mixture is that of the volume as it was loaded. */
+/* The void key for the transfer function's table; the mixture is that of the volume as loaded. */
 static CtsStatus find_key(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -413,8 +413,8 @@ static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const
             cts_engine_level_names[c->level], engine->name, 255 * c->limit, c->n_pixels, asked);
 }
 
-/* The level of this frame where none was asked for; frames that no level of the engine suits are the exact march's
- * under CTS_ENGINE_AUTO. Error control keeps what was requested wherever the level was not the caller's choice. */
+/* The level of this frame if none was requested; under CTS_ENGINE_AUTO frames without a suitable level use the exact
+ * march. Error control meets the request where the level was not the caller's choice. */
 static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
 {
     CtsFrames *const f = frame->frames;

@@ -1,6 +1,5 @@
-/* The renderer below the public calls: one volume with one preset, frame by frame, by a plan that its caller gives.
- * What does not change from frame to frame (the quantised copy, the transfer function's table, the void key, what the
- * engine keeps) is made once. */
+/* Rendering of frames of one volume with one preset, by the caller's plan. State that does not change from frame to
+ * frame (the quantised copy, the transfer function's table, the void key, the engine's cache) is computed once. */
 #ifndef CTS_RENDER_FRAMES_H
 #define CTS_RENDER_FRAMES_H
 
@@ -31,34 +30,34 @@ const CtsVolume *cts_frames_volume(const CtsFrames *frames);
 CtsStatus cts_frames_view(CtsFrames *frames, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,
                           CtsError *err);
 
-/* What is wanted of one frame. */
+/* Task for one frame. */
 typedef struct CtsFrameTask {
     double azimuth_deg, elevation_deg;
     CtsPlan plan;
-    int n_verified;  /* pixels to do again with the ray caster */
-    int least_lossy; /* as many at least where --void key has lost something */
+    int n_verified;  /* pixels to be verified by the ray caster */
+    int least_lossy; /* least number of them if --void key loses anything */
     bool want_depth, explain;
 } CtsFrameTask;
 
-/* One frame under way; not to be copied. */
+/* State of one frame; must not be copied. */
 typedef struct CtsFrame {
     CtsFrames *frames;
-    CtsEngineId engine_id; /* that renders it */
+    CtsEngineId engine_id; /* engine of the frame */
     bool want_depth, explain;
     CtsSceneStore store;
-    CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */
+    CtsScene original; /* store's scene with the volume before quantisation, whose loss is part of the error */
     CtsVerify verify;
     CtsErrorControl error_control;
 } CtsFrame;
 
 CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *frames, const CtsFrameTask *task, CtsReport *report,
                           CtsError *err);
-/* Tells the engine's plan, and makes nothing. */
+/* Reports the engine's plan without rendering. */
 CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err);
 /* Rows first_row to first_row + n_rows - 1; free with cts_picture_free(). */
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
                          CtsError *err);
-/* Verifies what was asked for, unless st says that the frame failed. Returns st, or why that failed. */
+/* Verifies the frame as requested, unless st is a failure. Returns st, or the verification's failure. */
 CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err);
 
 #endif

@@ -1,4 +1,4 @@
-/* --void key: the mixture of a volume, the key it proposes, and what that loses, told. */
+/* --void key: the mixture of a volume, its proposed key, and a report of the loss. */
 #ifndef CTS_RENDER_KEY_H
 #define CTS_RENDER_KEY_H
 
@@ -13,7 +13,7 @@ typedef struct CtsFoundKey {
 
 CtsStatus cts_key_find(const CtsVolume *volume, const CtsPreset *preset, int n_threads, CtsFoundKey *found,
                        CtsReport *report, CtsError *err);
-/* The report gets the plan and the loss: a warning, and a line of what is left out. */
+/* Adds the plan and the loss to the report: a warning, and a skipped step. */
 void cts_key_tell(const CtsFoundKey *found, const CtsPreset *preset, CtsReport *report);
 
 #endif

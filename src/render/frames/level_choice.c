@@ -7,7 +7,7 @@
 #include <math.h>
 
 enum {
-    PROBES = 8, /* tiles each way */
+    PROBES = 8, /* tiles in each direction */
     SIDE = 4,   /* of SIDE x SIDE pixels of a tile one is compared */
     TILE = CTS_PROBE_X * CTS_PROBE_Y,
     IN_TILE = TILE / (SIDE * SIDE),
@@ -62,7 +62,7 @@ static void place_probe(Probe *p)
     }
 }
 
-/* Largest limit of a row of tiles: error control keeps the requested error in every strip of the picture. */
+/* Largest limit of a row of tiles, since error control meets the requested error in every strip of the picture. */
 static double limit_of(const Probe *p, int n_tried)
 {
     float indicator[PROBES * IN_TILE];

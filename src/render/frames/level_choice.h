@@ -1,9 +1,9 @@
-/* Choice of the level that an engine renders a frame at (--level not given, --engine auto): the cheapest for which,
- * on a probe of the picture, error control is likely to keep what was requested.
+/* Choice of an engine's level for a frame (without --level, or by --engine auto): the cheapest for which, on a probe of
+ * the picture, error control will probably meet the requested error.
  *
  * The probe is PROBES x PROBES tiles spread over the picture, one at random in each cell of a grid, and one pixel at
  * random in each 4 x 4 of a tile. They are rendered by the exact march once, and at each level from the cheapest on.
- * The choice depends on scene and request alone: no clock, no earlier frame, nothing cached. */
+ * The choice depends on scene and request alone: no clock, no earlier frame, no cache. */
 #ifndef CTS_RENDER_LEVEL_CHOICE_H
 #define CTS_RENDER_LEVEL_CHOICE_H
 
@@ -13,7 +13,7 @@ typedef struct CtsLevelChoice {
     CtsEngineLevel level; /* CTS_LEVEL_AUTO: no level will do */
     int n_tried;
     size_t n_pixels; /* of the probe */
-    double limit;    /* of the error that the last level tried may come to, rms (cts_error_control_predict()) */
+    double limit;    /* limit of the error of the last level tried, rms (cts_error_control_predict()) */
     double wall_ms, cpu_ms;
 } CtsLevelChoice;
 

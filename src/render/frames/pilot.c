@@ -6,8 +6,7 @@
 
 enum { RAYS = 4096, MOST_SAMPLES = 64 };
 
-/* What is found on trial must stay below the error asked for by this factor, since the whole picture may err more than
- * the rays that were tried. */
+/* Safety factor of a trial's error, since the whole picture's may be larger than that of the rays tried. */
 #define MARGIN 1.25
 
 /* The same view, its pixels so large that RAYS of them cover it. */
@@ -61,7 +60,7 @@ static void tell_samples(const CtsRenderSettings *small, double asked, int sampl
                            cts_engines_with(offsetof(CtsEngine, exact), CTS_ENGINE_FLAG, list));
 }
 
-/* How many samples a layer: first what the engine would do by itself, then 2, 4, 8 and so on. */
+/* Chooses the samples per layer: first the engine's own, then 2, 4, 8 and so on. */
 static CtsStatus plan_samples(const CtsFrames *frames, const CtsRenderSettings *asked, CtsPlan *plan, CtsReport *report,
                               CtsError *err)
 {

@@ -4,9 +4,9 @@
 
 #include "render/frames/frames.h"
 
-/* The plan for frames' settings. An engine that bounds its error gets what is asked; for others it is tried out on this
- * view (azimuth and elevation): the fewest samples a layer that keep the error on a small picture. The report tells the
- * error found, and warns where no plan keeps it small enough. */
+/* The plan for the frames' settings. An engine with error control gets the requested error; for others the fewest
+ * samples per layer are determined by trials on a small picture of this view (azimuth and elevation). The report
+ * contains the error found, and a warning where no plan meets the request. */
 CtsStatus cts_pilot_plan(CtsFrames *frames, const double view_deg[2], CtsPlan *plan, CtsReport *report, CtsError *err);
 
 #endif

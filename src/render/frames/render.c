@@ -1,4 +1,4 @@
-/* The public calls: settings, a plan that keeps the error asked for, frames in bands of rows. */
+/* The public rendering functions: settings, a plan for the requested error, frames in bands of rows. */
 #include "ctsplat/render.h"
 
 #include "render/frames/frames.h"
@@ -7,7 +7,7 @@
 
 struct CtsRenderer {
     CtsFrames *frames;
-    bool planned; /* plan holds what the first frame found, and all frames take it */
+    bool planned; /* plan is that of the first frame, used for all frames */
     CtsPlan plan;
 };
 
@@ -40,7 +40,7 @@ void cts_render_end(CtsRenderer **renderer)
     *renderer = NULL;
 }
 
-/* least_lossy: as many pixels are verified where --void key has lost something. */
+/* least_lossy: least number of pixels to verify if --void key loses anything. */
 static CtsStatus begin(CtsRenderer *r, const double view_deg[2], int least_lossy, CtsFrame *frame, CtsReport *report,
                        CtsError *err)
 {
@@ -95,7 +95,7 @@ static CtsStatus render_band(CtsFrame *frame, int first_row, int n_rows, const C
     CtsPicture *band = NULL;
     const CtsVoxelCounts before = report ? report->voxels : (CtsVoxelCounts){0};
     CtsStatus st = cts_frame_rows(frame, first_row, n_rows, &band, report, err);
-    /* Of the bands of one picture the one that needed most stands for all. */
+    /* Voxel counts of a picture are those of the band that needed most. */
     if (report && first_row > 0 && before.splatted > report->voxels.splatted)
         report->voxels = before;
     if (!st)
