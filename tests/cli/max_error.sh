@@ -16,7 +16,7 @@ sheets=$(sed -n 's/.*max_error` 0.5: \([0-9]*\) sheets.*/\1/p' log)
 ok render "$data/phantom" -p hard.json --view 30,15 $frame --engine combined --samples "$sheets" -o same.png
 ok compare combined.png same.png
 ok render "$data/phantom" -p hard.json --view 30,15 --size 50x50 --engine classic --max-error 1e-6 -o miss.png
-has err 'warning: --max-error 1e-06 is not reached: 64 sheets a layer err'
+has err 'warning: --max-error 1e-06 is not met: the error of 64 sheets a layer is'
 ok render "$data/phantom" -p hard.json --size 20x20 --engine raycast --max-error 0.001 -o exact.png
 [ ! -s err ] || fail "raycast needs no trial"
 

@@ -402,7 +402,7 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     if (!kept || !by_default)
         cts_report_finding(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
                            "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
-                           by_default ? "aimed at" : "asked for", 255 * asked, kept ? "" : " (exact: ",
+                           by_default ? "default target" : "requested", 255 * asked, kept ? "" : " (exact: ",
                            kept ? "" : cts_engines_with(offsetof(CtsEngine, exact), CTS_ENGINE_FLAG, list),
                            kept ? "" : ")");
 }

@@ -381,7 +381,7 @@ static void tell_left_out(const CtsFrame *frame, CtsReport *report)
         cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
                         p->mode != CTS_MODE_COMPOSITE ? "its nature" : "the preset");
     if (!frame->want_depth)
-        cts_report_skip(report, "depth", "not asked for");
+        cts_report_skip(report, "depth", "not requested");
     else if (p->mode != CTS_MODE_COMPOSITE)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
 }
@@ -403,7 +403,7 @@ static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const
                         engine->name, asked, scene->view.mm_per_pixel);
     else if (c->level == CTS_LEVEL_AUTO)
         cts_report_plan(report,
-                        "no level of engine %s will do: %d tried on %zu pixels, the last may come to %.3g/255, %.3g "
+                        "no level of engine %s suffices: %d tried on %zu pixels, the last may come to %.3g/255, %.3g "
                         "requested",
                         engine->name, c->n_tried, c->n_pixels, 255 * c->limit, asked);
     else

@@ -35,10 +35,10 @@ static void tell(const CtsVoidKey *key, const CtsPreset *preset, CtsReport *repo
                     "the opacity",
                     text, of_visible, 100 * key->opacity_dropped);
     if (key->dropped == 0)
-        cts_report_finding(report, "void_key", CTS_NOTE, "`void_key` loses nothing: %s nothing shows", text);
+        cts_report_finding(report, "void_key", CTS_NOTE, "`void_key` loses nothing: the preset shows nothing %s", text);
     else
         cts_report_finding(report, "void_key", CTS_WARNING,
-                           "`void_key`: %s counts as void: %.4g %% of the voxels that would show something, and with "
+                           "`void_key`: %s counts as void: %.4g %% of the voxels that would be visible, and with "
                            "them %.4g %% of the opacity, are lost",
                            text, of_visible, 100 * key->opacity_dropped);
 }

@@ -47,16 +47,16 @@ static CtsStatus try_samples(const CtsReference *reference, CtsFrames *small, co
 static void tell_samples(const CtsRenderSettings *small, double asked, int samples, double best, CtsReport *report)
 {
     char list[CTS_ENGINE_LIST_MAX];
-    char sheets[32] = "the engine's own plan errs";
+    char sheets[48] = "the error of the engine's own plan is";
     if (samples > 0)
-        snprintf(sheets, sizeof sheets, "%d sheets a layer err", samples);
+        snprintf(sheets, sizeof sheets, "the error of %d sheets a layer is", samples);
     if (best <= asked)
-        cts_report_finding(report, "max_error", CTS_NOTE, "`max_error` %g: %s by %.3g/255 rms on %d trial rays", asked,
+        cts_report_finding(report, "max_error", CTS_NOTE, "`max_error` %g: %s %.3g/255 rms on %d trial rays", asked,
                            sheets, best / MARGIN, small->width * small->height);
     else
         cts_report_finding(report, "max_error_missed", CTS_WARNING,
-                           "`max_error` %g is not reached: %s by %.3g/255 rms on %d trial rays (exact: %s)", asked,
-                           sheets, best / MARGIN, small->width * small->height,
+                           "`max_error` %g is not met: %s %.3g/255 rms on %d trial rays (exact: %s)", asked, sheets,
+                           best / MARGIN, small->width * small->height,
                            cts_engines_with(offsetof(CtsEngine, exact), CTS_ENGINE_FLAG, list));
 }
 

@@ -116,8 +116,8 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
     const int height = s->explain ? 0 : s->height, n_rows = choose_rows(s, sink->max_rows);
     if (n_rows < height)
         cts_report_skip(report, "whole picture",
-                        "made and written in bands of %d rows, to bound memory or tell how far it is%s", n_rows,
-                        cts_frames_engine(r->frames)->repeats_layers ? "; sheets are made again for each" : "");
+                        "rendered and written in bands of %d rows, to limit memory or to report progress%s", n_rows,
+                        cts_frames_engine(r->frames)->repeats_layers ? "; sheets are computed again for each" : "");
     for (int row = 0; row < height && !st; row += n_rows)
         st = render_band(&frame, row, height - row < n_rows ? height - row : n_rows, sink, report, err);
     return cts_frame_end(&frame, st, report, err);
