@@ -58,7 +58,7 @@ violations()
             sort -t: -k3,3 -u | while IFS=: read -r f n name; do
             grep -qxE ".*/$name" "$work/list" || echo "$f:$n: $name <- a document that is not in the tree"
         done
-        # One name, one file, so that a name says where to look.
+        # File names are unique, so that a name identifies a file.
         grep -E '^\./(src|include|tests)/' "$work/list" | grep -v '/meson\.build$' | sed 's|.*/||' | sort | uniq -d |
             sed 's|$| <- the name of several files|'
         # src/README.md lists every folder.

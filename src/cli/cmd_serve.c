@@ -5,7 +5,7 @@
 #include "cli/terminal.h"
 #include <stdio.h>
 
-/* On standard output, for who starts it. */
+/* Prints the URL on standard output. */
 static void ready(const char *url)
 {
     printf("%s\n", url);

@@ -1,7 +1,7 @@
-"""The C source of ctsplat._ctsplat, made from the public headers: make_binding.py OUTPUT HEADER...
+"""Generates the C source of ctsplat._ctsplat from the public headers: make_binding.py OUTPUT HEADER...
 
-cffi wants declarations without comments, preprocessor lines, attributes and inline functions; nothing is declared twice.
-"""
+cffi needs declarations without comments, preprocessor lines, attributes and inline functions; nothing is declared
+twice."""
 import re
 import sys
 

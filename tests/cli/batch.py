@@ -182,7 +182,7 @@ def test_resume(b):
     check(window.returncode == 0 and all(times("o")[p] != fourth[p] for p in fourth), "--window")
     b.ok(0, *more)
     fourth = times("o")
-    # Another format is written beside what stands.
+    # Another format is written beside the existing files.
     exr = [w.replace("png,dcm", "png,dcm,exr") for w in more]
     b.ok(0, *exr)
     check(len(times("o")) == len(fourth) * 3 // 2 and all(times("o")[p] == fourth[p] for p in fourth), "another format")
@@ -299,7 +299,7 @@ def test_kill(b):
 
 
 def test_lock(b):
-    """A second batch on one DIR says so and leaves."""
+    """A second batch on one DIR ends with a message."""
     archive = b.archive("lock", 4)
     first = b.start("batch", archive, "-O", "o", *OPTIONS)
     while not os.path.exists("o/batch.jsonl"):
@@ -339,7 +339,7 @@ def test_shards(b):
 
 
 def test_bad(b):
-    """Too slow, too large, crashed, gone: each with its reason, and the batch goes on."""
+    """Too slow, too large, crashed, removed: each with its reason, and the batch continues."""
     archive = b.archive("bad", 3)
     b.ok(8, archive, "-O", "slow", "--series-timeout", "0.001", *OPTIONS)
     for line in b.lines("slow").values():
@@ -370,7 +370,7 @@ def test_bad(b):
 
 
 def test_signals(b):
-    """SIGTERM and SIGINT: 130 within moments, nothing half-written, and the next run goes on."""
+    """SIGTERM and SIGINT: exit 130 soon, no partial files, and the next run resumes."""
     archive = b.archive("signals", 8)
     for i, name in enumerate((signal.SIGTERM, signal.SIGINT)):
         run = b.start("batch", archive, "-O", "o%d" % i, *OPTIONS,
@@ -417,7 +417,7 @@ def test_outputs(b):
 
 def test_passed(b):
     """Scouts, dose pages, single slices and what is watched at one place are no failures."""
-    # A page: derived, and without a place in a patient; what stands in front of it in the file keeps its length.
+    # A page: derived, and without a position; the part of the file before it keeps its length.
     def page(data, k):
         for tag in b"\x20\x00\x32\x00", b"\x20\x00\x37\x00", b"\x20\x00\x52\x00":
             at = data.index(tag + (b"UI" if tag[2] == 0x52 else b"DS"))
@@ -450,7 +450,7 @@ def sheet(folder):
 
 
 def test_paths(b):
-    """No name of a file or folder of the input is kept unless asked for; descriptions and dates neither."""
+    """Names of input files and folders are kept only on request, like descriptions and dates."""
     archive = "DOE JOHN 1950"
     def keep(data, k):
         return data
@@ -481,7 +481,7 @@ def test_paths(b):
     bad = [f for f in lines[b.name(0).decode()]["findings"] if f["code"] == "bad_slices"]
     check(len(bad) == 1 and bad[0]["text"].startswith("truncated"), bad)
     check("study_date" not in lines[b.name(0).decode()]["geometry"], lines)
-    # Asked for, they stand there, of what stands too; and are gone again with the next run.
+    # On request existing records get them too; the next run removes them.
     before = times("o")
     b.ok(8, *words, "--show-paths", "--show-patient")
     check(times("o") == before, "rendered again")
@@ -513,7 +513,7 @@ def test_paths(b):
 
 
 def test_lost(b):
-    """A file that cannot be read stands on the card of the one series in its folder, and of none where there are two."""
+    """An unreadable file is shown on the card of the only series in its folder, and on none if there are two."""
     broken = lambda data: data[:160] + b"\xff" * 40
     os.makedirs("flat")
     for i in range(2):
@@ -578,7 +578,7 @@ def test_sheet(b):
     data = sheet(folder)
     check("run" not in data and len(data["series"]) == n, "the last sheet")
     check(not any("unfinished" in s for s in data["series"]), "unfinished")
-    # Interrupted, it says how far it came.
+    # An interrupted batch shows its progress.
     run = b.start("batch", "sheet", "-O", "i", *OPTIONS)
     while not glob.glob("i/*/*.png"):
         time.sleep(0.01)
@@ -608,7 +608,8 @@ def test_told(b):
 
 
 def test_circles(b):
-    """Rotations from views of one elevation are one, and the batch says so; a finding stands once, with its count."""
+    """Rotations from views of one elevation are joined, with a message; equal findings are listed once, with their
+    count."""
     b.add("circles", 0)
     done = b.ok(0, "circles", "-O", "o", "--size", "32x32", "--rotation", "4", "--views", "anterior,left,0,30,90,30,head",
                 "--window", "0,1", "--crop", "-9,9,-9,9,-9,9")

@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-"""The n-th call that fails, for every n until none does: fail_nth.py CTSPLAT SHIM TESTDATA CALL [STEP [DCM_STEP]]
+"""The n-th call fails, for every n until none does: fail_nth.py CTSPLAT SHIM TESTDATA CALL [STEP [DCM_STEP]]
 
-Whatever fails, the program ends with a picture and exit 0 (it could do without), or with one error line, a code of its
-own, and no output; never by a signal, never with half a file. With a STEP only every so many; a DICOM output has a step
-of its own, since most of the memory that it asks for is its dictionary's, one small piece like the other.
-"""
+For any failing call, the program ends with a picture and exit 0 (it could do without), or with one error line,
+its own exit code, and no output; never by a signal, never with a partial file. With a STEP only every STEP-th
+call; a DICOM output has a step of its own, since most of its allocations are small ones of the dictionary."""
 import os
 import shutil
 import subprocess
@@ -99,7 +98,7 @@ def test():
         run('key', 1, ['sh', '-c', 'rm -rf "$XDG_STATE_HOME"; exec "$@"', 'sh', *key], XDG_STATE_HOME=state)
     if call == 'wait4': # the helper's children are waited for by the helper
         run('helper', 1, jpeg_2000, CTS_FAIL_CHILD='1')
-    if call == 'malloc': # OpenJPEG crashes for want of memory, in a process of its own
+    if call == 'malloc': # OpenJPEG crashes without memory, in a sandbox
         run('encoder', all_step, compress, CTS_FAIL_CHILD='1')
 
 

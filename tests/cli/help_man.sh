@@ -17,7 +17,7 @@ awk '/^Commands:/ { on = 1; next } /^$/ { on = 0 } on && /^  [a-z]/ { print $1 }
 awk '/^\.SH/ { on = $2 == "COMMANDS" } on && /^\.B / { print $2 }' "$man" | sort >man-commands
 diff help-commands man-commands || fail "the commands differ"
 
-# The built-in presets stand in their own page: ours each by name, Slicer's by the first and the last.
+# The built-in presets are in their own page: ctsplat's each by name, Slicer's by the first and the last.
 ok presets
 awk '$NF == "in" && $(NF - 1) == "built" || /built in$/ { print $1 }' out | sed '/^ct-/d' | sort >presets
 awk '/^\.SH/ { on = /BUILT-IN/ } on && /^\.BR .*,/ { print }' "$root/man/ctsplat-preset.5" | tr -d '\\' |
@@ -29,6 +29,6 @@ version=$(sed -n 's/^ctsplat //p' out)
 for page in "$root"/man/*.[0-9]; do
     head -2 "$page" | grep -q "\"ctsplat $version\"" || fail "$page is not of version $version"
 done
-# The newest release of the change list is this one, and what was added since stands above it.
+# The newest release of the change list is this one, and later additions are above it.
 [ "$(grep -oE '^## [^ ]+' "$root/CHANGELOG.md" | sed -n '1,2s/## //p' | tr '\n' ' ')" = "Unreleased $version " ] ||
     fail "CHANGELOG.md does not begin with Unreleased and $version"

@@ -1,4 +1,4 @@
-# info: facts as text and as JSON, the description only when asked for.
+# info: facts as text and as JSON, the description only on request.
 python=$(command -v python3) || exit 77
 ok info "$data/phantom"
 has out '^series [0-9.]+$'

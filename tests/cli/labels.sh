@@ -103,7 +103,7 @@ for change in 'touch -d 2001-02-03 mask' 'sed -i s/one/two/ names.json' 'sed -i 
     ! grep -q 'before' err || fail "a batch does not see $change"
 done
 
-# Only of the same study, only what is seen, and not where nothing is named.
+# Only of the same study, only visible ones, and not without a named segment.
 segmentation=1.2.840.10008.5.1.4.1.1.66.4
 shared=$root/../shared/data/labels/liver
 [ -d "$shared" ] || exit 77

@@ -77,8 +77,8 @@ ok render "$data/pixels/fractional-slope" --size 20x20 -o d.png --log found
 has found '"event":"finding".*"code":"fractional_rescale","severity":"note","text":"the rescale slope'
 ok render "$data/pixels/fractional-slope" --explain
 has out '^note: the rescale slope'
-# Whatever ends a run, its first line is run and its last one failed: input that is refused, a preset or an output that
-# is, an output that cannot be written, a signal while the preset is read and one while the picture is made.
+# For any end of a run, its first line is run and its last one failed: a refused input, preset or output, an output that
+# cannot be written, a signal during the reading of the preset, and one during rendering.
 refused 3 'no-such' render no-such -o e.png --log failed-3
 refused 2 'no such preset' render "$data/phantom" -p nope -o e.png --log failed-2
 refused 5 'exists' render "$data/phantom" -o a.png --log failed-5
@@ -86,7 +86,7 @@ refused 5 'exists' render "$data/phantom" -o a.png --log failed-5
 [ ! -e full.png ] || fail "a part of a picture"
 mv small failed-5-full
 mkfifo pipe
-# stopped LOG SECONDS ARGS...: TERM comes so long after the log is there
+# stopped LOG SECONDS ARGS...: sends TERM so long after the log was created
 stopped()
 {
     name=$1 wait=$2

@@ -28,7 +28,7 @@ for view in anterior 140,-25; do
     has log '"event":"bound"'
 done
 
-# Of a draft some pixels stand for those between them, and the log says how many; of the default none do.
+# In a preview some pixels are interpolated, and the log counts them; by default none are.
 last="pixels between"
 ok render "$data/phantom" -p skin --size 400x400 --max-error 8 --verify 20000 -o between.png --log between.log
 grep -Eq '[0-9]{4,} of 160000 pixels were not marched but interpolated, to within about 12/255' between.log || fail "nothing is left out"

@@ -33,7 +33,7 @@ refused 2 '2.25.1' render "$data/phantom" $small --series 2.25.1 -o x.png
 refused 2 '' render "$data/phantom" $small --crop 5000,5001,0,1,0,1 -o x.png
 [ ! -e x.png ] || fail "a refused run wrote something"
 
-# Several series: the one with the most slices, and a line says so; or the one asked for, and silence.
+# Several series: the one with the most slices, with a note; or the requested one, without.
 ok render "$data/series/two" $small -o two.png
 has err '2 series found; taking 2\.25\.2004'
 ok render "$data/series/two" $small --series 2.25.2005 -o other.png
@@ -52,7 +52,7 @@ ok compare a.png a.png
 cmp -s a.png orange.png && fail "--background changes nothing"
 ok render "$data/phantom" $small --background none -o alpha.png
 
-# Table removal: as the preset says, or as asked for.
+# Table removal: by the preset, or by the option.
 ok render "$data/phantom" $small --remove-table off -o off.png --log log
 has log '"skipped".*"table removal".*off by --remove-table off'
 ok presets bone --json

@@ -31,7 +31,7 @@ if [ -s one.names ]; then
     [ "$(sed -n 2p turn.names)" = 1401 ] || fail "the rotation's series: $(cat turn.names)"
     [ "$(head -1 one.names)" = "$(head -1 left.names)" ] || fail "a view has a series of its own"
 fi
-# Zeros that pad a study's values, and what stands behind them, go neither into captures nor into states.
+# Zeros that pad a study's values, and text after them, go neither into captures nor into states.
 if command -v python3 >/dev/null; then
     mkdir padded
     python3 - "$data/geometry/two-slices" <<'PY' || fail "the padded slices"

@@ -1,4 +1,4 @@
-# --slab, --slab-at and --window; what vessel says of a series without contrast agent.
+# --slab, --slab-at and --window; the warning of preset vessel about a series without contrast agent.
 small="--size 64x64"
 ok render "$data/phantom" $small -p soft -o whole.png
 ok render "$data/phantom" $small -p soft --slab 5 -o slab.png
@@ -41,7 +41,7 @@ for window in 5 80,0 1,1 a,b 1,2,3; do
     refused 2 'window' render "$data/phantom" $small -p soft --window $window -o x.png
 done
 
-# A projection that is little but white says what would help, and that helps.
+# A projection that is mostly white gives advice, and following it helps.
 ok render "$data/phantom" $small -p brain --window -900,-800 -o white.png
 has err '^ctsplat: warning: [0-9]+ % of the visible pixels are white, -800 HU or more \(move the --window up'
 for way in '-p brain --window -900,2000' '-p skin --background #ffffff' '-p bone-window --window 0,3000'; do

@@ -45,7 +45,7 @@ TMPDIR="$work/none" run render "$data/phantom" $small -o - --format png
 [ "$code" = 5 ] && [ ! -s out ] || fail "no folder for the picture: exit code $code"
 has err 'TMPDIR'
 
-# A signal leaves nothing behind, whether it comes while the input is read or later.
+# A signal leaves no temporary file, during the reading of the input or later.
 for wait in 0 0.02 0.05 0.1 0.3; do
     "$ctsplat" render "$data/phantom" --size 3000x3000 -o - --format png >out 2>err &
     n=0

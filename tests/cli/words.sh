@@ -1,7 +1,7 @@
 # Messages about the input: the chosen series and the others, files left out, files that are not CT.
 small="--size 16x16 --engine classic"
 
-# IN OUT FROM TO: a copy in which one UID stands for another of the same length.
+# IN OUT FROM TO: a copy in which one UID is replaced by another of the same length.
 with_uid()
 {
     LC_ALL=C sed "s/$(printf %s "$3" | sed 's/\./\\./g')/$4/g" "$1" >"$2"

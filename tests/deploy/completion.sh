@@ -1,7 +1,6 @@
 #!/bin/bash
-# The completions know what --help lists: completion.sh SOURCE_ROOT CTSPLAT
-# In bash they are asked what they offer for each option and for its argument; zsh, where it is there, is asked for the
-# specifications that it gets.
+# The completions offer the options of --help: completion.sh SOURCE_ROOT CTSPLAT. In bash, the offers for each option
+# and its argument are compared; in zsh, if installed, the specifications.
 set -u
 root=$(realpath "$1") ctsplat=$(realpath "$2")
 work=$(mktemp -d)

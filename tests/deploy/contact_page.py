@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """The contact sheet in a headless Chromium: contact_page.py CTSPLAT TESTDATA [PICTURES]
 
-One series is rendered by `ctsplat batch`; its line in the journal stands for 3,000, one in twenty of them bad, with
-names and reasons that would like to be markup. With PICTURES, screenshots are left in that folder."""
+One series is rendered by `ctsplat batch`; its journal record is repeated 3,000 times, one in twenty of them
+failed, with names and reasons that look like markup. With PICTURES, screenshots are saved in that folder."""
 import json
 import os
 import random
@@ -27,7 +27,7 @@ def check(condition, *what):
 
 
 def make_batch(ctsplat, testdata, folder):
-    """A batch of one real series, whose line then stands for many; returns the lines."""
+    """A batch of one real series, whose record is then repeated; returns the records."""
     subprocess.run([ctsplat, 'batch', os.path.join(testdata, 'phantom'), '-O', folder, '--presets', 'bone,skin',
                     '--views', 'anterior,head', '--size', '256x256', '--rotation', '6'], check=True,
                    stderr=subprocess.DEVNULL)
@@ -232,7 +232,7 @@ def check_under_way(browser, ctsplat, testdata, folder):
 
 
 def check_names(browser):
-    """Whatever can be pressed or seen has a name for those who do not see."""
+    """Every control and image has an accessible name."""
     nodes = browser.devtools('Accessibility.getFullAXTree', {})['nodes']
     roles = {'button', 'link', 'combobox', 'slider', 'searchbox', 'article', 'image', 'feed', 'listbox'}
     for node in nodes:
@@ -247,7 +247,7 @@ def check_width(browser, what):
 
 
 def check_runs(ctsplat, testdata):
-    """The page of one series, without anybody at it: its script comes to its end, and a card stands there."""
+    """The page of one series, without interaction: its script ends without an error, and there is a card."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         subprocess.run([ctsplat, 'batch', os.path.join(testdata, 'phantom'), '-O', folder, '--size', '64x64'],
                        check=True, stderr=subprocess.DEVNULL)

@@ -158,7 +158,7 @@ for ((i = 1; i <= studies; i++)); do
 done
 [ -s node/out/index.html ] || fail "no contact sheet of all studies"
 
-# A study that comes again, with another series, is done again, and only what is new is sent.
+# A study with another series is rendered again, and only new captures are sent.
 before=$(captures)
 dcmodify -q -nb -gin -m '(0020,000E)=1.2.826.0.1.1.2' sent/1/*.dcm
 send 1
@@ -180,7 +180,8 @@ wait_for 60 old_went
 [ -e node/in/ST_9.4 ] && all_done || fail "what is new was removed"
 rm -r node/*/ST_9.4
 
-# Nothing left the folder, nothing was run; a second node says so and leaves; TERM ends the node and its listener.
+# No file outside the folder, no command executed; a second node ends with a message; TERM ends the node and its
+# listener.
 [ -z "$(find . -name evil)" ] || fail "a name from outside was run or followed"
 bin/ctsplat-node node.conf 2>second.log && fail "a second node runs in the same folder"
 grep -q 'another ctsplat-node' second.log || fail "a second node does not say why it leaves"

@@ -20,7 +20,7 @@ work=$(mktemp -d)
 chmod 755 "$work"
 cd "$work" || exit 1
 started=()
-# power_cut PID: unshare's only child is the namespace's init; with it goes whatever runs there
+# power_cut PID: unshare's only child process is the namespace's init, whose end kills all processes in it
 power_cut()
 {
     kill -9 $(cat "/proc/$1/task/$1/children" 2>/dev/null) "$1" 2>/dev/null
@@ -123,7 +123,7 @@ done
 ctsplat batch "$work/archive" -O "$work/alone" "${options[@]}" 2>/dev/null
 [ $? = 8 ] || fail "the batch on one machine does not end with 8"
 
-# As the manual says it, with what the file asks for itself: it fits these nodes.
+# With the manual's command and the file's own resources, which fit these nodes.
 job=$(sbatch --parsable --array=0-7 -o "$work/log.%A_%a" "$root/src/app/deploy/ctsplat.sbatch" \
     "$work/archive" -O "$work/together" "${options[@]}") || fail "sbatch"
 on_n2() { [ "$(squeue -h -r -t running -w n2 -j "$job" -o %i | wc -l)" -gt 0 ] && sleep 1; }
@@ -163,7 +163,7 @@ files()
 [ "$(files alone)" = "$(files together)" ] || fail "there are other files than on one machine"
 [ -z "$(find together -name '*.tmp')" ] || fail "temporary files were left"
 
-# Near its time limit a task goes back into the queue, and then has nothing left to do.
+# Near its time limit a task is queued again, and then has nothing left to do.
 rm -rf "$work/together"
 job=$(sbatch --parsable --array=0-0 --cpus-per-task=1 --mem=0 -o "$work/log.%A_%a" "$root/src/app/deploy/ctsplat.sbatch" \
     "$work/archive" -O "$work/together" "${options[@]}") || fail "sbatch"

@@ -93,7 +93,7 @@ class Browser:
         return [m['message'] for m in self.call('POST', f'{self.session}/se/log', {'type': 'browser'})]
 
     def requests(self):
-        """Addresses that were asked for since the last call."""
+        """Addresses requested since the last call."""
         found = []
         for entry in self.call('POST', f'{self.session}/se/log', {'type': 'performance'}):
             message = json.loads(entry['message'])['message']

@@ -72,7 +72,7 @@ def main():
     scan = Scan(os.path.join(ROOT, 'testdata', 'phantom'))
     expected = None
     cuts = (16, 32)
-    cases = {  # which parts, how they say so; the words, whether it is refused
+    cases = {  # the parts, their numbering; the message, and whether it is refused
         'whole': ((1, 2, 3), {}, None, False),
         'whole, without a total': ((1, 2, 3), {'total': False}, None, False),
         'whole, without offsets': ((1, 2, 3), {'offsets': False}, None, False),

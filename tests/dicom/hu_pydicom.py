@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Every voxel against an independent reader: hu_pydicom.py VOLUME_DUMP SOURCE_ROOT
 
-pydicom reads the slices, this file masks, rescales, sorts and places them by the standard's own words. Exit 77 where
-pydicom is missing; says so where the shared samples or a second decoder are."""
+pydicom reads the slices, this file masks, rescales, sorts and positions them by the standard's definitions. Exit
+77 where pydicom is missing; reports missing shared samples or a missing second decoder."""
 import glob
 import os
 import subprocess

@@ -11,7 +11,7 @@ import tempfile
 
 from labels_numpy import CTSPLAT, ROOT, Scan, affine, check, failures, info, np, write_nifti, write_seg
 
-# Labels within the head are seen through it.
+# A transparent preset, through which labels within the head are visible.
 GLASS = '{"name": "glass", "points": [{"hu": -200, "rgb": [1, 1, 1], "opacity": 0.01}]}'
 BLUE_LAB = {'DCMTK, highdicom, dcmjs (D65)': (21165, 53249, 5175), 'white': (65535, 32896, 32896)}
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Labels counted by an independent reader: labels_numpy.py CTSPLAT SOURCE_ROOT
+"""Label statistics by an independent reader: labels_numpy.py CTSPLAT SOURCE_ROOT
 
-pydicom and numpy read and count; segmentations, structure sets and NIfTI files are written here, odd ones too, on the
-series of testdata. Exit 77 where pydicom is missing; says so where the shared samples are."""
+pydicom and numpy read and count; segmentations, structure sets and NIfTI files, unusual ones too, are written
+here on the series of testdata. Exit 77 where pydicom is missing; reports missing shared samples."""
 import copy
 import glob
 import gzip

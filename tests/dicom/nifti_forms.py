@@ -44,7 +44,7 @@ def mirrored(matrix, n):
 
 
 def others(matrix, n):
-    """Another form beside a right one: what is said of it, and how it ends."""
+    """A second form beside a right one: the message, and the result."""
     shifted = matrix.copy()
     shifted[:3, 3] += (30, 0, 0)
     unit = np.eye(4)
@@ -79,7 +79,7 @@ def test_ct(scan, ijk, work):
             check(f'{name}: the sform', picture(path, work, '--nifti-form', 'sform') == expected)
             write_two(path, ijk, other, right)
             check(f'{name}: the qform', picture(path, work, '--nifti-form', 'qform') == expected)
-    # One form alone is that form, whatever is asked for; a form without axes is none.
+    # A single form is used for any request; a form without axes does not count.
     write_nifti(path, ijk, right)
     check('no qform', picture(path, work, '--nifti-form', 'qform') == expected)
     for name, broken in {'zeros': 0 * right, 'not finite': np.nan * right}.items():

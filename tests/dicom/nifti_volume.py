@@ -18,7 +18,7 @@ def run(*words):
 
 
 def picture(path, work, *options):
-    """The picture's bytes, or what is said where there is none."""
+    """The picture's bytes, or the message if there is none."""
     out = os.path.join(work, 'picture.png')
     done = run('render', path, '-o', out, '--force', '--size', '60x60', '--preset', 'skin', '--view', '30,20', *options)
     if done.returncode:

@@ -1,4 +1,4 @@
-"""The captures of captures.sh read by pydicom and GDCM: pixels equal the PNG's, headers say what the manual says."""
+"""The captures of captures.sh read by pydicom and GDCM: pixels equal the PNG's, headers agree with the manual."""
 import glob
 import subprocess
 import sys

@@ -54,7 +54,7 @@ series_of | while read -r name folder; do
     [ $name = phantom ] || rm "$name"-*
 done || exit 1
 
-# Compressed, they hold the same pixels for whoever reads them.
+# Compressed captures contain the same pixels for every reader.
 old_words "$data/phantom/IM0001.dcm"
 [ "$CTS_SANITIZE" = none ] && kinds='still turn mip-still mip-turn' || kinds='still mip-turn'
 for compression in rle jpeg-lossless jpeg-2000; do

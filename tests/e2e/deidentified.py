@@ -1,8 +1,8 @@
 """The basic profile of PS3.15 (table E.1-1), attribute by attribute: deidentified.py fill FOLDER, or check FILE.
 
-fill puts a mark of its own into every attribute of the standard's dictionary that the reader does not need, which are
-all of the table's and more; check finds none of them again. What the table keeps empty or replaces stands in `table`.
-"""
+fill puts a unique marker into every attribute of the standard's dictionary that the reader does not need, which
+includes all of the table; check finds none of them again. Attributes that the table keeps empty or replaces are
+in `table`."""
 import glob
 import sys
 import warnings

@@ -1,8 +1,7 @@
 """Changes attributes of DICOM files in place: dicom_edit.py FILE... -- GGGG,EEEE,VR=VALUE...
 
-Explicit VR little endian, as testdata/phantom is; VALUE may use {k}, the file's place among the files from 0, in an
-expression of Python between braces; without =VALUE the attribute goes.
-"""
+Explicit VR little endian, as testdata/phantom; VALUE may use {k}, the file's index from 0, in a Python expression
+between braces; without =VALUE the attribute is removed."""
 import math
 import struct
 import sys

@@ -1,4 +1,4 @@
-# One render, three formats; the names are those asked for, and an existing file is refused unless --force is given.
+# One render, three formats; the names are the given ones, and an existing file is refused unless --force is given.
 ok render "$data/phantom" --size 96x64 -o a.png -o a.exr -o a.dcm
 [ ! -s out ] || fail "a render prints to stdout"
 [ "$(ls)" = "$(printf 'a.dcm\na.exr\na.png\nerr\nout')" ] || fail "other files than asked for: $(ls)"
@@ -10,7 +10,7 @@ if command -v exrheader >/dev/null; then
         has header " $channel, 16-bit floating-point"
     done
     has header ' Z, 32-bit floating-point'
-    # Frames of a rotation have depth too; a projection shows no surface, and the log says so.
+    # Frames of a rotation have depth too; a projection has no surface, and the log says so.
     ok render "$data/phantom" --size 40x30 --rotation 2 -o turn.exr
     exrheader turn-001.exr | grep -q ' Z, 32-bit' || fail "no depth in a frame"
     ok render "$data/phantom" --size 40x30 --mode mip -o mip.exr --log log

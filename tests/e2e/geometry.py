@@ -18,7 +18,7 @@ def extent(view, level, z_from):
 for name, mm in ('mip-160x140', 2), ('mip-161x141', 2), ('fine', 1):
     picture = read_png(name + '.png')
     view = View(picture, 0, 0, mm)
-    # Right of the head stand the L, its post and the pin alone; the L's edge is half way from air, -1000 HU, to its
+    # Right of the head there are only the L, its post and the pin; the L's edge is half way from air, -1000 HU, to its
     # 1300 HU, in a window of 0 to 2000 HU.
     right = picture.copy()
     right[:, :int(view.pixel(74, 0, 0)[0])] = 0

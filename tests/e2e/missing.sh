@@ -67,7 +67,7 @@ missing 'every 46th slice'
 only 'k in (2, 48)'
 changed '0018,0050,DS=7.5' '0020,0032,DS=0\0\{100 * k}' '0020,0013,IS={2 + 10 * k}'
 missing 'every 10th slice .* slices of 7.5 mm lie 100 mm apart'
-# A tenth is no reason to refuse, whatever the order of numbers.
+# A tenth is no reason to refuse, for any order of numbers.
 only 'k != 20'
 thinned '1 of 48 slices missing and interpolated'
 only 'k not in (20, 21, 22, 30, 31, 32)'

@@ -31,14 +31,14 @@ check(x > views['anterior'].width / 2, "the patient's left is not on the right o
 x, _ = views['posterior'].pixel(*STEM)
 check(x < views['posterior'].width / 2, "the patient's left is not on the left of the posterior view")
 
-# The teeth stand in front of the spine and the back of the skull: green wins from the front alone.
+# The teeth are in front of the spine and the back of the skull: only the front view is green.
 teeth = (8, -68, -48)
 red, green = views['anterior'].at(*teeth)[:2]
 check(green > 2 * red and green > 0.3, 'anterior: the teeth are not in front')
 red, green = views['posterior'].at(*teeth)[:2]
 check(red > 2 * green and red > 0.3, 'posterior: the teeth shine through the back of the head')
 
-# Seen from the left and from above, the jaw lies to the left and below; behind, there is air below the skull.
+# In views from the left and from above, the jaw lies to the left and below; in the back there is air below the skull.
 check(lit('left', (0, -68, -48)), 'left: no jaw on the left')
 check(not lit('left', (0, 68, -75)), 'left: a jaw on the right')
 check(lit('head', (0, -68, 0)), 'head: no jaw at the bottom')

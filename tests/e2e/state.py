@@ -1,4 +1,4 @@
-"""Presentation states against the tables of PS3.3 A.80.2.3: what must be there, what values it may have, what it says."""
+"""Presentation states against the tables of PS3.3 A.80.2.3: required attributes, permitted values, and meaning."""
 import math
 import sys
 
@@ -107,7 +107,7 @@ for n in range(1, 8):
     spacing = float(picture.PixelSpacing[0])
     assert abs((right - left) / picture.Columns - spacing) < 1e-9 * spacing
     assert abs((top - bottom) / picture.Rows - spacing) < 1e-9 * spacing
-    # Tables of as many entries as they say.
+    # Tables have the number of entries in their descriptor.
     component = d.VolumeStreamSequence[0].PresentationStateClassificationComponentSequence[0]
     for colour in ('Red', 'Green', 'Blue', 'Alpha'):
         entries, first, bits = component[colour + 'PaletteColorLookupTableDescriptor'].value

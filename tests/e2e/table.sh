@@ -1,4 +1,4 @@
-# Table removal on real series, where they are at hand: the table goes, the patient does not, and nothing is in doubt.
+# Table removal on real series, if available: the table is removed, the patient is kept, without a doubtful part.
 
 shared=$root/../shared/data
 [ -d "$shared/chest-ge" ] || {
@@ -6,7 +6,7 @@ shared=$root/../shared/data
     exit 77
 }
 
-# goes SERIES LEAST MOST: cm3 of dense things that go
+# goes SERIES LEAST MOST: cm3 of dense voxels removed
 goes()
 {
     ok render "$shared/$1" --size 64x64 -o out.png --force --log log.jsonl
@@ -23,10 +23,10 @@ goes chest-ge 900 980
 goes head-phantom/S2020 170 190
 goes head-tilt-ge 74 80
 
-# Sanitizers have seen these paths by now, in test_table too.
+# Sanitizers have checked this code already, in test_table too.
 [ "$CTS_SANITIZE" = none ] || exit 0
 
-# Room air above -930 HU, as cone beams have it: the same goes, of every second pixel.
+# Room air above -930 HU, as with cone beams: the same is removed, at every second pixel.
 python=/usr/bin/python3
 [ -x $python ] || python=python3
 $python -c 'import numpy, pydicom' 2>/dev/null || exit 0

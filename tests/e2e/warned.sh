@@ -1,4 +1,4 @@
-# Odd but usable series give a picture and say what is odd, one line each.
+# Unusual but usable series give a picture and one warning each.
 
 # warn PATTERN PATH
 warn()

@@ -8,7 +8,7 @@
 enum { MAX_BYTES = 1 << 20, N_CHANGES = 40 };
 static int n_files;
 
-/* In memory of exactly its size, so that a sanitizer sees the first byte behind it. */
+/* In memory of exactly its size, so that a sanitizer detects an access beyond. */
 static void run(const uint8_t *bytes, size_t n)
 {
     uint8_t *exact = malloc(n ? n : 1);

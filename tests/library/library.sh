@@ -26,7 +26,7 @@ library=$(find tree -name libctsplat.so)
 [ -n "$library" ] || fail "no shared library is installed"
 [ -z "$(find tree -name '*.a')" ] || fail "a static library is installed"
 
-# A C caller sees cts_ alone, all that the headers declare, and nothing that they do not.
+# The library exports only cts_ symbols: all that the headers declare, and no others.
 nm -D --defined-only "$library" | awk '{ print $NF }' | sed 's/@.*//' | grep -v '^_init$\|^_fini$' | LC_ALL=C sort -u >exported
 cat tree/*/*/include/ctsplat/*.h tree/*/include/ctsplat/*.h 2>/dev/null | sed 's|/\*.*\*/||' |
     grep -v 'static inline' | grep -oE '(^|[ *])cts_[a-z0-9_]+(\(|\[)' | tr -d ' *([' | LC_ALL=C sort -u >declared

@@ -1,4 +1,4 @@
-"""`batch --send`: each capture reaches the PACS once, whatever fails on the way and however often the batch is run."""
+"""`batch --send`: each capture reaches the PACS once, for any failure on the way and any number of runs."""
 import glob
 import json
 import os

@@ -49,7 +49,7 @@ class Peer:
         return kind, self.receive(n)
 
     def message(self):
-        """A command's fields, and whatever data set follows it."""
+        """A command's fields, and the data set that follows it."""
         parts, fields = {0: b'', 1: b''}, None
         while True:
             kind, body = self.pdu()

@@ -112,7 +112,7 @@ try:
     run(*ways['study'], *look, '-o', 'again.png')
     assert open('again.png', 'rb').read() == truth
 
-    # The PACS dies in mid-transfer and comes back while ctsplat waits.
+    # The PACS dies in mid-transfer and returns while ctsplat retries.
     def die():
         pacs.kill()
         pacs.start()
@@ -133,7 +133,7 @@ try:
         code=130, interrupt_after=2)
     assert not os.path.exists('no.png')
 
-    # Killed in mid-fetch, it leaves a folder, which goes with the next fetch; one that is in use stays.
+    # Killed in mid-fetch, it leaves a folder, which the next fetch removes; one in use is kept.
     def begin_fetch():
         known = os.listdir('tmp')
         begun = subprocess.Popen([ctsplat, 'render', '--from', 'ORTHANC@127.0.0.1:%d' % slow.port, '--study-uid', study,
@@ -151,7 +151,7 @@ try:
     at_work.terminate()
     assert at_work.wait() == 130 and not os.listdir('tmp')
 
-    # It refuses, or stays away: the file stays, and the message says how to send it.
+    # A peer that refuses or stays down: the file is kept, and the message says how to send it.
     said = run(data, *look, '-o', 'refused.dcm', '--send', 'NOBODY@127.0.0.1:%d' % pacs.dicom, code=5)
     assert 'refused.dcm' in said and 'dcmsend' in said and os.path.exists('refused.dcm'), said
     pacs.kill()

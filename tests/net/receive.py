@@ -236,7 +236,7 @@ assert len(r.files()) == n
 rss = int(next(line for line in open('/proc/%d/status' % r.process.pid) if line.startswith('VmRSS')).split()[1])
 assert rss < 100e3 or 'ASAN_OPTIONS' in os.environ, rss
 
-# Killed, it takes its processes with it; the next one goes on.
+# Killing it kills its processes; the next one continues.
 held = Association(r.connect(), 'A', 'CTSPLAT', CT, EXPLICIT)
 held.send(1, store, 1)
 held.part(1, bytes(1000))

@@ -110,7 +110,7 @@ for body, kind in ((json_list % ('00081199', uid), 'application/dicom+json'),
     answer(body.encode(), kind)
     run(data, '--size', '60x50', '-o', 'sent.dcm', '--force', '--send', web.url)
 
-# A peer that is busy is asked again after one second, and after two more.
+# A busy peer is tried again after one second, and after two more.
 asked_at = []
 
 

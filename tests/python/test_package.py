@@ -147,7 +147,7 @@ print(*sorted({line.split()[-1] for line in open("/proc/self/maps") if "ctsplat"
 
 
 def test_moved_with_its_libraries(tmp_path):
-    """Every codec, format and part is in the package, wherever it lies: seen where they are used."""
+    """Every codec, format and plug-in works from the package's own folder."""
     package = os.path.dirname(ctsplat.__file__)
     with open("/proc/self/maps", encoding="ascii") as maps:
         library = next(line.split()[-1] for line in maps if "/libctsplat.so" in line)
@@ -209,7 +209,7 @@ def test_errors(tmp_path, phantom):
 
 
 def test_settings_in_messages(phantom):
-    """Settings stand as Python writes them."""
+    """Settings are named as in Python."""
     with pytest.raises(ctsplat.Error, match="`label_colours`"):
         phantom.render(label_colours=True, **SMALL)
 
@@ -352,7 +352,7 @@ def test_interrupt(phantom):
 
 
 def test_interrupt_of_load(monkeypatch):
-    """Ctrl-C while a PACS says nothing; a load of files knows the same flag."""
+    """Ctrl-C while a PACS does not answer; loading files checks the same flag."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         def peer():
             connection = server.accept()[0]

@@ -218,7 +218,7 @@ def crowded(server, series):
 
 
 def hostile_one(server, chance):
-    """One connection that means no good; what comes back, if anything, is HTTP."""
+    """A malicious connection; the answer, if any, is HTTP."""
     alphabet = b'GETPOSHAD/ .:%?&=\r\n\0\xff{}[]"0123456789abcxyz'
     junk = bytes(chance.choice(alphabet) for _ in range(chance.randrange(1, 400)))
     start = chance.choice([b'', b'GET /series/', b'GET /studies/1.2/series/', b'GET / HTTP/1.1\r\nHost: ',
@@ -318,7 +318,7 @@ def memory():
 
 
 def flood(series):
-    """Many series one after the other: what does not fit goes, and memory stays as it is."""
+    """Many series one after the other: those that do not fit are unloaded, and memory stays constant."""
     for k in range(6):
         os.makedirs(f'many/{k}')
         for name in os.listdir(data):

@@ -62,7 +62,7 @@ def state(pacs, study):
 
 
 def fetched(pacs, other, study, series):
-    """A series that only a peer has comes when it is asked for, and is there from then on."""
+    """A series known only to a peer is fetched at the first request, and stays loaded."""
     path = f'/studies/{study}/series/{series}/rendered3D?viewport=64,48&accept=image/png'
     with Server(ctsplat, '--from', pacs.url + '/dicom-web') as server:
         assert server.series() == []

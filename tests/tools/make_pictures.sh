@@ -6,7 +6,7 @@ set -eu
 cd "$(dirname "$0")/../.."
 ctsplat=$1
 
-# The gallery's, with the options that stand below them; 8 bits, as a page needs no more.
+# The gallery's pictures, with their options; 8 bits are enough for a page.
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 gallery()

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Makes README.md's pictures of real CT series again, by the commands that stand in README.md: make_real_pictures.sh
-# CTSPLAT [DATA], of a build folder. DATA, ../shared/data by default, holds the series; where each is from and under which
-# licence stands in man/PICTURES.md.
+# Renders README.md's pictures of real CT series by the commands in README.md: make_real_pictures.sh CTSPLAT [DATA], of
+# a build folder. DATA, ../shared/data by default, contains the series; their sources and licences are in
+# man/PICTURES.md.
 set -eu
 
 cd "$(dirname "$0")/../.."

@@ -78,7 +78,7 @@ static void test_white(void **state)
     cts_picture_free(&white);
 }
 
-/* The bar is as long as its text says, a round number near a fifth of the width. */
+/* The bar's length agrees with its text, a round number near a fifth of the width. */
 static void test_scale(void **state)
 {
     (void)state;

@@ -113,8 +113,8 @@ static void test_png_round_trip(void **state)
     remove_folder(folder);
 }
 
-/* A picture that comes in bands gives the bytes of the whole one: rows that fill no strip wait for the next band, more
- * than a batch of strips goes out at once. Rows in the wrong order are refused, and nothing is left behind. */
+/* A picture written in bands has the bytes of the whole one: rows that fill no strip wait for the next band, more than
+ * a batch of strips is written at once. Rows in the wrong order are refused, without a remaining file. */
 static void test_bands(void **state)
 {
     (void)state;

@@ -76,7 +76,7 @@ static void cut_through_the_label(void **state)
     cts_picture_free(&p);
 }
 
-/* A small label lies over a large one, whichever comes first. */
+/* A small label is drawn over a large one, in any order. */
 static void small_over_large(void **state)
 {
     (void)state;

@@ -179,7 +179,7 @@ static void colours_of_files(void **state)
     }
 }
 
-/* Of a choice: for each label N, I or E, and whether some of it cannot be said by whole segments. */
+/* Of a choice: for each label N, I or E, and whether whole segments cannot express some of it. */
 static void crops_by_segment(void **state)
 {
     static const struct {

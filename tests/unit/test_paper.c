@@ -46,7 +46,7 @@ static void test_slab(void **state)
     cts_volume_free(&v);
 }
 
-/* Outside the box nothing is seen: the front view of a box is a rectangle of that many mm. */
+/* Outside the box nothing is visible: the front view of a box is a rectangle of its size in mm. */
 static void test_box_outline(void **state)
 {
     (void)state;

@@ -55,7 +55,7 @@ static void expect_same(const Case *c, const CtsRenderSettings *s, const CtsPict
     cts_picture_free(&p);
 }
 
-/* The four engines, with each number of threads and each kind of kernel; and something must be seen. */
+/* The four engines, with each number of threads and each kind of kernel; the picture must not be empty. */
 static void check(const Case *c, const int *threads, int n_threads)
 {
     CtsRenderSettings s = c->settings;
@@ -143,7 +143,7 @@ static void test_odd_shapes(void **state)
     }
 }
 
-/* Rows enough that seven threads take bands of them through all layers, seen level and not. */
+/* Enough rows for seven threads to process bands of them through all layers, in level and other views. */
 static void test_many_bands(void **state)
 {
     (void)state;

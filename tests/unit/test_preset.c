@@ -212,7 +212,7 @@ static void own_looks(void **state)
     near(cts_preset_opacity(named("skin"), -500), 0, 0);
     assert_true(cts_preset_opacity(named("skin"), -200) >= 0.9);
     assert_true(named("skin")->remove_table && named("bone")->remove_table);
-    /* The lung's own density is not seen, nor what lies around it; metal has no bone about it. */
+    /* The lung's own density is invisible, and so are its surroundings; metal shows no bone. */
     near(cts_preset_opacity(named("lung"), -800), 0, 0);
     near(cts_preset_opacity(named("lung"), -250), 0, 0);
     assert_true(cts_preset_opacity(named("lung"), -450) > 0.1);

@@ -187,7 +187,7 @@ static void test_step_entry(void **state)
     rays_shoot(&r, 30, 30, found);
     const double front = 1 - pow(0.9, 5.0025), expected[4] = {front, 1 - front, 0, 1};
     assert_rgba(found, expected, 1e-9);
-    /* From behind the opaque part comes first. */
+    /* In the view from behind the opaque part comes first. */
     rays_aim(&r, 180, 0, 0.1, NULL);
     rays_shoot(&r, 30, 30, found);
     const double behind[4] = {0, 1, 0, 1};

@@ -122,7 +122,7 @@ static void test_when(void **state)
     cts_volume_free(&flat);
 }
 
-/* A point becomes the Gaussian, whatever the spacing; a constant stays one; the sum stays. */
+/* A point becomes the Gaussian, for any spacing; constants and the sum are preserved. */
 static void test_smooth(void **state)
 {
     (void)state;

@@ -95,7 +95,7 @@ static void test_engines(void **state)
     cts_volume_free(&volume);
 }
 
-/* Each format writes a picture that comes back, as large and nearly as bright. */
+/* The round trip of each format keeps the size and nearly the brightness. */
 static void check_format(const CtsFormatInfo *format, const char *folder, const CtsSeries *source)
 {
     char path[200];

@@ -471,7 +471,7 @@ static void test_computing_counts(void **state)
     }
 }
 
-/* Larger frames make room for themselves; the child of the smaller room goes. */
+/* Larger frames get more room; the process with the smaller room is replaced. */
 static void test_room(void **state)
 {
     (void)state;

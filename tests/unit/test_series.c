@@ -795,7 +795,7 @@ static void test_description(void **state)
     done(&f);
 }
 
-/* A load that is asked to stop ends, and leaves nothing. */
+/* A load that is cancelled ends, and leaves nothing. */
 static void test_stopped(void **state)
 {
     (void)state;

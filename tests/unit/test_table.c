@@ -224,7 +224,7 @@ static void check_removal(const Scene *s)
     cts_volume_free(&after);
 }
 
-/* Nothing is removed and the report says why. */
+/* Nothing is removed, and the report contains the reason. */
 static void check_untouched(const Scene *s)
 {
     CtsVolume *before = make(s), *after = copy(before);
@@ -280,7 +280,7 @@ static void test_head_on_holder(void **state)
 }
 
 /* A plate of 8 voxels that is known from row 60 on; from 40 to 55 an ear lies against it, before and behind that it is
- * thin. Where it was found it may have wavered: its far face stands out by a voxel there. */
+ * thin. In the window where it was found it may have wavered: its far face is a voxel further there. */
 static void test_contact(void **state)
 {
     (void)state;

@@ -215,7 +215,7 @@ static void test_unknown_vr(void **state)
     free(b.data);
 }
 
-/* An icon's pixels stand in a sequence before the image's. */
+/* An icon's pixels precede the image's, in a sequence. */
 static void test_icon(void **state)
 {
     (void)state;

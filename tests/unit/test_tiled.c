@@ -53,7 +53,7 @@ static void same_bytes(void **state)
                     preset.opacity[0].opacity = 0.01;
                 if (variant == 4)
                     s.mm_per_pixel = v == 1 ? 0.4 : 0.2; /* near: several rows to a voxel */
-                if (variant >= 7) {                      /* drafts, with a depth and without */
+                if (variant >= 7) {                      /* previews, with a depth and without */
                     s.max_error = variant;
                     s.want_depth = variant == 9;
                     s.mm_per_pixel = variant == 8 ? 0.2 : 0.7;

@@ -145,7 +145,7 @@ static void test_axis(void **state)
     assert_int_equal(view_of(&v, 27, 0, 64, 64, 0).axis_sign, -1);
     assert_int_equal(view_of(&v, -27, 0, 64, 64, 0).axis_sign, 1);
     v.step_lps[1][1] = v.step_lps[2][2] = 1;
-    /* A tie goes to the later axis, from every quarter alike. */
+    /* Ties go to the later axis, in every quarter. */
     for (int quarter = 0; quarter < 4; quarter++)
         assert_int_equal(view_of(&v, 45 + 90 * quarter, 0, 64, 64, 0).axis, 1);
     assert_int_equal(view_of(&v, 0, 45, 64, 64, 0).axis, 2);

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Puts the page into C: embed.py OUTPUT PAGE.html STYLE.css... SCRIPT.js...
+"""Generates C arrays of the page: embed.py OUTPUT PAGE.html STYLE.css... SCRIPT.js...
 
-Styles and scripts go into the page, and their hashes into its Content-Security-Policy, so that no other script runs
-whatever the data holds. Of each kind one is made. The page is cut where the data goes."""
+Styles and scripts are inserted into the page, and their hashes into its Content-Security-Policy, so that no other
+script runs, whatever the data contain. The styles are concatenated, and so are the scripts. The page is split at
+the place of the data."""
 import base64
 import hashlib
 import sys

@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
-/* allow.c: who may send, by AE titles and addresses. An address as IPv6 has it; one of IPv4 is mapped (RFC
+/* allow.c: the permitted peers, by AE titles and addresses. An address is stored as IPv6; one of IPv4 is mapped (RFC
  * 4291, 2.5.5.2). */
 typedef struct CtsAddress {
     uint8_t bytes[16];

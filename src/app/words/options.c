@@ -99,7 +99,7 @@ static CtsStatus put(CtsOptions *options, const CtsOption *o, const char *text, 
     return CTS_OK;
 }
 
-/* The names that command has, for who mistook one. */
+/* Fails with a suggestion among the names that command has. */
 static CtsStatus fail_unknown(CtsCommand command, const char *name, CtsError *err)
 {
     CtsNear near = {.written = name, .length = strlen(name)};

@@ -37,8 +37,8 @@ const DcmTagKey filled[] = {DCM_SpecificCharacterSet,
                             DCM_LongitudinalTemporalOffsetFromEvent,
                             DCM_LongitudinalTemporalEventType};
 
-/* Type 3: as in the source, empty or not. The last are younger than DCMTK's dictionary: how the patient is to be
- * addressed, and who issued the trial's identifiers. */
+/* Type 3: as in the source, empty or not. The last ones are newer than DCMTK's dictionary: the patient's form of
+ * address, and the issuers of the trial's identifiers. */
 const DcmTagKey as_is[] = {DCM_IssuerOfPatientID,
                            DCM_IssuerOfPatientIDQualifiersSequence,
                            DCM_SourcePatientGroupIdentificationSequence,

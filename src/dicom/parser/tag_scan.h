@@ -1,8 +1,8 @@
-/* A look at the framing of a DICOM file before its elements are read: tags and lengths, no values.
+/* A scan of the framing of a DICOM file before its elements are read: tags and lengths, no values.
  *
- * Lengths come from outside, and sequences may be nested as deep as a file's bytes allow. This scanner walks the tags
- * up to PixelData without recursion, compares every length with the bytes the file has, and says where the pixels lie.
- * What it lets through may be walked plainly, and given to DCMTK 3.6.7, which allocates whatever a length claims and
+ * Lengths are untrusted, and sequences may be nested as deep as a file's bytes allow. This scanner walks the tags up to
+ * PixelData without recursion, compares every length with the size of the file, and finds the offset of the pixels.
+ * Data that pass it may be walked plainly, and given to DCMTK 3.6.7, which allocates whatever a length claims and
  * recurses once for each nested sequence. */
 #ifndef CTS_DICOM_TAG_SCAN_H
 #define CTS_DICOM_TAG_SCAN_H

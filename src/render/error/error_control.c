@@ -11,7 +11,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Rounding error of single precision, rms, where nothing else errs. */
+/* Rounding error of single precision, rms, without any other error. */
 #define ROUNDING 1e-5
 
 /* Indicators count by this share: errors are far smaller than the march's bounds, hardly ever more than half. */
@@ -384,7 +384,7 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     const double rmse = cts_error_control_rmse(c) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1),
                  asked = cts_scene_error_asked(&c->scene), largest = largest_error(c);
     CtsErrorBound *bound = &report->bound;
-    /* The worst frame of a rotation stands for all. */
+    /* The worst frame of a rotation represents all. */
     bound->max = (bound->known && bound->max < 0) || largest < 0 ? -1 : fmax(bound->max, largest);
     bound->known = true;
     bound->rmse = fmax(bound->rmse, rmse);

@@ -165,9 +165,8 @@ static double student_t(double freedom)
                                                    each * (((3 * z2 + 19) * z2 + 17) * z2 - 15) / 384)));
 }
 
-/* Mean of squares, and how far it may be off (95 %). Where a part gave one pixel alone, its neighbour in order stands
- * in for the other. Where a few pixels make most of the error, there are as few degrees of freedom (Satterthwaite
- * 1946). */
+/* Mean of squares, and its margin of error (95 %). If a part has a single pixel, its neighbour in order replaces the
+ * other. If a few pixels make most of the error, there are as few degrees of freedom (Satterthwaite 1946). */
 static void weigh(const CtsReference *r, const double *square, double *mean, double *margin)
 {
     double variance = 0, fourth = 0;
@@ -183,7 +182,7 @@ static void weigh(const CtsReference *r, const double *square, double *mean, dou
     *margin = student_t(fmax(freedom, 2)) * sqrt(variance);
 }
 
-/* A pixel's largest difference, and the share of the picture that it stands for. */
+/* A pixel's largest difference, and the share of the picture that it represents. */
 typedef struct Weighed {
     double value, weight;
 } Weighed;

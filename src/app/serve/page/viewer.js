@@ -1,4 +1,4 @@
-// One volume from all sides. While it moves: drafts; when it rests: the full picture, with the bound of its error.
+// One volume from all sides. In motion: previews; at rest: the full picture, with its error estimate.
 import {ask, element, inTurn, status} from './ask.js';
 import {listen} from './hands.js';
 
