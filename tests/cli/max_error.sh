@@ -9,9 +9,9 @@ for engine in tiled combined; do
         -o $engine.png --log log
     [ ! -s err ] || ! grep warning err || fail "0.5/255 is within reach"
     has log '"code":"max_error"'
-    grep '"event":"error"' log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 0.5) }' || fail "$engine errs by more than was asked"
+    grep '"event":"error"' log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 0.5) }' || fail "the error of $engine exceeds the requested one"
 done
-sheets=$(sed -n 's/.*max_error` 0.5: \([0-9]*\) sheets.*/\1/p' log)
+sheets=$(sed -n 's/.*max_error` 0.5: the error of \([0-9]*\) sheets.*/\1/p' log)
 [ -n "$sheets" ] || fail "a hard preset needs more sheets than one"
 ok render "$data/phantom" -p hard.json --view 30,15 $frame --engine combined --samples "$sheets" -o same.png
 ok compare combined.png same.png
