@@ -131,6 +131,7 @@ typedef struct CtsReport {
     CtsErrorBound bound;
     double key_loss; /* share of the volume's opacity that void_key left out; 0 without it */
     char *plan;      /* for people: lines of text; NULL until a plan is made */
+    char *trace;     /* JSON Lines of a pixel's ray (CtsRenderSettings.trace); NULL: none */
 } CtsReport;
 
 /* Zero-initialise a CtsReport before use; this frees its contents and zeroes it again. */
@@ -154,6 +155,7 @@ void cts_report_finding(CtsReport *report, const char *code, CtsSeverity severit
 /* Copies the fact. Without memory a label is missing. */
 void cts_report_label(CtsReport *report, const CtsLabelFact *label);
 void cts_report_plan(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void cts_report_trace(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity severity, const char *format, ...)
     __attribute__((format(printf, 4, 5)));

@@ -25,6 +25,7 @@ void cts_report_free(CtsReport *report)
         return;
     free(report->skips);
     free(report->plan);
+    free(report->trace);
     for (size_t i = 0; i < report->n_labels; i++)
         free(report->labels[i].name);
     free(report->labels);
@@ -122,18 +123,32 @@ void cts_findings_free(CtsFindings *findings)
     *findings = (CtsFindings){0};
 }
 
+/* Adds a line of at most so many characters to a text. */
+enum { MAX_LINE = 1000 };
+static __attribute__((format(printf, 2, 0))) void add_line(char **text, const char *format, va_list args)
+{
+    char line[MAX_LINE], *longer;
+    vsnprintf(line, sizeof line, format, args);
+    if (asprintf(&longer, "%s%s\n", *text ? *text : "", line) < 0)
+        return;
+    free(*text);
+    *text = longer;
+}
+
 void cts_report_plan(CtsReport *report, const char *format, ...)
 {
-    if (!report)
-        return;
-    char line[512];
     va_list args;
     va_start(args, format);
-    vsnprintf(line, sizeof line, format, args);
+    if (report)
+        add_line(&report->plan, format, args);
     va_end(args);
-    char *plan;
-    if (asprintf(&plan, "%s%s\n", report->plan ? report->plan : "", line) < 0)
-        return;
-    free(report->plan);
-    report->plan = plan;
+}
+
+void cts_report_trace(CtsReport *report, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    if (report)
+        add_line(&report->trace, format, args);
+    va_end(args);
 }

@@ -36,6 +36,25 @@
 #include "engine/tiled/pieces.h"
 #include "engine/tiled/void_mask.h"
 
+/* One segment of a ray, as --trace-pixel reports it. */
+typedef struct TiledSegment {
+    bool integrated;         /* else it is split, and its parts follow */
+    double t_mm, length_mm;  /* begin from the ray's start on, and length */
+    double level[4];         /* Bernstein control values of the field along it, grey levels */
+    double depth;            /* optical depth */
+    double rgb[3];           /* mean of its emitted colour before shading */
+    double transmittance[2]; /* in front of it and behind it */
+    /* Error terms, shares of the display's range: of the optical depth by Gauss' rule, of the colour by its two points,
+     * and of control points that the segment is not split at. */
+    double depth_error, colour_error, control_point_error;
+    int cell[3], transfer_segment, appearance;
+} TiledSegment;
+
+typedef struct TiledTrace {
+    void (*segment)(void *context, const TiledSegment *segment);
+    void *context;
+} TiledTrace;
+
 /* Read-only data of a march, shared by all threads. */
 typedef struct TiledJob {
     const uint16_t *grey, *shown; /* shown: volume for gradients, air where labels are hidden */
@@ -58,7 +77,8 @@ typedef struct TiledJob {
     float turn;            /* a segment is shaded at one point if its weight times its normal deviation is less */
     float alike;           /* largest interpolation error of pixels that are not marched; 0: all are */
     bool want_depth;
-    double camera_mm; /* from the camera plane to the plane through the view's centre */
+    double camera_mm;        /* from the camera plane to the plane through the view's centre */
+    const TiledTrace *trace; /* takes the segments of the marches that report them; the others do not read it */
 } TiledJob;
 
 /* Rays are processed in lists. Ray i starts inside the box at start_vox[.][i] and ends length_mm[i] further on. */
@@ -110,6 +130,10 @@ void cts_tiled_march_avx512(const TiledJob *job, TiledRays *rays, TiledCounts *c
 void cts_tiled_march_exact(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 void cts_tiled_march_exact_avx2(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 void cts_tiled_march_exact_avx512(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
+
+/* Plain C in single and in double precision, with job->trace. */
+void cts_tiled_march_traced(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
+void cts_tiled_march_exact_traced(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 
 /* Adds the ray of pixel (x, y), unless it misses the box. from_mm is counted from the plane through the view centre. */
 void cts_tiled_add_ray(const TiledJob *job, TiledRays *rays, int x, int y, double from_mm);

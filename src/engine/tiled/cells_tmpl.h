@@ -1,9 +1,9 @@
 /* The march itself; see cells.h, and base/simd.h for the vectors. */
 #include "base/mutation.h"
 #include "base/simd.h"
+#include "base/simd_math_tmpl.h"
 #include "engine/tiled/cells.h"
 #include "engine/tiled/loads_tmpl.h"
-#include "base/simd_math_tmpl.h"
 #include <math.h>
 
 #ifdef SIMD_DOUBLE
@@ -409,6 +409,9 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
 typedef struct Effect {
     Look at[2];
     vf depth[2], taken[2], wrong; /* taken: absorbed shares of the light before each half */
+#ifdef MARCH_TRACED
+    vf depth_error, colour_error; /* the terms of wrong */
+#endif
 } Effect;
 
 INLINE Effect integrate(const March *m, const Cubic *c, vi q, vf length)
@@ -441,8 +444,44 @@ INLINE Effect integrate(const March *m, const Cubic *c, vi q, vf length)
     const vf off = (real)0.0375f * turn2 * turn2 + bend * ((real)(1 / 1440.0) * bend + (real)(1 / 120.0) * turn2);
     e.wrong = m->p->light * (by_log * length * off * (1 - e.taken[0]) +
                              apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
+#ifdef MARCH_TRACED
+    e.depth_error = m->p->light * by_log * length * off * (1 - e.taken[0]);
+    e.colour_error = e.wrong - e.depth_error;
+#endif
     return e;
 }
+
+#ifdef MARCH_TRACED
+/* Reports the segments of these lanes, before their rays advance. */
+static void trace_segments(const March *m, const Cubic *c, vi q, vf length, const Effect *e, vf cut_error, vmask lanes,
+                           vmask done)
+{
+    const Packet *const p = m->p;
+    for (unsigned left = mask_bits(lanes); left; left &= left - 1) {
+        const int l = __builtin_ctz(left);
+        const real light = p->light[l], first = light * e->taken[0][l], second = (light - first) * e->taken[1][l];
+        TiledSegment s = {.integrated = mask_bits(done) >> l & 1,
+                          .t_mm = (double)p->at[l],
+                          .length_mm = (double)length[l],
+                          .depth = M_LN2 * (double)(e->depth[0][l] + e->depth[1][l]),
+                          .transmittance = {(double)light, (double)(light - first - second)},
+                          .depth_error = (double)e->depth_error[l],
+                          .colour_error = (double)e->colour_error[l],
+                          .control_point_error = (double)cut_error[l],
+                          .transfer_segment = (int)q[l],
+                          .appearance = m->job->looks ? (int)p->look[l] : 0};
+        for (int i = 0; i < 4; i++)
+            s.level[i] = (double)c->b[i][l];
+        for (int a = 0; a < 3; a++) {
+            const real all = first + second;
+            s.cell[a] = (int)p->cell[a][l];
+            s.rgb[a] = (double)(all > 0 ? (first * e->at[0].rgb[a][l] + second * e->at[1].rgb[a][l]) / all
+                                        : e->at[0].rgb[a][l]);
+        }
+        m->job->trace->segment(m->job->trace->context, &s);
+    }
+}
+#endif
 
 /* Position of half opacity, in lanes whose segment contains it. */
 OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
@@ -481,6 +520,9 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
     const vmask wrong = CTS_MUTATED(HALVES) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), e.wrong) | cuts.halve;
     const vmask again = lanes & wrong & vf_lt(vf_of(2 * LEAST_MM), length);
     const vmask done = lanes & ~again;
+#ifdef MARCH_TRACED
+    trace_segments(m, &cubic, q, length, &e, DOUBTED(cuts.wrong), lanes, done);
+#endif
     p->until = vf_select(again, p->at + (real)0.5f * length, vf_select(done, vf_of(FAR_MM), p->until));
     if (j->want_depth)
         find_surface(p, &e, length, done);

@@ -11,6 +11,7 @@
 #include "engine/project/project.h"
 #include "engine/tiled/cells.h"
 #include "engine/tiled/tiles.h"
+#include "engine/tiled/trace.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -313,6 +314,33 @@ end:
     return st;
 }
 
+static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsShade shade = {0};
+    TiledJob job;
+    Kept *kept = NULL;
+    const CtsMacrocells *macrocells;
+    if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, NULL, err)) ||
+        (st = find_mask(kept, scene, macrocells, NULL, err)))
+        goto end;
+    if (scene->preset->shade &&
+        (st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
+        goto end;
+    for (int i = 0; !st && i < 2; i++) {
+        init_job(&job, scene, kept, i ? &exact : &fast, cts_scene_error_asked(scene));
+        if (scene->preset->shade)
+            light_job(&job, &shade);
+        st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_traced : cts_tiled_march_traced,
+                             i ? "double" : "single", x, y, report, err);
+    }
+end:
+    cts_shade_free(&shade);
+    if (!scene->kept)
+        free_kept(kept);
+    return st;
+}
+
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                               CtsError *err)
 {
@@ -333,6 +361,7 @@ const CtsEngine cts_engine_tiled = {
     .name = "tiled",
     .render = render_tiled,
     .render_pixels = render_pixels,
+    .trace_pixel = trace_pixel,
     .indicator = CTS_INDICATOR_BOUND,
     .skips_void = true,
     .cuts_slabs = true,

@@ -536,10 +536,28 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     return st;
 }
 
+/* By the march that re-renders the engine's pixels, from the start: what engines keep from frame to frame is not used.
+ */
+static CtsStatus trace_pixel(const CtsFrame *frame, CtsReport *report, CtsError *err)
+{
+    const CtsEngine *const march = cts_engine(cts_engine_march(frame->engine_id));
+    const CtsRenderSettings *const s = frame->store.scene.settings;
+    CtsScene scene = frame->store.scene;
+    scene.kept = NULL;
+    if (scene.preset->mode == CTS_MODE_COMPOSITE && s->kernel == CTS_KERNEL_TENT)
+        return march->trace_pixel(&scene, s->trace_x, s->trace_y, report, err);
+    cts_report_finding(
+        report, "trace_left_out", CTS_WARNING,
+        "`trace_pixel`: nothing to trace, since the exact march has mode composite and kernel tent alone");
+    return CTS_OK;
+}
+
 CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err)
 {
     if (!st && !frame->explain)
         st = cts_verify_end(&frame->verify, report, err);
+    if (!st && !frame->explain && frame->store.scene.settings->trace)
+        st = trace_pixel(frame, report, err);
     if (!st)
         cts_error_control_report(&frame->error_control, report);
     cts_verify_free(&frame->verify);

@@ -200,6 +200,7 @@ static CtsStatus look(Looking *looking, const CtsRenderSettings *s, double least
     CtsRenderSettings small = *s;
     CtsViewAxes axes;
     small.width = small.height = LOOK;
+    small.trace = false;
     small.mm_per_pixel = 1;
     small.shade = CTS_OFF;
     small.centre_given = true;

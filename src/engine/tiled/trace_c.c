@@ -1,0 +1,8 @@
+/* The march in plain C, whose pictures are those of all SIMD paths, reporting its segments. */
+#define MARCH_TRACED
+#include "engine/tiled/cells_tmpl.h"
+
+void cts_tiled_march_traced(const TiledJob *job, TiledRays *rays, TiledCounts *counts)
+{
+    march(job, rays, counts);
+}
