@@ -59,7 +59,7 @@ violations()
             grep -qxE ".*/$name" "$work/list" || echo "$f:$n: $name <- a document that is not in the tree"
         done
         # File names are unique, so that a name identifies a file.
-        grep -E '^\./(src|include|tests)/' "$work/list" | grep -v '/meson\.build$' | sed 's|.*/||' | sort | uniq -d |
+        grep -E '^\./(src|include|tests)/' "$work/list" | grep -vE '/(meson\.build|README\.md)$' | sed 's|.*/||' | sort | uniq -d |
             sed 's|$| <- the name of several files|'
         # src/README.md lists every folder.
         for room in $(sed -n 's|^\./src/\(.*\)/[^/]*\.[ch]c*$|\1|p' "$work/list" | sort -u); do
