@@ -71,6 +71,38 @@ violations()
         done <"$work/list"
         grep -E '\.(c|h|cc)$' "$work/list" | tr '\n' '\0' |
             xargs -0 awk 'length > 120 { print FILENAME ":" FNR ": more than 120 columns" }' /dev/null
+        # A function that a comment or a README names, as name(), occurs in the code; those of libpng and libwebp need not.
+        grep -E '\.(c|h|cc|hpp)$|/README\.md$' "$work/list" | tr '\n' '\0' | xargs -0 awk '
+            FNR == 1 { all = FILENAME ~ /\.md$/; inside = all }
+            {
+                line = $0
+                code = comment = ""
+                while (line != "") {
+                    at = all ? 0 : index(line, inside ? "*/" : "/*")
+                    part = at ? substr(line, 1, at - 1) " " : line
+                    if (inside)
+                        comment = comment part
+                    else
+                        code = code part
+                    line = at ? substr(line, at + 2) : ""
+                    inside = at ? !inside : inside
+                }
+                while (match(code, /[A-Za-z_][A-Za-z0-9_]*/)) {
+                    used[substr(code, RSTART, RLENGTH)]
+                    code = substr(code, RSTART + RLENGTH)
+                }
+                while (match(comment, /[A-Za-z_][A-Za-z0-9_]*\(\)/)) {
+                    name = substr(comment, RSTART, RLENGTH - 2)
+                    if (!(name in where))
+                        where[name] = FILENAME ":" FNR
+                    comment = substr(comment, RSTART + RLENGTH)
+                }
+            }
+            END {
+                for (name in where)
+                    if (!(name in used) && name !~ /^(png_|WebP)/)
+                        print where[name] ": " name "() <- a function that is not in the tree"
+            }' /dev/null
     )
 }
 
@@ -95,6 +127,7 @@ breach '/* see no-such''.md */\n'
 breach '/* no''body does */\n'
 breach '/* Wh''at it does. */\n'
 breach '/* -O''fast */\n'
+breach '/* as no_such_function() does */\n'
 breach "/* $(printf '%0120d' 0) */\\n"
 mkdir -p "$work/src/x" "$work/src/y"
 touch "$work/src/x/same.c" "$work/src/y/same.c"

@@ -85,7 +85,7 @@ SIMD_OP(vf, vf_of, (real x), x - (vf){0})
 SIMD_OP(vi, vi_of, (whole x), x - (vi){0})
 SIMD_OP(vs, vs_of, (int16_t x), x - (vs){0})
 
-/* Unaligned loads and stores: name_load(), name_store(). */
+/* Unaligned loads and stores, name_load and name_store. */
 #define SIMD_MEMORY(name, element)                                                                                     \
     INLINE name name##_load(const element *from)                                                                       \
     {                                                                                                                  \
