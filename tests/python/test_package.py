@@ -462,8 +462,20 @@ def test_paths_that_are_none(phantom):
     for path in (io.BytesIO(b"x"), [io.BytesIO(b"x")], phantom.hu, 3, None, Image(phantom.hu, phantom.affine_ras), {"a": 1}):
         with pytest.raises(ctsplat.Error, match="is no path"):
             ctsplat.load(path)
+    for path, said in ((io.BytesIO(b"x"), "into a file"), (phantom.hu, "ctsplat.Volume"), (3, "paths of files or folders")):
+        with pytest.raises(ctsplat.Error, match=said):
+            ctsplat.load(path)
     with pytest.raises(ctsplat.Error, match="is no value of it"):
         phantom.render(view=object())
+
+
+def test_pydicom():
+    pydicom = pytest.importorskip("pydicom")
+    slices = [pydicom.dcmread(f) for f in sorted(glob.glob(os.path.join(PHANTOM, "*")))[:2]]
+    for call in (lambda: ctsplat.load(slices[0]), lambda: ctsplat.load(slices), lambda: ctsplat.load(iter(slices)),
+                 lambda: ctsplat.load(PHANTOM, labels=slices[0]), lambda: ctsplat.load(PHANTOM, labels=[LABELS, slices[0]])):
+        with pytest.raises(ctsplat.Error, match=r"a FileDataset is (no path|none) \(save data sets into a folder, .*save_as"):
+            call()
 
 
 def test_lists_of_names(tmp_path, phantom):

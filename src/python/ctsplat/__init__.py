@@ -118,16 +118,26 @@ def _values(name: str, value: Any) -> List[str]:
     return [("x" if name == "size" else ",").join(x for item in items for x in _values(name, item))]
 
 
+def _instead(item: Any) -> str:
+    """Advice for an object that is no path."""
+    if hasattr(item, "save_as"):  # pydicom
+        return 'save data sets into a folder, ds.save_as("FOLDER/1.dcm") and so on, and give the folder'
+    if hasattr(item, "read"):
+        return "write what it reads into a file, and give the file"
+    if isinstance(item, np.ndarray) or hasattr(item, "dataobj"):
+        return "give HU in memory to ctsplat.Volume"
+    return "give paths of files or folders"
+
+
 def _fspath(name: str, item: Any) -> str:
     if not isinstance(item, (str, os.PathLike)):
-        raise Error("%s: a %s is no path (give paths of files or folders; slices in memory go into a folder first, and HU "
-                    "into ctsplat.Volume)" % (name, type(item).__name__), 2)
+        raise Error("%s: a %s is no path (%s)" % (name, type(item).__name__, _instead(item)), 2)
     return os.fsdecode(item)
 
 
 def _paths(name: str, path: Any) -> List[str]:
     """One path, or several."""
-    several = isinstance(path, (list, tuple, set, frozenset)) or hasattr(path, "__next__")
+    several = isinstance(path, (list, tuple, set, frozenset)) or (hasattr(path, "__next__") and not hasattr(path, "read"))
     return [_fspath(name, item) for item in (path if several else [path])]
 
 
@@ -190,8 +200,8 @@ def _labels(value: Any) -> Any:
     items = list(value) if isinstance(value, (list, tuple)) else [value]
     for item in items:
         if not isinstance(item, (str, os.PathLike)) and not is_mask(item):
-            raise Error("labels: a %s is none (give a path, an array of the shape of volume.hu, a nibabel image, or a list of "
-                        "these)" % type(item).__name__, 2)
+            raise Error("labels: a %s is none (%s)" % (type(item).__name__, _instead(item) if hasattr(item, "save_as") else
+                        "give a path, an array of the shape of volume.hu, a nibabel image, or a list of these"), 2)
     return [_Mask(item) if is_mask(item) else os.fsdecode(item) for item in items]
 
 
