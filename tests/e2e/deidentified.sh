@@ -45,7 +45,7 @@ for name in mixed-patients two-phases coronal many-missing; do
 done
 ls batch >before
 run batch "$data/geometry" -O batch --size 32x32 --formats dcm,png --deidentify
-has err '11 of them before'
+has err '11 of them in earlier runs'
 ls batch | cmp - before || fail "another run gives other folders"
 
 $python -c 'import pydicom' 2>/dev/null || exit 77

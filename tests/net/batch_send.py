@@ -49,7 +49,7 @@ for line in lines('o'):
     assert line['status'] == 'done' and 'unsent' not in line, line
     assert [c['sent_to'] for c in captures(line)] == [[to]] * 2, line
     assert not [o for o in line['outputs'] if o['format'] == 'png' and 'sent_to' in o], line
-assert 'of them before' in batch(*words) and pacs.count() == 2 * N_SERIES
+assert 'of them in earlier runs' in batch(*words) and pacs.count() == 2 * N_SERIES
 batch(*words, '--presets', 'bone,skin')
 assert pacs.count() == 4 * N_SERIES, pacs.count()
 # Captures rendered again are new ones; up-to-date ones of a batch that sent nothing are sent.
