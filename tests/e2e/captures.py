@@ -1,5 +1,6 @@
 """The captures of captures.sh read by pydicom and GDCM: pixels equal the PNG's, headers agree with the manual."""
 import glob
+import os
 import subprocess
 import sys
 import zlib
@@ -67,7 +68,9 @@ for kind in ('still', 'turn', 'mip-still', 'mip-turn'):
     bits = 16 if kind.startswith('mip') else 8
     plain = pydicom.dcmread('phantom-%s.dcm' % kind)
     check(kind, plain.pixel_array, truth, bits)
-    for compression in ('rle', 'jpeg-lossless', 'jpeg-2000'):
+    # Under sanitizers, captures.sh compresses some kinds only.
+    thorough = os.environ.get('CTS_SANITIZE', 'none') == 'none'
+    for compression in ('rle', 'jpeg-lossless', 'jpeg-2000') if thorough or kind in ('still', 'mip-turn') else ():
         name = 'phantom-%s-%s.dcm' % (kind, compression)
         data = pydicom.dcmread(name)
         n_frames = int(data.get('NumberOfFrames', 1))
