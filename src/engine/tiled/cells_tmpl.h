@@ -1,4 +1,5 @@
 /* The march itself; see cells.h, and base/simd.h for the vectors. */
+#include "base/invariant.h"
 #include "base/mutation.h"
 #include "base/simd.h"
 #include "base/simd_math_tmpl.h"
@@ -501,6 +502,17 @@ OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
 
 #include "engine/tiled/owned_tmpl.h"
 
+/* Invariants of the lanes that integrate a segment, and of the segment. NaN fails each of them. */
+INLINE void check_segment(const March *m, vmask lanes, vf length, vf error)
+{
+    const Packet *const p = m->p;
+    CTS_INVARIANT(!mask_any(lanes & ~(vf_le(vf_of(0), p->light) & vf_le(p->light, vf_of(1)))));
+    CTS_INVARIANT(!mask_any(lanes & ~(vf_le(vf_of(0), length) & vf_le(p->at, p->end))));
+    CTS_INVARIANT(!mask_any(lanes & ~(vf_le(vf_of(0), error) & vf_le(vf_of(0), p->bound))));
+    for (int a = 0; a < 3; a++)
+        CTS_INVARIANT(!mask_any(lanes & vu_lt(vi_of(m->job->n_cells[a] - 1), p->cell[a])));
+}
+
 /* Integrates a segment of rays in visible cells. Returns the lanes that stay in their cell. */
 INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
 {
@@ -517,6 +529,8 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
         q = piece_of(m->pieces, middle_of(&cubic));
     }
     const Effect e = integrate(m, &cubic, q, length);
+    if (CTS_INVARIANTS)
+        check_segment(m, lanes, length, DOUBTED(cuts.wrong) + e.wrong);
     const vmask wrong = CTS_MUTATED(HALVES) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), e.wrong) | cuts.halve;
     const vmask again = lanes & wrong & vf_lt(vf_of(2 * LEAST_MM), length);
     const vmask done = lanes & ~again;

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/invariant.h"
 #include "base/mem.h"
 #include "core/scene/settings.h"
 #include "core/scene/visible.h"
@@ -521,6 +522,9 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
         st = new_error_map(&errors, *band, err);
     if (!st)
         st = engine->render(scene, *band, errors.indicator ? &errors : NULL, report, err);
+    if (CTS_INVARIANTS && !st && errors.indicator)
+        for (size_t i = 0; i < (size_t)(*band)->width * (size_t)(*band)->height; i++)
+            CTS_INVARIANT(errors.indicator[i] >= 0);
     if (!st && errors.indicator)
         st = cts_error_control_enforce(&frame->error_control, *band, &errors, err);
     if (st)
