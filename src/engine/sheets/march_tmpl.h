@@ -53,7 +53,7 @@ typedef struct March {
     int64_t shear[2]; /* of the corner, from sheet to sheet, front to back; 32 bits of fraction */
 } March;
 
-/* Where the corner of a group is on a sheet; 32 bits of fraction. */
+/* Position of a group's corner on a sheet; 32 bits of fraction. */
 typedef struct Corner {
     int64_t at[2];
 } Corner;
@@ -151,7 +151,7 @@ INLINE wmask visible_between(const SheetsLevels *l, wi front, wi back)
     return wmask_and(wi_gt(wi_max(front, back), wi_of(l->first - 1)), wi_lt(wi_min(front, back), wi_of(l->last + 1)));
 }
 
-/* What a march has gathered so far. */
+/* Accumulated state of a march. */
 typedef struct State {
     wf rgb[3], left;               /* left: transmittance */
     wf coarse_rgb[3], coarse_left; /* the same by slabs of twice the length */
@@ -170,8 +170,8 @@ INLINE void blend(wf rgb[3], wf *left, const Slab *s, wmask lanes)
     *left = wf_sub(*left, wf_mul(weight, s->alpha));
 }
 
-/* What a slab's samples may have missed counts by the light that is left two slabs later: in front of a surface nearly
- * every ray passes slabs whose samples just miss it. */
+/* Opacity that a slab's samples may have missed is weighted with the transmittance two slabs later: in front of a
+ * surface nearly every ray passes slabs whose samples just miss it. */
 INLINE void advance_missed(State *s, wf near)
 {
     s->missed = wf_mul_add(s->near[1], s->left, s->missed);
@@ -249,7 +249,7 @@ OUTLINE Gradient gradient_at_faces(const March *m, Corner corner, int sheet, uns
     return (Gradient){{wf_load(out[0]), wf_load(out[1]), wf_load(out[2])}};
 }
 
-/* |n.v| of a gradient; 0 where there is none. */
+/* |n.v| of a gradient; 0 without one. */
 INLINE wf facing_of(const SheetsJob *j, const Gradient *g)
 {
     const float *const q = j->shade_square, *const f = j->shade->frame[2];
@@ -344,7 +344,7 @@ INLINE void light_slab(const SheetsJob *j, const Gradient *front, const Gradient
     const wf mean = wf_add(facing[0], facing[1]), sharp = wf_add(highlight[0], highlight[1]);
     *apart = wf_add(wf_scale(wf_abs(wf_sub(facing[0], facing[1])), shade->diffuse, 0),
                     wf_scale(wf_abs(wf_sub(highlight[0], highlight[1])), shade->specular, 0));
-    /* Faint stuff has no light of its own worth its price: the mean of |n.v| over directions is a half. */
+    /* Shading slabs of low weight does not pay: the mean of |n.v| over directions is a half. */
     const wf faint = wf_of(shade->ambient + 0.5f * shade->diffuse);
     const wf colour = wf_select(heavy, wf_scale(mean, 0.5f * shade->diffuse, shade->ambient), faint);
     const wf white = wf_select(heavy, wf_mul(wf_scale(sharp, 0.5f * shade->specular, 0), s->alpha), wf_of(0));
@@ -824,7 +824,7 @@ INLINE void run_block(const March *m, Block *b, const Block *last, const bool ha
 INLINE void finish(const March *m, const State *s, const Light *light, const bool lit, SheetsPixels *out)
 {
     const wmask ended = wf_le(s->left, wf_of(m->job->min_transmittance));
-    /* What a ray that ended early has left is as what it has met. */
+    /* The remaining transmittance of a ray that ended early gets the ray's own colour. */
     const wf scale = wf_select(ended, wf_div(wf_of(1), wf_max(wf_sub(wf_of(1), s->left), wf_of(0.5f))), wf_of(1));
     wf off = wf_abs(wf_sub(s->left, s->coarse_left));
     for (int c = 0; c < 3; c++) {

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* What depends on volume and preset alone: made for the first frame that needs it, and kept for those that follow. */
+/* Data that depend on volume and preset only: computed for the first frame that needs them, and cached. */
 typedef struct Kept {
     CtsMacrocells *own_macrocells; /* where the volume has none */
     SheetsTransfer transfer;

@@ -62,8 +62,8 @@ typedef struct SheetsVoid {
     uint32_t *at;
 } SheetsVoid;
 
-/* Where the rays of pixels meet the sheets, in voxels along a and b: origin + x * right + y * down + k * shear at pixel
- * (x, y) and sheet k. */
+/* Intersections of the pixels' rays with the sheets, in voxels along a and b: origin + x * right + y * down + k * shear
+ * at pixel (x, y) and sheet k. */
 typedef struct SheetsView {
     int p, a, b;          /* volume axes */
     int n[3];             /* voxels along a, b, p */
@@ -106,8 +106,8 @@ typedef struct SheetsJob {
     double camera_mm; /* from the camera plane to the plane through the view's centre */
 } SheetsJob;
 
-/* What a group found: premultiplied colour and opacity, depth from the plane through the view's centre, and how far off
- * it may be, by its own judgement. */
+/* Result of a group: premultiplied colour and opacity, depth from the plane through the view's centre, and error
+ * indicator. */
 typedef struct SheetsPixels {
     float rgba[4][SHEETS_LANES];
     float depth_mm[SHEETS_LANES];

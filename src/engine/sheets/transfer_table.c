@@ -8,7 +8,7 @@
 /* Levels are coarse where nothing is visible: there a level only says where a slab enters what is, to a share of the
  * slab of half a level's width by the whole change of level. */
 enum { COARSE = 64, LEAST_COARSE = 12 };
-/* Metal lies far above all that presets tell apart; levels that reached it would be few elsewhere. */
+/* Metal lies far above the range that presets resolve; levels up to it would be too coarse elsewhere. */
 #define HU_ABOVE 4096.0
 
 static double in_range(double x, double low, double high)
@@ -83,7 +83,7 @@ static void fill_integrals(Integrals *in)
             in->to[g][c] = in->to[g - 1][c] + (value_at(in->lut, g - 1, c) + value_at(in->lut, g, c)) / 2;
 }
 
-/* Where both levels are one, the level's own width is what the slab may lie in. */
+/* If both levels are equal, the slab's grey levels lie anywhere within the level's width. */
 static void mean_between(const Integrals *in, const SheetsLevels *l, int front, int back, float mean[4])
 {
     const bool same = front == back;
