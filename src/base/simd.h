@@ -124,6 +124,7 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * - vi_gather_pairs(from, index, mask): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
  * - vi_gather_64(from, index, mask, &second): from[index] of two int32_t, the first returned
  * - vs_madd(a, b): a[2 l] * b[2 l] + a[2 l + 1] * b[2 l + 1] in lane l, 32 bits
+ * - vs_unsigned_max, vs_unsigned_min(a, b); vs_excess(a, b): a - b where a is more, else 0; of 16 bits without a sign
  * - vs_permute_rows(table, index): a row is eight int16_t; element index (0..7) of the same row of the table
  * - ws_permute(table, index): element index (0..31) of the table
  * - ws_permute2(low, high, index): element index (0..63) of two tables one after the other

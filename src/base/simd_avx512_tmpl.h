@@ -45,6 +45,9 @@ INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *secon
 }
 
 SIMD_OP(vi, vs_madd, (vs a, vs b), (vi)_mm512_madd_epi16((__m512i)a, (__m512i)b))
+SIMD_OP(vs, vs_unsigned_max, (vs a, vs b), (vs)_mm512_max_epu16((__m512i)a, (__m512i)b))
+SIMD_OP(vs, vs_unsigned_min, (vs a, vs b), (vs)_mm512_min_epu16((__m512i)a, (__m512i)b))
+SIMD_OP(vs, vs_excess, (vs a, vs b), (vs)_mm512_subs_epu16((__m512i)a, (__m512i)b))
 
 /* A byte shuffle by the offsets of both bytes of each element. */
 SIMD_OP(vs, vs_permute_rows, (vs table, vs index),

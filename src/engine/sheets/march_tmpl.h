@@ -1,6 +1,6 @@
 /* The march of a group through the sheets, front to back; included once for each SIMD path. Every path does the same
  * operations lane by lane: whole numbers up to a sample's level, then floats rounded after each operation. */
-#include "engine/sheets/sheets.h"
+#include "engine/sheets/void_blocks.h"
 
 #include "base/mutation.h"
 #include "base/simd.h"
@@ -10,10 +10,10 @@
 
 SIMD_EACH(ws, wi_as_short, (wi a), (vs)a.part[p])
 SIMD_EACH(wi, ws_as_int, (ws a), (vi)a.part[p])
-SIMD_EACH(ws, ws_min, (ws a, ws b),
-          (vs)(((a.part[p] < b.part[p]) & a.part[p]) | (~(a.part[p] < b.part[p]) & b.part[p])))
-SIMD_EACH(ws, ws_max, (ws a, ws b),
-          (vs)(((a.part[p] > b.part[p]) & a.part[p]) | (~(a.part[p] > b.part[p]) & b.part[p])))
+SIMD_EACH(wmask, wi_nonzero, (wi a), vi_test(a.part[p], a.part[p]))
+SIMD_EACH(ws, ws_max, (ws a, ws b), vs_unsigned_max(a.part[p], b.part[p]))
+SIMD_EACH(ws, ws_min, (ws a, ws b), vs_unsigned_min(a.part[p], b.part[p]))
+SIMD_EACH(ws, ws_excess, (ws a, ws b), vs_excess(a.part[p], b.part[p]))
 
 SIMD_EACH(wf, wf_inverse_root, (wf x), vf_inverse_root(x.part[p]))
 SIMD_EACH(wf, wf_log2, (wf x), vf_log2(x.part[p]))
@@ -120,10 +120,9 @@ INLINE wf across_rows(Rows rows, wf along_b)
 /* Number of the level in the pre-integrated table. */
 INLINE wi level_of(const SheetsLevels *l, wf sample)
 {
-    wf sum = wf_of(0.5f);
-    for (int i = 0; i < 3; i++)
-        sum = wf_add(sum, wf_clamp(wf_scale(sample, l->scale[i], l->add[i]), 0, l->span[i]));
-    return wf_to_int(sum);
+    const wf coarse = wf_scale(sample, l->coarse_scale, l->coarse_add);
+    const wf fine = wf_clamp(wf_scale(sample, l->fine_scale, l->fine_add), 0, l->fine_span);
+    return wf_to_int(wf_clamp(wf_add(coarse, fine), 0, SHEETS_LEVELS - 1));
 }
 
 /* Colour and opacity of slabs; 0 outside the mask. */
@@ -362,7 +361,7 @@ typedef struct Block {
     bool window;     /* windows can be loaded whole */
     wf sample[AT_ONCE];
     wi level[AT_ONCE];
-    wi highest[SHEETS_BLOCK + 1], lowest[SHEETS_BLOCK + 1]; /* of the voxels that a sample takes, less 32768 */
+    ws highest[SHEETS_BLOCK + 1], lowest[SHEETS_BLOCK + 1]; /* of the two rows of voxels that a sample takes */
     wf from[SHEETS_BLOCK], share[SHEETS_BLOCK];             /* not inside: part of each slab that lies in the volume */
 } Block;
 
@@ -376,16 +375,6 @@ INLINE const uint16_t *sheet_at(const March *m, int sheet)
     return m->job->view.grey + (ptrdiff_t)sheet * m->job->view.sheet;
 }
 
-/* Highest and lowest of the four voxels that each lane takes. */
-INLINE void range_of(const ws pairs[2], wi *highest, wi *lowest)
-{
-    const ws flip = ws_of(INT16_MIN);
-    const ws a = ws_sub(pairs[0], flip), b = ws_sub(pairs[1], flip);
-    const wi high = ws_as_int(ws_max(a, b)), low = ws_as_int(ws_min(a, b));
-    *highest = wi_max(wi_shr(wi_shl(high, 16), 16), wi_shr(high, 16));
-    *lowest = wi_min(wi_shr(wi_shl(low, 16), 16), wi_shr(low, 16));
-}
-
 INLINE void sample_sheet(const March *m, Block *b, int slab, bool window)
 {
     ws pairs[2];
@@ -394,7 +383,8 @@ INLINE void sample_sheet(const March *m, Block *b, int slab, bool window)
     b->sample[2 * slab] =
         across_rows((Rows){along_row(pairs[0], f.along_a), along_row(pairs[1], f.along_a)}, f.along_b);
     b->level[2 * slab] = level_of(&m->job->levels, b->sample[2 * slab]);
-    range_of(pairs, &b->highest[slab], &b->lowest[slab]);
+    b->highest[slab] = ws_max(pairs[0], pairs[1]);
+    b->lowest[slab] = ws_min(pairs[0], pairs[1]);
 }
 
 /* The middle of a slab: the mean of both sheets where the ray is half way. */
@@ -655,10 +645,15 @@ INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *
     blend(s->coarse_rgb, &s->coarse_left, &slab, visible);
 }
 
-/* Lanes for which any voxel that they take on both sheets of a slab may be visible. */
-INLINE wmask may_show(const SheetsLevels *l, wi highest, wi lowest)
+/* Lanes for which any of the voxels that they take may be visible. */
+INLINE wmask may_show(const SheetsLevels *l, ws highest, ws lowest)
 {
-    return wmask_and(wi_gt(highest, wi_of(l->grey_low - 32768)), wi_lt(lowest, wi_of(l->grey_high - 32768)));
+    wmask may = wmask_of_bits(0xffff);
+    if (l->grey_low >= 0)
+        may = wi_nonzero(ws_as_int(ws_excess(highest, ws_of((int16_t)l->grey_low))));
+    if (l->grey_high < CTS_N_GREY)
+        may = wmask_and(may, wi_nonzero(ws_as_int(ws_excess(ws_of((int16_t)l->grey_high), lowest))));
+    return may;
 }
 
 /* Opacity of a slab by a level that its field may reach between samples, of lanes none of whose samples is visible. A
@@ -693,10 +688,10 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
 {
     const SheetsJob *const j = m->job;
     const float slab_mm = (float)j->view.slab_mm;
-    wi highest = b->highest[0], lowest = b->lowest[0];
+    ws highest = b->highest[0], lowest = b->lowest[0];
     for (int i = 1; i <= SHEETS_BLOCK; i++) {
-        highest = wi_max(highest, b->highest[i]);
-        lowest = wi_min(lowest, b->lowest[i]);
+        highest = ws_max(highest, b->highest[i]);
+        lowest = ws_min(lowest, b->lowest[i]);
     }
     if (!wmask_any(wmask_and(s->alive, may_show(&j->levels, highest, lowest)))) {
         advance_missed(s, wf_of(0));
@@ -705,8 +700,8 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
     }
     const wf all_of_it = wf_of(1);
     for (int i = 0; i < SHEETS_BLOCK; i++) {
-        const wmask may = wmask_and(s->alive, may_show(&j->levels, wi_max(b->highest[i], b->highest[i + 1]),
-                                                       wi_min(b->lowest[i], b->lowest[i + 1])));
+        const wmask may = wmask_and(s->alive, may_show(&j->levels, ws_max(b->highest[i], b->highest[i + 1]),
+                                                       ws_min(b->lowest[i], b->lowest[i + 1])));
         wmask visible = wmask_of_bits(0);
         const wmask before = s->alive;
         if (wmask_any(may)) {
@@ -858,6 +853,8 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     Block blocks[2]; /* the one at hand, and the one before */
     blocks[1].inside = false;
     const int n_layers = j->blocks->n_layers, n_words = cts_sheets_words(n_layers);
+    const int side = (SHEETS_SIDE - 1) * grid->pitch;
+    const SheetsShaft shaft = cts_sheets_shaft(v, (const int[]){x, x + side}, (const int[]){y, y + side});
     int now = 0;
     counts->groups++;
     for (int i = 0; i < n_words && wmask_any(s.alive); i++) {
@@ -866,6 +863,8 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
         while (bits && wmask_any(s.alive)) {
             const int bit = v->step > 0 ? __builtin_ctzll(bits) : 63 - __builtin_clzll(bits);
             bits ^= UINT64_C(1) << bit;
+            if (!cts_sheets_shaft_sees(&shaft, v, j->blocks, word * 64 + bit))
+                continue;
             const int low = (word * 64 + bit) * SHEETS_BLOCK;
             const int high = low + SHEETS_BLOCK < v->n[2] - 1 ? low + SHEETS_BLOCK : v->n[2] - 1;
             Block *const b = &blocks[now], *const last = &blocks[!now];

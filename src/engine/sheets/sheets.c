@@ -156,6 +156,7 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
     if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))
         return st;
     init_job(&s->job, scene, s->kept, half, scene->preset->shade ? &s->shade : NULL);
+    s->job.lattice = s->level == CTS_LEVEL_LATTICE;
     return CTS_OK;
 }
 
@@ -235,7 +236,7 @@ const CtsEngine cts_engine_sheets = {
     .render = render_sheets,
     .render_tiles = render_tiles,
     .indicator = CTS_INDICATOR_ESTIMATE,
-    .levels = 1u << CTS_LEVEL_SHEETS | 1u << CTS_LEVEL_HALF_SHEETS,
+    .levels = 1u << CTS_LEVEL_LATTICE | 1u << CTS_LEVEL_SHEETS | 1u << CTS_LEVEL_HALF_SHEETS,
     .skips_void = true,
     .cuts_slabs = true,
     .modes = 1u << CTS_MODE_COMPOSITE,

@@ -29,11 +29,11 @@ enum {
     SHEETS_WEIGHT_BITS = 14            /* of footprint weights: a product with 16 bits fits 32 */
 };
 
-/* Levels of the table: three straight pieces join grey levels to numbers of 0 to 255, coarse ones below and above what
- * is visible and fine ones between. Level number = round(sum of clamp(grey * scale[i] + add[i], 0, span[i])), where
- * grey is a sample as the march has it: (grey level - 32768) * 2^14. */
+/* Levels of the table: coarse ones below and above what is visible, all of one width, and fine ones between. The number
+ * of a sample's level is sample * coarse_scale + coarse_add + clamp(sample * fine_scale + fine_add, 0, fine_span),
+ * rounded and kept within 0 to 255; a sample is (grey level - 32768) * 2^14, as the march has it. */
 typedef struct SheetsLevels {
-    float scale[3], add[3], span[3];
+    float coarse_scale, coarse_add, fine_scale, fine_add, fine_span;
     double grey[SHEETS_LEVELS];     /* grey level in the middle of each */
     double edge[SHEETS_LEVELS + 1]; /* and where each begins and ends */
     int first, last;                /* levels between which all that is visible lies */
@@ -98,7 +98,8 @@ typedef struct SheetsJob {
     const float (*mean)[4];     /* SheetsTransfer.mean */
     bool all_depths;            /* rays are looked at all along */
     const SheetsVoid *blocks;
-    bool half; /* half-sheets are sampled, too */
+    bool half;    /* half-sheets are sampled, too */
+    bool lattice; /* every second pixel is marched, and others where these differ */
     float min_transmittance;
     const CtsShade *shade; /* NULL: unlit. Its axes are a, b, p */
     float shade_square[6]; /* squared length of a gradient: factors of aa, bb, pp, ab, ap, bp */

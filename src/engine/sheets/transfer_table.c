@@ -7,7 +7,7 @@
 
 /* Levels are coarse where nothing is visible: there a level only says where a slab enters what is, to a share of the
  * slab of half a level's width by the whole change of level. */
-enum { COARSE = 64, LEAST_COARSE = 12 };
+enum { COARSE = 64 };
 /* Metal lies far above the range that presets resolve; levels up to it would be too coarse elsewhere. */
 #define HU_ABOVE 4096.0
 
@@ -20,26 +20,28 @@ static void init_levels(SheetsLevels *l, const CtsScene *scene, int largest_grey
 {
     const CtsLut *const lut = scene->lut;
     cts_lut_visible_levels(lut, &l->grey_low, &l->grey_high);
+    if (cts_lut_visible(lut, 0, 0))
+        l->grey_low = -1;
+    if (cts_lut_visible(lut, CTS_N_GREY - 1, CTS_N_GREY - 1))
+        l->grey_high = CTS_N_GREY;
     const double top = in_range(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
-    const double edge[4] = {0, l->grey_low, top, in_range(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step)};
-    /* A fine level a grey level is enough; what is left is shared by the others. */
-    const double fine = fmin(top - l->grey_low, SHEETS_LEVELS - 1 - COARSE);
-    const double rest = SHEETS_LEVELS - 1 - fine, below = edge[1], above = edge[3] - edge[2];
-    double low = below + above > 0 ? floor(rest * below / (below + above)) : 0;
-    if (below > 0 && above > 0)
-        low = in_range(low, LEAST_COARSE, rest - LEAST_COARSE);
-    const double span[3] = {low, SHEETS_LEVELS - 1 - low - (above > 0 ? rest - low : 0), above > 0 ? rest - low : 0};
-    const double one = 1 << SHEETS_WEIGHT_BITS;
-    double number = 0;
-    for (int i = 0; i < 3; i++) {
-        const double width = edge[i + 1] - edge[i], scale = width > 0 ? span[i] / width : 0;
-        l->scale[i] = (float)(scale / one);
-        l->add[i] = (float)((32768 - edge[i]) * scale);
-        l->span[i] = (float)span[i];
-        for (double n = number; n <= number + span[i] && span[i] > 0; n++)
-            l->grey[(int)n] = edge[i] + (n - number) / scale;
-        number += span[i];
-    }
+    const double bottom = fmax(l->grey_low, 0);
+    const double end = in_range(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step);
+    /* A fine level a grey level is enough; the coarse ones share what is left. */
+    const double n_fine = fmin(top - bottom, SHEETS_LEVELS - 1 - COARSE), n_coarse = SHEETS_LEVELS - 1 - n_fine;
+    const double coarse = bottom + end - top > 0 ? n_coarse / (bottom + end - top) : 0, fine = n_fine / (top - bottom);
+    /* Grey levels have fine levels of their own where there are enough; so the first has a whole number. */
+    const double first = floor(coarse * bottom), one = 1 << SHEETS_WEIGHT_BITS;
+    l->coarse_scale = (float)(coarse / one);
+    l->coarse_add = (float)(first + coarse * (32768 - bottom) + 0.5);
+    l->fine_scale = (float)((fine - coarse) / one);
+    l->fine_add = (float)((fine - coarse) * (32768 - bottom));
+    l->fine_span = (float)((fine - coarse) * (top - bottom));
+    for (int i = 0; i < SHEETS_LEVELS; i++)
+        l->grey[i] = i < first            ? bottom - (first - i) / coarse
+                     : i < first + n_fine ? bottom + (i - first) / fine
+                     : coarse > 0         ? top + (i - first - n_fine) / coarse
+                                          : top;
     for (int i = 0; i <= SHEETS_LEVELS; i++)
         l->edge[i] = i == 0               ? l->grey[0]
                      : i == SHEETS_LEVELS ? l->grey[SHEETS_LEVELS - 1]

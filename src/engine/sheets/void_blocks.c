@@ -1,8 +1,7 @@
-#include "engine/sheets/sheets.h"
+#include "engine/sheets/void_blocks.h"
 
 #include "base/mem.h"
 #include <math.h>
-#include <string.h>
 
 CtsStatus cts_sheets_void_init(SheetsVoid *v, const CtsMacrocells *m, const CtsLut *lut, int p, CtsError *err)
 {
@@ -32,46 +31,39 @@ void cts_sheets_void_free(SheetsVoid *v)
     cts_free(&v->at);
 }
 
-static int block_of(double voxel, int n)
+/* A sample's position is rounded to 2^-16 voxels; wider by 2^-10, a shaft holds it for certain. */
+#define SHAFT_MARGIN (INT64_C(1) << (SHEETS_FRACTION - 10))
+
+SheetsShaft cts_sheets_shaft(const SheetsView *view, const int x[2], const int y[2])
 {
-    const double block = floor(voxel / SHEETS_BLOCK);
-    return block < 0 ? 0 : block > n - 1 ? n - 1 : (int)block;
+    SheetsShaft s;
+    for (int c = 0; c < 2; c++) {
+        const double r[2] = {x[0] * view->right[c], x[1] * view->right[c]};
+        const double d[2] = {y[0] * view->down[c], y[1] * view->down[c]};
+        s.shift[c] = llrint(SHEETS_BLOCK * view->shear[c] * 0x1p32);
+        s.low[c] = llrint((view->origin[c] + fmin(r[0], r[1]) + fmin(d[0], d[1])) * 0x1p32) - SHAFT_MARGIN;
+        s.high[c] = llrint((view->origin[c] + fmax(r[0], r[1]) + fmax(d[0], d[1])) * 0x1p32) + SHAFT_MARGIN;
+        *(s.shift[c] < 0 ? &s.low[c] : &s.high[c]) += s.shift[c];
+    }
+    return s;
 }
 
 bool cts_sheets_visible(const SheetsJob *job, const int x[2], const int y[2], const uint64_t *of, uint64_t *bits)
 {
-    const SheetsView *const view = &job->view;
     const SheetsVoid *const v = job->blocks;
-    const size_t width = (size_t)v->n[0] + 1, area = width * ((size_t)v->n[1] + 1);
-    double least[2], most[2]; /* of the pixels, at sheet 0 */
-    for (int c = 0; c < 2; c++) {
-        const double r[2] = {x[0] * view->right[c], x[1] * view->right[c]};
-        const double d[2] = {y[0] * view->down[c], y[1] * view->down[c]};
-        least[c] = view->origin[c] + fmin(r[0], r[1]) + fmin(d[0], d[1]);
-        most[c] = view->origin[c] + fmax(r[0], r[1]) + fmax(d[0], d[1]);
-    }
+    const SheetsShaft shaft = cts_sheets_shaft(&job->view, x, y);
+    const int n_words = cts_sheets_words(v->n_layers);
     uint64_t any = 0;
-    memset(bits, 0, (size_t)cts_sheets_words(v->n_layers) * sizeof *bits);
-    for (int layer = 0; layer < v->n_layers; layer++) {
-        if (of && !(of[layer >> 6] >> (layer & 63) & 1))
-            continue;
-        int from[2], to[2];
-        bool outside = false;
-        for (int c = 0; c < 2; c++) {
-            const double s0 = layer * SHEETS_BLOCK * view->shear[c], s1 = s0 + SHEETS_BLOCK * view->shear[c];
-            /* A sample's position is rounded to 2^-16 voxels. */
-            const double low = least[c] + fmin(s0, s1) - 0x1p-10, high = most[c] + fmax(s0, s1) + 0x1p-10;
-            outside |= high < 0 || low > view->n[c] - 1;
-            from[c] = block_of(low, v->n[c]);
-            to[c] = block_of(high, v->n[c]) + 1;
+    for (int word = 0; word < n_words; word++) {
+        const int n = v->n_layers - 64 * word;
+        uint64_t left = of ? of[word] : n < 64 ? (UINT64_C(1) << n) - 1 : UINT64_MAX;
+        bits[word] = 0;
+        for (; left; left &= left - 1) {
+            const int layer = 64 * word + __builtin_ctzll(left);
+            if (cts_sheets_shaft_sees(&shaft, &job->view, v, layer))
+                bits[word] |= left & -left;
         }
-        if (outside)
-            continue;
-        const uint32_t *const at = v->at + (size_t)layer * area;
-        const uint32_t *const top = at + (size_t)from[1] * width, *const bottom = at + (size_t)to[1] * width;
-        const uint64_t visible = bottom[to[0]] - bottom[from[0]] - top[to[0]] + top[from[0]] > 0;
-        bits[layer >> 6] |= visible << (layer & 63);
-        any |= visible;
+        any |= bits[word];
     }
     return any;
 }

@@ -50,8 +50,12 @@ typedef struct Strip {
     size_t n_drawn;     /* this round's pixels */
     size_t n_made;      /* pixels re-rendered in all rounds */
     size_t n_interpolated;
-    double share; /* pixels with the error of one: a rendered pixel's error is in those interpolated from it, too */
+    uint32_t *place; /* this round's pixels, in the band */
+    size_t room;     /* of place */
+    double share;    /* pixels with the error of one: a rendered pixel's error is in those interpolated from it, too */
     double sum, excess, largest; /* as in CtsErrorControl */
+    CtsStatus status;
+    CtsError err;
 } Strip;
 
 typedef struct Round {
@@ -108,29 +112,29 @@ static double square_at(const Round *r, const Strip *s, size_t at)
     return r->errors->origin[at] == CTS_PIXEL_RENDERED ? indicator * indicator + s->floor : 0;
 }
 
-/* f^2 of a strip. */
-static double floor_of(const Round *r, const Strip *s)
+static double at_most_1(double p)
 {
-    const double asked = cts_scene_error_asked(&r->control->scene);
-    double sum = 0;
-    if (has_bounds(r->control))
-        return FLOOR_OF_BOUNDS * FLOOR_OF_BOUNDS * asked * asked;
-    for (size_t i = s->first; i < s->end; i++)
-        sum += square_at(r, s, i);
-    return asked * asked + sum / (double)(s->end - s->first);
+    return p < 1 ? p : 1;
 }
 
 static double chance_at(const Round *r, const Strip *s, size_t at)
 {
-    return fmin(s->chance * square_at(r, s, at), 1);
+    return at_most_1(s->chance * square_at(r, s, at));
 }
 
-/* By a number that is uniform over 0..1, another for each pixel of the view and each round. */
-static bool is_drawn(const Round *r, const Strip *s, size_t at)
+/* Sum of b^2 over a strip's pixels that may be sampled, whose number is *n. */
+static double sum_squares(const Round *r, const Strip *s, size_t *n)
 {
-    const uint64_t place = (uint64_t)r->band->first_row * (uint64_t)r->band->width + at;
-    const uint64_t number = place + ((uint64_t)r->number << 60) + 1;
-    return (double)(cts_random_bits(number) >> 11) * 0x1p-53 < chance_at(r, s, at);
+    const float *const indicator = r->errors->indicator;
+    const uint8_t *const origin = r->errors->origin;
+    double sum = 0;
+    *n = 0;
+    for (size_t i = s->first; i < s->end; i++) {
+        const double b = origin[i] == CTS_PIXEL_RENDERED ? WORTH * (double)indicator[i] : 0;
+        sum += b * b;
+        *n += origin[i] == CTS_PIXEL_RENDERED;
+    }
+    return sum;
 }
 
 static double share_of(const Round *r, Strip *s)
@@ -141,51 +145,95 @@ static double share_of(const Round *r, Strip *s)
         s->n_interpolated += interpolated;
         n_visible += !interpolated && r->band->pixels[4 * i + 3] > 0;
     }
-    return n_visible > 0 ? 1 + (double)s->n_interpolated / (double)n_visible : 1;
+    return n_visible > 0 && s->n_interpolated > 0 ? 1 + (double)s->n_interpolated / (double)n_visible : 1;
 }
 
-/* Count the pixels of each strip that are re-rendered: as many as the requested error needs; few where the strip is
- * good, and where it is so bad that more would not change the estimate. */
-static void count_some(void *context, int worker, size_t first, size_t end)
+/* A number that is uniform over 0 to 1, another for each pixel of the view and each round. */
+static double uniform_at(const Round *r, size_t at)
+{
+    const uint64_t place = (uint64_t)r->band->first_row * (uint64_t)r->band->width + at;
+    return (double)(cts_random_bits(place + ((uint64_t)r->number << 60) + 1) >> 11) * 0x1p-53;
+}
+
+static CtsStatus add_place(Strip *s, size_t at, CtsError *err)
+{
+    CtsStatus st;
+    if (s->n_drawn == s->room) {
+        const size_t room = s->room > 0 ? 2 * s->room : 256;
+        st = s->room > 0 ? cts_resize_array(&s->place, s->n_drawn, room, err) : cts_alloc_array(&s->place, room, err);
+        if (st)
+            return st;
+        s->room = room;
+    }
+    s->place[s->n_drawn++] = (uint32_t)at;
+    return CTS_OK;
+}
+
+/* Pixels that share a random number where their probabilities sum to 1 at most: then one of them is drawn, or none. */
+enum { DRAWN_TOGETHER = 16 };
+
+static CtsStatus draw(const Round *r, Strip *s, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (size_t first = s->first; first < s->end && !st; first += DRAWN_TOGETHER) {
+        const size_t n = s->end - first < DRAWN_TOGETHER ? s->end - first : DRAWN_TOGETHER;
+        double until[DRAWN_TOGETHER], sum = 0;
+        for (size_t i = 0; i < n; i++)
+            until[i] = sum += chance_at(r, s, first + i);
+        if (sum == 0)
+            continue;
+        if (sum <= 1) {
+            const double number = uniform_at(r, first);
+            for (size_t i = 0; number < sum && i < n && !st; i++)
+                if (number < until[i]) {
+                    st = add_place(s, first + i, err);
+                    break;
+                }
+            continue;
+        }
+        for (size_t i = first; i < first + n && !st; i++)
+            if (uniform_at(r, i) < chance_at(r, s, i))
+                st = add_place(s, i, err);
+    }
+    return st;
+}
+
+/* Choose the pixels of a strip that are re-rendered: as many as the requested error needs; few where the strip is good,
+ * and where it is so bad that more would not change the estimate. */
+static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
+{
+    const double asked = cts_scene_error_asked(&r->control->scene), n = (double)(s->end - s->first);
+    double most = n * at_most_1(r->small + 1.0 / (r->number == 0 ? FIRST : MOST)), expected;
+    size_t n_open;
+    const double sum = sum_squares(r, s, &n_open);
+    if (r->number == 0) {
+        s->share = share_of(r, s);
+        s->floor = has_bounds(r->control) ? FLOOR_OF_BOUNDS * FLOOR_OF_BOUNDS * asked * asked : asked * asked + sum / n;
+    }
+    s->chance = r->number == 0 ? 1 / (r->one_in * asked * asked) : MORE * s->chance;
+    if (r->number == ROUNDS) {
+        s->chance = ALL;
+        most = INFINITY;
+    }
+    expected = s->chance * (sum + (double)n_open * s->floor); /* at most */
+    if (expected > most) {
+        expected = 0;
+        for (size_t i = s->first; i < s->end; i++)
+            expected += chance_at(r, s, i);
+        s->chance *= expected > most ? most / expected : 1;
+    }
+    return draw(r, s, err);
+}
+
+static void sample_some(void *context, int worker, size_t first, size_t end)
 {
     const Round *const r = context;
-    const double asked = cts_scene_error_asked(&r->control->scene);
     (void)worker;
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &r->strips[strip];
         s->n_drawn = 0;
-        if (!s->open)
-            continue;
-        double most = (double)(s->end - s->first) * fmin(r->small + 1.0 / (r->number == 0 ? FIRST : MOST), 1);
-        if (r->number == 0) {
-            s->share = share_of(r, s);
-            s->floor = floor_of(r, s);
-        }
-        s->chance = r->number == 0 ? 1 / (r->one_in * asked * asked) : MORE * s->chance;
-        if (r->number == ROUNDS) {
-            s->chance = ALL;
-            most = INFINITY;
-        }
-        double expected = 0;
-        for (size_t i = s->first; i < s->end; i++)
-            expected += chance_at(r, s, i);
-        if (expected > most)
-            s->chance *= most / expected;
-        for (size_t i = s->first; i < s->end; i++)
-            s->n_drawn += is_drawn(r, s, i);
-    }
-}
-
-static void list_some(void *context, int worker, size_t first, size_t end)
-{
-    const Round *const r = context;
-    (void)worker;
-    for (size_t strip = first; strip < end; strip++) {
-        const Strip *const s = &r->strips[strip];
-        uint32_t *place = r->place + s->first_drawn;
-        for (size_t i = s->first; i < s->end && s->n_drawn > 0; i++)
-            if (is_drawn(r, s, i))
-                *place++ = (uint32_t)i;
+        if (s->open && !s->status)
+            s->status = sample_strip(r, s, &s->err);
     }
 }
 
@@ -247,9 +295,13 @@ static CtsStatus run_round(Round *r, CtsError *err)
     const CtsErrorControl *const c = r->control;
     const int n_threads = c->scene.settings->n_threads;
     CtsStatus st;
-    cts_parallel(n_threads, r->n_strips, 1, count_some, r);
+    cts_parallel(n_threads, r->n_strips, 1, sample_some, r);
     r->n_drawn = 0;
     for (size_t i = 0; i < r->n_strips; i++) {
+        if (r->strips[i].status) {
+            *err = r->strips[i].err;
+            return r->strips[i].status;
+        }
         r->strips[i].first_drawn = r->n_drawn;
         r->n_drawn += r->strips[i].n_drawn;
     }
@@ -259,7 +311,9 @@ static CtsStatus run_round(Round *r, CtsError *err)
     if ((st = cts_alloc_array(&r->place, r->n_drawn, err)) || (st = cts_alloc_array(&r->rgba, r->n_drawn, err)) ||
         (st = cts_alloc_array(&r->off, r->n_drawn, err)))
         return st;
-    cts_parallel(n_threads, r->n_strips, 1, list_some, r);
+    for (size_t i = 0; i < r->n_strips; i++)
+        if (r->strips[i].n_drawn > 0)
+            memcpy(r->place + r->strips[i].first_drawn, r->strips[i].place, r->strips[i].n_drawn * sizeof *r->place);
     if (r->n_drawn > 0 &&
         (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_drawn, r->error, r->rgba, r->off, err)))
         return st;
@@ -333,7 +387,8 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
         r.strips[i].open = control->whole_strips && r.strips[i].missed;
     if (any_open(&r) && (st = run_round(&r, err)))
         goto end;
-    cts_parallel(scene->settings->n_threads, r.n_strips, 1, find_some_largest, &r);
+    if (has_bounds(control))
+        cts_parallel(scene->settings->n_threads, r.n_strips, 1, find_some_largest, &r);
     for (size_t i = 0; i < r.n_strips; i++) {
         const Strip *const s = &r.strips[i];
         control->sum += s->sum;
@@ -351,6 +406,8 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
 end:
     control->wall_ms += cts_wall_ms() - wall;
     control->cpu_ms += cts_cpu_ms() - cpu;
+    for (size_t i = 0; i < r.n_strips; i++)
+        cts_free(&r.strips[i].place);
     cts_free(&r.strips);
     cts_free(&r.place);
     cts_free(&r.rgba);
