@@ -172,7 +172,7 @@ def test_resume(b):
     fourth = times("o")
     check(len(fourth) == 4 * N_OUTPUTS * 3 // 2 and all(fourth[p] == third[p] for p in third), "another preset")
     # Other notation, another order, or an explicit default is no change.
-    same = more[:more.index("--compress")] + ["--compress=rle", "--fit", "visible", "--engine", "tiled", "--kernel",
+    same = more[:more.index("--compress")] + ["--compress=rle", "--fit", "visible", "--engine", "auto", "--kernel",
                                               "tent", "--mode", "composite", "--background", "#000000", "--shade", "on",
                                               "--remove-table=on", "--slab-at", "0.0", "--annotate", "none"]
     at = same.index("--size")

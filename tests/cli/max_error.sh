@@ -30,7 +30,7 @@ done
 
 # In a preview some pixels are interpolated, and the log counts them; by default none are.
 last="pixels between"
-ok render "$data/phantom" -p skin --size 400x400 --max-error 8 --verify 20000 -o between.png --log between.log
+ok render "$data/phantom" -p skin --engine tiled --size 400x400 --max-error 8 --verify 20000 -o between.png --log between.log
 grep -Eq '[0-9]{4,} of 160000 pixels were not marched but interpolated, to within about 12/255' between.log || fail "nothing is left out"
 grep '"event":"error"' between.log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 8) }' || fail "a draft errs by more than 8/255"
 ok render "$data/phantom" -p skin --size 100x100 -o whole.png --log whole.log

@@ -63,7 +63,7 @@ ok render "$data/phantom" $small -p kept.json --remove-table on -o on.png
 
 # The plan, and no picture.
 ok render "$data/phantom" $small --explain
-has out '^preset bone, mode composite, engine tiled, kernel tent$'
+has out '^preset bone, mode composite, engine auto, kernel tent$'
 has out '^left out: .*: '
 ok render "$data/phantom" $small --explain -o planned.png
 [ ! -e planned.png ] || fail "--explain wrote a picture"

@@ -330,11 +330,12 @@ def flood(series):
         listed = server.series()
         assert len({one['id'] for one in listed}) == 6, listed
         kib = []
-        for _ in range(8 if soak else 4):
+        for _ in range(8 if soak else 6):
             assert len({server.get(f'/series/{one["id"]}/picture.png?{SMALL}') for one in listed}) == 1
             assert sum(one['loaded'] for one in server.series()) == 1
             kib.append(server.kib())
-        assert kib[-1] < kib[0] + 6000 or 'ASAN_OPTIONS' in os.environ or 'UBSAN_OPTIONS' in os.environ, kib
+        # Six volumes a round, of 373 KiB each, would be 11,000 KiB; the allocator keeps some of the engine's tables.
+        assert kib[-1] < kib[0] + 9000 or 'ASAN_OPTIONS' in os.environ or 'UBSAN_OPTIONS' in os.environ, kib
 
 
 def encrypted():

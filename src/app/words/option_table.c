@@ -110,7 +110,7 @@ const CtsOption cts_options[] = {
     {0, "look", "FILE", LOOKS, SAME, "show, hide, label, label_colours and label_order as JSON; options beside it win",
      NULL, TEXT(look_path)},
     {0, "appearance", "FILE", LOOKS, SAME, "the same as --look", NULL, TEXT(look_path)},
-    {0, "engine", "NAME", LOOKS, FRESH, "how the picture is rendered", "tiled",
+    {0, "engine", "NAME", LOOKS, FRESH, "how the picture is rendered", "auto",
      CHOICE(render.engine, cts_engine_names)},
     {0, "level", "NAME", LOOKS, FRESH, "sampling density of engine sheets", "as --max-error needs",
      CHOICE(render.level, cts_engine_level_names)},

@@ -18,7 +18,7 @@ typedef enum CtsRemakes {
                                                      PICTURE) row(mm_per_pixel, 0, CTS_SETTING_MM_PER_PIXEL, PICTURE)  \
         row(azimuth_deg, 0, CTS_SETTING_AZIMUTH, PICTURE) row(elevation_deg, 0, CTS_SETTING_ELEVATION, PICTURE) row(   \
             fit, CTS_FIT_VOLUME, 0, PICTURE) row(rotation_frames, 0, 0, PICTURE) row(centre_given, false, 0, PICTURE)  \
-            row(centre_lps, {0}, 0, PICTURE) row(engine, CTS_ENGINE_TILED, 0, RENDERER)                                \
+            row(centre_lps, {0}, 0, PICTURE) row(engine, CTS_ENGINE_AUTO, 0, RENDERER)                                 \
                 row(kernel, CTS_KERNEL_TENT, 0, RENDERER) row(kernel_radius, 0, CTS_SETTING_KERNEL_RADIUS, RENDERER)   \
                     row(samples, 0, CTS_SETTING_SAMPLES, RENDERER) row(level, CTS_LEVEL_AUTO, 0, PICTURE) row(         \
                         max_error, 0, CTS_SETTING_MAX_ERROR, PICTURE) row(void_key, false, 0, RENDERER)                \
