@@ -295,8 +295,7 @@ static void interpolate_group(Patch *to, const Patch *from, int x0, int y0)
         }
 }
 
-/* Whether depth bends by more than half a slab between 3 x 3 points of the lattice; what sees nothing does not count.
- */
+/* True if depth bends by more than half a slab between 3 x 3 points of the lattice, of those that have a depth. */
 static bool bends(const Patch *from, size_t at, double slab_mm)
 {
     const size_t across = (size_t)from->width;
