@@ -30,6 +30,7 @@ typedef struct CtsPreset {
     double unit_distance_mm;
     bool shade;
     double ambient, diffuse, specular, power;
+    double occlusion;     /* darkening of folds, 0 (none) to 1 (ctsplat-preset(5)) */
     bool background_none; /* write alpha */
     double background[3]; /* display values 0..1 */
     bool remove_table;

@@ -58,6 +58,9 @@ extern const char *const cts_fit_names[CTS_N_FITS];
 
 typedef enum CtsSwitch { CTS_AS_PRESET, CTS_ON, CTS_OFF } CtsSwitch;
 
+/* Of CtsRenderSettings.occlusion. */
+#define CTS_OCCLUSION_AS_PRESET (-1.0)
+
 /* Plain data, filled by cts_render_defaults(); 0 or AS_PRESET means "chosen by ctsplat". */
 typedef struct CtsRenderSettings {
     int width, height;    /* pixels, 1 to 32768; default 1024 */
@@ -90,6 +93,7 @@ typedef struct CtsRenderSettings {
     double slab_mm;         /* thickness of the visible slab across the view; 0: everything */
     double slab_at_mm;      /* distance of the slab's middle in front of the volume's centre */
     CtsSwitch shade;
+    double occlusion;                  /* darkening of folds, 0 to 1; CTS_OCCLUSION_AS_PRESET: the preset's */
     int verify;                        /* number of pixels to render again with raycast */
     int n_threads;                     /* 0: the cores this process may use */
     bool explain;                      /* make the plan, then stop without a picture */

@@ -19,6 +19,7 @@ static const CtsBounds bounds[CTS_N_SETTINGS] = {
     [CTS_SETTING_GREY_BITS] = {.name = "grey_bits", .unit = "bits", .low = 8, .high = 16, .whole = true},
     [CTS_SETTING_VERIFY] = {.name = "verify", .unit = "pixels", .low = 0, .high = 1e9, .whole = true},
     [CTS_SETTING_THREADS] = {.name = "n_threads", .unit = "", .low = 1, .high = 1024, .whole = true, .automatic = true},
+    [CTS_SETTING_OCCLUSION] = {.name = "occlusion", .unit = "", .low = 0, .high = 1},
     [CTS_SETTING_FRAMES] = {.name = "frames", .unit = "", .low = 1, .high = 9999, .whole = true},
 };
 

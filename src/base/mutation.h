@@ -48,7 +48,10 @@
         fault(HIDING)            /* labels: hidden labels remain in gradients and in the paper engines */              \
         fault(OVERLAP)           /* labels: of overlapping labels the last gets the voxel */                           \
         fault(EDGES)             /* tiled: rays keep the appearance of a cell's entry */                               \
-        fault(OWNER_CUTS)        /* raycast: the label of a cell's middle fills all of it */
+        fault(OWNER_CUTS)        /* raycast: the label of a cell's middle fills all of it */                           \
+        fault(OPEN_PLACE)        /* openness: half a block off */                                                      \
+        fault(OPEN_BEYOND)       /* openness: no light from beyond the volume */                                       \
+        fault(OPEN_UNUSED)       /* tiled: openness is 1 everywhere */
 
 #define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,
 enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MUTATIONS };

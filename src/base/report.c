@@ -10,8 +10,9 @@
 
 const char *const cts_severity_names[3] = {[CTS_NOTE] = "note", [CTS_WARNING] = "warning", [CTS_REFUSAL] = "refusal"};
 
-CTS_BY_ID(char *const, cts_stage_names, CTS_N_STAGES, [CTS_STAGE_SCAN] = "scan", [CTS_STAGE_LABELS] = "labels",
-          [CTS_STAGE_DECODE] = "decode", [CTS_STAGE_GREY] = "grey", [CTS_STAGE_CLASSIFY] = "classify",
+CTS_BY_ID(char *const, cts_stage_names,
+          CTS_N_STAGES, [CTS_STAGE_SCAN] = "scan", [CTS_STAGE_LABELS] = "labels", [CTS_STAGE_DECODE] = "decode",
+          [CTS_STAGE_GREY] = "grey", [CTS_STAGE_CLASSIFY] = "classify", [CTS_STAGE_OCCLUSION] = "occlusion",
           [CTS_STAGE_FOOTPRINT] = "footprint", [CTS_STAGE_SPLAT] = "splat", [CTS_STAGE_COMPOSITE] = "composite",
           [CTS_STAGE_SHADE] = "shade", [CTS_STAGE_WARP] = "warp", [CTS_STAGE_EXPORT] = "export");
 

@@ -47,6 +47,7 @@ SIMD_OP(vi, vs_madd, (vs a, vs b), (vi)_mm256_madd_epi16((__m256i)a, (__m256i)b)
 SIMD_OP(vs, vs_unsigned_max, (vs a, vs b), (vs)_mm256_max_epu16((__m256i)a, (__m256i)b))
 SIMD_OP(vs, vs_unsigned_min, (vs a, vs b), (vs)_mm256_min_epu16((__m256i)a, (__m256i)b))
 SIMD_OP(vs, vs_excess, (vs a, vs b), (vs)_mm256_subs_epu16((__m256i)a, (__m256i)b))
+SIMD_OP(vs, vs_mul_high, (vs a, vs b), (vs)_mm256_mulhi_epu16((__m256i)a, (__m256i)b))
 
 /* Byte offsets of both bytes of each element. */
 SIMD_OP(__m256i, byte_index, (vs index), (__m256i)(index * 0x0202 + 0x0100))

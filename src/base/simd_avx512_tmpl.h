@@ -49,6 +49,8 @@ SIMD_OP(vs, vs_unsigned_max, (vs a, vs b), (vs)_mm512_max_epu16((__m512i)a, (__m
 SIMD_OP(vs, vs_unsigned_min, (vs a, vs b), (vs)_mm512_min_epu16((__m512i)a, (__m512i)b))
 SIMD_OP(vs, vs_excess, (vs a, vs b), (vs)_mm512_subs_epu16((__m512i)a, (__m512i)b))
 
+SIMD_OP(vs, vs_mul_high, (vs a, vs b), (vs)_mm512_mulhi_epu16((__m512i)a, (__m512i)b))
+
 /* A byte shuffle by the offsets of both bytes of each element. */
 SIMD_OP(vs, vs_permute_rows, (vs table, vs index),
         (vs)_mm512_shuffle_epi8((__m512i)table, (__m512i)(index * 0x0202 + 0x0100)))

@@ -111,6 +111,11 @@ typedef uint16_t vus SIMD_VECTOR(real);
 SIMD_OP(vs, vs_unsigned_max, (vs a, vs b), (((vus)a > (vus)b) & a) | (~((vus)a > (vus)b) & b))
 SIMD_OP(vs, vs_unsigned_min, (vs a, vs b), (((vus)a < (vus)b) & a) | (~((vus)a < (vus)b) & b))
 SIMD_OP(vs, vs_excess, (vs a, vs b), (a - b) & ((vus)a > (vus)b))
+INLINE vs vs_mul_high(vs a, vs b)
+{
+    const vu low = ((vu)a & 0xffff) * ((vu)b & 0xffff), high = ((vu)a >> 16) * ((vu)b >> 16);
+    return (vs)(low >> 16 | (high & 0xffff0000));
+}
 
 INLINE vs vs_permute_rows(vs table, vs index)
 {

@@ -54,7 +54,8 @@ static void print_paper(const CtsPaperTable *paper, const CtsVolume *v)
     cts_table_print(table, stdout);
     cts_table_free(&table);
     printf("\nVolume of %d x %d x %d voxels, %d grey bits, kernel cone-paper, unlit; medians of %d rounds, %s.\n"
-           "The first four rows work as the paper has it (--occlusion off --reuse always), the others by default.\n",
+           "The first four rows work as the paper has it (--occlusion-culling off --reuse always), the others by "
+           "default.\n",
            v->dims[0], v->dims[1], v->dims[2], CTS_PAPER_BITS, CTS_PAPER_ROUNDS,
            paper->n_threads == 1 ? "CPU time of one thread" : "wall time");
 }

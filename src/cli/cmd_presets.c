@@ -64,7 +64,8 @@ static void print_one(const CtsPreset *p)
     printf("%s: %s, window %g to %g HU, opacity per %g mm", p->name, cts_mode_names[p->mode], p->window_low_hu,
            p->window_high_hu, p->unit_distance_mm);
     if (p->shade)
-        printf(", lit (ambient %g, diffuse %g, specular %g, power %g)", p->ambient, p->diffuse, p->specular, p->power);
+        printf(", lit (ambient %g, diffuse %g, specular %g, power %g, occlusion %g)", p->ambient, p->diffuse,
+               p->specular, p->power, p->occlusion);
     else
         printf(", unlit");
     printf(", table %s\n\n", p->remove_table ? "removed" : "kept");

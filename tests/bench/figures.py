@@ -22,7 +22,7 @@ import numpy
 ctsplat, raw2ct, matrix, peers, svg = sys.argv[1:]
 YARDSTICK = ["--engine", "classic"]
 SETTINGS = [[], *(["--max-error", str(e)] for e in (0.1, 0.25, 1, 2, 8)), YARDSTICK, ["--engine", "void"]]
-STAGES = {"classify", "footprint", "splat", "composite", "shade", "warp"}
+STAGES = {"classify", "occlusion", "footprint", "splat", "composite", "shade", "warp"}
 SPACING = [0.95703125 * 255 / 511, 0.95703125 * 255 / 511, 1.5 * 107 / 323]
 PRESET = {"name": "figures", "points": [{"hu": hu, "rgb": rgb, "opacity": opacity} for hu, rgb, opacity in (
     (-1024, [0.45, 0.2, 0.15], 0), (150, [0.75, 0.35, 0.25], 0), (500, [1, 0.9, 0.75], 0.75), (1200, [1, 1, 1], 0.9))]}

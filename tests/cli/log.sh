@@ -38,7 +38,7 @@ assert set(entries) == set(fields), set(entries) ^ set(fields)
 for event, names in fields.items():
     told = set(re.findall(r"\w+", entries[event]))
     assert names <= told, (event, names - told)
-stages = "scan labels decode grey classify footprint splat composite shade warp export".split()
+stages = "scan labels decode grey classify occlusion footprint splat composite shade warp export".split()
 for run in runs:
     for event in run:
         assert set(event) == fields[event["event"]] | {"event", "t_ms"}, event

@@ -5,7 +5,7 @@ import sys
 
 from pictures import check
 
-STAGES = 'scan labels decode grey classify footprint splat composite shade warp export'.split()
+STAGES = 'scan labels decode grey classify occlusion footprint splat composite shade warp export'.split()
 
 with open(sys.argv[1]) as f:
     events = [json.loads(line) for line in f]

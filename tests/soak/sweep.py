@@ -146,7 +146,8 @@ def make_preset(r, low, high, path):
             points += [(hu, points[-1][1] if points else 0, points[-1][2] if points else colour), (hu, b, colour)]
     shade = None
     if r.random() < 0.4:
-        shade = {'ambient': round(r.random(), 2), 'diffuse': round(r.random(), 2),
+        shade = {'occlusion': r.choice([0, round(r.random(), 2), 1]),
+                 'ambient': round(r.random(), 2), 'diffuse': round(r.random(), 2),
                  'specular': r.choice([0, 0.2, 0.8]), 'power': r.choice([1, 10, 100, 1000])}
     with open(path, 'w') as f:
         json.dump({'name': kind, 'shade': shade, 'remove_table': False,

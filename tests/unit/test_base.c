@@ -204,8 +204,8 @@ static void test_lists(void **state)
 static void test_stage_names(void **state)
 {
     (void)state;
-    const char *const names[CTS_N_STAGES] = {"scan",  "labels",    "decode", "grey", "classify", "footprint",
-                                             "splat", "composite", "shade",  "warp", "export"};
+    const char *const names[CTS_N_STAGES] = {"scan",      "labels", "decode",    "grey",  "classify", "occlusion",
+                                             "footprint", "splat",  "composite", "shade", "warp",     "export"};
     for (int s = 0; s < CTS_N_STAGES; s++)
         assert_string_equal(cts_stage_names[s], names[s]);
 }

@@ -66,6 +66,9 @@ static const Proof proofs[] = {
     PROOF(OVERLAP, "labels: one in another, hidden"),
     PROOF(EDGES, "labels: hidden diagonal"),
     PROOF(OWNER_CUTS, "labels: hidden diagonal"),
+    PROOF(OPEN_PLACE, "openness: a plane"),
+    PROOF(OPEN_BEYOND, "openness: a bowl"),
+    PROOF(OPEN_UNUSED, "openness: a bowl"),
 };
 
 static void count(const CtsCheckResult *result, void *context)

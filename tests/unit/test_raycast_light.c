@@ -39,7 +39,7 @@ static void test_narrow_highlights(void **state)
             /* Anterior: right is +x, forward +y. */
             const double gradient[3][4] = {{-7 * slope * at, 7 * slope}, {7}, {0}};
             CtsRayLight light = {.transmittance = 1, .surface_mm = INFINITY};
-            cts_raycast_piece(r.caster, &r.caster->transfer, &piece, gradient, &light);
+            cts_raycast_piece(r.caster, &r.caster->transfer, &(CtsRay){.t1_mm = 20}, &piece, gradient, &light);
             const double area = sqrt(M_PI) * exp(lgamma((power - 1) / 2) - lgamma(power / 2)) / slope;
             const double variance = 1 / (power - 3) / (slope * slope);
             const double expected = depth * exp(-depth * at) * area * (1 + depth * depth * variance / 2);

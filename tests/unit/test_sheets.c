@@ -32,6 +32,7 @@ static void same_bytes(void **state)
                 s.shade = variant & 2 ? CTS_ON : CTS_OFF;
                 s.want_depth = variant != 5;
                 s.max_error = 100; /* hardly a pixel is re-rendered */
+                s.occlusion = view % 2 ? 0.7 : CTS_OCCLUSION_AS_PRESET;
                 s.mm_per_pixel = variant == 3 ? 4 : variant == 4 ? 0.2 : 0;
                 if (variant == 6)
                     preset.opacity[0].opacity = 0.01; /* air is visible: one-sided differences at the border */

@@ -46,6 +46,7 @@ static void same_bytes(void **state)
                 CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 61, views[view][0], views[view][1]);
                 s.shade = variant & 2 ? CTS_ON : CTS_OFF;
                 s.samples = variant == 1 ? 3 : 0;
+                s.occlusion = view % 2 ? 0.7 : CTS_OCCLUSION_AS_PRESET;
                 s.want_depth = true;
                 if (variant == 3 || variant == 5)
                     s.mm_per_pixel = 4; /* pixels far apart: no windows */

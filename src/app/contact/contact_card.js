@@ -12,7 +12,7 @@ const STATES = {
 };
 const MARKS = {warning: ['⚠', 'refused'], refusal: ['⊘', 'failed'], note: ['ℹ', '']};
 const COLOURS = {
-  scan: '#7a8793', decode: '#3f7fbf', grey: '#5fb3d9', classify: '#8e6bbf', footprint: '#c06ba8', splat: '#d97b34',
+  scan: '#7a8793', decode: '#3f7fbf', grey: '#5fb3d9', classify: '#8e6bbf', occlusion: '#a08a5c', footprint: '#c06ba8', splat: '#d97b34',
   composite: '#e0b13c', shade: '#7cae3a', warp: '#3a9d8f', export: '#4f5fc4'
 };
 const SYNTAXES = {

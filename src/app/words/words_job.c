@@ -41,6 +41,7 @@ CtsJob cts_options_job(const CtsOptions *options)
     /* The preset has them. */
     job.render.mode = -1;
     job.render.shade = CTS_AS_PRESET;
+    job.render.occlusion = CTS_OCCLUSION_AS_PRESET;
     return job;
 }
 
@@ -61,6 +62,12 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
         preset->mode = (CtsMode)options->render.mode;
     if (options->render.shade != CTS_AS_PRESET)
         preset->shade = options->render.shade == CTS_ON;
+    if (options->render.occlusion != CTS_OCCLUSION_AS_PRESET)
+        preset->occlusion = options->render.occlusion;
+    if (options->render.occlusion > 0 && !(preset->shade && preset->mode == CTS_MODE_COMPOSITE))
+        cts_report_finding(report, "occlusion_unused", CTS_WARNING,
+                           "preset %s: `occlusion` darkens a lit picture alone (`shade` on lights mode composite)",
+                           preset->name);
     if (options->remove_table != CTS_AS_PRESET)
         preset->remove_table = options->remove_table == CTS_ON;
     if (options->window.given && preset->mode == CTS_MODE_COMPOSITE && options->render.grey_bits == 16)

@@ -45,9 +45,10 @@ typedef enum CtsIndicator {
 
 typedef struct CtsScene {
     const CtsVolume *volume;
-    const CtsPreset *preset;           /* mode and shade are those of the settings */
-    const CtsRenderSettings *settings; /* n_threads and kernel_radius already resolved */
-    const CtsLut *lut;                 /* NULL in mip, minip and average */
+    const CtsPreset *preset;            /* mode, shade and occlusion are those of the settings */
+    const CtsRenderSettings *settings;  /* n_threads and kernel_radius already resolved */
+    const CtsLut *lut;                  /* NULL in mip, minip and average */
+    const struct CtsOpenness *openness; /* core/scene/openness.h; NULL: 1 everywhere */
     CtsPlan plan;
     CtsView view;
     double extinction_scale; /* as in lut; for engines that evaluate the preset themselves */

@@ -23,6 +23,8 @@ CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
     if (!st && (!(s->slab_mm >= 0) || !isfinite(s->slab_mm) || !isfinite(s->slab_at_mm)))
         st = cts_fail(err, CTS_ERR_USAGE, "a slab of %g mm at %g mm (a positive thickness, a place in mm)", s->slab_mm,
                       s->slab_at_mm);
+    if (!st && s->occlusion != CTS_OCCLUSION_AS_PRESET)
+        st = cts_setting_check(CTS_SETTING_OCCLUSION, s->occlusion, err);
     if (!st && s->slab_at_mm != 0 && s->slab_mm == 0)
         st = cts_fail(err, CTS_ERR_USAGE, "a place for a slab that has no thickness (give `slab` MM as well)");
     if (!st && (s->mode < -1 || s->mode >= CTS_N_MODES))
@@ -42,6 +44,8 @@ CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *set
         p.mode = (CtsMode)settings->mode;
     if (settings->shade != CTS_AS_PRESET)
         p.shade = settings->shade == CTS_ON;
+    if (settings->occlusion != CTS_OCCLUSION_AS_PRESET)
+        p.occlusion = settings->occlusion;
     p.shade = p.shade && p.mode == CTS_MODE_COMPOSITE;
     return p;
 }

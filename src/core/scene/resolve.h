@@ -14,7 +14,7 @@ typedef struct CtsSceneStore {
 /* Checks settings independent of the volume. */
 CtsStatus cts_scene_check(const CtsRenderSettings *settings, CtsError *err);
 
-/* The effective preset, with the settings' mode and shade. */
+/* The effective preset, with the settings' mode, shade and occlusion. */
 CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *settings);
 
 /* Checks and resolves the settings. The scene has no lut yet. */

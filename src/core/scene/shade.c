@@ -33,6 +33,7 @@ CtsStatus cts_shade_init(CtsShade *s, const CtsPreset *preset, const CtsVolume *
                     .diffuse = (float)preset->diffuse,
                     .specular = (float)preset->specular,
                     .exponent = (float)preset->power,
+                    .occlusion = (float)preset->occlusion,
                     .n_power = power_steps(preset->power),
                     .air_beyond = cts_shade_air_beyond(preset)};
     if (preset->power >= 1 && preset->power <= 128 && preset->power == floor(preset->power)) {

@@ -19,7 +19,8 @@ typedef struct CtsShade {
     float frame[3][3]; /* to the right, up and along the viewing direction; axes as the caller orders them */
     int step[3];       /* voxels along each axis between the ends of a difference and its centre */
     float ambient, diffuse, specular, exponent;
-    int n_power; /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
+    float occlusion; /* by how much what lies hidden from light is dimmed, 0 to 1 */
+    int n_power;     /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
     float *power;
     int whole_power;   /* the power where it is a whole number that few multiplications make, else 0 */
     float least_power; /* lower limit of |n.v| for its power: avoids denormal numbers */
@@ -58,6 +59,14 @@ static inline void cts_shade_factors(const CtsShade *s, float facing, float *col
     const float low = s->power[i];
     *colour = s->ambient + s->diffuse * facing;
     *white = facing > 0 ? s->specular * (low + (s->power[i + 1] - low) * (at - (float)i)) : 0;
+}
+
+/* The same where so much light arrives (core/scene/openness.h). */
+static inline void cts_shade_dim(const CtsShade *s, float facing, float openness, float *colour, float *white)
+{
+    const float dark = s->occlusion * (1 - openness);
+    *colour -= dark * (s->ambient + s->occlusion * s->diffuse * facing);
+    *white -= dark * *white;
 }
 
 #endif

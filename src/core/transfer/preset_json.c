@@ -134,13 +134,16 @@ static CtsStatus read_window(const CtsJsonAt *at, CtsPreset *preset, CtsError *e
 
 static CtsStatus read_shade(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
 {
-    static const char *const keys[] = {"ambient", "diffuse", "specular", "power"};
+    static const char *const keys[] = {"ambient", "diffuse", "specular", "power", "occlusion"};
+    CtsJsonAt occlusion;
     if (json_is_null(at->value))
         return CTS_OK;
     if (!json_is_object(at->value))
         return cts_json_fail(at, err, "shade is neither an object { } nor null");
     preset->shade = true;
-    const CtsStatus st = cts_json_check_keys(at, keys, 4, err);
+    CtsStatus st = cts_json_check_keys(at, keys, sizeof keys / sizeof *keys, err);
+    if (!st && cts_json_member(at, "occlusion", &occlusion))
+        st = cts_json_number(&occlusion, 0, 1, &preset->occlusion, err);
     return st ? st : cts_preset_read_light(at, "power", preset, err);
 }
 
@@ -273,9 +276,10 @@ static json_t *colours_to_json(const CtsPreset *p)
 
 static json_t *light_to_json(const CtsPreset *p)
 {
-    return json_pack("{s:o,s:o,s:o,s:o}", "ambient", cts_json_new_number(p->ambient), "diffuse",
+    return json_pack("{s:o,s:o,s:o,s:o,s:o*}", "ambient", cts_json_new_number(p->ambient), "diffuse",
                      cts_json_new_number(p->diffuse), "specular", cts_json_new_number(p->specular), "power",
-                     cts_json_new_number(p->power));
+                     cts_json_new_number(p->power), "occlusion",
+                     p->occlusion > 0 ? cts_json_new_number(p->occlusion) : NULL);
 }
 
 char *cts_preset_to_json(const CtsPreset *p)

@@ -1,6 +1,7 @@
 /* Emission and absorption along one cubic segment of a ray: C = integral of c t exp(-integral of t). */
 #include "base/mutation.h"
 #include "base/vec3.h"
+#include "core/scene/openness.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
 #include <math.h>
@@ -17,6 +18,7 @@
 typedef struct Stretch {
     const CtsRaycaster *caster;
     const CtsTransfer *transfer;
+    const CtsRay *ray;
     const CtsRayPiece *piece;
     const double (*gradient)[4]; /* NULL unlit */
     double framed[3][4];         /* the gradient in the caster's frame */
@@ -36,6 +38,17 @@ static double extinction_at(const Stretch *s, double hu)
     return cts_transfer_extinction(s->transfer, span->opacity + (hu - span->at_hu) * span->opacity_slope);
 }
 
+static double openness_at(const Stretch *s, double u)
+{
+    const double t_mm = s->piece->t0_mm + u * (s->piece->t1_mm - s->piece->t0_mm);
+    double vox[3];
+    if (!s->caster->openness)
+        return 1;
+    for (int axis = 0; axis < 3; axis++)
+        vox[axis] = s->ray->start_vox[axis] + t_mm * s->ray->step_vox[axis];
+    return cts_openness_at(s->caster->openness, vox);
+}
+
 static void colour_at(const Stretch *s, double u, double hu, double rgb[3])
 {
     const CtsSpan *span = s->span;
@@ -45,7 +58,7 @@ static void colour_at(const Stretch *s, double u, double hu, double rgb[3])
         double g[3];
         for (int axis = 0; axis < 3; axis++)
             g[axis] = cts_cubic_at(s->gradient[axis], u);
-        cts_raycast_shade(s->caster, g, rgb);
+        cts_raycast_shade(s->caster, g, openness_at(s, u), rgb);
     }
 }
 
@@ -169,14 +182,34 @@ static bool add_monotone(Stretch *s, double a, double b)
     }
 }
 
-/* Positions at which the segment is split: extremes of HU, and changes of the lit side. */
-static int find_cuts(const Stretch *s, double cut[8])
+/* Boundaries between blocks of the openness, where its slope changes; at most one along each axis, as within a cell.
+ * The quadrature rules find those that longer segments cross besides. */
+static int find_blocks(const Stretch *s, double *cut)
+{
+    const CtsOpenness *const o = s->caster->openness;
+    const double length_mm = s->piece->t1_mm - s->piece->t0_mm;
+    int n = 0;
+    for (int axis = 0; axis < 3 && o; axis++) {
+        const double from =
+            (s->ray->start_vox[axis] + s->piece->t0_mm * s->ray->step_vox[axis]) * o->scale[axis] + o->shift[axis];
+        const double along = s->ray->step_vox[axis] * length_mm * o->scale[axis];
+        const double at = (along > 0 ? floor(from) + 1 - from : ceil(from) - 1 - from) / along;
+        if (along != 0 && at > 0 && at < 1)
+            cut[n++] = at;
+    }
+    return n;
+}
+
+/* Positions at which the segment is split: extremes of HU, changes of the lit side and of the openness's slope. */
+enum { MOST_CUTS = 1 + 2 + 3 + 3 + 1 };
+static int find_cuts(const Stretch *s, double cut[MOST_CUTS])
 {
     int n = 0;
     cut[n++] = 0;
     n += CTS_MUTATED(TURNS) ? 0 : cts_cubic_turns(s->piece->hu, cut + n);
     if (s->gradient) {
         n += cts_cubic_sign_changes(s->framed[2], cut + n);
+        n += find_blocks(s, cut + n);
         for (int i = 1; i < n; i++)
             for (int k = i; k > 1 && cut[k] < cut[k - 1]; k--) {
                 const double swap = cut[k];
@@ -188,11 +221,12 @@ static int find_cuts(const Stretch *s, double cut[8])
     return n;
 }
 
-bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRayPiece *piece,
-                       const double (*gradient)[4], CtsRayLight *light)
+bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRay *ray,
+                       const CtsRayPiece *piece, const double (*gradient)[4], CtsRayLight *light)
 {
-    Stretch s = {.caster = caster, .transfer = transfer, .piece = piece, .gradient = gradient, .light = light};
-    double cut[8];
+    Stretch s = {
+        .caster = caster, .transfer = transfer, .ray = ray, .piece = piece, .gradient = gradient, .light = light};
+    double cut[MOST_CUTS];
     for (int i = 0; i < 4 && gradient; i++) {
         const double g[3] = {gradient[0][i], gradient[1][i], gradient[2][i]};
         for (int axis = 0; axis < 3; axis++)

@@ -3,7 +3,7 @@
 #include "engine/raycast/raycaster.h"
 #include <math.h>
 
-void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double rgb[3])
+void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double openness, double rgb[3])
 {
     const CtsPreset *p = caster->preset;
     double framed[3], across = 0, specular = 0;
@@ -13,8 +13,10 @@ void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], dou
         across = fmin(fabs(framed[2]) / sqrt(length2), 1);
         specular = p->specular * pow(across, p->power);
     }
+    const double open = 1 - p->occlusion * (1 - openness);
+    const double colour = p->ambient * open + p->diffuse * across * (1 - p->occlusion + p->occlusion * open);
     for (int c = 0; c < 3; c++)
-        rgb[c] = rgb[c] * (p->ambient + p->diffuse * across) + specular;
+        rgb[c] = rgb[c] * colour + specular * open;
 }
 
 /* A curve lies in every cone, and beyond every plane, in which all its Bezier points lie. |n.v|^power falls to 1/e

@@ -47,6 +47,7 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     r->preset = scene->preset;
     r->view = scene->view;
     r->body = cts_scene_body(scene);
+    r->openness = scene->openness;
     r->owners = field ? NULL : scene->volume->owners;
     r->field = field;
     cts_gauss_init(&r->coarse, CTS_GAUSS_COARSE);
@@ -83,7 +84,7 @@ static bool composite_piece(const CtsRaycaster *caster, const CtsRayWalk *walk, 
 {
     CtsOwnedStretch stretch[CTS_OWNED_STRETCHES];
     if (!caster->owners)
-        return cts_raycast_piece(caster, &caster->transfer, piece, gradient, light);
+        return cts_raycast_piece(caster, &caster->transfer, walk->ray, piece, gradient, light);
     const int n = cts_raycast_owned(caster->owners, walk, stretch);
     bool lit = true;
     for (int i = 0; i < n && lit; i++) {
@@ -95,7 +96,7 @@ static bool composite_piece(const CtsRaycaster *caster, const CtsRayWalk *walk, 
         cts_cubic_part(piece->hu, from, to, part.hu);
         for (int a = 0; a < 3 && gradient; a++)
             cts_cubic_part(gradient[a], from, to, parts[a]);
-        lit = cts_raycast_piece(caster, &caster->looks[stretch[i].look], &part,
+        lit = cts_raycast_piece(caster, &caster->looks[stretch[i].look], walk->ray, &part,
                                 gradient ? (const double(*)[4])parts : NULL, light);
     }
     return lit;

@@ -76,7 +76,8 @@ typedef struct CtsRaycaster {
     CtsTransfer *looks;      /* of each appearance except hidden; composite only */
     CtsHuRanges wanted;      /* the union of their visible HU */
     CtsGauss coarse, fine;
-    const struct CtsBodyMask *body; /* the voxels that minip and average use; NULL: all */
+    const struct CtsBodyMask *body;     /* the voxels that minip and average use; NULL: all */
+    const struct CtsOpenness *openness; /* NULL: 1 everywhere */
     double frame[3][3];     /* a gradient in HU/voxel to HU/mm to the right, up and along the viewing direction */
     double camera_mm;       /* from the camera plane to t = 0 of every ray */
     double least_gradient2; /* below this square (HU/voxel) a gradient is only rounding */
@@ -88,15 +89,16 @@ typedef struct CtsRayLight {
     double surface_mm; /* t where half of the light is absorbed, or else of the first visible point; +inf before */
 } CtsRayLight;
 
-/* Front to back along one segment; gradient is NULL when unlit. False when the transmittance is too low to continue. */
-bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRayPiece *piece,
-                       const double (*gradient)[4], CtsRayLight *light);
+/* Front to back along one segment of a ray; gradient is NULL when unlit. False when the transmittance is too low to
+ * continue. */
+bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRay *ray,
+                       const CtsRayPiece *piece, const double (*gradient)[4], CtsRayLight *light);
 
 /* HU of mip, minip or average for a ray inside the box; false where no part of it is visible. */
 bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *hu);
 
-/* Colour of a sample, shaded by its gradient in HU/voxel. */
-void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double rgb[3]);
+/* Colour of a sample, shaded by its gradient in HU/voxel and dimmed by its openness, 0 to 1. */
+void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double openness, double rgb[3]);
 
 /* True when the normal varies so little on a..b of a segment that a quadrature rule cannot miss the highlight. framed:
  * the gradient's cubics in the caster's frame. */

@@ -7,6 +7,7 @@
 
 #include "base/simd_math_tmpl.h"
 #include <math.h>
+#include <stdlib.h>
 
 SIMD_EACH(ws, wi_as_short, (wi a), (vs)a.part[p])
 SIMD_EACH(wi, ws_as_int, (ws a), (vi)a.part[p])
@@ -328,10 +329,34 @@ INLINE Gradient gradient_between(const Gradient *front, const Gradient *back, wf
     return g;
 }
 
+/* Factor of the colour and added white for a facing, a highlight and an openness. */
+INLINE void dim(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour, wf *white)
+{
+    const wf dark = wf_scale(open, -s->occlusion, s->occlusion), left = wf_sub(wf_of(1), dark);
+    const wf diffuse = wf_mul(wf_scale(facing, s->diffuse, 0), wf_scale(dark, -s->occlusion, 1));
+    *colour = wf_add(wf_scale(left, s->ambient, 0), diffuse);
+    *white = wf_mul(wf_scale(highlight, s->specular, 0), left);
+}
+
+/* light_slab() where light does not reach everywhere; open: at the front and the back sheet. */
+INLINE void light_dimmed_slab(const CtsShade *shade, const wf facing[2], const wf highlight[2], const LitPoints *points,
+                              const wf open[2], wmask heavy, Slab *s, wf *apart)
+{
+    wf colour[2], white[2], faint, none;
+    for (int i = 0; i < 2; i++)
+        dim(shade, facing[i], highlight[i], wf_lerp(open[0], open[1], points->at[i]), &colour[i], &white[i]);
+    dim(shade, wf_of(0.5f), wf_of(0), wf_lerp(open[0], open[1], points->at[0]), &faint, &none);
+    *apart = wf_add(wf_abs(wf_sub(colour[0], colour[1])), wf_abs(wf_sub(white[0], white[1])));
+    const wf by = wf_select(heavy, wf_scale(wf_add(colour[0], colour[1]), 0.5f, 0), faint);
+    const wf added = wf_mul(wf_scale(wf_add(white[0], white[1]), 0.5f, 0), s->alpha);
+    for (int c = 0; c < 3; c++)
+        s->rgb[c] = wf_mul_add(s->rgb[c], by, wf_select(heavy, added, wf_of(0)));
+}
+
 /* A slab's colours by its light at two points, premultiplied, white highlight added. *apart: how far light at the two
- * lies apart. */
+ * lies apart. open: openness at the front and the back sheet, where it counts. */
 INLINE void light_slab(const SheetsJob *j, const Gradient *front, const Gradient *back, const LitPoints *points,
-                       wmask heavy, Slab *s, wf *apart)
+                       const wf open[2], wmask heavy, Slab *s, wf *apart)
 {
     const CtsShade *const shade = j->shade;
     wf facing[2], highlight[2];
@@ -339,6 +364,10 @@ INLINE void light_slab(const SheetsJob *j, const Gradient *front, const Gradient
         const Gradient g = gradient_between(front, back, points->at[i]);
         facing[i] = facing_of(j, &g);
         highlight[i] = highlight_of(shade, facing[i]);
+    }
+    if (j->open) {
+        light_dimmed_slab(shade, facing, highlight, points, open, heavy, s, apart);
+        return;
     }
     const wf mean = wf_add(facing[0], facing[1]), sharp = wf_add(highlight[0], highlight[1]);
     *apart = wf_add(wf_scale(wf_abs(wf_sub(facing[0], facing[1])), shade->diffuse, 0),
@@ -528,6 +557,8 @@ OUTLINE void take_share(const SheetsJob *j, wi front, wi back, float length_mm, 
 typedef struct Light {
     Gradient front, back;
     int back_sheet; /* the sheet that `back` is of */
+    wf open[2];     /* openness at the front sheet of a slab, and at its back */
+    int open_sheet; /* the sheet that the latter is of */
     wf off;         /* how far light at two points of a slab lay apart, by its weight */
     wf plain[3];    /* colours without light, beside the coarse ones */
 } Light;
@@ -555,6 +586,53 @@ INLINE void find_gradients(const March *m, const Block *b, int slab, wmask alive
     light->front = light->back_sheet == sheet ? light->back : gradient_of(m, b, slab, alive);
     light->back = gradient_of(m, b, slab + 1, alive);
     light->back_sheet = next;
+}
+
+/* Openness at a sheet, between the middles of 2 x 2 x 2 blocks. */
+OUTLINE wf openness_of(const March *m, const Block *b, int slab, wmask lanes)
+{
+    const SheetsView *const v = &m->job->view;
+    const CtsOpenness *const o = m->job->open;
+    const Corner corner = corner_at(m, b, slab);
+    const int32_t stride[3] = {1, o->n[0], o->n[0] * o->n[1]}, axis[3] = {v->a, v->b, v->p};
+    wf share[3];
+    wi at = wi_of(0);
+    for (int c = 0; c < 3; c++) {
+        const int a = axis[c], n = o->n[a];
+        const float scale = (float)o->scale[a], shift = (float)o->shift[a];
+        const wf place =
+            c < 2 ? wf_scale(wi_to_float(wi_load(m->grid->lane[c])), 0x1p-16f, (float)((double)corner.at[c] * 0x1p-32))
+                  : wf_of((float)(b->sheet + slab * v->step));
+        const wf block = wf_clamp(wf_scale(place, scale, shift), 0, (float)(n - 1));
+        const wi low = wi_min(wf_to_int(block), wi_of(n > 1 ? n - 2 : 0));
+        share[a] = wf_sub(block, wi_to_float(low));
+        at = wi_add(at, wi_mul(low, wi_of(stride[a])));
+    }
+    wf plane[2];
+    for (int k = 0; k < 2; k++) {
+        const wi square = wi_gather(o->square + k * o->plane, at, lanes);
+        wf corners[4];
+        for (int i = 0; i < 4; i++)
+            corners[i] = wi_to_float(wi_and(wi_shr(square, 8 * i), wi_of(255)));
+        plane[k] =
+            wf_lerp(wf_lerp(corners[0], corners[1], share[0]), wf_lerp(corners[2], corners[3], share[0]), share[1]);
+    }
+    return wf_scale(wf_lerp(plane[0], plane[1], share[2]), 1 / 255.0f, 0);
+}
+
+/* Openness at both sheets of a slab. Where the slab is faint, that of two sheets away will do. */
+INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, wmask alive, Light *light)
+{
+    const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
+    if (light->open_sheet == next || (faint && abs(next - light->open_sheet) <= 2))
+        return;
+    if (faint)
+        light->open[0] = light->open[1] = openness_of(m, b, slab + 1, alive);
+    else {
+        light->open[0] = light->open_sheet == sheet ? light->open[1] : openness_of(m, b, slab, alive);
+        light->open[1] = openness_of(m, b, slab + 1, alive);
+    }
+    light->open_sheet = next;
 }
 
 /* Opacity that may have been missed is there in few of the rays that pass so near. */
@@ -619,11 +697,17 @@ INLINE wmask composite_stretch(const March *m, const Block *b, const Stretch *t,
             for (int i = 0; i < 2; i++)
                 points.at[i] = wf_mul_add(points.at[i], wf_sub(t->to, t->from), t->from);
             wf apart;
-            light_slab(j, &light->front, &light->back, &points, heavy, &slab, &apart);
+            if (j->open)
+                find_openness(m, b, t->slab, false, s->alive, light);
+            light_slab(j, &light->front, &light->back, &points, light->open, heavy, &slab, &apart);
             light->off = wf_add(light->off, wf_select(heavy, wf_mul(weight, apart), wf_of(0)));
             counts->lit++;
         } else {
-            const wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse);
+            wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse), none;
+            if (j->open) {
+                find_openness(m, b, t->slab, true, s->alive, light);
+                dim(j->shade, wf_of(0.5f), wf_of(0), light->open[1], &colour, &none);
+            }
             for (int c = 0; c < 3; c++)
                 slab.rgb[c] = wf_mul(slab.rgb[c], colour);
         }
@@ -768,7 +852,7 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
               wmask_and(lanes, visible_between(&j->levels, p.level[0], p.level[2])));
         advance_missed(s, wf_of(0));
     }
-    light->back_sheet = NO_SHEET;
+    light->back_sheet = light->open_sheet = NO_SHEET;
 }
 
 /* Voxels along a, b and p that a block's samples take, least and most. */
@@ -849,7 +933,8 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     const wf none = wf_of(0), all = wf_of(1);
     State s = {{none, none, none},    all,  {none, none, none}, all, wf_of(FAR_MM), wf_of(FAR_MM),
                wmask_of_bits(0xffff), none, {none, none}};
-    Light light = {.back_sheet = NO_SHEET, .off = none, .plain = {none, none, none}};
+    Light light = {
+        .back_sheet = NO_SHEET, .open = {all, all}, .open_sheet = NO_SHEET, .off = none, .plain = {none, none, none}};
     Block blocks[2]; /* the one at hand, and the one before */
     blocks[1].inside = false;
     const int n_layers = j->blocks->n_layers, n_words = cts_sheets_words(n_layers);

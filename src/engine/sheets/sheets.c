@@ -91,6 +91,7 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const Kept *k, bool ha
                      .half = half,
                      .min_transmittance = MIN_TRANSMITTANCE,
                      .shade = shade,
+                     .open = shade ? scene->openness : NULL,
                      .camera_mm = cts_volume_diagonal_mm(scene->volume) / 2};
     cts_sheets_view_init(&j->view, &scene->view, scene->view.axis == 0 ? k->transposed : scene->volume->grey);
     for (int i = 0; i < 2; i++)

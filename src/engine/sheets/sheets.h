@@ -13,6 +13,7 @@
 #define CTS_SHEETS_SHEETS_H
 
 #include "core/scene/engine.h"
+#include "core/scene/openness.h"
 #include "core/scene/shade.h"
 #include "core/volume/macrocells.h"
 #include <stdbool.h>
@@ -101,8 +102,9 @@ typedef struct SheetsJob {
     bool half;    /* half-sheets are sampled, too */
     bool lattice; /* every second pixel is marched, and others where these differ */
     float min_transmittance;
-    const CtsShade *shade; /* NULL: unlit. Its axes are a, b, p */
-    float shade_square[6]; /* squared length of a gradient: factors of aa, bb, pp, ab, ap, bp */
+    const CtsShade *shade;   /* NULL: unlit. Its axes are a, b, p */
+    const CtsOpenness *open; /* NULL: light reaches everywhere */
+    float shade_square[6];   /* squared length of a gradient: factors of aa, bb, pp, ab, ap, bp */
     bool want_depth;
     double camera_mm; /* from the camera plane to the plane through the view's centre */
 } SheetsJob;

@@ -394,7 +394,15 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
     f32x4 g = gradient_at(light->first + from, light->stride, frac[0], frac[1]);
     if (light->second)
         g += (gradient_at(light->second + from, light->stride, frac[0], frac[1]) - g) * light->weight;
-    cts_shade_factors(light->shade, cts_shade_facing(light->shade, g[0], g[1], g[2]), &colour, &white);
+    const float facing = cts_shade_facing(light->shade, g[0], g[1], g[2]);
+    cts_shade_factors(light->shade, facing, &colour, &white);
+    if (light->open) {
+        double vox[3];
+        for (int axis = 0; axis < 2; axis++)
+            vox[light->axis[axis]] = (double)voxel[axis] + (double)frac[axis];
+        vox[light->axis[2]] = light->layer;
+        cts_shade_dim(light->shade, facing, (float)cts_openness_at(light->open, vox), &colour, &white);
+    }
     const float lift = -entry[3] * white;
     const f32x4 factor = {colour, colour, colour, 1}, whites = {lift, lift, lift, 0};
     return blend_one(pixel, *(const f32x4 *)entry * factor + whites);

@@ -4,6 +4,7 @@
 #define CTS_SPLAT_LOOPS_H
 
 #include "base/cpu.h"
+#include "core/scene/openness.h"
 #include "core/scene/shade.h"
 #include "engine/splat/footprint.h"
 #include <stdbool.h>
@@ -58,9 +59,12 @@ typedef struct CtsEntries {
 typedef struct CtsLight {
     const CtsShade *shade;
     const float (*first)[4], (*second)[4];
-    size_t stride; /* voxels from row to row */
-    float weight;  /* of the second */
-    int shift[2];  /* log2 of the lattice's density */
+    size_t stride;           /* voxels from row to row */
+    float weight;            /* of the second */
+    int shift[2];            /* log2 of the lattice's density */
+    const CtsOpenness *open; /* NULL: light reaches everywhere */
+    int axis[3];             /* volume axes along u, along v and across the layers */
+    double layer;            /* the plane's coordinate across the layers */
 } CtsLight;
 
 /* Input for the gradients of a row of voxels: the row itself, n long, and the rows before and after it along v [0] and

@@ -46,14 +46,18 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, in
     const int front = sub < p->samples ? s - 1 : s;
     const int slot = front % p->n_sheets, behind = s % p->n_sheets;
     const double part = sub < p->samples ? (double)sub / p->samples : 0;
+    const double layer = cts_paper_layer(p, front) + p->scene->view.axis_sign * part;
     const CtsLight light = {
         .shade = &p->shade,
         .first = (const float(*)[4])w->work.store->gradient[slot],
         .second = part > 0 ? (const float(*)[4])w->work.store->gradient[behind] : NULL,
         .stride = p->gradient_stride,
         .weight = (float)part,
-        .shift = {__builtin_ctz((unsigned)p->patches.density[0]), __builtin_ctz((unsigned)p->patches.density[1])}};
-    const CtsPlane plane = {.layer = cts_paper_layer(p, front) + p->scene->view.axis_sign * part,
+        .shift = {__builtin_ctz((unsigned)p->patches.density[0]), __builtin_ctz((unsigned)p->patches.density[1])},
+        .open = p->scene->openness,
+        .axis = {p->stack.u_axis, p->stack.v_axis, p->stack.axis},
+        .layer = layer};
+    const CtsPlane plane = {.layer = layer,
                             .sheets = {.first = w->work.store->sheet[slot].origin,
                                        .second = part > 0 ? w->work.store->sheet[behind].origin : NULL,
                                        .stride = w->work.store->sheet[slot].stride,

@@ -31,6 +31,7 @@
 #define CTS_TILED_CELLS_H
 
 #include "base/clock.h"
+#include "core/scene/openness.h"
 #include "core/scene/shade.h"
 #include "engine/tiled/looks.h"
 #include "engine/tiled/pieces.h"
@@ -71,11 +72,12 @@ typedef struct TiledJob {
     float dark; /* transmittance below which a ray ends */
     /* distance in grey levels within which rounding decides whether a control point is crossed (grazing contact) */
     float touch;
-    const CtsShade *shade; /* NULL: unlit */
-    float frame[3][3];     /* its frame */
-    float least_lit;       /* segments of smaller weight are shaded together with the next ones */
-    float turn;            /* a segment is shaded at one point if its weight times its normal deviation is less */
-    float alike;           /* largest interpolation error of pixels that are not marched; 0: all are */
+    const CtsShade *shade;   /* NULL: unlit */
+    float frame[3][3];       /* its frame */
+    const CtsOpenness *open; /* NULL: 1 everywhere */
+    float least_lit;         /* segments of smaller weight are shaded together with the next ones */
+    float turn;              /* a segment is shaded at one point if its weight times its normal deviation is less */
+    float alike;             /* largest interpolation error of pixels that are not marched; 0: all are */
     bool want_depth;
     double camera_mm;        /* from the camera plane to the plane through the view's centre */
     const TiledTrace *trace; /* takes the segments of the marches that report them; the others do not read it */

@@ -65,7 +65,7 @@ typedef struct March {
     TiledRays *rays;
     TiledCounts *counts;
     int next; /* ray */
-    real step[3], inverse[3], far[3], cell_mm, tolerance, dark, touch, least_lit, turn, sharp, kinked;
+    real step[3], inverse[3], far[3], cell_mm, tolerance, dark, touch, least_lit, turn, sharp, kinked, dimmed;
     whole ahead[3], behind[3];
     Packet packet[PACKETS], *p; /* the current packet */
 } March;
@@ -743,6 +743,8 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
          * estimate of a step holds up to 3. */
         m.sharp = (real)fmaxf(1, (j->shade->diffuse + 0.607f * j->shade->specular * j->shade->exponent) / 3);
         /* Factor 4 converts to shading error; powers of 2 and more have no discontinuity of the slope. */
+        m.dimmed = (real)(j->shade->occlusion *
+                          (j->shade->ambient + j->shade->occlusion * j->shade->diffuse + j->shade->specular));
         m.kinked = 4 * (real)(j->shade->diffuse + j->shade->specular * fmaxf(2 - j->shade->exponent, 0));
         memset(&lit, 0, sizeof lit);
         march_rays(&m, &lit);

@@ -99,14 +99,23 @@ typedef struct Glow {
     vf colour, white;
 } Glow;
 
-INLINE Glow glow_of(const CtsShade *s, const Direction *g)
+/* open: how far light arrives, where it counts. */
+INLINE Glow glow_of(const TiledJob *j, const Direction *g, vf open)
 {
+    const CtsShade *const s = j->shade;
     const vf square = dot(g, g), size = CTS_MUTATED(ONE_SIDED_LIGHT) ? vf_max(g->along, vf_of(0)) : vf_abs(g->along);
     const vmask has = vf_lt(vf_of(LEAST_SQUARE), square);
     const vf facing = vf_min(size * vf_inverse_root(vf_max(square, vf_of(LEAST_SQUARE))), vf_of(1));
     const vf power = vf_exp2(vf_min((real)s->exponent * vf_log2(vf_max(facing, vf_of((real)1e-30f))), vf_of(0)));
-    return (Glow){(real)s->ambient + vf_select(has, (real)s->diffuse * facing, vf_of(0)),
-                  vf_select(has, (real)s->specular * power, vf_of(0))};
+    Glow glow = {(real)s->ambient + vf_select(has, (real)s->diffuse * facing, vf_of(0)),
+                 vf_select(has, (real)s->specular * power, vf_of(0))};
+    if (j->open) {
+        const vf dark = (real)s->occlusion * (1 - open);
+        const vf dimmed = (real)s->ambient + (real)s->occlusion * vf_select(has, (real)s->diffuse * facing, vf_of(0));
+        glow.colour -= dark * dimmed;
+        glow.white -= dark * glow.white;
+    }
+    return glow;
 }
 
 /* The first are done. */
@@ -149,6 +158,8 @@ INLINE Wait load_wait(const Waiting *all, int first)
     return w;
 }
 
+#include "engine/tiled/open_tmpl.h"
+
 /* Centroid, 0..1, of the light absorbed along a segment of this depth: 1 / d - 1 / (e^d - 1), with an error below
  * 0.008. */
 INLINE vf centre_of(vf depth)
@@ -178,6 +189,7 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
         const vf to = vf_min(s + step, vf_of(1)), part = to - s, half = (real)0.5f * part;
         vf weight[2], shown[3] = {vf_of(0), vf_of(0), vf_of(0)}, left = light;
         Direction at_point[2];
+        vf open[2] = {vf_of(1), vf_of(1)};
         for (int i = 0; i < 2; i++) {
             const vf point = s + part * (i ? (real)0.788675135 : (real)0.211324865);
             vf at[3];
@@ -189,9 +201,11 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
             left -= weight[i];
             /* Gauss points for low opacity, the centroids of the halves for high opacity. */
             const vf gauss = (i ? (real)0.077350269 : -(real)0.077350269) * (1 - share);
-            at_point[i] =
-                gradient_at(j, k, w->enter, w->way, s + half * ((real)i + centre_of((real)M_LN2 * depth) + gauss));
-            const Glow glow = glow_of(j->shade, &at_point[i]);
+            const vf lit_at = s + half * ((real)i + centre_of((real)M_LN2 * depth) + gauss);
+            at_point[i] = gradient_at(j, k, w->enter, w->way, lit_at);
+            if (j->open)
+                open[i] = openness_at(j, w, lit_at, lanes);
+            const Glow glow = glow_of(j, &at_point[i], open[i]);
             for (int c = 0; c < 3; c++)
                 shown[c] += weight[i] * (look.rgb[c] * glow.colour + glow.white);
         }
@@ -199,7 +213,8 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
         const vf all = weight[0] + weight[1];
         const vf turn = turning(m, &before, &at_point[0]) + turning(m, &at_point[0], &at_point[1]) +
                         turning(m, &at_point[1], &after);
-        const vf smooth = all * left_by_two(turn, all / light);
+        const vf smooth = all * (left_by_two(turn, all / light) +
+                                 (j->open ? 4 * m->dimmed * open_error_of_two(open, all / light) : vf_of(0)));
         const vf off = smooth + (real)0.5f * all *
                                     passing(m, (const Direction *const[]){&before, at_point, at_point + 1, &after}, 4);
         const vmask taken = on & (vf_le(JUDGES ? off : smooth, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
@@ -277,13 +292,15 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
     const Direction centre = gradient_at(j, &k, w.enter, w.way, w.centre),
                     front = gradient_at(j, &k, w.enter, w.way, vf_of(0)),
                     back = gradient_at(j, &k, w.enter, w.way, vf_of(1));
-    const vf smooth = w.weight * (turning(m, &front, &centre) + turning(m, &centre, &back)),
+    const Open open = j->open ? open_along(j, &w, lanes) : (Open){vf_of(1), vf_of(0)};
+    const vf smooth =
+                 w.weight * (turning(m, &front, &centre) + turning(m, &centre, &back) + 4 * m->dimmed * open.error),
              turn = smooth + w.weight * passing(m, (const Direction *const[]){&front, &centre, &back}, 3);
     /* Discontinuities of the slope are rare, and worth steps only for reference samples. */
     const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
                 turns =
                     CTS_MUTATED(LIT_STEPS) ? mask_of_bits(0) : stretch & vf_lt(vf_of(m->turn), JUDGES ? turn : smooth);
-    const Glow glow = glow_of(j->shade, &centre);
+    const Glow glow = glow_of(j, &centre, open.at_centre);
     for (int l = 0; l < n; l++) {
         const int ray = lit->wait.ray[first + l];
         if (mask_bits(turns) >> l & 1) {

@@ -142,9 +142,10 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
-static void light_job(TiledJob *j, const CtsShade *shade)
+static void light_job(TiledJob *j, const CtsShade *shade, const CtsOpenness *open)
 {
     j->shade = shade;
+    j->open = CTS_MUTATED(OPEN_UNUSED) ? NULL : open;
     for (int i = 0; i < 3; i++)
         for (int a = 0; a < 3; a++)
             j->frame[i][a] = shade->frame[i][a] * (a == 2 && CTS_MUTATED(GRADIENT_SIGN) ? -1 : 1);
@@ -223,7 +224,7 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
-        light_job(&job, &shade);
+        light_job(&job, &shade, scene->openness);
     }
     const Path path = choose_path(&job);
     cts_scene_tell_parts(scene, report);
@@ -298,7 +299,7 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
-        light_job(&job, &shade);
+        light_job(&job, &shade, scene->openness);
     }
     const Path path = choose_path(&job);
     a.march = error > 0 ? path.march : path.exact;
@@ -330,7 +331,7 @@ static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *rep
     for (int i = 0; !st && i < 2; i++) {
         init_job(&job, scene, kept, i ? &exact : &fast, cts_scene_error_asked(scene));
         if (scene->preset->shade)
-            light_job(&job, &shade);
+            light_job(&job, &shade, scene->openness);
         st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_traced : cts_tiled_march_traced,
                              i ? "double" : "single", x, y, report, err);
     }

@@ -281,7 +281,8 @@ static bool is_asked(const char *only, bool alone, const char *name)
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
 {
     const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes, &cts_check_orders,
-                                           &cts_check_equal,  &cts_check_faces, &cts_check_voxels, &cts_check_labels};
+                                           &cts_check_equal,  &cts_check_faces, &cts_check_voxels, &cts_check_labels,
+                                           &cts_check_openness};
     CtsCheckRun run = {.settings = settings};
     const size_t n_tables = sizeof tables / sizeof *tables;
     CtsStatus st = CTS_OK;

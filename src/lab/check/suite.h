@@ -57,7 +57,7 @@ typedef struct CtsCheckTable {
 } CtsCheckTable;
 
 extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, cts_check_orders, cts_check_equal,
-    cts_check_faces, cts_check_voxels, cts_check_labels;
+    cts_check_faces, cts_check_voxels, cts_check_labels, cts_check_openness;
 
 /* One result; error is |found - expected|, or INFINITY where it is no number. */
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);

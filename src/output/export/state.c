@@ -157,6 +157,16 @@ static CtsStatus fill_labels(const CtsStateScene *scene, CtsDcmState *s, CtsLabe
     return CTS_OK;
 }
 
+static void tell_occlusion(const CtsStateScene *scene)
+{
+    if (scene->shaded && scene->preset->occlusion > 0)
+        cts_report_finding(
+            scene->report, "state_left_out", CTS_WARNING,
+            "the presentation state has no information for other programs on `occlusion` %g: the standard "
+            "has no place for it",
+            scene->preset->occlusion);
+}
+
 /* Everything but the names and the private texts. */
 static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState *s, CtsError *err)
 {
@@ -168,6 +178,7 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
     s->view = words->view;
     s->method = methods[scene->info->mode];
     s->shaded = scene->shaded;
+    tell_occlusion(scene);
     s->ambient = clamp01(p->ambient);
     s->diffuse = clamp01(p->diffuse);
     s->specular = clamp01(p->specular);

@@ -1,6 +1,7 @@
 #include "render/error/reference_set.h"
 
 #include "base/mem.h"
+#include "core/scene/openness.h"
 #include "core/scene/resolve.h"
 #include "engine/raycast/raycast.h"
 #include "render/framing/framing.h"
@@ -280,11 +281,16 @@ CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, c
 {
     CtsSceneStore store;
     CtsRenderSettings framed = *settings;
+    CtsOpenness *openness = NULL;
     *reference = NULL;
     CtsStatus st;
     if ((st = cts_framing_settle(volume, preset, &framed, err)) ||
         (st = cts_scene_init(&store, volume, preset, &framed, err)) ||
-        (st = place_most(reference, &store.scene, n, err)) || (st = cts_reference_cast(*reference, &store.scene, err)))
+        (st = cts_openness_of_scene(&openness, volume, &store.preset, store.settings.n_threads, NULL, err)))
+        return st;
+    store.scene.openness = openness;
+    if ((st = place_most(reference, &store.scene, n, err)) || (st = cts_reference_cast(*reference, &store.scene, err)))
         cts_reference_free(reference);
+    cts_openness_free(&openness);
     return st;
 }

@@ -4,6 +4,7 @@
 #include "base/cpu.h"
 #include "base/invariant.h"
 #include "base/mem.h"
+#include "core/scene/openness.h"
 #include "core/scene/settings.h"
 #include "core/scene/visible.h"
 #include "core/volume/owners.h"
@@ -27,6 +28,7 @@ struct CtsFrames {
     const CtsEngine *engine;
     CtsEngineId engine_id; /* of engine, which may leave frames to the exact march (CTS_ENGINE_AUTO) */
     const char *why_exact; /* reason for the exact march; NULL: none */
+    CtsOpenness *openness; /* of original; NULL until a frame needs it */
     CtsLut *lut;
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFoundKey key;
@@ -173,6 +175,7 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
                      .preset = store.preset,
                      .settings = *settings,
                      .engine = engine};
+    f->preset.occlusion = preset->occlusion; /* the settings may change from frame to frame */
     if (settings->grey_bits < 16) {
         st = cts_volume_quantise(volume, settings->grey_bits, preset->window_low_hu, preset->window_high_hu,
                                  settings->n_threads, &f->quantised, err);
@@ -193,6 +196,7 @@ void cts_frames_free(CtsFrames **frames)
         if (f->kept[i])
             cts_engine((CtsEngineId)i)->forget(f->kept[i]);
     cts_lut_free(&f->lut);
+    cts_openness_free(&f->openness);
     cts_engine(cts_engine_for_probes())->forget(f->kept_of_original);
     cts_volume_free(&f->quantised);
     free(f);
@@ -320,6 +324,20 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
     }
     scene->lut = f->lut;
     return CTS_OK;
+}
+
+/* Made once for all frames, as it does not depend on how much of it the preset or the settings want. */
+static CtsStatus find_openness(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (!cts_openness_counts(scene->preset))
+        return CTS_OK;
+    if (f->openness)
+        cts_report_skip(report, "openness", "made for an earlier frame");
+    else
+        st = cts_openness_of_scene(&f->openness, f->original, scene->preset, scene->settings->n_threads, report, err);
+    scene->openness = f->openness;
+    return st;
 }
 
 static void tell_framing(const CtsRenderSettings *s, CtsReport *report)
@@ -460,7 +478,8 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
         return st;
     frame->store.scene.plan = task->plan;
     frame->store.scene.frame = f->n_begun++;
-    if ((st = find_lut(f, &frame->store.scene, report, err)))
+    if ((st = find_lut(f, &frame->store.scene, report, err)) ||
+        (st = find_openness(f, &frame->store.scene, report, err)))
         return st;
     tell_key(f, report);
     tell_left_out(frame, report);

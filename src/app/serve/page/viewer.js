@@ -22,6 +22,8 @@ function words(coarse = 1) {
   }
   if (look.window)
     w.window = look.window.join(',');
+  if (look.occlusion !== undefined)
+    w.occlusion = look.occlusion;
   if (look.hidden.size)
     w.hide = [...look.hidden].join(',');
   if (look.colours)
@@ -182,9 +184,17 @@ const side = key => {
   draft();
 };
 
+// The slider shows the preset's occlusion until it is moved.
+function showLight(preset) {
+  look.occlusion = undefined;
+  id('light').hidden = !preset?.shade || (preset.mode ?? 'composite') !== 'composite';
+  id('occlusion').value = preset?.shade?.occlusion ?? 0;
+}
+
 function choose(preset) {
   look.preset = preset.name;
   look.window = undefined;
+  showLight(preset);
   for (const b of id('presets').children)
     b.setAttribute('aria-checked', b.dataset.name === preset.name);
   draft();
@@ -228,6 +238,10 @@ function prepare() {
     look.colours = id('colours').checked;
     draft();
   };
+  id('occlusion').oninput = () => {
+    look.occlusion = id('occlusion').value;
+    draft();
+  };
   id('low').onchange = id('high').onchange = changeWindow;
   listen(id('stage'), {turn, move, zoom, all, side, scale: () => Number(look.size.split('x')[0]) / id('stage').clientWidth});
   new ResizeObserver(() => {
@@ -248,6 +262,7 @@ export async function open(chosen) {
   }
   series = chosen;
   look = {preset: 'bone', azimuth: 0, elevation: 0, size: stageSize(), hidden: new Set(), colours: false};
+  showLight(presets.find(p => p.name === look.preset));
   id('labels').hidden = true;
   id('colours').checked = false;
   // Ours and the user's own; Slicer's have the names that begin with ct-.
