@@ -51,7 +51,12 @@
         fault(OWNER_CUTS)        /* raycast: the label of a cell's middle fills all of it */                           \
         fault(OPEN_PLACE)        /* openness: half a block off */                                                      \
         fault(OPEN_BEYOND)       /* openness: no light from beyond the volume */                                       \
-        fault(OPEN_UNUSED)       /* tiled: openness is 1 everywhere */
+        fault(OPEN_UNUSED)       /* tiled: openness is 1 everywhere */                                                 \
+        fault(SHEET_WEIGHTS)     /* sheets: the second row of a footprint is missing */                                \
+        fault(SHEET_SHARE)       /* sheets: partial slabs count as whole ones */                                       \
+        fault(SHEET_SHAFT)       /* sheets: groups see the block before theirs */                                      \
+        fault(SHEET_OPACITY)     /* sheets: opacity of half-sheets for a whole slab */                                 \
+        fault(SHEET_LIGHT)       /* sheets: the gradient across the sheets has the wrong sign */
 
 #define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,
 enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MUTATIONS };

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Compares tiled's error limits with the ray caster on random scenes: sweep.py CTSPLAT RAW2CT [DATA]
+"""Compares an engine's error limits with the ray caster on random scenes: sweep.py CTSPLAT RAW2CT [DATA]
 
 Random volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; a series of DATA
 in every fourth round), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lighting.
-Every picture by engine tiled is compared with the one by engine raycast. Faults are: a picture whose error
+Every picture by --engine (auto) is compared with the one by engine raycast. Faults are: a picture whose error
 exceeds the limit in its log, rms or largest; one above the requested error, 0.5/255 rms by default, without a
 warning or (by default, up to 1/255) a note; one that is not rendered. Each is printed with the commands that
 reproduce it, and its series is kept in soak-failures/. The same --seed repeats the same scenes; --only N runs
@@ -118,9 +118,9 @@ def rgb(r):
     return [round(r.random(), 2) for _ in range(3)]
 
 
-def make_preset(r, low, high, path):
+def make_preset(r, low, high, path, smooth):
     """A preset for HU from low to high; its kind."""
-    kind = r.choice(['step', 'step', 'shell', 'ramp', 'peaks', 'stripes', 'between'])
+    kind = r.choice(['ramp', 'peaks'] if smooth else ['step', 'step', 'shell', 'ramp', 'peaks', 'stripes', 'between'])
     at = low + (high - low) * (r.uniform(0.05, 0.95) if r.random() < 0.7 else r.choice([0.001, 0.01, 0.99, 0.999]))
     a = r.choice([1, 0.9, 0.5, 0.1, 0.01])
     if kind == 'step':
@@ -129,12 +129,12 @@ def make_preset(r, low, high, path):
         points = [(at, 0, rgb(r)), (at, a, rgb(r)), (at + r.choice([5, 0.02, 0.5]) * (high - at), a, rgb(r))]
         points += [(points[-1][0], 0, points[-1][2])]
     elif kind == 'ramp':
-        points = [(at, 0, rgb(r)), (at + r.choice([1, 30, 300]), a, rgb(r))]
+        points = [(at, 0, rgb(r)), (at + r.choice([150, 300] if smooth else [1, 30, 300]), a, rgb(r))]
     elif kind == 'between':
         level = math.floor(at)
         points = [(level + 0.02, 0, rgb(r)), (level + 0.5, 1, rgb(r)), (level + 0.98, 0, rgb(r))]
     elif kind == 'peaks':
-        width, points = r.choice([2, 20, 200]), []
+        width, points = r.choice([200] if smooth else [2, 20, 200]), []
         for k in range(r.randint(1, 4)):
             c = at + 3 * k * width
             colour = rgb(r)
@@ -180,7 +180,7 @@ class Sweep:
         self.args = args
         self.ratios, self.errors, self.faults, self.pictures, self.series = [], [], 0, 0, []
         self.kinds = dict.fromkeys(['kept', 'noted', 'warned', 'false positive', 'silent'], 0)
-        self.compared = 0
+        self.compared, self.by = 0, {}
         for root, _, files in os.walk(args.data or os.devnull):
             if sum(name != 'DIRFILE' for name in files) >= 20:
                 self.series.append(root)
@@ -195,6 +195,8 @@ class Sweep:
         limit = (asked or 0.5) / 255
         if not bound:
             return 'no bound in the log'
+        by = ' '.join(filter(None, [bound['engine'], bound.get('level')]))
+        self.by[by] = self.by.get(by, 0) + frames
         if rms > 1e-4 / 255 and bound['rmse'] > 0:
             self.ratios.append((bound['rmse'] / max(rms, ROUNDED), what))
         self.errors.append((rms, what, asked))
@@ -217,10 +219,11 @@ class Sweep:
 
     def judge(self, folder, common, asked, what):
         """None or a fault's words."""
-        log, mine, exact = (os.path.join(folder, n) for n in ('log', 'tiled.png', 'raycast.png'))
+        log, mine, exact = (os.path.join(folder, n) for n in ('log', 'picture.png', 'raycast.png'))
         if os.path.exists(log):
             os.remove(log)
-        one = common + (['--max-error', '%g' % asked] if asked else []) + ['-o', mine, '--force', '--log', log]
+        one = common + ['--engine', self.args.engine] + (['--max-error', '%g' % asked] if asked else []) + [
+            '-o', mine, '--force', '--log', log]
         two = common + ['--engine', 'raycast', '-o', exact, '--force']
         for words in (one, two):
             done = self.run(*words)
@@ -240,7 +243,7 @@ class Sweep:
         commands = []
         for threads in (1, 3):
             made = [os.path.join(folder, 'large-%d.%s' % (threads, form)) for form in ['png'] + ['exr'] * depth]
-            commands.append(common + ['--max-error', '%g' % asked, '--threads', '%d' % threads, '--force'] +
+            commands.append(common + ['--engine', self.args.engine, '--max-error', '%g' % asked, '--threads', '%d' % threads, '--force'] +
                             [word for path in made for word in ('-o', path)])
         commands[0] += ['--verify', '%d' % VERIFIED, '--log', log]
         for words in commands:
@@ -285,8 +288,10 @@ class Sweep:
             for n in range(2 if kind == 'ct' else 4):
                 preset = r.choice(BUILT_IN) if r.random() < (0.7 if kind == 'ct' else 0.2) else None
                 path = os.path.join(folder, 'preset-%d.json' % n)
-                name = preset or make_preset(r, low, high, path)
+                name = preset or make_preset(r, low, high, path, self.args.smooth)
                 asked = r.choice([None, None, None, 8, 2, 1, 0.5, 0.25, 0.1])
+                if self.args.smooth:
+                    asked = r.choice([1, 2, 4, 8])
                 if self.args.large:
                     asked = r.choice([1, 2, 3, 5, 8, 12])
                 if large:
@@ -339,6 +344,7 @@ class Sweep:
             print('%8.3f/255 rms, asked %s: %s' % (255 * rms, asked or 'nothing', what))
         if self.compared:
             print('of the large ones %d compared pixel by pixel' % self.compared)
+        print('rendered by: ' + ', '.join('%s %d' % pair for pair in sorted(self.by.items())))
         print('sweep: %d rounds, %d pictures (%s), %d faults' % (
             rounds, self.pictures, ', '.join('%d %s' % (n, kind) for kind, n in self.kinds.items()), self.faults))
 
@@ -353,6 +359,8 @@ def main():
     p.add_argument('--only', type=int, default=0)
     p.add_argument('--seed', type=int, default=1)
     p.add_argument('--real', type=float, default=0.25, help='share of the rounds on DATA')
+    p.add_argument('--engine', default='auto')
+    p.add_argument('--smooth', action='store_true', help='no preset with a step; errors asked for are 1/255 to 8/255')
     p.add_argument('--threads', type=int, default=0)
     p.add_argument('--failures', default='soak-failures')
     p.add_argument('--large', action='store_true', help='errors asked for are all 1/255 or more')

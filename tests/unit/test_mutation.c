@@ -12,12 +12,13 @@ int cts_mutation_now = CTS_MUTATION_NONE;
 typedef struct Proof {
     int fault;
     const char *name;
+    bool uncorrected;  /* as in CtsCheckSettings: error control would correct the fault */
     const char *cases; /* part of the name of cases that must see it; few, so that the test is quick */
 } Proof;
 
 #define PROOF(fault, cases)                                                                                            \
     {                                                                                                                  \
-        CTS_MUTATION_##fault, #fault, cases                                                                            \
+        CTS_MUTATION_##fault, #fault, CTS_MUTATION_##fault >= CTS_MUTATION_SHEET_WEIGHTS, cases                        \
     }
 
 static const Proof proofs[] = {
@@ -69,6 +70,11 @@ static const Proof proofs[] = {
     PROOF(OPEN_PLACE, "openness: a plane"),
     PROOF(OPEN_BEYOND, "openness: a bowl"),
     PROOF(OPEN_UNUSED, "openness: a bowl"),
+    PROOF(SHEET_WEIGHTS, "ramp: "),
+    PROOF(SHEET_SHARE, "slab: "),
+    PROOF(SHEET_SHAFT, "marker: "),
+    PROOF(SHEET_OPACITY, "slab: anterior"),
+    PROOF(SHEET_LIGHT, "ramp: lit, leaning"),
 };
 
 static void count(const CtsCheckResult *result, void *context)
@@ -77,11 +83,12 @@ static void count(const CtsCheckResult *result, void *context)
     ++*(int *)context;
 }
 
-static int failures(int fault, const char *cases, int *n)
+static int failures(int fault, const Proof *p, int *n)
 {
     int n_failed = 0, seen = 0;
     CtsError err = {0};
-    const CtsCheckSettings settings = {.n_threads = 2, .only = cases, .sink = count, .context = &seen};
+    const CtsCheckSettings settings = {
+        .n_threads = 2, .only = p->cases, .uncorrected = p->uncorrected, .sink = count, .context = &seen};
     cts_cpu_set_mask(0); /* other paths have no faults, and some cases let them through */
     cts_mutation_now = fault;
     assert_int_equal(cts_check_run(&settings, n, &n_failed, &err), CTS_OK);
@@ -106,9 +113,9 @@ static void test_faults_are_caught(void **state)
     for (size_t i = 0; i < sizeof proofs / sizeof *proofs; i++) {
         int n;
         const Proof *p = &proofs[i];
-        assert_int_equal(failures(CTS_MUTATION_NONE, p->cases, &n), 0);
+        assert_int_equal(failures(CTS_MUTATION_NONE, p, &n), 0);
         assert_true(n > 0);
-        const int n_failed = failures(p->fault, p->cases, &n);
+        const int n_failed = failures(p->fault, p, &n);
         print_message("%-18s %d of %d fail: %s\n", p->name, n_failed, n, p->cases);
         missed += n_failed == 0;
     }

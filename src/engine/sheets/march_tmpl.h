@@ -115,7 +115,7 @@ INLINE Rows sample_rows(const March *m, const Footprint *f, const uint16_t *shee
 
 INLINE wf across_rows(Rows rows, wf along_b)
 {
-    return wf_lerp(wi_to_float(rows.upper), wi_to_float(rows.lower), along_b);
+    return wf_lerp(wi_to_float(rows.upper), wi_to_float(rows.lower), CTS_MUTATED(SHEET_WEIGHTS) ? wf_of(0) : along_b);
 }
 
 /* Number of the level in the pre-integrated table. */
@@ -197,7 +197,7 @@ INLINE Gradient gradient_inside(const March *m, const Footprint *f, const uint16
     const int *const step = m->job->shade->step;
     return (Gradient){{difference_of(m, f, sheet, step[0], window),
                        difference_of(m, f, sheet, step[1] * v->row, window),
-                       difference_of(m, f, sheet, step[2] * v->sheet, window)}};
+                       difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window)}};
 }
 
 /* Difference of grey levels at a voxel: to air beyond the border, or one-sided and twice. */
@@ -544,7 +544,7 @@ INLINE wf mean_of(const float (*mean)[4], wi at, int channel)
 OUTLINE void take_share(const SheetsJob *j, wi front, wi back, float length_mm, wf share, wmask lanes, Slab *s)
 {
     const wmask partial = wmask_and(lanes, wf_lt(share, wf_of(1)));
-    if (!wmask_any(partial))
+    if (!wmask_any(partial) || CTS_MUTATED(SHEET_SHARE))
         return;
     const wi at = wi_add(wi_shl(front, 8), back);
     const wf alpha = wf_taken(wf_mul(mean_of(j->mean, at, 0), wf_scale(share, length_mm, 0)));
@@ -805,7 +805,7 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
                                    all_of_it,
                                    true,
                                    half ? slab_mm / 2 : slab_mm,
-                                   j->opacity[half ? 0 : 1]};
+                                   j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1]};
                 visible = wmask_or(visible, composite_stretch(m, b, &t, lit, x, y, s, light, counts));
             }
         }

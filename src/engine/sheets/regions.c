@@ -231,7 +231,7 @@ static int lattice_points(int n)
 }
 
 /* Difference of neighbours, in requested errors, from which the pixels between them are marched: bilinear interpolation
- * is off by an eighth of the change of slope, which hardly exceeds twice the difference, so by a quarter of this; such
+ * is off by an eighth of the change of slope, so that a difference of eight requested errors is off by about one; such
  * pixels are few. And the least such difference: below it as many groups are marched as without a lattice (measured on
  * heads and a chest). */
 #define REFINED_FROM 8.0

@@ -4,6 +4,8 @@
 
 #include "engine/sheets/sheets.h"
 
+#include "base/mutation.h"
+
 enum {
     /* Bits of a position's fraction, and those that a block's slabs add. */
     SHEETS_FRACTION = 32,
@@ -34,8 +36,9 @@ static inline bool cts_sheets_shaft_sees(const SheetsShaft *s, const SheetsView 
         const int64_t low = s->low[c] + layer * s->shift[c], high = s->high[c] + layer * s->shift[c];
         if (high < 0 || low > (int64_t)(view->n[c] - 1) << SHEETS_FRACTION)
             return false;
-        from[c] = (size_t)cts_sheets_in_range(low >> SHEETS_BLOCK_FRACTION, v->n[c] - 1);
-        to[c] = (size_t)cts_sheets_in_range(high >> SHEETS_BLOCK_FRACTION, v->n[c] - 1) + 1;
+        const int off = CTS_MUTATED(SHEET_SHAFT);
+        from[c] = (size_t)cts_sheets_in_range((low >> SHEETS_BLOCK_FRACTION) - off, v->n[c] - 1);
+        to[c] = (size_t)cts_sheets_in_range((high >> SHEETS_BLOCK_FRACTION) - off, v->n[c] - 1) + 1;
     }
     const uint32_t *const top = v->at + (size_t)layer * area + from[1] * width;
     const uint32_t *const bottom = v->at + (size_t)layer * area + to[1] * width;

@@ -26,6 +26,7 @@ typedef struct CtsCheckResult {
 
 typedef struct CtsCheckSettings {
     int n_threads;    /* 0: the cores this process may use */
+    bool uncorrected; /* levels as they are: engines with levels render their finest one, hardly a pixel re-rendered */
     const char *only; /* run the case of this name, or else the cases whose name holds this; NULL: all */
     const volatile sig_atomic_t *stop;
     /* Called once a result, in the order of the table, on the calling thread. */

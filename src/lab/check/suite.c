@@ -135,6 +135,10 @@ static CtsRenderSettings settings_of(const CtsCheckRun *run, const CtsFormulaSce
     r.kernel = s->kernel;
     r.opacity_per_voxel = s->per_voxel;
     r.max_error = s->max_error;
+    if (run->settings->uncorrected && run->engine == CTS_ENGINE_SHEETS) {
+        r.level = CTS_LEVEL_HALF_SHEETS;
+        r.max_error = 255;
+    }
     r.tolerance_hu = s->tolerance_hu;
     /* Threads do not pay for small pictures. */
     r.n_threads = s->n_threads > 0 ? s->n_threads : r.width * r.height < 16384 ? 1 : run->settings->n_threads;
@@ -280,9 +284,9 @@ static bool is_asked(const char *only, bool alone, const char *name)
 
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
 {
-    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes, &cts_check_orders,
-                                           &cts_check_equal,  &cts_check_faces, &cts_check_voxels, &cts_check_labels,
-                                           &cts_check_openness};
+    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff,  &cts_check_shapes,
+                                           &cts_check_orders, &cts_check_equal,  &cts_check_faces,
+                                           &cts_check_voxels, &cts_check_labels, &cts_check_openness};
     CtsCheckRun run = {.settings = settings};
     const size_t n_tables = sizeof tables / sizeof *tables;
     CtsStatus st = CTS_OK;
