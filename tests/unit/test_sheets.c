@@ -115,6 +115,26 @@ static void levels_against_reference(void **state)
     cts_volume_free(&v);
 }
 
+/* A visible range as wide as all grey levels, and one of few levels above many: each level of the table has its place.
+ */
+static void widths_of_ranges(void **state)
+{
+    (void)state;
+    CtsVolume *v = phantom_head(56, 52, 48, 0);
+    static const char *const presets[] = {"ct-mip", "ct-chest-contrast-enhanced", "ct-bone", "bone", "skin"};
+    for (size_t i = 0; i < sizeof presets / sizeof *presets; i++) {
+        const CtsPreset preset = preset_named(presets[i]);
+        CtsRenderSettings s = settings_for(CTS_ENGINE_SHEETS, 96, 30, 20);
+        s.level = CTS_LEVEL_HALF_SHEETS;
+        s.shade = CTS_OFF;
+        s.max_error = 100;
+        const double rms = rms_255(v, &preset, &s);
+        if (rms > 3)
+            fail_msg("preset %s: rms %.3f of 255, 3 expected at most", presets[i], rms);
+    }
+    cts_volume_free(&v);
+}
+
 /* A homogeneous medium that fills the volume to its faces: opacity by the length of each ray in the box, in any view,
  * with slabs of the volume. Every pixel at the faces has its own part of a slab. */
 static void homogeneous_box(void **state)
@@ -298,7 +318,7 @@ int main(void)
         cmocka_unit_test(same_bytes),      cmocka_unit_test(levels_against_reference),
         cmocka_unit_test(homogeneous_box), cmocka_unit_test(bands_and_rotations),
         cmocka_unit_test(choice_of_auto),  cmocka_unit_test(depth_of_surfaces),
-        cmocka_unit_test(thin_volumes),
+        cmocka_unit_test(thin_volumes),    cmocka_unit_test(widths_of_ranges),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,9 +27,15 @@ static void init_levels(SheetsLevels *l, const CtsScene *scene, int largest_grey
     const double top = in_range(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
     const double bottom = fmax(l->grey_low, 0);
     const double end = in_range(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step);
-    /* A fine level a grey level is enough; the coarse ones share what is left. */
-    const double n_fine = fmin(top - bottom, SHEETS_LEVELS - 1 - COARSE), n_coarse = SHEETS_LEVELS - 1 - n_fine;
-    const double coarse = bottom + end - top > 0 ? n_coarse / (bottom + end - top) : 0, fine = n_fine / (top - bottom);
+    /* A fine level a grey level is enough; the coarse ones share what is left. Below a wide visible range they would be
+     * the finer ones: then all are of one width. */
+    double n_fine = fmin(top - bottom, SHEETS_LEVELS - 1 - COARSE);
+    const double n_coarse = SHEETS_LEVELS - 1 - n_fine, outside = bottom + end - top;
+    double coarse = outside > 0 ? n_coarse / outside : 0, fine = n_fine / (top - bottom);
+    if (coarse > fine && outside > 0) {
+        coarse = fine = fmin((SHEETS_LEVELS - 1) / end, 1);
+        n_fine = fine * (top - bottom);
+    }
     /* Grey levels have fine levels of their own where there are enough; so the first has a whole number. */
     const double first = floor(coarse * bottom), one = 1 << SHEETS_WEIGHT_BITS;
     l->coarse_scale = (float)(coarse / one);

@@ -102,6 +102,8 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s (%s have)", e->name,
                         cts_kernel_names[s->kernel],
                         cts_engines_with(offsetof(CtsEngine, kernels), (int)s->kernel, list));
+    if (s->level && !*cts_engines_with(offsetof(CtsEngine, levels), (int)s->level, list))
+        return cts_fail(err, CTS_ERR_USAGE, "no engine has level %s", cts_engine_level_names[s->level]);
     if (s->level && !(e->levels >> s->level & 1))
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no level %s (%s have)", e->name,
                         cts_engine_level_names[s->level],
