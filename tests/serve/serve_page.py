@@ -48,6 +48,56 @@ def drag(browser, dx, dy, shift=False):
     pointer(browser, 'mouseReleased', 400 + dx, 400 + dy, clickCount=1, **held)
 
 
+# A drag of three seconds within the page, a move each frame of the screen. Returns previews a second, the most requests at once,
+# frames without a decoded picture, and the largest difference of the picture's scale and place, in pixels of the stage.
+DRAG = """
+const stage = document.querySelector('#stage'), box = stage.getBoundingClientRect(), own = window.fetch;
+const found = {previews: 0, most: 0, blank: 0, off: 0};
+let open = 0;
+window.fetch = async (...all) => {
+  found.most = Math.max(found.most, ++open);
+  try {
+    return await own(...all);
+  } finally {
+    open--;
+  }
+};
+const seen = new MutationObserver(() => found.previews++);
+seen.observe(stage, {childList: true});
+const begin = performance.now();
+for (let ms = 0; ms < 3000; ms = performance.now() - begin) {
+  const now = await new Promise(requestAnimationFrame), picture = document.querySelector('#picture');
+  const shown = picture.getBoundingClientRect();
+  found.blank += !(picture.complete && picture.naturalWidth);
+  found.off = Math.max(found.off, Math.abs(shown.width - box.width), Math.abs((shown.left + shown.right - box.left - box.right) / 2));
+  stage.dispatchEvent(new PointerEvent('pointermove', {pointerId: 1, clientX: 400 - ms / 5, clientY: 400}));
+}
+seen.disconnect();
+window.fetch = own;
+return {...found, previews: found.previews / 3};
+"""
+
+
+def smooth(browser, _):
+    """While the pointer moves: one request at a time, no flash, every preview in the same place."""
+    held = {'button': 'left', 'buttons': 1, 'clickCount': 1}
+    pointer(browser, 'mousePressed', 400, 400, **held)
+    found = browser.run(DRAG)
+    rested(browser, lambda: pointer(browser, 'mouseReleased', 400, 400, **held))
+    print(f'{found["previews"]:.0f} previews a second')
+    assert found['previews'] >= 2 and found['most'] == 1 and found['blank'] == 0 and found['off'] <= 4, found
+    size = browser.run("const p = document.querySelector('#picture'); return [p.naturalWidth, p.clientWidth]")
+    assert size[0] == size[1], size
+
+
+def occlusion(browser, _):
+    """Lit presets have a slider, and it darkens the picture."""
+    before = browser.run("return document.querySelector('#command').textContent")
+    assert '--occlusion' not in before and not browser.run("return document.querySelector('#light').hidden")
+    rested(browser, lambda: browser.run("const o = document.querySelector('#occlusion'); o.value = 0.8; o.oninput()"))
+    assert browser.run("return document.querySelector('#command').textContent").rstrip().endswith('--occlusion 0.8')
+
+
 def key(browser, name, text=None):
     for kind in 'keyDown', 'keyUp':
         browser.devtools('Input.dispatchKeyEvent', {'type': kind, 'key': name, **({'text': text} if text and kind == 'keyDown' else {})})
@@ -148,6 +198,8 @@ with Server(ctsplat, data, '--labels', folder) as whole:
             window.open(whole.url)
             if wide > 1000:
                 turn(window, whole)
+                smooth(window, whole)
+                occlusion(window, whole)
                 labels(window, whole)
                 choose(window, whole)
             else:

@@ -67,8 +67,9 @@ char *cts_list_series(CtsServer *server)
 
 static json_t *preset_json(const CtsPreset *p, bool own)
 {
-    return json_pack("{s:s, s:s, s:[ff], s:b}", "name", p->name, "mode", cts_mode_names[p->mode], "window_hu",
-                     p->window_low_hu, p->window_high_hu, "own", own);
+    return json_pack("{s:s, s:s, s:[ff], s:o, s:b}", "name", p->name, "mode", cts_mode_names[p->mode], "window_hu",
+                     p->window_low_hu, p->window_high_hu, "shade",
+                     p->shade ? json_pack("{s:f}", "occlusion", p->occlusion) : json_null(), "own", own);
 }
 
 char *cts_list_presets(void)

@@ -1,6 +1,6 @@
 // Requests to the server, and helpers for all modules of the page.
 
-const pause = ms => new Promise(done => setTimeout(done, ms));
+export const pause = ms => new Promise(done => setTimeout(done, ms));
 
 // Returns {blob, scene}; an error has the server's message. Retries while the server's queue is full. Aborting the signal
 // cancels the picture on the server too.

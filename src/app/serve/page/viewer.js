@@ -1,10 +1,15 @@
-// One volume from all sides. In motion: previews; at rest: the full picture, with its error estimate.
-import {ask, element, inTurn, status} from './ask.js';
+// One volume from all sides. In motion: previews, each requested once the last one is displayed; at rest: the full picture, with
+// its error estimate.
+import {ask, element, inTurn, pause, status} from './ask.js';
 import {listen} from './hands.js';
 
 const SIDES = {a: ['anterior', 0, 0], p: ['posterior', 180, 0], l: ['left', 90, 0], r: ['right', 270, 0],
   h: ['head', 0, 90], f: ['feet', 0, -90]};
-const DRAFT = '8', REST_MS = 150, MOST = 1024, SLOW_MS = 100, MOST_COARSE = 4;
+const PREVIEW = '8', REST_MS = 150, MOST = 1024;
+// Goal for a preview from request to display: 30 a second.
+const GOAL_MS = 33;
+// Divisors of width and height of previews; each has half the pixels of the one before.
+const COARSE = [1, 1.41, 2, 2.83, 4];
 const id = name => document.getElementById(name);
 
 // The view: azimuth and elevation in degrees; scale and centre once known from the first picture.
@@ -13,8 +18,8 @@ let series = null;
 let presets = [];
 
 // coarse: divisor of width and height.
-function words(coarse = 1) {
-  const size = look.size.split('x').map(n => Math.max(1, Math.round(n / coarse))).join('x');
+function options(coarse = 1) {
+  const size = look.size.split('x').map(n => Math.ceil(n / coarse)).join('x');
   const w = {preset: look.preset, view: `${+look.azimuth.toFixed(2)},${+look.elevation.toFixed(2)}`, size};
   if (look.mm) {
     w['mm-per-pixel'] = (coarse * look.mm).toPrecision(6);
@@ -32,7 +37,7 @@ function words(coarse = 1) {
 }
 
 function path(ending, more, coarse) {
-  return `series/${series.id}/picture.${ending}?${new URLSearchParams({...words(coarse), ...more})}`;
+  return `series/${series.id}/picture.${ending}?${new URLSearchParams({...options(coarse), ...more})}`;
 }
 
 function stageSize() {
@@ -40,67 +45,93 @@ function stageSize() {
   return `${Math.round(stage.clientWidth * factor)}x${Math.round(stage.clientHeight * factor)}`;
 }
 
-let shown = null; // the URL of the displayed picture
-function put(blob) {
-  if (shown)
-    URL.revokeObjectURL(shown);
-  id('picture').src = shown = URL.createObjectURL(blob);
+// Displays the picture once it is decoded, if it is still wanted then; the one before stays until then. Returns whether it did.
+// The picture covers as many pixels of the stage as it has, times coarse: sizes are rounded up, so a preview may reach a little
+// beyond the stage, and a point of the volume stays where it was.
+async function put(blob, coarse, isWanted) {
+  const next = id('picture').cloneNode(), url = URL.createObjectURL(blob);
+  next.src = url;
+  await next.decode();
+  if (!isWanted()) {
+    URL.revokeObjectURL(url);
+    return false;
+  }
+  const [width, height] = look.size.split('x');
+  next.style.width = `${100 * coarse * next.naturalWidth / width}%`;
+  next.style.height = `${100 * coarse * next.naturalHeight / height}%`;
+  const before = id('picture');
+  before.replaceWith(next);
+  URL.revokeObjectURL(before.src);
+  return true;
 }
 
-function tell(scene, isDraft, coarse = 1) {
+function describe(scene, isPreview, coarse = 1) {
   const mm = (scene.mm_per_pixel / coarse).toPrecision(3);
   const view = `${scene.view[0].toFixed(0)}°, ${scene.view[1].toFixed(0)}°, ${mm} mm a pixel`;
   const bound = scene.bound_255 === undefined ? '' : `, error at most ${scene.bound_255.toPrecision(2)}/255 rms`;
-  id('told').textContent = isDraft ? view : view + bound;
-  id('stage').dataset.rests = !isDraft;
+  id('told').textContent = isPreview ? view : view + bound;
+  id('stage').dataset.rests = !isPreview;
   id('picture').alt = `${look.preset}, ${view}`;
-  if (!isDraft)
+  if (!isPreview)
     status(scene.warnings.join('; '));
 }
 
-// One preview at a time: only the newest view is queued, intermediate ones are dropped. Slow previews get fewer pixels.
-let coarse = 1;
-let drafting = false, wanted = false, resting = null, restTimer = 0;
-async function draft() {
-  wanted = true;
+// Index of the next preview's size, and the time that previews of each size take; 0: unknown. The time is the shortest of the
+// last ones (it rises by a tenth with each slower one), which other work on the machine disturbs least.
+let level = 0, times = COARSE.map(() => 0);
+
+// Late previews: a smaller size, unless it is known to save less than a tenth (part of the time does not depend on the size).
+// Early ones: a larger size, of twice the pixels and at most about twice the time, unless it is known to be late. What is known of
+// other sizes fades by one per cent a preview, so that they are tried again after some time: other views, other costs.
+function adaptSize(ms) {
+  times = times.map(t => 0.99 * t);
+  times[level] = times[level] ? Math.min(ms, 1.1 * times[level]) : ms;
+  const pays = k => !times[k] || !times[k - 1] || times[k] < 0.9 * times[k - 1];
+  if (level && (!pays(level) || (times[level] < GOAL_MS / 2 && times[level - 1] <= GOAL_MS)))
+    level--;
+  else if (level + 1 < COARSE.length && times[level] > GOAL_MS && pays(level + 1))
+    level++;
+}
+
+// One preview at a time: only the newest view is queued, intermediate ones are dropped.
+let isPreviewing = false, isQueued = false, full = null, restTimer = 0;
+async function preview() {
+  isQueued = true;
   clearTimeout(restTimer);
-  resting?.abort();
-  if (drafting)
+  full?.abort();
+  if (isPreviewing)
     return;
-  drafting = true;
+  isPreviewing = true;
   try {
-    while (wanted && look) {
-      wanted = false;
-      const own = coarse, start = performance.now();
-      const {blob, scene} = await ask(path('jpg', {'max-error': DRAFT, quality: 80}, own));
-      const ms = performance.now() - start;
-      coarse = ms > SLOW_MS ? Math.min(MOST_COARSE, 1.4 * own) : ms < SLOW_MS / 3 ? Math.max(1, own / 1.4) : own;
-      if (look) {
-        put(blob);
-        tell(scene, true, own);
+    while (isQueued && look) {
+      isQueued = false;
+      const own = look, coarse = COARSE[level], begin = performance.now();
+      const {blob, scene} = await ask(path('jpg', {'max-error': PREVIEW, quality: 80}, coarse));
+      if (await put(blob, coarse, () => look === own)) {
+        adaptSize(performance.now() - begin);
+        describe(scene, true, coarse);
       }
     }
   } catch (e) {
     status(e.message);
   }
-  drafting = false;
+  isPreviewing = false;
   clearTimeout(restTimer);
-  restTimer = setTimeout(rest, REST_MS);
+  restTimer = setTimeout(showFull, REST_MS);
 }
 
-async function rest() {
+async function showFull() {
   if (!look)
     return;
-  resting = new AbortController();
-  const {signal} = resting;
+  full = new AbortController();
+  const {signal} = full;
   try {
-    const {blob, scene} = await ask(path('png'), signal);
-    if (signal.aborted || !look)
+    const own = look, {blob, scene} = await ask(path('png'), signal);
+    if (!await put(blob, 1, () => look === own && !signal.aborted))
       return;
-    put(blob);
     look.mm ??= scene.mm_per_pixel;
     look.centre ??= scene.centre;
-    tell(scene, false);
+    describe(scene, false);
     showWindow(scene);
     showCommand();
     await showLabels();
@@ -119,7 +150,7 @@ function showWindow(scene) {
 function showCommand() {
   const quoted = value => /^[\w.,-]*$/.test(value) ? value : `'${value.replaceAll("'", "'\\''")}'`;
   const labels = id('labels').hidden ? '' : '--labels LABELS ';
-  const text = labels + Object.entries(words()).map(([name, value]) => `--${name} ${quoted(value)}`.trim()).join(' ');
+  const text = labels + Object.entries(options()).map(([name, value]) => `--${name} ${quoted(value)}`.trim()).join(' ');
   // Breaks lines between words, not after the first of two hyphens.
   const command = `ctsplat render PATH -o picture.png --png-bits 8 ${text}`.split(' ');
   id('command').replaceChildren(...command.flatMap(word => [element('span', {textContent: word}), ' ']));
@@ -133,7 +164,7 @@ const wordOf = label => /[,*:]/.test(label.name) || /^(all|rest|\d+)$/i.test(lab
 function labelBox(label) {
   const box = element('input', {type: 'checkbox', checked: true, onchange: () => {
     look.hidden[box.checked ? 'delete' : 'add'](wordOf(label));
-    draft();
+    preview();
   }});
   const colour = element('i');
   if (label.rgb)
@@ -154,7 +185,7 @@ async function showLabels() {
 const turn = (azimuth, elevation) => {
   look.azimuth = (look.azimuth + azimuth + 360) % 360;
   look.elevation = Math.max(-90, Math.min(90, look.elevation + elevation));
-  draft();
+  preview();
 };
 
 // Right and up on the picture, by so many of its pixels.
@@ -165,23 +196,23 @@ const move = (right, up) => {
   const across = [Math.cos(a), Math.sin(a), 0];
   const upward = [-Math.sin(e) * Math.sin(a), Math.sin(e) * Math.cos(a), Math.cos(e)];
   look.centre = look.centre.map((c, i) => c - look.mm * (right * across[i] + up * upward[i]));
-  draft();
+  preview();
 };
 
 const zoom = factor => {
   if (look.mm)
     look.mm = Math.max(0.01, Math.min(10, look.mm / factor));
-  draft();
+  preview();
 };
 
 const all = () => {
   look.mm = look.centre = undefined;
-  draft();
+  preview();
 };
 
 const side = key => {
   [, look.azimuth, look.elevation] = SIDES[key];
-  draft();
+  preview();
 };
 
 // The slider shows the preset's occlusion until it is moved.
@@ -194,10 +225,11 @@ function showLight(preset) {
 function choose(preset) {
   look.preset = preset.name;
   look.window = undefined;
+  times.fill(0);
   showLight(preset);
   for (const b of id('presets').children)
     b.setAttribute('aria-checked', b.dataset.name === preset.name);
-  draft();
+  preview();
 }
 
 function presetButton(preset) {
@@ -208,9 +240,11 @@ function presetButton(preset) {
   button.setAttribute('role', 'radio');
   button.setAttribute('aria-checked', look.preset === preset.name);
   inTurn(async () => {
+    while (isPreviewing)
+      await pause(REST_MS);
     if (series !== own || !look)
       return;
-    const query = new URLSearchParams({preset: preset.name, size: '96x96', 'max-error': DRAFT, quality: 80});
+    const query = new URLSearchParams({preset: preset.name, size: '96x96', 'max-error': PREVIEW, quality: 80});
     const answer = await ask(`series/${own.id}/picture.webp?${query}`).catch(() => null);
     if (answer)
       picture.src = URL.createObjectURL(answer.blob);
@@ -222,7 +256,7 @@ function changeWindow() {
   const hu = [+id('low').value, +id('high').value];
   if (hu[0] < hu[1]) {
     look.window = hu;
-    draft();
+    preview();
   }
 }
 
@@ -236,11 +270,11 @@ function prepare() {
   }
   id('colours').onchange = () => {
     look.colours = id('colours').checked;
-    draft();
+    preview();
   };
   id('occlusion').oninput = () => {
     look.occlusion = id('occlusion').value;
-    draft();
+    preview();
   };
   id('low').onchange = id('high').onchange = changeWindow;
   listen(id('stage'), {turn, move, zoom, all, side, scale: () => Number(look.size.split('x')[0]) / id('stage').clientWidth});
@@ -250,7 +284,7 @@ function prepare() {
       look.size = stageSize();
       if (look.mm)
         look.mm *= before / look.size.split('x')[0];
-      draft();
+      preview();
     }
   }).observe(id('stage'));
 }
@@ -262,6 +296,8 @@ export async function open(chosen) {
   }
   series = chosen;
   look = {preset: 'bone', azimuth: 0, elevation: 0, size: stageSize(), hidden: new Set(), colours: false};
+  level = 0;
+  times.fill(0);
   showLight(presets.find(p => p.name === look.preset));
   id('labels').hidden = true;
   id('colours').checked = false;
@@ -271,11 +307,11 @@ export async function open(chosen) {
   id('told').textContent = 'reading …';
   id('stage').focus();
   showCommand();
-  draft();
+  preview();
 }
 
 export function close() {
-  resting?.abort();
+  full?.abort();
   clearTimeout(restTimer);
   look = null;
 }
