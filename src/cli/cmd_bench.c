@@ -73,6 +73,11 @@ static CtsStatus run_paper(const CtsBenchSettings *bench, CtsError *err)
     return st;
 }
 
+static void print_duration(int n, double seconds_left)
+{
+    cli_note("bench: %d settings%s", n, cli_time_left(seconds_left).text);
+}
+
 CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
@@ -95,8 +100,12 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     cli_interrupt_asks();
     if (st)
         goto end;
-    CtsBenchSettings settings = {
-        .volume = loaded.volume, .preset = preset, .render = options->render, .progress = cli_progress};
+    CtsBenchSettings settings = {.volume = loaded.volume,
+                                 .preset = preset,
+                                 .render = options->render,
+                                 .full = options->full,
+                                 .progress = cli_progress,
+                                 .duration = print_duration};
     settings.render.stop = &cli_stop;
     if (options->paper) {
         st = run_paper(&settings, err);

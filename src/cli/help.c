@@ -11,6 +11,8 @@
 #include <string.h>
 
 enum { HELP_COLUMN = 30, HELP_WIDTH = 80 };
+/* A command and its summary fit one line of HELP_WIDTH. */
+enum { COMMAND_WIDTH = 9 };
 
 /* Prints words from column on, wrapped at HELP_WIDTH; the cursor is at column already. */
 static void print_wrapped(const char *text, int column)
@@ -75,11 +77,8 @@ void cli_help(void)
     printf("Usage: ctsplat COMMAND [options]\n"
            "Clinical pictures of CT series, each with an error estimate: ctsplat render scans/head -o head.png\n\n"
            "Commands:\n");
-    for (int c = 0; c < CLI_N_COMMANDS; c++) {
-        char left[64];
-        snprintf(left, sizeof left, "  %s", cli_commands[c].name);
-        print_entry(left, cli_commands[c].summary);
-    }
+    for (int c = 0; c < CLI_N_COMMANDS; c++)
+        printf("  %-*s%s\n", COMMAND_WIDTH, cli_commands[c].name, cli_commands[c].summary);
     printf("\nctsplat COMMAND --help   the options of a command\n"
            "ctsplat --version        this program and its libraries\n"
            "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, a DICOMDIR or a NIfTI CT.\n"

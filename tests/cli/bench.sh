@@ -1,6 +1,7 @@
 # bench: every engine measured; lines, plot and page agree; what it refuses.
 command -v gnuplot >/dev/null || exit 77
-ok bench "$data/phantom" -O b --size 24x24
+ok bench "$data/phantom" -O b --size 24x24 --full
+has err '^ctsplat: bench: [0-9]+ settings, about [0-9]+ seconds left$'
 for engine in classic layers void combined sheets tiled raycast; do
     has out "^$engine .* (front)?\$"
     has b/bench.jsonl "\"engine\":\"$engine\""
@@ -52,6 +53,7 @@ has err 'gnuplot cannot be run'
 [ ! -e q/bench.jsonl ] || fail "measured for nothing"
 # Features that an engine lacks are left out with a message.
 ok bench "$data/phantom" -O m --size 16x16 -p brain
+[ "$(grep -c . m/bench.jsonl)" -lt 30 ] && [ "$(grep -c . b/bench.jsonl)" -gt 50 ] || fail "--full measures no more"
 has err 'left out: classic'
 has m/report.html 'Left out'
 has m/bench.jsonl '"engine":"tiled"'

@@ -1,6 +1,6 @@
 # Wrong usage: exit code 2, one line, and what to do.
 refused 2 'a command is missing'
-refused 2 'frobnicate: not one of: info render batch bench check compare presets receive serve' frobnicate
+refused 2 'frobnicate: not one of: info render batch serve presets receive bench check compare' frobnicate
 refused 2 '--json: no such option before the command' --json
 refused 2 'render: PATH is missing' render
 refused 2 'render: no output' render "$data/phantom"
@@ -70,12 +70,13 @@ refused 3 'no-such-file' info -- --no-such-file
 
 ok --help
 has out '^Usage: ctsplat COMMAND'
+[ "$(wc -l <out)" -le 24 ] && ! grep -qE '.{102}' out || fail "--help does not fit 24 lines of a terminal: $(cat out)"
 ok --version
 has out '^ctsplat [0-9]+\.[0-9]+\.[0-9]+$'
 for library in DCMTK OpenEXR libpng jansson; do
     has out "^$library [0-9]"
 done
-for command in info render batch bench check compare presets receive serve; do
+for command in info render batch serve presets receive bench check compare; do
     ok $command --help
     has out "^Usage: ctsplat $command"
 done

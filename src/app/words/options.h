@@ -14,12 +14,12 @@ typedef enum CtsCommand {
     CTS_FOR_INFO,
     CTS_FOR_RENDER,
     CTS_FOR_BATCH,
+    CTS_FOR_SERVE,
+    CTS_FOR_PRESETS,
+    CTS_FOR_RECEIVE,
     CTS_FOR_BENCH,
     CTS_FOR_CHECK,
     CTS_FOR_COMPARE,
-    CTS_FOR_PRESETS,
-    CTS_FOR_RECEIVE,
-    CTS_FOR_SERVE,
     CTS_FOR_JOB,
     CTS_FOR_REQUEST
 } CtsCommand;
@@ -94,7 +94,7 @@ typedef struct CtsOptions {
     CtsTextList hosts;
     uint64_t memory_bytes; /* 0: half of the free memory */
 
-    bool help, json, show_patient, show_paths, paper;
+    bool help, json, show_patient, show_paths, paper, full;
     const char *only; /* NULL when not given */
 
     CtsWord *words; /* options in order of appearance, n_words */

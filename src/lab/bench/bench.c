@@ -1,5 +1,6 @@
 #include "lab/bench/bench.h"
 
+#include "base/clock.h"
 #include "base/cpu.h"
 #include "base/file.h"
 #include "output/report/bench_rows.h"
@@ -47,6 +48,20 @@ static CtsStatus integrate(const CtsBenchSettings *settings, CtsKernelId kernel,
                                            kernel == CTS_KERNEL_TENT ? PIXELS_TRILINEAR : PIXELS_KERNEL, err);
 }
 
+/* Later settings take as long as the first one on average, and each further kernel needs its integral. */
+static void estimate_duration(const CtsBenchSettings *settings, const CtsBenchRow *rows, int n, double reference_ms,
+                              double first_ms)
+{
+    bool used[CTS_N_KERNELS] = {[CTS_KERNEL_TENT] = true};
+    int n_integrals = 0;
+    for (int i = 0; i < n; i++) {
+        n_integrals += !used[rows[i].kernel];
+        used[rows[i].kernel] = true;
+    }
+    if (settings->duration)
+        settings->duration(n, ((n - 1) * first_ms + n_integrals * reference_ms) / 1000);
+}
+
 CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, CtsError *err)
 {
     CtsStatus st;
@@ -54,15 +69,19 @@ CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, Ct
     int n = 0;
     *rows = (CtsBenchRows){.n = 0};
     describe(settings, rows);
-    if ((st = cts_bench_plan(&rows->rows, &n, err)))
+    if ((st = cts_bench_plan(settings->full, &rows->rows, &n, err)))
         return st;
     tell(settings, 0, n + 1, NULL);
+    const double begin_ms = cts_wall_ms();
     st = integrate(settings, CTS_KERNEL_TENT, own, err);
+    const double reference_ms = cts_wall_ms() - begin_ms;
     for (int i = 0; i < n && !st; i++) {
         CtsBenchRow *row = &rows->rows[i];
         tell(settings, i + 1, n + 1, row);
         if (!(st = integrate(settings, row->kernel, own, err)) && !(st = cts_bench_measure(settings, own, row, err)))
             rows->n = i + 1;
+        if (i == 0 && !st)
+            estimate_duration(settings, rows->rows, n, reference_ms, cts_wall_ms() - begin_ms - reference_ms);
     }
     rows->complete = !st;
     cts_bench_mark_pareto(rows);

@@ -15,8 +15,13 @@ typedef struct CtsBenchSettings {
     const CtsPreset *preset;
     /* size, view, threads, stop; engine, kernel and the varied settings are set by the bench */
     CtsRenderSettings render;
+    /* Every kernel, tuning parameter and requested error, and the ray caster; false: a choice that shows each engine.
+     */
+    bool full;
     /* Before each setting, done of all; NULL: silent. */
     void (*progress)(double done, int all, const char *what);
+    /* Once, after the first of n settings: the estimated time left. NULL: none. */
+    void (*duration)(int n, double seconds_left);
 } CtsBenchSettings;
 
 /* Measures every setting in a process of its own: at least 3 renders, more while they are quick. rows is filled as far
@@ -33,7 +38,7 @@ CtsStatus cts_bench_check_writable(const char *folder, bool force, CtsError *err
 /* Internal functions of the bench. */
 
 /* The settings to measure; *rows is malloc'd. */
-CtsStatus cts_bench_plan(CtsBenchRow **rows, int *n, CtsError *err);
+CtsStatus cts_bench_plan(bool full, CtsBenchRow **rows, int *n, CtsError *err);
 
 /* Measures row in a child process, against the integral of its kernel and the trilinear one. A setting that cannot be
  * rendered is recorded with the reason, which is no failure. */
