@@ -25,6 +25,7 @@
 #define CTS_BASE_SIMD_H
 
 #include "base/sanitized.h"
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -112,6 +113,7 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
 /* Each path defines, with 0 in the lanes outside a gather's mask, for which nothing is read:
  *
  * - vf_min, vf_max, vi_min, vi_max: the second operand unless the first is smaller, or larger
+ * - vf_sqrt: correctly rounded
  * - vf_lt, vf_le, vi_lt, vi_eq: comparisons, false for NaN; vu_lt: of vi as unsigned integers; vi_test: (a & b) != 0
  * - vf_select, vi_select(mask, yes, no)
  * - mask_any(mask); mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
@@ -205,6 +207,7 @@ SIMD_EACH(wf, wf_div, (wf a, wf b), a.part[p] / b.part[p])
 SIMD_EACH(wf, wf_min, (wf a, wf b), vf_min(a.part[p], b.part[p]))
 SIMD_EACH(wf, wf_max, (wf a, wf b), vf_max(a.part[p], b.part[p]))
 SIMD_EACH(wf, wf_abs, (wf a), vf_abs(a.part[p]))
+SIMD_EACH(wf, wf_sqrt, (wf a), vf_sqrt(a.part[p]))
 SIMD_EACH(wmask, wf_lt, (wf a, wf b), vf_lt(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wf_le, (wf a, wf b), vf_le(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wf_gt, (wf a, wf b), vf_gt(a.part[p], b.part[p]))

@@ -7,6 +7,7 @@ SIMD_OP(vf, vf_min, (vf a, vf b), (vf)_mm256_min_ps((__m256)a, (__m256)b))
 SIMD_OP(vf, vf_max, (vf a, vf b), (vf)_mm256_max_ps((__m256)a, (__m256)b))
 SIMD_OP(vi, vi_min, (vi a, vi b), (vi)_mm256_min_epi32((__m256i)a, (__m256i)b))
 SIMD_OP(vi, vi_max, (vi a, vi b), (vi)_mm256_max_epi32((__m256i)a, (__m256i)b))
+SIMD_OP(vf, vf_sqrt, (vf a), (vf)_mm256_sqrt_ps((__m256)a))
 SIMD_OP(bool, mask_any, (vmask mask), _mm256_movemask_ps((__m256)mask) != 0)
 SIMD_OP(unsigned, mask_bits, (vmask mask), (unsigned)_mm256_movemask_ps((__m256)mask))
 

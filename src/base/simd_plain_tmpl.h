@@ -11,6 +11,14 @@ SIMD_OP(vf, vf_max, (vf a, vf b), vf_select(a > b, a, b))
 SIMD_OP(vi, vi_min, (vi a, vi b), vi_select(a < b, a, b))
 SIMD_OP(vi, vi_max, (vi a, vi b), vi_select(a > b, a, b))
 
+/* Correctly rounded: of a float in double precision, too. */
+INLINE vf vf_sqrt(vf a)
+{
+    for (int l = 0; l < LANES; l++)
+        a[l] = (real)sqrt((double)a[l]);
+    return a;
+}
+
 #if defined(SIMD_DOUBLE) && defined(__AVX512DQ__)
 SIMD_OP(bool, mask_any, (vmask mask), _mm512_movepi64_mask((__m512i)mask) != 0)
 #elif defined(SIMD_DOUBLE) && defined(__AVX2__)

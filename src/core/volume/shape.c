@@ -4,6 +4,8 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/simd_fixed.h"
+#include "core/volume/shape_move.h"
+#include <assert.h>
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -12,19 +14,11 @@
 /* The surfaces that are followed: of the body and of its air, halfway from air to water, and of bone, above the blood
  * of vessels with contrast agent and below the thinnest cortex. */
 static const double SURFACE_HU[] = {-500, 300};
-enum { N_SURFACES = sizeof SURFACE_HU / sizeof *SURFACE_HU };
+enum { N_SURFACES = SHAPE_SURFACES, BLOCK = SHAPE_BLOCK, SIDE = SHAPE_SIDE, FAR = SHAPE_FAR };
+static_assert(sizeof SURFACE_HU / sizeof *SURFACE_HU == SHAPE_SURFACES, "a field for each surface");
+/* A diagonal step, where one to the side has 12 (Borgefors 1986). */
+enum { CORNER = 17 };
 
-/* Distances are computed on blocks of 2 x 2 pixels, whose means have less noise: a quarter of the work. Unit: a part of
- * a block; a step to the side has 12, a diagonal one 17 (Borgefors 1986). */
-enum { BLOCK = 2, SIDE = 12, CORNER = 17, FAR = 16000 };
-static const float BLOCK_OF_UNIT = 1.0F / SIDE;
-
-/* A surface that moves by less than its own edge, about a pixel, is blended well; from three times as much on all that
- * there is moves with it. In blocks. */
-static const float MOVES_FROM = 0.25F, MOVES_ALL = 0.75F;
-/* Factor of the displacement: pixels nearer to the surface are displaced with it, and none passes another, as the
- * transition back to zero is longer than the displacement. */
-static const float GOES_WITH = 3;
 /* ALIKE_HU: smaller differences between slices are texture and noise, which blending handles well. A displacement is
  * accepted if the values it matches are similar: half as different as without it, or within EDGES_HU, the difference of
  * two edges half a pixel apart. */
@@ -43,43 +37,23 @@ typedef struct Shaping {
     int n_blocks[2];
     uint16_t level[N_SURFACES];
     float alike, edges; /* grey levels */
+    cts_shape_find_fn find;
+    cts_shape_write_fn write;
     atomic_ullong n_voxels, n_moved, sum_of_differences;
     atomic_int n_failed;
 } Shaping;
 
-/* Two pixels side by side. */
-typedef uint32_t __attribute__((aligned(2), may_alias)) Pair;
 /* Distances side by side. */
 enum { EIGHT = 8 };
-
-/* Displacement of a block's grey levels, in pixels: x and y in the slice before, x and y in the slice behind; and its
- * weight. Each number has an array of its own, each row padded with its first and last value. */
-enum { MOVE_NUMBERS = 5, SHARE = 4 };
-/* Pixels computed together: reading a row's displacements extends beyond its last block by as many. */
-enum { VECTOR = 8 };
-
-/* Displacements of blocks computed together; entries beyond n are unused. */
-enum { BATCH = 32 };
-typedef struct Direction {
-    float x[BATCH], y[BATCH];
-} Direction;
-typedef struct Batch {
-    int n, i[BATCH], j[BATCH];
-    int32_t known[BATCH];                                /* a surface is near in both slices */
-    float before[BATCH], difference[BATCH], rest[BATCH]; /* of a surface, in blocks; part without displacement so far */
-    Direction direction[2];
-    float move[MOVE_NUMBERS][BATCH];
-} Batch;
 
 /* Scratch memory of one thread. */
 typedef struct Scratch {
     Field field[2];
-    uint16_t *grey, *row;       /* of both fields; two rows of blocks, and two blocks */
-    uint8_t *moves, *near;      /* for one gap: blocks that move, and those that do or whose neighbours in the row do */
-    uint32_t *moving, *written; /* blocks with displacements, and blocks whose pixels are written */
-    size_t n_moving, n_written;
-    float *move[MOVE_NUMBERS], *moves_store;
-    int16_t *store;
+    ShapeGap gap;
+    uint16_t *grey, *row;  /* of both fields; two rows of blocks, and two blocks */
+    uint8_t *moves, *near; /* for one gap: blocks that move, and those that do or whose neighbours in the row do */
+    float *move;
+    int16_t *distance;
 } Scratch;
 
 static size_t n_all_blocks(const Shaping *s)
@@ -87,42 +61,54 @@ static size_t n_all_blocks(const Shaping *s)
     return (size_t)s->n_blocks[0] * (size_t)s->n_blocks[1];
 }
 
-static size_t place_of_move(const Shaping *s, int i, int j)
+static void blocks_free(ShapeBlocks *b)
 {
-    return (size_t)j * (size_t)(s->n_blocks[0] + 2) + (size_t)(i + 1);
+    cts_free(&b->at);
+    cts_free(&b->row);
+    cts_free(&b->borders);
+}
+
+static CtsStatus blocks_new(ShapeBlocks *b, size_t n, CtsError *err)
+{
+    CtsStatus st;
+    (void)((st = cts_alloc_array(&b->at, n + SHAPE_LANES, err)) ||
+           (st = cts_alloc_array(&b->row, n + SHAPE_LANES, err)) ||
+           (st = cts_alloc_array(&b->borders, n + SHAPE_LANES, err)));
+    return st;
 }
 
 static void scratch_free(Scratch *c)
 {
-    cts_free(&c->store);
+    blocks_free(&c->gap.moving);
+    blocks_free(&c->gap.written);
+    cts_free(&c->distance);
     cts_free(&c->grey);
     cts_free(&c->row);
-    cts_free(&c->moves_store);
+    cts_free(&c->move);
     cts_free(&c->moves);
     cts_free(&c->near);
-    cts_free(&c->moving);
-    cts_free(&c->written);
 }
 
 static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
 {
-    const size_t n = n_all_blocks(s), n_moves = place_of_move(s, -1, s->n_blocks[1]);
+    const size_t n = n_all_blocks(s), n_moves = shape_place(0, (size_t)s->n_blocks[1]) + n;
     CtsStatus st;
-    *c = (Scratch){.grey = NULL};
-    if ((st = cts_alloc_array(&c->store, 2 * N_SURFACES * n, err)) || (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
+    *c = (Scratch){.gap = {.stack = s->stack, .n_blocks = {s->n_blocks[0], s->n_blocks[1]}, .edges = s->edges}};
+    if ((st = cts_alloc_array(&c->distance, 2 * N_SURFACES * n + 1, err)) ||
+        (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
         (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0] + 2, err)) ||
-        (st = cts_alloc_zeroed(&c->moves_store, MOVE_NUMBERS * n_moves + VECTOR / BLOCK, err)) ||
+        (st = cts_alloc_zeroed(&c->move, SHAPE_NUMBERS * n_moves + SHAPE_LANES, err)) ||
         (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->near, n, err)) ||
-        (st = cts_alloc_array(&c->moving, n, err)) || (st = cts_alloc_array(&c->written, n, err))) {
+        (st = blocks_new(&c->gap.moving, n, err)) || (st = blocks_new(&c->gap.written, n, err))) {
         scratch_free(c);
         return st;
     }
     for (int i = 0; i < 2 * N_SURFACES; i++)
-        c->field[i / N_SURFACES].distance[i % N_SURFACES] = c->store + (size_t)i * n;
+        c->field[i / N_SURFACES].distance[i % N_SURFACES] = c->distance + (size_t)i * n;
     for (int i = 0; i < 2; i++)
         c->field[i].grey = c->grey + (size_t)i * n;
-    for (int i = 0; i < MOVE_NUMBERS; i++)
-        c->move[i] = c->moves_store + (size_t)i * n_moves;
+    for (int i = 0; i < SHAPE_NUMBERS; i++)
+        c->gap.move[i] = c->move + (size_t)i * n_moves;
     return CTS_OK;
 }
 
@@ -318,81 +304,8 @@ CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch
     read_any_field(s, slice, c, field);
 }
 
-INLINE float within(float x, float low, float high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
-/* The gradient direction of a distance map, and its length. */
-INLINE void read_direction(const Shaping *s, const int16_t *d, int i, int j, Direction *to, int n)
-{
-    const int nx = s->n_blocks[0];
-    const int16_t *const at = d + (size_t)j * (size_t)nx + i;
-    to->x[n] = (float)(at[i + 1 < nx] - at[i > 0 ? -1 : 0]);
-    to->y[n] = (float)(at[j + 1 < s->n_blocks[1] ? nx : 0] - at[j > 0 ? -nx : 0]);
-}
-
-/* Adds a displacement of so many blocks along a direction to x and y. Midway between two surfaces there is no
- * direction. */
-INLINE void go(const Direction *d, int n, float blocks, float *x, float *y)
-{
-    const float length = sqrtf(d->x[n] * d->x[n] + d->y[n] * d->y[n]);
-    const bool leads = length > SIDE / 2;
-    *x += leads ? BLOCK * blocks * d->x[n] / length : 0;
-    *y += leads ? BLOCK * blocks * d->y[n] / length : 0;
-}
-
-/* Displacements of these blocks at `way` (0..1) from one slice to the other: by the body's surface first, then by
- * bone's where that gives none. */
-INLINE void find_any_batch(const Shaping *s, const Scratch *c, const uint32_t *blocks, float way, Batch *m)
-{
-    const uint32_t nx = (uint32_t)s->n_blocks[0];
-    for (int n = 0; n < m->n; n++) {
-        m->i[n] = (int)(blocks[n] % nx);
-        m->j[n] = (int)(blocks[n] / nx);
-    }
-    memset(m->move, 0, sizeof m->move);
-    for (int n = 0; n < BATCH; n++)
-        m->rest[n] = 1;
-    for (int l = 0; l < N_SURFACES; l++) {
-        const int16_t *const before = c->field[0].distance[l], *const behind = c->field[1].distance[l];
-        for (int n = 0; n < m->n; n++) {
-            const int d = before[blocks[n]], e = behind[blocks[n]];
-            m->known[n] = abs(d) < FAR / 2 && abs(e) < FAR / 2;
-            m->before[n] = (float)d * BLOCK_OF_UNIT;
-            m->difference[n] = (float)(e - d) * BLOCK_OF_UNIT;
-            read_direction(s, before, m->i[n], m->j[n], &m->direction[0], n);
-            read_direction(s, behind, m->i[n], m->j[n], &m->direction[1], n);
-        }
-        for (int n = 0; n < BATCH; n++) {
-            const float difference = m->difference[n], moved = fabsf(difference);
-            const float off = fabsf(m->before[n] + way * difference);
-            const float with = m->rest[n] * within(1 - (off - 1) / (GOES_WITH * moved + 1), 0, 1);
-            const float goes = m->known[n] ? with : 0;
-            const float share = goes * within((moved - MOVES_FROM) / (MOVES_ALL - MOVES_FROM), 0, 1);
-            go(&m->direction[0], n, share * way * difference, &m->move[0][n], &m->move[1][n]);
-            go(&m->direction[1], n, -share * (1 - way) * difference, &m->move[2][n], &m->move[3][n]);
-            m->move[SHARE][n] += share;
-            m->rest[n] -= goes;
-        }
-    }
-    for (int n = 0; n < BATCH; n++)
-        m->move[SHARE][n] = within(4 * m->move[SHARE][n], 0, 1);
-}
-
-static void find_batch(const Shaping *s, const Scratch *c, const uint32_t *blocks, float way, Batch *m)
-{
-    find_any_batch(s, c, blocks, way, m);
-}
-
-CTS_TARGET_AVX2 static void find_batch_avx2(const Shaping *s, const Scratch *c, const uint32_t *blocks, float way,
-                                            Batch *m)
-{
-    find_any_batch(s, c, blocks, way, m);
-}
-
-/* Lists blocks that are displaced at any position between the slices, where find_batch() leaves the others unchanged,
- * and that differ by more than noise. */
+/* Flags blocks that are displaced at any position between the slices and that differ by more than noise; displacements
+ * of all others are 0. */
 INLINE void find_any_moves(const Shaping *s, Scratch *c)
 {
     const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
@@ -404,8 +317,8 @@ INLINE void find_any_moves(const Shaping *s, Scratch *c)
         const int16_t *const d = c->field[0].distance[l], *const e = c->field[1].distance[l];
         for (size_t i = 0; i < n; i++) {
             const int moved = abs(e[i] - d[i]), off = least(abs(d[i]), abs(e[i]));
-            moves[i] |= (moved > (int)(SIDE * MOVES_FROM)) & (abs(b[i] - a[i]) > alike) &
-                        (((d[i] ^ e[i]) < 0) | (off < (int)GOES_WITH * moved + 2 * SIDE));
+            moves[i] |= (moved > SHAPE_MOVES_FROM) & (abs(b[i] - a[i]) > alike) &
+                        (((d[i] ^ e[i]) < 0) | (off < SHAPE_GOES_WITH * moved + 2 * SIDE));
         }
     }
 }
@@ -420,27 +333,34 @@ CTS_TARGET_AVX2 static void find_moves_avx2(const Shaping *s, Scratch *c)
     find_any_moves(s, c);
 }
 
-/* Adds the numbers of the blocks that are flagged to a list. */
-static size_t list_flagged(const uint8_t *flags, size_t n, size_t first, uint32_t *list)
+/* Lists the flagged blocks. */
+static void list_flagged(const Shaping *s, const uint8_t *flags, ShapeBlocks *list)
 {
-    size_t found = 0;
-    for (size_t i = 0; i < n; i++) {
-        uint64_t eight = 0;
-        if (i + sizeof eight <= n && memcpy(&eight, flags + i, sizeof eight) && !eight)
-            i += sizeof eight - 1;
-        else if (flags[i])
-            list[found++] = (uint32_t)(first + i);
+    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
+    list->n = 0;
+    for (int j = 0; j < ny; j++) {
+        const size_t row = (size_t)j * (size_t)nx;
+        const int32_t ends = (j == 0 ? SHAPE_AT_TOP : 0) | (j + 1 == ny ? SHAPE_AT_BOTTOM : 0);
+        for (int i = 0; i < nx; i++) {
+            uint64_t eight = 0;
+            if (i + (int)sizeof eight <= nx && memcpy(&eight, flags + row + i, sizeof eight) && !eight) {
+                i += (int)sizeof eight - 1;
+            } else if (flags[row + (size_t)i]) {
+                list->at[list->n] = (uint32_t)(row + (size_t)i);
+                list->row[list->n] = (uint32_t)j;
+                list->borders[list->n++] = ends | (i == 0 ? SHAPE_AT_LEFT : 0) | (i + 1 == nx ? SHAPE_AT_RIGHT : 0);
+            }
+        }
     }
-    return found;
 }
 
 /* Lists the blocks processed in every layer of a gap: most blocks are not displaced, or similar. Displacements of
  * adjacent blocks affect a pixel, too. */
 static void list_blocks(const Shaping *s, Scratch *c)
 {
-    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_all_blocks(s);
+    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1];
     (cts_cpu_flags() & CTS_CPU_AVX2 ? find_moves_avx2 : find_moves)(s, c);
-    c->n_moving = list_flagged(c->moves, n, 0, c->moving);
+    list_flagged(s, c->moves, &c->gap.moving);
     for (size_t j = 0; j < ny; j++) {
         const uint8_t *const own = c->moves + j * nx;
         uint8_t *const near = c->near + j * nx;
@@ -450,7 +370,6 @@ static void list_blocks(const Shaping *s, Scratch *c)
         for (size_t i = 0; i + 1 < nx; i++)
             near[i] |= own[i + 1];
     }
-    c->n_written = 0;
     for (size_t j = 0; j < ny; j++) {
         const uint8_t *const own = c->near + j * nx, *const above = j > 0 ? own - nx : own;
         const uint8_t *const below = j + 1 < ny ? own + nx : own;
@@ -458,168 +377,14 @@ static void list_blocks(const Shaping *s, Scratch *c)
         for (size_t i = 0; i < nx; i++)
             written[i] = above[i] | own[i] | below[i];
     }
-    c->n_written = list_flagged(c->moves, n, 0, c->written);
+    list_flagged(s, c->moves, &c->gap.written);
 }
 
-typedef struct Sums {
-    uint64_t n_voxels, n_moved, differences;
-} Sums;
-
-/* A layer to be made, at `way` (0..1) between two slices. */
-typedef struct Layer {
-    const uint16_t *slices[2];
-    uint16_t *grey; /* blended, before anything moves */
-    float way;
-} Layer;
-
-/* A run of pixels from the listed blocks of a row; computed in whole vectors, whose entries beyond n are unused. */
-enum { RUN_BLOCKS = 32, RUN = BLOCK * RUN_BLOCKS };
-typedef struct Run {
-    int x, y, n, n_whole;
-    float move[MOVE_NUMBERS][RUN], grey[2][RUN];
-    uint16_t before[RUN], behind[RUN], blended[RUN];
-    int32_t level[RUN], difference[RUN];
-} Run;
-
-/* A pixel's move from those of the four blocks around it: it lies a quarter of a block from the nearest. */
-INLINE void between_blocks(const float *near, const float *far, int n, float *restrict to)
+static void forget_moves(const ShapeGap *g)
 {
-    for (int i = 0; i < n; i++) {
-        to[2 * i] = 9.0F / 16 * near[i] + 3.0F / 16 * near[i - 1] + 3.0F / 16 * far[i] + 1.0F / 16 * far[i - 1];
-        to[2 * i + 1] = 9.0F / 16 * near[i] + 3.0F / 16 * near[i + 1] + 3.0F / 16 * far[i] + 1.0F / 16 * far[i + 1];
-    }
-}
-
-INLINE float clamped(float x, float high)
-{
-    return x < 0 ? 0 : x > high ? high : x;
-}
-
-INLINE float of_pair(uint32_t pair, int n)
-{
-    return (float)(int32_t)(pair >> 16 * (n ^ (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__)) & 0xffff);
-}
-
-/* Grey levels of a slice at the displaced positions of a run: bilinear between four pixels. */
-INLINE void find_grey(const CtsShapeStack *t, const uint16_t *slice, const Run *r, const float *dx, const float *dy,
-                      float *restrict grey)
-{
-    const int last_x = t->n_columns - 1, last_y = t->n_rows - 1;
-    const uint16_t *const row = slice + (size_t)r->y * (size_t)t->n_columns;
-    float u[RUN], v[RUN];
-    int32_t at[RUN];
-    for (int i = 0; i < r->n_whole; i++) {
-        const float x = clamped((float)(r->x + i) + dx[i], (float)last_x),
-                    y = clamped((float)r->y + dy[i], (float)last_y);
-        /* The last pixel is the end of the last cell. */
-        const int32_t cx = (int32_t)x - ((int32_t)x == last_x), cy = (int32_t)y - ((int32_t)y == last_y);
-        u[i] = x - (float)cx;
-        v[i] = y - (float)cy;
-        at[i] = (cy - r->y) * t->n_columns + cx;
-    }
-    for (int i = 0; i < r->n_whole; i++) {
-        const uint32_t above = *(const Pair *)(row + at[i]), below = *(const Pair *)(row + at[i] + t->n_columns);
-        const float a = of_pair(above, 0), b = of_pair(above, 1), d = of_pair(below, 0), e = of_pair(below, 1);
-        const float ab = a + u[i] * (b - a), de = d + u[i] * (e - d);
-        grey[i] = ab + v[i] * (de - ab);
-    }
-}
-
-INLINE void write_run(const Shaping *s, const Layer *l, Run *r, Sums *sums)
-{
-    const CtsShapeStack *const t = s->stack;
-    const size_t at = (size_t)r->y * (size_t)t->n_columns + (size_t)r->x;
-    const size_t n_bytes = (size_t)r->n * sizeof *l->grey;
-    uint16_t *restrict const to = l->grey + at;
-    const float way = l->way, edges = s->edges;
-    uint32_t n_moved = 0, differences = 0;
-    memcpy(r->before, l->slices[0] + at, n_bytes);
-    memcpy(r->behind, l->slices[1] + at, n_bytes);
-    memcpy(r->blended, to, n_bytes);
-    find_grey(t, l->slices[0], r, r->move[0], r->move[1], r->grey[0]);
-    find_grey(t, l->slices[1], r, r->move[2], r->move[3], r->grey[1]);
-    for (int i = 0; i < r->n_whole; i++) {
-        const float a = r->grey[0][i], b = r->grey[1][i], own = (float)r->before[i], other = (float)r->behind[i];
-        const float straight = own + way * (other - own), half = fabsf(other - own) / 2, blended = (float)r->blended[i];
-        const float alike = clamped(2 - fabsf(b - a) / (half > edges ? half : edges), 1);
-        const float made = blended + r->move[SHARE][i] * alike * (a + way * (b - a) - blended);
-        r->level[i] = (int32_t)(made + 0.5F);
-        r->difference[i] = (int32_t)(fabsf((float)r->level[i] - straight) + 0.5F);
-    }
-    for (int i = 0; i < r->n; i++) {
-        const int32_t moved = r->level[i] != r->blended[i];
-        n_moved += (uint32_t)moved;
-        differences += (uint32_t)(moved * r->difference[i]);
-        to[i] = (uint16_t)r->level[i];
-    }
-    sums->n_moved += n_moved;
-    sums->differences += differences;
-}
-
-INLINE void write_blocks(const Shaping *s, const Scratch *c, const Layer *l, int i, int j, int n, Run *r, Sums *sums)
-{
-    const CtsShapeStack *const t = s->stack;
-    for (int v = 0; v < least(BLOCK, t->n_rows - BLOCK * j); v++) {
-        r->x = BLOCK * i;
-        r->y = BLOCK * j + v;
-        r->n = least(BLOCK * n, t->n_columns - r->x);
-        r->n_whole = (r->n + VECTOR - 1) / VECTOR * VECTOR;
-        const int beside = j + 2 * v - 1, far_j = beside < 0 || beside >= s->n_blocks[1] ? j : beside;
-        const size_t near = place_of_move(s, i, j), far = place_of_move(s, i, far_j);
-        for (int k = 0; k < MOVE_NUMBERS; k++)
-            between_blocks(c->move[k] + near, c->move[k] + far, r->n_whole / BLOCK, r->move[k]);
-        write_run(s, l, r, sums);
-    }
-}
-
-INLINE void write_layer(const Shaping *s, const Scratch *c, const Layer *l, Sums *sums)
-{
-    const uint32_t nx = (uint32_t)s->n_blocks[0];
-    Run r = {.n = 0};
-    size_t n;
-    for (size_t k = 0; k < c->n_written; k += n) {
-        const uint32_t first = c->written[k], i = first % nx;
-        for (n = 1; n < RUN_BLOCKS && k + n < c->n_written && i + n < nx && c->written[k + n] == first + n;)
-            n++;
-        write_blocks(s, c, l, (int)i, (int)(first / nx), (int)n, &r, sums);
-    }
-}
-
-CTS_TARGET_AVX2 static void write_layer_avx2(const Shaping *s, const Scratch *c, const Layer *l, Sums *sums)
-{
-    write_layer(s, c, l, sums);
-}
-
-static void set_move(const Shaping *s, const Scratch *c, int i, int j, int number, float value)
-{
-    float *const move = c->move[number] + place_of_move(s, i, j);
-    move[0] = value;
-    if (i == 0)
-        move[-1] = value;
-    if (i + 1 == s->n_blocks[0])
-        move[1] = value;
-}
-
-/* The moves of all that is listed, for one layer. */
-static void set_moves(const Shaping *s, const Scratch *c, float way)
-{
-    Batch m = {.n = 0};
-    for (size_t first = 0; first < c->n_moving; first += (size_t)m.n) {
-        const size_t rest = c->n_moving - first;
-        m.n = rest < BATCH ? (int)rest : BATCH;
-        (cts_cpu_flags() & CTS_CPU_AVX2 ? find_batch_avx2 : find_batch)(s, c, c->moving + first, way, &m);
-        for (int k = 0; k < MOVE_NUMBERS; k++)
-            for (int n = 0; n < m.n; n++)
-                set_move(s, c, m.i[n], m.j[n], k, m.move[k][n]);
-    }
-}
-
-static void forget_moves(const Shaping *s, const Scratch *c)
-{
-    const uint32_t nx = (uint32_t)s->n_blocks[0];
-    for (size_t n = 0; n < c->n_moving; n++)
-        for (int k = 0; k < MOVE_NUMBERS; k++)
-            set_move(s, c, (int)(c->moving[n] % nx), (int)(c->moving[n] / nx), k, 0);
+    for (size_t n = 0; n < g->moving.n; n++)
+        for (int k = 0; k < SHAPE_NUMBERS; k++)
+            memset(g->move[k] + shape_place(g->moving.at[n], g->moving.row[n]) - 1, 0, 3 * sizeof(float));
 }
 
 static double place_of(const CtsShapeStack *t, int slice)
@@ -627,21 +392,23 @@ static double place_of(const CtsShapeStack *t, int slice)
     return t->layer ? t->layer[slice] : (double)slice * t->n_parts;
 }
 
-static void shape_gap(const Shaping *s, Scratch *c, int gap, Sums *sums)
+static void shape_gap(const Shaping *s, Scratch *c, int gap, ShapeSums *sums)
 {
     const CtsShapeStack *const t = s->stack;
     const double from = place_of(t, gap), to = place_of(t, gap + 1);
     const size_t layer = (size_t)t->n_columns * (size_t)t->n_rows;
     const uint16_t *const slice = t->slices + (size_t)gap * t->slice_step;
     list_blocks(s, c);
+    for (int i = 0; i < 2 * N_SURFACES; i++)
+        c->gap.distance[i / N_SURFACES][i % N_SURFACES] = c->field[i / N_SURFACES].distance[i % N_SURFACES];
     for (int j = (int)floor(from) + 1; j < to && j < t->n_layers; j++) {
-        const Layer made = {
+        const ShapeLayer made = {
             {slice, slice + t->slice_step}, t->layers + (size_t)j * layer, (float)((j - from) / (to - from))};
         sums->n_voxels += layer;
-        set_moves(s, c, made.way);
-        (cts_cpu_flags() & CTS_CPU_AVX2 ? write_layer_avx2 : write_layer)(s, c, &made, sums);
+        s->find(&c->gap, made.part);
+        s->write(&c->gap, &made, sums);
     }
-    forget_moves(s, c);
+    forget_moves(&c->gap);
 }
 
 /* Gaps between slices; a field is read once for the two gaps at a slice. */
@@ -649,7 +416,7 @@ static void shape_gaps(void *context, int worker, size_t first, size_t end)
 {
     Shaping *const s = context;
     Scratch c;
-    Sums sums = {0, 0, 0};
+    ShapeSums sums = {0, 0, 0};
     (void)worker;
     const bool has_avx2 = cts_cpu_flags() & CTS_CPU_AVX2;
     if (scratch_new(s, &c, NULL)) {
@@ -678,6 +445,7 @@ static uint16_t level_of(const CtsShapeStack *t, double hu)
 
 void cts_shape_layers(const CtsShapeStack *stack, int n_threads, CtsMadeUp *made)
 {
+    const unsigned cpu = cts_cpu_flags();
     Shaping s = {.stack = stack, .n_blocks = {(stack->n_columns + 1) / BLOCK, (stack->n_rows + 1) / BLOCK}};
     if (stack->n_slices < 2 || stack->n_columns < 2 || stack->n_rows < 2)
         return;
@@ -685,6 +453,12 @@ void cts_shape_layers(const CtsShapeStack *stack, int n_threads, CtsMadeUp *made
         s.level[l] = level_of(stack, SURFACE_HU[l]);
     s.alike = (float)(ALIKE_HU / stack->hu_step);
     s.edges = (float)(EDGES_HU / stack->hu_step);
+    s.find = cpu & CTS_CPU_AVX512 ? cts_shape_find_moves_avx512
+             : cpu & CTS_CPU_AVX2 ? cts_shape_find_moves_avx2
+                                  : cts_shape_find_moves_c;
+    s.write = cpu & CTS_CPU_AVX512 ? cts_shape_write_layer_avx512
+              : cpu & CTS_CPU_AVX2 ? cts_shape_write_layer_avx2
+                                   : cts_shape_write_layer_c;
     cts_parallel(cts_threads(n_threads), (size_t)stack->n_slices - 1, 0, shape_gaps, &s);
     made->n_voxels += atomic_load(&s.n_voxels);
     made->n_moved += atomic_load(&s.n_moved);

@@ -6,14 +6,6 @@
 #include "base/mutation.h"
 #include <math.h>
 
-INLINE vf vf_sqrt(vf a)
-{
-    vf r = a;
-    for (int l = 0; l < LANES; l++)
-        r[l] = sqrt(a[l]);
-    return r;
-}
-
 /* Eight neighbouring pixels of one row. */
 typedef struct Packet {
     vf start[3], t0, t1;

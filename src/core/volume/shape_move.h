@@ -1,0 +1,74 @@
+/* The kernels of shape-based interpolation: displacements of blocks between two slices, and the pixels of a layer that
+ * they affect. */
+#ifndef CTS_VOLUME_SHAPE_MOVE_H
+#define CTS_VOLUME_SHAPE_MOVE_H
+
+#include "core/volume/shape.h"
+
+/* Distances are computed on blocks of 2 x 2 pixels, whose means have less noise: a quarter of the work. Their unit is a
+ * twelfth of a block, so that a step to the side has 12. SHAPE_FAR: there is no surface. */
+enum { SHAPE_BLOCK = 2, SHAPE_SURFACES = 2, SHAPE_SIDE = 12, SHAPE_FAR = 16000 };
+
+/* A surface that moves by less than its own edge, a quarter of a block, is blended well. SHAPE_GOES_WITH: factor of the
+ * displacement: pixels nearer to the surface are displaced with it, and none passes another, as the transition back to
+ * zero is longer than the displacement. */
+enum { SHAPE_MOVES_FROM = SHAPE_SIDE / 4, SHAPE_GOES_WITH = 3 };
+
+/* Numbers of a displacement: x and y in the slice before, x and y in the slice behind, in pixels, and its weight. */
+enum { SHAPE_NUMBERS = 5, SHAPE_SHARE = 4 };
+
+/* Lanes of the widest vector. Kernels may read as many numbers beyond the last one of an array; in arrays of uint16_t
+ * and int16_t one beyond. */
+enum { SHAPE_LANES = 16 };
+
+/* A listed block: its place in arrays of all blocks, and the borders of the picture at which it lies. */
+enum { SHAPE_AT_LEFT = 1, SHAPE_AT_RIGHT = 2, SHAPE_AT_TOP = 4, SHAPE_AT_BOTTOM = 8 };
+typedef struct ShapeBlocks {
+    size_t n;
+    uint32_t *at;
+    uint32_t *row; /* which row of blocks it is in */
+    int32_t *borders;
+} ShapeBlocks;
+
+/* A gap between two slices. */
+typedef struct ShapeGap {
+    const CtsShapeStack *stack;
+    int n_blocks[2];
+    const int16_t *distance[2][SHAPE_SURFACES]; /* of each block in both slices, positive inside; SHAPE_FAR: none */
+    ShapeBlocks moving, written;                /* those with displacements, and those whose pixels may change */
+    /* Displacements at one layer, each number in an array of its own. Rows are n_blocks[0] + 2 entries: the first and
+     * the last value twice. */
+    float *move[SHAPE_NUMBERS];
+    float edges; /* grey levels; difference of two edges half a pixel apart */
+} ShapeGap;
+
+/* A layer between the slices: `part` (0..1) of the distance behind the first one. Its grey levels are blended before
+ * they are displaced. */
+typedef struct ShapeLayer {
+    const uint16_t *slices[2];
+    uint16_t *grey;
+    float part;
+} ShapeLayer;
+
+typedef struct ShapeSums {
+    uint64_t n_voxels, n_moved, differences;
+} ShapeSums;
+
+/* Place of a block in arrays of displacements. */
+static inline size_t shape_place(size_t at, size_t row)
+{
+    return at + 2 * row + 1;
+}
+
+/* cts_shape_find_moves: the displacements of the moving blocks at one layer, with copies beyond the borders.
+ * cts_shape_write_layer: the pixels of the written blocks. The same bytes on every SIMD path. */
+typedef void (*cts_shape_find_fn)(const ShapeGap *gap, float part);
+typedef void (*cts_shape_write_fn)(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
+void cts_shape_find_moves_c(const ShapeGap *gap, float part);
+void cts_shape_find_moves_avx2(const ShapeGap *gap, float part);
+void cts_shape_find_moves_avx512(const ShapeGap *gap, float part);
+void cts_shape_write_layer_c(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
+void cts_shape_write_layer_avx2(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
+void cts_shape_write_layer_avx512(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
+
+#endif

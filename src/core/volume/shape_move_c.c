@@ -1,0 +1,12 @@
+/* The kernels of shape-based interpolation in plain C. */
+#include "core/volume/shape_move_tmpl.h"
+
+void cts_shape_find_moves_c(const ShapeGap *gap, float part)
+{
+    find_moves(gap, part);
+}
+
+void cts_shape_write_layer_c(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums)
+{
+    write_layer(gap, layer, sums);
+}
