@@ -1,5 +1,6 @@
 #include "base/mem.h"
 
+#include <malloc.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -18,6 +19,16 @@ static CtsStatus checked_size(size_t n, size_t size, size_t *bytes, CtsError *er
     if (cts_mul_overflows(n, size, bytes) || *bytes > PTRDIFF_MAX / 2)
         return cts_fail(err, CTS_ERR_MEMORY, "%zu items of %zu bytes are more than memory can hold", n, size);
     return CTS_OK;
+}
+
+/* malloc() maps blocks of more than this separately, whatever was freed before (mallopt(3)). */
+enum { MAPPED_FROM = 32 << 20, PAGE = 4096 };
+
+/* Advises the whole of such a mapping: with two kinds of advice realloc() could not extend it, and would copy it. */
+static void advise_mapping(char *start)
+{
+    char *const first = start - (uintptr_t)start % PAGE;
+    madvise(first, (size_t)(start - first) + malloc_usable_size(start), MADV_HUGEPAGE);
 }
 
 /* The original address is stored just before the block, so that fresh zeroed pages of calloc() can be used
@@ -39,7 +50,9 @@ static CtsStatus aligned_block(void **block, size_t n, size_t size, bool zeroed,
     const uintptr_t at = ((uintptr_t)start + sizeof(void *) + alignment - 1) / alignment * alignment;
     char *p = start + (at - (uintptr_t)start);
     memcpy(p - sizeof(void *), &start, sizeof start);
-    if (huge)
+    if (total > MAPPED_FROM)
+        advise_mapping(start);
+    else if (huge)
         madvise(p, huge_bytes, MADV_HUGEPAGE); /* advice only: a refusal changes nothing */
     *block = p;
     return CTS_OK;
@@ -84,7 +97,9 @@ CtsStatus cts_resize_bytes(void **block, size_t n_kept, size_t n, size_t size, C
     if (off)
         memmove(p, start + offset, (n_kept < n ? n_kept : n) * size);
     memcpy(p - sizeof(void *), &start, sizeof start);
-    if (bytes >= HUGE_FROM)
+    if (bytes > MAPPED_FROM)
+        advise_mapping(start);
+    else if (bytes >= HUGE_FROM)
         madvise(p, bytes / HUGE_PAGE * HUGE_PAGE, MADV_HUGEPAGE); /* advice only, as above */
     *block = p;
     return CTS_OK;
