@@ -1,4 +1,4 @@
-# Every command of README.md and of the manuals' examples runs unchanged, a page in one folder, in order. bench, batch
+# Every command of README.md, man/recipes.md and the manuals' examples runs unchanged, a page in one folder, in order. bench, batch
 # and rotations get small pictures, to save time; a command with a PACS fails only since it is missing; a server is
 # ended once it has printed its address. Sanitizers check as much in a small picture.
 [ "$CTS_SANITIZE" = none ] && large=' no such line' || large=
@@ -27,7 +27,7 @@ try()
 }
 
 n=0
-for page in "$root/README.md" "$root"/man/*.[0-9]; do
+for page in "$root/README.md" "$root/man/recipes.md" "$root"/man/*.[0-9]; do
     mkdir -p "$work/page/scans"
     cd "$work/page"
     for series in head chest skull; do
@@ -65,7 +65,10 @@ for page in "$root/README.md" "$root"/man/*.[0-9]; do
                 [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
         esac
     done 3<../commands
-    case $page in *.md) [ -s head.png ] && [ -s preview.jpg ] && [ -s chest.jpg ] && [ -s turn.webp ] || fail "pictures are missing" ;; esac
+    case $page in
+        */README.md) [ -s head.png ] || fail "no picture by README.md" ;;
+        *.md) [ -s bone.png ] && [ -s preview.jpg ] && [ -s chest.jpg ] && [ -s turn.webp ] || fail "pictures are missing" ;;
+    esac
     cd "$work" && rm -r page
 done
 [ $n -ge 16 ] || fail "only $n commands were found"

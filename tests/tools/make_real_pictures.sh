@@ -1,7 +1,7 @@
 #!/bin/sh
-# Renders README.md's pictures of real CT series by the commands in README.md: make_real_pictures.sh CTSPLAT [DATA], of
-# a build folder. DATA, ../shared/data by default, contains the series; their sources and licences are in
-# man/PICTURES.md.
+# Renders the pictures of real CT series by the commands in man/recipes.md, and takes the screenshots of page and contact
+# sheet: make_real_pictures.sh CTSPLAT [DATA], of a build folder. DATA, ../shared/data by default, contains the series;
+# their sources and licences are in man/PICTURES.md. Needs chromium and chromium-driver.
 set -eu
 
 cd "$(dirname "$0")/../.."
@@ -18,9 +18,15 @@ ln -s "$ctsplat" "$scratch/ctsplat"
 ln -s "$man/glass.json" "$man/trunk.json" "$scratch"
 
 for name in chest skull trunk; do
-    command=$(sed -n "s|^    \(ctsplat render scans/$name .* -o $name.jpg\)$|\1|p" README.md)
-    [ -n "$command" ] || { echo "README.md has no command for $name.jpg" >&2; exit 1; }
+    command=$(sed -n "s|^    \(ctsplat render scans/$name .* -o $name.jpg\)$|\1|p" man/recipes.md)
+    [ -n "$command" ] || { echo "man/recipes.md has no command for $name.jpg" >&2; exit 1; }
     (cd "$scratch" && PATH=$scratch:$PATH sh -c "$command")
+done
+python=/usr/bin/python3
+[ -x $python ] || python=python3
+"$python" -B tests/tools/screenshots.py "$ctsplat" "$scratch" "$data/chest-ge" "$data/head-phantom/S2020" "$data/body-j2k"
+
+for name in chest skull trunk page sheet; do
     # A page is read over networks, and shows pictures at most so wide.
     [ "$(wc -c <"$scratch/$name.jpg")" -lt 250000 ] || { echo "$name.jpg is too large for a page" >&2; exit 1; }
     cp "$scratch/$name.jpg" "$man/$name.jpg"
