@@ -144,7 +144,7 @@ def downloads(browser, server):
 def turn(browser, server):
     until(browser, "document.querySelectorAll('.card').length === 1 && document.querySelector('.card img').naturalWidth > 0")
     shot(browser, 'list')
-    assert 'error at most' in rested(browser, lambda: browser.run("document.querySelector('.card').click()"))
+    assert 'estimated error' in rested(browser, lambda: browser.run("document.querySelector('.card').click()"))
     assert rested(browser, lambda: drag(browser, -60, 0)).startswith('30°, 0°')
     assert rested(browser, lambda: drag(browser, 0, 40)).startswith('30°, 20°')
     scale = browser.run("return document.querySelector('#told').textContent").split(', ')[2]

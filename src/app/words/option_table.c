@@ -49,7 +49,7 @@ const CtsOption cts_options[] = {
      "the paper's tables instead: its engines, times in per cent of plain splatting, beside the published figures",
      NULL, FLAG(paper)},
     {0, "full", NULL, ON(BENCH), SAME,
-     "every kernel, the ray caster and more requested errors too: some ten times as long", NULL, FLAG(full)},
+     "every kernel, the ray caster and more requested errors too: several times as long", NULL, FLAG(full)},
     {'p', "preset", "NAME or FILE", PICTURES | ON(REQUEST), SAME,
      "a built-in preset, one of your own, or a preset file", "bone", TEXT(preset), .several = "presets"},
     {0, "view", "NAME or AZ,EL", PICTURES | ON(REQUEST), SAME, "{views}, or azimuth and elevation in degrees",

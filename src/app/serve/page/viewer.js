@@ -68,7 +68,7 @@ async function put(blob, coarse, isWanted) {
 function describe(scene, isPreview, coarse = 1) {
   const mm = (scene.mm_per_pixel / coarse).toPrecision(3);
   const view = `${scene.view[0].toFixed(0)}°, ${scene.view[1].toFixed(0)}°, ${mm} mm a pixel`;
-  const bound = scene.bound_255 === undefined ? '' : `, error at most ${scene.bound_255.toPrecision(2)}/255 rms`;
+  const bound = scene.bound_255 === undefined ? '' : `, estimated error ${scene.bound_255.toPrecision(2)}/255 rms`;
   id('told').textContent = isPreview ? view : view + bound;
   id('stage').dataset.rests = !isPreview;
   id('picture').alt = `${look.preset}, ${view}`;
