@@ -122,9 +122,9 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsMadeUp *m
     return CTS_OK;
 }
 
-/* seen: volume in which the table is searched, or NULL. */
-static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume *seen, CtsMadeUp *made,
-                     CtsReport *report, CtsError *err)
+/* seen: volume in which the table is searched, or NULL; freed. */
+static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsVolume **seen, CtsMadeUp *made, CtsReport *report,
+                     CtsError *err)
 {
     CtsStatus st = CTS_OK;
     double low[3], high[3];
@@ -133,9 +133,10 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume
                     high[1], low[2], high[2]);
     /* Table removal needs the whole volume to distinguish table and patient, so it precedes the crop. */
     if (source->remove_table)
-        st = cts_volume_remove_table(volume, seen, !source->inside_unseen, source->n_threads, report, err);
+        st = cts_volume_remove_table(volume, *seen, !source->inside_unseen, source->n_threads, report, err);
     else
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
+    cts_volume_free(seen);
     if (!st && source->crop.given)
         st = cts_volume_crop(volume, source->crop.low_lps, source->crop.high_lps, err);
     if (st || (st = interpolate(source, volume, made, report, err)))
@@ -291,7 +292,7 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     if (st == CTS_ERR_MEMORY)
         st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->volume, &made, err);
     if (!st)
-        st = cut(source, loaded->volume, seen, &made, report, err);
+        st = cut(source, loaded->volume, &seen, &made, report, err);
     cts_volume_free(&seen);
     return st ? st : take_labels(source, loaded, report, err);
 }
