@@ -86,22 +86,21 @@ void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
     }
 }
 
-static uint64_t count_words(const uint64_t *words, size_t n)
+bool cts_bits_any(const CtsBits *bits)
 {
-    uint64_t count = 0;
-    for (size_t w = 0; w < n; w++)
-        count += (uint64_t)cts_popcount(words[w]);
-    return count;
-}
-
-uint64_t cts_bits_count_slice(const CtsBits *bits, int k)
-{
-    return count_words(cts_bits_row(bits, 0, k), bits->row_words * (size_t)bits->dims[1]);
+    const size_t n = cts_bits_n_words(bits);
+    size_t w = 0;
+    while (w < n && !bits->words[w])
+        w++;
+    return w < n;
 }
 
 uint64_t cts_bits_count(const CtsBits *bits)
 {
-    return count_words(bits->words, cts_bits_n_words(bits));
+    uint64_t count = 0;
+    for (size_t w = 0; w < cts_bits_n_words(bits); w++)
+        count += (uint64_t)cts_popcount(bits->words[w]);
+    return count;
 }
 
 typedef struct Common {

@@ -85,7 +85,7 @@ static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_NOT } CtsBitsOp;
 /* a = a op b, word by word; CTS_BITS_NOT uses b alone. */
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
-uint64_t cts_bits_count_slice(const CtsBits *bits, int k);
+bool cts_bits_any(const CtsBits *bits);
 uint64_t cts_bits_count(const CtsBits *bits);
 /* Number of bits set in both, which have the same dimensions. */
 uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads);

@@ -173,7 +173,7 @@ CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const Ct
 {
     CtsBits thin = {0};
     CtsStatus st;
-    const bool has_table = cts_bits_count(extruded) > 0;
+    const bool has_table = cts_bits_any(extruded);
     if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
         !(st = find_whole(plan, v, has_table, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
         cts_each_section(workers, n_threads, cts_thin_section, &body->whole,

@@ -145,7 +145,7 @@ static void follow_plates(const Search *s, int n, Worker *w)
         if (longer.first <= window.first && longer.end >= window.end)
             cts_bits_combine(&followed, CTS_BITS_OR, &plates);
     }
-    if (!cts_bits_count(&followed))
+    if (!cts_bits_any(&followed))
         return;
     look_along(s, window, w);
     /* In the longer window the plate wavered: extend it to its faces in this one. */
@@ -205,6 +205,8 @@ static void gather(const Windows *windows, const CtsBits *found, CtsBits *to)
     for (int at = 0; at < windows->n; at++) {
         const CtsBits from = cts_bits_slice(found, at);
         const Window window = window_at(windows, at);
+        if (!cts_bits_any(&from))
+            continue;
         for (int k = window.first; k < window.end; k++) {
             CtsBits section = cts_bits_slice(to, k);
             cts_bits_combine(&section, CTS_BITS_OR, &from);

@@ -215,11 +215,13 @@ typedef struct Sections {
 static void change_some(void *context, int worker, size_t first, size_t end)
 {
     const Sections *const s = context;
-    for (int k = (int)first; k < (int)end; k++)
-        if (cts_bits_count_slice(s->in, k))
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits section = cts_bits_slice(s->in, k);
+        if (cts_bits_any(&section))
             s->change(&s->workers[worker], cts_bits_row(s->in, 0, k), s->reach, cts_bits_row(s->out, 0, k));
         else
             memset(cts_bits_row(s->out, 0, k), 0, s->workers->n_words * sizeof *s->out->words);
+    }
 }
 
 void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,

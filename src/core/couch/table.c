@@ -33,7 +33,7 @@ typedef struct Removal {
     CtsMorphology *workers; /* one for each thread */
     CtsBits dense;          /* of the volume's voxels */
     uint64_t n_runs;
-    CtsBits sections;
+    CtsBits sections; /* the same words where a section is a slice */
     CtsExtruded extruded;
     CtsBody body;
     CtsBits gone; /* of the sections: voxels that become air */
@@ -43,8 +43,9 @@ typedef struct Removal {
 static void removal_free(Removal *r)
 {
     cts_morphologies_free(&r->workers, r->n_threads);
+    if (r->sections.words != r->dense.words)
+        cts_bits_free(&r->sections);
     cts_bits_free(&r->dense);
-    cts_bits_free(&r->sections);
     cts_extruded_free(&r->extruded);
     cts_body_free(&r->body);
     cts_bits_free(&r->gone);
@@ -56,6 +57,14 @@ static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
     if (!st)
         r->n_runs = cts_bits_threshold(&r->dense, v->grey, cts_dense_grey(v), r->n_threads);
     return st;
+}
+
+static CtsStatus find_sections(Removal *r, CtsError *err)
+{
+    if (r->plan.axis[2] != 2 || r->plan.n_slices > 1)
+        return cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err);
+    r->sections = r->dense;
+    return CTS_OK;
 }
 
 /* The extent of dense voxels along the volume's axes. */
@@ -113,42 +122,52 @@ static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
     return false;
 }
 
-/* Each section of the body with its neighbours'. */
-static void join_neighbours(const CtsBits *whole, CtsBits *joined)
+/* Parameters of find_gone_sections(), and a section for each worker. */
+typedef struct Leaving {
+    Removal *removal;
+    CtsReach rim;
+    CtsBits near;
+} Leaving;
+
+/* Voxels beyond the margin of the body become air, and in the margin the soft edges of foreign parts, except for the
+ * voxels next to the body. The body of a section is that of its neighbours, too. */
+static void find_gone_sections(void *context, int worker, size_t first, size_t end)
 {
-    for (int k = 0; k < whole->dims[2]; k++) {
-        CtsBits slice = cts_bits_slice(joined, k);
+    const Leaving *const l = context;
+    Removal *const r = l->removal;
+    const CtsReach one = {.diamond = 1}, two = {.diamond = 1, .box = {1, 1}};
+    const CtsBits *const whole = &r->body.whole;
+    CtsBits near = cts_bits_slice(&l->near, worker);
+    CtsMorphology *const m = &r->workers[worker];
+    for (int k = (int)first; k < (int)end; k++) {
+        CtsBits gone = cts_bits_slice(&r->gone, k), foreign = cts_bits_slice(&r->body.foreign, k);
         for (int from = k > 0 ? k - 1 : k; from <= k + 1 && from < whole->dims[2]; from++) {
             const CtsBits beside = cts_bits_slice(whole, from);
-            cts_bits_combine(&slice, CTS_BITS_OR, &beside);
+            cts_bits_combine(&gone, CTS_BITS_OR, &beside);
         }
+        cts_dilate_section(m, gone.words, l->rim, gone.words);
+        cts_bits_combine(&gone, CTS_BITS_NOT, &gone);
+        if (!cts_bits_any(&foreign))
+            continue;
+        cts_bits_combine(&gone, CTS_BITS_OR, &foreign);
+        cts_dilate_section(m, cts_bits_row(whole, 0, k), one, near.words);
+        cts_dilate_section(m, foreign.words, two, foreign.words);
+        cts_bits_combine(&foreign, CTS_BITS_AND_NOT, &near);
+        cts_bits_combine(&gone, CTS_BITS_OR, &foreign);
     }
 }
 
-/* Voxels beyond the margin of the body become air, and in the margin the soft edges of foreign parts, except for the
- * voxels next to the body. */
+/* Overwrites the bits of foreign. */
 static CtsStatus find_gone(Removal *r, CtsError *err)
 {
     CtsStatus st;
-    CtsBits near = {0}, ramp = {0};
-    CtsBits *const gone = &r->gone, *const foreign = &r->body.foreign;
-    const CtsReach one = {.diamond = 1}, two = {.diamond = 1, .box = {1, 1}};
-    CtsReach rim = cts_reach_mm(RIM_MM, r->plan.spacing_mm);
+    Leaving l = {.removal = r, .rim = cts_reach_mm(RIM_MM, r->plan.spacing_mm)};
     for (int n = 0; n < 2; n++)
-        rim.box[n] = rim.diamond + rim.box[n] < 2 ? 2 - rim.diamond : rim.box[n];
-    if (!(st = cts_bits_new(gone, r->plan.dims, err)) && !(st = cts_bits_new_unset(&near, r->plan.dims, err)) &&
-        !(st = cts_bits_new_unset(&ramp, r->plan.dims, err))) {
-        join_neighbours(&r->body.whole, gone);
-        cts_each_section(r->workers, r->n_threads, cts_dilate_section, gone, rim, gone);
-        cts_bits_combine(gone, CTS_BITS_NOT, gone);
-        cts_each_section(r->workers, r->n_threads, cts_dilate_section, foreign, two, &ramp);
-        cts_each_section(r->workers, r->n_threads, cts_dilate_section, &r->body.whole, one, &near);
-        cts_bits_combine(&ramp, CTS_BITS_AND_NOT, &near);
-        cts_bits_combine(gone, CTS_BITS_OR, foreign);
-        cts_bits_combine(gone, CTS_BITS_OR, &ramp);
-    }
-    cts_bits_free(&near);
-    cts_bits_free(&ramp);
+        l.rim.box[n] = l.rim.diamond + l.rim.box[n] < 2 ? 2 - l.rim.diamond : l.rim.box[n];
+    if (!(st = cts_bits_new(&r->gone, r->plan.dims, err)) &&
+        !(st = cts_bits_new_unset(&l.near, (const int[]){r->plan.dims[0], r->plan.dims[1], r->n_threads}, err)))
+        cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_gone_sections, &l);
+    cts_bits_free(&l.near);
     return st;
 }
 
@@ -244,8 +263,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
                               CtsError *err)
 {
     CtsStatus st;
-    if ((st = find_dense(r, seen, err)) || !is_usable(r, seen, report) ||
-        (st = cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err)) ||
+    if ((st = find_dense(r, seen, err)) || !is_usable(r, seen, report) || (st = find_sections(r, err)) ||
         (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
         (st = cts_extruded_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->extruded, err)) ||
         (st = cts_body_find(&r->plan, seen, &r->sections, &r->extruded.plates, r->workers, r->n_threads, &r->body,

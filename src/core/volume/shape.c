@@ -459,7 +459,10 @@ void cts_shape_layers(const CtsShapeStack *stack, int n_threads, CtsMadeUp *made
     s.write = cpu & CTS_CPU_AVX512 ? cts_shape_write_layer_avx512
               : cpu & CTS_CPU_AVX2 ? cts_shape_write_layer_avx2
                                    : cts_shape_write_layer_c;
-    cts_parallel(cts_threads(n_threads), (size_t)stack->n_slices - 1, 0, shape_gaps, &s);
+    /* A chunk of gaps reads one more slice than it has gaps. */
+    const int threads = cts_threads(n_threads);
+    const size_t n_gaps = (size_t)stack->n_slices - 1;
+    cts_parallel(threads, n_gaps, threads == 1 ? n_gaps : 0, shape_gaps, &s);
     made->n_voxels += atomic_load(&s.n_voxels);
     made->n_moved += atomic_load(&s.n_moved);
     made->sum_of_differences_hu += (double)atomic_load(&s.sum_of_differences) * stack->hu_step;
