@@ -316,8 +316,11 @@ def test_files_of_the_program(tmp_path, phantom):
             phantom.save(tmp_path / name, **words, **SMALL)
 
 
-with open(os.environ["CTS_PAGES"], encoding="utf-8") as pages:
-    PAGES = [re.sub("^    ", "", page, flags=re.M) for page in re.findall("(?:^    .*\n)+", pages.read(), re.M)]
+PAGES = []
+for path in os.environ["CTS_PAGES"].split(":"):
+    with open(path, encoding="utf-8") as text:
+        PAGES += [re.sub("^    ", "", page, flags=re.M) for page in re.findall("(?:^    .*\n)+", text.read(), re.M)
+                  if not page.startswith("    ctsplat ")]  # a command line
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(k) for k in range(len(PAGES))])
