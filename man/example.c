@@ -9,17 +9,17 @@ int main(int argc, char **argv)
         fprintf(stderr, "example FOLDER FILE.png\n");
         return 2;
     }
-    const CtsWord words[] = {
+    const CtsJobOption words[] = {
         {"path", argv[1], NULL},
         {"output", argv[2], NULL},
         {"force", "", NULL},
     };
     CtsError err;
     CtsReport report = {0};
-    const CtsStatus status = cts_words_run(words, 3, NULL, NULL, &report, &err);
-    for (size_t i = 0; i < report.findings.n; i++)
-        if (report.findings.items[i].severity == CTS_WARNING)
-            fprintf(stderr, "warning: %s\n", report.findings.items[i].text);
+    const CtsStatus status = cts_options_run(words, 3, NULL, NULL, &report, &err);
+    for (size_t i = 0; i < report.diagnostics.n; i++)
+        if (report.diagnostics.items[i].severity == CTS_WARNING)
+            fprintf(stderr, "warning: %s\n", report.diagnostics.items[i].text);
     if (status)
         fprintf(stderr, "%s\n", err.text);
     cts_report_free(&report);

@@ -33,18 +33,18 @@ src/engine/raycast | core/volume/ core/scene/ |
 src/render/engines | core/scene/ |
 src/render/framing | core/scene/ render/engines/ |
 src/render/error  | core/scene/ engine/raycast/ render/engines/ render/framing/ |
-src/render/frames | core/volume/owners.h core/scene/ render/engines/ render/framing/ render/error/ |
+src/render/frames | core/volume/voxel_labels.h core/scene/ render/engines/ render/framing/ render/error/ |
 src/output/image  | |
 src/output/export | dicom/objects/ output/image/ | png.h openexr.h zlib.h jpeglib.h webp/
 src/output/report | | jansson.h
 src/lab/check     | core/scene/engine.h |
 src/lab/bench     | output/report/ |
 src/app/job       | |
-src/app/words     | app/job/ |
+src/app/options   | app/job/ |
 src/app/contact   | output/image/ | jansson.h webp/
-src/app/batch     | output/export/sc_words.h output/report/ app/job/ app/words/ app/contact/ | jansson.h
-src/app/node      | dicom/header/slice.h dicom/net/ app/words/ | arpa/inet.h netinet/
-src/app/serve     | dicom/header/slice.h dicom/net/listener.h output/report/redact.h app/job/ app/words/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
+src/app/batch     | output/export/sc_texts.h output/report/ app/job/ app/options/ app/contact/ | jansson.h
+src/app/node      | dicom/header/slice.h dicom/net/ app/options/ | arpa/inet.h netinet/
+src/app/serve     | dicom/header/slice.h dicom/net/listener.h output/report/redact.h app/job/ app/options/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
 src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h openexr_base.h expat.h
 '
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.
@@ -183,7 +183,7 @@ breach src/engine/raycast/a.c '"engine/splat/sheet.h"'
 breach src/engine/raycast/a.c '"core/transfer/lut.h"'
 breach src/cli/a.c '"core/scene/engine.h"'
 breach src/engine/tiled/a.c '"engine/splat/sheet.h"'
-breach src/engine/splat/a.c '"engine/tiled/cells.h"'
+breach src/engine/splat/a.c '"engine/tiled/tiled_march.h"'
 breach src/input/files/a.c '"input/series/slice_stack.h"'
 breach src/dicom/parser/a.c '"dicom/header/slice.h"'
 breach src/dicom/net/a.c '"input/files/scan.h"'

@@ -18,11 +18,11 @@ CTS_API_BEGIN
  *
  * Searches, reads, renders, writes all outputs and sends them: all that `ctsplat render` does, with its defaults.
  * picture (may be NULL): the picture in memory too, as in the files, with background and marks, to be freed with
- * cts_picture_free(); not for a rotation. Without picture there must be an output. report->findings contains notes and
- * warnings (report may be NULL). *stop (stop may be NULL), set by a signal handler or another thread, ends it with
+ * cts_picture_free(); not for a rotation. Without picture there must be an output. report->diagnostics contains notes
+ * and warnings (report may be NULL). *stop (stop may be NULL), set by a signal handler or another thread, ends it with
  * CTS_ERR_INTERRUPTED. */
-CtsStatus cts_words_run(const CtsWord *words, int n_words, const volatile sig_atomic_t *stop, CtsPicture **picture,
-                        CtsReport *report, CtsError *err);
+CtsStatus cts_options_run(const CtsJobOption *options, int n_options, const volatile sig_atomic_t *stop,
+                          CtsPicture **picture, CtsReport *report, CtsError *err);
 
 /* A series that stays loaded for many pictures: the scanned slices, and the volume of the last picture. One call at a
  * time; sessions are independent. */
@@ -30,21 +30,22 @@ typedef struct CtsSession CtsSession;
 
 /* Finds and reads the series given by "path", "series", "from", "labels" and related options. Other options are checked
  * and have no effect. *session is NULL after a failure. */
-CtsStatus cts_session_open(CtsSession **session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
-                           CtsReport *report, CtsError *err);
+CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *options, int n_options,
+                           const volatile sig_atomic_t *stop, CtsReport *report, CtsError *err);
 /* A session of scanned slices in memory; takes ownership of *scanned. It has no patient, so no .dcm outputs. */
 CtsStatus cts_session_take(CtsSession **session, CtsScanned **scanned, CtsError *err);
 void cts_session_close(CtsSession **session);
 
-/* As cts_words_run(), for this series: "path" and options that select a series are refused. */
-CtsStatus cts_session_run(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
-                          CtsPicture **picture, CtsReport *report, CtsError *err);
+/* As cts_options_run(), for this series: "path" and options that select a series are refused. */
+CtsStatus cts_session_run(CtsSession *session, const CtsJobOption *options, int n_options,
+                          const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err);
 
 /* The same with every picture of a rotation: each is passed to take as soon as it is rendered, in the calling thread;
  * take frees it, and its failure ends the call. */
 typedef CtsStatus (*CtsPictureSink)(void *context, int frame, CtsPicture *picture, CtsError *err);
-CtsStatus cts_session_frames(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
-                             CtsPictureSink take, void *context, CtsReport *report, CtsError *err);
+CtsStatus cts_session_frames(CtsSession *session, const CtsJobOption *options, int n_options,
+                             const volatile sig_atomic_t *stop, CtsPictureSink take, void *context, CtsReport *report,
+                             CtsError *err);
 
 /* The scanned slices; the session's. Its `even` may have no grey levels once memory did not suffice for a second
  * volume. */

@@ -94,8 +94,9 @@ typedef struct CtsLabelChoice {
     const char *show;  /* all others are hidden, and labels not named count as unlabelled; NULL: all are visible */
     const char *hide;  /* hidden, whatever show says; NULL: none */
     const char *order; /* labels that get overlapping voxels, by priority; then the smallest; NULL: none */
-    const char *const *looks; /* n_looks times NAME=LOOK: a preset, #RRGGBB or #RRGGBB:OPACITY; the last one applies */
-    int n_looks;
+    const char *const
+        *appearances; /* n_appearances times NAME=LOOK: a preset, #RRGGBB or #RRGGBB:OPACITY; the last one applies */
+    int n_appearances;
     bool show_present; /* unknown names in show are skipped, not refused */
     bool own_colours;  /* labels without an appearance get their files' colours, or one of a table */
 } CtsLabelChoice;

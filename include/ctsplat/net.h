@@ -55,7 +55,7 @@ typedef struct CtsFoundSeries {
     int n_objects; /* 0: unknown */
 } CtsFoundSeries;
 
-enum { CTS_MOST_FOUND = 20000 };
+enum { CTS_MAX_FOUND = 20000 };
 typedef struct CtsFound {
     CtsFoundSeries *items; /* n, owned */
     int n;
@@ -75,12 +75,12 @@ typedef struct CtsFetched {
 
 /* Fetches the CT images of a study, or of one of its series (series_uid not NULL), as files in a folder that only this
  * user can read, under names independent of the peer. CTS_ERR_READ when nothing arrives, or more than the limits allow.
- * Remove the folder with cts_net_forget() in any case. */
+ * Remove the folder with cts_net_fetched_remove() in any case. */
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
                         CtsFetched *fetched, CtsReport *report, CtsError *err);
 
 /* Removes the folder with its contents; does nothing when there is none. */
-void cts_net_forget(CtsFetched *fetched);
+void cts_net_fetched_remove(CtsFetched *fetched);
 
 CTS_API_END
 #endif

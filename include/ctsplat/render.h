@@ -85,13 +85,13 @@ typedef struct CtsRenderSettings {
     bool void_key;
     double tolerance_hu; /* largest change of a voxel between layers that counts as none */
     /* engines void and combined, as in the paper: no occlusion culling; the picture is the same */
-    bool sees_hidden;
-    bool reuses_always;     /* engines layers and combined, likewise: reuse layers also where it does not pay */
-    int grey_bits;          /* 8 to 16; 16: grey levels as they are */
-    bool opacity_per_voxel; /* opacity counts per voxel along the ray instead of per mm */
-    int mode;               /* CtsMode, or -1: the preset's */
-    double slab_mm;         /* thickness of the visible slab across the view; 0: everything */
-    double slab_at_mm;      /* distance of the slab's middle in front of the volume's centre */
+    bool no_occlusion_culling;
+    bool always_reuse_layers; /* engines layers and combined, likewise: reuse layers also where it does not pay */
+    int grey_bits;            /* 8 to 16; 16: grey levels as they are */
+    bool opacity_per_voxel;   /* opacity counts per voxel along the ray instead of per mm */
+    int mode;                 /* CtsMode, or -1: the preset's */
+    double slab_mm;           /* thickness of the visible slab across the view; 0: everything */
+    double slab_at_mm;        /* distance of the slab's middle in front of the volume's centre */
     CtsSwitch shade;
     double occlusion;                  /* darkening of folds, 0 to 1; CTS_OCCLUSION_AS_PRESET: the preset's */
     int verify;                        /* number of pixels to render again with raycast */

@@ -47,16 +47,16 @@ typedef enum CtsSeverity { CTS_NOTE, CTS_WARNING, CTS_REFUSAL } CtsSeverity;
 extern const char *const cts_severity_names[3];
 
 /* A diagnostic: note, warning, or the reason of a refusal. code is a stable snake_case word, for programs. */
-typedef struct CtsFinding {
+typedef struct CtsDiagnostic {
     char code[40];
     CtsSeverity severity;
     char text[400];
-} CtsFinding;
+} CtsDiagnostic;
 
-typedef struct CtsFindings {
-    CtsFinding *items;
+typedef struct CtsDiagnostics {
+    CtsDiagnostic *items;
     size_t n;
-} CtsFindings;
+} CtsDiagnostics;
 
 typedef struct CtsVoxelCounts {
     bool known;
@@ -90,12 +90,12 @@ typedef struct CtsVerified {
  * several pictures the largest. */
 typedef struct CtsErrorBound {
     bool known;
-    double rmse;     /* holds in 999 of 1000 pictures */
-    double max;      /* of a channel of a pixel; negative where nothing bounds it (an engine that only estimates its
-                        errors, or pixels that were interpolated between others) */
-    uint64_t cast;   /* pixels that were re-rendered one by one for it */
-    char engine[16]; /* engine of the picture */
-    char level[16];  /* of that engine; "" without levels */
+    double rmse; /* holds in 999 of 1000 pictures */
+    double max;  /* of a channel of a pixel; negative where nothing bounds it (an engine that only estimates its
+                    errors, or pixels that were interpolated between others) */
+    uint64_t n_rerendered; /* pixels that were re-rendered one by one for it */
+    char engine[16];       /* engine of the picture */
+    char level[16];        /* of that engine; "" without levels */
 } CtsErrorBound;
 
 typedef enum CtsLabelSource { CTS_LABEL_SEG, CTS_LABEL_RTSTRUCT, CTS_LABEL_NIFTI, CTS_N_LABEL_SOURCES } CtsLabelSource;
@@ -123,7 +123,7 @@ typedef struct CtsReport {
     CtsStageTime stages[CTS_N_STAGES];
     CtsSkip *skips;
     size_t n_skips;
-    CtsFindings findings;
+    CtsDiagnostics diagnostics;
     CtsLabelFact *labels;
     size_t n_labels;
     CtsTableFact table;
@@ -151,16 +151,16 @@ double cts_report_picture_cpu_ms(const CtsReport *report);
 
 void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)
     __attribute__((format(printf, 3, 4)));
-void cts_report_finding(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
+void cts_report_diagnostic(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 /* Copies the fact. Without memory a label is missing. */
 void cts_report_label(CtsReport *report, const CtsLabelFact *label);
 void cts_report_plan(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void cts_report_trace(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity severity, const char *format, ...)
+void cts_diagnostics_add(CtsDiagnostics *diagnostics, const char *code, CtsSeverity severity, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
-void cts_findings_free(CtsFindings *findings);
+void cts_diagnostics_free(CtsDiagnostics *diagnostics);
 
 CTS_API_END
 #endif

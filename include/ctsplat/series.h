@@ -12,9 +12,9 @@
 
 CTS_API_BEGIN
 
-struct CtsStored; /* src/core/volume/stored.h */
-struct CtsSlice;  /* src/dicom/header/slice.h */
-struct CtsTexts;  /* src/base/string_pool.h */
+struct CtsStored;     /* src/core/volume/stored.h */
+struct CtsSlice;      /* src/dicom/header/slice.h */
+struct CtsStringPool; /* src/base/string_pool.h */
 
 /* Instance numbers (0020,0013) of the objects of all studies that are there: a number that a series skips may be
  * another object's. Zero-initialise; sort once all are added. */
@@ -59,7 +59,7 @@ typedef struct CtsSeries {
     bool passed;       /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
     char reason[512];
-    CtsFindings findings;
+    CtsDiagnostics diagnostics;
     struct CtsSlice **slices; /* n_slices headers in order of position; owned */
 } CtsSeries;
 
@@ -82,9 +82,9 @@ typedef struct CtsSeriesList {
     int n_unreadable;     /* DICOM that could not be read; findings name them */
     CtsFileCount *others; /* kinds of the n_not_ct files, most frequent first; n_others, owned */
     size_t n_others;
-    CtsFindings findings;
-    CtsArchives *archives;  /* zip files in memory, which slices are read from; owned */
-    struct CtsTexts *texts; /* n_texts, which the slices share; owned */
+    CtsDiagnostics diagnostics;
+    CtsArchives *archives;       /* zip files in memory, which slices are read from; owned */
+    struct CtsStringPool *texts; /* n_texts, which the slices share; owned */
     size_t n_texts;
 } CtsSeriesList;
 
@@ -190,25 +190,25 @@ CtsStatus cts_scanned_copy(const CtsScanned *scanned, CtsScanned **copy, CtsErro
  * bytes + a * stride_bytes[0] + b * stride_bytes[1] + c * stride_bytes[2], and its centre lies at
  * origin_lps + a * step_lps[0] + b * step_lps[1] + c * step_lps[2] (mm). */
 typedef enum CtsNumber { CTS_INT16, CTS_UINT16, CTS_INT32, CTS_FLOAT32, CTS_FLOAT64, CTS_N_NUMBERS } CtsNumber;
-typedef struct CtsGivenHu {
+typedef struct CtsHuArray {
     const void *bytes;
     CtsNumber number;
     int dims[3];
     ptrdiff_t stride_bytes[3];
     double origin_lps[3], step_lps[3][3];
-} CtsGivenHu;
+} CtsHuArray;
 
 /* A scan from an array of HU: axes are permuted and reversed to a scanner's storage order (the thickest across the
  * slices, rows to the left or the back, columns to the back or the feet), which moves no voxel. Non-finite values
  * become padding. Refuses steps that do not span space and numbers that are not HU. */
-CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned **scanned, CtsReport *report,
+CtsStatus cts_scanned_of_hu(const CtsHuArray *given, int n_threads, CtsScanned **scanned, CtsReport *report,
                             CtsError *err);
 
-/* Evenly spaced layers, as a volume of its own, interpolated like cts_volume_refine() where slices are unevenly spaced.
- * Adds to *made. hand_over: no other volume will be made of it; the slices' own memory becomes the volume, and scanned
- * keeps only their positions. */
+/* Evenly spaced layers, as a volume of its own, interpolated like cts_volume_interpolate() where slices are unevenly
+ * spaced. Adds to *made. hand_over: no other volume will be made of it; the slices' own memory becomes the volume, and
+ * scanned keeps only their positions. */
 CtsStatus cts_scanned_volume(CtsScanned *scanned, CtsInterpolation how, bool hand_over, int n_threads,
-                             CtsVolume **volume, CtsMadeUp *made, CtsError *err);
+                             CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err);
 
 /* Both in one, with linear interpolation, for a single volume. stop: as in a CtsWordWatch. */
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile sig_atomic_t *stop, CtsVolume **volume,

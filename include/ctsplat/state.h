@@ -17,9 +17,9 @@ struct CtsLabelChoice;
 
 /* An option of ctsplat: its name and argument (ctsplat/job.h). from: its source, such as a file, for messages; NULL:
  * the caller. */
-typedef struct CtsWord {
+typedef struct CtsJobOption {
     const char *name, *value, *from;
-} CtsWord;
+} CtsJobOption;
 
 /* A picture and its settings. The standard's attributes represent them as far as possible; private ones contain preset
  * and options exactly. */
@@ -30,9 +30,9 @@ typedef struct CtsStateScene {
     bool shaded, cropped;
     double crop_low_lps[3], crop_high_lps[3];
     const CtsSeries *source;
-    const char *capture;  /* the .dcm of the picture, or NULL */
-    const CtsWord *words; /* options besides the preset; n_words */
-    int n_words;
+    const char *capture;         /* the .dcm of the picture, or NULL */
+    const CtsJobOption *options; /* besides the preset; n_options */
+    int n_options;
     const struct CtsLabels *labels; /* (ctsplat/labels.h) labels of the picture, or NULL; and their visibility */
     const struct CtsLabelChoice *choice;
     CtsReport *report; /* gets warnings about labels that the standard's attributes cannot represent; may be NULL */
@@ -43,8 +43,8 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
 
 typedef struct CtsState {
     CtsPreset preset;
-    CtsWord *words;
-    int n_words;
+    CtsJobOption *options;
+    int n_options;
     char *text;          /* memory of the words' strings */
     char source_uid[65]; /* UID of its series; "" if missing */
 } CtsState;

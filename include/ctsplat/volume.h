@@ -9,9 +9,9 @@
 
 CTS_API_BEGIN
 
-struct CtsMacrocells; /* src/core/volume/macrocells.h */
-struct CtsBodyMask;   /* src/core/volume/body_mask.h */
-struct CtsOwners;     /* src/core/volume/owners.h */
+struct CtsMacrocells;  /* src/core/volume/macrocells.h */
+struct CtsBodyMask;    /* src/core/volume/body_mask.h */
+struct CtsVoxelLabels; /* src/core/volume/voxel_labels.h */
 
 /* Plain data; created by cts_volume_new() or cts_series_load(), freed by cts_volume_free(). Voxel (i, j, k) is grey[(k
  * * dims[1] + j) * dims[0] + i]; its centre lies at origin_lps + i * step_lps[0] + j * step_lps[1] + k * step_lps[2]
@@ -35,7 +35,7 @@ typedef struct CtsVolume {
     struct CtsBodyMask *body;
     /* Assignment of voxels to labels, with their appearances; NULL: one appearance for all. Set by
      * cts_volume_take_labels(), after all changes of the volume; owned. */
-    struct CtsOwners *owners;
+    struct CtsVoxelLabels *voxel_labels;
 } CtsVolume;
 
 /* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */
@@ -70,7 +70,7 @@ CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const doubl
 
 /* Number of layers per slice distance that makes voxels nearly cubes: 1 where slices lie no further apart than one and
  * a half pixels, at most 8. */
-int cts_volume_thickness(const CtsVolume *volume);
+int cts_volume_layers_per_slice(const CtsVolume *volume);
 
 /* Interpolation between slices: cubics along the slice axis (Catmull and Rom 1974), clamped to the range of the two
  * slices; shape-based where a surface moves by more than the width of its edge, elsewhere cubic; linear. */
@@ -82,17 +82,17 @@ typedef enum CtsInterpolation {
 } CtsInterpolation;
 
 /* Statistics of layers between slices, as far as they are not linear. */
-typedef struct CtsMadeUp {
+typedef struct CtsInterpolationCounts {
     uint64_t n_voxels, n_moved;   /* of layers between slices, and those of them that were moved */
     double sum_of_differences_hu; /* between those and straight lines from slice to slice */
     bool no_memory;               /* for moving any */
-} CtsMadeUp;
+} CtsInterpolationCounts;
 
 /* Inserts n_parts - 1 layers between any two slices, by cubic or shape-based interpolation: grey levels at the slices
  * are unchanged. n_parts 1 changes nothing. n_threads 0: all cores; threads never change the result. Adds to *made. On
  * CTS_ERR_MEMORY the volume is unchanged. */
-CtsStatus cts_volume_refine(CtsVolume *volume, int n_parts, CtsInterpolation how, int n_threads, CtsMadeUp *made,
-                            CtsError *err);
+CtsStatus cts_volume_interpolate(CtsVolume *volume, int n_parts, CtsInterpolation how, int n_threads,
+                                 CtsInterpolationCounts *made, CtsError *err);
 
 /* Smooths the grey levels with a Gaussian of this standard deviation, 0 to CTS_MAX_SMOOTH_MM, along all three axes;
  * each axis rounds to whole grey levels. Border voxels are continued outside. Threads never change the result. */

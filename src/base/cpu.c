@@ -5,7 +5,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
-enum { MOST_THREADS = 1024 };
+enum { MAX_THREADS = 1024 };
 
 static atomic_uint cpu_mask = ~0u;
 
@@ -38,7 +38,7 @@ static int environment_limit(void)
 {
     const char *text = getenv("OMP_NUM_THREADS");
     const long n = text ? strtol(text, NULL, 10) : 0;
-    return n > 0 ? (int)(n < MOST_THREADS ? n : MOST_THREADS) : 0;
+    return n > 0 ? (int)(n < MAX_THREADS ? n : MAX_THREADS) : 0;
 }
 
 int cts_threads_why(int n, const char **why)
@@ -58,7 +58,7 @@ int cts_threads_why(int n, const char **why)
             n = limit;
         }
     }
-    return n > MOST_THREADS ? MOST_THREADS : n;
+    return n > MAX_THREADS ? MAX_THREADS : n;
 }
 
 int cts_threads(int n)

@@ -34,32 +34,32 @@ static size_t distance(const char *a, size_t n, const char *b, size_t m)
     return rows[n % 3][m];
 }
 
-void cts_near_try(CtsNear *near, const char *candidate)
+void cts_did_you_mean_try(CtsDidYouMean *nearest_word, const char *candidate)
 {
-    const size_t n = near->length, m = strlen(candidate);
+    const size_t n = nearest_word->length, m = strlen(candidate);
     if (!n || n > LONGEST || m > LONGEST)
         return;
-    size_t d = distance(near->written, n, candidate, m);
-    if (n >= PREFIX && m > n && !strncasecmp(near->written, candidate, n))
+    size_t d = distance(nearest_word->written, n, candidate, m);
+    if (n >= PREFIX && m > n && !strncasecmp(nearest_word->written, candidate, n))
         d = least(d, 1);
-    if (d > (n < 6 ? 1 : n / 3) || (near->word && d >= near->distance))
+    if (d > (n < 6 ? 1 : n / 3) || (nearest_word->word && d >= nearest_word->distance))
         return;
-    near->word = candidate;
-    near->distance = d;
+    nearest_word->word = candidate;
+    nearest_word->distance = d;
 }
 
-CtsHint cts_near_hint(const CtsNear *near)
+CtsHint cts_did_you_mean_hint(const CtsDidYouMean *nearest_word)
 {
     CtsHint hint = {""};
-    if (near->word)
-        snprintf(hint.text, sizeof hint.text, " (did you mean %s?)", near->word);
+    if (nearest_word->word)
+        snprintf(hint.text, sizeof hint.text, " (did you mean %s?)", nearest_word->word);
     return hint;
 }
 
-CtsHint cts_near_name(const char *written, size_t length, const char *const *names, int n)
+CtsHint cts_did_you_mean(const char *written, size_t length, const char *const *names, int n)
 {
-    CtsNear near = {.written = written, .length = length};
+    CtsDidYouMean nearest_word = {.written = written, .length = length};
     for (int i = 0; i < n; i++)
-        cts_near_try(&near, names[i]);
-    return cts_near_hint(&near);
+        cts_did_you_mean_try(&nearest_word, names[i]);
+    return cts_did_you_mean_hint(&nearest_word);
 }

@@ -36,7 +36,7 @@ static int way = -1;
 static pid_t helper;
 static bool kept;
 /* of a helper that is our child process: subtracted when it is reaped, since they are counted then */
-static double told_cpu_ms;
+static double reported_cpu_ms;
 
 static bool receive_reply(int socket, Reply *reply)
 {
@@ -137,26 +137,26 @@ static void leave(bool kill_it)
     way = -1;
     if (is_child) {
         TEMP_FAILURE_RETRY(waitpid(helper, NULL, 0));
-        cts_cpu_add_ms(-told_cpu_ms);
+        cts_cpu_add_ms(-reported_cpu_ms);
     }
-    told_cpu_ms = 0;
+    reported_cpu_ms = 0;
     helper = 0;
 }
 
 /* A fork of the program has no helper; the lock may be another thread's. */
-static void forget(void)
+static void forget_helper(void)
 {
     lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     if (way >= 0)
         close(way);
     way = -1;
     helper = 0;
-    told_cpu_ms = 0;
+    reported_cpu_ms = 0;
 }
 
 static void mind_forks(void)
 {
-    pthread_atfork(NULL, NULL, forget);
+    pthread_atfork(NULL, NULL, forget_helper);
 }
 
 static CtsStatus begin(CtsError *err)
@@ -240,7 +240,7 @@ int cts_helper_end(pid_t pid)
     Reply reply = {.how = SIGKILL};
     pthread_mutex_lock(&lock);
     if (way >= 0 && transmit_request(way, &request, -1) && receive_reply(way, &reply)) {
-        told_cpu_ms += cts_cpu_add_usage(&reply.usage);
+        reported_cpu_ms += cts_cpu_add_usage(&reply.usage);
     } else {
         leave(true);
     }

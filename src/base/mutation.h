@@ -18,10 +18,10 @@
         fault(VOID_EDGES)        /* void: patches at the edge of visible ones left out */                              \
         fault(GRADIENT_STEPS)    /* lighting: spacing and shear ignored */                                             \
         fault(ONE_SIDED_LIGHT)   /* tiled: surfaces facing away are dark */                                            \
-        fault(LEAP_RANGE)        /* tiled: only the lowest level of a block is tested */                               \
+        fault(SKIP_RANGE)        /* tiled: only the lowest level of a block is tested */                               \
         fault(STOP_EARLY)        /* tiled: rays end at a transmittance of a quarter */                                 \
         fault(ATTENUATION)       /* tiled: no attenuation along a ray */                                               \
-        fault(KNOTS)             /* raycast: not split at the transfer function's points */                            \
+        fault(CONTROL_POINTS)    /* raycast: not split at the transfer function's points */                            \
         fault(TURNS)             /* raycast: not split at extremes of HU */                                            \
         fault(BORDER_DIFFERENCE) /* raycast: no air beyond the border */                                               \
         fault(MODE_EXTREMES)     /* raycast: extremes at cell faces only */                                            \
@@ -30,25 +30,25 @@
         fault(QUIET_RANGE)       /* layers: the range of an unchanged patch ends one level too low */                  \
         fault(QUIET_HIGH)        /* tiled: the visible range ends two levels too low */                                \
         fault(WHOLE_LEVELS)      /* visible values between two levels are invisible */                                 \
-        fault(LEAP_FAR)          /* tiled: empty-space skipping goes a block too far */                                \
+        fault(SKIP_TOO_FAR)      /* tiled: empty-space skipping goes a block too far */                                \
         fault(GRADIENT_SIGN)     /* tiled: the gradient along the layers has the wrong sign */                         \
         fault(AVERAGE_BLOCK)     /* average: blocks of one grey level 2 % low */                                       \
         fault(DEPTH_SLAB)        /* tiled: depth a millimetre too far */                                               \
         fault(BOUND_LOW)         /* tiled: reports a twentieth of its error estimate */                                \
         fault(UNCAST)            /* tiled: re-rendered pixels are not replaced */                                      \
-        fault(CUTS)              /* tiled: segments are not split at control points */                                 \
-        fault(KNOT_OFF)          /* tiled: a control point above a segment is ignored */                               \
+        fault(SPLITS)            /* tiled: segments are not split at control points */                                 \
+        fault(CONTROL_POINT_OFF) /* tiled: a control point above a segment is ignored */                               \
         fault(MASK_NEIGHBOUR)    /* tiled: cells tested without their last voxels */                                   \
         fault(LAST_PIECE)        /* tiled: rays end a millimetre early */                                              \
         fault(START_LATE)        /* tiled: rays begin a millimetre late */                                             \
         fault(GAUSS)             /* tiled: both points of a segment are its first */                                   \
-        fault(FAINT)             /* tiled: low-weight segments are not shaded */                                       \
+        fault(LOW_WEIGHT)        /* tiled: low-weight segments are not shaded */                                       \
         fault(LIT_STEPS)         /* tiled: one normal for a segment whose normal varies */                             \
         fault(HALVES)            /* tiled: segments with too large an error are not halved */                          \
         fault(HIDING)            /* labels: hidden labels remain in gradients and in the paper engines */              \
         fault(OVERLAP)           /* labels: of overlapping labels the last gets the voxel */                           \
         fault(EDGES)             /* tiled: rays keep the appearance of a cell's entry */                               \
-        fault(OWNER_CUTS)        /* raycast: the label of a cell's middle fills all of it */                           \
+        fault(LABEL_INTERVALS)   /* raycast: the label of a cell's middle fills all of it */                           \
         fault(OPEN_PLACE)        /* openness: half a block off */                                                      \
         fault(OPEN_BEYOND)       /* openness: no light from beyond the volume */                                       \
         fault(OPEN_UNUSED)       /* tiled: openness is 1 everywhere */                                                 \

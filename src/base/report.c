@@ -1,6 +1,6 @@
 #include "ctsplat/report.h"
 
-#include "base/by_id.h"
+#include "base/enum_table.h"
 #include "base/mem.h"
 #include "base/text.h"
 #include <stdarg.h>
@@ -10,11 +10,11 @@
 
 const char *const cts_severity_names[3] = {[CTS_NOTE] = "note", [CTS_WARNING] = "warning", [CTS_REFUSAL] = "refusal"};
 
-CTS_BY_ID(char *const, cts_stage_names,
-          CTS_N_STAGES, [CTS_STAGE_SCAN] = "scan", [CTS_STAGE_LABELS] = "labels", [CTS_STAGE_DECODE] = "decode",
-          [CTS_STAGE_GREY] = "grey", [CTS_STAGE_CLASSIFY] = "classify", [CTS_STAGE_OCCLUSION] = "occlusion",
-          [CTS_STAGE_FOOTPRINT] = "footprint", [CTS_STAGE_SPLAT] = "splat", [CTS_STAGE_COMPOSITE] = "composite",
-          [CTS_STAGE_SHADE] = "shade", [CTS_STAGE_WARP] = "warp", [CTS_STAGE_EXPORT] = "export");
+CTS_ENUM_TABLE(char *const, cts_stage_names,
+               CTS_N_STAGES, [CTS_STAGE_SCAN] = "scan", [CTS_STAGE_LABELS] = "labels", [CTS_STAGE_DECODE] = "decode",
+               [CTS_STAGE_GREY] = "grey", [CTS_STAGE_CLASSIFY] = "classify", [CTS_STAGE_OCCLUSION] = "occlusion",
+               [CTS_STAGE_FOOTPRINT] = "footprint", [CTS_STAGE_SPLAT] = "splat", [CTS_STAGE_COMPOSITE] = "composite",
+               [CTS_STAGE_SHADE] = "shade", [CTS_STAGE_WARP] = "warp", [CTS_STAGE_EXPORT] = "export");
 
 const char *const cts_label_source_names[CTS_N_LABEL_SOURCES] = {
     [CTS_LABEL_SEG] = "seg", [CTS_LABEL_RTSTRUCT] = "rtstruct", [CTS_LABEL_NIFTI] = "nifti"};
@@ -30,7 +30,7 @@ void cts_report_free(CtsReport *report)
     for (size_t i = 0; i < report->n_labels; i++)
         free(report->labels[i].name);
     free(report->labels);
-    cts_findings_free(&report->findings);
+    cts_diagnostics_free(&report->diagnostics);
     *report = (CtsReport){0};
 }
 
@@ -88,40 +88,40 @@ void cts_report_skip(CtsReport *report, const char *what, const char *why_format
     va_end(args);
 }
 
-__attribute__((format(printf, 4, 0))) static void add_finding(CtsFindings *findings, const char *code,
-                                                              CtsSeverity severity, const char *format, va_list args)
+__attribute__((format(printf, 4, 0))) static void add_diagnostic(CtsDiagnostics *diagnostics, const char *code,
+                                                                 CtsSeverity severity, const char *format, va_list args)
 {
-    if (cts_grow(&findings->items, findings->n, NULL))
+    if (cts_grow(&diagnostics->items, diagnostics->n, NULL))
         return;
-    CtsFinding *finding = &findings->items[findings->n++];
-    snprintf(finding->code, sizeof finding->code, "%s", code);
-    finding->severity = severity;
-    vsnprintf(finding->text, sizeof finding->text, format, args);
-    cts_text_clean(finding->text);
+    CtsDiagnostic *diagnostic = &diagnostics->items[diagnostics->n++];
+    snprintf(diagnostic->code, sizeof diagnostic->code, "%s", code);
+    diagnostic->severity = severity;
+    vsnprintf(diagnostic->text, sizeof diagnostic->text, format, args);
+    cts_text_clean(diagnostic->text);
 }
 
-void cts_report_finding(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
+void cts_report_diagnostic(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
 {
     if (!report)
         return;
     va_list args;
     va_start(args, format);
-    add_finding(&report->findings, code, severity, format, args);
+    add_diagnostic(&report->diagnostics, code, severity, format, args);
     va_end(args);
 }
 
-void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity severity, const char *format, ...)
+void cts_diagnostics_add(CtsDiagnostics *diagnostics, const char *code, CtsSeverity severity, const char *format, ...)
 {
     va_list args;
     va_start(args, format);
-    add_finding(findings, code, severity, format, args);
+    add_diagnostic(diagnostics, code, severity, format, args);
     va_end(args);
 }
 
-void cts_findings_free(CtsFindings *findings)
+void cts_diagnostics_free(CtsDiagnostics *diagnostics)
 {
-    free(findings->items);
-    *findings = (CtsFindings){0};
+    free(diagnostics->items);
+    *diagnostics = (CtsDiagnostics){0};
 }
 
 /* Adds a line of at most so many characters to a text. */

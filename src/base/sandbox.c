@@ -272,7 +272,7 @@ static int limit_cpu(const CtsSandbox *d)
     return limit_s;
 }
 
-static CtsStatus tell_death(const char *name, int status, int limit_s, CtsError *err)
+static CtsStatus report_death(const char *name, int status, int limit_s, CtsError *err)
 {
     if (!WIFSIGNALED(status))
         return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer (exit code %d)", name,
@@ -301,7 +301,7 @@ static CtsStatus await_oldest(CtsSandbox *d, bool *killed, CtsError *err)
         const int status = end_child(d);
         *killed = !still && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
         return still ? cts_fail(err, CTS_ERR_PIXELS, "its %s made no progress for %d s", d->name, quiet_s)
-                     : tell_death(d->name, status, limit_s, err);
+                     : report_death(d->name, status, limit_s, err);
     }
     if (a.status == CTS_ERR_MEMORY)
         return cts_fail(err, CTS_ERR_PIXELS, "its %s asks for more memory than %zu bytes of pixels need", d->name,

@@ -145,7 +145,7 @@ SIMD_OP(vmask, vi_test, (vi a, vi b), (a & b) != 0)
 typedef int32_t vn __attribute__((vector_size(LANES * sizeof(int32_t))));
 SIMD_OP(vn, vn_of, (int32_t x), x - (vn){0})
 SIMD_OP(vf, vn_to_float, (vn a), __builtin_convertvector(a, vf))
-#include "base/simd_plain_tmpl.h"
+#include "base/simd_scalar_tmpl.h"
 #else
 enum { N_PARTS = 16 / LANES };
 typedef struct ws {
@@ -156,7 +156,7 @@ typedef struct ws {
 #elif defined(SIMD_PATH_AVX2)
 #include "base/simd_avx2_tmpl.h"
 #else
-#include "base/simd_plain_tmpl.h"
+#include "base/simd_scalar_tmpl.h"
 #endif
 #endif
 

@@ -10,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { FEWEST_BYTES = 16, MOST_BYTES = 4096 };
+enum { FEWEST_BYTES = 16, MAX_BYTES = 4096 };
 
 /* NULL without memory or a home; made: its folders too. */
 static char *own_path(bool made)
@@ -57,13 +57,13 @@ static CtsStatus make(const char *path, CtsError *err)
 
 static CtsStatus read_key(int fd, const char *path, CtsKey *key, CtsError *err)
 {
-    uint8_t bytes[MOST_BYTES + 1];
+    uint8_t bytes[MAX_BYTES + 1];
     CtsHash *hash;
     struct stat info;
     const ssize_t n = fstat(fd, &info) || !S_ISREG(info.st_mode) ? -1 : read(fd, bytes, sizeof bytes);
-    if (n < FEWEST_BYTES || n > MOST_BYTES)
+    if (n < FEWEST_BYTES || n > MAX_BYTES)
         return cts_fail(err, CTS_ERR_READ, "%s: is no key (a file of %d to %d bytes is needed)", path, FEWEST_BYTES,
-                        MOST_BYTES);
+                        MAX_BYTES);
     const CtsStatus st = cts_hash_start(&hash, err);
     if (st)
         return st;

@@ -6,20 +6,20 @@
 
 enum { BLOCK_BYTES = 64 << 10 };
 
-typedef struct CtsTextBlock {
-    struct CtsTextBlock *next;
+typedef struct CtsStringPoolBlock {
+    struct CtsStringPoolBlock *next;
     size_t used, size;
     char bytes[];
-} CtsTextBlock;
+} CtsStringPoolBlock;
 
-const char *cts_texts_keep(CtsTexts *t, const char *text, size_t n)
+const char *cts_string_pool_add(CtsStringPool *t, const char *text, size_t n)
 {
-    CtsTextBlock *b = t->blocks;
+    CtsStringPoolBlock *b = t->blocks;
     if (!b || b->size - b->used <= n) {
         const size_t least = t->blocks ? BLOCK_BYTES : BLOCK_BYTES / 16, size = n < least ? least : n + 1;
         if (n > SIZE_MAX / 2 || !(b = malloc(sizeof *b + size)))
             return NULL;
-        *b = (CtsTextBlock){.next = t->blocks, .size = size};
+        *b = (CtsStringPoolBlock){.next = t->blocks, .size = size};
         t->blocks = b;
     }
     char *const copy = b->bytes + b->used;
@@ -30,7 +30,7 @@ const char *cts_texts_keep(CtsTexts *t, const char *text, size_t n)
     return copy;
 }
 
-const char *cts_texts_share(CtsTexts *t, const char *text, size_t n)
+const char *cts_string_pool_share(CtsStringPool *t, const char *text, size_t n)
 {
     uint32_t hash = 2166136261u;
     n = strnlen(text, n);
@@ -38,15 +38,15 @@ const char *cts_texts_share(CtsTexts *t, const char *text, size_t n)
         hash = (hash ^ (uint8_t)text[i]) * 16777619u;
     const char **slot = &t->shared[(hash ^ hash >> 16) % CTS_TEXT_SLOTS];
     if (!*slot || strncmp(*slot, text, n) != 0 || (*slot)[n])
-        *slot = cts_texts_keep(t, text, n);
+        *slot = cts_string_pool_add(t, text, n);
     return *slot;
 }
 
-void cts_texts_free(CtsTexts *t)
+void cts_string_pool_free(CtsStringPool *t)
 {
-    for (CtsTextBlock *b = t->blocks, *next; b; b = next) {
+    for (CtsStringPoolBlock *b = t->blocks, *next; b; b = next) {
         next = b->next;
         free(b);
     }
-    *t = (CtsTexts){0};
+    *t = (CtsStringPool){0};
 }

@@ -9,17 +9,17 @@ CTS_C_BEGIN
 
 enum { CTS_TEXT_SLOTS = 256 };
 
-/* Zero-initialise; free with cts_texts_free(). One thread at a time. */
-typedef struct CtsTexts {
-    struct CtsTextBlock *blocks;
+/* Zero-initialise; free with cts_string_pool_free(). One thread at a time. */
+typedef struct CtsStringPool {
+    struct CtsStringPoolBlock *blocks;
     const char *shared[CTS_TEXT_SLOTS]; /* by their hashes, the last one of each */
-} CtsTexts;
+} CtsStringPool;
 
 /* A copy of n bytes and a 0 after them. NULL without memory. */
-const char *cts_texts_keep(CtsTexts *texts, const char *text, size_t n);
+const char *cts_string_pool_add(CtsStringPool *texts, const char *text, size_t n);
 /* A pooled copy of the text up to its first 0 byte. NULL without memory. */
-const char *cts_texts_share(CtsTexts *texts, const char *text, size_t n);
-void cts_texts_free(CtsTexts *texts);
+const char *cts_string_pool_share(CtsStringPool *texts, const char *text, size_t n);
+void cts_string_pool_free(CtsStringPool *texts);
 
 CTS_C_END
 #endif

@@ -14,13 +14,13 @@ static const CtsOption *find_letter(char letter)
 
 static CtsStatus fail_unknown(const char *word, size_t length, int command, CtsError *err)
 {
-    CtsNear near = {.written = word + 2, .length = length > 2 ? length - 2 : 0};
+    CtsDidYouMean nearest_word = {.written = word + 2, .length = length > 2 ? length - 2 : 0};
     char hint[96] = "";
     for (const CtsOption *o = cts_options; o->name; o++)
         if (cts_option_is_of(o, (CtsCommand)command))
-            cts_near_try(&near, o->name);
-    if (near.word)
-        snprintf(hint, sizeof hint, " (did you mean --%s?)", near.word);
+            cts_did_you_mean_try(&nearest_word, o->name);
+    if (nearest_word.word)
+        snprintf(hint, sizeof hint, " (did you mean --%s?)", nearest_word.word);
     return cts_fail(err, CTS_ERR_USAGE, "%.*s: no such option%s (see ctsplat %s --help)", (int)length, word, hint,
                     cli_commands[command].name);
 }
@@ -61,7 +61,7 @@ static CtsStatus take_option(CtsOptions *options, int command, const char *const
             return cts_fail(err, CTS_ERR_USAGE, "%s: its argument is missing (%s)", word, o->argument);
         argument = *(*argv)++;
     }
-    const CtsWord said = {.name = o->name, .value = argument ? argument : ""};
+    const CtsJobOption said = {.name = o->name, .value = argument ? argument : ""};
     return cts_options_take(options, (CtsCommand)command, &said, err);
 }
 
@@ -89,7 +89,7 @@ CtsStatus cli_arguments(CtsOptions *options, int command, int argc, const char *
         } else if (!only_operands && word[0] == '-' && word[1]) {
             st = take_option(options, command, &argv, end, err);
         } else {
-            st = cts_options_take(options, CTS_FOR_JOB, &(CtsWord){.name = "path", .value = word}, err);
+            st = cts_options_take(options, CTS_FOR_JOB, &(CtsJobOption){.name = "path", .value = word}, err);
             argv++;
         }
     }

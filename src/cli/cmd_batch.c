@@ -1,7 +1,7 @@
 /* ctsplat batch: the command line as a batch, its progress, its contact sheet. */
 #include "app/batch/batch.h"
 #include "app/contact/contact_sheet.h"
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include "base/clock.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
@@ -24,12 +24,12 @@ static void on_series(void *context, const char *text, bool failed)
 }
 
 /* On a terminal at once, else a line a minute. */
-static void tell(double *told_ms, double done, int all, const char *text)
+static void show_progress(double *reported_ms, double done, int all, const char *text)
 {
     if (cli_progress_shows()) {
         cli_progress(done, all, text);
-    } else if (cts_wall_ms() - *told_ms >= 60000) {
-        *told_ms = cts_wall_ms();
+    } else if (cts_wall_ms() - *reported_ms >= 60000) {
+        *reported_ms = cts_wall_ms();
         cli_note("%s", text);
     }
 }
@@ -38,7 +38,7 @@ static void on_searching(void *context, uint64_t n_files)
 {
     char text[80];
     snprintf(text, sizeof text, "searching: %llu files of CT so far, still counting", (unsigned long long)n_files);
-    tell(context, 0, 1, text);
+    show_progress(context, 0, 1, text);
 }
 
 static void on_progress(void *context, const CtsBatchProgress *p)
@@ -46,30 +46,30 @@ static void on_progress(void *context, const CtsBatchProgress *p)
     char text[160];
     snprintf(text, sizeof text, "%zu of %zu series, %zu pictures%s", p->n_ended, p->n_series, p->n_pictures,
              cli_time_left(p->seconds_left).text);
-    tell(context, (double)p->n_ended, (int)p->n_series, text);
+    show_progress(context, (double)p->n_ended, (int)p->n_series, text);
 }
 
 static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsBatchResult *result,
                      CtsError *err)
 {
     char command[512] = "batch";
-    double told_ms = cts_wall_ms();
+    double reported_ms = cts_wall_ms();
     CtsBatchSettings settings = {.options = options,
                                  .lists = lists,
                                  .job = cts_options_job(options),
                                  .command = command,
-                                 .told = {.warning = on_warning,
-                                          .series = on_series,
-                                          .searching = on_searching,
-                                          .progress = on_progress,
-                                          .context = &told_ms},
+                                 .listener = {.warning = on_warning,
+                                              .series = on_series,
+                                              .searching = on_searching,
+                                              .progress = on_progress,
+                                              .context = &reported_ms},
                                  .stop = &cli_stop};
     settings.job.export.force = true;
     cts_options_command(options, command + strlen(command), sizeof command - strlen(command));
     CtsStatus st = cts_batch_open_folder(&settings, err);
     if (!st)
         st = cts_batch_check(&settings, report, err);
-    cli_print_findings(&report->findings, 0);
+    cli_print_diagnostics(&report->diagnostics, 0);
     return st ? st : cts_batch_run(&settings, result, err);
 }
 
@@ -94,7 +94,7 @@ static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsB
             all->n_failed++;
             st = CTS_OK;
         }
-        cts_net_forget(&fetched);
+        cts_net_fetched_remove(&fetched);
     }
     return st;
 }
@@ -146,7 +146,7 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "batch: no folder to write into (give -O DIR)");
     if (options->fresh && options->resume)
         return cts_fail(err, CTS_ERR_USAGE, "batch: --fresh starts over, --resume does not: give one of them");
-    cli_interrupt_asks();
+    cli_interrupt_sets_stop();
     if (!(st = cts_batch_lists(options, &lists, &report, err)))
         st = options->from.given ? run_found(options, &lists, &report, &result, err)
                                  : run(options, &lists, &report, &result, err);

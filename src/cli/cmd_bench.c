@@ -1,5 +1,5 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
 #include "lab/bench/bench.h"
@@ -97,7 +97,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     source.remove_table = preset->remove_table;
     source.interpolation = CTS_INTERPOLATION_LINEAR; /* engines are measured on the slices without interpolation */
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
-    cli_interrupt_asks();
+    cli_interrupt_sets_stop();
     if (st)
         goto end;
     CtsBenchSettings settings = {.volume = loaded.volume,

@@ -64,7 +64,7 @@ CtsStatus cli_check(const CtsOptions *options, int *exit_code, CtsError *err)
         .sink = cases ? add : print,
         .context = cases,
     };
-    cli_interrupt_asks();
+    cli_interrupt_sets_stop();
     CtsStatus st = cts_check_run(&settings, &n_cases, &n_failed, err);
     if (!st && cases && json_array_size(cases) == (size_t)n_cases)
         st = cli_print_json(json_pack("{s:O}", "cases", cases), err);

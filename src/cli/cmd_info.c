@@ -1,6 +1,6 @@
 /* ctsplat info: headers of every series, and the HU range of those that can be rendered. */
-#include "app/job/source.h"
-#include "app/words/options.h"
+#include "app/job/pipeline.h"
+#include "app/options/options.h"
 #include "base/json.h"
 #include "base/text.h"
 #include "cli/commands.h"
@@ -23,24 +23,24 @@ static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, C
                        : cts_series_scan(series, NULL, source->n_threads, &loaded.scanned, &report, &why);
     if (!st) {
         cts_pixel_facts(facts, loaded.scanned->even);
-        cts_source_tell_fill(source, loaded.scanned, &report);
+        cts_source_report_fill(source, loaded.scanned, &report);
         facts->has_labels = loaded.labels;
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {
         *err = why;
     } else {
         facts->refused = true;
         snprintf(facts->reason, sizeof facts->reason, "%s", why.text);
-        cts_findings_add(&facts->findings, "pixels_refused", CTS_REFUSAL, "%s", why.text);
+        cts_diagnostics_add(&facts->diagnostics, "pixels_refused", CTS_REFUSAL, "%s", why.text);
         st = CTS_OK;
     }
     facts->labels = report.labels;
     facts->n_labels = report.n_labels;
     report.labels = NULL;
     report.n_labels = 0;
-    for (size_t i = 0; i < report.findings.n; i++) {
-        const CtsFinding *f = &report.findings.items[i];
-        if (!cts_findings_have(&series->findings, f) && !cts_findings_have(&facts->findings, f))
-            cts_findings_add(&facts->findings, f->code, f->severity, "%s", f->text);
+    for (size_t i = 0; i < report.diagnostics.n; i++) {
+        const CtsDiagnostic *f = &report.diagnostics.items[i];
+        if (!cts_diagnostics_have(&series->diagnostics, f) && !cts_diagnostics_have(&facts->diagnostics, f))
+            cts_diagnostics_add(&facts->diagnostics, f->code, f->severity, "%s", f->text);
     }
 end:
     cts_loaded_free(&loaded);
@@ -116,10 +116,10 @@ static json_t *found_json(const CtsFound *found, bool show_patient)
 }
 
 /* Lists the peer's series without fetching any. */
-static CtsStatus tell_found(const CtsOptions *options, CtsError *err)
+static CtsStatus report_found(const CtsOptions *options, CtsError *err)
 {
     CtsFound found;
-    cli_interrupt_asks();
+    cli_interrupt_sets_stop();
     CtsStatus st = cts_net_find(&options->from.peer, &options->net, &options->find, &found, err);
     if (!st && !found.n)
         st = cts_fail(err, CTS_ERR_NO_SERIES, "the peer has no such series");
@@ -138,7 +138,7 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
     (void)exit_code;
     CtsStatus st;
     if (options->from.given)
-        return tell_found(options, err);
+        return report_found(options, err);
     CtsSeriesList *list = NULL;
     CtsPixelFacts *facts = NULL;
     const CtsSeriesSearch search = {.paths = options->paths.items,
@@ -163,7 +163,7 @@ end:
     cli_progress_clear();
     for (size_t i = 0; facts && i < list->n; i++) {
         cts_report_free(&(CtsReport){.labels = facts[i].labels, .n_labels = facts[i].n_labels});
-        cts_findings_free(&facts[i].findings);
+        cts_diagnostics_free(&facts[i].diagnostics);
     }
     free(facts);
     cts_series_list_free(&list);

@@ -1,8 +1,8 @@
 /* ctsplat render: the command line as a job, its progress, its log and its output. */
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
-#include "base/meter.h"
+#include "base/stage_timer.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
 #include <math.h>
@@ -25,7 +25,7 @@ static void print_plan_lines(const char *plan)
 /* Output of --explain: the task, the engine's plan, and omitted steps with reasons. */
 static void print_plan(const CtsJob *job, const CtsReport *report)
 {
-    char line[sizeof report->findings.items->text + 64];
+    char line[sizeof report->diagnostics.items->text + 64];
     const CtsRenderSettings *s = &job->render;
     printf("preset %s, mode %s, engine %s, kernel %s\n", job->preset->name, cts_mode_names[job->preset->mode],
            cts_engine_names[s->engine], cts_kernel_names[s->kernel]);
@@ -34,9 +34,9 @@ static void print_plan(const CtsJob *job, const CtsReport *report)
         printf(", and %d more views of a rotation", job->outputs.rotation - 1);
     putchar('\n');
     print_plan_lines(report->plan);
-    for (size_t i = 0; i < report->findings.n; i++)
-        if (report->findings.items[i].severity == CTS_NOTE)
-            printf("note: %s\n", cli_with_options(report->findings.items[i].text, line, sizeof line));
+    for (size_t i = 0; i < report->diagnostics.n; i++)
+        if (report->diagnostics.items[i].severity == CTS_NOTE)
+            printf("note: %s\n", cli_with_options(report->diagnostics.items[i].text, line, sizeof line));
     for (size_t i = 0; i < report->n_skips; i++)
         printf("left out: %s: %s\n", report->skips[i].what, report->skips[i].why);
 }
@@ -69,20 +69,20 @@ static CtsStatus begin(const CtsOptions *options, CtsLog *log, CtsPreset *preset
     int fd;
     const char *last_words;
     size_t n;
-    char command[512] = "render", lists[CTS_WORD_LISTS_MAX];
+    char command[512] = "render", lists[CTS_VALUE_LISTS_MAX];
     cts_options_command(options, command + strlen(command), sizeof command - strlen(command));
     cts_log_run(log, command, NULL);
     if (cts_log_last_words(log, &fd, &last_words, &n))
-        cli_interrupt_says(fd, last_words, n);
+        cli_interrupt_writes(fd, last_words, n);
     if (!options->outputs.n && !options->render.explain)
         return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in %s)",
-                        cts_word_lists("{outputs}", lists));
+                        cts_value_lists("{outputs}", lists));
     if ((st = cts_options_one_job(options, preset, job, report, err)) ||
         (st = cli_standard_output_begin(standard_output, options, job, err)))
         return st;
     cts_log_picture(log, preset->name, &job->render, options->rotation ? options->rotation : 1);
     if (options->from.given)
-        cli_interrupt_asks(); /* from now on there is a folder to clear away */
+        cli_interrupt_sets_stop(); /* from now on there is a folder to clear away */
     return CTS_OK;
 }
 
@@ -134,16 +134,17 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     /* The meter covers the whole run: time outside any stage is added to the last one. */
-    const CtsMeter whole = {.wall_ms = cts_wall_ms()};
+    const CtsStageTimer whole = {.wall_ms = cts_wall_ms()};
     CtsStatus st = cts_log_open(&log, options->log, options->export.key, true, whole.wall_ms, err);
     for (int i = 0; log && !options->show_paths && i < options->paths.n; i++)
         cts_names_add(&names, options->paths.items[i]);
     cts_log_without_names(log, &names);
     if (!st)
         st = begin(options, log, preset, &job, &standard_output, &report, err);
-    cts_meter_stop(whole, &report, CTS_STAGE_SCAN);
+    cts_stage_timer_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
-        CliWatch seen = {.log = log, .told_later = standard_output.path, .names = options->show_paths ? NULL : &names};
+        CliWatch seen = {
+            .log = log, .reported_later = standard_output.path, .names = options->show_paths ? NULL : &names};
         const CtsWatch watch = cli_watch(&seen);
         st = cts_job_run(&job, &watch, &report, err);
         cli_progress_clear();
@@ -151,9 +152,9 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     if (!st)
         st = hand_over(options, log, &job, &standard_output, &report, err);
     cli_standard_output_end(&standard_output);
-    cli_interrupt_says(0, NULL, 0);
+    cli_interrupt_writes(0, NULL, 0);
     cts_log_run(log, NULL, report.series_uid[0] ? report.series_uid : NULL);
-    cts_meter_stop(whole, &report, CTS_STAGE_EXPORT);
+    cts_stage_timer_stop(whole, &report, CTS_STAGE_EXPORT);
     st = end_log(options, log, &report, st, err);
     cts_report_free(&report);
     cts_names_free(&names);

@@ -20,7 +20,7 @@ static void note(const char *text)
 CtsStatus cli_serve(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
-    cli_interrupt_asks();
+    cli_interrupt_sets_stop();
     return cts_serve(options, ready, note, err);
 }
 
@@ -29,6 +29,6 @@ CtsStatus cli_receive(const CtsOptions *options, int *exit_code, CtsError *err)
     (void)exit_code;
     if (!options->output_dir)
         return cts_fail(err, CTS_ERR_USAGE, "receive: no folder to write into (give -O DIR)");
-    cli_interrupt_asks();
+    cli_interrupt_sets_stop();
     return cts_receive(options, note, err);
 }

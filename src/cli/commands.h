@@ -2,7 +2,7 @@
 #ifndef CTS_CLI_COMMANDS_H
 #define CTS_CLI_COMMANDS_H
 
-#include "app/words/options.h"
+#include "app/options/options.h"
 
 /* *exit_code is 0 on entry; a status other than CTS_OK becomes the one error line and the exit code of that status. */
 typedef CtsStatus CliRun(const CtsOptions *options, int *exit_code, CtsError *err);

@@ -1,7 +1,7 @@
 /* --help, printed from the tables. */
 #include "cli/commands.h"
 
-#include "app/words/options.h"
+#include "app/options/options.h"
 
 #include <expat.h>
 #include <jansson.h>
@@ -61,13 +61,13 @@ static void append_range(const CtsOption *o, char *text, size_t size)
 
 static void print_option(const CtsOption *o)
 {
-    char left[128], right[2 * CTS_WORD_LISTS_MAX] = "", help[CTS_WORD_LISTS_MAX];
+    char left[128], right[2 * CTS_VALUE_LISTS_MAX] = "", help[CTS_VALUE_LISTS_MAX];
     snprintf(left, sizeof left, "  %c%c%s--%s%s%s", o->letter ? '-' : ' ', o->letter ? o->letter : ' ',
              o->letter ? ", " : "  ", o->name, o->argument ? " " : "", o->argument ? o->argument : "");
     size_t n = 0;
     for (int i = 0; !strncmp(o->argument ? o->argument : "", "NAME", 4) && i < o->n_choices; i++)
         n += (size_t)snprintf(right + n, sizeof right - n, "%s%s", o->choices[i], i + 1 < o->n_choices ? " " : "; ");
-    snprintf(right + n, sizeof right - n, "%s", cts_word_lists(o->help, help));
+    snprintf(right + n, sizeof right - n, "%s", cts_value_lists(o->help, help));
     append_range(o, right, sizeof right);
     print_entry(left, right);
 }

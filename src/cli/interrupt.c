@@ -46,7 +46,7 @@ void cli_interrupt_init(void)
     signal(SIGXFSZ, SIG_IGN);
 }
 
-void cli_interrupt_says(int fd, const char *text, size_t size)
+void cli_interrupt_writes(int fd, const char *text, size_t size)
 {
     words = NULL;
     words_fd = fd;
@@ -59,7 +59,7 @@ void cli_interrupt_removes(const char *folder)
     empty_folder = folder;
 }
 
-void cli_interrupt_asks(void)
+void cli_interrupt_sets_stop(void)
 {
     may_exit = 0;
 }

@@ -26,7 +26,7 @@ static int find_command(const char *name, CtsError *err)
         strncat(list, names[c], sizeof list - strlen(list) - 1);
     }
     cts_fail(err, CTS_ERR_USAGE, "%s: not one of:%s%s (see ctsplat --help)", name, list,
-             cts_near_name(name, strlen(name), names, CLI_N_COMMANDS).text);
+             cts_did_you_mean(name, strlen(name), names, CLI_N_COMMANDS).text);
     return CLI_N_COMMANDS;
 }
 

@@ -1,6 +1,6 @@
 #include "cli/terminal.h"
 
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include "base/clock.h"
 #include <stdarg.h>
 #include <stdbool.h>
@@ -137,14 +137,15 @@ void cli_error(const CtsError *err)
     print_line("error: ", err->text);
 }
 
-void cli_print_findings(const CtsFindings *findings, size_t from)
+void cli_print_diagnostics(const CtsDiagnostics *diagnostics, size_t from)
 {
-    for (size_t i = from; i < findings->n; i++) {
-        const CtsFinding *f = &findings->items[i];
-        bool told = f->severity != CTS_WARNING;
-        for (size_t before = 0; before < i && !told; before++)
-            told = findings->items[before].severity == CTS_WARNING && !strcmp(findings->items[before].text, f->text);
-        if (!told)
+    for (size_t i = from; i < diagnostics->n; i++) {
+        const CtsDiagnostic *f = &diagnostics->items[i];
+        bool reported = f->severity != CTS_WARNING;
+        for (size_t before = 0; before < i && !reported; before++)
+            reported =
+                diagnostics->items[before].severity == CTS_WARNING && !strcmp(diagnostics->items[before].text, f->text);
+        if (!reported)
             cli_warning("%s", f->text);
     }
 }
@@ -175,11 +176,11 @@ static void step(void *context, double done, int all, const char *what)
     cli_progress(done, all, text);
 }
 
-static void findings(void *context, const CtsReport *report)
+static void diagnostics(void *context, const CtsReport *report)
 {
     CliWatch *seen = context;
-    cli_print_findings(&report->findings, seen->n_findings);
-    seen->n_findings = report->findings.n;
+    cli_print_diagnostics(&report->diagnostics, seen->n_diagnostics);
+    seen->n_diagnostics = report->diagnostics.n;
 }
 
 static void found(void *context, const CtsSeriesList *list)
@@ -192,13 +193,13 @@ static void found(void *context, const CtsSeriesList *list)
 static void loaded(void *context)
 {
     (void)context;
-    cli_interrupt_asks();
+    cli_interrupt_sets_stop();
 }
 
 static void output(void *context, const char *path, const char *format, uint64_t bytes)
 {
     const CliWatch *seen = context;
-    if (!seen->told_later || strcmp(path, seen->told_later))
+    if (!seen->reported_later || strcmp(path, seen->reported_later))
         cts_log_output(seen->log, path, format, bytes);
 }
 
@@ -206,7 +207,7 @@ CtsWatch cli_watch(CliWatch *seen)
 {
     return (CtsWatch){.context = seen,
                       .step = cli_progress_shows() ? step : NULL,
-                      .findings = findings,
+                      .diagnostics = diagnostics,
                       .found = found,
                       .loaded = loaded,
                       .output = output};

@@ -3,7 +3,7 @@
 #define CTS_CLI_TERMINAL_H
 
 #include "app/job/render_job.h"
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include "output/report/log.h"
 #include "output/report/redact.h"
 #include <jansson.h>
@@ -33,15 +33,15 @@ void cli_error(const CtsError *err);
 void cli_warning(const char *format, ...) __attribute__((format(printf, 1, 2)));
 void cli_note(const char *format, ...) __attribute__((format(printf, 1, 2)));
 /* Warnings among findings[from..n), each text once. */
-void cli_print_findings(const CtsFindings *findings, size_t from);
+void cli_print_diagnostics(const CtsDiagnostics *diagnostics, size_t from);
 
 /* A job seen from the terminal: a progress bar, warnings as they come, outputs into the log. */
 typedef struct CliWatch {
-    CtsLog *log;            /* NULL: none */
-    const char *told_later; /* an output that is not yet reported, or NULL */
-    size_t n_findings;      /* of the report, printed so far */
-    CtsNames *names;        /* of input files, for the log to leave out; or NULL */
-    double frames_start_ms; /* when the first frame began */
+    CtsLog *log;                /* NULL: none */
+    const char *reported_later; /* an output that is not yet reported, or NULL */
+    size_t n_diagnostics;       /* of the report, printed so far */
+    CtsNames *names;            /* of input files, for the log to leave out; or NULL */
+    double frames_start_ms;     /* when the first frame began */
 } CliWatch;
 
 /* From loading on, signals ask the job to stop. */
@@ -68,11 +68,11 @@ extern volatile sig_atomic_t cli_stop;
 void cli_interrupt_init(void);
 /* Initially a signal ends the process at once, which suits work without temporary files and without a stop flag, such
  * as reading a series. After this call signals set cli_stop instead. */
-void cli_interrupt_asks(void);
+void cli_interrupt_sets_stop(void);
 
 /* A line that a signal which ends the program at once writes to this file before; text must stay valid. NULL:
  * nothing. */
-void cli_interrupt_says(int fd, const char *text, size_t size);
+void cli_interrupt_writes(int fd, const char *text, size_t size);
 /* An empty folder that such a signal removes; must stay valid. NULL: none. */
 void cli_interrupt_removes(const char *folder);
 

@@ -17,7 +17,7 @@ double bench_median(double *values, int n)
 int bench_rounds(const char *text, int by_default)
 {
     const int asked = text ? atoi(text) : by_default;
-    return asked < 1 ? 1 : asked > BENCH_MOST_ROUNDS ? BENCH_MOST_ROUNDS : asked;
+    return asked < 1 ? 1 : asked > BENCH_MAX_ROUNDS ? BENCH_MAX_ROUNDS : asked;
 }
 
 CtsStatus bench_load(const char *folder, CtsVolume **volume, CtsError *err)

@@ -4,12 +4,12 @@
 
 #include "ctsplat/ctsplat.h"
 
-enum { BENCH_MOST_ROUNDS = 99 };
+enum { BENCH_MAX_ROUNDS = 99 };
 
 /* Sorts values. */
 double bench_median(double *values, int n);
 
-/* The number of rounds in text, or by_default where that is NULL; 1 to BENCH_MOST_ROUNDS. */
+/* The number of rounds in text, or by_default where that is NULL; 1 to BENCH_MAX_ROUNDS. */
 int bench_rounds(const char *text, int by_default);
 
 /* The CT series in a folder, macro-cells made. Free with cts_volume_free(). */

@@ -25,7 +25,7 @@ static int measure(const CtsVolume *volume, const char *name, int rounds)
     }
     printf("%-8s", name);
     for (size_t w = 0; w < sizeof ways / sizeof *ways; w++) {
-        double ms[BENCH_MOST_ROUNDS];
+        double ms[BENCH_MAX_ROUNDS];
         bool same = true;
         cts_cpu_set_mask(ways[w].cpu);
         for (int r = 0; r < rounds; r++) {

@@ -49,7 +49,7 @@ static double read_bytes_per_ms(const CtsVolume *v)
 
 static int measure(const CtsVolume *volume, const Row *row, int n_threads, int rounds, double bytes_per_ms)
 {
-    double tiled_ms[BENCH_MOST_ROUNDS], classic_ms[BENCH_MOST_ROUNDS];
+    double tiled_ms[BENCH_MAX_ROUNDS], classic_ms[BENCH_MAX_ROUNDS];
     CtsPreset preset;
     CtsError err = {0};
     CtsReport report = {0};

@@ -17,7 +17,7 @@ typedef struct Series {
 static const char victim_name[] = "IM0004.dcm";
 
 /* *told: the reader reported a missing slice. err->text: after a success, the slice left out and the reason. */
-static CtsStatus load_told(const char *folder, CtsVolume **volume, bool *told, CtsError *err)
+static CtsStatus load_reporting(const char *folder, CtsVolume **volume, bool *reported, CtsError *err)
 {
     static char left_out[400];
     CtsReport report = {0};
@@ -30,12 +30,12 @@ static CtsStatus load_told(const char *folder, CtsVolume **volume, bool *told, C
         st = cts_series_choose(list, NULL, &series, err);
     if (!st)
         st = cts_series_load(series, 1, NULL, volume, &report, err);
-    *told = false;
+    *reported = false;
     left_out[0] = 0;
-    for (size_t i = 0; i < report.findings.n; i++) {
-        *told |= strcmp(report.findings.items[i].code, "missing_slices") == 0;
-        if (strcmp(report.findings.items[i].code, "bad_slices") == 0)
-            snprintf(left_out, sizeof left_out, "%s", report.findings.items[i].text);
+    for (size_t i = 0; i < report.diagnostics.n; i++) {
+        *reported |= strcmp(report.diagnostics.items[i].code, "missing_slices") == 0;
+        if (strcmp(report.diagnostics.items[i].code, "bad_slices") == 0)
+            snprintf(left_out, sizeof left_out, "%s", report.diagnostics.items[i].text);
     }
     if (!st)
         snprintf(err->text, sizeof err->text, "%s", left_out);
@@ -48,8 +48,8 @@ static CtsStatus load_told(const char *folder, CtsVolume **volume, bool *told, C
 
 static CtsStatus load_folder(const char *folder, CtsVolume **volume, CtsError *err)
 {
-    bool told;
-    return load_told(folder, volume, &told, err);
+    bool reported;
+    return load_reporting(folder, volume, &reported, err);
 }
 
 /* A copy of one of the test series in a folder of its own. */
@@ -108,11 +108,11 @@ static void test_cut_short(void **state)
              n += n < 200 || n + 40 > s.victim.n ? 1 + 4 * CTS_SANITIZED : 11 + 60 * CTS_SANITIZED) {
             CtsVolume *v;
             CtsError err;
-            bool told;
+            bool reported;
             write_bytes(s.folder, victim_name, s.victim.data, n);
-            if (load_told(s.folder, &v, &told, &err))
+            if (load_reporting(s.folder, &v, &reported, &err))
                 fail_msg("%s cut to %zu bytes: %s", encodings[e], n, err.text);
-            if (told == equal(v, s.good))
+            if (reported == equal(v, s.good))
                 fail_msg("%s cut to %zu bytes: another picture in silence", encodings[e], n);
             cts_volume_free(&v);
         }
@@ -157,10 +157,10 @@ static void expect_left_out(Series *s, const char *part)
 {
     CtsVolume *v;
     CtsError err;
-    bool told;
+    bool reported;
     write_bytes(s->folder, victim_name, s->victim.data, s->victim.n);
-    const CtsStatus st = load_told(s->folder, &v, &told, &err);
-    if (st || !told || !strstr(err.text, part) || !strstr(err.text, victim_name))
+    const CtsStatus st = load_reporting(s->folder, &v, &reported, &err);
+    if (st || !reported || !strstr(err.text, part) || !strstr(err.text, victim_name))
         fail_msg("%d %s, wanted %s", st, err.text, part);
     assert_int_equal(v->dims[2], s->good->dims[2]);
     assert_false(equal(v, s->good));
@@ -333,9 +333,9 @@ static void test_directory(void **state)
     assert_int_equal(cts_series_find(paths, 1, 1, &list, NULL, &err), CTS_OK);
     assert_true(list->n == 1 && list->items[0].n_slices == 2 && list->n_unreadable == 1 && list->n_not_ct == 1);
     bool escapes = false, missing = false;
-    for (size_t i = 0; i < list->findings.n; i++) {
-        escapes |= strcmp(list->findings.items[i].code, "directory_escapes") == 0;
-        missing |= strcmp(list->findings.items[i].code, "unreadable_file") == 0;
+    for (size_t i = 0; i < list->diagnostics.n; i++) {
+        escapes |= strcmp(list->diagnostics.items[i].code, "directory_escapes") == 0;
+        missing |= strcmp(list->diagnostics.items[i].code, "unreadable_file") == 0;
     }
     assert_true(escapes && missing);
     cts_series_list_free(&list);

@@ -1,7 +1,7 @@
 /* The dictionary that ctsplat loads equals DCMTK's own for every tag. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 #include "dicom/header/dcm_read.h"
 
 #include <cstdio>

@@ -116,7 +116,7 @@ void compare_bytes(DcmItem &theirs, const uint8_t *bytes, size_t n, const CtsSyn
     compare(theirs, ours, path, how);
 }
 
-void compare_anew(DcmDataset &data, E_TransferSyntax syntax, size_t room, const char *path, const char *how)
+void compare_rewritten(DcmDataset &data, E_TransferSyntax syntax, size_t room, const char *path, const char *how)
 {
     std::vector<uint8_t> bytes(room);
     DcmOutputBufferStream out(bytes.data(), static_cast<offile_off_t>(bytes.size()));
@@ -165,8 +165,8 @@ int visit(const char *path, const struct stat *info, int type, struct FTW *)
     n_read++;
     const size_t room = 2 * scan.header_end + 1024;
     compare_bytes(data, start, scan.header_end, native, path, "as it is");
-    compare_anew(data, EXS_LittleEndianImplicit, room, path, "with implicit VR");
-    compare_anew(data, EXS_BigEndianExplicit, room, path, "in big endian");
+    compare_rewritten(data, EXS_LittleEndianImplicit, room, path, "with implicit VR");
+    compare_rewritten(data, EXS_BigEndianExplicit, room, path, "in big endian");
     return 0;
 }
 

@@ -13,12 +13,12 @@ enum { N_SLICES = 10, COLUMNS = 28, ROWS = 24 };
 
 static CtsStatus read_dicom(const CtsLabelReading *reading, const CtsFile *file, CtsError *err)
 {
-    CtsPlainObject object;
-    CtsStatus st = cts_plain_open(&object, file, err);
+    CtsLabelDicom object;
+    CtsStatus st = cts_label_dicom_open(&object, file, err);
     if (!st && !object.encapsulated && !(st = cts_label_check_patient(reading, &object, err)))
         st = strstr(object.class_uid, ".481.") ? cts_label_read_rtstruct(reading, &object, err)
                                                : cts_label_read_seg(reading, &object, err);
-    cts_plain_close(&object);
+    cts_label_dicom_close(&object);
     return st;
 }
 
@@ -61,7 +61,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     }
     const CtsLabelReading reading = {.series = &series, .labels = labels, .file = 1, .names = &names};
     const CtsStatus st = cts_nifti_is(data, n)                    ? cts_label_read_nifti(&reading, &file, &err)
-                         : cts_plain_is_dicom(data, n, class_uid) ? read_dicom(&reading, &member, &err)
+                         : cts_label_is_dicom(data, n, class_uid) ? read_dicom(&reading, &member, &err)
                                                                   : CTS_OK;
     assert(!st == !err.text[0]);
     if (!st && !cts_labels_begin(labels, &err) && !cts_labels_count(labels, number, N_SLICES, NULL, &err))

@@ -16,7 +16,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
         return 0;
     assert(scan.header_end >= meta.data_offset && scan.header_end <= n);
     const CtsDataSet set = {data + meta.data_offset, scan.header_end - meta.data_offset, &scan, native};
-    CtsTexts texts = {0};
+    CtsStringPool texts = {0};
     CtsObject object = {0};
     CtsError err = {0};
     if (cts_dcm_read_object(&set, &texts, meta.sop_class_uid, &object, &err))
@@ -24,6 +24,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     for (int i = 0; i < object.n_slices; i++)
         assert(!object.slices[i]->fault == !object.slices[i]->fault_text);
     cts_object_free(&object);
-    cts_texts_free(&texts);
+    cts_string_pool_free(&texts);
     return 0;
 }

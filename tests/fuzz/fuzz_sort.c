@@ -1,6 +1,6 @@
 /* Series sorting on invented headers: 16 bytes a slice, positions, times and numbers all mixed up. */
 #include "fuzz.h"
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -72,7 +72,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     /* Its first byte decides, too. */
     const CtsSeriesRules rules = {.allow_missing_slices = data[0] & 1};
     const CtsStudyNumbers numbers = {0};
-    assert(cts_series_judge(&set, &rules, &numbers, series, &n_series, &err) == CTS_OK);
+    assert(cts_series_check(&set, &rules, &numbers, series, &n_series, &err) == CTS_OK);
     assert(n_series >= 1 && n_series <= CTS_MAX_PARTS);
     for (int i = 0; i < n_series; i++) {
         kept += check(&series[i]);
@@ -82,7 +82,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
         }
         free(series[i].slices);
         free(series[i].description);
-        cts_findings_free(&series[i].findings);
+        cts_diagnostics_free(&series[i].diagnostics);
     }
     assert(kept <= n_slices);
     return 0;

@@ -41,7 +41,7 @@ done >missing
     fail "a public header speaks of the command line"
 
 # Each function has its page, made from the header that declares it.
-pages=$(dirname "$(find tree -name cts_words_run.3)")
+pages=$(dirname "$(find tree -name cts_options_run.3)")
 while read -r name; do
     [ -e "$pages/$name.3" ] || grep -q "$name\[" "$root"/include/ctsplat/*.h || echo "$name"
 done <declared >missing
@@ -51,7 +51,7 @@ if command -v groff >/dev/null; then
     for page in "$pages"/ctsplat*.3; do
         [ -z "$(groff -man -ww -Tutf8 -z "$page" 2>&1)" ] || fail "$page: $(groff -man -ww -Tutf8 -z "$page" 2>&1)"
     done
-    groff -man -Tutf8 "$pages/ctsplat-job.3" | grep -q 'CtsStatus cts_words_run(' || fail "a page lacks its function"
+    groff -man -Tutf8 "$pages/ctsplat-job.3" | grep -q 'CtsStatus cts_options_run(' || fail "a page lacks its function"
 fi
 
 # Users of the library may be strict, and may write C++.

@@ -42,24 +42,24 @@ static int parse(int argc, char **argv, Options *o)
     return o->path != NULL;
 }
 
-static void print_findings(const CtsFindings *findings)
+static void print_diagnostics(const CtsDiagnostics *diagnostics)
 {
-    for (size_t i = 0; i < findings->n; i++)
-        printf("finding %s %d %s\n", findings->items[i].code, (int)findings->items[i].severity,
-               findings->items[i].text);
+    for (size_t i = 0; i < diagnostics->n; i++)
+        printf("finding %s %d %s\n", diagnostics->items[i].code, (int)diagnostics->items[i].severity,
+               diagnostics->items[i].text);
 }
 
 static void print_list(const CtsSeriesList *list)
 {
     printf("files %d not_ct %d unreadable %d\n", list->n_files, list->n_not_ct, list->n_unreadable);
-    print_findings(&list->findings);
+    print_diagnostics(&list->diagnostics);
     for (size_t i = 0; i < list->n; i++) {
         const CtsSeries *s = &list->items[i];
         printf("series %s part %d slices %d size %d %d spacing %.9g %.9g %.9g tilt %.6f syntax %s orientation %s "
                "renderable %d exit %d reason %s\n",
                s->uid, s->part, s->n_slices, s->columns, s->rows, s->spacing_mm[0], s->spacing_mm[1], s->spacing_mm[2],
                s->tilt_deg, s->transfer_syntax, s->orientation, s->renderable, cts_exit_code(s->refusal), s->reason);
-        print_findings(&s->findings);
+        print_diagnostics(&s->diagnostics);
     }
 }
 
@@ -123,7 +123,7 @@ static CtsStatus run(const Options *o, int last, CtsError *err)
         time_copy(volume);
     if (!st && volume && last) {
         print_volume(volume);
-        print_findings(&report.findings);
+        print_diagnostics(&report.diagnostics);
         if (o->raw && !write_raw(volume, o->raw))
             st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be written", o->raw);
     }

@@ -1,7 +1,7 @@
 /* Status, memory, cores and reports. */
+#include "base/clamp.h"
 #include "base/cpu.h"
 #include "base/exit_code.h"
-#include "base/levels.h"
 #include "base/mem.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
@@ -180,24 +180,24 @@ static void test_lists(void **state)
     text[sizeof text - 1] = 0;
     for (int i = 0; i < 100; i++) {
         cts_report_skip(&r, "lighting", "reason %d", i);
-        cts_report_finding(&r, "gap", CTS_WARNING, "slice %d", i);
+        cts_report_diagnostic(&r, "gap", CTS_WARNING, "slice %d", i);
     }
-    cts_report_finding(&r, text, CTS_REFUSAL, "%s", text);
+    cts_report_diagnostic(&r, text, CTS_REFUSAL, "%s", text);
     assert_int_equal(r.n_skips, 100);
-    assert_int_equal(r.findings.n, 101);
+    assert_int_equal(r.diagnostics.n, 101);
     assert_string_equal(r.skips[63].why, "reason 63");
-    assert_string_equal(r.findings.items[99].text, "slice 99");
-    assert_int_equal(strlen(r.findings.items[100].text), sizeof r.findings.items[100].text - 1);
-    assert_int_equal(strlen(r.findings.items[100].code), sizeof r.findings.items[100].code - 1);
+    assert_string_equal(r.diagnostics.items[99].text, "slice 99");
+    assert_int_equal(strlen(r.diagnostics.items[100].text), sizeof r.diagnostics.items[100].text - 1);
+    assert_int_equal(strlen(r.diagnostics.items[100].code), sizeof r.diagnostics.items[100].code - 1);
     cts_report_plan(&r, "engine %s", "classic");
     cts_report_plan(&r, "layers %d", 12);
     assert_string_equal(r.plan, "engine classic\nlayers 12\n");
     cts_report_free(&r);
-    assert_true(!r.plan && !r.skips && !r.findings.items && r.n_skips == 0);
+    assert_true(!r.plan && !r.skips && !r.diagnostics.items && r.n_skips == 0);
     cts_report_free(&r);
     cts_report_free(NULL);
     cts_report_skip(NULL, "a", "b");
-    cts_report_finding(NULL, "a", CTS_NOTE, "b");
+    cts_report_diagnostic(NULL, "a", CTS_NOTE, "b");
     cts_report_plan(NULL, "a");
 }
 
@@ -217,13 +217,13 @@ static void test_levels(void **state)
     int crossed = 0;
     for (int level = 1; level < 65536; level++) {
         const double middle = (level - 0.5) / 65535, below = middle * (1 - 1e-15), above = middle * (1 + 1e-15);
-        assert_int_equal(floor((double)cts_level_float(below) * 65535 + 0.5), level - 1);
-        assert_int_equal(floor((double)cts_level_float(above) * 65535 + 0.5), level);
-        assert_true(fabs((double)cts_level_float(above) - above) < 1.2e-7 * above);
+        assert_int_equal(floor((double)cts_clamp_to_level(below) * 65535 + 0.5), level - 1);
+        assert_int_equal(floor((double)cts_clamp_to_level(above) * 65535 + 0.5), level);
+        assert_true(fabs((double)cts_clamp_to_level(above) - above) < 1.2e-7 * above);
         crossed += floor((double)(float)above * 65535 + 0.5) != level;
     }
     assert_true(crossed > 1000);
-    assert_true(cts_level_float(NAN) == 0 && cts_level_float(-1) == 0 && cts_level_float(2) == 1);
+    assert_true(cts_clamp_to_level(NAN) == 0 && cts_clamp_to_level(-1) == 0 && cts_clamp_to_level(2) == 1);
 }
 
 int main(void)

@@ -1,7 +1,7 @@
 /* Bit masks. */
 #include "unit.h"
 
-#include "core/couch/removal.h"
+#include "core/couch/table_removal.h"
 #include "core/volume/threshold.h"
 #include "ctsplat/volume.h"
 #include <stdbool.h>

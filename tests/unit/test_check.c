@@ -61,14 +61,14 @@ static void test_truth(void **state)
     double rgba[4];
     assert_true(fabs(cts_truth_integral(square_root, NULL, 0, 1) + 4.0 / 9) < 1e-12);
     CtsPreset p = cts_check_even_preset(0.5, 1, 0.5, 0);
-    CtsTruthStretch s = {0, 900, 3, -1};
-    cts_truth_stretches(&p, 1, &s, 1, rgba);
+    CtsTruthInterval s = {0, 900, 3, -1};
+    cts_truth_intervals(&p, 1, &s, 1, rgba);
     assert_true(fabs(rgba[3] - 0.875) < 1e-15 && fabs(rgba[1] - 0.4375) < 1e-15);
     /* Linear opacity 0..1 over 1 mm: depth is the integral of -ln(1 - x), which is 1. */
     p = cts_check_preset((const CtsCheckPoint[]){{0, 0, {0, 1, 1}}, {100, 1, {1, 1, 1}}}, 2);
     p.unit_distance_mm = 1;
-    s = (CtsTruthStretch){0, 100, 1, -1};
-    cts_truth_stretches(&p, 1, &s, 1, rgba);
+    s = (CtsTruthInterval){0, 100, 1, -1};
+    cts_truth_intervals(&p, 1, &s, 1, rgba);
     assert_true(fabs(rgba[3] + expm1(-1)) < 1e-12);
     /* A midpoint sum with a million steps for colour and depth together. */
     double depth = 0, red = 0;

@@ -325,8 +325,8 @@ static void test_otherwise(void **state)
     CtsReport report = {0};
     whole.fit = CTS_FIT_VOLUME;
     assert_true(scale_of(v, &nothing, &s, &report) == scale_of(v, &p, &whole, NULL));
-    assert_int_equal(report.findings.n, 1);
-    assert_string_equal(report.findings.items[0].code, "nothing_visible");
+    assert_int_equal(report.diagnostics.n, 1);
+    assert_string_equal(report.diagnostics.items[0].code, "nothing_visible");
     cts_report_free(&report);
     for (int mode = CTS_MODE_COMPOSITE; mode < CTS_N_MODES; mode++) {
         s.mode = mode;

@@ -132,7 +132,7 @@ static void check_given(CtsNumber number, size_t size, const double *hu, double 
                size);
     }
     const ptrdiff_t stride = (ptrdiff_t)(gap * size);
-    const CtsGivenHu given = {.bytes = bytes,
+    const CtsHuArray given = {.bytes = bytes,
                               .number = number,
                               .dims = {NX, NY, NZ},
                               .stride_bytes = {stride, NX * stride, NX * NY * stride},

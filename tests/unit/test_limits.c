@@ -3,12 +3,12 @@
 #include "base/mem.h"
 #include "dicom/codec/codec.h"
 #include "dicom/header/dcm_read.h"
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include "dicom/parser/tag_scan.h"
 #include "dicom_files.h"
 #include "folder.h"
 #include "input/files/scan.h"
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 #include <zlib.h>
 
 /* A stack of synthetic slices; NULL fields are not checked by any rule. */
@@ -45,7 +45,7 @@ static void clear(CtsSeries *series)
     }
     free(series->slices);
     free(series->description);
-    cts_findings_free(&series->findings);
+    cts_diagnostics_free(&series->diagnostics);
 }
 
 static void test_slices(void **state)
@@ -56,7 +56,7 @@ static void test_slices(void **state)
         CtsError err = {0};
         int n_series = 0;
         CtsSliceSet set = stack_of(n, 4);
-        assert_int_equal(cts_series_judge(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
+        assert_int_equal(cts_series_check(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
                          CTS_OK);
         assert_int_equal(n_series, 1);
         assert_int_equal(series[0].refusal, n <= 20000 ? CTS_OK : CTS_ERR_GEOMETRY);
@@ -86,7 +86,7 @@ static void test_volume(void **state)
     CtsSliceSet set = stack_of(20000, 4096);
     if ((double)cts_memory_available() > 1e12)
         skip();
-    assert_int_equal(cts_series_judge(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
+    assert_int_equal(cts_series_check(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
                      CTS_OK);
     assert_true(series[0].renderable);
     assert_int_equal(cts_series_load(&series[0], 1, NULL, &volume, NULL, &err), CTS_ERR_MEMORY);

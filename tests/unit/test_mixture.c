@@ -428,9 +428,9 @@ static void test_picture(void **state)
             cts_cpu_set_mask(threads > 1 ? ~0u : 0);
             CtsPicture *p = render(v, &bone, &s, &report);
             assert_memory_equal(p->pixels, (takes ? expected : strict)->pixels, n_bytes);
-            assert_int_equal(report.findings.n, 1);
-            assert_int_equal(report.findings.items[0].severity, CTS_WARNING);
-            assert_string_equal(report.findings.items[0].code, takes ? "void_key" : "void_key_unused");
+            assert_int_equal(report.diagnostics.n, 1);
+            assert_int_equal(report.diagnostics.items[0].severity, CTS_WARNING);
+            assert_string_equal(report.diagnostics.items[0].code, takes ? "void_key" : "void_key_unused");
             cts_report_free(&report);
             cts_picture_free(&p);
         }
@@ -461,7 +461,7 @@ static void test_frames(void **state)
         cts_picture_free(&alone);
         cts_picture_free(&p);
     }
-    assert_int_equal(report.findings.n, 1);
+    assert_int_equal(report.diagnostics.n, 1);
     cts_render_end(&renderer);
     cts_report_free(&report);
     cts_volume_free(&v);

@@ -2,7 +2,7 @@
  * reference ray caster with it. */
 #include "base/cpu.h"
 #include "core/scene/openness.h"
-#include "core/volume/owners.h"
+#include "core/volume/voxel_labels.h"
 #include "scenes.h"
 #include <math.h>
 
@@ -146,12 +146,12 @@ static void test_hidden_labels_let_light_through(void **state)
     CtsError err = {0};
     for (size_t i = 0; i < cts_volume_n_voxels(shown) / 2; i++)
         shown->grey[i] = 0;
-    CtsOwners owners = {.shown = shown};
-    v->owners = &owners;
+    CtsVoxelLabels voxel_labels = {.shown = shown};
+    v->voxel_labels = &voxel_labels;
     assert_int_equal(cts_openness_new(&hidden, v, &preset, 1, &err), CTS_OK);
     assert_int_equal(cts_openness_new(&cut, shown, &preset, 1, &err), CTS_OK);
     assert_same_field(hidden, cut, "half of the head hidden");
-    v->owners = NULL;
+    v->voxel_labels = NULL;
     cts_openness_free(&hidden);
     cts_openness_free(&cut);
     cts_volume_free(&v);

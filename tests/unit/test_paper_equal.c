@@ -68,8 +68,8 @@ static void check(const Case *c, const int *threads, int n_threads)
             for (int mask = 0; mask < 2; mask++) {
                 s.engine = (CtsEngineId)engine;
                 s.n_threads = threads[t];
-                s.sees_hidden = mask;
-                s.reuses_always = (t + mask) % 2;
+                s.no_occlusion_culling = mask;
+                s.always_reuse_layers = (t + mask) % 2;
                 cts_cpu_set_mask(mask ? ~0u : 0);
                 expect_same(c, &s, expected);
             }

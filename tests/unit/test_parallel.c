@@ -14,19 +14,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { MOST = 3000, MOST_THREADS = 9 };
+enum { MOST = 3000, MAX_THREADS = 9 };
 
 typedef struct Tally {
-    atomic_int times[MOST];      /* that an item was worked on */
-    atomic_int at[MOST_THREADS]; /* calls of a worker under way */
-    atomic_int wrong;            /* two calls of one worker at once, or a range that is none */
+    atomic_int times[MOST];     /* that an item was worked on */
+    atomic_int at[MAX_THREADS]; /* calls of a worker under way */
+    atomic_int wrong;           /* two calls of one worker at once, or a range that is none */
     size_t n, chunk;
 } Tally;
 
 static void count(void *context, int worker, size_t first, size_t end)
 {
     Tally *const t = context;
-    t->wrong += worker < 0 || worker >= MOST_THREADS || first >= end || end > t->n;
+    t->wrong += worker < 0 || worker >= MAX_THREADS || first >= end || end > t->n;
     t->wrong += t->chunk > 0 && (first % t->chunk || end - first > t->chunk);
     t->wrong += atomic_fetch_add(&t->at[worker], 1) > 0;
     for (size_t i = first; i < end; i++)
@@ -53,7 +53,7 @@ static void test_each_item_once(void **state)
 {
     (void)state;
     const size_t n[] = {0, 1, 2, 8, 100, 2999, MOST}, chunks[] = {0, 1, 3, 64, 5000};
-    for (int n_threads = 0; n_threads <= MOST_THREADS; n_threads++)
+    for (int n_threads = 0; n_threads <= MAX_THREADS; n_threads++)
         for (size_t i = 0; i < sizeof n / sizeof *n; i++)
             for (size_t c = 0; c < sizeof chunks / sizeof *chunks; c++)
                 check_loop(n_threads, n[i], chunks[c]);
@@ -126,7 +126,7 @@ static void test_many_callers(void **state)
         pthread_join(threads[i], NULL);
 }
 
-static atomic_int most_threads;
+static atomic_int max_threads;
 
 static int threads_listed(void)
 {
@@ -144,11 +144,11 @@ static int threads_listed(void)
 static void count_threads(void)
 {
     int n = threads_listed();
-    for (int i = 0; i < 1000 && n > 1 && most_threads <= 1; i++) {
+    for (int i = 0; i < 1000 && n > 1 && max_threads <= 1; i++) {
         usleep(1000);
         n = threads_listed();
     }
-    most_threads = n > most_threads ? n : most_threads;
+    max_threads = n > max_threads ? n : max_threads;
 }
 
 static void test_alone_at_fork(void **state)
@@ -162,7 +162,7 @@ static void test_alone_at_fork(void **state)
             _exit(0);
         assert_int_equal(waitpid(child, NULL, 0), child);
     }
-    assert_int_equal(most_threads, 1);
+    assert_int_equal(max_threads, 1);
 }
 
 static void test_after_fork(void **state)

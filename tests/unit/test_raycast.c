@@ -44,7 +44,7 @@ static double linear_at(const CtsVolume *v, const double c[4], const double poin
 static void expect_linear(const Rays *r, const double c[4], double x, double y, double facing, double expected[4])
 {
     CtsTruthRay ray;
-    CtsTruthStretch s = {0, 0, 0, facing};
+    CtsTruthInterval s = {0, 0, 0, facing};
     double p[3];
     memset(expected, 0, 4 * sizeof *expected);
     if (!rays_truth(r, x, y, &ray))
@@ -54,7 +54,7 @@ static void expect_linear(const Rays *r, const double c[4], double x, double y, 
     cts_truth_ray_point(&ray, ray.to_mm, p);
     s.hu1 = linear_at(r->volume, c, p);
     s.length_mm = ray.to_mm - ray.from_mm;
-    cts_truth_stretches(&r->preset, r->scene.extinction_scale, &s, 1, expected);
+    cts_truth_intervals(&r->preset, r->scene.extinction_scale, &s, 1, expected);
 }
 
 static void test_slab(void **state)
@@ -227,22 +227,22 @@ static double sphere_hu(const double vox[3], const void *data)
                                                  (vox[2] - s->centre[2]) * (vox[2] - s->centre[2]));
 }
 
-static bool sphere_next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
+static bool sphere_next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment)
 {
     const SphereField *s = (const SphereField *)field;
     if (walk->t_mm >= walk->ray->t1_mm)
         return false;
-    piece->t0_mm = walk->t_mm;
-    piece->t1_mm = walk->t_mm = fmin(walk->t_mm + s->step_mm, walk->ray->t1_mm);
+    segment->t0_mm = walk->t_mm;
+    segment->t1_mm = walk->t_mm = fmin(walk->t_mm + s->step_mm, walk->ray->t1_mm);
     const double at[4] = {0, 0.25, 0.75, 1};
     double v[4], vox[3];
     for (int i = 0; i < 4; i++) {
         for (int a = 0; a < 3; a++)
             vox[a] = walk->ray->start_vox[a] +
-                     (piece->t0_mm + (piece->t1_mm - piece->t0_mm) * at[i]) * walk->ray->step_vox[a];
+                     (segment->t0_mm + (segment->t1_mm - segment->t0_mm) * at[i]) * walk->ray->step_vox[a];
         v[i] = sphere_hu(vox, field);
     }
-    cts_cubic_through(at, v, piece->hu);
+    cts_cubic_through(at, v, segment->hu);
     return true;
 }
 
@@ -658,11 +658,11 @@ static double field_value(const CtsField *field, const CtsRay *ray, double t_mm)
 {
     const CtsHuRanges wanted = {.n = 1, .range = {{-INFINITY, INFINITY}}};
     CtsRayWalk walk = {.ray = ray, .wanted = &wanted, .t_mm = ray->t0_mm};
-    CtsRayPiece piece;
+    CtsRaySegment segment;
     do
-        assert_true(field->next(field, &walk, &piece));
-    while (piece.t1_mm < t_mm);
-    return cts_cubic_at(piece.hu, (t_mm - piece.t0_mm) / (piece.t1_mm - piece.t0_mm));
+        assert_true(field->next(field, &walk, &segment));
+    while (segment.t1_mm < t_mm);
+    return cts_cubic_at(segment.hu, (t_mm - segment.t0_mm) / (segment.t1_mm - segment.t0_mm));
 }
 
 /* The field of any kernel: a tent is the trilinear field, B-splines keep lines straight, a constant stays constant. */

@@ -35,11 +35,11 @@ static void test_narrow_highlights(void **state)
         aim(&r, (const int[3]){3, 3, 3}, cts_hu_constant, &hu, 0, 0);
         for (int i = 1; i < 60; i++) {
             const double at = i / 60.0 + 0.001, from_mm = 3, length_mm = 10;
-            const CtsRayPiece piece = {.t0_mm = from_mm, .t1_mm = from_mm + length_mm, .hu = {hu}};
+            const CtsRaySegment segment = {.t0_mm = from_mm, .t1_mm = from_mm + length_mm, .hu = {hu}};
             /* Anterior: right is +x, forward +y. */
             const double gradient[3][4] = {{-7 * slope * at, 7 * slope}, {7}, {0}};
-            CtsRayLight light = {.transmittance = 1, .surface_mm = INFINITY};
-            cts_raycast_piece(r.caster, &r.caster->transfer, &(CtsRay){.t1_mm = 20}, &piece, gradient, &light);
+            CtsRaySum light = {.transmittance = 1, .surface_mm = INFINITY};
+            cts_raycast_segment(r.caster, &r.caster->transfer, &(CtsRay){.t1_mm = 20}, &segment, gradient, &light);
             const double area = sqrt(M_PI) * exp(lgamma((power - 1) / 2) - lgamma(power / 2)) / slope;
             const double variance = 1 / (power - 3) / (slope * slope);
             const double expected = depth * exp(-depth * at) * area * (1 + depth * depth * variance / 2);

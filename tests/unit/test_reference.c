@@ -1,7 +1,7 @@
 /* Sampled pixels: their distribution, and their estimates for a picture of known error. */
 #include "ctsplat/render.h"
 #include "rays.h"
-#include "render/error/reference_set.h"
+#include "render/error/reference_samples.h"
 #include <stdlib.h>
 #include <string.h>
 

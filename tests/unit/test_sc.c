@@ -1,6 +1,6 @@
 /* Secondary captures: contents, copied attributes, reproducibility, and the round trip. */
 #include "ctsplat/export.h"
-#include "output/export/sc_words.h"
+#include "output/export/sc_texts.h"
 #include "output/image/samples.h"
 #include "pictures.h"
 #include <math.h>
@@ -377,8 +377,8 @@ static void test_deidentify(void **state)
     write_sc(p, "a.dcm", &closed);
     q->info.shows_skin = true;
     assert_int_equal(cts_export(&(const CtsPicture *){q}, 1, "b.dcm", &closed, NULL, &report, &err), CTS_OK);
-    assert_int_equal(report.findings.n, 1);
-    assert_string_equal(report.findings.items[0].code, "recognizable_features");
+    assert_int_equal(report.diagnostics.n, 1);
+    assert_string_equal(report.diagnostics.items[0].code, "recognizable_features");
     uids_of("open.dcm", study[0], series[0], instance[0]);
     uids_of("a.dcm", study[1], series[1], instance[1]);
     uids_of("b.dcm", study[2], series[2], instance[2]);
@@ -426,12 +426,12 @@ static void test_series_numbers(void **state)
     for (size_t k = 0; cts_preset_builtin(k); k++)
         for (int view = 0; view < 4; view++) {
             CtsExportJob job = {.settings.source = &third, .head.n_frames = view < 2 ? 1 : 8};
-            CtsScWords words;
+            CtsScTexts words;
             CtsScNames names;
             const uint8_t pixels[CTS_DIGEST_BYTES] = {0};
             snprintf(job.head.info.preset, sizeof job.head.info.preset, "%s", cts_preset_builtin(k)->name);
             job.head.info.azimuth_deg = 90 * (view % 2);
-            cts_sc_words(&job, &words);
+            cts_sc_texts(&job, &words);
             assert_int_equal(cts_sc_names(&job, &words, pixels, &names, &err), CTS_OK);
             assert_int_equal(names.series_number / 1000, 3);
             assert_true(n < 500);

@@ -26,11 +26,11 @@ static void done(Found *f)
     remove_folder(f->folder);
 }
 
-static const CtsFinding *finding(const CtsFindings *findings, const char *code)
+static const CtsDiagnostic *diagnostic(const CtsDiagnostics *diagnostics, const char *code)
 {
-    for (size_t i = 0; i < findings->n; i++)
-        if (strcmp(findings->items[i].code, code) == 0)
-            return &findings->items[i];
+    for (size_t i = 0; i < diagnostics->n; i++)
+        if (strcmp(diagnostics->items[i].code, code) == 0)
+            return &diagnostics->items[i];
     return NULL;
 }
 
@@ -76,7 +76,7 @@ static void test_sorted(void **state)
     assert_string_equal(s->modality, "CT");
     assert_string_equal(s->orientation, "axial");
     assert_string_equal(s->transfer_syntax, "1.2.840.10008.1.2.1");
-    assert_int_equal(s->findings.n, 0);
+    assert_int_equal(s->diagnostics.n, 0);
     CtsVolume *v = load(s, 2);
     assert_true(v->dims[0] == SLICE_COLUMNS && v->dims[1] == SLICE_ROWS && v->dims[2] == 5);
     for (int k = 0; k < 5; k++)
@@ -123,11 +123,11 @@ static void test_resampled(void **state)
     find(&f);
     const CtsSeries *s = &f.list->items[0];
     assert_true(s->renderable && s->n_slices == 7 && s->spacing_mm[2] == 1);
-    assert_int_equal(finding(&s->findings, "unequal_spacing")->severity, CTS_WARNING);
+    assert_int_equal(diagnostic(&s->diagnostics, "unequal_spacing")->severity, CTS_WARNING);
     CtsReport report = {0};
     CtsVolume *v = NULL;
     assert_int_equal(cts_series_load(s, 2, NULL, &v, &report, &f.err), CTS_OK);
-    assert_non_null(finding(&report.findings, "unequal_spacing"));
+    assert_non_null(diagnostic(&report.diagnostics, "unequal_spacing"));
     assert_true(report.stages[CTS_STAGE_DECODE].ran && report.stages[CTS_STAGE_GREY].ran);
     assert_int_equal(report.stages[CTS_STAGE_DECODE].items, 7);
     assert_true(v->dims[2] == 15 && v->step_lps[2][2] == 0.5);
@@ -154,7 +154,7 @@ static void test_scanned(void **state)
     const CtsSeries *s = &f.list->items[0];
     CtsVolume *alone = load(s, 2), *first = NULL, *last = NULL;
     CtsScanned *scanned = NULL;
-    CtsMadeUp made = {0};
+    CtsInterpolationCounts made = {0};
     assert_int_equal(cts_series_scan(s, NULL, 2, &scanned, NULL, &f.err), CTS_OK);
     assert_int_equal(scanned->n_slices, 7);
     for (int k = 0; k < 7; k++)
@@ -180,8 +180,8 @@ typedef struct Case {
     const char *name;
     void (*change)(Slice *s, int k);
     CtsStatus refusal;
-    const char *finding; /* when not refused; NULL: none */
-    const char *reason;  /* a part of it, when refused */
+    const char *diagnostic; /* when not refused; NULL: none */
+    const char *reason;     /* a part of it, when refused */
     int n_slices;
 } Case;
 
@@ -353,10 +353,10 @@ static void test_cases(void **state)
             if (!strstr(s->reason, cases[c].reason) || !strstr(err.text, cases[c].reason) || v)
                 fail_msg("%s: %s", cases[c].name, err.text);
         } else {
-            const size_t warned = cases[c].finding && strcmp(cases[c].finding, "bad_slices") == 0 ? 2 : 1;
-            assert_int_equal(s->findings.n, cases[c].finding ? warned : 0); /* a bad slice leaves a gap, too */
-            if (cases[c].finding && !finding(&s->findings, cases[c].finding))
-                fail_msg("%s: no %s", cases[c].name, cases[c].finding);
+            const size_t warned = cases[c].diagnostic && strcmp(cases[c].diagnostic, "bad_slices") == 0 ? 2 : 1;
+            assert_int_equal(s->diagnostics.n, cases[c].diagnostic ? warned : 0); /* a bad slice leaves a gap, too */
+            if (cases[c].diagnostic && !diagnostic(&s->diagnostics, cases[c].diagnostic))
+                fail_msg("%s: no %s", cases[c].name, cases[c].diagnostic);
         }
         cts_volume_free(&v);
         done(&f);
@@ -452,7 +452,7 @@ static void test_first_number(void **state)
     (void)state;
     static const struct {
         int first, step, odd; /* odd: added to slice 2 */
-        const char *told;
+        const char *diagnostic_expected;
     } numberings[] = {{1, 1, 0, NULL},
                       {5, -1, 0, NULL},
                       {2, 1, 0, "begin at 2: up to 1 slices"},
@@ -475,10 +475,11 @@ static void test_first_number(void **state)
             write_slice(f.folder, name, &s);
         }
         find(&f);
-        const CtsFinding *told = finding(&f.list->items[0].findings, "late_first_number");
-        if (!told != !numberings[c].told || (told && !strstr(told->text, numberings[c].told)))
-            fail_msg("case %zu: %s", c, told ? told->text : "nothing");
-        assert_true(!told || told->severity == CTS_NOTE);
+        const CtsDiagnostic *diagnostic_expected = diagnostic(&f.list->items[0].diagnostics, "late_first_number");
+        if (!diagnostic_expected != !numberings[c].diagnostic_expected ||
+            (diagnostic_expected && !strstr(diagnostic_expected->text, numberings[c].diagnostic_expected)))
+            fail_msg("case %zu: %s", c, diagnostic_expected ? diagnostic_expected->text : "nothing");
+        assert_true(!diagnostic_expected || diagnostic_expected->severity == CTS_NOTE);
         done(&f);
     }
 }
@@ -489,7 +490,7 @@ static void test_blank(void **state)
     (void)state;
     static const struct {
         unsigned blank; /* a bit for each slice */
-        const char *told;
+        const char *diagnostic_expected;
     } blanks[] = {{0, NULL},
                   {1, NULL},
                   {1 << 5 | 1 << 4, NULL},
@@ -516,9 +517,10 @@ static void test_blank(void **state)
         CtsReport report = {0};
         CtsVolume *v = NULL;
         assert_int_equal(cts_series_load(&f.list->items[0], 2, NULL, &v, &report, &f.err), CTS_OK);
-        const CtsFinding *told = finding(&report.findings, "blank_slices");
-        if (!told != !blanks[c].told || (told && !strstr(told->text, blanks[c].told)))
-            fail_msg("case %zu: %s", c, told ? told->text : "nothing");
+        const CtsDiagnostic *diagnostic_expected = diagnostic(&report.diagnostics, "blank_slices");
+        if (!diagnostic_expected != !blanks[c].diagnostic_expected ||
+            (diagnostic_expected && !strstr(diagnostic_expected->text, blanks[c].diagnostic_expected)))
+            fail_msg("case %zu: %s", c, diagnostic_expected ? diagnostic_expected->text : "nothing");
         cts_volume_free(&v);
         v = load(&f.list->items[0], 1);
         cts_volume_free(&v);
@@ -611,7 +613,7 @@ static void test_copies(void **state)
     write_slice(f.folder, "copy", &s);
     find(&f);
     assert_true(f.list->items[0].renderable && f.list->items[0].n_slices == 5);
-    assert_int_equal(finding(&f.list->items[0].findings, "copies_dropped")->severity, CTS_WARNING);
+    assert_int_equal(diagnostic(&f.list->items[0].diagnostics, "copies_dropped")->severity, CTS_WARNING);
     CtsVolume *v = load(&f.list->items[0], 1);
     expect_slice(v, 2, 2);
     cts_volume_free(&v);
@@ -684,7 +686,7 @@ static void test_phases(void **state)
             snprintf(name, sizeof name, "1.2.3#%d", phase + 1);
             assert_int_equal(cts_series_choose(f.list, name, &s, &f.err), CTS_OK);
             assert_true(s->renderable && s->n_slices == 6 && s->part == phase + 1);
-            assert_non_null(finding(&s->findings, "several_volumes"));
+            assert_non_null(diagnostic(&s->diagnostics, "several_volumes"));
             CtsVolume *v = load(s, 2);
             for (int k = 0; k < 6; k++)
                 assert_int_equal(v->grey[k * SLICE_ROWS * SLICE_COLUMNS], stack_grey(k, 0, 0) + 5000 * phase);
@@ -791,7 +793,7 @@ static void test_description(void **state)
     }
     find(&f);
     assert_string_equal(f.list->items[0].description, "Head ?[2J");
-    assert_non_null(finding(&f.list->items[0].findings, "two_slices"));
+    assert_non_null(diagnostic(&f.list->items[0].diagnostics, "two_slices"));
     done(&f);
 }
 

@@ -270,16 +270,16 @@ static void depth_of_surfaces(void **state)
         s.max_error = i == 1 ? 2 : 100;
         s.want_depth = march.want_depth = true;
         CtsPicture *a = render(v, &skin, &s, NULL), *b = render(v, &skin, &march, NULL);
-        const float most_mm = (i == 1 ? 1 : 0.5f) * (float)cts_volume_spacing_mm(v, 1);
+        const float max_mm = (i == 1 ? 1 : 0.5f) * (float)cts_volume_spacing_mm(v, 1);
         int n = 0, n_off = 0;
         for (int at = 0; at < a->width * a->height; at++)
             if (b->pixels[4 * at + 3] > 0.9f) {
                 n++;
-                n_off += !(fabsf(a->depth_mm[at] - b->depth_mm[at]) <= most_mm);
+                n_off += !(fabsf(a->depth_mm[at] - b->depth_mm[at]) <= max_mm);
             }
         if (n < 500 || n_off > n / 100)
             fail_msg("view %g,%g: depth of %d of %d opaque pixels is off by more than %g mm", from[i][0], from[i][1],
-                     n_off, n, (double)most_mm);
+                     n_off, n, (double)max_mm);
         cts_picture_free(&a);
         cts_picture_free(&b);
     }

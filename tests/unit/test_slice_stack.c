@@ -54,22 +54,22 @@ static void done(Fake *f)
     free(f);
 }
 
-static int count(const CtsFindings *findings, const char *code)
+static int count(const CtsDiagnostics *diagnostics, const char *code)
 {
     int n = 0;
-    for (size_t i = 0; i < findings->n; i++)
-        n += strcmp(findings->items[i].code, code) == 0;
+    for (size_t i = 0; i < diagnostics->n; i++)
+        n += strcmp(diagnostics->items[i].code, code) == 0;
     return n;
 }
 
-static void expect_findings(Fake *f, const char *only)
+static void expect_diagnostics(Fake *f, const char *only)
 {
-    CtsFindings findings = {0};
-    cts_slice_stack_findings(&f->stack, f->order, f->n, &findings);
-    assert_int_equal(findings.n, only ? 1 : 0);
+    CtsDiagnostics diagnostics = {0};
+    cts_slice_stack_diagnostics(&f->stack, f->order, f->n, &diagnostics);
+    assert_int_equal(diagnostics.n, only ? 1 : 0);
     if (only)
-        assert_int_equal(count(&findings, only), 1);
-    cts_findings_free(&findings);
+        assert_int_equal(count(&diagnostics, only), 1);
+    cts_diagnostics_free(&diagnostics);
 }
 
 static void test_even(void **state)
@@ -82,7 +82,7 @@ static void test_even(void **state)
     assert_true(f->stack.step_lps[2] == 1.5 && f->stack.step_lps[0] == 0 && f->stack.tilt_deg == 0);
     for (int i = 0; i < 5; i++)
         assert_true(f->stack.layer[i] == i);
-    expect_findings(f, NULL);
+    expect_diagnostics(f, NULL);
     done(f);
 }
 
@@ -94,18 +94,18 @@ static void test_jitter(void **state)
     const double fine[] = {0, 1.009, 2, 3.009, 4}, rough[] = {0, 1.03, 2, 3.03, 4}, thick[] = {0, 5.02, 10, 15.02, 20};
     Fake *f = at(fine, 5);
     assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN);
-    expect_findings(f, NULL);
+    expect_diagnostics(f, NULL);
     done(f);
     f = at(zigzag, 6);
     assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN);
-    expect_findings(f, NULL);
+    expect_diagnostics(f, NULL);
     done(f);
     f = at(thick, 5);
     assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN);
     done(f);
     f = at(rough, 5);
     assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_UNEQUAL);
-    expect_findings(f, "unequal_spacing");
+    expect_diagnostics(f, "unequal_spacing");
     done(f);
 }
 
@@ -118,7 +118,7 @@ static void test_drift(void **state)
     for (int i = 0; i < 300; i++, z += i <= 150 ? 1.0 : 1.009)
         add(f, 0, 0, z);
     assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_UNEQUAL);
-    expect_findings(f, "unequal_spacing");
+    expect_diagnostics(f, "unequal_spacing");
     done(f);
 }
 
@@ -132,13 +132,13 @@ static void test_missing(void **state)
     assert_int_equal(plan(f), CTS_OK);
     assert_true(f->stack.kind == CTS_STACK_MISSING && f->stack.n_layers == 30 && f->stack.n_missing == 2);
     assert_true(f->stack.layer[6] == 6 && f->stack.layer[7] == 8 && f->stack.layer[27] == 29);
-    CtsFindings findings = {0};
-    cts_slice_stack_findings(&f->stack, f->order, f->n, &findings);
-    assert_int_equal(findings.n, 1);
-    assert_string_equal(findings.items[0].code, "missing_slices");
-    assert_non_null(strstr(findings.items[0].text, "2 of 30"));
-    assert_non_null(strstr(findings.items[0].text, "15.000 to 20.000 mm"));
-    cts_findings_free(&findings);
+    CtsDiagnostics diagnostics = {0};
+    cts_slice_stack_diagnostics(&f->stack, f->order, f->n, &diagnostics);
+    assert_int_equal(diagnostics.n, 1);
+    assert_string_equal(diagnostics.items[0].code, "missing_slices");
+    assert_non_null(strstr(diagnostics.items[0].text, "2 of 30"));
+    assert_non_null(strstr(diagnostics.items[0].text, "15.000 to 20.000 mm"));
+    cts_diagnostics_free(&diagnostics);
     done(f);
     /* One of ten is a tenth; two of eleven are more. */
     f = fake_new();
@@ -176,7 +176,7 @@ static void test_unequal(void **state)
     assert_int_equal(f->stack.n_layers, (int)(span / 1.25 + 0.5) + 1);
     for (int i = 0; i < 20; i++)
         assert_true(fabs(f->stack.layer[i] * f->stack.step_lps[2] - f->slices[i].position_lps[2]) < 1e-9);
-    expect_findings(f, "unequal_spacing");
+    expect_diagnostics(f, "unequal_spacing");
     done(f);
     /* One tiny gap does not make a giant of the volume. */
     const double z2[] = {0, 5, 10, 10.1, 15, 20};
@@ -198,7 +198,7 @@ static void test_tilt(void **state)
     assert_true(f->stack.kind == CTS_STACK_EVEN && fabs(f->stack.tilt_deg - 20) < 1e-9);
     assert_true(fabs(f->stack.step_lps[1] - slope * 2) < 1e-12 && fabs(f->stack.step_lps[2] - 2) < 1e-12);
     assert_true(f->stack.spacing_mm == 2);
-    expect_findings(f, "gantry_tilt");
+    expect_diagnostics(f, "gantry_tilt");
     done(f);
     f = fake_new();
     for (int i = 0; i < 10; i++)
@@ -225,9 +225,9 @@ static void test_written_jitter(void **state)
                 add(f, off_mm[0], off_mm[1], i * spacings_mm[s] + off_mm[2]);
             }
             assert_int_equal(plan(f), CTS_OK);
-            CtsFindings findings = {0};
-            cts_slice_stack_findings(&f->stack, f->order, f->n, &findings);
-            assert_int_equal(findings.n, 0);
+            CtsDiagnostics diagnostics = {0};
+            cts_slice_stack_diagnostics(&f->stack, f->order, f->n, &diagnostics);
+            assert_int_equal(diagnostics.n, 0);
             done(f);
         }
 }
@@ -238,7 +238,7 @@ static void test_sideways(void **state)
     static const struct {
         double shift;
         CtsStatus status;
-        const char *finding;
+        const char *diagnostic;
     } cases[] = {{0.01, CTS_OK, NULL}, {0.1, CTS_OK, "sideways_shift"}, {0.3, CTS_ERR_GEOMETRY, NULL}};
     for (size_t i = 0; i < 3; i++) {
         Fake *f = fake_new();
@@ -246,7 +246,7 @@ static void test_sideways(void **state)
             add(f, k == 5 ? cases[i].shift : 0, 0, k);
         assert_int_equal(plan(f), cases[i].status);
         if (!cases[i].status)
-            expect_findings(f, cases[i].finding);
+            expect_diagnostics(f, cases[i].diagnostic);
         done(f);
     }
 }

@@ -1,7 +1,7 @@
 /* Table removal on volumes from formulas: the body and its margin are kept to the bit, everything else is removed. */
 #include "unit.h"
 
-#include "core/couch/removal.h"
+#include "core/couch/table_removal.h"
 #include "ctsplat/table.h"
 #include <math.h>
 #include <stdbool.h>
@@ -143,10 +143,10 @@ static double distance_to(const Scene *s, const double p[3], bool patient)
 }
 
 typedef struct Tally {
-    int body, body_changed;    /* voxels of the patient */
-    int rim, rim_changed;      /* the ramp around it, away from anything else */
-    int foreign, foreign_left; /* voxels of everything else, except those within `near_mm` of the patient */
-    int far_left;              /* denser than air, 6 mm and more from the patient */
+    int body, body_changed;     /* voxels of the patient */
+    int margin, margin_changed; /* the ramp around it, away from anything else */
+    int other, other_left;      /* voxels of everything else, except those within `near_mm` of the patient */
+    int far_left;               /* denser than air, 6 mm and more from the patient */
 } Tally;
 
 static Tally tally(const Scene *s, const CtsVolume *before, const CtsVolume *after, double near_mm)
@@ -162,20 +162,20 @@ static Tally tally(const Scene *s, const CtsVolume *before, const CtsVolume *aft
                 const bool changed = before->grey[n] != after->grey[n];
                 t.body += body <= 0;
                 t.body_changed += body <= 0 && changed;
-                t.rim += body > 0 && body <= 1 && rest > 5;
-                t.rim_changed += body > 0 && body <= 1 && rest > 5 && changed;
-                t.foreign += rest <= -0.5 && body > near_mm;
-                t.foreign_left += rest <= -0.5 && body > near_mm && after->grey[n];
+                t.margin += body > 0 && body <= 1 && rest > 5;
+                t.margin_changed += body > 0 && body <= 1 && rest > 5 && changed;
+                t.other += rest <= -0.5 && body > near_mm;
+                t.other_left += rest <= -0.5 && body > near_mm && after->grey[n];
                 t.far_left += body > 6 && cts_volume_hu(after, after->grey[n]) > -999;
             }
     return t;
 }
 
-static const CtsFinding *finding(const CtsReport *report, const char *code)
+static const CtsDiagnostic *diagnostic(const CtsReport *report, const char *code)
 {
-    for (size_t n = 0; n < report->findings.n; n++)
-        if (!strcmp(report->findings.items[n].code, code))
-            return &report->findings.items[n];
+    for (size_t n = 0; n < report->diagnostics.n; n++)
+        if (!strcmp(report->diagnostics.items[n].code, code))
+            return &report->diagnostics.items[n];
     return NULL;
 }
 
@@ -199,14 +199,14 @@ static void check_removal(const Scene *s)
     CtsReport report;
     remove_table(after, 1, &report);
     const Tally t = tally(s, before, after, 0.5);
-    assert_true(t.body > 1000 && t.rim > 100 && t.foreign > 100);
+    assert_true(t.body > 1000 && t.margin > 100 && t.other > 100);
     assert_true(t.body_changed * 2000 <= t.body);
-    assert_int_equal(t.rim_changed, 0);
-    assert_int_equal(t.foreign_left, 0);
+    assert_int_equal(t.margin_changed, 0);
+    assert_int_equal(t.other_left, 0);
     assert_int_equal(t.far_left, 0);
-    assert_non_null(finding(&report, "table_removed"));
-    assert_int_equal(finding(&report, "table_removed")->severity, CTS_NOTE);
-    assert_null(finding(&report, "table_removal_uncertain"));
+    assert_non_null(diagnostic(&report, "table_removed"));
+    assert_int_equal(diagnostic(&report, "table_removed")->severity, CTS_NOTE);
+    assert_null(diagnostic(&report, "table_removal_uncertain"));
     assert_int_equal(report.n_skips, 0);
     cts_report_free(&report);
     const int threads[] = {2, 7};
@@ -232,7 +232,7 @@ static void check_untouched(const Scene *s)
     remove_table(after, 2, &report);
     assert_memory_equal(after->grey, before->grey, cts_volume_n_voxels(before) * sizeof *before->grey);
     assert_true(is_skipped(&report));
-    assert_int_equal(report.findings.n, 0);
+    assert_int_equal(report.diagnostics.n, 0);
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -271,9 +271,9 @@ static void test_head_on_holder(void **state)
     CtsReport report;
     remove_table(after, 2, &report);
     const Tally t = tally(&ears, before, after, 0.5);
-    assert_int_equal(t.rim_changed, 0);
+    assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_null(finding(&report, "table_removal_uncertain"));
+    assert_null(diagnostic(&report, "table_removal_uncertain"));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -297,7 +297,7 @@ static void test_contact(void **state)
                 if (n >= 60 && m >= 20 + (wavers >> 1))
                     cts_bits_set(&plates, across ? n : m, across ? m : n, 0);
             }
-        cts_contact_add(&there, &there, &plates);
+        cts_plate_contacts_add(&there, &there, &plates);
         for (int n = 10; n <= 100; n++)
             for (int m = 22; m <= 60; m++) {
                 const bool is_plate = cts_bits_get(&plates, across ? n : m, across ? m : n, 0);
@@ -341,9 +341,9 @@ static void test_trunk_on_table(void **state)
     remove_table(after, 2, &report);
     const Tally t = tally(&s, before, after, 3);
     assert_int_equal(t.body_changed, 0);
-    assert_int_equal(t.rim_changed, 0);
+    assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_non_null(finding(&report, "table_removed"));
+    assert_non_null(diagnostic(&report, "table_removed"));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -377,12 +377,12 @@ static void test_raised_air(void **state)
         after = copy(before);
         remove_table(after, 2, &report);
         const Tally t = tally(&s, before, after, 3);
-        if (t.body_changed || t.rim_changed || t.foreign_left || !finding(&report, "table_removed") ||
-            finding(&report, "table_removal_uncertain"))
+        if (t.body_changed || t.margin_changed || t.other_left || !diagnostic(&report, "table_removed") ||
+            diagnostic(&report, "table_removal_uncertain"))
             fail_msg(
                 "air of %g HU: %d voxels of the body and %d of its rim changed, %d of the table stay, and the report "
                 "has no note, or a doubt",
-                levels[n], t.body_changed, t.rim_changed, t.foreign_left);
+                levels[n], t.body_changed, t.margin_changed, t.other_left);
         cts_report_free(&report);
         cts_volume_free(&before);
         cts_volume_free(&after);
@@ -390,7 +390,7 @@ static void test_raised_air(void **state)
         after = make(&alone);
         raise_air(after, levels[n]);
         remove_table(after, 2, &report);
-        assert_true(is_skipped(&report) && report.findings.n == 0);
+        assert_true(is_skipped(&report) && report.diagnostics.n == 0);
         assert_int_equal(*after->body->share, 0);
         cts_report_free(&report);
         cts_volume_free(&after);
@@ -428,11 +428,11 @@ static void test_lungs_at_border(void **state)
         CtsReport report;
         remove_table(v, 2, &report);
         if (!is_skipped(&report))
-            fail_msg("kind %d: something went: %s", kind, report.findings.n ? report.findings.items[0].text : "");
+            fail_msg("kind %d: something went: %s", kind, report.diagnostics.n ? report.diagnostics.items[0].text : "");
         assert_memory_equal(v->grey, before->grey, cts_volume_n_voxels(v) * sizeof *v->grey);
-        assert_int_equal(report.findings.n, kind == WITH_TABLE);
+        assert_int_equal(report.diagnostics.n, kind == WITH_TABLE);
         if (kind == WITH_TABLE)
-            assert_string_equal(report.findings.items[0].code, "table_removal_uncertain");
+            assert_string_equal(report.diagnostics.items[0].code, "table_removal_uncertain");
         cts_report_free(&report);
         cts_volume_free(&before);
         cts_volume_free(&v);
@@ -454,9 +454,9 @@ static void test_broad_contact(void **state)
     remove_table(after, 2, &report);
     const Tally t = tally(&s, before, after, 4);
     assert_int_equal(t.body_changed, 0);
-    assert_int_equal(t.rim_changed, 0);
+    assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_null(finding(&report, "table_removal_uncertain"));
+    assert_null(diagnostic(&report, "table_removal_uncertain"));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -475,12 +475,12 @@ static void test_mask(void **state)
     CtsReport report;
     remove_table(after, 2, &report);
     const Tally t = tally(&scene, before, after, 6);
-    assert_true(t.body > 1000 && t.rim > 100 && t.foreign > 1000);
+    assert_true(t.body > 1000 && t.margin > 100 && t.other > 1000);
     assert_int_equal(t.body_changed, 0);
-    assert_int_equal(t.rim_changed, 0);
-    assert_true(8 * t.foreign_left < t.foreign + t.foreign / 8); /* the caps, broad in their sections, stay */
-    assert_non_null(finding(&report, "table_removed"));
-    assert_null(finding(&report, "table_removal_uncertain"));
+    assert_int_equal(t.margin_changed, 0);
+    assert_true(8 * t.other_left < t.other + t.other / 8); /* the caps, broad in their sections, stay */
+    assert_non_null(diagnostic(&report, "table_removed"));
+    assert_null(diagnostic(&report, "table_removal_uncertain"));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -496,9 +496,9 @@ static void test_thick_gone(void **state)
     CtsVolume *v = make(&scene);
     CtsReport report;
     remove_table(v, 2, &report);
-    assert_non_null(finding(&report, "table_removed"));
-    assert_non_null(finding(&report, "table_removal_uncertain"));
-    assert_non_null(strstr(finding(&report, "table_removal_uncertain")->text, "parts thicker than tables"));
+    assert_non_null(diagnostic(&report, "table_removed"));
+    assert_non_null(diagnostic(&report, "table_removal_uncertain"));
+    assert_non_null(strstr(diagnostic(&report, "table_removal_uncertain")->text, "parts thicker than tables"));
     /* The board's middle of 10 x 10 x 16 voxels, except its corners; a trunk and two arms. */
     const double limb_mm3 = 10 * 10 * 16 * 27, body_mm3 = 3.1416 * (150 * 100 + 2 * 20 * 26) * 120;
     assert_true(report.table.thick_mm3 > 0.8 * limb_mm3 && report.table.thick_mm3 <= limb_mm3);
@@ -526,8 +526,8 @@ static void test_uncertain(void **state)
         CtsVolume *before = make(s), *after = copy(before);
         CtsReport report;
         remove_table(after, 2, &report);
-        assert_non_null(finding(&report, "table_removal_uncertain"));
-        assert_int_equal(finding(&report, "table_removal_uncertain")->severity, CTS_WARNING);
+        assert_non_null(diagnostic(&report, "table_removal_uncertain"));
+        assert_int_equal(diagnostic(&report, "table_removal_uncertain")->severity, CTS_WARNING);
         size_t voxel = 0;
         for (int k = 0; k < s->dims[2]; k++)
             for (int j = 0; j < s->dims[1]; j++)
@@ -555,9 +555,9 @@ static void check_shares(const char *name, const Scene *s)
     CtsReport report;
     remove_table(after, 2, &report);
     const Tally t = tally(s, before, after, 0.5);
-    if (t.body_changed * 200 > t.body || t.foreign_left * 10 > t.foreign)
+    if (t.body_changed * 200 > t.body || t.other_left * 10 > t.other)
         fail_msg("%s: %d of %d voxels of the body went, %d of %d of the table stay", name, t.body_changed, t.body,
-                 t.foreign_left, t.foreign);
+                 t.other_left, t.other);
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -721,7 +721,7 @@ static void test_odd(void **state)
     CtsVolume *before = copy(v);
     remove_table(v, 2, &report);
     assert_true(is_skipped(&report));
-    assert_non_null(finding(&report, "table_removal_uncertain"));
+    assert_non_null(diagnostic(&report, "table_removal_uncertain"));
     assert_memory_equal(v->grey, before->grey, cts_volume_n_voxels(v) * sizeof *v->grey);
     cts_report_free(&report);
     for (size_t n = 0; n < cts_volume_n_voxels(v); n++) {

@@ -146,8 +146,8 @@ static void refused(void **state)
     s.mode = CTS_MODE_MIP;
     picture = render(v, &bone, &s, &report);
     assert_null(report.trace);
-    assert_int_equal(report.findings.n, 1);
-    assert_string_equal(report.findings.items[0].code, "trace_left_out");
+    assert_int_equal(report.diagnostics.n, 1);
+    assert_string_equal(report.diagnostics.items[0].code, "trace_left_out");
     cts_report_free(&report);
     cts_picture_free(&picture);
     cts_volume_free(&v);

@@ -63,7 +63,8 @@ static CtsVerified verdict(const Case *c, size_t n, const float *bound, int tria
         weight += verify.reference->weight[i];
     assert_true(fabs(weight - 1) < 1e-9);
     fill_truth(&verify, c);
-    assert_int_equal(cts_reference_judge(verify.reference, (const float(*)[4])verify.found, &verified, &err), CTS_OK);
+    assert_int_equal(cts_reference_evaluate(verify.reference, (const float(*)[4])verify.found, &verified, &err),
+                     CTS_OK);
     cts_verify_free(&verify);
     cts_error_limits(&verified);
     assert_true(verified.rmse_low <= verified.rmse && verified.rmse <= verified.rmse_high);
@@ -202,7 +203,7 @@ static void test_chosen(void **state)
     cts_verify_take(&whole, c.picture, NULL);
     assert_int_equal(cts_verify_choose(&whole, &err), CTS_OK);
     fill_truth(&whole, &c);
-    assert_int_equal(cts_reference_judge(whole.reference, (const float(*)[4])whole.found, &verified, &err), CTS_OK);
+    assert_int_equal(cts_reference_evaluate(whole.reference, (const float(*)[4])whole.found, &verified, &err), CTS_OK);
     assert_int_equal(verified.pixels, SIZE * SIZE);
     assert_true(fabs(verified.rmse - c.rmse) < 1e-3 * c.rmse);
     cts_error_limits(&verified);

@@ -3,7 +3,7 @@
 #define CTS_BATCH_BATCH_H
 
 #include "app/job/render_job.h"
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include <signal.h>
 
 typedef struct CtsBatchView {
@@ -27,7 +27,7 @@ CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsRe
 void cts_batch_lists_free(CtsBatchLists *lists);
 
 /* Limit of concurrent series. */
-enum { CTS_BATCH_MOST_JOBS = 256 };
+enum { CTS_BATCH_MAX_JOBS = 256 };
 
 /* Series are counted by UID, so that their number does not change when one turns out to contain several volumes. */
 typedef struct CtsBatchProgress {
@@ -37,7 +37,7 @@ typedef struct CtsBatchProgress {
 } CtsBatchProgress;
 
 /* For people: lines and a forecast. */
-typedef struct CtsBatchTold {
+typedef struct CtsBatchListener {
     void (*warning)(void *context, const char *text);
     /* A series has ended; text is a line about it. */
     void (*series)(void *context, const char *text, bool failed);
@@ -45,14 +45,14 @@ typedef struct CtsBatchTold {
     void (*searching)(void *context, uint64_t n_files);
     void (*progress)(void *context, const CtsBatchProgress *progress);
     void *context;
-} CtsBatchTold;
+} CtsBatchListener;
 
 typedef struct CtsBatchSettings {
     const CtsOptions *options;
     const CtsBatchLists *lists;
     CtsJob job;          /* settings common to all pictures; the batch sets preset, view, paths and threads */
     const char *command; /* the command line, for the log */
-    CtsBatchTold told;
+    CtsBatchListener listener;
     const volatile sig_atomic_t *stop;
 } CtsBatchSettings;
 

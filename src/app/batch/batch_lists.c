@@ -1,6 +1,6 @@
 #include "app/batch/batch.h"
 
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include "ctsplat/label_files.h"
 #include "ctsplat/preset.h"
 #include <stdio.h>
@@ -67,10 +67,11 @@ static void join_circles(const CtsOptions *options, CtsBatchLists *l, CtsReport 
         while (k < n && l->views[k].elevation_deg != l->views[i].elevation_deg)
             k++;
         if (options->rotation && k < n)
-            cts_report_finding(report, "same_circle", CTS_WARNING,
-                               "`rotation` from %s covers the same circle as that from %s, and is left out (choose a "
-                               "view of another elevation)",
-                               l->views[i].name, l->views[k].name);
+            cts_report_diagnostic(
+                report, "same_circle", CTS_WARNING,
+                "`rotation` from %s covers the same circle as that from %s, and is left out (choose a "
+                "view of another elevation)",
+                l->views[i].name, l->views[k].name);
         else
             l->views[n++] = l->views[i];
     }
@@ -145,8 +146,8 @@ static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
     if (options->source.label_names && !(st = cts_labels_stamp(options->source.label_names, "", NULL, &text, err)))
         fputs(text, out);
     free(text);
-    for (int i = 0; i < options->label_looks.n && !st; i++) {
-        const char *const text_of_it = options->label_looks.items[i], *const first = strchr(text_of_it, '=');
+    for (int i = 0; i < options->label_appearances.n && !st; i++) {
+        const char *const text_of_it = options->label_appearances.items[i], *const first = strchr(text_of_it, '=');
         const char *look = strrchr(text_of_it, '=');
         CtsPreset preset;
         if (!look || !look[1] || look[1] == '#')
@@ -166,7 +167,7 @@ static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
 static CtsStatus put_options(const CtsOptions *options, CtsBatchLists *lists, CtsError *err)
 {
     size_t size;
-    char *const words = cts_options_text(options, CTS_TOUCHES_PICTURES);
+    char *const words = cts_options_text(options, CTS_RERENDERS_PICTURES);
     FILE *const out = words ? open_memstream(&lists->options, &size) : NULL;
     CtsStatus st = CTS_OK;
     if (out) {
@@ -174,7 +175,7 @@ static CtsStatus put_options(const CtsOptions *options, CtsBatchLists *lists, Ct
         st = put_files(options, out, err);
     }
     free(words);
-    lists->dcm_options = cts_options_text(options, CTS_TOUCHES_DCM);
+    lists->dcm_options = cts_options_text(options, CTS_RERENDERS_DCM);
     const bool made = out && !fclose(out) && lists->dcm_options;
     return st || made ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
@@ -188,6 +189,6 @@ CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsRe
         return st;
     join_circles(options, lists, report);
     /* option deidentify also affects folders and journal */
-    cts_options_tell_objects(options, any_object, "deidentify", report);
+    cts_options_report_objects(options, any_object, "deidentify", report);
     return put_options(options, lists, err);
 }

@@ -3,7 +3,7 @@
 #include "base/mem.h"
 #include "base/text.h"
 #include "ctsplat/label_files.h"
-#include "output/export/sc_words.h"
+#include "output/export/sc_texts.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { MOST_WARNINGS = 12, LONGEST_RECORD = 1 << 16 };
+enum { MAX_WARNINGS = 12, LONGEST_RECORD = 1 << 16 };
 
 /* A file; its record in the list has the details. */
 typedef struct Entry {
@@ -147,8 +147,8 @@ static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err
     struct stat info;
     CtsStatus st;
     if (!file->path[0]) {
-        if (p->n_warnings++ < MOST_WARNINGS)
-            p->settings->told.warning(p->settings->told.context, file->why);
+        if (p->n_warnings++ < MAX_WARNINGS)
+            p->settings->listener.warning(p->settings->listener.context, file->why);
         return CTS_OK;
     }
     if (!lstat(file->path, &info)) {
@@ -183,7 +183,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     char name[80];
     uint64_t key = p->last_key;
     p->n_files++;
-    p->settings->told.searching(p->settings->told.context, p->n_files);
+    p->settings->listener.searching(p->settings->listener.context, p->n_files);
     if (file->why)
         return take_lost(p, file, err);
     if (file->labels_of)
@@ -336,10 +336,10 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const C
         st = make_units(p, err);
     found->n_series = p->n_units;
     found->archives = p->archives;
-    if (p->n_warnings > MOST_WARNINGS) {
+    if (p->n_warnings > MAX_WARNINGS) {
         char text[80];
-        snprintf(text, sizeof text, "%d more folders cannot be searched", p->n_warnings - MOST_WARNINGS);
-        settings->told.warning(settings->told.context, text);
+        snprintf(text, sizeof text, "%d more folders cannot be searched", p->n_warnings - MAX_WARNINGS);
+        settings->listener.warning(settings->listener.context, text);
     }
 end:
     if (st)

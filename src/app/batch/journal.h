@@ -21,19 +21,19 @@ json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid);
 /* True if that record is in this shard's own journal. */
 bool cts_journal_holds(const CtsJournal *journal, const char *series_uid);
 /* Appends a record without taking ownership. CTS_ERR_OUTPUT leaves the journal unchanged. */
-CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err);
+CtsStatus cts_journal_add(CtsJournal *journal, const json_t *record, CtsError *err);
 /* Makes all records so far survive a power cut. CTS_ERR_INTERNAL when the lock file was removed. */
 CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err);
 /* Replaces the file by one with one record per series, in order of UID. change may modify each record. */
-CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *line), void *context,
+CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *record), void *context,
                              CtsError *err);
 /* Releases the lock. */
 void cts_journal_close(CtsJournal **journal);
 /* Closes the lock's descriptors: in a worker process, which must not keep the lock. */
 void cts_journal_leave(CtsJournal *journal);
 
-/* line.c: a journal record as JSON, and the outputs of it that are up to date. */
-enum { CTS_LINE_STEM = 160 };
+/* journal_record.c: a journal record as JSON, and the outputs of it that are up to date. */
+enum { CTS_RECORD_STEM = 160 };
 
 /* A picture, or a rotation, that has to be made of a series. */
 typedef struct CtsBatchPicture {
@@ -45,39 +45,40 @@ typedef struct CtsBatchPicture {
 
 /* Hash, as 64 hex digits and a 0, of the settings that a picture's file depends on beside its series; picture NULL: of
  * those common to all pictures. */
-CtsStatus cts_line_hash(const CtsBatchSettings *settings, const CtsBatchPicture *picture, bool is_dcm, char hex[65],
-                        CtsError *err);
+CtsStatus cts_journal_record_hash(const CtsBatchSettings *settings, const CtsBatchPicture *picture, bool is_dcm,
+                                  char hex[65], CtsError *err);
 
 /* PRESET-VIEW as a file name may have it. */
-void cts_line_stem(const CtsBatchSettings *settings, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM]);
+void cts_journal_record_stem(const CtsBatchSettings *settings, const CtsBatchPicture *picture,
+                             char stem[CTS_RECORD_STEM]);
 
 /* True if the record lists each file of the picture in this format with these settings, and the files are unchanged on
  * the disk; format NULL: its thumbnails. */
-bool cts_line_stands(const CtsBatchSettings *settings, const json_t *line, const CtsBatchPicture *picture,
-                     const char *format);
+bool cts_journal_record_is_up_to_date(const CtsBatchSettings *settings, const json_t *record,
+                                      const CtsBatchPicture *picture, const char *format);
 /* True if nothing has to be done for a series with these files: all outputs are up to date, or it was refused for
  * good. */
-bool cts_line_settled(const CtsBatchSettings *settings, const json_t *line, const char *input_sha256);
+bool cts_journal_record_is_settled(const CtsBatchSettings *settings, const json_t *record, const char *input_sha256);
 
 /* Removes details that the settings exclude: paths, and data that may identify the patient. */
-void cts_line_forget(json_t *line, const CtsBatchSettings *settings);
+void cts_journal_record_redact(json_t *record, const CtsBatchSettings *settings);
 
 /* True if the record has all details that the settings request. */
-bool cts_line_tells_all(const json_t *line, const CtsBatchSettings *settings);
+bool cts_journal_record_is_complete(const json_t *record, const CtsBatchSettings *settings);
 
 /* True if the entry is a capture that this batch sends and the PACS does not have. */
-bool cts_line_waits(const CtsBatchSettings *settings, const json_t *entry);
+bool cts_journal_record_is_unsent(const CtsBatchSettings *settings, const json_t *entry);
 /* The number of such entries. */
-int cts_line_n_waiting(const CtsBatchSettings *settings, const json_t *line);
+int cts_journal_record_n_unsent(const CtsBatchSettings *settings, const json_t *record);
 /* The full path of an entry's file; false where it is not below -O. */
-bool cts_line_path(const CtsBatchSettings *settings, const json_t *entry, char *path, size_t size);
+bool cts_journal_record_path(const CtsBatchSettings *settings, const json_t *entry, char *path, size_t size);
 
 /* Removes the entries of a list ("outputs", "thumbnails" or "errors") for this picture (NULL: all) in this format
  * (NULL: any), and their files. */
-void cts_line_drop(json_t *line, const char *list, const CtsBatchSettings *settings, const CtsBatchPicture *picture,
-                   const char *format);
+void cts_journal_record_drop(json_t *record, const char *list, const CtsBatchSettings *settings,
+                             const CtsBatchPicture *picture, const char *format);
 
 /* Size, time and SHA-256 of the entry's file. */
-CtsStatus cts_line_file_facts(const CtsBatchSettings *settings, json_t *entry, CtsError *err);
+CtsStatus cts_journal_record_file_facts(const CtsBatchSettings *settings, json_t *entry, CtsError *err);
 
 #endif

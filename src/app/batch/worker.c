@@ -1,4 +1,4 @@
-#include "app/batch/child.h"
+#include "app/batch/worker.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -10,14 +10,14 @@
 #include <unistd.h>
 
 /* GRACE_MS: time for a worker to end by itself before it is killed. */
-enum { GRACE_MS = 2000, MOST_MESSAGE = 64 << 20 };
+enum { GRACE_MS = 2000, MAX_MESSAGE = 64 << 20 };
 
 bool cts_worker_read(CtsWorker *w, void (*take)(void *context, CtsWorker *worker, const char *message), void *context)
 {
     for (;;) {
         if (w->capacity - w->n_text < 4096) {
             const size_t capacity = w->capacity ? 2 * w->capacity : 1 << 16;
-            char *grown = capacity > MOST_MESSAGE ? NULL : realloc(w->text, capacity);
+            char *grown = capacity > MAX_MESSAGE ? NULL : realloc(w->text, capacity);
             if (!grown)
                 return false;
             w->text = grown;
@@ -46,7 +46,7 @@ void cts_worker_reason(const CtsWorker *w, int how, char *reason, size_t size)
         snprintf(reason, size, "its process was killed, as happens when memory runs out");
     else if (WIFSIGNALED(how))
         snprintf(reason, size, "its process crashed: signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
-    else if (WEXITSTATUS(how) == CTS_CHILD_NO_MEMORY)
+    else if (WEXITSTATUS(how) == CTS_WORKER_NO_MEMORY)
         snprintf(reason, size, "it ran out of memory, and had none left to report where");
     else
         snprintf(reason, size, "its process ended with status %d and no report", WEXITSTATUS(how));
@@ -72,7 +72,7 @@ void cts_worker_free(CtsWorker *w)
 {
     close(w->socket);
     cts_plan_series_free(&w->series);
-    json_decref(w->line);
+    json_decref(w->record);
     free(w->text);
     *w = (CtsWorker){0};
 }

@@ -20,7 +20,7 @@ typedef struct Drawing {
     const CtsLabels *labels;
     int dims[3], middle[3];
     double step_mm[2], extent_mm[3], mm; /* of a pixel */
-    int32_t *owner;                      /* of each voxel of the section: index in labels + 1; 0: none */
+    int32_t *voxel_label;                /* of each voxel of the section: index in labels + 1; 0: none */
     CtsPicture *picture;
 } Drawing;
 
@@ -52,23 +52,23 @@ static int by_size(const void *a, const void *b)
     return x < y ? 1 : -1;
 }
 
-static void own_run(const Drawing *d, const Cut *cut, CtsLabelRun run, int32_t owner)
+static void own_run(const Drawing *d, const Cut *cut, CtsLabelRun run, int32_t voxel_label)
 {
     const int at[2] = {(int)(run.row % (uint32_t)d->dims[1]), (int)(run.row / (uint32_t)d->dims[1])};
     if (cut->through > 0) {
         if (at[cut->through - 1] == d->middle[cut->through])
             for (int x = run.first; x < run.end; x++)
-                d->owner[(size_t)at[cut->down - 1] * (size_t)d->dims[0] + (size_t)x] = owner;
+                d->voxel_label[(size_t)at[cut->down - 1] * (size_t)d->dims[0] + (size_t)x] = voxel_label;
     } else if (run.first <= d->middle[0] && d->middle[0] < run.end) {
-        d->owner[(size_t)at[1] * (size_t)d->dims[1] + (size_t)at[0]] = owner;
+        d->voxel_label[(size_t)at[1] * (size_t)d->dims[1] + (size_t)at[0]] = voxel_label;
     }
 }
 
-static CtsStatus find_owners(Drawing *d, const Cut *cut, CtsError *err)
+static CtsStatus find_voxel_labels(Drawing *d, const Cut *cut, CtsError *err)
 {
     const CtsLabels *const labels = d->labels;
     const CtsLabel **order = NULL;
-    CtsStatus st = cts_alloc_zeroed(&d->owner, (size_t)d->dims[cut->across] * (size_t)d->dims[cut->down], err);
+    CtsStatus st = cts_alloc_zeroed(&d->voxel_label, (size_t)d->dims[cut->across] * (size_t)d->dims[cut->down], err);
     if (!st)
         st = cts_alloc_bytes((void **)&order, labels->n, sizeof *order, err);
     for (size_t i = 0; !st && i < labels->n; i++)
@@ -116,9 +116,9 @@ static void colour_of(int label, float rgb[3])
     }
 }
 
-static void draw_pixel(const Drawing *d, const Cut *cut, int square, int x, int y, const int32_t *owners)
+static void draw_pixel(const Drawing *d, const Cut *cut, int square, int x, int y, const int32_t *voxel_labels)
 {
-    const int32_t owner = owners[y * SIDE + x];
+    const int32_t voxel_label = voxel_labels[y * SIDE + x];
     float *const pixel = d->picture->pixels + 4 * ((size_t)y * 3 * SIDE + (size_t)(square * SIDE + x));
     int voxel[3];
     voxel[cut->through] = d->middle[cut->through];
@@ -127,12 +127,12 @@ static void draw_pixel(const Drawing *d, const Cut *cut, int square, int x, int 
     pixel[3] = 1;
     if (voxel[cut->across] < 0 || voxel[cut->down] < 0)
         return;
-    const bool edge =
-        owner > 0 &&
-        ((x > 0 && owners[y * SIDE + x - 1] != owner) || (x + 1 < SIDE && owners[y * SIDE + x + 1] != owner) ||
-         (y > 0 && owners[(y - 1) * SIDE + x] != owner) || (y + 1 < SIDE && owners[(y + 1) * SIDE + x] != owner));
+    const bool edge = voxel_label > 0 && ((x > 0 && voxel_labels[y * SIDE + x - 1] != voxel_label) ||
+                                          (x + 1 < SIDE && voxel_labels[y * SIDE + x + 1] != voxel_label) ||
+                                          (y > 0 && voxel_labels[(y - 1) * SIDE + x] != voxel_label) ||
+                                          (y + 1 < SIDE && voxel_labels[(y + 1) * SIDE + x] != voxel_label));
     if (edge)
-        colour_of(owner - 1, pixel);
+        colour_of(voxel_label - 1, pixel);
     else
         pixel[0] = pixel[1] = pixel[2] = grey_at(d, voxel);
 }
@@ -140,21 +140,21 @@ static void draw_pixel(const Drawing *d, const Cut *cut, int square, int x, int 
 static CtsStatus draw_square(Drawing *d, int square, CtsError *err)
 {
     const Cut *const cut = &cuts[square];
-    int32_t *owners = NULL; /* of the section's pixels */
-    CtsStatus st = find_owners(d, cut, err);
+    int32_t *voxel_labels = NULL; /* of the section's pixels */
+    CtsStatus st = find_voxel_labels(d, cut, err);
     if (!st)
-        st = cts_alloc_zeroed(&owners, (size_t)SIDE * SIDE, err);
+        st = cts_alloc_zeroed(&voxel_labels, (size_t)SIDE * SIDE, err);
     for (int y = 0; !st && y < SIDE; y++)
         for (int x = 0; x < SIDE; x++) {
             const int h = voxel_at(d, cut->across, x), v = voxel_at(d, cut->down, y);
             if (h >= 0 && v >= 0)
-                owners[y * SIDE + x] = d->owner[(size_t)v * (size_t)d->dims[cut->across] + (size_t)h];
+                voxel_labels[y * SIDE + x] = d->voxel_label[(size_t)v * (size_t)d->dims[cut->across] + (size_t)h];
         }
     for (int y = 0; !st && y < SIDE; y++)
         for (int x = 0; x < SIDE; x++)
-            draw_pixel(d, cut, square, x, y, owners);
-    cts_free(&owners);
-    cts_free(&d->owner);
+            draw_pixel(d, cut, square, x, y, voxel_labels);
+    cts_free(&voxel_labels);
+    cts_free(&d->voxel_label);
     return st;
 }
 

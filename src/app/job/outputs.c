@@ -2,7 +2,7 @@
 
 #include "base/did_you_mean.h"
 #include "base/file.h"
-#include "base/meter.h"
+#include "base/stage_timer.h"
 #include <libgen.h>
 #include <limits.h>
 #include <stdio.h>
@@ -90,10 +90,10 @@ static CtsHint near_ending(const char *path)
 {
     const CtsFormatInfo *format;
     const char *dot = strrchr(path, '.');
-    CtsNear near = {.written = dot ? dot + 1 : "", .length = dot ? strlen(dot + 1) : 0};
+    CtsDidYouMean nearest_word = {.written = dot ? dot + 1 : "", .length = dot ? strlen(dot + 1) : 0};
     for (size_t i = 0; (format = cts_format(i)); i++)
-        cts_near_try(&near, format->name);
-    return cts_near_hint(&near);
+        cts_did_you_mean_try(&nearest_word, format->name);
+    return cts_did_you_mean_hint(&nearest_word);
 }
 
 static bool is_video(const char *path)
@@ -197,12 +197,12 @@ static CtsStatus end_file(CtsFiles *files, int output, int frame, CtsError *err)
 
 CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err)
 {
-    const CtsMeter meter = cts_meter_start(report);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
     CtsStatus st = CTS_OK;
     for (int i = 0; i < files->outputs->n && !st; i++)
         if (files->exports[i] && (cts_output_n_frames(files->outputs, i) == 1 || frame == files->outputs->rotation - 1))
             st = end_file(files, i, frame, err);
-    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }
 

@@ -1,11 +1,11 @@
 #include "app/job/render_job.h"
 
-#include "app/job/fit_window.h"
+#include "app/job/auto_window.h"
 #include "app/job/outputs.h"
 #include "base/cpu.h"
 #include "base/limits.h"
 #include "base/mem.h"
-#include "base/meter.h"
+#include "base/stage_timer.h"
 #include "ctsplat/annotate.h"
 #include "ctsplat/labels.h"
 #include <math.h>
@@ -44,36 +44,37 @@ static void saturation_add(Saturation *saturation, const CtsPicture *band)
     }
 }
 
-static bool is_told(const CtsReport *report, const char *code)
+static bool has_diagnostic(const CtsReport *report, const char *code)
 {
-    for (size_t i = 0; report && i < report->findings.n; i++)
-        if (!strcmp(report->findings.items[i].code, code))
+    for (size_t i = 0; report && i < report->diagnostics.n; i++)
+        if (!strcmp(report->diagnostics.items[i].code, code))
             return true;
     return false;
 }
 
 /* Warns where half of a projection's visible pixels are white, or nearly all of a picture is black or white. */
-static void saturation_tell(const Saturation *s, const CtsJob *job, const CtsVolume *v, const CtsPictureInfo *info,
-                            CtsReport *report)
+static void saturation_report(const Saturation *s, const CtsJob *job, const CtsVolume *v, const CtsPictureInfo *info,
+                              CtsReport *report)
 {
     const bool projects = info->mode != CTS_MODE_COMPOSITE, is_black = (double)s->n_black > nearly_all * (double)s->n;
     double coarsest_mm = 0;
     for (int a = 0; a < 3; a++)
         coarsest_mm = fmax(coarsest_mm, cts_volume_spacing_mm(v, a));
     if (!projects && !job->render.opacity_per_voxel && coarsest_mm <= fine_mm && (is_black || s->most < faint)) {
-        cts_report_finding(report, "nearly_black", CTS_WARNING,
-                           "the picture is nearly all black: opacity is per millimetre, and voxels are %.2g mm wide "
-                           "(`opacity-unit` voxel makes it per voxel)",
-                           coarsest_mm);
+        cts_report_diagnostic(report, "nearly_black", CTS_WARNING,
+                              "the picture is nearly all black: opacity is per millimetre, and voxels are %.2g mm wide "
+                              "(`opacity-unit` voxel makes it per voxel)",
+                              coarsest_mm);
         return;
     }
     if (projects && 2 * s->n_full > s->n_seen)
-        cts_report_finding(report, "mostly_white", CTS_WARNING,
-                           "%.0f %% of the visible pixels are white, %g HU or more (move the `window` up, or limit the "
-                           "depth with a `slab` of about 10 mm)",
-                           100.0 * (double)s->n_full / (double)s->n_seen, info->window_high_hu);
-    else if ((is_black || (double)s->n_white > nearly_all * (double)s->n) && !is_told(report, "nothing_visible"))
-        cts_report_finding(
+        cts_report_diagnostic(
+            report, "mostly_white", CTS_WARNING,
+            "%.0f %% of the visible pixels are white, %g HU or more (move the `window` up, or limit the "
+            "depth with a `slab` of about 10 mm)",
+            100.0 * (double)s->n_full / (double)s->n_seen, info->window_high_hu);
+    else if ((is_black || (double)s->n_white > nearly_all * (double)s->n) && !has_diagnostic(report, "nothing_visible"))
+        cts_report_diagnostic(
             report, is_black ? "nearly_black" : "nearly_white", CTS_WARNING,
             projects
                 ? "the picture is nearly all %s: little of it lies between %g and %g HU (move the "
@@ -112,8 +113,8 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     if (job->preset->note[0])
-        cts_report_finding(report, "preset_left_out", CTS_WARNING, "preset %s: left out: %s", job->preset->name,
-                           job->preset->note);
+        cts_report_diagnostic(report, "preset_left_out", CTS_WARNING, "preset %s: left out: %s", job->preset->name,
+                              job->preset->note);
     if ((st = cts_render_check(job->preset, &job->render, err)) || job->render.explain)
         return st;
     if ((st = cts_outputs_check(&job->outputs, &job->export, err)))
@@ -137,7 +138,7 @@ static CtsStatus stopped(const CtsJob *job, CtsError *err)
 }
 
 /* done: of this frame, 0 to 1. */
-static void tell_step(const Frame *frame, const CtsWatch *watch, double done)
+static void report_step(const Frame *frame, const CtsWatch *watch, double done)
 {
     char what[64] = "rendering";
     if (n_frames_of(frame->job) > 1)
@@ -146,12 +147,12 @@ static void tell_step(const Frame *frame, const CtsWatch *watch, double done)
 }
 
 /* Warns once about names that are not drawn completely. */
-static void tell_in_part(const Frame *frame, int n_in_part, size_t n_named)
+static void report_cut_names(const Frame *frame, int n_in_part, size_t n_named)
 {
-    cts_report_finding(frame->report, "names_in_part", CTS_WARNING,
-                       "`annotate` labels: %d of %zu names are incomplete and preceded by their numbers (only Latin "
-                       "and Greek letters are drawn; a long name needs a larger `size`)",
-                       n_in_part, n_named);
+    cts_report_diagnostic(frame->report, "names_in_part", CTS_WARNING,
+                          "`annotate` labels: %d of %zu names are incomplete and preceded by their numbers (only Latin "
+                          "and Greek letters are drawn; a long name needs a larger `size`)",
+                          n_in_part, n_named);
 }
 
 /* Adds the number of names to *n. */
@@ -169,10 +170,10 @@ static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *
     if (!st)
         st = cts_annotate_legend(band, entries, n_named, &n_in_part, n_left_out, err);
     if (!st && n_in_part > 0 && frame->number == 0 && band->first_row == 0)
-        tell_in_part(frame, n_in_part, n_named);
+        report_cut_names(frame, n_in_part, n_named);
     if (!n_named && frame->number == 0 && band->first_row == 0)
-        cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
-                           "`annotate` labels: no label has a colour of its own (`label-colours`, `label`)");
+        cts_report_diagnostic(frame->report, "marks_left_out", CTS_WARNING,
+                              "`annotate` labels: no label has a colour of its own (`label-colours`, `label`)");
     *n += (int)n_named;
     cts_free(&entries);
     return st;
@@ -189,9 +190,9 @@ static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
         st = name_labels(frame, band, &n, &n_names_left_out, err);
     n_left_out += n_names_left_out;
     if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
-        cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
-                           "`annotate`: %d of %d marks left out for lack of room (choose a larger `size`)", n_left_out,
-                           n);
+        cts_report_diagnostic(frame->report, "marks_left_out", CTS_WARNING,
+                              "`annotate`: %d of %d marks left out for lack of room (choose a larger `size`)",
+                              n_left_out, n);
     return st;
 }
 
@@ -200,7 +201,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
 {
     Frame *frame = context;
     const CtsJob *job = frame->job;
-    const CtsMeter meter = cts_meter_start(frame->report);
+    const CtsStageTimer meter = cts_stage_timer_start(frame->report);
     CtsStatus st;
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
@@ -210,8 +211,8 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     if (!st && !(st = stopped(job, err)))
         st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
     const double done = (double)(band->first_row + band->height) / band->whole_height;
-    tell_step(frame, frame->files->watch, done);
-    cts_meter_stop(meter, frame->report, CTS_STAGE_EXPORT);
+    report_step(frame, frame->files->watch, done);
+    cts_stage_timer_stop(meter, frame->report, CTS_STAGE_EXPORT);
     return st;
 }
 
@@ -231,11 +232,11 @@ static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatc
     const CtsJob *job = frame->job;
     const double azimuth_deg = job->render.azimuth_deg + turn_deg(job, frame->number);
     const CtsBandSink sink = {.take = finish_band, .context = frame, .max_rows = watch->step ? WATCHED_ROWS : 0};
-    const CtsMeter meter = cts_meter_start(frame->report);
-    tell_step(frame, watch, 0);
+    const CtsStageTimer meter = cts_stage_timer_start(frame->report);
+    report_step(frame, watch, 0);
     const CtsStatus st = cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg, &sink, frame->report, err);
-    cts_watch_findings(watch, frame->report);
-    cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
+    cts_watch_diagnostics(watch, frame->report);
+    cts_stage_timer_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
     return st ? st : stopped(job, err);
 }
 
@@ -282,8 +283,8 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
     }
     report->verified = pooled;
     if (!st)
-        saturation_tell(&frame.saturation, job, volume, &files->first, report);
-    cts_watch_findings(files->watch, report);
+        saturation_report(&frame.saturation, job, volume, &files->first, report);
+    cts_watch_diagnostics(files->watch, report);
     return st;
 }
 
@@ -299,9 +300,9 @@ static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const C
         .shaded = preset->shade,
         .cropped = job->source.crop.given,
         .source = loaded->series,
-        .words = job->words,
-        .n_words = job->n_words,
-        .labels = loaded->volume->owners ? loaded->labels : NULL,
+        .options = job->options,
+        .n_options = job->n_options,
+        .labels = loaded->volume->voxel_labels ? loaded->labels : NULL,
         .choice = &job->source.choice,
         .report = report,
     };
@@ -324,18 +325,18 @@ static CtsRenderSettings settings_of(const CtsJob *job)
 CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err)
 {
-    CtsMeter meter = cts_meter_start(report);
+    CtsStageTimer meter = cts_stage_timer_start(report);
     const CtsRenderSettings render = settings_of(job);
     CtsStatus st;
     *prepared = (CtsPrepared){.preset = *job->preset};
     if (!(st = cts_contrast_check(volume, cts_threads(job->render.n_threads), &prepared->preset, &prepared->no_contrast,
                                   err)))
-        st = cts_fit_window(volume, &render, &prepared->preset, report, err);
-    cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
-    meter = cts_meter_start(report);
+        st = cts_auto_window(volume, &render, &prepared->preset, report, err);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_CLASSIFY);
+    meter = cts_stage_timer_start(report);
     if (!st)
         st = cts_render_begin(&prepared->renderer, volume, &prepared->preset, &render, err);
-    cts_meter_stop(meter, report, CTS_STAGE_GREY); /* --grey-bits makes a volume of other grey levels */
+    cts_stage_timer_stop(meter, report, CTS_STAGE_GREY); /* --grey-bits makes a volume of other grey levels */
     return st;
 }
 
@@ -357,19 +358,19 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
         return cts_fail(err, CTS_ERR_GEOMETRY,
                         "`write_state`: a presentation state names one frame of reference, and each slice has its own");
     if (prepared->no_contrast)
-        cts_contrast_tell(&prepared->preset, report);
+        cts_contrast_report(&prepared->preset, report);
     settings.source = loaded->series;
-    settings.labels = loaded->volume->owners ? loaded->labels : NULL;
+    settings.labels = loaded->volume->voxel_labels ? loaded->labels : NULL;
     settings.n_threads = cts_threads(job->render.n_threads);
     CtsStatus st = cts_files_begin(&files, err);
     if (!st)
         st = render_frames(job, loaded->volume, prepared->renderer, &files, report, err);
-    const CtsMeter meter = cts_meter_start(report);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
     if (!st && job->outputs.state && !job->render.explain)
         st = write_state(job, &prepared->preset, loaded, &files.first, report, err);
-    cts_watch_findings(watch, report);
+    cts_watch_diagnostics(watch, report);
     cts_files_end(&files);
-    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }
 
@@ -380,13 +381,13 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     CtsStatus st = cts_job_prepare(job, loaded->volume, &prepared, report, err);
     if (!st)
         st = cts_job_pictures(job, loaded, &prepared, watch, report, err);
-    const CtsMeter meter = cts_meter_start(report);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
     cts_render_end(&prepared.renderer);
-    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }
 
-bool cts_job_looks_inside(const CtsJob *job)
+bool cts_job_finds_body(const CtsJob *job)
 {
     const CtsMode mode = job->preset->mode;
     return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE;
@@ -397,11 +398,11 @@ CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *repor
     CtsLoaded loaded = {0};
     CtsSource source = job->source;
     CtsStatus st;
-    CtsMeter meter = cts_meter_start(report);
-    source.inside_unseen = !cts_job_looks_inside(job);
+    CtsStageTimer meter = cts_stage_timer_start(report);
+    source.inside_unseen = !cts_job_finds_body(job);
     st = cts_job_check(job, report, err);
-    cts_watch_findings(watch, report);
-    cts_meter_stop(meter, report, CTS_STAGE_SCAN);
+    cts_watch_diagnostics(watch, report);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_SCAN);
     if (st)
         return st;
     st = cts_source_load(&source, watch, n_steps_of(job), &loaded, report, err);
@@ -409,8 +410,8 @@ CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *repor
         watch->loaded(watch->context);
     if (!st && !(st = stopped(job, err)))
         st = cts_job_render(job, &loaded, watch, report, err);
-    meter = cts_meter_start(report);
+    meter = cts_stage_timer_start(report);
     cts_loaded_free(&loaded);
-    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }

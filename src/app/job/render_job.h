@@ -4,7 +4,7 @@
 #define CTS_JOB_RENDER_JOB_H
 
 #include "app/job/outputs.h"
-#include "app/job/source.h"
+#include "app/job/pipeline.h"
 #include "app/job/watch.h"
 #include "ctsplat/export.h"
 #include "ctsplat/preset.h"
@@ -25,8 +25,8 @@ typedef struct CtsJob {
     CtsOutputs outputs;
     double swivel_step_deg; /* swivel: degrees between frames; 0: a full rotation */
     CtsMarks annotate;
-    const CtsWord *words; /* options to be written to outputs.state beside the preset */
-    int n_words;
+    const CtsJobOption *options; /* options to be written to outputs.state beside the preset */
+    int n_options;
 } CtsJob;
 
 /* All checks that need no file of the input. */
@@ -53,7 +53,7 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
                          CtsError *err);
 
 /* True if the job's pictures use only the inside of the body. */
-bool cts_job_looks_inside(const CtsJob *job);
+bool cts_job_finds_body(const CtsJob *job);
 
 /* Check, load, render. */
 CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err);

@@ -13,7 +13,7 @@ typedef struct CtsWatch {
      * rendered in bands low enough to show the progress. */
     void (*step)(void *context, double done, int all, const char *what);
     /* The report may hold findings that it did not hold before. */
-    void (*findings)(void *context, const CtsReport *report);
+    void (*diagnostics)(void *context, const CtsReport *report);
     /* The series found, before any of it is read. */
     void (*found)(void *context, const CtsSeriesList *list);
     /* The volume is read: from here on the job checks its settings' stop flag. */
@@ -30,10 +30,10 @@ static inline void cts_watch_step(const CtsWatch *watch, double done, int all, c
         watch->step(watch->context, done, all, what);
 }
 
-static inline void cts_watch_findings(const CtsWatch *watch, const CtsReport *report)
+static inline void cts_watch_diagnostics(const CtsWatch *watch, const CtsReport *report)
 {
-    if (watch->findings)
-        watch->findings(watch->context, report);
+    if (watch->diagnostics)
+        watch->diagnostics(watch->context, report);
 }
 
 #endif

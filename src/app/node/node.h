@@ -2,8 +2,8 @@
 #ifndef CTS_NODE_NODE_H
 #define CTS_NODE_NODE_H
 
-#include "app/words/options.h"
-#include "dicom/net/accept.h"
+#include "app/options/options.h"
+#include "dicom/net/store_scp.h"
 #include <sys/socket.h>
 #include <sys/types.h>
 
@@ -37,7 +37,7 @@ void cts_allow_free(CtsAllowList *list);
  * disk. */
 typedef struct CtsSpool {
     const char *folder;
-    uint64_t most_object_bytes;
+    uint64_t max_object_bytes;
     double free_percent; /* of the disk that stay free */
     int lock;
 } CtsSpool;
@@ -57,26 +57,26 @@ enum { CTS_SPOOL_STUDY = 80 };
 CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY],
                            bool *replaced);
 
-enum { CTS_MOST_VISITS = 64, CTS_MOST_STUDIES_TOLD = 16 };
+enum { CTS_MAX_ASSOCIATIONS = 64, CTS_MAX_STUDY_COUNTS = 16 };
 
-/* visits.c: current peers, one process each, and their limits. This part is memory shared with the process that serves
- * the peer; it writes it, and may be compromised. */
-typedef struct CtsVisitTold {
-    CtsVisit visit;
+/* associations.c: current peers, one process each, and their limits. This part is memory shared with the process that
+ * serves the peer; it writes it, and may be compromised. */
+typedef struct CtsAssociationRecord {
+    CtsAssociationInfo info;
     uint64_t n_replaced; /* objects that took the place of the same instance */
     int n_studies;
-    struct CtsStudyTold {
+    struct CtsStudyCount {
         char name[CTS_SPOOL_STUDY];
         uint64_t n_objects;
-    } studies[CTS_MOST_STUDIES_TOLD]; /* the last one counts all others too */
-} CtsVisitTold;
+    } studies[CTS_MAX_STUDY_COUNTS]; /* the last one counts all others too */
+} CtsAssociationRecord;
 
-typedef struct CtsVisitor {
+typedef struct CtsAssociationProcess {
     pid_t pid; /* 0: none */
     CtsAddress address;
     double start_ms;
-    CtsVisitTold *told;
-} CtsVisitor;
+    CtsAssociationRecord *record;
+} CtsAssociationProcess;
 
 /* Number of associations that an address has begun in this minute. */
 typedef struct CtsRate {
@@ -85,32 +85,33 @@ typedef struct CtsRate {
     int n;
 } CtsRate;
 
-typedef struct CtsVisits {
-    CtsVisitor visitors[CTS_MOST_VISITS];
-    CtsVisitTold *shared; /* of all */
-    CtsRate rates[256];   /* the oldest makes room */
-    int most_of_one, most_a_minute;
-} CtsVisits;
+typedef struct CtsAssociations {
+    CtsAssociationProcess peer_processes[CTS_MAX_ASSOCIATIONS];
+    CtsAssociationRecord *shared; /* of all */
+    CtsRate rates[256];           /* the oldest makes room */
+    int max_of_one, max_a_minute;
+} CtsAssociations;
 
-CtsStatus cts_visits_open(CtsVisits *visits, CtsError *err);
-void cts_visits_close(CtsVisits *visits);
+CtsStatus cts_associations_open(CtsAssociations *associations, CtsError *err);
+void cts_associations_close(CtsAssociations *associations);
 /* A place for a peer at this address, emptied; NULL when it, or all together, have as many as they may. */
-CtsVisitor *cts_visits_admit(CtsVisits *visits, const CtsAddress *address, double now_ms);
-CtsVisitor *cts_visits_find(CtsVisits *visits, pid_t pid);
+CtsAssociationProcess *cts_associations_admit(CtsAssociations *associations, const CtsAddress *address, double now_ms);
+CtsAssociationProcess *cts_associations_find(CtsAssociations *associations, pid_t pid);
 /* One more object of a study, by the process that serves the peer. */
-void cts_told_object(CtsVisitTold *told, const char *study, bool replaced);
+void cts_association_count_object(CtsAssociationRecord *record, const char *study, bool replaced);
 
 /* The record of associations (sender, time, amount): a JSON Lines file, opened for each line, so that it may be moved
  * away. CTS_ERR_OUTPUT when the file (0640; "-" is standard error) cannot be written. */
 CtsStatus cts_record_check(const char *path, CtsError *err);
 /* Records an association that has ended; how: the wait status of its process. Of that process's own report only the
  * reason's text is trusted. */
-CtsStatus cts_record_visit(const char *path, const CtsVisitor *visitor, int how, double now_ms, CtsError *err);
+CtsStatus cts_record_association(const char *path, const CtsAssociationProcess *peer_process, int how, double now_ms,
+                                 CtsError *err);
 /* Connections that were closed at once, the last of them from this address. */
-CtsStatus cts_record_turned_away(const char *path, uint64_t n, const CtsAddress *last, CtsError *err);
+CtsStatus cts_record_rejections(const char *path, uint64_t n, const CtsAddress *last, CtsError *err);
 
-/* Runs until options->net.stop is set: CTS_OK. Options are those of the command `receive`; told gets each line for the
- * user. */
-CtsStatus cts_receive(const CtsOptions *options, void (*told)(const char *text), CtsError *err);
+/* Runs until options->net.stop is set: CTS_OK. Options are those of the command `receive`; on_text gets each line for
+ * the user. */
+CtsStatus cts_receive(const CtsOptions *options, void (*on_text)(const char *text), CtsError *err);
 
 #endif

@@ -17,20 +17,20 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { TELL_MS = 60000, GRACE_MS = 2000, PAUSE_MS = 10, CHILD_BYTES = 512 << 20, CHILD_FILES = 64 };
+enum { REPORT_MS = 60000, GRACE_MS = 2000, PAUSE_MS = 10, CHILD_BYTES = 512 << 20, CHILD_FILES = 64 };
 
 typedef struct Receiver {
     const CtsOptions *options;
-    const CtsWay *way;
+    const CtsProtocol *protocol;
     CtsNet net;
     char record[PATH_MAX];
     CtsAllowList allow;
     CtsSpool spool;
-    CtsVisits visits;
+    CtsAssociations associations;
     int listener;
     uint64_t n_turned_away;
     CtsAddress last_away;
-    double told_ms;
+    double reported_ms;
     CtsError *err;
     CtsStatus status;
 } Receiver;
@@ -38,7 +38,7 @@ typedef struct Receiver {
 /* State of the process that serves one peer. */
 typedef struct Served {
     Receiver *receiver;
-    CtsVisitor *visitor;
+    CtsAssociationProcess *peer_process;
     int place;
 } Served;
 
@@ -46,7 +46,7 @@ static bool allows(void *context, const char *calling_aet)
 {
     const Served *s = context;
     alarm((unsigned)s->receiver->options->deadline_s);
-    return cts_allow_has(&s->receiver->allow, &s->visitor->address, calling_aet);
+    return cts_allow_has(&s->receiver->allow, &s->peer_process->address, calling_aet);
 }
 
 static bool grows(void *context, uint64_t n_bytes)
@@ -54,9 +54,9 @@ static bool grows(void *context, uint64_t n_bytes)
     const Served *s = context;
     if (cts_spool_has_room(&s->receiver->spool, n_bytes))
         return true;
-    snprintf(s->visitor->told->visit.end, sizeof s->visitor->told->visit.end,
-             n_bytes > s->receiver->spool.most_object_bytes ? "broken off: its object is larger than allowed"
-                                                            : "broken off: the disk is nearly full");
+    snprintf(s->peer_process->record->info.end, sizeof s->peer_process->record->info.end,
+             n_bytes > s->receiver->spool.max_object_bytes ? "broken off: its object is larger than allowed"
+                                                           : "broken off: the disk is nearly full");
     return false;
 }
 
@@ -75,7 +75,7 @@ static CtsStoredAs keep(void *context, const char *path, const char *sop_uid)
     bool replaced = false;
     const CtsStoredAs stored = cts_spool_keep(&s->receiver->spool, path, sop_uid, study, &replaced);
     if (stored == CTS_STORED)
-        cts_told_object(s->visitor->told, study, replaced);
+        cts_association_count_object(s->peer_process->record, study, replaced);
     return stored;
 }
 
@@ -97,16 +97,17 @@ static bool shut_in(const Receiver *r, pid_t parent)
            !setrlimit(RLIMIT_NOFILE, &files) && !cts_isolation_stay_inside();
 }
 
-static _Noreturn void serve(Receiver *r, CtsVisitor *visitor, int socket, pid_t parent)
+static _Noreturn void serve(Receiver *r, CtsAssociationProcess *peer_process, int socket, pid_t parent)
 {
-    Served served = {.receiver = r, .visitor = visitor, .place = (int)(visitor - r->visits.visitors)};
-    const CtsAcceptRules rules = {
+    Served served = {
+        .receiver = r, .peer_process = peer_process, .place = (int)(peer_process - r->associations.peer_processes)};
+    const CtsStoreScpRules rules = {
         .net = &r->net, .allows = allows, .begin = begin, .grows = grows, .keep = keep, .context = &served};
     close(r->listener);
     cts_spool_close(&r->spool);
     if (!shut_in(r, parent))
         _exit(1);
-    r->way->accept(&rules, socket, &visitor->told->visit);
+    r->protocol->accept(&rules, socket, &peer_process->record->info);
     _exit(0);
 }
 
@@ -120,14 +121,15 @@ static void take_one(Receiver *r)
         return;
     }
     const CtsAddress address = cts_address_of(&from);
-    CtsVisitor *visitor =
-        cts_allow_has(&r->allow, &address, NULL) ? cts_visits_admit(&r->visits, &address, cts_wall_ms()) : NULL;
-    const pid_t parent = getpid(), pid = visitor ? fork() : -1;
+    CtsAssociationProcess *peer_process = cts_allow_has(&r->allow, &address, NULL)
+                                              ? cts_associations_admit(&r->associations, &address, cts_wall_ms())
+                                              : NULL;
+    const pid_t parent = getpid(), pid = peer_process ? fork() : -1;
     if (pid == 0)
-        serve(r, visitor, socket, parent);
+        serve(r, peer_process, socket, parent);
     close(socket);
     if (pid > 0) {
-        visitor->pid = pid;
+        peer_process->pid = pid;
     } else {
         r->n_turned_away++;
         r->last_away = address;
@@ -153,36 +155,36 @@ static void take_dead(Receiver *r)
     pid_t pid;
     int how;
     while ((pid = waitpid(-1, &how, WNOHANG)) > 0) {
-        CtsVisitor *visitor = cts_visits_find(&r->visits, pid);
-        if (!visitor)
+        CtsAssociationProcess *peer_process = cts_associations_find(&r->associations, pid);
+        if (!peer_process)
             continue;
-        remove_part(r, (int)(visitor - r->visits.visitors));
-        give_up(r, cts_record_visit(r->record, visitor, how, cts_wall_ms(), r->err));
-        visitor->pid = 0;
+        remove_part(r, (int)(peer_process - r->associations.peer_processes));
+        give_up(r, cts_record_association(r->record, peer_process, how, cts_wall_ms(), r->err));
+        peer_process->pid = 0;
     }
 }
 
-static void tell_turned_away(Receiver *r, bool now)
+static void report_rejections(Receiver *r, bool now)
 {
     const double now_ms = cts_wall_ms();
-    if (!r->n_turned_away || (!now && now_ms - r->told_ms < TELL_MS))
+    if (!r->n_turned_away || (!now && now_ms - r->reported_ms < REPORT_MS))
         return;
-    give_up(r, cts_record_turned_away(r->record, r->n_turned_away, &r->last_away, r->err));
+    give_up(r, cts_record_rejections(r->record, r->n_turned_away, &r->last_away, r->err));
     r->n_turned_away = 0;
-    r->told_ms = now_ms;
+    r->reported_ms = now_ms;
 }
 
-static void end_visitors(Receiver *r)
+static void end_associations(Receiver *r)
 {
     const double end_ms = cts_wall_ms() + GRACE_MS;
     bool any = true;
     for (int round = 0; any; round++) {
         const bool late = cts_wall_ms() > end_ms;
         any = false;
-        for (int i = 0; i < CTS_MOST_VISITS; i++) {
-            any |= r->visits.visitors[i].pid;
-            if (r->visits.visitors[i].pid && (round == 0 || late))
-                kill(r->visits.visitors[i].pid, late ? SIGKILL : SIGTERM);
+        for (int i = 0; i < CTS_MAX_ASSOCIATIONS; i++) {
+            any |= r->associations.peer_processes[i].pid;
+            if (r->associations.peer_processes[i].pid && (round == 0 || late))
+                kill(r->associations.peer_processes[i].pid, late ? SIGKILL : SIGTERM);
         }
         poll(NULL, 0, any ? PAUSE_MS : 0);
         take_dead(r);
@@ -214,20 +216,20 @@ static void receive_all(Receiver *r)
         if (ppoll(&wait, 1, &tick, &while_waiting) > 0)
             take_one(r);
         take_dead(r);
-        tell_turned_away(r, false);
+        report_rejections(r, false);
     }
-    end_visitors(r);
-    tell_turned_away(r, true);
+    end_associations(r);
+    report_rejections(r, true);
 }
 
 static void take_settings(Receiver *r)
 {
     const CtsOptions *o = r->options;
     r->net = cts_net_with_defaults(&o->net);
-    r->visits.most_of_one = o->most_of_one;
-    r->visits.most_a_minute = o->most_a_minute;
+    r->associations.max_of_one = o->max_of_one;
+    r->associations.max_a_minute = o->max_a_minute;
     r->spool = (CtsSpool){.folder = o->output_dir,
-                          .most_object_bytes = (uint64_t)(o->object_mib * 1048576),
+                          .max_object_bytes = (uint64_t)(o->object_mib * 1048576),
                           .free_percent = o->free_percent,
                           .lock = -1};
     if (o->log)
@@ -246,16 +248,16 @@ static CtsStatus prepare(Receiver *r, CtsError *err)
                         "`tls-ca` asks peers for certificates, and ours is missing (give `tls-key`)");
     if ((st = cts_net_check(NULL, &o->net, err)) ||
         (st = cts_allow_parse(o->allow.items, o->allow.n, &r->allow, err)) ||
-        (st = cts_way_find(&dimse, &r->way, err)) || (st = r->way->accept_check(&r->net, err)) ||
-        (st = cts_visits_open(&r->visits, err)) || (st = cts_spool_open(&r->spool, err)) ||
+        (st = cts_protocol_find(&dimse, &r->protocol, err)) || (st = r->protocol->accept_check(&r->net, err)) ||
+        (st = cts_associations_open(&r->associations, err)) || (st = cts_spool_open(&r->spool, err)) ||
         (st = cts_record_check(r->record, err)))
         return st;
-    for (int i = 0; i < CTS_MOST_VISITS; i++)
+    for (int i = 0; i < CTS_MAX_ASSOCIATIONS; i++)
         remove_part(r, i);
     return cts_listen(o->listen, &r->listener, err);
 }
 
-CtsStatus cts_receive(const CtsOptions *options, void (*told)(const char *text), CtsError *err)
+CtsStatus cts_receive(const CtsOptions *options, void (*on_text)(const char *text), CtsError *err)
 {
     char text[200], where[80];
     Receiver *r = calloc(1, sizeof *r);
@@ -269,16 +271,16 @@ CtsStatus cts_receive(const CtsOptions *options, void (*told)(const char *text),
     if (!st) {
         cts_listener_name(r->listener, where, sizeof where);
         snprintf(text, sizeof text, "listens at %s as %s", where, r->net.own_aet);
-        told(text);
+        on_text(text);
         if (!options->allow.n)
-            told("only this machine may send (--allow AET@ADDRESS admits others)");
+            on_text("only this machine may send (--allow AET@ADDRESS admits others)");
         receive_all(r);
         st = r->status;
     }
     if (r->listener >= 0)
         close(r->listener);
     cts_spool_close(&r->spool);
-    cts_visits_close(&r->visits);
+    cts_associations_close(&r->associations);
     cts_allow_free(&r->allow);
     free(r);
     return st;

@@ -41,7 +41,7 @@ void cts_spool_close(CtsSpool *spool)
 bool cts_spool_has_room(const CtsSpool *spool, uint64_t n_bytes)
 {
     struct statvfs disk;
-    return n_bytes <= spool->most_object_bytes && !statvfs(spool->folder, &disk) &&
+    return n_bytes <= spool->max_object_bytes && !statvfs(spool->folder, &disk) &&
            100.0 * (double)disk.f_bavail >= spool->free_percent * (double)disk.f_blocks;
 }
 

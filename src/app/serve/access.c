@@ -10,7 +10,7 @@
 #include <strings.h>
 #include <sys/random.h>
 
-enum { MADE_BYTES = 16, LEAST_CHARACTERS = 16 };
+enum { MADE_BYTES = 16, MIN_CHARACTERS = 16 };
 
 static CtsStatus make_token(CtsServer *server, CtsError *err)
 {
@@ -40,9 +40,9 @@ CtsStatus cts_access_token(CtsServer *server, CtsError *err)
     for (size_t i = 0; i < n; i++)
         if (!isgraph((unsigned char)server->token[i]) || strchr("\";,\\&#%+", server->token[i]))
             return cts_fail(err, CTS_ERR_READ, "%s: a token is one word of letters, digits and -._~", path);
-    return n >= LEAST_CHARACTERS
+    return n >= MIN_CHARACTERS
                ? CTS_OK
-               : cts_fail(err, CTS_ERR_READ, "%s: a token has %d characters or more", path, LEAST_CHARACTERS);
+               : cts_fail(err, CTS_ERR_READ, "%s: a token has %d characters or more", path, MIN_CHARACTERS);
 }
 
 /* Compares in constant time. */

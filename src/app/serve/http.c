@@ -1,7 +1,7 @@
 /* HTTP by libmicrohttpd: one thread serves all connections. */
 #include "app/serve/http.h"
 
-#include "base/load_part.h"
+#include "base/load_plugin.h"
 #include <microhttpd.h>
 #include <poll.h>
 #include <stdatomic.h>
@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 /* LAST_MS: how long the last answers have to leave when the server stops. */
-enum { MOST_CONNECTIONS = 2000, SILENCE_S = 30, LAST_MS = 3000, LOOK_MS = 5 };
+enum { MAX_CONNECTIONS = 2000, SILENCE_S = 30, LAST_MS = 3000, POLL_MS = 5 };
 
 struct CtsHttpServer {
     struct MHD_Daemon *daemon;
@@ -23,7 +23,7 @@ typedef struct Request {
     struct MHD_Connection *connection;
     struct MHD_Response *response;
     int status;
-    bool asked, waits;
+    bool render_query, waits;
 } Request;
 
 typedef struct Taker {
@@ -126,8 +126,8 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
         return has_body(connection) ? refuse_body(connection) : MHD_YES;
     }
     *n_body = 0;
-    if (!r->asked) {
-        r->asked = true;
+    if (!r->render_query) {
+        r->render_query = true;
         server->settings.ask(server->settings.context, &r->shown);
         if (r->waits)
             return MHD_YES;
@@ -165,7 +165,7 @@ static CtsStatus start(CtsHttpServer **server, const CtsHttpSettings *settings, 
     };
     const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | (tls ? MHD_USE_TLS : 0u);
     s->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, s, MHD_OPTION_LISTEN_SOCKET, settings->socket,
-                                 MHD_OPTION_CONNECTION_LIMIT, (unsigned)MOST_CONNECTIONS, MHD_OPTION_CONNECTION_TIMEOUT,
+                                 MHD_OPTION_CONNECTION_LIMIT, (unsigned)MAX_CONNECTIONS, MHD_OPTION_CONNECTION_TIMEOUT,
                                  (unsigned)SILENCE_S, MHD_OPTION_NOTIFY_COMPLETED, completed, s, MHD_OPTION_ARRAY,
                                  tls ? keys : keys + 2, MHD_OPTION_END);
     if (s->daemon)
@@ -181,12 +181,12 @@ static void stop(CtsHttpServer **server)
     if (!*server)
         return;
     const int socket = MHD_quiesce_daemon((*server)->daemon);
-    for (int ms = 0; ms < LAST_MS && atomic_load(&(*server)->n_requests); ms += LOOK_MS)
-        poll(NULL, 0, LOOK_MS);
+    for (int ms = 0; ms < LAST_MS && atomic_load(&(*server)->n_requests); ms += POLL_MS)
+        poll(NULL, 0, POLL_MS);
     MHD_stop_daemon((*server)->daemon);
     close(socket);
     free(*server);
     *server = NULL;
 }
 
-CTS_PART_TABLE(CtsHttp, cts_http, start, stop, query_of, wait_for, answer)
+CTS_PLUGIN_TABLE(CtsHttp, cts_http, start, stop, query_of, wait_for, answer)

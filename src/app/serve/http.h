@@ -1,5 +1,5 @@
-/* The HTTP interface, free of libmicrohttpd's types. Its implementation is a plug-in (base/load_part.h), since no other
- * command needs it. */
+/* The HTTP interface, free of libmicrohttpd's types. Its implementation is a plug-in (base/load_plugin.h), since no
+ * other command needs it. */
 #ifndef CTS_SERVE_HTTP_H
 #define CTS_SERVE_HTTP_H
 

@@ -33,21 +33,21 @@ static json_t *labels_json(const CtsLabels *labels)
 char *cts_list_labels(CtsServer *server, const char *id)
 {
     pthread_mutex_lock(&server->lock);
-    const CtsCachedSeries *const s = cts_series_cache_by_id(&server->shelf, id);
-    json_t *const list = labels_json(s && s->cuts ? s->loaded.labels : NULL);
+    const CtsCachedSeries *const s = cts_series_cache_by_id(&server->cache, id);
+    json_t *const list = labels_json(s && s->processed_volumes ? s->loaded.labels : NULL);
     pthread_mutex_unlock(&server->lock);
     return text_of(list, JSON_COMPACT);
 }
 
 /* Contains nothing that identifies the patient. */
-static json_t *series_json(const CtsServer *server, const CtsCachedSeries *shelved)
+static json_t *series_json(const CtsServer *server, const CtsCachedSeries *cached)
 {
-    const CtsSeries *const s = shelved->series;
-    char *const reason = s->renderable ? NULL : cts_server_masked(server, shelved, s->reason);
-    json_t *const json = json_pack("{s:s, s:s, s:b, s:b, s:[iii], s:[fff], s:s, s:b}", "id", shelved->id, "modality",
-                                   s->modality, "renderable", s->renderable, "passed", s->passed, "dims", s->columns,
-                                   s->rows, s->n_slices, "spacing_mm", s->spacing_mm[0], s->spacing_mm[1],
-                                   s->spacing_mm[2], "orientation", s->orientation, "loaded", shelved->cuts != NULL);
+    const CtsSeries *const s = cached->series;
+    char *const reason = s->renderable ? NULL : cts_server_masked(server, cached, s->reason);
+    json_t *const json = json_pack(
+        "{s:s, s:s, s:b, s:b, s:[iii], s:[fff], s:s, s:b}", "id", cached->id, "modality", s->modality, "renderable",
+        s->renderable, "passed", s->passed, "dims", s->columns, s->rows, s->n_slices, "spacing_mm", s->spacing_mm[0],
+        s->spacing_mm[1], s->spacing_mm[2], "orientation", s->orientation, "loaded", cached->processed_volumes != NULL);
     if (json && reason)
         json_object_set_new(json, "reason", cts_json_new_text(reason));
     free(reason);
@@ -58,7 +58,7 @@ char *cts_list_series(CtsServer *server)
 {
     json_t *const list = json_array();
     pthread_mutex_lock(&server->lock);
-    for (const CtsCachedSeries *s = server->shelf.first; s; s = s->next)
+    for (const CtsCachedSeries *s = server->cache.first; s; s = s->next)
         if (s->series)
             json_array_append_new(list, series_json(server, s));
     pthread_mutex_unlock(&server->lock);
@@ -120,10 +120,10 @@ char *cts_list_module(const CtsRenderRequest *e)
         put(m, "00281051", "DS", json_pack("[o]", cts_json_new_number(high - low)));
         put(m, "00281050", "DS", json_pack("[o]", cts_json_new_number((low + high) / 2)));
     }
-    if (e->asked.swivel_range_deg > 0) {
-        put(m, "00701A06", "FD", json_pack("[o]", cts_json_new_number(e->asked.swivel_range_deg)));
-        put(m, "00701A05", "FD", json_pack("[o]", cts_json_new_number(e->asked.swivel_step_deg)));
-        put(m, "00701A03", "FD", json_pack("[o]", cts_json_new_number(e->asked.rate)));
+    if (e->render_query.swivel_range_deg > 0) {
+        put(m, "00701A06", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_range_deg)));
+        put(m, "00701A05", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_step_deg)));
+        put(m, "00701A03", "FD", json_pack("[o]", cts_json_new_number(e->render_query.rate)));
     }
     return text_of(m, JSON_COMPACT | JSON_PRESERVE_ORDER);
 }
@@ -138,9 +138,9 @@ char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *e)
     json_t *const warnings = json_array();
     if (e->report.bound.known)
         json_object_set_new(scene, "bound_255", json_real(255 * e->report.bound.rmse));
-    for (size_t i = 0; i < e->report.findings.n && json_array_size(warnings) < 2; i++) {
-        char *const text = e->report.findings.items[i].severity == CTS_WARNING
-                               ? cts_server_masked(server, e->shelved, e->report.findings.items[i].text)
+    for (size_t i = 0; i < e->report.diagnostics.n && json_array_size(warnings) < 2; i++) {
+        char *const text = e->report.diagnostics.items[i].severity == CTS_WARNING
+                               ? cts_server_masked(server, e->cached, e->report.diagnostics.items[i].text)
                                : NULL;
         if (text)
             json_array_append_new(warnings, cts_json_new_text(text));

@@ -57,7 +57,7 @@ static CtsStatus check_preset(const char *name, CtsError *err)
 
 /* Checks NAME=LOOK, where LOOK is a colour or a preset. A name may contain =, so LOOK may begin after any of them, and
  * must name no file in any case: FILE#PRESET has a #. */
-static CtsStatus check_look(const char *text, CtsError *err)
+static CtsStatus check_appearance(const char *text, CtsError *err)
 {
     const char *const first = strchr(text, '='), *const last = strrchr(text, '=');
     if (!first || last[1] == '#')
@@ -70,64 +70,67 @@ static CtsStatus check_look(const char *text, CtsError *err)
     return check_preset(first + strcspn(first, "/#") < last ? first + 1 : last + 1, err);
 }
 
-static CtsStatus take_words(CtsRenderQuery *asked, CtsError *err)
+static CtsStatus take_words(CtsRenderQuery *render_query, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    for (int i = 0; i < asked->query.n && !st; i++) {
-        const CtsWord word = {.name = asked->query.parts[i].name, .value = asked->query.parts[i].value};
+    for (int i = 0; i < render_query->query.n && !st; i++) {
+        const CtsJobOption word = {.name = render_query->query.parts[i].name,
+                                   .value = render_query->query.parts[i].value};
         if (!strcmp(word.name, "preset") && (st = check_preset(word.value, err)))
             return st;
-        const bool is_look = !strcmp(word.name, "look") || !strcmp(word.name, "appearance");
-        if (is_look && word.value[0] != '{')
+        const bool is_appearance = !strcmp(word.name, "look") || !strcmp(word.name, "appearance");
+        if (is_appearance && word.value[0] != '{')
             return cts_fail(err, CTS_ERR_USAGE, "`%s`: belongs in the request itself, as JSON", word.name);
-        st = cts_options_take(&asked->options, CTS_FOR_REQUEST, &word, err);
+        st = cts_options_take(&render_query->options, CTS_FOR_REQUEST, &word, err);
     }
     return st;
 }
 
-static CtsStatus name_file(CtsRenderQuery *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
-                           CtsError *err)
+static CtsStatus name_file(CtsRenderQuery *render_query, const CtsFormatInfo *format, const char *folder,
+                           unsigned long serial, CtsError *err)
 {
-    if (asprintf(&asked->path, "%s/%lu.%s", folder, serial, format->name) < 0) {
-        asked->path = NULL;
+    if (asprintf(&render_query->path, "%s/%lu.%s", folder, serial, format->name) < 0) {
+        render_query->path = NULL;
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    return cts_options_take(&asked->options, CTS_FOR_JOB, &(CtsWord){.name = "output", .value = asked->path}, err);
+    return cts_options_take(&render_query->options, CTS_FOR_JOB,
+                            &(CtsJobOption){.name = "output", .value = render_query->path}, err);
 }
 
-CtsStatus cts_render_query_options(CtsRenderQuery *asked, const CtsFormatInfo *format, const char *folder,
+CtsStatus cts_render_query_options(CtsRenderQuery *render_query, const CtsFormatInfo *format, const char *folder,
                                    unsigned long serial, int n_threads, CtsReport *report, CtsError *err)
 {
-    CtsOptions *const o = &asked->options;
+    CtsOptions *const o = &render_query->options;
     CtsStatus st;
-    asked->media_type = cts_media_type_of(format);
+    render_query->media_type = cts_media_type_of(format);
     cts_options_begin(o);
     o->render.n_threads = n_threads;
     o->export.scratch = true;
     o->export.png_8_bits = true; /* as the standard requires; option png-bits overrides it */
-    if (asked->query.too_many)
+    if (render_query->query.too_many)
         return cts_fail(err, CTS_ERR_USAGE, "more than %d parameters", CTS_QUERY_PARTS);
-    if (asked->state_path &&
-        (st = cts_options_take(o, CTS_FOR_JOB, &(CtsWord){.name = "state", .value = asked->state_path}, err)))
+    if (render_query->state_path &&
+        (st = cts_options_take(o, CTS_FOR_JOB, &(CtsJobOption){.name = "state", .value = render_query->state_path},
+                               err)))
         return st;
-    if ((st = take_words(asked, err)) || (st = name_file(asked, format, folder, serial, err)) ||
+    if ((st = take_words(render_query, err)) || (st = name_file(render_query, format, folder, serial, err)) ||
         (st = cts_options_end(o, CTS_FOR_REQUEST, err)))
         return st;
-    for (int i = 0; i < o->label_looks.n; i++)
-        if ((st = check_look(o->label_looks.items[i], err)))
+    for (int i = 0; i < o->label_appearances.n; i++)
+        if ((st = check_appearance(o->label_appearances.items[i], err)))
             return st;
     if (o->rotation > 1 && !format->many_frames)
         return cts_fail(err, CTS_ERR_USAGE, "one .%s holds one picture, not the %d of a rotation (take webp or dcm)",
                         format->name, o->rotation);
-    if ((st = cts_options_one_job(o, &asked->preset, &asked->job, report, err)))
+    if ((st = cts_options_one_job(o, &render_query->preset, &render_query->job, report, err)))
         return st;
-    return cts_job_check(&asked->job, report, err);
+    return cts_job_check(&render_query->job, report, err);
 }
 
-void cts_render_query_free(CtsRenderQuery *asked)
+void cts_render_query_free(CtsRenderQuery *render_query)
 {
-    cts_options_free(&asked->options);
-    free(asked->path);
-    free(asked->state_path);
-    *asked = (CtsRenderQuery){.path = NULL};
+    cts_options_free(&render_query->options);
+    free(render_query->path);
+    free(render_query->state_path);
+    *render_query = (CtsRenderQuery){.path = NULL};
 }

@@ -1,7 +1,7 @@
 /* The queue of render requests: queued, running and cancelled ones. */
 #include "app/serve/server.h"
 
-#include "app/job/fit_window.h"
+#include "app/job/auto_window.h"
 #include "base/clock.h"
 #include "base/thread.h"
 #include <errno.h>
@@ -13,35 +13,35 @@
 
 void cts_render_request_free(CtsRenderRequest *e)
 {
-    cts_render_query_free(&e->asked);
+    cts_render_query_free(&e->render_query);
     cts_report_free(&e->report);
     free(e);
 }
 
-bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *errand)
+bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *render_request)
 {
     CtsRenderRequest **end = &server->first;
     if (server->n_waiting >= CTS_SERVE_WAITING)
         return false;
     while (*end)
         end = &(*end)->next;
-    *end = errand;
+    *end = render_request;
     server->n_waiting++;
-    errand->shelved->n_asked++;
+    render_request->cached->n_requested++;
     pthread_cond_signal(&server->work);
     return true;
 }
 
 /* The lock is the caller's. */
-static void unlink_errand(CtsServer *server, CtsRenderRequest *errand)
+static void unlink_request(CtsServer *server, CtsRenderRequest *render_request)
 {
     CtsRenderRequest **link = &server->first;
-    while (*link != errand)
+    while (*link != render_request)
         link = &(*link)->next;
-    *link = errand->next;
-    server->n_waiting -= !errand->running;
-    errand->shelved->n_asked--;
-    cts_series_cache_sweep(&server->shelf);
+    *link = render_request->next;
+    server->n_waiting -= !render_request->running;
+    render_request->cached->n_requested--;
+    cts_series_cache_sweep(&server->cache);
 }
 
 static void take_info(void *context, int frame, CtsPicture *band)
@@ -50,38 +50,41 @@ static void take_info(void *context, int frame, CtsPicture *band)
     if (frame == 0)
         e->info = band->info;
     /* The picture's description is complete with its first rows. */
-    e->told = true;
-    e->stop |= e->asked.metadata;
+    e->has_info = true;
+    e->stop |= e->render_query.metadata;
 }
 
-static CtsStatus use_lens(CtsRenderRequest *e, const CtsProcessedVolume *cut, CtsCachedRenderer *lens, bool is_new,
-                          CtsError *err)
+static CtsStatus render_with(CtsRenderRequest *e, const CtsProcessedVolume *processed, CtsCachedRenderer *renderer,
+                             bool is_new, CtsError *err)
 {
-    const CtsJob *job = &e->asked.job;
-    const CtsLoaded loaded = {.series = e->shelved->series, .volume = cut->volume, .labels = e->shelved->loaded.labels};
+    const CtsJob *job = &e->render_query.job;
+    const CtsLoaded loaded = {
+        .series = e->cached->series, .volume = processed->volume, .labels = e->cached->loaded.labels};
     const CtsWatch watch = {.context = e, .band = take_info};
-    CtsStatus st = is_new ? cts_job_prepare(job, cut->volume, &lens->prepared, &e->report, err) : CTS_OK;
+    CtsStatus st = is_new ? cts_job_prepare(job, processed->volume, &renderer->prepared, &e->report, err) : CTS_OK;
     if (!st)
-        st = cts_job_pictures(job, &loaded, &lens->prepared, &watch, &e->report, err);
-    return e->asked.metadata && e->told ? CTS_OK : st;
+        st = cts_job_pictures(job, &loaded, &renderer->prepared, &watch, &e->report, err);
+    return e->render_query.metadata && e->has_info ? CTS_OK : st;
 }
 
-static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *cut, CtsError *err)
+static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed, CtsError *err)
 {
-    CtsStatus st = cts_fit_window(cut->volume, &e->asked.job.render, &e->asked.preset, &e->report, err);
+    CtsStatus st =
+        cts_auto_window(processed->volume, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
     if (st)
         return st;
-    char *const json = cts_preset_to_json(&e->asked.preset);
+    char *const json = cts_preset_to_json(&e->render_query.preset);
     bool is_new = false;
     pthread_mutex_lock(&server->lock);
-    CtsCachedRenderer *const lens = json ? cts_cached_renderer_get(cut, &e->asked.job, json, &is_new) : NULL;
+    CtsCachedRenderer *const renderer =
+        json ? cts_cached_renderer_get(processed, &e->render_query.job, json, &is_new) : NULL;
     pthread_mutex_unlock(&server->lock);
     free(json);
-    if (!lens)
+    if (!renderer)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    st = use_lens(e, cut, lens, is_new, err);
+    st = render_with(e, processed, renderer, is_new, err);
     pthread_mutex_lock(&server->lock);
-    cts_cached_renderer_give_back(cut, lens, !lens->prepared.renderer);
+    cts_cached_renderer_give_back(processed, renderer, !renderer->prepared.renderer);
     pthread_mutex_unlock(&server->lock);
     return st;
 }
@@ -89,16 +92,16 @@ static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcess
 /* The picture's file, which has no name any more. */
 static CtsStatus open_picture(const CtsRenderRequest *e, int *fd, CtsError *err)
 {
-    *fd = open(e->asked.path, O_RDONLY | O_CLOEXEC);
+    *fd = open(e->render_query.path, O_RDONLY | O_CLOEXEC);
     if (*fd < 0)
         return cts_fail(err, CTS_ERR_OUTPUT, "the picture cannot be read back: %s", strerror(errno));
-    unlink(e->asked.path);
+    unlink(e->render_query.path);
     return CTS_OK;
 }
 
 static CtsStatus answer_picture(CtsServer *server, CtsRenderRequest *e, CtsHttpAnswer *answer, CtsError *err)
 {
-    if (e->asked.metadata) {
+    if (e->render_query.metadata) {
         char *const json = cts_list_module(e);
         if (!json)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -109,7 +112,7 @@ static CtsStatus answer_picture(CtsServer *server, CtsRenderRequest *e, CtsHttpA
     const CtsStatus st = open_picture(e, &fd, err);
     if (st)
         return st;
-    cts_answer_bytes(answer, server, 200, e->asked.media_type, "", 0, true);
+    cts_answer_bytes(answer, server, 200, e->render_query.media_type, "", 0, true);
     answer->fd = fd;
     char *const scene = cts_list_scene(server, e);
     if (scene)
@@ -121,55 +124,55 @@ static CtsStatus answer_picture(CtsServer *server, CtsRenderRequest *e, CtsHttpA
 /* One slice is no volume. */
 static CtsStatus check_instance(const CtsRenderRequest *e, CtsError *err)
 {
-    const char *uid = e->asked.instance_uid;
-    const int n = uid[0] ? cts_cached_series_count(e->shelved, uid) : e->shelved->series->n_slices;
-    if (n == e->shelved->series->n_slices)
+    const char *uid = e->render_query.instance_uid;
+    const int n = uid[0] ? cts_cached_series_count(e->cached, uid) : e->cached->series->n_slices;
+    if (n == e->cached->series->n_slices)
         return CTS_OK;
     return n ? cts_fail(err, CTS_ERR_USAGE, "the object holds %d of the %d slices of its series (request the series)",
-                        n, e->shelved->series->n_slices)
+                        n, e->cached->series->n_slices)
              : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
 }
 
-static CtsStatus run(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *cut, CtsHttpAnswer *answer,
+static CtsStatus run(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed, CtsHttpAnswer *answer,
                      CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const bool makes = !cut;
+    const bool makes = !processed;
     if (makes) {
-        st = cts_series_cache_make(&server->shelf, &server->lock, e->shelved, &e->asked.job.source, &cut, &e->report,
-                                   err);
+        st = cts_series_cache_make(&server->cache, &server->lock, e->cached, &e->render_query.job.source, &processed,
+                                   &e->report, err);
         pthread_mutex_lock(&server->lock);
-        e->shelved->busy = false;
-        if (cut)
-            cut->n_users++;
+        e->cached->busy = false;
+        if (processed)
+            processed->n_users++;
         pthread_cond_broadcast(&server->work);
         pthread_mutex_unlock(&server->lock);
     }
     if (!st)
         st = check_instance(e, err);
-    if (!st && !e->stop && !(st = make_picture(server, e, cut, err)))
+    if (!st && !e->stop && !(st = make_picture(server, e, processed, err)))
         st = answer_picture(server, e, answer, err);
     else if (!st)
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "stopped");
     pthread_mutex_lock(&server->lock);
-    if (cut)
-        cut->n_users--;
+    if (processed)
+        processed->n_users--;
     pthread_mutex_unlock(&server->lock);
     return st;
 }
 
 /* The first queued request whose volume is not in use by another; reserves its resources. */
-static CtsRenderRequest *next_errand(CtsServer *server, CtsProcessedVolume **cut)
+static CtsRenderRequest *next_request(CtsServer *server, CtsProcessedVolume **processed)
 {
     for (CtsRenderRequest *e = server->first; e; e = e->next) {
-        CtsCachedSeries *const s = e->shelved;
+        CtsCachedSeries *const s = e->cached;
         if (e->running || s->n_running >= CTS_SERVE_WORKERS - 1)
             continue;
-        *cut = s->series ? cts_series_cache_volume(s, &e->asked.job.source) : NULL;
-        if (!*cut && s->busy)
+        *processed = s->series ? cts_series_cache_volume(s, &e->render_query.job.source) : NULL;
+        if (!*processed && s->busy)
             continue;
-        if (*cut)
-            (*cut)->n_users++;
+        if (*processed)
+            (*processed)->n_users++;
         else
             s->busy = true;
         e->running = true;
@@ -181,18 +184,18 @@ static CtsRenderRequest *next_errand(CtsServer *server, CtsProcessedVolume **cut
     return NULL;
 }
 
-static void serve_one(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *cut)
+static void serve_one(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed)
 {
     CtsError err = {0};
     CtsHttpAnswer answer;
     pthread_mutex_unlock(&server->lock);
-    const CtsStatus st = run(server, e, cut, &answer, &err);
+    const CtsStatus st = run(server, e, processed, &answer, &err);
     if (st)
-        cts_answer_failure(&answer, server, e->shelved, st, &err);
+        cts_answer_failure(&answer, server, e->cached, st, &err);
     /* Release the volume before the client, who may request another picture of it, is answered. */
     pthread_mutex_lock(&server->lock);
-    e->shelved->n_running--;
-    unlink_errand(server, e);
+    e->cached->n_running--;
+    unlink_request(server, e);
     pthread_cond_broadcast(&server->work);
     pthread_mutex_unlock(&server->lock);
     server->http->answer(e->request, &answer);
@@ -205,10 +208,10 @@ static void *work(void *context)
     CtsServer *const server = context;
     pthread_mutex_lock(&server->lock);
     for (;;) {
-        CtsProcessedVolume *cut = NULL;
-        CtsRenderRequest *const e = server->stopping ? NULL : next_errand(server, &cut);
+        CtsProcessedVolume *processed = NULL;
+        CtsRenderRequest *const e = server->stopping ? NULL : next_request(server, &processed);
         if (e)
-            serve_one(server, e, cut);
+            serve_one(server, e, processed);
         else if (server->stopping)
             break;
         else
@@ -232,7 +235,7 @@ static void drop_waiting(CtsServer *server, CtsRenderRequest *e, const char *why
     CtsHttpAnswer answer;
     cts_answer_text(&answer, server, 503, why);
     server->http->answer(e->request, &answer);
-    unlink_errand(server, e);
+    unlink_request(server, e);
     cts_render_request_free(e);
 }
 

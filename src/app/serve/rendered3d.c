@@ -1,6 +1,6 @@
 /* Translation of the parameters of PS3.18 8.3.5 to ctsplat's options. */
+#include "app/options/options.h"
 #include "app/serve/server.h"
-#include "app/words/options.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -187,23 +187,24 @@ static CtsStatus positive(const CtsQuery *from, const char *name, double *value,
                : cts_fail(err, CTS_ERR_USAGE, "%s %.40s: not a number greater than zero", name, text);
 }
 
-static CtsStatus take_swivel(CtsRenderQuery *asked, const CtsQuery *from, CtsError *err)
+static CtsStatus take_swivel(CtsRenderQuery *render_query, const CtsQuery *from, CtsError *err)
 {
     CtsStatus st;
-    if ((st = positive(from, "swivelrange", &asked->swivel_range_deg, err)) ||
-        (st = positive(from, "animationstepsize", &asked->swivel_step_deg, err)) ||
-        (st = positive(from, "animationrate", &asked->rate, err)))
+    if ((st = positive(from, "swivelrange", &render_query->swivel_range_deg, err)) ||
+        (st = positive(from, "animationstepsize", &render_query->swivel_step_deg, err)) ||
+        (st = positive(from, "animationrate", &render_query->rate, err)))
         return st;
-    if (asked->swivel_range_deg == 0)
-        return asked->swivel_step_deg == 0 && asked->rate == 0
+    if (render_query->swivel_range_deg == 0)
+        return render_query->swivel_step_deg == 0 && render_query->rate == 0
                    ? CTS_OK
                    : cts_fail(err, CTS_ERR_USAGE, "animationstepsize and animationrate: need swivelrange");
-    if (asked->swivel_step_deg == 0)
-        asked->swivel_step_deg = asked->swivel_range_deg / SWEEP_FRAMES;
-    if (asked->rate == 0)
-        asked->rate = 10;
-    cts_query_make(&asked->query, "swivel", "%.17g,%.17g", asked->swivel_range_deg, asked->swivel_step_deg);
-    cts_query_make(&asked->query, "frame-rate", "%.17g", asked->rate);
+    if (render_query->swivel_step_deg == 0)
+        render_query->swivel_step_deg = render_query->swivel_range_deg / SWEEP_FRAMES;
+    if (render_query->rate == 0)
+        render_query->rate = 10;
+    cts_query_make(&render_query->query, "swivel", "%.17g,%.17g", render_query->swivel_range_deg,
+                   render_query->swivel_step_deg);
+    cts_query_make(&render_query->query, "frame-rate", "%.17g", render_query->rate);
     return CTS_OK;
 }
 
@@ -300,7 +301,7 @@ static int accept_best(const char *list, const char *const *media_types, int n)
     return best;
 }
 
-static const CtsFormatInfo *choose_format(CtsRenderQuery *asked, const char *accept)
+static const CtsFormatInfo *choose_format(CtsRenderQuery *render_query, const char *accept)
 {
     static const char *const names[] = {"jpg", "png", "webp", "dcm"};
     static const char *const metadata[] = {"application/dicom+json", "application/json"};
@@ -311,32 +312,32 @@ static const CtsFormatInfo *choose_format(CtsRenderQuery *asked, const char *acc
         char path[16];
         snprintf(path, sizeof path, "a.%s", names[i]);
         formats[n] = cts_export_format(path);
-        if (formats[n]->many_frames || asked->swivel_range_deg == 0)
+        if (formats[n]->many_frames || render_query->swivel_range_deg == 0)
             types[n] = cts_media_type_of(formats[n]), n++;
     }
-    if (asked->metadata)
+    if (render_query->metadata)
         return accept_best(accept, metadata, 2) < 0 ? NULL : formats[0];
     const int best = accept_best(accept, types, n);
     return best < 0 ? NULL : formats[best];
 }
 
-CtsStatus cts_render_query_rendered3d(CtsRenderQuery *asked, const char *accept, const CtsFormatInfo **format,
+CtsStatus cts_render_query_rendered3d(CtsRenderQuery *render_query, const char *accept, const CtsFormatInfo **format,
                                       CtsError *err)
 {
-    CtsQuery from = asked->query;
-    CtsQuery *const words = &asked->query;
+    CtsQuery from = render_query->query;
+    CtsQuery *const words = &render_query->query;
     *words = (CtsQuery){.too_many = from.too_many};
     const char *metadata = cts_query_value(&from, "renderedvolumetricmetadata");
     const char *wanted = cts_query_value(&from, "accept");
     CtsStatus st = CTS_OK;
     if (metadata && strcmp(metadata, "yes"))
         st = cts_fail(err, CTS_ERR_USAGE, "renderedvolumetricmetadata %.40s: not yes", metadata);
-    asked->metadata = metadata;
-    if (!st && !(st = sort_out(&from, asked->state_path, words, err)) && !(st = take_method(&from, words, err)) &&
-        !(st = take_camera(&from, words, err)) && !(st = take_swivel(asked, &from, err)) &&
-        !(st = take_window(&from, words, err)))
+    render_query->metadata = metadata;
+    if (!st && !(st = sort_out(&from, render_query->state_path, words, err)) &&
+        !(st = take_method(&from, words, err)) && !(st = take_camera(&from, words, err)) &&
+        !(st = take_swivel(render_query, &from, err)) && !(st = take_window(&from, words, err)))
         st = take_viewport(&from, words, err);
     if (!st)
-        *format = choose_format(asked, wanted ? wanted : accept);
+        *format = choose_format(render_query, wanted ? wanted : accept);
     return st;
 }

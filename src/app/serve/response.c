@@ -75,14 +75,14 @@ static void name_settings(char *text)
     }
 }
 
-char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *shelved, const char *text)
+char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *cached, const char *text)
 {
     CtsNames own = {0};
-    for (size_t i = 0; shelved && shelved->on_demand && shelved->loaded.list && i < shelved->loaded.list->n_paths; i++)
-        cts_names_add(&own, shelved->loaded.list->paths[i]);
+    for (size_t i = 0; cached && cached->on_demand && cached->loaded.list && i < cached->loaded.list->n_paths; i++)
+        cts_names_add(&own, cached->loaded.list->paths[i]);
     char *const here = cts_redact_names(text, &server->names, NULL);
     char *const there = here ? cts_redact_names(here, &own, NULL) : NULL;
-    char *const masked = there ? cts_redact_uids(&server->shelf.key, there) : NULL;
+    char *const masked = there ? cts_redact_uids(&server->cache.key, there) : NULL;
     free(here);
     free(there);
     cts_names_free(&own);
@@ -91,10 +91,10 @@ char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *shelved,
     return masked;
 }
 
-void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsCachedSeries *shelved, CtsStatus st,
+void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsCachedSeries *cached, CtsStatus st,
                         const CtsError *err)
 {
-    char *text = cts_server_masked(server, shelved, err->text);
+    char *text = cts_server_masked(server, cached, err->text);
     cts_answer_text(answer, server, status_of(st), text ? text : "out of memory");
     free(text);
 }

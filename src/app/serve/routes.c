@@ -5,22 +5,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_PARTS = 8 };
+enum { MAX_PARTS = 8 };
 
 /* The segments of a path: "/series/1/picture.png" has three. */
 typedef struct Parts {
     char text[1024];
-    const char *at[MOST_PARTS];
-    int n; /* more than MOST_PARTS: it is no address here */
+    const char *at[MAX_PARTS];
+    int n; /* more than MAX_PARTS: it is no address here */
 } Parts;
 
 static void split(const char *path, Parts *p)
 {
-    p->n = snprintf(p->text, sizeof p->text, "%s", path) >= (int)sizeof p->text ? MOST_PARTS + 1 : 0;
+    p->n = snprintf(p->text, sizeof p->text, "%s", path) >= (int)sizeof p->text ? MAX_PARTS + 1 : 0;
     char *rest = p->text;
-    while (p->n <= MOST_PARTS && *rest == '/') {
+    while (p->n <= MAX_PARTS && *rest == '/') {
         *rest++ = 0;
-        if (p->n < MOST_PARTS)
+        if (p->n < MAX_PARTS)
             p->at[p->n] = rest;
         p->n++;
         rest += strcspn(rest, "/");
@@ -29,7 +29,7 @@ static void split(const char *path, Parts *p)
 
 static bool is(const Parts *p, int i, const char *text)
 {
-    return i < p->n && p->n <= MOST_PARTS && !strcmp(p->at[i], text);
+    return i < p->n && p->n <= MAX_PARTS && !strcmp(p->at[i], text);
 }
 
 static void answer_json(CtsServer *server, CtsHttpRequest *request, char *json)
@@ -76,11 +76,11 @@ typedef struct Target {
 static CtsStatus find(CtsServer *server, const Target *t, CtsCachedSeries **found, CtsError *err)
 {
     if (t->id) {
-        *found = cts_series_cache_by_id(&server->shelf, t->id);
+        *found = cts_series_cache_by_id(&server->cache, t->id);
         return *found ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
     }
-    return t->uid ? cts_series_cache_by_uid(&server->shelf, t->study_uid, t->uid, found, err)
-                  : cts_series_cache_of_study(&server->shelf, t->study_uid, found, err);
+    return t->uid ? cts_series_cache_by_uid(&server->cache, t->study_uid, t->uid, found, err)
+                  : cts_series_cache_of_study(&server->cache, t->study_uid, found, err);
 }
 
 /* Queues the render request, or fails with the reason. */
@@ -88,9 +88,9 @@ static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, Ct
 {
     pthread_mutex_lock(&server->lock);
     CtsStatus st = server->stopping ? cts_fail(err, CTS_ERR_INTERRUPTED, "the server is stopping")
-                                    : find(server, &target, &e->shelved, err);
-    if (!st && e->shelved->series && !e->shelved->series->renderable)
-        st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->shelved->series->reason);
+                                    : find(server, &target, &e->cached, err);
+    if (!st && e->cached->series && !e->cached->series->renderable)
+        st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->cached->series->reason);
     if (!st) {
         server->http->wait(e->request);
         if (!cts_render_queue_add(server, e))
@@ -102,11 +102,11 @@ static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, Ct
 
 static CtsStatus prepare(CtsServer *server, CtsRenderRequest *e, const CtsFormatInfo *format, CtsError *err)
 {
-    CtsStatus st = cts_render_query_options(&e->asked, format, server->folder, ++server->n_pictures,
+    CtsStatus st = cts_render_query_options(&e->render_query, format, server->folder, ++server->n_pictures,
                                             server->options->render.n_threads, &e->report, err);
-    if (st == CTS_ERR_READ && e->asked.state_path)
+    if (st == CTS_ERR_READ && e->render_query.state_path)
         st = CTS_ERR_USAGE; /* the client's fault, not the server's */
-    e->asked.job.render.stop = e->asked.job.source.stop = &e->stop;
+    e->render_query.job.render.stop = e->render_query.job.source.stop = &e->stop;
     return st;
 }
 
@@ -115,22 +115,23 @@ static void find_instance(const CtsServer *server, CtsRenderRequest *e, const Ta
 {
     if (!target->instance_uid)
         return;
-    e->asked.state_path = cts_series_cache_state(&server->shelf, target->uid, target->instance_uid);
-    if (!e->asked.state_path)
-        snprintf(e->asked.instance_uid, sizeof e->asked.instance_uid, "%s", target->instance_uid);
+    e->render_query.state_path = cts_series_cache_state(&server->cache, target->uid, target->instance_uid);
+    if (!e->render_query.state_path)
+        snprintf(e->render_query.instance_uid, sizeof e->render_query.instance_uid, "%s", target->instance_uid);
 }
 
 /* A presentation state's picture is of the series that it names. */
 static Target of_state(const CtsRenderRequest *e, const Target *target)
 {
     Target of = *target;
-    if (e->asked.state_path)
-        of.uid = e->asked.options.state->source_uid;
+    if (e->render_query.state_path)
+        of.uid = e->render_query.options.state->source_uid;
     return of;
 }
 
 /* format NULL: use the standard's parameters. */
-static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target *target, const CtsFormatInfo *format)
+static void request_picture(CtsServer *server, CtsHttpRequest *request, const Target *target,
+                            const CtsFormatInfo *format)
 {
     CtsError err = {0};
     CtsHttpAnswer answer;
@@ -141,16 +142,16 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
     }
     e->request = request;
     e->socket = request->socket;
-    server->http->query(request, cts_query_add, &e->asked.query);
+    server->http->query(request, cts_query_add, &e->render_query.query);
     find_instance(server, e, target);
-    CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->asked, request->accept, &format, &err);
+    CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->render_query, request->accept, &format, &err);
     const bool acceptable = st || format;
     if (!st && format && !(st = prepare(server, e, format, &err)))
         st = queue(server, e, of_state(e, target), &err);
     if (!st && acceptable)
         return;
     if (acceptable)
-        cts_answer_failure(&answer, server, e->shelved, st, &err);
+        cts_answer_failure(&answer, server, e->cached, st, &err);
     else
         cts_answer_text(&answer, server, 406,
                         "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last two), "
@@ -159,7 +160,7 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
     server->http->answer(request, &answer);
 }
 
-static void ask_series(CtsServer *server, CtsHttpRequest *request, const Parts *p)
+static void request_series(CtsServer *server, CtsHttpRequest *request, const Parts *p)
 {
     const CtsFormatInfo *const format = p->n == 3 ? cts_export_format(p->at[2]) : NULL;
     if (p->n == 1)
@@ -167,21 +168,21 @@ static void ask_series(CtsServer *server, CtsHttpRequest *request, const Parts *
     else if (is(p, 2, "labels") && p->n == 3)
         answer_json(server, request, cts_list_labels(server, p->at[1]));
     else if (format && !strncmp(p->at[2], "picture.", 8) && !strcmp(p->at[2] + 8, format->name))
-        ask_picture(server, request, &(Target){.id = p->at[1]}, format);
+        request_picture(server, request, &(Target){.id = p->at[1]}, format);
     else
         answer_text(server, request, 404,
                     "there are /series, /series/ID/labels and /series/ID/picture.ENDING, its ending a format's");
 }
 
 /* /studies/S/rendered3D and paths below it. */
-static void ask_study(CtsServer *server, CtsHttpRequest *request, const Parts *p)
+static void request_study(CtsServer *server, CtsHttpRequest *request, const Parts *p)
 {
     const Target target = {.study_uid = p->at[1],
                            .uid = p->n > 3 && is(p, 2, "series") ? p->at[3] : NULL,
                            .instance_uid = p->n == 7 && is(p, 4, "instances") ? p->at[5] : NULL};
     const bool of_study = p->n == 3, of_series = p->n == 5 && target.uid;
     if ((of_study || of_series || target.instance_uid) && is(p, p->n - 1, "rendered3D"))
-        ask_picture(server, request, &target, NULL);
+        request_picture(server, request, &target, NULL);
     else
         answer_text(
             server, request, 404,
@@ -189,7 +190,7 @@ static void ask_study(CtsServer *server, CtsHttpRequest *request, const Parts *p
             "supported");
 }
 
-void cts_routes_ask(void *context, CtsHttpRequest *request)
+void cts_routes_dispatch(void *context, CtsHttpRequest *request)
 {
     CtsServer *const server = context;
     CtsHttpAnswer answer;
@@ -202,9 +203,9 @@ void cts_routes_ask(void *context, CtsHttpRequest *request)
     if (p.n == 1 && answer_asset(server, request, p.at[0]))
         return;
     if (is(&p, 0, "series"))
-        ask_series(server, request, &p);
+        request_series(server, request, &p);
     else if (is(&p, 0, "studies") && p.n > 2)
-        ask_study(server, request, &p);
+        request_study(server, request, &p);
     else if (is(&p, 0, "presets") && p.n == 1)
         answer_json(server, request, cts_list_presets());
     else

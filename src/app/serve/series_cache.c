@@ -9,11 +9,11 @@
 #include <string.h>
 #include <sys/random.h>
 
-static CtsStatus name_it(CtsSeriesCache *shelf, CtsCachedSeries *s, int part, CtsError *err)
+static CtsStatus name_it(CtsSeriesCache *cache, CtsCachedSeries *s, int part, CtsError *err)
 {
     char text[96];
     snprintf(text, sizeof text, "%s#%d", s->uid, part);
-    char *hash = cts_uid_hash(&shelf->key, text);
+    char *hash = cts_uid_hash(&cache->key, text);
     if (!hash)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     snprintf(s->id, sizeof s->id, "%s", hash);
@@ -21,15 +21,15 @@ static CtsStatus name_it(CtsSeriesCache *shelf, CtsCachedSeries *s, int part, Ct
     return CTS_OK;
 }
 
-static CtsStatus add(CtsSeriesCache *shelf, const char *study_uid, const char *uid, int part, CtsCachedSeries **added,
+static CtsStatus add(CtsSeriesCache *cache, const char *study_uid, const char *uid, int part, CtsCachedSeries **added,
                      CtsError *err)
 {
-    CtsCachedSeries *s = calloc(1, sizeof *s), **end = &shelf->first;
+    CtsCachedSeries *s = calloc(1, sizeof *s), **end = &cache->first;
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     snprintf(s->uid, sizeof s->uid, "%s", uid);
     snprintf(s->study_uid, sizeof s->study_uid, "%s", study_uid);
-    const CtsStatus st = name_it(shelf, s, part, err);
+    const CtsStatus st = name_it(cache, s, part, err);
     if (st) {
         free(s);
         return st;
@@ -41,16 +41,16 @@ static CtsStatus add(CtsSeriesCache *shelf, const char *study_uid, const char *u
 }
 
 /* Without a site key, series names last as long as the server. */
-static CtsStatus find_key(CtsSeriesCache *shelf, CtsError *err)
+static CtsStatus find_key(CtsSeriesCache *cache, CtsError *err)
 {
     CtsError why;
-    if (!cts_key_load(shelf->options->export.key, !shelf->options->export.key, &shelf->key, &why))
+    if (!cts_key_load(cache->options->export.key, !cache->options->export.key, &cache->key, &why))
         return CTS_OK;
-    if (shelf->options->export.key) {
+    if (cache->options->export.key) {
         *err = why;
         return why.status;
     }
-    return getrandom(shelf->key.bytes, sizeof shelf->key.bytes, 0) == sizeof shelf->key.bytes
+    return getrandom(cache->key.bytes, sizeof cache->key.bytes, 0) == sizeof cache->key.bytes
                ? CTS_OK
                : cts_fail(err, CTS_ERR_READ, "no random numbers are available");
 }
@@ -77,22 +77,22 @@ static const char **slice_paths(const CtsSeriesList *list, size_t *n)
 }
 
 /* Presentation states are among the files that the search skips. */
-static CtsStatus find_states(CtsSeriesCache *shelf, CtsError *err)
+static CtsStatus find_states(CtsSeriesCache *cache, CtsError *err)
 {
-    const CtsSeriesList *const list = shelf->list;
+    const CtsSeriesList *const list = cache->list;
     size_t n_slices;
     const char **slices = slice_paths(list, &n_slices);
-    shelf->states = calloc((size_t)list->n_not_ct + 1, sizeof *shelf->states);
-    if (!slices || !shelf->states) {
+    cache->states = calloc((size_t)list->n_not_ct + 1, sizeof *cache->states);
+    if (!slices || !cache->states) {
         free(slices);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    for (size_t i = 0; i < list->n_paths && shelf->n_states < (size_t)list->n_not_ct; i++) {
-        CtsCachedState *const state = &shelf->states[shelf->n_states];
+    for (size_t i = 0; i < list->n_paths && cache->n_states < (size_t)list->n_not_ct; i++) {
+        CtsCachedState *const state = &cache->states[cache->n_states];
         if (!bsearch(&list->paths[i], slices, n_slices, sizeof *slices, by_text) &&
             !cts_state_uid(list->paths[i], state->sop_uid, NULL)) {
             state->path = list->paths[i];
-            shelf->n_states++;
+            cache->n_states++;
         }
     }
     free(slices);
@@ -109,13 +109,13 @@ char *cts_series_cache_path(const char *pattern, const char *uid, const char *mo
     return path;
 }
 
-char *cts_series_cache_state(const CtsSeriesCache *shelf, const char *series_uid, const char *sop_uid)
+char *cts_series_cache_state(const CtsSeriesCache *cache, const char *series_uid, const char *sop_uid)
 {
-    const CtsTextList *const paths = &shelf->options->paths;
+    const CtsTextList *const paths = &cache->options->paths;
     char name[80], uid[65];
-    for (size_t i = 0; i < shelf->n_states; i++)
-        if (!strcmp(shelf->states[i].sop_uid, sop_uid))
-            return strdup(shelf->states[i].path);
+    for (size_t i = 0; i < cache->n_states; i++)
+        if (!strcmp(cache->states[i].sop_uid, sop_uid))
+            return strdup(cache->states[i].path);
     snprintf(name, sizeof name, "/%s.dcm", sop_uid);
     for (int i = 0; i < paths->n && cts_uid_is_valid(series_uid) && cts_uid_is_valid(sop_uid); i++) {
         char *const path = cts_series_cache_path(paths->items[i], series_uid, name);
@@ -126,73 +126,73 @@ char *cts_series_cache_state(const CtsSeriesCache *shelf, const char *series_uid
     return NULL;
 }
 
-int cts_cached_series_count(const CtsCachedSeries *shelved, const char *sop_uid)
+int cts_cached_series_count(const CtsCachedSeries *cached, const char *sop_uid)
 {
-    const CtsSeries *const s = shelved->series;
+    const CtsSeries *const s = cached->series;
     int n = 0;
     for (int i = 0; i < s->n_slices; i++)
         n += !strcmp(s->slices[i]->sop_uid, sop_uid);
     return n;
 }
 
-CtsStatus cts_series_cache_fill(CtsSeriesCache *shelf, const CtsOptions *options, CtsReport *report, CtsError *err)
+CtsStatus cts_series_cache_fill(CtsSeriesCache *cache, const CtsOptions *options, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const char **paths = calloc((size_t)options->paths.n + 1, sizeof *paths);
     int n = 0;
-    shelf->options = options;
-    shelf->most_bytes = options->memory_bytes ? options->memory_bytes : cts_memory_available() / 2;
+    cache->options = options;
+    cache->max_bytes = options->memory_bytes ? options->memory_bytes : cts_memory_available() / 2;
     if (!paths)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!shelf->most_bytes) {
+    if (!cache->max_bytes) {
         free(paths);
         return cts_fail(err, CTS_ERR_USAGE, "the amount of free memory is unknown (give `memory` SIZE)");
     }
     for (int i = 0; i < options->paths.n; i++)
         if (!strstr(options->paths.items[i], CTS_SERIES_UID_MARKER))
             paths[n++] = options->paths.items[i];
-    st = find_key(shelf, err);
+    st = find_key(cache, err);
     const CtsSeriesSearch search = {
         .paths = paths, .n_paths = n, .n_threads = options->render.n_threads, .rules = options->source.rules};
     if (!st && n)
-        st = cts_series_search(&search, &shelf->list, report, err);
-    for (size_t i = 0; !st && shelf->list && i < shelf->list->n; i++) {
-        CtsSeries *const series = &shelf->list->items[i];
+        st = cts_series_search(&search, &cache->list, report, err);
+    for (size_t i = 0; !st && cache->list && i < cache->list->n; i++) {
+        CtsSeries *const series = &cache->list->items[i];
         CtsCachedSeries *s;
-        if (!(st = add(shelf, series->study_uid, series->uid, series->part, &s, err)))
+        if (!(st = add(cache, series->study_uid, series->uid, series->part, &s, err)))
             s->series = s->loaded.series = series;
     }
-    if (!st && shelf->list)
-        st = find_states(shelf, err);
+    if (!st && cache->list)
+        st = find_states(cache, err);
     free(paths);
     return st;
 }
 
-void cts_series_cache_free(CtsSeriesCache *shelf)
+void cts_series_cache_free(CtsSeriesCache *cache)
 {
-    for (CtsCachedSeries *s = shelf->first, *next; s; s = next) {
+    for (CtsCachedSeries *s = cache->first, *next; s; s = next) {
         next = s->next;
-        cts_series_cache_drop(shelf, s);
+        cts_series_cache_drop(cache, s);
         free(s);
     }
-    free(shelf->states);
-    cts_series_list_free(&shelf->list);
-    *shelf = (CtsSeriesCache){0};
+    free(cache->states);
+    cts_series_list_free(&cache->list);
+    *cache = (CtsSeriesCache){0};
 }
 
-CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *shelf, const char *id)
+CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *cache, const char *id)
 {
-    CtsCachedSeries *s = shelf->first;
+    CtsCachedSeries *s = cache->first;
     while (s && strcmp(s->id, id))
         s = s->next;
     return s;
 }
 
-void cts_series_cache_sweep(CtsSeriesCache *shelf)
+void cts_series_cache_sweep(CtsSeriesCache *cache)
 {
-    for (CtsCachedSeries **link = &shelf->first; *link;) {
+    for (CtsCachedSeries **link = &cache->first; *link;) {
         CtsCachedSeries *const s = *link;
-        if (s->on_demand && !s->series && s->n_asked == 0) {
+        if (s->on_demand && !s->series && s->n_requested == 0) {
             *link = s->next;
             free(s);
         } else {
@@ -201,45 +201,45 @@ void cts_series_cache_sweep(CtsSeriesCache *shelf)
     }
 }
 
-static bool can_be_had(const CtsSeriesCache *shelf)
+static bool can_be_had(const CtsSeriesCache *cache)
 {
-    bool can = shelf->options->from.given;
-    for (int i = 0; i < shelf->options->paths.n; i++)
-        can |= strstr(shelf->options->paths.items[i], CTS_SERIES_UID_MARKER) != NULL;
+    bool can = cache->options->from.given;
+    for (int i = 0; i < cache->options->paths.n; i++)
+        can |= strstr(cache->options->paths.items[i], CTS_SERIES_UID_MARKER) != NULL;
     return can;
 }
 
 /* Of several volumes under one UID the first that can be rendered. */
-static CtsCachedSeries *find_uid(const CtsSeriesCache *shelf, const char *study_uid, const char *uid)
+static CtsCachedSeries *find_uid(const CtsSeriesCache *cache, const char *study_uid, const char *uid)
 {
     CtsCachedSeries *found = NULL;
-    for (CtsCachedSeries *s = shelf->first; s; s = s->next)
+    for (CtsCachedSeries *s = cache->first; s; s = s->next)
         if (!strcmp(s->uid, uid) && !strcmp(s->study_uid, study_uid) &&
             (!found || (found->series && !found->series->renderable && s->series && s->series->renderable)))
             found = s;
     return found;
 }
 
-CtsStatus cts_series_cache_by_uid(CtsSeriesCache *shelf, const char *study_uid, const char *uid,
+CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid,
                                   CtsCachedSeries **found, CtsError *err)
 {
-    *found = find_uid(shelf, study_uid, uid);
+    *found = find_uid(cache, study_uid, uid);
     if (*found)
         return CTS_OK;
-    if (!cts_uid_is_valid(study_uid) || !cts_uid_is_valid(uid) || !can_be_had(shelf))
+    if (!cts_uid_is_valid(study_uid) || !cts_uid_is_valid(uid) || !can_be_had(cache))
         return cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
-    const CtsStatus st = add(shelf, study_uid, uid, 0, found, err);
+    const CtsStatus st = add(cache, study_uid, uid, 0, found, err);
     if (!st)
         (*found)->on_demand = true;
     return st;
 }
 
-CtsStatus cts_series_cache_of_study(CtsSeriesCache *shelf, const char *study_uid, CtsCachedSeries **found,
+CtsStatus cts_series_cache_of_study(CtsSeriesCache *cache, const char *study_uid, CtsCachedSeries **found,
                                     CtsError *err)
 {
     int n = 0;
     *found = NULL;
-    for (CtsCachedSeries *s = shelf->first; s; s = s->next)
+    for (CtsCachedSeries *s = cache->first; s; s = s->next)
         if (!strcmp(s->study_uid, study_uid) && s->series && s->series->renderable) {
             *found = s;
             n++;
@@ -252,7 +252,7 @@ CtsStatus cts_series_cache_of_study(CtsSeriesCache *shelf, const char *study_uid
 
 CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *s, const CtsSource *source)
 {
-    CtsProcessedVolume *c = s->cuts;
+    CtsProcessedVolume *c = s->processed_volumes;
     char *const choice = cts_source_choice(source);
     while (c && choice && strcmp(c->choice, choice))
         c = c->next;

@@ -4,7 +4,7 @@
 #define CTS_SERVE_SERIES_CACHE_H
 
 #include "app/job/render_job.h"
-#include "app/words/options.h"
+#include "app/options/options.h"
 #include "base/site_key.h"
 #include <pthread.h>
 
@@ -24,7 +24,7 @@ typedef struct CtsCachedRenderer {
 typedef struct CtsProcessedVolume {
     char *choice; /* identifies the processing (cts_source_choice()) */
     CtsVolume *volume;
-    CtsCachedRenderer *lenses;
+    CtsCachedRenderer *renderers;
     uint64_t bytes;
     int n_users;
     double used_ms;
@@ -34,14 +34,14 @@ typedef struct CtsProcessedVolume {
 typedef struct CtsCachedSeries {
     char id[17]; /* an opaque name: a hash under the site's key */
     char uid[65], study_uid[65];
-    const CtsSeries *series; /* NULL: not fetched yet */
-    CtsLoaded loaded;        /* without a volume */
-    bool on_demand;          /* found or fetched on request, and removed with its volumes */
-    bool busy;               /* one thread reads it, or makes a volume */
-    int n_asked, n_running;  /* queued and running pictures; running pictures */
-    uint64_t bytes;          /* of the scanned slices */
+    const CtsSeries *series;    /* NULL: not fetched yet */
+    CtsLoaded loaded;           /* without a volume */
+    bool on_demand;             /* found or fetched on request, and removed with its volumes */
+    bool busy;                  /* one thread reads it, or makes a volume */
+    int n_requested, n_running; /* queued and running pictures; running pictures */
+    uint64_t bytes;             /* of the scanned slices */
     double used_ms;
-    CtsProcessedVolume *cuts;
+    CtsProcessedVolume *processed_volumes;
     struct CtsCachedSeries *next;
 } CtsCachedSeries;
 
@@ -58,49 +58,50 @@ typedef struct CtsSeriesCache {
     CtsCachedSeries *first;
     CtsCachedState *states;
     size_t n_states;
-    uint64_t most_bytes, bytes;
+    uint64_t max_bytes, bytes;
 } CtsSeriesCache;
 
 /* Searches the paths. Free with cts_series_cache_free(), also after a failure. */
-CtsStatus cts_series_cache_fill(CtsSeriesCache *shelf, const CtsOptions *options, CtsReport *report, CtsError *err);
-void cts_series_cache_free(CtsSeriesCache *shelf);
+CtsStatus cts_series_cache_fill(CtsSeriesCache *cache, const CtsOptions *options, CtsReport *report, CtsError *err);
+void cts_series_cache_free(CtsSeriesCache *cache);
 
 /* NULL if there is none. */
-CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *shelf, const char *id);
+CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *cache, const char *id);
 /* Finds by UIDs; adds a series known only to a peer, or to a path with {series_uid} in it. */
-CtsStatus cts_series_cache_by_uid(CtsSeriesCache *shelf, const char *study_uid, const char *uid,
+CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid,
                                   CtsCachedSeries **found, CtsError *err);
 /* PATH with a series' UID in place of {series_uid}, and more behind it; NULL where it has no such place, or without
  * memory. */
 char *cts_series_cache_path(const char *pattern, const char *uid, const char *more);
 /* The path of a presentation state among the paths, or SOP_UID.dcm in a path with {series_uid}; free with free(). NULL
  * if there is none. */
-char *cts_series_cache_state(const CtsSeriesCache *shelf, const char *series_uid, const char *sop_uid);
+char *cts_series_cache_state(const CtsSeriesCache *cache, const char *series_uid, const char *sop_uid);
 /* The number of slices of a series that this object contains. */
-int cts_cached_series_count(const CtsCachedSeries *shelved, const char *sop_uid);
+int cts_cached_series_count(const CtsCachedSeries *cached, const char *sop_uid);
 /* The one volume of a study. */
-CtsStatus cts_series_cache_of_study(CtsSeriesCache *shelf, const char *study_uid, CtsCachedSeries **found,
+CtsStatus cts_series_cache_of_study(CtsSeriesCache *cache, const char *study_uid, CtsCachedSeries **found,
                                     CtsError *err);
 
 /* Removes series loaded on demand that are no longer available. */
-void cts_series_cache_sweep(CtsSeriesCache *shelf);
+void cts_series_cache_sweep(CtsSeriesCache *cache);
 
 /* The volume of these, or NULL. */
-CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *shelved, const CtsSource *source);
+CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *cached, const CtsSource *source);
 
 /* Without the lock, by the owner of shelved->busy: reads the series if needed, and processes the volume. Takes lock
  * where it needs it. CTS_ERR_MEMORY without enough memory. */
-CtsStatus cts_series_cache_make(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *shelved,
-                                const CtsSource *source, CtsProcessedVolume **cut, CtsReport *report, CtsError *err);
+CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
+                                const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
+                                CtsError *err);
 
 /* Frees the loaded data of a series that is not in use. */
-void cts_series_cache_drop(CtsSeriesCache *shelf, CtsCachedSeries *shelved);
+void cts_series_cache_drop(CtsSeriesCache *cache, CtsCachedSeries *cached);
 
 /* A renderer for the job, whose preset's window is set: an idle one, else a new one that the caller prepares without
  * the lock. NULL without memory. */
-CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *cut, const CtsJob *job, const char *preset_json,
+CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job, const char *preset_json,
                                            bool *is_new);
 /* failed: it is of no use. */
-void cts_cached_renderer_give_back(CtsProcessedVolume *cut, CtsCachedRenderer *lens, bool failed);
+void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer, bool failed);
 
 #endif

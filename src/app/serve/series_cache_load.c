@@ -9,30 +9,30 @@
 /* Idle renderers of one volume: as many presets as a page has at hand. */
 enum { IDLE_LENSES = 6 };
 
-static void free_lens(CtsCachedRenderer *lens)
+static void free_renderer(CtsCachedRenderer *renderer)
 {
-    cts_render_end(&lens->prepared.renderer);
-    free(lens->preset);
-    free(lens);
+    cts_render_end(&renderer->prepared.renderer);
+    free(renderer->preset);
+    free(renderer);
 }
 
-static void free_cut(CtsProcessedVolume *cut)
+static void free_processed(CtsProcessedVolume *processed)
 {
-    for (CtsCachedRenderer *l = cut->lenses, *next; l; l = next) {
+    for (CtsCachedRenderer *l = processed->renderers, *next; l; l = next) {
         next = l->next;
-        free_lens(l);
+        free_renderer(l);
     }
-    cts_volume_free(&cut->volume);
-    free(cut->choice);
-    free(cut);
+    cts_volume_free(&processed->volume);
+    free(processed->choice);
+    free(processed);
 }
 
 /* Frees the least recently used ones that are idle. */
-static void drop_idle(CtsProcessedVolume *cut)
+static void drop_idle(CtsProcessedVolume *processed)
 {
     int n = 0;
     CtsCachedRenderer **oldest = NULL;
-    for (CtsCachedRenderer **l = &cut->lenses; *l; l = &(*l)->next)
+    for (CtsCachedRenderer **l = &processed->renderers; *l; l = &(*l)->next)
         if (!(*l)->in_use) {
             n++;
             if (!oldest || (*l)->used_ms < (*oldest)->used_ms)
@@ -42,13 +42,13 @@ static void drop_idle(CtsProcessedVolume *cut)
         return;
     CtsCachedRenderer *const gone = *oldest;
     *oldest = gone->next;
-    free_lens(gone);
+    free_renderer(gone);
 }
 
-CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *cut, const CtsJob *job, const char *preset_json,
+CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job, const char *preset_json,
                                            bool *is_new)
 {
-    CtsCachedRenderer *l = cut->lenses;
+    CtsCachedRenderer *l = processed->renderers;
     while (l && (l->in_use || strcmp(l->preset, preset_json) || !cts_job_again(job, &l->prepared)))
         l = l->next;
     *is_new = !l;
@@ -57,43 +57,43 @@ CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *cut, const CtsJob
             free(l);
             return NULL;
         }
-        l->next = cut->lenses;
-        cut->lenses = l;
+        l->next = processed->renderers;
+        processed->renderers = l;
     }
     if (l)
         l->in_use = true;
     return l;
 }
 
-void cts_cached_renderer_give_back(CtsProcessedVolume *cut, CtsCachedRenderer *lens, bool failed)
+void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer, bool failed)
 {
-    lens->in_use = false;
-    lens->used_ms = cut->used_ms = cts_wall_ms();
-    CtsCachedRenderer **link = &cut->lenses;
-    while (*link != lens)
+    renderer->in_use = false;
+    renderer->used_ms = processed->used_ms = cts_wall_ms();
+    CtsCachedRenderer **link = &processed->renderers;
+    while (*link != renderer)
         link = &(*link)->next;
     if (failed) {
-        *link = lens->next;
-        free_lens(lens);
+        *link = renderer->next;
+        free_renderer(renderer);
     }
-    drop_idle(cut);
+    drop_idle(processed);
 }
 
-static void drop_cut(CtsSeriesCache *shelf, CtsCachedSeries *s, CtsProcessedVolume *cut)
+static void drop_processed(CtsSeriesCache *cache, CtsCachedSeries *s, CtsProcessedVolume *processed)
 {
-    CtsProcessedVolume **link = &s->cuts;
-    while (*link != cut)
+    CtsProcessedVolume **link = &s->processed_volumes;
+    while (*link != processed)
         link = &(*link)->next;
-    *link = cut->next;
-    shelf->bytes -= cut->bytes;
-    free_cut(cut);
+    *link = processed->next;
+    cache->bytes -= processed->bytes;
+    free_processed(processed);
 }
 
-void cts_series_cache_drop(CtsSeriesCache *shelf, CtsCachedSeries *s)
+void cts_series_cache_drop(CtsSeriesCache *cache, CtsCachedSeries *s)
 {
-    while (s->cuts)
-        drop_cut(shelf, s, s->cuts);
-    shelf->bytes -= s->bytes;
+    while (s->processed_volumes)
+        drop_processed(cache, s, s->processed_volumes);
+    cache->bytes -= s->bytes;
     s->bytes = 0;
     cts_scanned_free(&s->loaded.scanned);
     cts_labels_free(&s->loaded.labels);
@@ -111,43 +111,43 @@ static uint64_t bytes_of(const CtsVolume *v)
 
 static bool is_idle(const CtsCachedSeries *s)
 {
-    return !s->busy && s->n_running == 0 && (s->bytes || s->cuts);
+    return !s->busy && s->n_running == 0 && (s->bytes || s->processed_volumes);
 }
 
 /* Frees the least recently used volume of a series. */
-static bool drop_one_cut(CtsSeriesCache *shelf, CtsCachedSeries *s)
+static bool drop_one_processed(CtsSeriesCache *cache, CtsCachedSeries *s)
 {
     CtsProcessedVolume *oldest = NULL;
-    for (CtsProcessedVolume *c = s->cuts; c; c = c->next)
+    for (CtsProcessedVolume *c = s->processed_volumes; c; c = c->next)
         if (c->n_users == 0 && (!oldest || c->used_ms < oldest->used_ms))
             oldest = c;
     if (oldest)
-        drop_cut(shelf, s, oldest);
+        drop_processed(cache, s, oldest);
     return oldest;
 }
 
-static bool make_room(CtsSeriesCache *shelf, CtsCachedSeries *own, uint64_t bytes)
+static bool make_room(CtsSeriesCache *cache, CtsCachedSeries *own, uint64_t bytes)
 {
-    while (shelf->bytes + bytes > shelf->most_bytes) {
+    while (cache->bytes + bytes > cache->max_bytes) {
         CtsCachedSeries *oldest = NULL;
-        for (CtsCachedSeries *s = shelf->first; s; s = s->next)
+        for (CtsCachedSeries *s = cache->first; s; s = s->next)
             if (s != own && is_idle(s) && (!oldest || s->used_ms < oldest->used_ms))
                 oldest = s;
         if (oldest)
-            cts_series_cache_drop(shelf, oldest);
-        else if (!drop_one_cut(shelf, own))
+            cts_series_cache_drop(cache, oldest);
+        else if (!drop_one_processed(cache, own))
             return false;
     }
-    shelf->bytes += bytes;
+    cache->bytes += bytes;
     return true;
 }
 
-static CtsStatus reserve(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *own, uint64_t bytes,
+static CtsStatus reserve(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *own, uint64_t bytes,
                          CtsError *err)
 {
     pthread_mutex_lock(lock);
-    const bool has = make_room(shelf, own, bytes);
-    const uint64_t most = shelf->most_bytes;
+    const bool has = make_room(cache, own, bytes);
+    const uint64_t most = cache->max_bytes;
     pthread_mutex_unlock(lock);
     if (has)
         return CTS_OK;
@@ -155,10 +155,10 @@ static CtsStatus reserve(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCached
                     (unsigned long long)(bytes >> 20), (unsigned long long)(most >> 20));
 }
 
-static void give_up(CtsSeriesCache *shelf, pthread_mutex_t *lock, uint64_t bytes)
+static void give_up(CtsSeriesCache *cache, pthread_mutex_t *lock, uint64_t bytes)
 {
     pthread_mutex_lock(lock);
-    shelf->bytes -= bytes;
+    cache->bytes -= bytes;
     pthread_mutex_unlock(lock);
 }
 
@@ -172,10 +172,10 @@ static CtsStatus look_in(const char *path, const CtsSource *source, CtsCachedSer
 }
 
 /* Tries each possible location in turn. */
-static CtsStatus find_on_demand(const CtsSeriesCache *shelf, const CtsSource *source, CtsCachedSeries *s,
+static CtsStatus find_on_demand(const CtsSeriesCache *cache, const CtsSource *source, CtsCachedSeries *s,
                                 CtsReport *report, CtsError *err)
 {
-    const CtsOptions *const o = shelf->options;
+    const CtsOptions *const o = cache->options;
     CtsStatus st = CTS_ERR_NO_SERIES;
     char *path;
     for (int i = 0; st && i < o->paths.n; i++)
@@ -199,22 +199,22 @@ static CtsStatus find_on_demand(const CtsSeriesCache *shelf, const CtsSource *so
     return CTS_OK;
 }
 
-static CtsStatus read_slices(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
+static CtsStatus read_slices(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
                              CtsReport *report, CtsError *err)
 {
     const uint64_t bytes =
         (uint64_t)s->series->columns * (uint64_t)s->series->rows * (uint64_t)s->series->n_slices * sizeof(uint16_t);
-    CtsStatus st = s->bytes ? CTS_OK : reserve(shelf, lock, s, bytes, err);
+    CtsStatus st = s->bytes ? CTS_OK : reserve(cache, lock, s, bytes, err);
     if (st)
         return st;
     const bool reserved = !s->bytes;
     CtsSource whole = *source;
     whole.remove_table = true;
-    whole.paths = shelf->options->paths.items;
-    whole.n_paths = shelf->options->paths.n;
-    whole.labels = shelf->options->labels.items;
-    whole.n_labels = shelf->options->labels.n;
-    whole.label_names = shelf->options->source.label_names;
+    whole.paths = cache->options->paths.items;
+    whole.n_paths = cache->options->paths.n;
+    whole.labels = cache->options->labels.items;
+    whole.n_labels = cache->options->labels.n;
+    whole.label_names = cache->options->source.label_names;
     whole.labels_unnamed = true;
     whole.choice = (CtsLabelChoice){0};
     if (!s->loaded.labels)
@@ -222,17 +222,17 @@ static CtsStatus read_slices(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCa
     if (!st)
         st = cts_source_read(&whole, &s->loaded, report, err);
     if (st && reserved)
-        give_up(shelf, lock, bytes);
+        give_up(cache, lock, bytes);
     else if (!st)
         s->bytes = bytes;
     return st;
 }
 
-static CtsStatus read_once(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
+static CtsStatus read_once(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
                            CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (!s->series && !(st = find_on_demand(shelf, source, s, report, err))) {
+    if (!s->series && !(st = find_on_demand(cache, source, s, report, err))) {
         pthread_mutex_lock(lock);
         s->series = s->loaded.series;
         pthread_mutex_unlock(lock);
@@ -240,38 +240,39 @@ static CtsStatus read_once(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCach
     if (!st && !s->series->renderable)
         st = cts_fail(err, s->series->refusal ? s->series->refusal : CTS_ERR_GEOMETRY, "%s", s->series->reason);
     if (!st && !(s->loaded.scanned && s->loaded.scanned->even->grey))
-        st = read_slices(shelf, lock, s, source, report, err);
+        st = read_slices(cache, lock, s, source, report, err);
     return st;
 }
 
-CtsStatus cts_series_cache_make(CtsSeriesCache *shelf, pthread_mutex_t *lock, CtsCachedSeries *s,
-                                const CtsSource *source, CtsProcessedVolume **cut, CtsReport *report, CtsError *err)
+CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
+                                const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
+                                CtsError *err)
 {
     CtsProcessedVolume *made = calloc(1, sizeof *made);
     if (made && !(made->choice = cts_source_choice(source))) {
         free(made);
         made = NULL;
     }
-    CtsStatus st = made ? read_once(shelf, lock, s, source, report, err) : CTS_ERR_MEMORY;
-    if (!st && !(st = reserve(shelf, lock, s, bytes_of(s->loaded.scanned->even), err))) {
+    CtsStatus st = made ? read_once(cache, lock, s, source, report, err) : CTS_ERR_MEMORY;
+    if (!st && !(st = reserve(cache, lock, s, bytes_of(s->loaded.scanned->even), err))) {
         const uint64_t expected = bytes_of(s->loaded.scanned->even);
         CtsLoaded part = {
             .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
         if ((st = cts_source_view(source, false, &part, report, err))) {
             cts_volume_free(&part.volume);
-            give_up(shelf, lock, expected);
+            give_up(cache, lock, expected);
         } else {
             pthread_mutex_lock(lock);
             made->volume = part.volume;
             made->bytes = bytes_of(part.volume);
-            shelf->bytes += made->bytes - expected;
-            made->next = s->cuts;
-            s->cuts = made;
+            cache->bytes += made->bytes - expected;
+            made->next = s->processed_volumes;
+            s->processed_volumes = made;
             pthread_mutex_unlock(lock);
         }
     }
     if (st && made)
-        free_cut(made);
-    *cut = st ? NULL : made;
+        free_processed(made);
+    *processed = st ? NULL : made;
     return st;
 }

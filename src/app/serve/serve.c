@@ -3,7 +3,7 @@
 
 #include "base/cpu.h"
 #include "base/file.h"
-#include "base/load_part.h"
+#include "base/load_plugin.h"
 #include "ctsplat/helper.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-CTS_PART_DOOR(CtsHttp, cts_http, CTS_HTTP_PART)
+CTS_PLUGIN_ENTRY(CtsHttp, cts_http, CTS_HTTP_PLUGIN)
 
 /* Interval of checks for disconnected clients. */
 enum { WATCH_MS = 100 };
@@ -51,8 +51,8 @@ static CtsStatus search(CtsServer *server, void (*note)(const char *text), CtsEr
     CtsReport report = {0};
     char text[160];
     size_t n = 0;
-    const CtsStatus st = cts_series_cache_fill(&server->shelf, server->options, &report, err);
-    const CtsSeriesList *const list = server->shelf.list;
+    const CtsStatus st = cts_series_cache_fill(&server->cache, server->options, &report, err);
+    const CtsSeriesList *const list = server->cache.list;
     for (size_t i = 0; list && i < list->n_paths; i++)
         cts_names_add(&server->names, list->paths[i]);
     for (int i = 0; i < server->options->paths.n; i++)
@@ -62,13 +62,13 @@ static CtsStatus search(CtsServer *server, void (*note)(const char *text), CtsEr
     cts_report_free(&report);
     if (!st) {
         snprintf(text, sizeof text, "%zu series, %zu of them volumes; %llu MiB for those that are loaded",
-                 list ? list->n : 0, n, (unsigned long long)(server->shelf.most_bytes >> 20));
+                 list ? list->n : 0, n, (unsigned long long)(server->cache.max_bytes >> 20));
         note(text);
     }
     return st;
 }
 
-static void tell_ready(const CtsServer *server, void (*ready)(const char *url), const char *url)
+static void report_ready(const CtsServer *server, void (*ready)(const char *url), const char *url)
 {
     char text[8192];
     const bool made = server->token[0] && !server->options->token_file;
@@ -94,7 +94,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
 {
     char *url;
     CtsHttpServer *http = NULL;
-    CtsHttpSettings settings = {.certificate = certificate, .key = key, .ask = cts_routes_ask, .context = server};
+    CtsHttpSettings settings = {.certificate = certificate, .key = key, .ask = cts_routes_dispatch, .context = server};
     server->tls = certificate != NULL;
     CtsStatus st = cts_listen_open(server, &settings.socket, &url, err);
     if (st) {
@@ -106,7 +106,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         st = begin_threads(server, &http, &settings, err);
     }
     if (!st)
-        tell_ready(server, ready, url);
+        report_ready(server, ready, url);
     while (!st && !*server->options->net.stop)
         cts_render_queue_watch(server, WATCH_MS);
     cts_render_queue_end(server);
@@ -150,7 +150,7 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
                                    !(st = read_pem(options->net.tls_key, &key, err)))) &&
         !(st = search(server, note, err)))
         st = listen_and_serve(server, certificate, key, ready, err);
-    cts_series_cache_free(&server->shelf);
+    cts_series_cache_free(&server->cache);
     cts_names_free(&server->names);
     pthread_mutex_destroy(&server->lock);
     pthread_cond_destroy(&server->work);

@@ -3,9 +3,9 @@
 #ifndef CTS_SERVE_SERVER_H
 #define CTS_SERVE_SERVER_H
 
+#include "app/options/options.h"
 #include "app/serve/http.h"
 #include "app/serve/series_cache.h"
-#include "app/words/options.h"
 #include "output/report/redact.h"
 #include <pthread.h>
 #include <signal.h>
@@ -45,15 +45,15 @@ typedef struct CtsRenderQuery {
 
 /* Translates ctsplat's own options; format: from the URL's ending. CTS_ERR_USAGE for options that a request may not
  * use. folder and serial determine the temporary file. Free with cts_render_query_free(), also after a failure. */
-CtsStatus cts_render_query_options(CtsRenderQuery *asked, const CtsFormatInfo *format, const char *folder,
+CtsStatus cts_render_query_options(CtsRenderQuery *render_query, const CtsFormatInfo *format, const char *folder,
                                    unsigned long serial, int n_threads, CtsReport *report, CtsError *err);
-void cts_render_query_free(CtsRenderQuery *asked);
+void cts_render_query_free(CtsRenderQuery *render_query);
 
 const char *cts_media_type_of(const CtsFormatInfo *format);
 
 /* Replaces the parameters of PS3.18 8.3.5 in query by options, and chooses a media type that accept (the header; may be
  * NULL) allows; *format is NULL where there is none. */
-CtsStatus cts_render_query_rendered3d(CtsRenderQuery *asked, const char *accept, const CtsFormatInfo **format,
+CtsStatus cts_render_query_rendered3d(CtsRenderQuery *render_query, const char *accept, const CtsFormatInfo **format,
                                       CtsError *err);
 
 /* The files of the page, put into C by page/embed_assets.py. */
@@ -75,11 +75,11 @@ enum { CTS_SERVE_WORKERS = 4, CTS_SERVE_WAITING = 64, CTS_SERVE_RETRY_S = 1 };
 typedef struct CtsRenderRequest {
     CtsHttpRequest *request;
     int socket;
-    CtsRenderQuery asked;
-    CtsCachedSeries *shelved;
+    CtsRenderQuery render_query;
+    CtsCachedSeries *cached;
     CtsReport report;
     CtsPictureInfo info; /* of the first frame, once told is set */
-    bool told;
+    bool has_info;
     volatile sig_atomic_t stop; /* set when the client has disconnected */
     bool running;
     struct CtsRenderRequest *next;
@@ -94,7 +94,7 @@ typedef struct CtsServer {
     CtsNames names;       /* of input files and of the folder, which are never sent */
     pthread_mutex_t lock; /* of all below */
     pthread_cond_t work;
-    CtsSeriesCache shelf;
+    CtsSeriesCache cache;
     CtsRenderRequest *first;
     int n_waiting;
     unsigned long n_pictures;
@@ -111,10 +111,10 @@ void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status
 /* One line. */
 void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *text);
 /* The answer for a failure: status and reason, without names of files and UIDs. shelved may be NULL. */
-void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsCachedSeries *shelved, CtsStatus st,
+void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsCachedSeries *cached, CtsStatus st,
                         const CtsError *err);
 /* text without names of files and UIDs; free with free(), NULL without memory. */
-char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *shelved, const char *text);
+char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *cached, const char *text);
 
 /* access.c: true if access is allowed; else *answer contains the reason. */
 bool cts_access_check(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer);
@@ -125,12 +125,12 @@ CtsStatus cts_listen_open(CtsServer *server, int *fd, char **url, CtsError *err)
 void cts_listen_close(const CtsServer *server);
 
 /* routes.c: CtsHttpSettings.ask. */
-void cts_routes_ask(void *server, CtsHttpRequest *request);
+void cts_routes_dispatch(void *server, CtsHttpRequest *request);
 
-/* render_queue.c: queues a request, or returns false where too many are queued; errand->shelved and its request must be
+/* render_queue.c: queues a request, or returns false where too many are queued; errand->cached and its request must be
  * set. The caller holds the lock. */
-bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *errand);
-void cts_render_request_free(CtsRenderRequest *errand);
+bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *render_request);
+void cts_render_request_free(CtsRenderRequest *render_request);
 CtsStatus cts_render_queue_begin(CtsServer *server, CtsError *err);
 /* Waits, then stops rendering for clients that have disconnected. */
 void cts_render_queue_watch(CtsServer *server, int ms);
@@ -142,9 +142,9 @@ char *cts_list_presets(void);
 /* The labels of a series; empty while it is not loaded. */
 char *cts_list_labels(CtsServer *server, const char *id);
 /* The Rendered Volume Response Module (PS3.18 Annex K). */
-char *cts_list_module(const CtsRenderRequest *errand);
+char *cts_list_module(const CtsRenderRequest *render_request);
 /* The scene of the picture, one line of JSON for the header of its answer. */
-char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *errand);
+char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *render_request);
 
 /* Serves until options->net.stop is set; running requests are then answered with 503. Options are those of the command
  * `serve`. ready gets the URL of the page, with the token where the server generated it; note gets messages about the

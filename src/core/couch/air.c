@@ -1,4 +1,4 @@
-#include "core/couch/removal.h"
+#include "core/couch/table_removal.h"
 
 #include "base/mem.h"
 #include "core/volume/threshold.h"
@@ -31,7 +31,7 @@ typedef struct Sample {
 typedef struct Air {
     const CtsSectionPlan *plan;
     const CtsVolume *volume;
-    const CtsParts *parts;
+    const CtsComponents *parts;
     const uint8_t *at_border; /* of each part: it reaches the border of its section */
 } Air;
 
@@ -54,7 +54,7 @@ static bool in_view(const int dims[3], int i, int j)
 
 static void visit_samples(const Air *a, Visit visit, void *context)
 {
-    const CtsParts *const p = a->parts;
+    const CtsComponents *const p = a->parts;
     for (int k = 0; k < p->dims[2]; k++)
         for (int j = 0; j < p->dims[1]; j += SAMPLE_ROWS) {
             const size_t row = (size_t)k * (size_t)p->dims[1] + (size_t)j;
@@ -186,7 +186,7 @@ static CtsStatus find_level(const Air *a, bool has_table, CtsAirLevel *level, Ct
     return st;
 }
 
-CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *parts, bool has_table,
+CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsComponents *parts, bool has_table,
                           CtsAirLevel *level, uint8_t *outside, CtsError *err)
 {
     const Air a = {plan, v, parts, outside};
@@ -196,7 +196,7 @@ CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *v, const 
     if (st)
         return st;
     for (uint32_t n = 0; n < parts->n_parts; n++) {
-        const CtsPart *const p = &parts->parts[n];
+        const CtsComponent *const p = &parts->parts[n];
         outside[n] = p->lo[0] == 0 || p->lo[1] == 0 || p->hi[0] == parts->dims[0] - 1 || p->hi[1] == parts->dims[1] - 1;
     }
     visit_samples(&a, count_lung, &count);

@@ -1,4 +1,4 @@
-#include "core/couch/removal.h"
+#include "core/couch/table_removal.h"
 
 #include "base/mem.h"
 #include "base/parallel.h"
@@ -19,8 +19,8 @@ static const double AROUND_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
 /* flags[]: the largest part, and those of sufficient size that are mostly thick; sized[]: the latter. */
-static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
-                                uint8_t *flags, uint8_t *sized, CtsError *err)
+static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsComponents *p, CtsMorphology *workers,
+                                int n_threads, uint8_t *flags, uint8_t *sized, CtsError *err)
 {
     CtsStatus st;
     CtsBits others = {0};
@@ -37,10 +37,10 @@ static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, C
         return CTS_OK;
     if ((st = cts_bits_new_unset(&others, plan->dims, err)))
         goto end;
-    cts_parts_paint(p, sized, NULL, &others);
+    cts_components_paint(p, sized, NULL, &others);
     cts_each_section(workers, n_threads, cts_open_section, &others, cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm),
                      &others);
-    if ((st = cts_parts_count_in(p, &others, &thick, err)))
+    if ((st = cts_components_count_in(p, &others, &thick, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)
         if (sized[n] && 2 * thick[n] >= p->parts[n].n_voxels) {
@@ -55,31 +55,31 @@ end:
 
 /* The patient's dense bits: connected parts after removal of the extruded voxels and their neighbours, which are added
  * again afterwards. */
-static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *extruded,
+static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *plates_found,
                             CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
 {
     CtsStatus st;
-    CtsParts parts = {0};
+    CtsComponents parts = {0};
     uint8_t *flags = NULL, *sized = NULL;
     CtsBits *const rest = &body->foreign; /* first the voxels outside plates, then those not of the patient */
     if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new_unset(&body->dense, plan->dims, err)))
         return st;
-    cts_each_section(workers, n_threads, cts_dilate_section, extruded, ONE, rest);
+    cts_each_section(workers, n_threads, cts_dilate_section, plates_found, ONE, rest);
     cts_bits_combine(rest, CTS_BITS_NOT, rest);
     cts_bits_combine(rest, CTS_BITS_AND, sections);
-    if ((st = cts_parts_find(&parts, rest, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+    if ((st = cts_components_find(&parts, rest, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
         (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
         goto end;
-    cts_parts_paint(&parts, flags, NULL, &body->dense);
-    cts_parts_paint(&parts, sized, extruded, rest);
+    cts_components_paint(&parts, flags, NULL, &body->dense);
+    cts_components_paint(&parts, sized, plates_found, rest);
     cts_each_section(workers, n_threads, cts_dilate_section, &body->dense, ONE, &body->dense);
     cts_bits_combine(&body->dense, CTS_BITS_AND, sections);
-    cts_bits_combine(&body->dense, CTS_BITS_AND_NOT, extruded);
+    cts_bits_combine(&body->dense, CTS_BITS_AND_NOT, plates_found);
     for (uint32_t n = 0; n < parts.n_parts; n++)
         body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
 end:
-    cts_parts_free(&parts);
+    cts_components_free(&parts);
     cts_free(&flags);
     cts_free(&sized);
     return st;
@@ -90,28 +90,28 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, bool
 {
     CtsStatus st;
     CtsBits air = {0};
-    CtsParts parts = {0};
+    CtsComponents parts = {0};
     uint8_t *outside = NULL;
     if ((st = cts_bits_new_unset(&air, plan->dims, err)))
         return st;
     cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
-    if ((st = cts_parts_find(&parts, &air, false, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
+    if ((st = cts_components_find(&parts, &air, false, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
 
         (st = cts_air_outside(plan, v, &parts, has_table, &body->air, outside, err)) ||
         (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
-    cts_parts_paint(&parts, outside, NULL, &body->whole);
+    cts_components_paint(&parts, outside, NULL, &body->whole);
     /* The painted voxels are outside: only these remain foreign, and the whole is the complement. */
     cts_bits_combine(&body->foreign, CTS_BITS_AND, &body->whole);
     cts_bits_combine(&body->whole, CTS_BITS_NOT, &body->whole);
 end:
     cts_bits_free(&air);
-    cts_parts_free(&parts);
+    cts_components_free(&parts);
     cts_free(&outside);
     return st;
 }
 
-static bool is_long(const CtsSectionPlan *plan, const CtsPart *part)
+static bool is_long(const CtsSectionPlan *plan, const CtsComponent *part)
 {
     double square = 0;
     for (int axis = 0; axis < 3; axis++)
@@ -120,7 +120,7 @@ static bool is_long(const CtsSectionPlan *plan, const CtsPart *part)
 }
 
 /* flags[]: long parts that are not mostly bone; their volume. */
-static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *p, uint8_t *flags,
+static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, const CtsComponents *p, uint8_t *flags,
                                double *mm3, CtsError *err)
 {
     uint64_t *n_bone, n = 0;
@@ -148,13 +148,13 @@ static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, boo
                              CtsBody *body, CtsError *err)
 {
     CtsStatus st;
-    CtsParts parts = {0};
+    CtsComponents parts = {0};
     uint8_t *flags = NULL;
     double mm3 = 0;
-    if ((st = cts_parts_find(&parts, thin, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+    if ((st = cts_components_find(&parts, thin, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = choose_shells(plan, v, &parts, flags, &mm3, err)) || mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
         goto end;
-    cts_parts_paint(&parts, flags, NULL, thin);
+    cts_components_paint(&parts, flags, NULL, thin);
     cts_bits_combine(&body->foreign, CTS_BITS_OR, thin);
     cts_bits_combine(thin, CTS_BITS_NOT, thin);
     cts_bits_combine(&body->dense, CTS_BITS_AND, thin);
@@ -163,18 +163,19 @@ static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, boo
     cts_bits_free(&body->whole);
     st = find_whole(plan, v, has_table, body, err);
 end:
-    cts_parts_free(&parts);
+    cts_components_free(&parts);
     cts_free(&flags);
     return st;
 }
 
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,
-                        const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
+                        const CtsBits *plates_found, CtsMorphology *workers, int n_threads, CtsBody *body,
+                        CtsError *err)
 {
     CtsBits thin = {0};
     CtsStatus st;
-    const bool has_table = cts_bits_any(extruded);
-    if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
+    const bool has_table = cts_bits_any(plates_found);
+    if (!(st = find_dense(plan, sections, plates_found, workers, n_threads, body, err)) &&
         !(st = find_whole(plan, v, has_table, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
         cts_each_section(workers, n_threads, cts_thin_section, &body->whole,
                          cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), &thin);

@@ -1,4 +1,4 @@
-#include "core/couch/removal.h"
+#include "core/couch/table_removal.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"
@@ -70,8 +70,9 @@ static void write_section(const CtsMorphology *m, uint64_t *out)
 typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
 
 /* One dilation step of n voxels, 1 to MARGIN: each voxel is kept, and copied in all four directions, or in two. */
-static inline __attribute__((always_inline)) void
-leap_any_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n, ptrdiff_t rows)
+static inline __attribute__((always_inline)) void dilate_far_any_words(Way way, const uint64_t *restrict in,
+                                                                       uint64_t *restrict out, size_t n_words, int n,
+                                                                       ptrdiff_t rows)
 {
     const int back = 64 - n;
     if (way == ALL_WAYS)
@@ -89,23 +90,24 @@ leap_any_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, siz
             out[i] = in[i] | in[(ptrdiff_t)i - rows] | in[(ptrdiff_t)i + rows];
 }
 
-static void leap_words(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
+static void dilate_far_words(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
 {
-    leap_any_words(way, in, out, n_words, n, rows);
+    dilate_far_any_words(way, in, out, n_words, n, rows);
 }
 
-CTS_TARGET_AVX2 static void leap_words_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
-                                            ptrdiff_t rows)
+CTS_TARGET_AVX2 static void dilate_far_words_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
+                                                  ptrdiff_t rows)
 {
-    leap_any_words(way, in, out, n_words, n, rows);
+    dilate_far_any_words(way, in, out, n_words, n, rows);
 }
 
 /* Dilates m->a by another step; `reach` rows outside the section on either side may be set afterwards. */
-static void leap(CtsMorphology *m, Way way, int n, int reach)
+static void dilate_far(CtsMorphology *m, Way way, int n, int reach)
 {
     const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
     const size_t n_words = m->stride * (m->n_rows + 2 * (size_t)reach);
-    (cts_cpu_flags() & CTS_CPU_AVX2 ? leap_words_avx2 : leap_words)(way, m->a + from, m->b + from, n_words, n, n * row);
+    (cts_cpu_flags() & CTS_CPU_AVX2 ? dilate_far_words_avx2 : dilate_far_words)(way, m->a + from, m->b + from, n_words,
+                                                                                n, n * row);
     uint64_t *const t = m->a;
     m->a = m->b;
     m->b = t;
@@ -136,7 +138,7 @@ static void grow_diamond(CtsMorphology *m, int steps)
         for (int n = 0; n < most;) {
             const int further = n == 0 ? 1 : most - n < n ? most - n : n;
             n += further;
-            leap(m, ALL_WAYS, further, n);
+            dilate_far(m, ALL_WAYS, further, n);
         }
         clip(m, most);
         steps -= most;
@@ -152,7 +154,7 @@ static void grow_line(CtsMorphology *m, Way way, int steps)
         for (int n = 0; n < most;) {
             const int further = most - n < n + 1 ? most - n : n + 1;
             n += further;
-            leap(m, way, further, 0);
+            dilate_far(m, way, further, 0);
         }
         clip(m, 0);
         steps -= most;

@@ -1,4 +1,4 @@
-#include "core/couch/removal.h"
+#include "core/couch/table_removal.h"
 
 #include "base/parallel.h"
 #include "base/vec3.h"

@@ -134,12 +134,12 @@ static CtsStatus count_overlap(CtsLabels *labels, CtsError *err)
     return st;
 }
 
-static void tell(const CtsLabelFact *f, CtsReport *report)
+static void report_label(const CtsLabelFact *f, CtsReport *report)
 {
     if (f->in_air)
-        cts_report_finding(report, "label_in_air", CTS_WARNING,
-                           "label file %d: %.0f %% of label %d (%s) lie below %d HU (a mirrored or shifted mask?)",
-                           f->file, 100 * f->air_share, f->number, f->name, (int)CTS_LABEL_AIR_HU);
+        cts_report_diagnostic(report, "label_in_air", CTS_WARNING,
+                              "label file %d: %.0f %% of label %d (%s) lie below %d HU (a mirrored or shifted mask?)",
+                              f->file, 100 * f->air_share, f->number, f->name, (int)CTS_LABEL_AIR_HU);
 }
 
 CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kept, CtsReport *report, CtsError *err)
@@ -153,16 +153,16 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
         CtsLabel *const l = &labels->items[i];
         count_voxels(l, &labels->grid);
         l->fact.in_air = l->fact.air_share > AIR_SHARE && !may_hold_air(l);
-        l->fact.parts = cts_label_parts(l, labels->grid.rows, &st, err);
+        l->fact.parts = cts_label_components(l, labels->grid.rows, &st, err);
     }
     if (!st && labels->n > 1)
         st = count_overlap(labels, err);
     for (size_t i = 0; !st && i < labels->n; i++) {
         cts_report_label(report, &labels->items[i].fact);
-        tell(&labels->items[i].fact, report);
+        report_label(&labels->items[i].fact, report);
     }
     if (!st && labels->n > 1)
-        st = cts_label_tell_sides(labels, report, err);
+        st = cts_label_report_laterality(labels, report, err);
     labels->counted = !st;
     return st;
 }

@@ -35,16 +35,16 @@ size_t cts_label_find_row(const CtsLabel *label, uint32_t row);
 size_t cts_label_find_share(const CtsLabel *label, uint32_t row);
 
 /* Steps of counting that are files of their own. */
-uint64_t cts_label_parts(const CtsLabel *label, int rows, CtsStatus *status, CtsError *err);
+uint64_t cts_label_components(const CtsLabel *label, int rows, CtsStatus *status, CtsError *err);
 void cts_label_take_sums(CtsLabel *label, const int *slice_number, int n_kept);
 void cts_label_sums_free(CtsLabel *label);
 /* Of labels that are counted: adds the finding label_mirrored. */
-CtsStatus cts_label_tell_sides(const CtsLabels *labels, CtsReport *report, CtsError *err);
+CtsStatus cts_label_report_laterality(const CtsLabels *labels, CtsReport *report, CtsError *err);
 
 /* Assigns the volume's voxels: owner i of n gets the voxels of label[i], and the later one in `order` wins; unlabelled
- * voxels get number n. Sets no appearances; cts_owners_finish() must follow. */
-CtsStatus cts_labels_paint(const CtsLabels *labels, const size_t *label, const size_t *order, size_t n, CtsVolume *v,
-                           int n_threads, CtsError *err);
+ * voxels get number n. Sets no appearances; cts_voxel_labels_finish() must follow. */
+CtsStatus cts_labels_to_volume(const CtsLabels *labels, const size_t *label, const size_t *order, size_t n,
+                               CtsVolume *v, int n_threads, CtsError *err);
 
 /* Selection of labels by name or number. */
 
@@ -66,9 +66,9 @@ CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const
 CtsStatus cts_label_find_present(const CtsLabels *labels, const char *show, uint32_t *hit, char **lacking,
                                  CtsError *err);
 
-struct CtsOwnerLook;
+struct CtsAppearance;
 /* Parses an appearance, without a name in front. */
-CtsStatus cts_label_look(const char *text, struct CtsOwnerLook *look, CtsError *err);
+CtsStatus cts_label_appearance_parse(const char *text, struct CtsAppearance *appearance, CtsError *err);
 /* The default colour of the n-th label: distinguishable with any kind of colour vision. */
 void cts_label_colour(size_t n, double rgb[3]);
 

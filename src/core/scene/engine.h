@@ -54,12 +54,12 @@ typedef struct CtsScene {
     double extinction_scale; /* as in lut; for engines that evaluate the preset themselves */
     /* Cache of the engine for frames of one volume and one preset: *kept is NULL for the first frame, then as the
      * engine left it. NULL: no cache. */
-    void **kept;
+    void **cache;
     int frame; /* its number among those; bands of one picture have the same */
 } CtsScene;
 
 /* Default target: half a level of an 8-bit display, which is invisible; as a fraction of the display range. */
-static inline double cts_scene_error_asked(const CtsScene *scene)
+static inline double cts_scene_requested_error(const CtsScene *scene)
 {
     return (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255;
 }
@@ -109,23 +109,23 @@ typedef struct CtsEngine {
      * and an indicator per pixel, for the choice of a level. NULL for an engine without levels. */
     CtsStatus (*render_tiles)(const CtsScene *scene, const int (*corner)[2], size_t n, float (*rgba)[4],
                               float *indicator, CtsError *err);
-    CtsIndicator indicator;     /* what it writes to CtsErrorMap; with one it keeps plan.max_error by itself */
-    unsigned modes;             /* bit 1 << CtsMode for each it can do */
-    unsigned kernels;           /* bit 1 << CtsKernelId */
-    unsigned levels;            /* bit 1 << CtsEngineLevel; 0: no levels */
-    bool exact;                 /* the reference: no plan and no error control */
-    bool repeats_layers;        /* goes through all layers for each band of rows */
-    bool skips_void;            /* skips provably invisible voxels */
-    bool cuts_slabs;            /* can render a part of each ray, as for --slab */
-    bool knows_owners;          /* splits rays at boundaries of labels, and supports their appearances */
-    bool takes_key;             /* skips voxels that the scene's lut marks void, so that --void key has an effect */
-    void (*forget)(void *kept); /* frees the cache in *scene->kept; NULL for an engine without one */
+    CtsIndicator indicator; /* what it writes to CtsErrorMap; with one it keeps plan.max_error by itself */
+    unsigned modes;         /* bit 1 << CtsMode for each it can do */
+    unsigned kernels;       /* bit 1 << CtsKernelId */
+    unsigned levels;        /* bit 1 << CtsEngineLevel; 0: no levels */
+    bool is_reference;      /* the reference: no plan and no error control */
+    bool is_layered;        /* goes through all layers for each band of rows */
+    bool skips_void;        /* skips provably invisible voxels */
+    bool supports_slabs;    /* can render a part of each ray, as for --slab */
+    bool supports_labels;   /* splits rays at boundaries of labels, and supports their appearances */
+    bool uses_void_key;     /* skips voxels that the scene's lut marks void, so that --void key has an effect */
+    void (*free_cache)(void *cache); /* frees the cache in *scene->cache; NULL for an engine without one */
 } CtsEngine;
 
 /* The voxels that minip and average use: the inside of the body; NULL: all. */
 const struct CtsBodyMask *cts_scene_body(const CtsScene *scene);
 /* Adds the plan's lines about the body and the slab. */
-void cts_scene_tell_parts(const CtsScene *scene, CtsReport *report);
+void cts_scene_report_region(const CtsScene *scene, CtsReport *report);
 
 /* True when the caller requested a stop; engines check once per layer or tile. */
 static inline bool cts_scene_stopped(const CtsScene *scene)

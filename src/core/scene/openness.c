@@ -5,17 +5,17 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "core/scene/openness_look.h"
+#include "core/scene/openness_beams.h"
 #include "core/volume/macrocells.h"
-#include "core/volume/owners.h"
+#include "core/volume/voxel_labels.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Edge of a block, and how far openness looks. A block is larger where a volume would have more than MOST_BLOCKS. */
+/* Edge of a block, and how far openness looks. A block is larger where a volume would have more than MAX_BLOCKS. */
 #define BLOCK_MM 2.5
 #define REACH_MM 35.0
-#define MOST_BLOCKS 0x1p22
+#define MAX_BLOCKS 0x1p22
 
 /* Extinction of grey levels, in whole numbers, so that sums do not depend on their order: 65535 is the largest. */
 #define EXTINCTION_UNIT (CTS_MAX_EXTINCTION_PER_MM / UINT16_MAX)
@@ -53,7 +53,7 @@ static void size_blocks(CtsOpenness *o, const CtsVolume *v)
     double mm3 = 1;
     for (int a = 0; a < 3; a++)
         mm3 *= cts_volume_spacing_mm(v, a) * v->dims[a];
-    const double edge_mm = fmax(BLOCK_MM, cbrt(mm3 / MOST_BLOCKS));
+    const double edge_mm = fmax(BLOCK_MM, cbrt(mm3 / MAX_BLOCKS));
     for (int a = 0; a < 3; a++) {
         const double voxels = floor(edge_mm / cts_volume_spacing_mm(v, a) + 0.5);
         o->size[a] = voxels < 1 ? 1 : voxels > v->dims[a] ? v->dims[a] : (int)voxels;
@@ -95,7 +95,7 @@ static void find_axes(Making *m)
         for (int a = 0, rest = code; a < 3; a++, rest /= 3)
             axis->step[a] = rest % 3 - 1;
         const double mm = step_mm(m, axis->step), steps = floor(REACH_MM / mm + 0.5) - 1;
-        axis->n_steps = steps < 0 ? 0 : steps > OPENNESS_MOST_STEPS ? OPENNESS_MOST_STEPS : (int)steps;
+        axis->n_steps = steps < 0 ? 0 : steps > OPENNESS_MAX_STEPS ? OPENNESS_MAX_STEPS : (int)steps;
         axis->length = find_length(m, mm);
         m->margin = axis->n_steps > m->margin ? axis->n_steps : m->margin;
     }
@@ -116,23 +116,23 @@ static void fill_extinction(uint16_t *extinction, const CtsPreset *preset, const
 
 static CtsStatus fill_tables(Making *m, const CtsPreset *preset, CtsError *err)
 {
-    const CtsOwners *const o = m->volume->owners;
-    const int n_looks = cts_owners_coloured(o) ? o->n_looks : CTS_LOOK_PRESET + 1;
+    const CtsVoxelLabels *const o = m->volume->voxel_labels;
+    const int n_appearances = cts_voxel_labels_coloured(o) ? o->n_appearances : CTS_APPEARANCE_PRESET + 1;
     CtsStatus st;
-    if ((st = cts_alloc_zeroed(&m->extinction, (size_t)n_looks * N_LEVELS, err)))
+    if ((st = cts_alloc_zeroed(&m->extinction, (size_t)n_appearances * N_LEVELS, err)))
         return st;
-    for (int l = CTS_LOOK_PRESET; l < n_looks; l++) {
+    for (int l = CTS_APPEARANCE_PRESET; l < n_appearances; l++) {
         CtsPreset own = *preset;
-        if (cts_owners_coloured(o))
-            cts_owner_preset(&o->looks[l], preset, &own);
+        if (cts_voxel_labels_coloured(o))
+            cts_appearance_preset(&o->appearances[l], preset, &own);
         fill_extinction(m->extinction + (size_t)l * N_LEVELS, &own, m->volume);
     }
-    if (!cts_owners_coloured(o)) {
+    if (!cts_voxel_labels_coloured(o)) {
         if ((st = cts_alloc_array(&m->visible_below, N_LEVELS + 1, err)))
             return st;
         m->visible_below[0] = 0;
         for (int g = 0; g < N_LEVELS; g++)
-            m->visible_below[g + 1] = m->visible_below[g] + (m->extinction[CTS_LOOK_PRESET * N_LEVELS + g] > 0);
+            m->visible_below[g + 1] = m->visible_below[g] + (m->extinction[CTS_APPEARANCE_PRESET * N_LEVELS + g] > 0);
     }
     for (int i = 0; i < m->n_lengths; i++) {
         if ((st = cts_alloc_zeroed(&m->passed[i], N_LEVELS, err)))
@@ -172,23 +172,23 @@ static bool is_void(const Making *m, const int first[3], const int end[3])
 }
 
 /* Sum of the voxels' extinctions, each by its own look. */
-static uint64_t sum_owned(const Making *m, const int first[3], const int end[3])
+static uint64_t sum_labelled(const Making *m, const int first[3], const int end[3])
 {
     const int *const d = m->volume->dims;
     uint64_t sum = 0;
     for (int k = first[2]; k < end[2]; k++)
         for (int j = first[1]; j < end[1]; j++)
             for (int i = first[0]; i < end[0]; i++) {
-                const int look = cts_look_of_voxel(m->volume->owners, i, j, k);
+                const int follow_beams = cts_appearance_of_voxel(m->volume->voxel_labels, i, j, k);
                 const uint16_t g = m->volume->grey[((size_t)k * (size_t)d[1] + (size_t)j) * (size_t)d[0] + (size_t)i];
-                sum += m->extinction[(size_t)look * N_LEVELS + g];
+                sum += m->extinction[(size_t)follow_beams * N_LEVELS + g];
             }
     return sum;
 }
 
 static uint64_t sum_block(const Making *m, const int first[3], const int end[3])
 {
-    const uint16_t *const extinction = m->extinction + (size_t)CTS_LOOK_PRESET * N_LEVELS;
+    const uint16_t *const extinction = m->extinction + (size_t)CTS_APPEARANCE_PRESET * N_LEVELS;
     const size_t nx = (size_t)m->volume->dims[0], ny = (size_t)m->volume->dims[1];
     uint64_t sum = 0;
     for (int k = first[2]; k < end[2]; k++)
@@ -214,7 +214,7 @@ static uint16_t mean_extinction(const Making *m, const int block[3])
     }
     if (is_void(m, first, end))
         return 0;
-    const uint64_t sum = m->visible_below ? sum_block(m, first, end) : sum_owned(m, first, end);
+    const uint64_t sum = m->visible_below ? sum_block(m, first, end) : sum_labelled(m, first, end);
     return (uint16_t)((sum + n / 2) / n);
 }
 
@@ -236,7 +236,7 @@ static void fill_rows(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static OpennessWay way_of(const Making *m, const Axis *axis, int sign, int j, int k)
+static OpennessBeams beams_of(const Making *m, const Axis *axis, int sign, int j, int k)
 {
     const int *const n = m->open->n, at[3] = {0, j, k};
     int n_inside = axis->n_steps;
@@ -245,40 +245,40 @@ static OpennessWay way_of(const Making *m, const Axis *axis, int sign, int j, in
         n_inside = step && room < n_inside ? room : n_inside;
     }
     const unsigned mean = (1u << 16) / (unsigned)(axis->n_steps + 1);
-    return (OpennessWay){.from = m->transmittance[axis->length] +
-                                 ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)m->row + m->margin,
-                         .step = sign * (((ptrdiff_t)axis->step[2] * n[1] + axis->step[1]) * m->row + axis->step[0]),
-                         .n_inside = n_inside,
-                         .n_beyond = CTS_MUTATED(OPEN_BEYOND) ? 0 : (uint16_t)(axis->n_steps - n_inside),
-                         .mean = (uint16_t)(mean < UINT16_MAX ? mean : UINT16_MAX)};
+    return (OpennessBeams){.from = m->transmittance[axis->length] +
+                                   ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)m->row + m->margin,
+                           .step = sign * (((ptrdiff_t)axis->step[2] * n[1] + axis->step[1]) * m->row + axis->step[0]),
+                           .n_inside = n_inside,
+                           .n_beyond = CTS_MUTATED(OPEN_BEYOND) ? 0 : (uint16_t)(axis->n_steps - n_inside),
+                           .mean = (uint16_t)(mean < UINT16_MAX ? mean : UINT16_MAX)};
 }
 
-static cts_openness_look_fn choose_look(void)
+static cts_openness_beams_fn choose_beams(void)
 {
     const unsigned cpu = cts_cpu_flags();
-    return cpu & CTS_CPU_AVX512 ? cts_openness_look_avx512
-           : cpu & CTS_CPU_AVX2 ? cts_openness_look_avx2
-                                : cts_openness_look_c;
+    return cpu & CTS_CPU_AVX512 ? cts_openness_beams_avx512
+           : cpu & CTS_CPU_AVX2 ? cts_openness_beams_avx2
+                                : cts_openness_beams_c;
 }
 
 /* Tiles of TILE_ROWS rows, a chunk wide, through all layers of blocks, so that what a tile sees stays in the cache. */
-static void look_from_tiles(void *context, int worker, size_t first, size_t end)
+static void follow_beams_from_tiles(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
     const int *const n = m->open->n;
     const int n_chunks = (n[0] - 1) / OPENNESS_CHUNK + 1;
-    const cts_openness_look_fn look = choose_look();
+    const cts_openness_beams_fn follow_beams = choose_beams();
     (void)worker;
     for (size_t t = first; t < end; t++) {
         const int i = (int)(t % (size_t)n_chunks) * OPENNESS_CHUNK, j0 = (int)(t / (size_t)n_chunks) * TILE_ROWS;
         const int left = n[0] - i < OPENNESS_CHUNK ? n[0] - i : OPENNESS_CHUNK;
         for (int k = 0; k < n[2]; k++)
             for (int j = j0; j < j0 + TILE_ROWS && j < n[1]; j++) {
-                OpennessWay way[OPENNESS_DIRECTIONS];
+                OpennessBeams beams[OPENNESS_DIRECTIONS];
                 uint8_t found[OPENNESS_CHUNK];
                 for (int d = 0; d < OPENNESS_DIRECTIONS; d++)
-                    way[d] = way_of(m, &m->axis[d / 2], d % 2 ? -1 : 1, j, k);
-                look(way, i, found);
+                    beams[d] = beams_of(m, &m->axis[d / 2], d % 2 ? -1 : 1, j, k);
+                follow_beams(beams, i, found);
                 memcpy(m->openness + ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)n[0] + i, found, (size_t)left);
             }
     }
@@ -314,7 +314,7 @@ static CtsStatus make(Making *m, const CtsPreset *preset, int n_threads, CtsErro
         return st;
     cts_parallel(n_threads, n_rows, 0, fill_rows, m);
     const size_t n_tiles = ((size_t)(n[0] - 1) / OPENNESS_CHUNK + 1) * ((size_t)(n[1] - 1) / TILE_ROWS + 1);
-    cts_parallel(n_threads, n_tiles, 1, look_from_tiles, m);
+    cts_parallel(n_threads, n_tiles, 1, follow_beams_from_tiles, m);
     cts_parallel(n_threads, n_rows, 0, pack_rows, m);
     return CTS_OK;
 }
@@ -325,7 +325,8 @@ CtsStatus cts_openness_new(CtsOpenness **openness, const CtsVolume *volume, cons
     CtsStatus st = cts_alloc_zeroed(openness, 1, err);
     if (st)
         return st;
-    const CtsVolume *const shown = volume->owners && volume->owners->shown ? volume->owners->shown : volume;
+    const CtsVolume *const shown =
+        volume->voxel_labels && volume->voxel_labels->shown ? volume->voxel_labels->shown : volume;
     Making m = {.open = *openness, .volume = volume, .shown = shown, .macrocells = shown->macrocells};
     size_blocks(m.open, volume);
     st = make(&m, preset, n_threads, err);

@@ -1,13 +1,13 @@
 /* The kernel of openness, included once for each SIMD path. */
 #include "base/simd.h"
-#include "core/scene/openness_look.h"
+#include "core/scene/openness_beams.h"
 
 typedef uint16_t vw SIMD_VECTOR(real);
 SIMD_MEMORY(vw, uint16_t)
 
 enum { WORDS = 2 * LANES, N_VECTORS = OPENNESS_CHUNK / WORDS };
 
-INLINE void look_from(const OpennessWay way[OPENNESS_DIRECTIONS], int i, uint8_t *openness)
+INLINE void follow_beams_from(const OpennessBeams beams[OPENNESS_DIRECTIONS], int i, uint8_t *openness)
 {
     const vw none = {0};
     const int shift = 16 - OPENNESS_BITS;
@@ -15,7 +15,7 @@ INLINE void look_from(const OpennessWay way[OPENNESS_DIRECTIONS], int i, uint8_t
     for (int v = 0; v < N_VECTORS; v++)
         all[v] = none;
     for (int d = 0; d < OPENNESS_DIRECTIONS; d++) {
-        const OpennessWay w = way[d];
+        const OpennessBeams w = beams[d];
         const uint16_t *at = w.from + i;
         vw left[N_VECTORS], sum[N_VECTORS];
         for (int v = 0; v < N_VECTORS; v++) {

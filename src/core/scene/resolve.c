@@ -51,12 +51,12 @@ CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *set
 }
 
 CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
-                         const CtsRenderSettings *asked, CtsError *err)
+                         const CtsRenderSettings *requested, CtsError *err)
 {
     CtsStatus st;
     CtsPreset *p = &store->preset;
     CtsRenderSettings *s = &store->settings;
-    *s = *asked;
+    *s = *requested;
     if ((st = cts_scene_check(s, err)))
         return st;
     s->n_threads = cts_threads(s->n_threads);
@@ -84,7 +84,7 @@ const struct CtsBodyMask *cts_scene_body(const CtsScene *scene)
     return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE ? scene->volume->body : NULL;
 }
 
-void cts_scene_tell_parts(const CtsScene *scene, CtsReport *report)
+void cts_scene_report_region(const CtsScene *scene, CtsReport *report)
 {
     const CtsMode mode = scene->preset->mode;
     const CtsRenderSettings *s = scene->settings;

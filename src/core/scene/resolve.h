@@ -19,6 +19,6 @@ CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *set
 
 /* Checks and resolves the settings. The scene has no lut yet. */
 CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
-                         const CtsRenderSettings *asked, CtsError *err);
+                         const CtsRenderSettings *requested, CtsError *err);
 
 #endif

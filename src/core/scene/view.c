@@ -43,23 +43,23 @@ void cts_view_axes(CtsViewAxes *axes, double azimuth_deg, double elevation_deg)
     clean(axes->up_lps);
 }
 
-CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *asked, CtsError *err)
+CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *requested, CtsError *err)
 {
     double inverse[3][3];
     CtsViewAxes axes;
     if (!cts_volume_inverse(volume, inverse))
         return cts_fail(err, CTS_ERR_GEOMETRY, "the volume's steps do not span space (is one spacing zero?)");
     const double diagonal_mm = cts_volume_diagonal_mm(volume);
-    const int side = asked->width < asked->height ? asked->width : asked->height;
+    const int side = requested->width < requested->height ? requested->width : requested->height;
     const double fitting_mm = (diagonal_mm > 0 ? diagonal_mm : 1) / (0.95 * side);
-    *view = (CtsView){.width = asked->width,
-                      .height = asked->height,
-                      .mm_per_pixel = asked->mm_per_pixel > 0 ? asked->mm_per_pixel : fitting_mm,
-                      .azimuth_deg = asked->azimuth_deg,
-                      .elevation_deg = asked->elevation_deg,
+    *view = (CtsView){.width = requested->width,
+                      .height = requested->height,
+                      .mm_per_pixel = requested->mm_per_pixel > 0 ? requested->mm_per_pixel : fitting_mm,
+                      .azimuth_deg = requested->azimuth_deg,
+                      .elevation_deg = requested->elevation_deg,
                       .near_mm = -INFINITY,
                       .far_mm = INFINITY};
-    cts_view_axes(&axes, asked->azimuth_deg, asked->elevation_deg);
+    cts_view_axes(&axes, requested->azimuth_deg, requested->elevation_deg);
     memcpy(view->right_lps, axes.right_lps, sizeof view->right_lps);
     memcpy(view->up_lps, axes.up_lps, sizeof view->up_lps);
     memcpy(view->forward_lps, axes.forward_lps, sizeof view->forward_lps);

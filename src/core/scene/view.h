@@ -32,7 +32,7 @@ typedef struct CtsView {
 
 /* The camera of the settings: width, height, mm_per_pixel (0: the whole bounding box fits), azimuth_deg and
  * elevation_deg. CTS_ERR_GEOMETRY when the voxel steps do not span space. */
-CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *asked, CtsError *err);
+CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *requested, CtsError *err);
 
 /* Limits rays to a slab across the view, thickness_mm thick, its middle at_mm in front of the volume's centre. */
 void cts_view_set_slab(CtsView *view, const CtsVolume *volume, double thickness_mm, double at_mm);

@@ -1,14 +1,14 @@
 #include "core/scene/visible.h"
 
-bool cts_scene_is_grey(const CtsPreset *preset, const CtsOwners *owners)
+bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labels)
 {
     bool grey = cts_preset_is_grey(preset, preset->mode);
-    for (int i = 0; grey && owners && i < owners->n; i++) {
-        const int look = owners->look[i];
-        if (look < CTS_LOOK_OWN)
+    for (int i = 0; grey && voxel_labels && i < voxel_labels->n; i++) {
+        const int appearance = voxel_labels->appearance[i];
+        if (appearance < CTS_APPEARANCE_OWN)
             continue;
         CtsPreset own;
-        cts_owner_preset(&owners->looks[look], preset, &own);
+        cts_appearance_preset(&voxel_labels->appearances[appearance], preset, &own);
         own.background_none = true; /* the picture's is behind all of it */
         grey = cts_preset_is_grey(&own, CTS_MODE_COMPOSITE);
     }
@@ -30,23 +30,25 @@ static bool preset_shows_skin(const CtsPreset *preset, double extinction_scale)
 }
 
 /* With a window, skin is visible against air where black lies below soft tissue. */
-static bool look_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsOwners *owners, int look)
+static bool appearance_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsVoxelLabels *voxel_labels,
+                                  int appearance)
 {
-    if (look == CTS_LOOK_HIDDEN)
+    if (appearance == CTS_APPEARANCE_HIDDEN)
         return false;
     if (preset->mode != CTS_MODE_COMPOSITE)
         return preset->window_low_hu < SKIN_HIGH_HU;
-    if (look < CTS_LOOK_OWN)
+    if (appearance < CTS_APPEARANCE_OWN)
         return preset_shows_skin(preset, extinction_scale);
     CtsPreset own;
-    cts_owner_preset(&owners->looks[look], preset, &own);
+    cts_appearance_preset(&voxel_labels->appearances[appearance], preset, &own);
     return preset_shows_skin(&own, extinction_scale);
 }
 
-bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsOwners *owners)
+bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsVoxelLabels *voxel_labels)
 {
-    bool shown = !owners && look_shows_skin(preset, extinction_scale, NULL, CTS_LOOK_PRESET);
-    for (int i = 0; !shown && owners && i < owners->n; i++)
-        shown = owners->on_skin[i] && look_shows_skin(preset, extinction_scale, owners, owners->look[i]);
+    bool shown = !voxel_labels && appearance_shows_skin(preset, extinction_scale, NULL, CTS_APPEARANCE_PRESET);
+    for (int i = 0; !shown && voxel_labels && i < voxel_labels->n; i++)
+        shown = voxel_labels->on_skin[i] &&
+                appearance_shows_skin(preset, extinction_scale, voxel_labels, voxel_labels->appearance[i]);
     return shown;
 }

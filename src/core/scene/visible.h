@@ -2,15 +2,15 @@
 #ifndef CTS_SCENE_VISIBLE_H
 #define CTS_SCENE_VISIBLE_H
 
-#include "core/volume/owners.h"
+#include "core/volume/voxel_labels.h"
 #include "ctsplat/preset.h"
 #include <stdbool.h>
 
 /* True when no pixel can have a colour: the preset, its background, and each label's appearance are grey. preset: with
  * the settings' mode; owners: the volume's, or NULL. */
-bool cts_scene_is_grey(const CtsPreset *preset, const CtsOwners *owners);
+bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labels);
 
 /* True when skin may be visible, so that a face may be recognised; in doubt too. extinction_scale as in CtsScene. */
-bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsOwners *owners);
+bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsVoxelLabels *voxel_labels);
 
 #endif

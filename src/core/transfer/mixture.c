@@ -10,7 +10,7 @@
 
 enum { N_GREY = 65536, MAX_ROUNDS = 200, DROP_EVERY = 8, MAX_PARTS = 2 * CTS_MAX_TISSUES };
 
-static const double LEAST_WEIGHT = 1e-6;
+static const double MIN_WEIGHT = 1e-6;
 /* Per voxel, of the log likelihood from round to round: on bins of several HU, where most rounds are done, and then on
  * single grey levels. */
 static const double CONVERGED_COARSE = 1e-6, CONVERGED = 1e-5;
@@ -145,7 +145,7 @@ static void maximise(const Fit *f, const Sums *s)
         t->sd_hu = held(sqrt(fmax(variance, 0)), f->least_sd_hu, fmax(start->largest_sd_hu, f->least_sd_hu));
         t->weight = (n + clipped) / f->n_voxels;
         /* A weight of 0 would stay so, even when the neighbour is another later on. */
-        t->mixed_weight = i < f->mixture->n - 1 ? fmax(s->weight[2 * i + 1] / f->n_voxels, LEAST_WEIGHT) : 0;
+        t->mixed_weight = i < f->mixture->n - 1 ? fmax(s->weight[2 * i + 1] / f->n_voxels, MIN_WEIGHT) : 0;
     }
 }
 
@@ -187,7 +187,7 @@ static bool drop_any(Fit *f, bool peaks)
     CtsMixture *m = f->mixture;
     bool any = false;
     for (int i = m->n - 1; i >= 0 && m->n > 1; i--)
-        if (m->tissue[i].weight < LEAST_WEIGHT || (peaks && f->start[i]->needs_peak && lacks_peak(m, i))) {
+        if (m->tissue[i].weight < MIN_WEIGHT || (peaks && f->start[i]->needs_peak && lacks_peak(m, i))) {
             drop(f, i);
             any = true;
         }
@@ -258,7 +258,7 @@ static void normalise(CtsMixture *m)
 {
     double sum = 0;
     for (int i = 0; i < m->n; i++) {
-        if (m->tissue[i].mixed_weight <= LEAST_WEIGHT)
+        if (m->tissue[i].mixed_weight <= MIN_WEIGHT)
             m->tissue[i].mixed_weight = 0;
         sum += m->tissue[i].weight + m->tissue[i].mixed_weight;
     }

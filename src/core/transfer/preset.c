@@ -1,13 +1,13 @@
 /* Presets at any HU: straight lines between the points, the end values beyond them. */
 #include "ctsplat/preset.h"
 
-#include "base/by_id.h"
+#include "base/enum_table.h"
 #include "base/mutation.h"
 #include <math.h>
 #include <string.h>
 
-CTS_BY_ID(char *const, cts_mode_names, CTS_N_MODES, [CTS_MODE_COMPOSITE] = "composite", [CTS_MODE_MIP] = "mip",
-          [CTS_MODE_MINIP] = "minip", [CTS_MODE_AVERAGE] = "average");
+CTS_ENUM_TABLE(char *const, cts_mode_names, CTS_N_MODES, [CTS_MODE_COMPOSITE] = "composite", [CTS_MODE_MIP] = "mip",
+               [CTS_MODE_MINIP] = "minip", [CTS_MODE_AVERAGE] = "average");
 
 /* Position of hu among the points: between lower and upper at fraction 0..1 (lower == upper outside them). The HU are
  * the first member of each point, stride bytes apart. Of two points at one HU the later one applies. */

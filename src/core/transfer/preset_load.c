@@ -70,18 +70,18 @@ static CtsStatus fail_unknown(const char *name, CtsError *err)
 {
     char list[800] = "";
     size_t n = 0;
-    CtsNear near = {.written = name, .length = strlen(name)};
+    CtsDidYouMean nearest_word = {.written = name, .length = strlen(name)};
     char **names = cts_preset_user_names();
     for (size_t i = 0; cts_preset_builtin(i) && n < sizeof list; i++) {
         n += (size_t)snprintf(list + n, sizeof list - n, " %s", cts_preset_builtin(i)->name);
-        cts_near_try(&near, cts_preset_builtin(i)->name);
+        cts_did_you_mean_try(&nearest_word, cts_preset_builtin(i)->name);
     }
     for (size_t i = 0; names && names[i] && n < sizeof list; i++) {
         n += (size_t)snprintf(list + n, sizeof list - n, " %s", names[i]);
-        cts_near_try(&near, names[i]);
+        cts_did_you_mean_try(&nearest_word, names[i]);
     }
-    cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset%s; there are:%s", name, cts_near_hint(&near).text,
-             list);
+    cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset%s; there are:%s", name,
+             cts_did_you_mean_hint(&nearest_word).text, list);
     free(names);
     return CTS_ERR_PRESET;
 }

@@ -8,7 +8,7 @@
 
 enum { N_GREY = 65536 };
 
-static const double LEAST_PROBABILITY = 0.5, STEP = 0.01;
+static const double MIN_PROBABILITY = 0.5, STEP = 0.01;
 static const double LARGEST_LOSS = 1e-3;
 
 /* Grey levels with their HU, how probably each is void, and how opaque the preset makes it. */
@@ -49,10 +49,10 @@ static double loss(const Levels *levels, double probability)
 
 static double least_probability(const Levels *levels)
 {
-    const int n_steps = (int)floor((1 - LEAST_PROBABILITY) / STEP + 0.5);
+    const int n_steps = (int)floor((1 - MIN_PROBABILITY) / STEP + 0.5);
     for (int i = 0; i < n_steps; i++)
-        if (loss(levels, LEAST_PROBABILITY + STEP * i) <= LARGEST_LOSS)
-            return LEAST_PROBABILITY + STEP * i;
+        if (loss(levels, MIN_PROBABILITY + STEP * i) <= LARGEST_LOSS)
+            return MIN_PROBABILITY + STEP * i;
     return 1;
 }
 

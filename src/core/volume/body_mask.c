@@ -52,7 +52,7 @@ static const uint8_t *node_at(const CtsBodyMask *m, int i, int j, int k)
     return m->share + ((size_t)k * (size_t)m->n[1] + (size_t)j) * (size_t)m->n[0] + (size_t)i;
 }
 
-CtsSees cts_body_mask_sees(const CtsBodyMask *m, const int low[3], const int high[3])
+CtsMaskCover cts_body_mask_cover(const CtsBodyMask *m, const int low[3], const int high[3])
 {
     int from[3], to[3], least = 255, most = 0;
     for (int a = 0; a < 3; a++) {
@@ -68,7 +68,7 @@ CtsSees cts_body_mask_sees(const CtsBodyMask *m, const int low[3], const int hig
                 most = row[i] > most ? row[i] : most;
             }
         }
-    return least > CTS_BODY_LEVEL ? CTS_SEES_ALL : most > CTS_BODY_LEVEL ? CTS_SEES_SOME : CTS_SEES_NONE;
+    return least > CTS_BODY_LEVEL ? CTS_COVER_ALL : most > CTS_BODY_LEVEL ? CTS_COVER_SOME : CTS_COVER_NONE;
 }
 
 void cts_body_mask_corners(const CtsBodyMask *m, const int cell[3], double corner[8])

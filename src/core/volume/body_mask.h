@@ -26,9 +26,9 @@ void cts_body_mask_refine(CtsBodyMask *mask, int n);
 CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err);
 void cts_body_mask_free(CtsBodyMask **mask);
 
-typedef enum CtsSees { CTS_SEES_NONE, CTS_SEES_SOME, CTS_SEES_ALL } CtsSees;
-/* Tests if voxels low[] to high[] enclose body; CTS_SEES_SOME where a closer test is needed. */
-CtsSees cts_body_mask_sees(const CtsBodyMask *mask, const int low[3], const int high[3]);
+typedef enum CtsMaskCover { CTS_COVER_NONE, CTS_COVER_SOME, CTS_COVER_ALL } CtsMaskCover;
+/* Tests if voxels low[] to high[] enclose body; CTS_COVER_SOME where a closer test is needed. */
+CtsMaskCover cts_body_mask_cover(const CtsBodyMask *mask, const int low[3], const int high[3]);
 
 /* The last node not behind a voxel. Halves keep rounding away from the nodes; multiplication is faster than
  * division. */

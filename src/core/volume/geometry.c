@@ -1,6 +1,6 @@
 #include "ctsplat/volume.h"
 
-#include "base/order.h"
+#include "base/compare.h"
 #include "base/vec3.h"
 
 double cts_volume_spacing_mm(const CtsVolume *volume, int axis)

@@ -5,7 +5,7 @@
 #include "base/parallel.h"
 
 /* Neighbours are often equal: four interleaved tables avoid dependent increments. */
-enum { N_GREY = 65536, TABLES = 4, MOST_PARTS = 64 };
+enum { N_GREY = 65536, TABLES = 4, MAX_PARTS = 64 };
 
 typedef struct Count {
     const uint16_t *grey;
@@ -25,7 +25,7 @@ CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t 
     CtsStatus st;
     uint64_t *tables = NULL;
     const size_t n = cts_volume_n_voxels(volume);
-    const int asked = cts_threads(n_threads), parts = asked < MOST_PARTS ? asked : MOST_PARTS;
+    const int asked = cts_threads(n_threads), parts = asked < MAX_PARTS ? asked : MAX_PARTS;
     *count = NULL;
     if ((st = cts_alloc_zeroed(&tables, (size_t)parts * TABLES * N_GREY, err)) ||
         (st = cts_alloc_zeroed(count, N_GREY, err)))

@@ -3,7 +3,7 @@
 #ifndef CTS_VOLUME_SHAPE_MOVE_H
 #define CTS_VOLUME_SHAPE_MOVE_H
 
-#include "core/volume/shape.h"
+#include "core/volume/shape_interpolation.h"
 
 /* Distances are computed on blocks of 2 x 2 pixels, whose means have less noise: a quarter of the work. Their unit is a
  * twelfth of a block, so that a step to the side has 12. SHAPE_FAR: there is no surface. */

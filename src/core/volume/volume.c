@@ -4,8 +4,8 @@
 #include "base/mem.h"
 #include "core/volume/body_mask.h"
 #include "core/volume/macrocells.h"
-#include "core/volume/owners.h"
 #include "core/volume/volume_new.h"
+#include "core/volume/voxel_labels.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,7 +27,7 @@ CtsStatus cts_volume_new_like(CtsVolume **volume, const CtsVolume *like, int n_l
     (*volume)->grey = grey;
     (*volume)->body = NULL;
     (*volume)->macrocells = NULL;
-    (*volume)->owners = NULL;
+    (*volume)->voxel_labels = NULL;
     return CTS_OK;
 }
 
@@ -68,7 +68,7 @@ void cts_volume_free(CtsVolume **volume)
     if (!*volume)
         return;
     cts_volume_changed(*volume);
-    cts_owners_free(&(*volume)->owners);
+    cts_voxel_labels_free(&(*volume)->voxel_labels);
     cts_body_mask_free(&(*volume)->body);
     cts_free(&(*volume)->grey);
     free(*volume);

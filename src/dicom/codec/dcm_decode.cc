@@ -2,7 +2,7 @@
 #include <dcmtk/config/osconfig.h>
 
 #include "dicom/codec/codec.h"
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 
 #include <cstring>
 #include <dcmtk/dcmdata/dcpxitem.h>

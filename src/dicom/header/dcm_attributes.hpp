@@ -41,16 +41,16 @@ bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *va
 bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern);
 
 /* All of a slice but its place in the file. */
-void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *slice);
+void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
 
 /* One more slice of an object, whose array has room for it. Throws std::bad_alloc, as all below. */
 CtsSlice *cts_dcm_add_slice(CtsObject *object);
 /* Makes room for n of them. */
 void cts_dcm_make_room(CtsObject *object, int n);
 /* Slices by the functional groups: one a frame, in the order of the pixels; one with a fault where none can be used. */
-void cts_dcm_read_frames(const CtsDataSet &data_set, CtsTexts &texts, CtsObject *object);
+void cts_dcm_read_frames(const CtsDataSet &data_set, CtsStringPool &texts, CtsObject *object);
 
 /* At most `longest` characters of a text, shared. */
-const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest);
+const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest);
 
 #endif

@@ -1,7 +1,7 @@
 /* Text of any DICOM character set in UTF-8. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 #include "dicom/header/dcm_read.h"
 
 #include <cstring>

@@ -3,7 +3,7 @@
 #include <dcmtk/config/osconfig.h>
 
 #include "base/file.h"
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 
 #include <cstdio>
 #include <cstdlib>

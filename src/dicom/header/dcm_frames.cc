@@ -11,7 +11,7 @@ namespace
 const int max_frames = 20000; /* limit of slices in a series */
 
 /* One faulty slice in place of an object without a usable frame. */
-void refuse(const CtsDataSet &data_set, CtsTexts &texts, CtsObject *object, const char *why)
+void refuse(const CtsDataSet &data_set, CtsStringPool &texts, CtsObject *object, const char *why)
 {
     CtsAttributes attributes{data_set, true};
     cts_dcm_make_room(object, 1);
@@ -38,7 +38,7 @@ CtsSlice *cts_dcm_add_slice(CtsObject *object)
     return object->slices[object->n_slices++] = slice;
 }
 
-void cts_dcm_read_frames(const CtsDataSet &data_set, CtsTexts &texts, CtsObject *object)
+void cts_dcm_read_frames(const CtsDataSet &data_set, CtsStringPool &texts, CtsObject *object)
 {
     const CtsElements all = {data_set.bytes, data_set.bytes + data_set.n, data_set.native->explicit_vr,
                              data_set.native->big_endian, false};

@@ -1,7 +1,7 @@
 /* Attributes -> slice record. Nothing here needs DCMTK loaded. */
 #include "base/vec3.h"
 #include "dicom/header/dcm_attributes.hpp"
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -126,16 +126,16 @@ bool is_quantity(std::string_view rescale_type)
 }
 
 /* Not shared: no two slices have the same. */
-const char *keep_uid(CtsTexts &texts, std::string_view uid)
+const char *keep_uid(CtsStringPool &texts, std::string_view uid)
 {
     uid = uid.substr(0, 64);
-    const char *kept = cts_texts_keep(&texts, uid.data(), uid.size());
+    const char *kept = cts_string_pool_add(&texts, uid.data(), uid.size());
     if (!kept)
         throw std::bad_alloc();
     return kept;
 }
 
-const char *share_some(CtsTexts &texts, std::string_view text)
+const char *share_some(CtsStringPool &texts, std::string_view text)
 {
     return text.empty() ? nullptr : cts_dcm_share(texts, text, text.size());
 }
@@ -147,7 +147,7 @@ std::string_view without_delimiters(std::string_view text)
     return text.substr(0, last == std::string_view::npos ? 0 : last + 1);
 }
 
-const char *scanner_of(CtsAttributes &item, CtsTexts &texts)
+const char *scanner_of(CtsAttributes &item, CtsStringPool &texts)
 {
     std::string scanner;
     for (const DcmTagKey &tag : {DCM_Manufacturer, DCM_ManufacturerModelName, DCM_DeviceSerialNumber}) {
@@ -158,7 +158,7 @@ const char *scanner_of(CtsAttributes &item, CtsTexts &texts)
     return cts_dcm_share(texts, scanner, scanner.size());
 }
 
-void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
 {
     static const DcmTagKey tags[CTS_N_IDENTITY] = {DCM_PatientID,          DCM_IssuerOfPatientID, DCM_PatientName,
                                                    DCM_PatientBirthDate,   DCM_PatientSex,        DCM_StudyInstanceUID,
@@ -206,7 +206,7 @@ void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
     const std::string_view lossy = cts_attribute_text(item, DCM_LossyImageCompression);
     if (lossy == "01")
         s->odd |= CTS_ODD_LOSSY;
-    s->told_lossless = lossy == "00";
+    s->declared_lossless = lossy == "00";
 }
 
 bool read_shape(CtsAttributes &item, CtsSlice *s)
@@ -379,15 +379,15 @@ void read_geometry(CtsAttributes &item, CtsSlice *s)
 
 } // namespace
 
-const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest)
+const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest)
 {
-    const char *shared = cts_texts_share(&texts, text.data() ? text.data() : "", std::min(text.size(), longest));
+    const char *shared = cts_string_pool_share(&texts, text.data() ? text.data() : "", std::min(text.size(), longest));
     if (!shared)
         throw std::bad_alloc();
     return shared;
 }
 
-void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
 {
     read_identity(item, texts, s);
     read_frame_count(item, s);
@@ -410,8 +410,8 @@ static bool is_torn_uid(const CtsTagValue &value, const uint8_t *bytes)
     return std::any_of(bytes + value.offset, bytes + value.offset + n, [](uint8_t c) { return c < 0x20 || c == 0x7F; });
 }
 
-CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsTexts *texts, const char *class_uid, CtsObject *object,
-                              CtsError *err)
+CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsStringPool *texts, const char *class_uid,
+                              CtsObject *object, CtsError *err)
 try {
     for (int i = 0; i < data_set->scan->n_values; i++) {
         const CtsTagValue &value = data_set->scan->values[i];

@@ -1,5 +1,5 @@
-/* DCMTK, and the code that calls it, is a plug-in library (base/load_part.h): linking it takes longer than the rest of
- * the program's start, and a plain series does not need it. Each folder that calls DCMTK exports a table of its
+/* DCMTK, and the code that calls it, is a plug-in library (base/load_plugin.h): linking it takes longer than the rest
+ * of the program's start, and a plain series does not need it. Each folder that calls DCMTK exports a table of its
  * functions; the program loads the library and calls them through the table. Tests link the tables directly. */
 #ifndef CTS_DICOM_DCM_READERS_H
 #define CTS_DICOM_DCM_READERS_H

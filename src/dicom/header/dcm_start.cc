@@ -1,7 +1,7 @@
 /* DCMTK made ready: log, decoders, dictionary; and how it is handed bytes. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 #include "dicom/header/dcm_read.h"
 
 #include <cstdio>

@@ -1,5 +1,5 @@
 /* DICOMDIR records -> file names. */
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -48,13 +48,13 @@ static char *file_beside(const char *directory, const char *file)
 CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
                                    CtsError *err)
 {
-    CtsHead head;
+    CtsDicomHeader head;
     CtsScratch scratch = {0};
     CtsElement records;
     CtsElements record;
     *n_refused = 0;
-    CtsStatus st = cts_head_open(&head, &(CtsFile){.path = path}, &scratch, err);
-    if (!st && (head.kind != CTS_FILE_DICOM || !cts_elements_get(cts_head_elements(&head), RECORDS, &records)))
+    CtsStatus st = cts_dicom_header_open(&head, &(CtsFile){.path = path}, &scratch, err);
+    if (!st && (head.kind != CTS_FILE_DICOM || !cts_elements_get(cts_dicom_header_elements(&head), RECORDS, &records)))
         st = cts_fail(err, CTS_ERR_READ, "cannot be read as a DICOMDIR (name the folder instead)");
     if (st)
         cts_context(err, "%s", path);
@@ -70,7 +70,7 @@ CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, vo
         st = file ? found(context, file, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         free(file);
     }
-    cts_head_close(&head);
+    cts_dicom_header_close(&head);
     cts_scratch_free(&scratch);
     return st;
 }

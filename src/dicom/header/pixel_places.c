@@ -1,4 +1,4 @@
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 
 #include "base/mem.h"
 #include <stdlib.h>

@@ -75,14 +75,14 @@ typedef struct CtsSlice {
     double content_s;       /* ContentTime in seconds of the day; negative when missing */
     /* Of a cardiac cycle: (0020,9241), percent, and (0020,9153), ms; NaN when missing. */
     double phase_percent, phase_delay_ms;
-    const char *kernel;   /* (0018,1210), at most 64 characters; "" where missing */
-    double thickness_mm;  /* (0018,0050); negative when missing */
-    double time_s;        /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
-    bool told_lossless;   /* (0028,2110) is 00 */
-    bool localizer;       /* a scout */
-    bool page;            /* a dose report or the like: never had a place in a patient */
-    int frame, n_frames;  /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
-    const char *stack_id; /* (0020,9056), of a frame; at most 16 characters */
+    const char *kernel;     /* (0018,1210), at most 64 characters; "" where missing */
+    double thickness_mm;    /* (0018,0050); negative when missing */
+    double time_s;          /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
+    bool declared_lossless; /* (0028,2110) is 00 */
+    bool localizer;         /* a scout */
+    bool page;              /* a dose report or the like: never had a place in a patient */
+    int frame, n_frames;    /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
+    const char *stack_id;   /* (0020,9056), of a frame; at most 16 characters */
     /* For a frame whose object is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
     const char *concatenation; /* (0020,9161); "" where missing */
     int part_number, n_parts;  /* (0020,9162), from 1, and (0020,9163); 0 where missing */
@@ -137,9 +137,9 @@ CtsSliceLabel cts_slice_label(const CtsSlice *slice);
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
     size_t file_capacity, inflated_capacity;
-    size_t most_header;          /* limit of bytes before the pixels; 0: CTS_MAX_HEADER_BYTES */
+    size_t max_header;           /* limit of bytes before the pixels; 0: CTS_MAX_HEADER_BYTES */
     struct CtsSandbox *inflater; /* sandbox for deflated headers, started at the first one */
-    CtsTexts texts;              /* of the slices read; the caller may take them over */
+    CtsStringPool texts;         /* of the slices read; the caller may take them over */
 } CtsScratch;
 
 void cts_scratch_free(CtsScratch *scratch);

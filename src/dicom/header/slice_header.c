@@ -1,6 +1,6 @@
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 
-static void check_pixels(const CtsHead *h, CtsSlice *slice)
+static void check_pixels(const CtsDicomHeader *h, CtsSlice *slice)
 {
     const CtsSyntax *syntax = slice->syntax;
     slice->data_offset = h->meta.data_offset;
@@ -9,7 +9,7 @@ static void check_pixels(const CtsHead *h, CtsSlice *slice)
     slice->pixel_words = h->scan.pixel_words;
     slice->file_bytes = h->file.n_bytes;
     slice->mtime_ns = h->file.mtime_ns;
-    if (syntax && (syntax->loss == CTS_LOSSY || (syntax->loss == CTS_MAYBE_LOSSY && !slice->told_lossless)))
+    if (syntax && (syntax->loss == CTS_LOSSY || (syntax->loss == CTS_MAYBE_LOSSY && !slice->declared_lossless)))
         slice->odd |= CTS_ODD_LOSSY;
     if (!syntax)
         cts_slice_fault(slice, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with gdcmconv --raw)",
@@ -31,10 +31,10 @@ static void check_pixels(const CtsHead *h, CtsSlice *slice)
 }
 
 /* Sets the fields common to all slices of the file. */
-static CtsStatus complete(const CtsHead *h, const CtsFile *source, CtsObject *object, CtsError *err)
+static CtsStatus complete(const CtsDicomHeader *h, const CtsFile *source, CtsObject *object, CtsError *err)
 {
     bool usable = object->n_slices > 0;
-    const char *syntax_uid = cts_texts_share(&h->scratch->texts, h->syntax_uid, 64);
+    const char *syntax_uid = cts_string_pool_share(&h->scratch->texts, h->syntax_uid, 64);
     if (!syntax_uid)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; i < object->n_slices; i++) {
@@ -59,7 +59,7 @@ static CtsStatus complete(const CtsHead *h, const CtsFile *source, CtsObject *ob
     return CTS_OK;
 }
 
-CtsStatus cts_head_object(const CtsHead *h, const CtsFile *source, CtsObject *object, CtsError *err)
+CtsStatus cts_dicom_header_object(const CtsDicomHeader *h, const CtsFile *source, CtsObject *object, CtsError *err)
 {
     const CtsStatus st = cts_dcm_read_object(&h->data_set, &h->scratch->texts, h->meta.sop_class_uid, object, err);
     return st ? st : complete(h, source, object, err);
@@ -68,12 +68,12 @@ CtsStatus cts_head_object(const CtsHead *h, const CtsFile *source, CtsObject *ob
 CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
                                   CtsError *err)
 {
-    CtsHead h;
-    CtsStatus st = cts_head_open(&h, source, scratch, err);
+    CtsDicomHeader h;
+    CtsStatus st = cts_dicom_header_open(&h, source, scratch, err);
     if (!st && h.kind == CTS_FILE_DICOM)
-        st = cts_head_object(&h, source, object, err);
+        st = cts_dicom_header_object(&h, source, object, err);
     *bytes_read += h.n;
-    cts_head_close(&h);
+    cts_dicom_header_close(&h);
     if (!st)
         return h.kind;
     cts_object_free(object);

@@ -1,10 +1,10 @@
 /* DIMSE with DCMTK: C-STORE out, C-GET or C-MOVE in (PS3.4 B and C). */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/header/dcm_door.hpp"
-#include "dicom/net/accept.h"
+#include "dicom/header/dcm_call.hpp"
 #include "dicom/net/dimse.hpp"
 #include "dicom/net/peer.h"
+#include "dicom/net/store_scp.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -20,10 +20,10 @@ namespace
 class GetScu : public CtsScu
 {
   public:
-    GetScu(CtsInbox *inbox_, const CtsNet &net_) : inbox(inbox_), net(net_)
+    GetScu(CtsFetchFolder *inbox_, const CtsNet &net_) : fetch_folder(inbox_), net(net_)
     {
         setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
-        setStorageDir(inbox->folder);
+        setStorageDir(fetch_folder->folder);
     }
     CtsError error = {};
     CtsStatus status = CTS_OK;
@@ -33,7 +33,7 @@ class GetScu : public CtsScu
     void notifyRECEIVEProgress(const unsigned long n_bytes) override
     {
         if (!status && !cts_net_stopped(&net))
-            status = cts_inbox_grows(inbox, n_bytes, &error);
+            status = cts_fetch_folder_grows(fetch_folder, n_bytes, &error);
         if (status || cts_net_stopped(&net))
             cts_transport_break(*transport);
     }
@@ -44,11 +44,11 @@ class GetScu : public CtsScu
         char *path = nullptr;
         if (cts_net_stopped(&net))
             return EC_IllegalCall;
-        status = cts_inbox_next(inbox, &path, &error);
+        status = cts_fetch_folder_next(fetch_folder, &path, &error);
         OFCondition state = EC_IllegalCall;
         if (!status) {
             state = DcmSCU::handleSTORERequestFile(context, path, request);
-            if (state.good() && (status = cts_inbox_keep(inbox, path, &error)))
+            if (state.good() && (status = cts_fetch_folder_keep(fetch_folder, path, &error)))
                 state = EC_IllegalCall;
         }
         free(path);
@@ -56,7 +56,7 @@ class GetScu : public CtsScu
     }
 
   private:
-    CtsInbox *inbox;
+    CtsFetchFolder *fetch_folder;
     const CtsNet &net;
 };
 
@@ -65,56 +65,57 @@ bool is_native(const char *syntax_uid)
     return strcmp(syntax_uid, UID_LittleEndianExplicitTransferSyntax) == 0;
 }
 
-const char *remedy_of(const CtsParcel &parcel)
+const char *remedy_of(const CtsOutgoingFile &outgoing)
 {
-    return is_native(parcel.ids.syntax_uid) ? " (it must be set up to store this class)"
-                                            : " (`compress` none sends it uncompressed)";
+    return is_native(outgoing.ids.syntax_uid) ? " (it must be set up to store this class)"
+                                              : " (`compress` none sends it uncompressed)";
 }
 
 /* Stores one file over an open association. */
-void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
+void store(DcmSCU &scu, const CtsNet &net, CtsOutgoingFile &outgoing, CtsAttempt &result)
 {
     const T_ASC_PresentationContextID context =
-        is_native(parcel.ids.syntax_uid) ? scu.findAnyPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid)
-                                         : scu.findPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid);
+        is_native(outgoing.ids.syntax_uid)
+            ? scu.findAnyPresentationContextID(outgoing.ids.class_uid, outgoing.ids.syntax_uid)
+            : scu.findPresentationContextID(outgoing.ids.class_uid, outgoing.ids.syntax_uid);
     if (context == 0) {
         cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer does not take %s in %s%s",
-                 cts_uid_words(parcel.ids.class_uid).c_str(), cts_uid_words(parcel.ids.syntax_uid).c_str(),
-                 remedy_of(parcel));
+                 cts_uid_words(outgoing.ids.class_uid).c_str(), cts_uid_words(outgoing.ids.syntax_uid).c_str(),
+                 remedy_of(outgoing));
         return;
     }
     Uint16 status = 0;
-    const OFCondition state = scu.sendSTORERequest(context, parcel.path, nullptr, status);
+    const OFCondition state = scu.sendSTORERequest(context, outgoing.path, nullptr, status);
     if (state.bad()) {
         result.again = true;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "the connection broke: %s", cts_one_line(state).c_str());
     } else if (status == STATUS_Success || (status & 0xF000) == 0xB000) {
-        cts_parcel_is_sent(&parcel, &net);
+        cts_outgoing_file_is_sent(&outgoing, &net);
     } else { /* A7xx: out of resources, which may pass */
         result.again = (status & 0xFF00) == 0xA700;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer refuses it with status %04X", static_cast<unsigned>(status));
     }
 }
 
-void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int n, CtsTry &result)
+void send_files(const CtsPeer &peer, const CtsNet &net, CtsOutgoingFile *outgoing_files, int n, CtsAttempt &result)
 {
     CtsScu scu;
     for (int i = 0; i < n; i++) {
         OFList<OFString> syntaxes;
-        syntaxes.push_back(parcels[i].ids.syntax_uid);
-        if (is_native(parcels[i].ids.syntax_uid))
+        syntaxes.push_back(outgoing_files[i].ids.syntax_uid);
+        if (is_native(outgoing_files[i].ids.syntax_uid))
             syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
-        if (parcels[i].sent)
+        if (outgoing_files[i].sent)
             continue;
-        scu.offer(parcels[i].ids.class_uid, syntaxes);
+        scu.offer(outgoing_files[i].ids.class_uid, syntaxes);
         if (scu.remedy.empty())
-            scu.remedy = remedy_of(parcels[i]);
+            scu.remedy = remedy_of(outgoing_files[i]);
     }
     if (scu.associate(peer, net, CTS_ERR_OUTPUT, &result.again, &result.error))
         return;
     for (int i = 0; i < n && !result.error.status && !cts_net_stopped(&net); i++)
-        if (!parcels[i].sent)
-            store(scu, net, parcels[i], result);
+        if (!outgoing_files[i].sent)
+            store(scu, net, outgoing_files[i], result);
     scu.hang_up(!result.again);
 }
 
@@ -140,7 +141,7 @@ std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
     fill_query(query, request, request.series_uid ? request.series_uid : "");
     query.putAndInsertString(DCM_Modality, request.series_uid ? "" : "CT");
     query.putAndInsertString(DCM_NumberOfSeriesRelatedInstances, "");
-    scu.ask(query, CTS_MOST_FOUND, nullptr); /* a peer without an answer may have the series nevertheless */
+    scu.send_query(query, CTS_MAX_FOUND, nullptr); /* a peer without an answer may have the series nevertheless */
     for (const auto &answer : scu.answers) {
         const char *uid = nullptr;
         Sint32 n = 0;
@@ -156,7 +157,7 @@ std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
 }
 
 /* Evaluates the last response. n_objects is raised to its total count. */
-CtsStatus judge(OFList<RetrieveResponse *> &responses, int *n_objects, CtsError *err)
+CtsStatus evaluate_responses(OFList<RetrieveResponse *> &responses, int *n_objects, CtsError *err)
 {
     CtsStatus st = responses.empty() ? cts_fail(err, CTS_ERR_READ, "the peer does not answer") : CTS_OK;
     if (!responses.empty()) {
@@ -187,28 +188,28 @@ CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request,
 {
     for (const Series &series : find_series(scu, request)) {
         const char *const uid = series.uid.c_str();
-        const int n_before = request.inbox->n_files;
+        const int n_before = request.fetch_folder->n_files;
         int n_objects = series.n_objects;
         DcmDataset query;
         OFList<RetrieveResponse *> responses;
         CtsError why = {};
         fill_query(query, request, uid);
         const OFCondition state = cts_net_stopped(&net) ? OFCondition(EC_IllegalCall) : fetch(query, responses);
-        CtsStatus st = judge(responses, &n_objects, &why);
+        CtsStatus st = evaluate_responses(responses, &n_objects, &why);
         if (cts_net_stopped(&net))
             return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-        const int n_came = request.inbox->n_files - n_before;
+        const int n_came = request.fetch_folder->n_files - n_before;
         if (!st && state.good() && n_came < n_objects)
             st = cts_fail(&why, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, n_objects);
         if (state.bad())
-            return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", request.inbox->n_files,
+            return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", request.fetch_folder->n_files,
                             cts_one_line(state).c_str());
         if (st && request.series_uid)
             return *err = why, st;
         if (st) {
-            cts_inbox_cut(request.inbox, n_before);
-            cts_report_finding(request.report, "series_not_fetched", CTS_WARNING, "series %s is left out: %s", uid,
-                               why.text);
+            cts_fetch_folder_limit(request.fetch_folder, n_before);
+            cts_report_diagnostic(request.report, "series_not_fetched", CTS_WARNING, "series %s is left out: %s", uid,
+                                  why.text);
         } else {
             *request.n_promised += n_objects;
         }
@@ -253,7 +254,7 @@ CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const Ct
 
 CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
-    GetScu scu(request.inbox, net);
+    GetScu scu(request.fetch_folder, net);
     for (const char *sop_class : cts_ct_classes)
         offer_each(scu, sop_class);
     for (const char *sop_class : cts_capture_classes)
@@ -269,7 +270,7 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
 CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
     CtsScu scu;
-    CtsMoveListener listener(peer, net, *request.inbox);
+    CtsMoveListener listener(peer, net, *request.fetch_folder);
     CtsStatus st = listener.open(err);
     if (!st)
         st = retrieve(
@@ -286,9 +287,10 @@ CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request
 
 extern "C" {
 
-static void dimse_send(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result)
+static void dimse_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
+                       CtsAttempt *result)
 try {
-    send_files(*peer, *net, parcels, n_parcels, *result);
+    send_files(*peer, *net, outgoing_files, n_outgoing, *result);
 } catch (...) {
     cts_dcm_caught(&result->error, CTS_ERR_OUTPUT);
 }
@@ -308,5 +310,5 @@ try {
     return cts_dcm_caught(err, CTS_ERR_READ);
 }
 
-const CtsWay cts_way_dimse = {dimse_send, dimse_fetch, dimse_find, cts_accept, cts_accept_check};
+const CtsProtocol cts_protocol_dimse = {dimse_send, dimse_fetch, dimse_find, cts_store_scp_serve, cts_store_scp_check};
 }

@@ -2,7 +2,7 @@
 #ifndef CTS_DICOM_DIMSE_HPP
 #define CTS_DICOM_DIMSE_HPP
 
-#include "dicom/net/accept.h"
+#include "dicom/net/store_scp.h"
 #include <atomic>
 #include <condition_variable>
 #include <dcmtk/config/osconfig.h>
@@ -52,7 +52,7 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
     CtsStatus associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fault, bool *again, CtsError *err);
     void hang_up(bool in_peace);
     /* The answers to a query of one level (C-FIND), at most so many. */
-    CtsStatus ask(DcmDataset &query, size_t most, CtsError *err);
+    CtsStatus send_query(DcmDataset &query, size_t most, CtsError *err);
     std::vector<std::unique_ptr<DcmDataset>> answers;
 
   protected:
@@ -60,7 +60,7 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
 
   private:
     std::string offered; /* the first class and its syntaxes, for messages */
-    size_t most_answers = 0;
+    size_t max_answers = 0;
     Uint16 query_status = STATUS_Success;
 };
 
@@ -73,7 +73,7 @@ CtsStatus cts_dimse_find(const CtsPeer &peer, const CtsNet &net, const CtsSeries
 class CtsMoveListener
 {
   public:
-    CtsMoveListener(const CtsPeer &peer_, const CtsNet &net_, CtsInbox &inbox_) : peer(peer_), net(net_), inbox(inbox_)
+    CtsMoveListener(const CtsPeer &peer_, const CtsNet &net_, CtsFetchFolder &inbox_) : peer(peer_), net(net_), fetch_folder(inbox_)
     {
     }
     ~CtsMoveListener();
@@ -86,7 +86,7 @@ class CtsMoveListener
   private:
     const CtsPeer &peer;
     const CtsNet &net;
-    CtsInbox &inbox;
+    CtsFetchFolder &fetch_folder;
     int listener = -1;
     std::vector<sockaddr_storage> addresses; /* of the peer */
     std::atomic<bool> done{false};

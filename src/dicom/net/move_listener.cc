@@ -16,7 +16,7 @@
 namespace
 {
 
-enum { TICK_MS = 100, MOST_SERVED = 16 };
+enum { TICK_MS = 100, MAX_SERVED = 16 };
 
 /* The address alone, without the port. */
 std::string host_of(const sockaddr_storage &address)
@@ -80,7 +80,7 @@ CtsStatus CtsMoveListener::open(CtsError *err)
     if (net.tls_ca && !net.tls_key)
         return cts_fail(err, CTS_ERR_USAGE,
                         "C-MOVE to a port of ours over TLS wants a certificate of ours (`tls-key`)");
-    if ((st = cts_accept_check(&net, err)) || (st = find_peer(err)) || (st = listen(err)))
+    if ((st = cts_store_scp_check(&net, err)) || (st = find_peer(err)) || (st = listen(err)))
         return st;
     thread = std::thread([this] { run(); });
     return CTS_OK;
@@ -98,7 +98,7 @@ void CtsMoveListener::take_connection()
     socklen_t n = sizeof from;
     const int socket = accept4(listener, reinterpret_cast<sockaddr *>(&from), &n, SOCK_CLOEXEC);
     const std::lock_guard<std::mutex> hold(lock);
-    const bool is_welcome = socket >= 0 && is_peer(from) && served.size() < MOST_SERVED;
+    const bool is_welcome = socket >= 0 && is_peer(from) && served.size() < MAX_SERVED;
     const int own = is_welcome ? fcntl(socket, F_DUPFD_CLOEXEC, 0) : -1;
     try {
         if (own >= 0) {
@@ -125,8 +125,8 @@ void CtsMoveListener::run()
 
 void CtsMoveListener::serve(int socket, int own)
 {
-    CtsVisit visit = {};
-    CtsAcceptRules rules = {};
+    CtsAssociationInfo info = {};
+    CtsStoreScpRules rules = {};
     rules.net = &net;
     rules.takes_captures = true;
     rules.context = this;
@@ -141,7 +141,7 @@ void CtsMoveListener::serve(int socket, int own)
     /* A silent connection must not block others. */
     pollfd ready = {own, POLLIN, 0};
     poll(&ready, 1, -1);
-    cts_accept(&rules, socket, &visit);
+    cts_store_scp_serve(&rules, socket, &info);
     const std::lock_guard<std::mutex> hold(lock);
     ::close(own);
     served.erase(own);
@@ -172,7 +172,7 @@ char *CtsMoveListener::begin()
     const std::lock_guard<std::mutex> hold(lock);
     if (status || cts_net_stopped(&net))
         return nullptr;
-    status = cts_inbox_next(&inbox, &path, &error);
+    status = cts_fetch_folder_next(&fetch_folder, &path, &error);
     return path;
 }
 
@@ -180,7 +180,7 @@ bool CtsMoveListener::grows(uint64_t n_bytes)
 {
     const std::lock_guard<std::mutex> hold(lock);
     if (!status && !cts_net_stopped(&net))
-        status = cts_inbox_grows(&inbox, n_bytes, &error);
+        status = cts_fetch_folder_grows(&fetch_folder, n_bytes, &error);
     return !status && !cts_net_stopped(&net);
 }
 
@@ -188,7 +188,7 @@ CtsStoredAs CtsMoveListener::keep(const char *path)
 {
     CtsError why = {};
     const std::lock_guard<std::mutex> hold(lock);
-    const CtsStatus st = cts_inbox_keep(&inbox, path, &why);
+    const CtsStatus st = cts_fetch_folder_keep(&fetch_folder, path, &why);
     if (st && !status) {
         status = st;
         error = why;

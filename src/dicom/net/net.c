@@ -1,9 +1,9 @@
 #include "dicom/net/peer.h"
 
-#include "base/load_part.h"
+#include "base/load_plugin.h"
 #include "base/mem.h"
 #include "dicom/header/dcm_readers.h"
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -40,21 +40,21 @@ CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *given, CtsError *err)
     return peer ? check_credentials(peer, &net, err) : CTS_OK;
 }
 
-CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err)
+CtsStatus cts_protocol_find(const CtsPeer *peer, const CtsProtocol **protocol, CtsError *err)
 {
     static const void *kept;
     const void *table;
     const CtsDcmReaders *dcm = NULL;
-    CtsStatus st = cts_part_table(CTS_NET_PART, "cts_net_ways", &kept, &table, err);
+    CtsStatus st = cts_plugin_table(CTS_NET_PLUGIN, "cts_net_plugin", &kept, &table, err);
     if (st)
         return cts_context(err, "what talks to a PACS");
-    const CtsNetWays *const ways = table;
-    *way = peer->web ? ways->web : ways->dimse;
+    const CtsNetPlugin *const protocols = table;
+    *protocol = peer->web ? protocols->web : protocols->dimse;
     return (st = cts_dcm_readers(&dcm, err)) ? st : dcm->start(err);
 }
 
 /* Sleeps in short intervals, to react to a request to stop. */
-static void rest(const CtsNet *net, int ms)
+static void wait_ms(const CtsNet *net, int ms)
 {
     for (; ms > 0 && !cts_net_stopped(net); ms -= 50)
         nanosleep(&(struct timespec){.tv_nsec = 50 * 1000000}, NULL);
@@ -69,22 +69,22 @@ static void by_hand(const CtsPeer *peer, const CtsNet *net, char *text, size_t s
         snprintf(text, size, "dcmsend -aet %s -aec %s %s %d FILE", net->own_aet, peer->aet, peer->host, peer->port);
 }
 
-static CtsStatus pack(const char *const *paths, int n, CtsParcel *parcels, CtsError *err)
+static CtsStatus pack(const char *const *paths, int n, CtsOutgoingFile *outgoing_files, CtsError *err)
 {
     for (int i = 0; i < n; i++) {
-        const CtsStatus st = cts_dcm_ids(paths[i], &parcels[i].ids, err);
+        const CtsStatus st = cts_dcm_ids(paths[i], &outgoing_files[i].ids, err);
         if (st)
             return st;
-        parcels[i].path = paths[i];
+        outgoing_files[i].path = paths[i];
     }
     return CTS_OK;
 }
 
-static int count_sent(const CtsParcel *parcels, int n)
+static int count_sent(const CtsOutgoingFile *outgoing_files, int n)
 {
     int sent = 0;
     for (int i = 0; i < n; i++)
-        sent += parcels[i].sent;
+        sent += outgoing_files[i].sent;
     return sent;
 }
 
@@ -92,19 +92,19 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
                        CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
-    const CtsWay *way = NULL;
-    CtsTry result = {0};
-    CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
-    CtsStatus st = parcels ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = pack(paths, n_paths, parcels, err)) && !(st = cts_way_find(peer, &way, err))) {
+    const CtsProtocol *protocol = NULL;
+    CtsAttempt result = {0};
+    CtsOutgoingFile *outgoing_files = calloc((size_t)n_paths + 1, sizeof *outgoing_files);
+    CtsStatus st = outgoing_files ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st && !(st = pack(paths, n_paths, outgoing_files, err)) && !(st = cts_protocol_find(peer, &protocol, err))) {
         int sent = 0;
         for (int k = 0; sent < n_paths && k < net.n_tries; k++) {
-            rest(&net, k > 0 ? 500 << k : 0);
+            wait_ms(&net, k > 0 ? 500 << k : 0);
             if (cts_net_stopped(&net))
                 break;
-            result = (CtsTry){0};
-            way->send(peer, &net, parcels, n_paths, &result);
-            sent = count_sent(parcels, n_paths);
+            result = (CtsAttempt){0};
+            protocol->send(peer, &net, outgoing_files, n_paths, &result);
+            sent = count_sent(outgoing_files, n_paths);
             if (sent < n_paths && !result.again)
                 break;
         }
@@ -115,14 +115,14 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
         else if (sent < n_paths) {
             int first = 0;
             char how[500];
-            while (parcels[first].sent)
+            while (outgoing_files[first].sent)
                 first++;
             by_hand(peer, &net, how, sizeof how);
             st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; to send it: %s)",
-                          parcels[first].path, result.error.text, how);
+                          outgoing_files[first].path, result.error.text, how);
         }
     }
-    free(parcels);
+    free(outgoing_files);
     return st;
 }
 
@@ -144,9 +144,9 @@ static CtsStatus compare(const CtsObject *object, const CtsRequest *request, Cts
 }
 
 /* Checks all received objects against the request, and counts the different ones. */
-static CtsStatus check_inbox(const CtsRequest *request, CtsError *err)
+static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
 {
-    const int n_files = request->inbox->n_files;
+    const int n_files = request->fetch_folder->n_files;
     const char **uids = NULL;
     CtsScratch scratch = {0};
     int n = 0, n_came = 0;
@@ -155,7 +155,7 @@ static CtsStatus check_inbox(const CtsRequest *request, CtsError *err)
         char path[4200];
         uint64_t bytes_read = 0;
         CtsObject object = {0};
-        snprintf(path, sizeof path, "%s/%06d.dcm", request->inbox->folder, i);
+        snprintf(path, sizeof path, "%s/%06d.dcm", request->fetch_folder->folder, i);
         const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &scratch, &object, &bytes_read, NULL);
         st = compare(&object, request, err);
         if (object.n_slices && *object.slices[0]->sop_uid)
@@ -180,10 +180,10 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
                         CtsFetched *fetched, CtsReport *report, CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
-    const CtsWay *way = NULL;
-    CtsInbox inbox = {0};
+    const CtsProtocol *protocol = NULL;
+    CtsFetchFolder fetch_folder = {0};
     int n_promised = 0;
-    const CtsRequest request = {study_uid, series_uid, &inbox, report, &n_promised};
+    const CtsRequest request = {study_uid, series_uid, &fetch_folder, report, &n_promised};
     *fetched = (CtsFetched){.lock = -1};
     CtsStatus st = cts_net_check(peer, given, err);
     if (st)
@@ -194,25 +194,25 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
                         "its series)");
     if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
         return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
-    if ((st = cts_way_find(peer, &way, err)) || (st = cts_inbox_make(&inbox, err)))
+    if ((st = cts_protocol_find(peer, &protocol, err)) || (st = cts_fetch_folder_make(&fetch_folder, err)))
         return st;
-    *fetched = (CtsFetched){.folder = inbox.folder, .lock = inbox.lock};
-    st = way->fetch(peer, &net, &request, err);
+    *fetched = (CtsFetched){.folder = fetch_folder.folder, .lock = fetch_folder.lock};
+    st = protocol->fetch(peer, &net, &request, err);
     if (cts_net_stopped(&net))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-    if (!st && inbox.n_bytes == 0)
+    if (!st && fetch_folder.n_bytes == 0)
         st = cts_fail(err, CTS_ERR_READ, "the peer has no CT image of %s %s", series_uid ? "series" : "study",
                       series_uid ? series_uid : study_uid);
     if (!st)
-        st = check_inbox(&request, err);
+        st = check_fetch_folder(&request, err);
     if (st)
-        cts_net_forget(fetched);
+        cts_net_fetched_remove(fetched);
     return st;
 }
 
-void cts_net_forget(CtsFetched *fetched)
+void cts_net_fetched_remove(CtsFetched *fetched)
 {
-    cts_inbox_remove(&fetched->folder, &fetched->lock);
+    cts_fetch_folder_remove(&fetched->folder, &fetched->lock);
 }
 
 void cts_found_free(CtsFound *found)
@@ -255,12 +255,12 @@ CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeries
                        CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
-    const CtsWay *way = NULL;
+    const CtsProtocol *protocol = NULL;
     CtsStatus st;
     *found = (CtsFound){0};
     if ((st = cts_net_check(peer, given, err)) || (st = check_query(query, err)) ||
-        (st = cts_way_find(peer, &way, err)))
+        (st = cts_protocol_find(peer, &protocol, err)))
         return st;
-    st = way->find(peer, &net, query, found, err);
+    st = protocol->find(peer, &net, query, found, err);
     return cts_net_stopped(&net) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : st;
 }

@@ -4,87 +4,88 @@
 
 #include "base/text.h"
 #include "ctsplat/net.h"
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include <stddef.h>
 #include <stdint.h>
 
 CTS_C_BEGIN
 
 enum {
-    CTS_INBOX_MAX_FILES = 50000,
-    CTS_INBOX_MAX_FILE_MIB = 4096, /* an enhanced object holds all slices */
-    CTS_INBOX_MAX_MIB = 65536
+    CTS_FETCH_MAX_FILES = 50000,
+    CTS_FETCH_MAX_FILE_MIB = 4096, /* an enhanced object holds all slices */
+    CTS_FETCH_MAX_MIB = 65536
 };
 
 /* Folder for fetched files: private, with our own file names, under limits. */
-typedef struct CtsInbox {
+typedef struct CtsFetchFolder {
     char *folder; /* owned */
     int lock;     /* held while the folder is in use */
     int n_files;
     uint64_t n_bytes; /* of the files that are complete */
-} CtsInbox;
+} CtsFetchFolder;
 
 /* In $TMPDIR or /tmp, mode 0700. Removes those there whose programs were killed. */
-CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err);
+CtsStatus cts_fetch_folder_make(CtsFetchFolder *fetch_folder, CtsError *err);
 /* The next file's path, to be freed with free(); it does not exist. CTS_ERR_READ past the limits, the disk's free space
  * (of which a tenth is left) among them. */
-CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err);
+CtsStatus cts_fetch_folder_next(CtsFetchFolder *fetch_folder, char **path, CtsError *err);
 /* The file being received has n_bytes by now. CTS_ERR_READ when that is too much for a file, the inbox or the disk. */
-CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err);
+CtsStatus cts_fetch_folder_grows(const CtsFetchFolder *fetch_folder, uint64_t n_bytes, CtsError *err);
 /* The file is complete. CTS_ERR_READ when it exceeds the inbox's limits. */
-CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err);
+CtsStatus cts_fetch_folder_keep(CtsFetchFolder *fetch_folder, const char *path, CtsError *err);
 /* Without the files after the first n. */
-void cts_inbox_cut(CtsInbox *inbox, int n);
+void cts_fetch_folder_limit(CtsFetchFolder *fetch_folder, int n);
 /* Folder and files, and the lock. */
-void cts_inbox_remove(char **folder, int *lock);
+void cts_fetch_folder_remove(char **folder, int *lock);
 
 bool cts_aet_is_valid(const char *aet, size_t n);
 /* True if a URL names this machine. */
 bool cts_url_is_here(const char *url);
 
 /* A file to be sent to a peer. */
-typedef struct CtsParcel {
+typedef struct CtsOutgoingFile {
     const char *path;
     CtsDcmIds ids;
     bool sent;
-} CtsParcel;
+} CtsOutgoingFile;
 
 /* A failed try; `again`: another try may succeed. */
-typedef struct CtsTry {
+typedef struct CtsAttempt {
     bool again;
     CtsError error;
-} CtsTry;
+} CtsAttempt;
 
 typedef struct CtsRequest {
     const char *study_uid, *series_uid; /* series_uid may be NULL */
-    CtsInbox *inbox;
+    CtsFetchFolder *fetch_folder;
     CtsReport *report;
     int *n_promised; /* number of objects by the peer's own count, if given */
 } CtsRequest;
 
-struct CtsAcceptRules;
-struct CtsVisit;
+struct CtsStoreScpRules;
+struct CtsAssociationInfo;
 
 /* The functions of a protocol. send transmits the parcels not yet sent, in order, and marks them. */
-typedef struct CtsWay {
-    void (*send)(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result);
+typedef struct CtsProtocol {
+    void (*send)(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
+                 CtsAttempt *result);
     CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
     CtsStatus (*find)(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                       CtsError *err);
-    /* Of DIMSE alone: dicom/net/accept.h. */
-    void (*accept)(const struct CtsAcceptRules *rules, int socket, struct CtsVisit *visit);
+    /* Of DIMSE alone: dicom/net/store_scp.h. */
+    void (*accept)(const struct CtsStoreScpRules *rules, int socket, struct CtsAssociationInfo *info);
     CtsStatus (*accept_check)(const CtsNet *net, CtsError *err);
-} CtsWay;
+} CtsProtocol;
 
-/* The protocols are in a plug-in library, CTS_NET_PART, with all network dependencies, since loading it takes longer
- * than the rest of the program's start. It exports cts_net_ways() only, and uses no state of the program. */
-extern const CtsWay cts_way_dimse, cts_way_web;
-typedef struct CtsNetWays {
-    const CtsWay *dimse, *web;
-} CtsNetWays;
-CtsStatus cts_net_ways(const CtsNetWays **ways, CtsError *err);
+/* The protocols are in a plug-in library, CTS_NET_PLUGIN, with all network dependencies, since loading it takes longer
+ * than the rest of the program's start. It exports cts_net_plugin() only, and uses no state of the program. */
+extern const CtsProtocol cts_protocol_dimse, cts_protocol_web;
+typedef struct CtsNetPlugin {
+    const CtsProtocol *dimse, *web;
+} CtsNetPlugin;
+CtsStatus cts_net_plugin(const CtsNetPlugin **protocols, CtsError *err);
 /* Loads the library when first called, and makes DCMTK ready. */
-CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
+CtsStatus cts_protocol_find(const CtsPeer *peer, const CtsProtocol **protocol, CtsError *err);
 
 /* Replaces 0 and NULL by the defaults of the header. */
 CtsNet cts_net_with_defaults(const CtsNet *net);
@@ -92,7 +93,7 @@ CtsNet cts_net_with_defaults(const CtsNet *net);
 CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError *err);
 bool cts_net_stopped(const CtsNet *net);
 /* The peer has confirmed it. */
-void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);
+void cts_outgoing_file_is_sent(CtsOutgoingFile *outgoing, const CtsNet *net);
 
 CTS_C_END
 

@@ -77,14 +77,14 @@ void CtsScu::hang_up(bool in_peace)
         abortAssociation();
 }
 
-CtsStatus CtsScu::ask(DcmDataset &query, size_t most, CtsError *err)
+CtsStatus CtsScu::send_query(DcmDataset &query, size_t most, CtsError *err)
 {
     answers.clear();
-    most_answers = most;
+    max_answers = most;
     const OFCondition state =
         sendFINDRequest(findPresentationContextID(UID_FINDStudyRootQueryRetrieveInformationModel, ""), &query, nullptr);
     if (answers.size() > most)
-        return cts_fail(err, CTS_ERR_READ, "more than %d series are found (narrow the query)", CTS_MOST_FOUND);
+        return cts_fail(err, CTS_ERR_READ, "more than %d series are found (narrow the query)", CTS_MAX_FOUND);
     if (state.bad())
         return cts_fail(err, CTS_ERR_READ, "the connection broke: %s", cts_one_line(state).c_str());
     if (query_status != STATUS_Success)
@@ -101,7 +101,7 @@ OFCondition CtsScu::handleFINDResponse(const T_ASC_PresentationContextID, QRResp
     if (goes_on && response->m_dataset) {
         answers.emplace_back(response->m_dataset);
         response->m_dataset = nullptr;
-        goes_on = answers.size() <= most_answers;
+        goes_on = answers.size() <= max_answers;
     }
     return EC_Normal;
 }
@@ -145,7 +145,7 @@ CtsStatus find_series(CtsScu &scu, const CtsSeriesQuery &query, const CtsFoundSe
 {
     DcmDataset keys;
     fill_series_query(keys, query, study.study_uid);
-    CtsStatus st = scu.ask(keys, static_cast<size_t>(CTS_MOST_FOUND - found.n), err);
+    CtsStatus st = scu.send_query(keys, static_cast<size_t>(CTS_MAX_FOUND - found.n), err);
     for (size_t i = 0; i < scu.answers.size() && !st; i++) {
         CtsFoundSeries series = study;
         Sint32 n = 0;
@@ -163,7 +163,7 @@ CtsStatus find_studies(CtsScu &scu, const CtsSeriesQuery &query, std::vector<Cts
 {
     DcmDataset keys;
     fill_study_query(keys, query);
-    const CtsStatus st = scu.ask(keys, CTS_MOST_FOUND, err);
+    const CtsStatus st = scu.send_query(keys, CTS_MAX_FOUND, err);
     for (size_t i = 0; i < scu.answers.size() && !st; i++) {
         CtsFoundSeries study = {};
         take(*scu.answers[i], DCM_StudyInstanceUID, study.study_uid);

@@ -2,7 +2,7 @@
 #include "dicom/net/multipart.h"
 #include "dicom/net/peer.h"
 
-#include "base/load_part.h"
+#include "base/load_plugin.h"
 #include <ctype.h>
 #include <curl/curl.h>
 #include <errno.h>
@@ -225,13 +225,13 @@ static bool passes(CURLcode code)
            code != CURLE_ABORTED_BY_CALLBACK && code != CURLE_READ_ERROR;
 }
 
-static void judge_upload(const Web *web, CURLcode code, long status, CtsParcel *parcel, CtsTry *result)
+static void check_upload(const Web *web, CURLcode code, long status, CtsOutgoingFile *outgoing, CtsAttempt *result)
 {
     if (code || (status != 200 && status != 201)) {
         result->again = code ? passes(code) : status >= 500 || status == 429 || status == 408;
         fail(web, code, status, CTS_ERR_OUTPUT, &result->error);
-    } else if (is_confirmed(web, parcel->ids.sop_uid)) {
-        cts_parcel_is_sent(parcel, web->net);
+    } else if (is_confirmed(web, outgoing->ids.sop_uid)) {
+        cts_outgoing_file_is_sent(outgoing, web->net);
     } else {
         cts_fail(&result->error, CTS_ERR_OUTPUT,
                  "the peer does not say that it stored it, though it answers with status %ld", status);
@@ -251,29 +251,30 @@ static CtsStatus set_body(Web *web, const char *path, CtsError *err)
     return CTS_OK;
 }
 
-static void store(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcel, CtsTry *result)
+static void store(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing, CtsAttempt *result)
 {
     Web web;
     long status;
     if (!web_open(&web, peer, net, "studies", accept_json, &result->error) &&
-        !set_body(&web, parcel->path, &result->error)) {
+        !set_body(&web, outgoing->path, &result->error)) {
         const CURLcode code = perform(&web, &status);
-        judge_upload(&web, code, status, parcel, result);
+        check_upload(&web, code, status, outgoing, result);
     }
     web_close(&web);
 }
 
-static void web_send(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result)
+static void web_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
+                     CtsAttempt *result)
 {
-    for (int i = 0; i < n_parcels && !result->error.status && !cts_net_stopped(net); i++)
-        if (!parcels[i].sent)
-            store(peer, net, &parcels[i], result);
+    for (int i = 0; i < n_outgoing && !result->error.status && !cts_net_stopped(net); i++)
+        if (!outgoing_files[i].sent)
+            store(peer, net, &outgoing_files[i], result);
 }
 
 /* State while a WADO-RS answer is written to files. */
 typedef struct Download {
     Web *web;
-    CtsInbox *inbox;
+    CtsFetchFolder *fetch_folder;
     CtsMultipart multipart;
     bool started; /* the multipart body */
     char *path;   /* of the file being written */
@@ -291,7 +292,7 @@ static CtsStatus unwritten(const Download *d, CtsError *err)
 static CtsStatus begin_file(void *context, CtsError *err)
 {
     Download *d = context;
-    const CtsStatus st = cts_inbox_next(d->inbox, &d->path, err);
+    const CtsStatus st = cts_fetch_folder_next(d->fetch_folder, &d->path, err);
     if (st)
         return st;
     d->n_bytes = 0;
@@ -302,14 +303,14 @@ static CtsStatus begin_file(void *context, CtsError *err)
 static CtsStatus write_file(void *context, const void *bytes, size_t n, CtsError *err)
 {
     Download *d = context;
-    const CtsStatus st = cts_inbox_grows(d->inbox, d->n_bytes += n, err);
+    const CtsStatus st = cts_fetch_folder_grows(d->fetch_folder, d->n_bytes += n, err);
     return st || fwrite(bytes, 1, n, d->file) == n ? st : unwritten(d, err);
 }
 
 static CtsStatus end_file(void *context, CtsError *err)
 {
     Download *d = context;
-    const CtsStatus st = fclose(d->file) ? unwritten(d, err) : cts_inbox_keep(d->inbox, d->path, err);
+    const CtsStatus st = fclose(d->file) ? unwritten(d, err) : cts_fetch_folder_keep(d->fetch_folder, d->path, err);
     d->file = NULL;
     free(d->path);
     d->path = NULL;
@@ -333,7 +334,7 @@ static size_t take_answer(char *bytes, size_t size, size_t n, void *context)
     return d->status ? 0 : size * n;
 }
 
-static CtsStatus judge_download(const Download *d, CURLcode code, long status, CtsError *err)
+static CtsStatus check_download(const Download *d, CURLcode code, long status, CtsError *err)
 {
     if (d->status) {
         *err = d->error;
@@ -374,7 +375,7 @@ static int count_instances(const json_t *answer, const char *series_uid)
         if (!series_uid || strcmp(uid, series_uid) == 0)
             n += integer_of(series, "00201209");
     }
-    return n > 0 && n <= CTS_INBOX_MAX_FILES ? (int)n : 0;
+    return n > 0 && n <= CTS_FETCH_MAX_FILES ? (int)n : 0;
 }
 
 /* True for a truncated result list, which the peer marks (PS3.18 8.3.4.4). */
@@ -385,7 +386,7 @@ static bool is_cut(const Web *web)
            strcasestr(warning->value, "exceeded");
 }
 
-static CtsStatus judge_answer(const Web *web, CURLcode code, long status, CtsError *err)
+static CtsStatus check_answer(const Web *web, CURLcode code, long status, CtsError *err)
 {
     if (code || (status != 200 && status != 204))
         return fail(web, code, status, CTS_ERR_READ, err);
@@ -395,17 +396,17 @@ static CtsStatus judge_answer(const Web *web, CURLcode code, long status, CtsErr
 }
 
 /* The answer to GET of the peer's root and `what`, a new reference; NULL when it has no result (204). */
-static CtsStatus ask(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **told, CtsError *err)
+static CtsStatus get_json(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **answered, CtsError *err)
 {
     Web web;
     long status = 0;
-    *told = NULL;
+    *answered = NULL;
     CtsStatus st = web_open(&web, peer, net, what, accept_json, err);
     if (!st) {
         const CURLcode code = perform(&web, &status);
-        st = judge_answer(&web, code, status, err);
+        st = check_answer(&web, code, status, err);
     }
-    if (!st && status != 204 && !(*told = json_loadb(web.answer, web.n_answer, 0, NULL)))
+    if (!st && status != 204 && !(*answered = json_loadb(web.answer, web.n_answer, 0, NULL)))
         st = cts_fail(err, CTS_ERR_READ, "the peer answers a query with something else than JSON");
     web_close(&web);
     return st;
@@ -415,18 +416,18 @@ static CtsStatus ask(const CtsPeer *peer, const CtsNet *net, const char *what, j
 static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request)
 {
     char what[300];
-    json_t *told = NULL;
+    json_t *answered = NULL;
     snprintf(what, sizeof what, "studies/%s/series?includefield=00201209%s%s", request->study_uid,
              request->series_uid ? "&SeriesInstanceUID=" : "", request->series_uid ? request->series_uid : "");
-    if (!ask(peer, net, what, &told, NULL))
-        *request->n_promised = count_instances(told, request->series_uid);
-    json_decref(told);
+    if (!get_json(peer, net, what, &answered, NULL))
+        *request->n_promised = count_instances(answered, request->series_uid);
+    json_decref(answered);
 }
 
 static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
 {
     Web web;
-    Download d = {.web = &web, .inbox = request->inbox};
+    Download d = {.web = &web, .fetch_folder = request->fetch_folder};
     char what[200];
     long status;
     /* UIDs need no encoding: they have been checked to be digits and dots. */
@@ -438,7 +439,7 @@ static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequ
         curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, take_answer);
         curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, &d);
         const CURLcode code = perform(&web, &status);
-        st = judge_download(&d, code, status, err);
+        st = check_download(&d, code, status, err);
     }
     if (!st)
         web_count(peer, net, request);
@@ -466,7 +467,7 @@ static CtsStatus find_series(const CtsPeer *peer, const CtsNet *net, const CtsSe
 {
     const char *study_uid = text_of(study, "0020000D");
     char what[MAX_QUERY];
-    json_t *told = NULL;
+    json_t *answered = NULL;
     if (!cts_uid_is_valid(study_uid))
         return CTS_OK;
     snprintf(what, sizeof what, "studies/%s/series", study_uid);
@@ -474,9 +475,9 @@ static CtsStatus find_series(const CtsPeer *peer, const CtsNet *net, const CtsSe
     add_key(what, "Modality", q->modality);
     add_key(what, "includefield", "00201209");
     add_key(what, "includefield", "0008103E");
-    CtsStatus st = ask(peer, net, what, &told, err);
-    for (size_t i = 0; i < json_array_size(told) && !st; i++) {
-        const json_t *answer = json_array_get(told, i);
+    CtsStatus st = get_json(peer, net, what, &answered, err);
+    for (size_t i = 0; i < json_array_size(answered) && !st; i++) {
+        const json_t *answer = json_array_get(answered, i);
         CtsFoundSeries series = {.n_objects = (int)integer_of(answer, "00201209")};
         snprintf(series.study_uid, sizeof series.study_uid, "%s", study_uid);
         snprintf(series.study_date, sizeof series.study_date, "%s", text_of(study, "00080020"));
@@ -485,7 +486,7 @@ static CtsStatus find_series(const CtsPeer *peer, const CtsNet *net, const CtsSe
         snprintf(series.description, sizeof series.description, "%s", text_of(answer, "0008103E"));
         st = cts_found_add(found, &series, err);
     }
-    json_decref(told);
+    json_decref(answered);
     return st;
 }
 
@@ -499,13 +500,13 @@ static CtsStatus web_find(const CtsPeer *peer, const CtsNet *net, const CtsSerie
     add_key(what, "AccessionNumber", q->accession);
     add_key(what, "PatientID", q->patient_id);
     add_key(what, "StudyDate", q->study_date);
-    CtsStatus st = ask(peer, net, what, &studies, err);
+    CtsStatus st = get_json(peer, net, what, &studies, err);
     for (size_t i = 0; i < json_array_size(studies) && !st && !cts_net_stopped(net); i++)
         st = find_series(peer, net, q, json_array_get(studies, i), found, err);
     json_decref(studies);
     return st;
 }
 
-const CtsWay cts_way_web = {.send = web_send, .fetch = web_fetch, .find = web_find};
+const CtsProtocol cts_protocol_web = {.send = web_send, .fetch = web_fetch, .find = web_find};
 
-CTS_PART_TABLE(CtsNetWays, cts_net_ways, &cts_way_dimse, &cts_way_web)
+CTS_PLUGIN_TABLE(CtsNetPlugin, cts_net_plugin, &cts_protocol_dimse, &cts_protocol_web)

@@ -1,6 +1,6 @@
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 #include "dicom/objects/dcm_put.hpp"
 
 #include <cstdio>

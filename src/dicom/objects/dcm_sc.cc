@@ -1,8 +1,8 @@
 /* Secondary captures written with DCMTK (PS3.3 A.8.1, A.8.4 and A.8.5). */
 #include <dcmtk/config/osconfig.h>
 
-#include "base/load_part.h"
-#include "dicom/header/dcm_door.hpp"
+#include "base/load_plugin.h"
+#include "dicom/header/dcm_call.hpp"
 #include "dicom/objects/dcm_put.hpp"
 
 #include "dicom/header/dcm_read.h"
@@ -204,5 +204,5 @@ extern "C" CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink,
 }
 
 extern "C" {
-CTS_PART_TABLE(CtsDcmWriters, cts_dcm_writers, cts_dcm_sc_write, cts_dcm_sc_encode, cts_dcm_state_write)
+CTS_PLUGIN_TABLE(CtsDcmWriters, cts_dcm_writers, cts_dcm_sc_write, cts_dcm_sc_encode, cts_dcm_state_write)
 }

@@ -3,7 +3,7 @@
 
 #include "dicom/objects/objects.h"
 
-#include "dicom/header/dcm_door.hpp"
+#include "dicom/header/dcm_call.hpp"
 #include "dicom/header/dcm_read.h"
 #include "dicom/objects/dcm_put.hpp"
 #include <cstdlib>

@@ -7,7 +7,7 @@
 #include "ctsplat/api.h"
 #include "ctsplat/labels.h"
 #include "ctsplat/series.h"
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -20,12 +20,12 @@ typedef struct CtsScCode {
 } CtsScCode;
 
 /* Texts of a secondary capture. They are ASCII and fit their attribute. */
-typedef struct CtsScWords {
+typedef struct CtsScTexts {
     const char *image_type;                         /* value 3 of (0008,0008) */
     char series_description[65], description[65];   /* of all views; of this one */
     char derivation[1000], patient_orientation[17]; /* (0020,0020), "" for several frames */
     CtsScCode mode, view;
-} CtsScWords;
+} CtsScTexts;
 
 /* UIDs and numbers of a secondary capture. */
 typedef struct CtsScNames {
@@ -37,7 +37,7 @@ typedef struct CtsScNames {
 } CtsScNames;
 
 typedef struct CtsScObject {
-    const CtsScWords *words;
+    const CtsScTexts *words;
     const CtsScNames *names;
     int width, height, n_frames;               /* more than one frame makes a multi-frame object */
     bool grey;                                 /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */

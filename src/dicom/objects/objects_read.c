@@ -5,7 +5,7 @@
 #include "base/mem.h"
 #include "ctsplat/bounds.h"
 #include "dicom/codec/pixels.h"
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,15 +20,15 @@ typedef struct ScHeader {
 
 typedef struct ScFile {
     CtsScratch scratch;
-    CtsHead head;
+    CtsDicomHeader head;
     ScHeader header;
     uint8_t *frame; /* the first one, decoded; owned */
     size_t frame_bytes;
 } ScFile;
 
-static CtsStatus open_head(const char *path, CtsHead *head, CtsScratch *scratch, CtsError *err)
+static CtsStatus open_head(const char *path, CtsDicomHeader *head, CtsScratch *scratch, CtsError *err)
 {
-    const CtsStatus st = cts_head_open(head, &(CtsFile){.path = path}, scratch, err);
+    const CtsStatus st = cts_dicom_header_open(head, &(CtsFile){.path = path}, scratch, err);
     return st || head->kind == CTS_FILE_DICOM ? st : cts_fail(err, CTS_ERR_READ, "is no DICOM file");
 }
 
@@ -145,7 +145,7 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     ScFile f = {0};
     *pixels = (CtsScPixels){0};
     CtsStatus st = open_file(path, &f, err);
-    if (!st && !(st = read_header(cts_head_elements(&f.head), &f.header, err)) && !(st = read_frame(&f, err))) {
+    if (!st && !(st = read_header(cts_dicom_header_elements(&f.head), &f.header, err)) && !(st = read_frame(&f, err))) {
         pixels->width = f.header.width;
         pixels->height = f.header.height;
         pixels->n_samples = f.header.n_samples;
@@ -154,7 +154,7 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     if (!st)
         widen(&f, pixels);
     cts_free(&f.frame);
-    cts_head_close(&f.head);
+    cts_dicom_header_close(&f.head);
     cts_scratch_free(&f.scratch);
     return st ? cts_context(err, "%s", path) : st;
 }
@@ -187,13 +187,13 @@ static CtsStatus read_texts(CtsElements all, char **preset, char **options, char
 CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)
 {
     CtsScratch scratch = {0};
-    CtsHead head;
+    CtsDicomHeader head;
     *preset = *options = NULL;
     source_uid[0] = 0;
     CtsStatus st = open_head(path, &head, &scratch, err);
     if (!st)
-        st = read_texts(cts_head_elements(&head), preset, options, source_uid, err);
-    cts_head_close(&head);
+        st = read_texts(cts_dicom_header_elements(&head), preset, options, source_uid, err);
+    cts_dicom_header_close(&head);
     cts_scratch_free(&scratch);
     return st ? cts_context(err, "%s", path) : st;
 }

@@ -1,8 +1,8 @@
 #include "engine/project/project.h"
 
+#include "base/clamp.h"
 #include "base/clock.h"
 #include "base/cpu.h"
-#include "base/levels.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "engine/project/project_packets.h"
@@ -26,7 +26,7 @@ static void show(const Projecting *pr, double grey, float out[4])
         return;
     const double hu = v->hu_offset + v->hu_step * grey;
     const double shown = width_hu > 0 ? (hu - preset->window_low_hu) / width_hu : hu >= preset->window_low_hu;
-    out[0] = out[1] = out[2] = cts_level_float(shown);
+    out[0] = out[1] = out[2] = cts_clamp_to_level(shown);
     out[3] = 1;
 }
 
@@ -72,13 +72,13 @@ static void set_window(const CtsScene *scene, CtsProjection *p)
     p->enough = p->sign > 0 ? high : -low;
 }
 
-struct CtsSeen {
+struct CtsVisibleBlocks {
     const struct CtsBodyMask *body; /* of this body's inside */
     int32_t *sees;
-    CtsSeenCells *cells;
+    CtsVisibleCells *cells;
 };
 
-void cts_seen_free(CtsSeen **seen)
+void cts_visible_blocks_free(CtsVisibleBlocks **seen)
 {
     if (!*seen)
         return;
@@ -89,10 +89,10 @@ void cts_seen_free(CtsSeen **seen)
 
 typedef struct Seeing {
     const CtsProjector *projector;
-    CtsSeen *seen;
+    CtsVisibleBlocks *seen;
 } Seeing;
 
-static void look_into_rows(void *context, int worker, size_t first, size_t end)
+static void test_rows(void *context, int worker, size_t first, size_t end)
 {
     const Seeing *const s = context;
     const CtsProjector *p = s->projector;
@@ -102,25 +102,25 @@ static void look_into_rows(void *context, int worker, size_t first, size_t end)
         for (int i = 0; i < n[0]; i++) {
             const int at[3] = {i, (int)(row % (size_t)n[1]), (int)(row / (size_t)n[1])};
             const size_t block = row * (size_t)n[0] + (size_t)i;
-            const int look = p->owners ? p->owners->block[block] : CTS_LOOK_PRESET;
+            const int appearance = p->voxel_labels ? p->voxel_labels->block[block] : CTS_APPEARANCE_PRESET;
             int low[3], high[3];
             for (int a = 0; a < 3; a++) {
                 low[a] = at[a] * CTS_FINE_MACROCELL;
                 high[a] = low[a] + CTS_FINE_MACROCELL;
             }
-            const CtsSees body = p->body ? cts_body_mask_sees(p->body, low, high) : CTS_SEES_ALL;
-            s->seen->sees[block] = look == CTS_LOOK_HIDDEN || body == CTS_SEES_NONE    ? CTS_NO_CELL
-                                   : look == CTS_LOOKS_DIFFER || body == CTS_SEES_SOME ? 0
-                                                                                       : CTS_ALL_CELLS;
+            const CtsMaskCover body = p->body ? cts_body_mask_cover(p->body, low, high) : CTS_COVER_ALL;
+            s->seen->sees[block] = appearance == CTS_APPEARANCE_HIDDEN || body == CTS_COVER_NONE    ? CTS_NO_CELL
+                                   : appearance == CTS_APPEARANCES_DIFFER || body == CTS_COVER_SOME ? 0
+                                                                                                    : CTS_ALL_CELLS;
         }
 }
 
 /* The cells of a macro-cell one by one: their field lies between the smallest and the largest voxel of each. */
-static CtsSeenCells look_into_cells(const CtsProjector *p, const int block[3])
+static CtsVisibleCells visible_cells(const CtsProjector *p, const int block[3])
 {
     enum { N = CTS_FINE_MACROCELL, CORNERS = N + 1 };
     double field[CORNERS][CORNERS][CORNERS];
-    CtsSeenCells seen = {0, 0};
+    CtsVisibleCells seen = {0, 0};
     for (int c = 0; p->body && c < CORNERS * CORNERS * CORNERS; c++) {
         const int in[3] = {c % CORNERS, c / CORNERS % CORNERS, c / CORNERS / CORNERS};
         double at[3];
@@ -139,16 +139,16 @@ static CtsSeenCells look_into_cells(const CtsProjector *p, const int block[3])
             continue;
         for (int m = 0; p->body && m < 8; m++)
             n_inside += field[k + (m >> 2)][j + (m >> 1 & 1)][i + (m & 1)] > CTS_BODY_LEVEL;
-        const int look = p->owners ? cts_look_of_cell(p->owners, cell) : CTS_LOOK_PRESET;
-        if (look == CTS_LOOK_HIDDEN || n_inside == 0)
+        const int appearance = p->voxel_labels ? cts_appearance_of_cell(p->voxel_labels, cell) : CTS_APPEARANCE_PRESET;
+        if (appearance == CTS_APPEARANCE_HIDDEN || n_inside == 0)
             continue;
         seen.some |= UINT64_C(1) << c;
-        seen.all |= (uint64_t)(look != CTS_LOOKS_DIFFER && n_inside == 8) << c;
+        seen.all |= (uint64_t)(appearance != CTS_APPEARANCES_DIFFER && n_inside == 8) << c;
     }
     return seen;
 }
 
-static void look_closely(void *context, int worker, size_t first, size_t end)
+static void test_cells(void *context, int worker, size_t first, size_t end)
 {
     const Seeing *const s = context;
     const int *const n = s->projector->macrocells->n_fine;
@@ -158,12 +158,13 @@ static void look_closely(void *context, int worker, size_t first, size_t end)
             const int32_t place = s->seen->sees[row * (size_t)n[0] + (size_t)i];
             const int at[3] = {i, (int)(row % (size_t)n[1]), (int)(row / (size_t)n[1])};
             if (place >= 0)
-                s->seen->cells[place] = look_into_cells(s->projector, at);
+                s->seen->cells[place] = visible_cells(s->projector, at);
         }
 }
 
 /* Once for all views. */
-static CtsStatus find_seen(const CtsProjector *projector, int n_threads, CtsSeen **seen, CtsError *err)
+static CtsStatus find_visible_blocks(const CtsProjector *projector, int n_threads, CtsVisibleBlocks **seen,
+                                     CtsError *err)
 {
     const int *const n = projector->macrocells->n_fine;
     const size_t n_rows = (size_t)n[1] * (size_t)n[2], n_blocks = n_rows * (size_t)n[0];
@@ -171,24 +172,24 @@ static CtsStatus find_seen(const CtsProjector *projector, int n_threads, CtsSeen
     CtsStatus st;
     if (*seen && (*seen)->body == projector->body)
         return CTS_OK;
-    cts_seen_free(seen);
+    cts_visible_blocks_free(seen);
     if ((st = cts_alloc_zeroed(seen, 1, err)) || (st = cts_alloc_array(&(*seen)->sees, n_blocks, err)))
         goto end;
     Seeing s = {projector, *seen};
     (*seen)->body = projector->body;
-    cts_parallel(n_threads, n_rows, 0, look_into_rows, &s);
+    cts_parallel(n_threads, n_rows, 0, test_rows, &s);
     for (size_t i = 0; i < n_blocks; i++)
         if ((*seen)->sees[i] >= 0)
             (*seen)->sees[i] = n_some++;
     if (!(st = cts_alloc_array(&(*seen)->cells, (size_t)n_some, err)))
-        cts_parallel(n_threads, n_rows, 0, look_closely, &s);
+        cts_parallel(n_threads, n_rows, 0, test_cells, &s);
 end:
     if (st)
-        cts_seen_free(seen);
+        cts_visible_blocks_free(seen);
     return st;
 }
 
-static CtsStatus prepare(Projecting *pr, int n_threads, CtsSeen **seen, CtsError *err)
+static CtsStatus prepare(Projecting *pr, int n_threads, CtsVisibleBlocks **seen, CtsError *err)
 {
     CtsStatus st;
     CtsProjection *p = &pr->projection;
@@ -207,8 +208,8 @@ static CtsStatus prepare(Projecting *pr, int n_threads, CtsSeen **seen, CtsError
         if ((st = cts_alloc_array(&pr->scratch[t].bound, n_layers, err)) ||
             (st = cts_alloc_array(&pr->scratch[t].order, n_layers, err)))
             return st;
-    if (projector->body || projector->owners) {
-        if ((st = find_seen(projector, n_threads, seen, err)))
+    if (projector->body || projector->voxel_labels) {
+        if ((st = find_visible_blocks(projector, n_threads, seen, err)))
             return st;
         p->sees = (*seen)->sees;
         p->cells = (*seen)->cells;
@@ -228,8 +229,8 @@ static void free_scratch(Projecting *pr, int n_threads)
     cts_free(&pr->scratch);
 }
 
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsSeen **seen, CtsPicture *picture,
-                      CtsReport *report, CtsError *err)
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **seen,
+                      CtsPicture *picture, CtsReport *report, CtsError *err)
 {
     const CtsVolume *v = scene->volume;
     const int n_threads = scene->settings->n_threads;
@@ -241,7 +242,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
                          .view = &scene->view,
                          .mode = scene->preset->mode,
                          .body = cts_scene_body(scene),
-                         .owners = v->owners && v->owners->shown ? v->owners : NULL,
+                         .voxel_labels = v->voxel_labels && v->voxel_labels->shown ? v->voxel_labels : NULL,
                      }};
     const CtsMode mode = scene->preset->mode;
     ptrdiff_t stride = 1;
@@ -255,7 +256,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
                                 ? "macro-cells of 4^3 cells of one grey level are taken whole"
                                 : "macro-cells of 4^3 cells that cannot change the pixel's extreme, or lie beyond the "
                                   "window, are skipped; the most promising ones come first");
-    cts_scene_tell_parts(scene, report);
+    cts_scene_report_region(scene, report);
     if (!picture)
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();

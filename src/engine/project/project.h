@@ -7,11 +7,11 @@
 #include "core/volume/macrocells.h"
 
 /* Visible cells of a volume, where not all are. */
-typedef struct CtsSeen CtsSeen;
-void cts_seen_free(CtsSeen **seen);
+typedef struct CtsVisibleBlocks CtsVisibleBlocks;
+void cts_visible_blocks_free(CtsVisibleBlocks **seen);
 
 /* *seen: NULL, or the cache of an earlier picture of the volume; the caller frees it. picture NULL: only the plan. */
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsSeen **seen, CtsPicture *picture,
-                      CtsReport *report, CtsError *err);
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **seen,
+                      CtsPicture *picture, CtsReport *report, CtsError *err);
 
 #endif

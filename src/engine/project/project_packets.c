@@ -205,12 +205,12 @@ static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
 
 /* Visible intervals of the rays through their cells, as many as the ray with most intervals has; from first to last,
  * empty where a ray has fewer. */
-typedef struct Seen {
+typedef struct VisibleInterval {
     int n;
-    vf first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES];
-} Seen;
+    vf first[CTS_MAX_CELL_INTERVALS], last[CTS_MAX_CELL_INTERVALS];
+} VisibleInterval;
 
-static CtsSeenCells seen_cells(const CtsProjection *p, const int cell[3], int *bit)
+static CtsVisibleCells visible_cells_of(const CtsProjection *p, const int cell[3], int *bit)
 {
     const int *const n = p->projector.macrocells->n_fine;
     size_t at = 0;
@@ -221,23 +221,23 @@ static CtsSeenCells seen_cells(const CtsProjection *p, const int cell[3], int *b
     }
     const int32_t place = p->sees[at];
     const uint64_t all = place == CTS_ALL_CELLS ? UINT64_MAX : 0;
-    return place >= 0 ? p->cells[place] : (CtsSeenCells){all, all};
+    return place >= 0 ? p->cells[place] : (CtsVisibleCells){all, all};
 }
 
 /* Of the lanes in the mask, between two times. */
-static void look_what_is_seen(const CtsProjection *p, const Way *w, const Packet *r, vmask mask, const vn cell[3],
-                              const vf t[2], bool sees_all, Seen *seen)
+static void find_visible_values(const CtsProjection *p, const Way *w, const Packet *r, vmask mask, const vn cell[3],
+                                const vf t[2], bool sees_all, VisibleInterval *seen)
 {
     seen->n = 1;
     seen->first[0] = t[0];
     seen->last[0] = t[1];
     for (int l = 0; l < LANES && !sees_all; l++) {
-        double first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES];
+        double first[CTS_MAX_CELL_INTERVALS], last[CTS_MAX_CELL_INTERVALS];
         const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
         int bit, n = 0;
         if (!mask[l])
             continue;
-        const CtsSeenCells cells = seen_cells(p, at, &bit);
+        const CtsVisibleCells cells = visible_cells_of(p, at, &bit);
         if (cells.all >> bit & 1)
             continue;
         seen->last[0][l] = t[0][l];
@@ -286,10 +286,10 @@ typedef struct Found {
 
 /* Updates the results in layer k of cells; with sees_all false only whether rays without any visible interval so far
  * have one. */
-static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
+static void march_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
 {
     vf t[4];
-    Seen seen;
+    VisibleInterval seen;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
         vmask some = r->inside & (t[n] < t[n + 1]);
@@ -306,7 +306,7 @@ static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r,
         some &= (most > found->best) | ~found->seen;
         if (!mask_any(some))
             continue;
-        look_what_is_seen(p, w, r, some, cell, t + n, sees_all, &seen);
+        find_visible_values(p, w, r, some, cell, t + n, sees_all, &seen);
         for (int i = 0; i < seen.n; i++) {
             const vmask here = some & (seen.first[i] < seen.last[i]), may = here & (most > found->best);
             found->seen |= here;
@@ -324,11 +324,11 @@ static int layer_end(const CtsProjection *p, int layer)
     return end < n ? end : n;
 }
 
-static void look_in_macrocells(const CtsProjection *p, const Way *w, const Packet *r, int layer, bool sees_all,
-                               Found *found)
+static void march_macrocells(const CtsProjection *p, const Way *w, const Packet *r, int layer, bool sees_all,
+                             Found *found)
 {
     for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
-        look_in_layer(p, w, r, k, sees_all, found);
+        march_layer(p, w, r, k, sees_all, found);
 }
 
 static int32_t bound_of(const CtsProjection *p, const Common *c)
@@ -368,13 +368,13 @@ static int layer_of_rank(Layers *layers, int rank)
 }
 
 /* Determines for each ray whether it has a visible interval, where its result does not show it. */
-static void look_whether_seen(const CtsProjection *p, const Way *w, const Packet *r, Found *found)
+static void find_visible_rays(const CtsProjection *p, const Way *w, const Packet *r, Found *found)
 {
     for (int layer = r->first; layer <= r->last && mask_any(r->inside & ~found->seen); layer++) {
         const Box box = box_of(p, w, r->low, r->high, layer);
         const Common c = common_of(p, &box, layer);
         if (c.sees_some)
-            look_in_macrocells(p, w, r, layer, c.sees_all, found);
+            march_macrocells(p, w, r, layer, c.sees_all, found);
     }
 }
 
@@ -391,9 +391,9 @@ static void find_extremes(const CtsProjection *p, const Way *w, const Packet *r,
         const Box box = box_of(p, w, r->low, r->high, layer);
         const Common c = common_of(p, &box, layer);
         if (c.sees_some && bound_of(p, &c) > least)
-            look_in_macrocells(p, w, r, layer, c.sees_all, &found);
+            march_macrocells(p, w, r, layer, c.sees_all, &found);
     }
-    look_whether_seen(p, w, r, &found);
+    find_visible_rays(p, w, r, &found);
     for (int l = 0; l < LANES; l++)
         if (found.seen[l])
             grey[l] = p->sign * found.best[l];
@@ -409,7 +409,7 @@ INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int
 {
     const double apart = 0.57735026918962576451; /* 1 / sqrt(3) */
     vf t[4];
-    Seen seen;
+    VisibleInterval seen;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
         const vmask some = r->inside & (t[n] < t[n + 1]);
@@ -419,7 +419,7 @@ INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int
             continue;
         cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
         load_corners(p, cell, v);
-        look_what_is_seen(p, w, r, some, cell, t + n, sees_all, &seen);
+        find_visible_values(p, w, r, some, cell, t + n, sees_all, &seen);
         for (int i = 0; i < seen.n; i++) {
             const vf middle = (seen.first[i] + seen.last[i]) / 2, half = (seen.last[i] - seen.first[i]) / 2;
             const vf one = field_at(w, r, cell, v, middle - half * apart);

@@ -5,7 +5,7 @@
 #include "core/scene/engine.h"
 #include "core/volume/body_mask.h"
 #include "core/volume/macrocells.h"
-#include "core/volume/owners.h"
+#include "core/volume/voxel_labels.h"
 #include <stdint.h>
 
 /* A ray of the modes mip, minip and average, and its visible intervals within one cell. */
@@ -15,9 +15,9 @@ typedef struct CtsProjector {
     const CtsMacrocells *macrocells;
     const CtsView *view;
     CtsMode mode;
-    const CtsBodyMask *body; /* the visible part; NULL: all */
-    const CtsOwners *owners; /* with hidden labels; NULL: none are hidden */
-    ptrdiff_t stride[3];     /* of voxels; 0 along an axis of one */
+    const CtsBodyMask *body;            /* the visible part; NULL: all */
+    const CtsVoxelLabels *voxel_labels; /* with hidden labels; NULL: none are hidden */
+    ptrdiff_t stride[3];                /* of voxels; 0 along an axis of one */
 } CtsProjector;
 
 /* A ray in voxel coordinates: start + t * step, t in mm, inside the box from t0 to t1. */
@@ -33,7 +33,7 @@ double cts_project_point(const CtsProjector *projector, const CtsProjectedRay *r
 /* The visible intervals of a cell that the ray crosses from t = `from` to `to`: first[] to last[], in order; returns
  * their number. */
 int cts_project_stretches(const CtsProjector *projector, const CtsProjectedRay *ray, const int cell[3], double from,
-                          double to, double first[CTS_CELL_STRETCHES], double last[CTS_CELL_STRETCHES]);
+                          double to, double first[CTS_MAX_CELL_INTERVALS], double last[CTS_MAX_CELL_INTERVALS]);
 
 /* The modes mip, minip and average by tiles: rows of eight pixels as packets of rays that cross the same layers of
  * cells together, the most promising layers first. */
@@ -41,9 +41,9 @@ int cts_project_stretches(const CtsProjector *projector, const CtsProjectedRay *
 enum { CTS_PROJECT_TILE = 8 }; /* pixels in each direction */
 
 /* Cells of a fine macro-cell, bit i + 4 j + 16 k: those visible at least in part, and those visible completely. */
-typedef struct CtsSeenCells {
+typedef struct CtsVisibleCells {
     uint64_t some, all;
-} CtsSeenCells;
+} CtsVisibleCells;
 enum { CTS_ALL_CELLS = -1, CTS_NO_CELL = -2 };
 
 /* Parameters common to all tiles of a picture. */
@@ -52,7 +52,7 @@ typedef struct CtsProjection {
     int axes[3]; /* of the volume: axes[2] is crossed layer by layer, as the ray advances fastest along it */
     const int32_t
         *sees; /* of each fine macro-cell: CTS_ALL_CELLS, CTS_NO_CELL or a place in cells[]; NULL: all of all */
-    const CtsSeenCells *cells;
+    const CtsVisibleCells *cells;
     double sign; /* 1: search for the largest level, -1: the smallest */
     /* levels times sign: smaller ones count as `least`, and larger ones than `enough` need not be distinguished */
     double least, enough;

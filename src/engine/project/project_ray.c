@@ -42,7 +42,7 @@ static void place_in(const CtsProjectedRay *ray, const int cell[3], double t, do
 }
 
 static int body_stretches(const CtsBodyMask *body, const int cell[3], const double enter[3], const double leave[3],
-                          CtsStretch stretch[CTS_CELL_STRETCHES])
+                          CtsLineInterval interval[CTS_MAX_CELL_INTERVALS])
 {
     double corner[8], begin[3], end[3];
     cts_body_mask_corners(body, cell, corner);
@@ -50,18 +50,18 @@ static int body_stretches(const CtsBodyMask *body, const int cell[3], const doub
         begin[a] = cts_body_mask_place(body, a, cell[a], enter[a]);
         end[a] = cts_body_mask_place(body, a, cell[a], leave[a]);
     }
-    return cts_level_stretches(corner, CTS_BODY_LEVEL, begin, end, stretch);
+    return cts_level_intervals(corner, CTS_BODY_LEVEL, begin, end, interval);
 }
 
 /* Within the body, the intervals are split at boundaries of labels. */
 int cts_project_stretches(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
-                          double first[CTS_CELL_STRETCHES], double last[CTS_CELL_STRETCHES])
+                          double first[CTS_MAX_CELL_INTERVALS], double last[CTS_MAX_CELL_INTERVALS])
 {
-    const int look = p->owners ? cts_look_of_cell(p->owners, cell) : CTS_LOOK_PRESET;
-    CtsStretch body[CTS_CELL_STRETCHES] = {{1, CTS_LOOK_PRESET}}, part[CTS_CELL_STRETCHES];
+    const int appearance = p->voxel_labels ? cts_appearance_of_cell(p->voxel_labels, cell) : CTS_APPEARANCE_PRESET;
+    CtsLineInterval body[CTS_MAX_CELL_INTERVALS] = {{1, CTS_APPEARANCE_PRESET}}, part[CTS_MAX_CELL_INTERVALS];
     double enter[3], leave[3], way[2][3], begin = 0;
     int n = 0;
-    if (look == CTS_LOOK_HIDDEN)
+    if (appearance == CTS_APPEARANCE_HIDDEN)
         return 0;
     place_in(ray, cell, from, enter);
     place_in(ray, cell, to, leave);
@@ -69,15 +69,15 @@ int cts_project_stretches(const CtsProjector *p, const CtsProjectedRay *ray, con
     for (int b = 0; b < n_body; begin = body[b++].end) {
         const double length = body[b].end - begin;
         int n_parts = 1;
-        part[0] = (CtsStretch){1, body[b].look};
+        part[0] = (CtsLineInterval){1, body[b].appearance};
         for (int a = 0; a < 3; a++) {
             way[0][a] = enter[a] + begin * (leave[a] - enter[a]);
             way[1][a] = enter[a] + body[b].end * (leave[a] - enter[a]);
         }
-        if (body[b].look != CTS_LOOK_HIDDEN && look == CTS_LOOKS_DIFFER)
-            n_parts = cts_owner_stretches(p->owners, cell, way[0], way[1], part);
-        for (int i = 0; i < n_parts && n < CTS_CELL_STRETCHES; i++)
-            if (part[i].look != CTS_LOOK_HIDDEN) {
+        if (body[b].appearance != CTS_APPEARANCE_HIDDEN && appearance == CTS_APPEARANCES_DIFFER)
+            n_parts = cts_label_intervals(p->voxel_labels, cell, way[0], way[1], part);
+        for (int i = 0; i < n_parts && n < CTS_MAX_CELL_INTERVALS; i++)
+            if (part[i].appearance != CTS_APPEARANCE_HIDDEN) {
                 first[n] = from + (begin + (i ? part[i - 1].end : 0) * length) * (to - from);
                 last[n++] = from + (begin + part[i].end * length) * (to - from);
             }
@@ -87,7 +87,7 @@ int cts_project_stretches(const CtsProjector *p, const CtsProjectedRay *ray, con
 
 double cts_project_point(const CtsProjector *p, const CtsProjectedRay *ray)
 {
-    double at[3], first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES], grey = 0;
+    double at[3], first[CTS_MAX_CELL_INTERVALS], last[CTS_MAX_CELL_INTERVALS], grey = 0;
     int cell[3];
     for (int a = 0; a < 3; a++)
         cell[a] =

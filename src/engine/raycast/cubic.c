@@ -67,16 +67,16 @@ double cts_cubic_solve(const double c[4], double value, double a, double b)
 
 int cts_cubic_sign_changes(const double c[4], double u[3])
 {
-    double cut[4] = {0}, turn[2];
-    int n_cuts = 1, n = 0;
+    double split[4] = {0}, turn[2];
+    int n_splits = 1, n = 0;
     const int n_turns = cts_cubic_turns(c, turn);
     for (int i = 0; i < n_turns; i++)
-        cut[n_cuts++] = turn[i];
-    cut[n_cuts] = 1;
-    for (int i = 0; i < n_cuts; i++) {
-        const double f0 = cts_cubic_at(c, cut[i]), f1 = cts_cubic_at(c, cut[i + 1]);
+        split[n_splits++] = turn[i];
+    split[n_splits] = 1;
+    for (int i = 0; i < n_splits; i++) {
+        const double f0 = cts_cubic_at(c, split[i]), f1 = cts_cubic_at(c, split[i + 1]);
         if ((f0 < 0 && f1 > 0) || (f0 > 0 && f1 < 0)) {
-            const double root = cts_cubic_solve(c, 0, cut[i], cut[i + 1]);
+            const double root = cts_cubic_solve(c, 0, split[i], split[i + 1]);
             if (root > 0 && root < 1)
                 u[n++] = root;
         }

@@ -17,10 +17,10 @@ typedef struct CtsRay {
 } CtsRay;
 
 /* HU from t0 to t1 is the cubic hu in u = (t - t0) / (t1 - t0). */
-typedef struct CtsRayPiece {
+typedef struct CtsRaySegment {
     double t0_mm, t1_mm;
     double hu[4];
-} CtsRayPiece;
+} CtsRaySegment;
 
 /* Sets of HU, each from low up to, not including, high; in rising order. */
 typedef struct CtsHuRanges {
@@ -54,9 +54,10 @@ typedef struct CtsRayWalk {
 typedef struct CtsField CtsField;
 struct CtsField {
     /* The next segment, or false at the end of the ray. */
-    bool (*next)(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece);
+    bool (*next)(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment);
     /* Gradient of HU per voxel along each volume axis, on the last segment returned. */
-    void (*gradient)(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double gradient[3][4]);
+    void (*gradient)(const CtsField *field, const CtsRayWalk *walk, const CtsRaySegment *segment,
+                     double gradient[3][4]);
     void (*free)(CtsField **field);
 };
 

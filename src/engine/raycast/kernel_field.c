@@ -1,5 +1,5 @@
 /* Fields of kernels other than the trilinear one, approximated by fitted cubics. */
-#include "base/order.h"
+#include "base/compare.h"
 #include "core/scene/shade.h"
 #include "ctsplat/bounds.h"
 #include "engine/raycast/cubic.h"
@@ -235,7 +235,7 @@ static bool fit_all(const KernelField *f, const CtsRay *ray, double t0, double t
     return good;
 }
 
-static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
+static bool next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment)
 {
     const KernelField *f = (const KernelField *)field;
     const CtsRay *ray = walk->ray;
@@ -247,20 +247,20 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
             continue;
         }
         double t1 = next_edge_mm(f, ray, t0, layer);
-        while (!fit_all(f, ray, t0, t1, piece->hu) && t1 - t0 > f->shortest_mm)
+        while (!fit_all(f, ray, t0, t1, segment->hu) && t1 - t0 > f->shortest_mm)
             t1 = 0.5 * (t0 + t1);
-        piece->t0_mm = t0;
-        piece->t1_mm = walk->t_mm = t1;
+        segment->t0_mm = t0;
+        segment->t1_mm = walk->t_mm = t1;
         walk->within = t1 < layer;
         return true;
     }
     return false;
 }
 
-static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double g[3][4])
+static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRaySegment *segment, double g[3][4])
 {
     for (int axis = 0; axis < 3; axis++)
-        fit((const KernelField *)field, walk->ray, piece->t0_mm, piece->t1_mm, axis, g[axis]);
+        fit((const KernelField *)field, walk->ray, segment->t0_mm, segment->t1_mm, axis, g[axis]);
 }
 
 static void kernel_field_free(CtsField **field)

@@ -8,23 +8,23 @@
 /* The visible part of a segment: n cubics, of this share of its length each. */
 typedef struct Seen {
     int n;
-    double hu[CTS_OWNED_STRETCHES][4], share[CTS_OWNED_STRETCHES];
+    double hu[CTS_MAX_RAY_INTERVALS][4], share[CTS_MAX_RAY_INTERVALS];
 } Seen;
 
 /* The crossings of a segment with the body's boundary, and its ends; the body's mask minus its level there, as a cubic.
  * Returns the number of intervals. */
-static int body_cuts(const CtsRaycaster *caster, const CtsRay *ray, const CtsRayPiece *piece, double above[4],
-                     double cut[5])
+static int body_splits(const CtsRaycaster *caster, const CtsRay *ray, const CtsRaySegment *segment, double above[4],
+                       double split[5])
 {
     double corner[8], from[3], to[3];
     int cell[3], n = 0;
-    cut[0] = 0;
+    split[0] = 0;
     above[0] = 1;
     for (int m = 1; m < 4; m++)
         above[m] = 0;
     for (int a = 0; a < 3 && caster->body; a++) {
-        const double start = ray->start_vox[a] + piece->t0_mm * ray->step_vox[a];
-        const double end = ray->start_vox[a] + piece->t1_mm * ray->step_vox[a];
+        const double start = ray->start_vox[a] + segment->t0_mm * ray->step_vox[a];
+        const double end = ray->start_vox[a] + segment->t1_mm * ray->step_vox[a];
         cell[a] = (int)fmin(fmax(floor(0.5 * (start + end)), 0), fmax(caster->view.dims[a] - 2, 0));
         from[a] = cts_body_mask_place(caster->body, a, cell[a], start - cell[a]);
         to[a] = cts_body_mask_place(caster->body, a, cell[a], end - cell[a]);
@@ -33,26 +33,26 @@ static int body_cuts(const CtsRaycaster *caster, const CtsRay *ray, const CtsRay
         cts_body_mask_corners(caster->body, cell, corner);
         cts_cubic_in_cell(corner, from, to, above);
         above[0] -= CTS_BODY_LEVEL;
-        n = cts_cubic_sign_changes(above, cut + 1);
+        n = cts_cubic_sign_changes(above, split + 1);
     }
-    cut[n + 1] = 1;
+    split[n + 1] = 1;
     return n + 1;
 }
 
-static void see(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRayPiece *piece, Seen *seen)
+static void add_segment(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRaySegment *segment, Seen *seen)
 {
-    CtsOwnedStretch stretch[CTS_OWNED_STRETCHES] = {{0, 1, CTS_LOOK_PRESET}};
-    double above[4], cut[5];
-    const int n_body = body_cuts(caster, walk->ray, piece, above, cut);
-    const int n = caster->owners ? cts_raycast_owned(caster->owners, walk, stretch) : 1;
+    CtsRayInterval interval[CTS_MAX_RAY_INTERVALS] = {{0, 1, CTS_APPEARANCE_PRESET}};
+    double above[4], split[5];
+    const int n_body = body_splits(caster, walk->ray, segment, above, split);
+    const int n = caster->voxel_labels ? cts_raycast_label_intervals(caster->voxel_labels, walk, interval) : 1;
     seen->n = 0;
     for (int i = 0; i < n; i++)
-        for (int b = 0; b < n_body && seen->n < CTS_OWNED_STRETCHES; b++) {
-            const double from = fmax(stretch[i].from, cut[b]), to = fmin(stretch[i].to, cut[b + 1]);
-            const bool body = cts_cubic_at(above, 0.5 * (cut[b] + cut[b + 1])) > 0;
-            if (stretch[i].look == CTS_LOOK_HIDDEN || !body || from >= to)
+        for (int b = 0; b < n_body && seen->n < CTS_MAX_RAY_INTERVALS; b++) {
+            const double from = fmax(interval[i].from, split[b]), to = fmin(interval[i].to, split[b + 1]);
+            const bool body = cts_cubic_at(above, 0.5 * (split[b] + split[b + 1])) > 0;
+            if (interval[i].appearance == CTS_APPEARANCE_HIDDEN || !body || from >= to)
                 continue;
-            cts_cubic_part(piece->hu, from, to, seen->hu[seen->n]);
+            cts_cubic_part(segment->hu, from, to, seen->hu[seen->n]);
             seen->share[seen->n++] = to - from;
         }
 }
@@ -61,14 +61,14 @@ static bool mean(const CtsRaycaster *caster, const CtsRay *ray, double *hu)
 {
     CtsHuRanges wanted = {.n = 1, .range = {{-INFINITY, INFINITY}}};
     CtsRayWalk walk = {.ray = ray, .wanted = &wanted, .t_mm = ray->t0_mm};
-    CtsRayPiece piece;
+    CtsRaySegment segment;
     double sum = 0, length = 0;
-    while (caster->field->next(caster->field, &walk, &piece)) {
+    while (caster->field->next(caster->field, &walk, &segment)) {
         Seen seen;
-        see(caster, &walk, &piece, &seen);
+        add_segment(caster, &walk, &segment, &seen);
         for (int i = 0; i < seen.n; i++) {
-            sum += seen.share[i] * (piece.t1_mm - piece.t0_mm) * cts_cubic_mean(seen.hu[i]);
-            length += seen.share[i] * (piece.t1_mm - piece.t0_mm);
+            sum += seen.share[i] * (segment.t1_mm - segment.t0_mm) * cts_cubic_mean(seen.hu[i]);
+            length += seen.share[i] * (segment.t1_mm - segment.t0_mm);
         }
     }
     *hu = sum / length;
@@ -79,11 +79,11 @@ static bool extreme(const CtsRaycaster *caster, const CtsRay *ray, bool largest,
 {
     CtsHuRanges wanted = {.n = 1, .range = {{-INFINITY, INFINITY}}};
     CtsRayWalk walk = {.ray = ray, .wanted = &wanted, .t_mm = ray->t0_mm};
-    CtsRayPiece piece;
+    CtsRaySegment segment;
     double best = largest ? -INFINITY : INFINITY;
-    while (caster->field->next(caster->field, &walk, &piece)) {
+    while (caster->field->next(caster->field, &walk, &segment)) {
         Seen seen;
-        see(caster, &walk, &piece, &seen);
+        add_segment(caster, &walk, &segment, &seen);
         for (int i = 0; i < seen.n; i++) {
             double low, high;
             cts_cubic_range(seen.hu[i], &low, &high);

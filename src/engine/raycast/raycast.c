@@ -1,8 +1,8 @@
 /* The reference engine: every ray by itself in float64. Shares geometry, preset and the engine's row with splatting. */
 #include "engine/raycast/raycast.h"
 
+#include "base/clamp.h"
 #include "base/clock.h"
-#include "base/levels.h"
 #include "base/parallel.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
@@ -23,17 +23,17 @@ static CtsStatus make_transfers(CtsRaycaster *r, const CtsScene *scene, CtsError
 {
     cts_transfer_init(&r->transfer, scene->preset, scene->extinction_scale);
     r->wanted = r->transfer.visible;
-    if (!r->owners)
+    if (!r->voxel_labels)
         return CTS_OK;
-    r->looks = calloc((size_t)r->owners->n_looks, sizeof *r->looks);
-    if (!r->looks)
+    r->appearances = calloc((size_t)r->voxel_labels->n_appearances, sizeof *r->appearances);
+    if (!r->appearances)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int l = CTS_LOOK_PRESET; l < r->owners->n_looks; l++) {
+    for (int l = CTS_APPEARANCE_PRESET; l < r->voxel_labels->n_appearances; l++) {
         CtsPreset own;
-        cts_owner_preset(&r->owners->looks[l], scene->preset, &own);
-        cts_transfer_init(&r->looks[l], &own, scene->extinction_scale);
+        cts_appearance_preset(&r->voxel_labels->appearances[l], scene->preset, &own);
+        cts_transfer_init(&r->appearances[l], &own, scene->extinction_scale);
     }
-    if (cts_owners_coloured(r->owners))
+    if (cts_voxel_labels_coloured(r->voxel_labels))
         r->wanted = (CtsHuRanges){.n = 1, .range = {{-INFINITY, INFINITY}}};
     return CTS_OK;
 }
@@ -48,7 +48,7 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     r->view = scene->view;
     r->body = cts_scene_body(scene);
     r->openness = scene->openness;
-    r->owners = field ? NULL : scene->volume->owners;
+    r->voxel_labels = field ? NULL : scene->volume->voxel_labels;
     r->field = field;
     cts_gauss_init(&r->coarse, CTS_GAUSS_COARSE);
     cts_gauss_init(&r->fine, CTS_GAUSS_FINE);
@@ -73,31 +73,31 @@ void cts_raycaster_free(CtsRaycaster **caster)
     if (!*caster)
         return;
     cts_field_free(&(*caster)->own_field);
-    free((*caster)->looks);
+    free((*caster)->appearances);
     free(*caster);
     *caster = NULL;
 }
 
 /* A segment of a ray, interval by interval of equal appearance. */
-static bool composite_piece(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRayPiece *piece,
-                            const double (*gradient)[4], CtsRayLight *light)
+static bool composite_segment(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRaySegment *segment,
+                              const double (*gradient)[4], CtsRaySum *light)
 {
-    CtsOwnedStretch stretch[CTS_OWNED_STRETCHES];
-    if (!caster->owners)
-        return cts_raycast_piece(caster, &caster->transfer, walk->ray, piece, gradient, light);
-    const int n = cts_raycast_owned(caster->owners, walk, stretch);
+    CtsRayInterval interval[CTS_MAX_RAY_INTERVALS];
+    if (!caster->voxel_labels)
+        return cts_raycast_segment(caster, &caster->transfer, walk->ray, segment, gradient, light);
+    const int n = cts_raycast_label_intervals(caster->voxel_labels, walk, interval);
     bool lit = true;
     for (int i = 0; i < n && lit; i++) {
-        const double from = stretch[i].from, to = stretch[i].to, length_mm = piece->t1_mm - piece->t0_mm;
-        CtsRayPiece part = {piece->t0_mm + from * length_mm, piece->t0_mm + to * length_mm, {0}};
+        const double from = interval[i].from, to = interval[i].to, length_mm = segment->t1_mm - segment->t0_mm;
+        CtsRaySegment part = {segment->t0_mm + from * length_mm, segment->t0_mm + to * length_mm, {0}};
         double parts[3][4];
-        if (stretch[i].look == CTS_LOOK_HIDDEN)
+        if (interval[i].appearance == CTS_APPEARANCE_HIDDEN)
             continue;
-        cts_cubic_part(piece->hu, from, to, part.hu);
+        cts_cubic_part(segment->hu, from, to, part.hu);
         for (int a = 0; a < 3 && gradient; a++)
             cts_cubic_part(gradient[a], from, to, parts[a]);
-        lit = cts_raycast_piece(caster, &caster->looks[stretch[i].look], walk->ray, &part,
-                                gradient ? (const double(*)[4])parts : NULL, light);
+        lit = cts_raycast_segment(caster, &caster->appearances[interval[i].appearance], walk->ray, &part,
+                                  gradient ? (const double(*)[4])parts : NULL, light);
     }
     return lit;
 }
@@ -105,16 +105,16 @@ static bool composite_piece(const CtsRaycaster *caster, const CtsRayWalk *walk, 
 static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4], double *surface_mm)
 {
     const CtsField *field = caster->field;
-    CtsRayLight light = {.transmittance = 1, .surface_mm = INFINITY};
+    CtsRaySum light = {.transmittance = 1, .surface_mm = INFINITY};
     CtsRayWalk walk = {.ray = ray, .wanted = &caster->wanted, .t_mm = ray->t0_mm};
-    CtsRayPiece piece;
+    CtsRaySegment segment;
     bool lit = true;
-    while (lit && ray->t1_mm > ray->t0_mm && field->next(field, &walk, &piece)) {
+    while (lit && ray->t1_mm > ray->t0_mm && field->next(field, &walk, &segment)) {
         double gradient[3][4];
         if (caster->preset->shade)
-            field->gradient(field, &walk, &piece, gradient);
-        lit =
-            composite_piece(caster, &walk, &piece, caster->preset->shade ? (const double(*)[4])gradient : NULL, &light);
+            field->gradient(field, &walk, &segment, gradient);
+        lit = composite_segment(caster, &walk, &segment, caster->preset->shade ? (const double(*)[4])gradient : NULL,
+                                &light);
     }
     for (int c = 0; c < 3; c++)
         rgba[c] = light.rgb[c];
@@ -193,7 +193,7 @@ static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
         double rgba[4], depth_mm;
         cts_raycast_ray(caster, x, picture->first_row + y, rgba, &depth_mm);
         for (int c = 0; c < 4; c++)
-            picture->pixels[4 * at + (size_t)c] = is_grey ? cts_level_float(rgba[c]) : (float)rgba[c];
+            picture->pixels[4 * at + (size_t)c] = is_grey ? cts_clamp_to_level(rgba[c]) : (float)rgba[c];
         if (picture->depth_mm)
             picture->depth_mm[at] = (float)depth_mm;
     }
@@ -218,7 +218,7 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsErrorMap 
 {
     (void)errors;
     plan(scene, report);
-    cts_scene_tell_parts(scene, report);
+    cts_scene_report_region(scene, report);
     if (!picture)
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -237,9 +237,9 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsErrorMap 
 const CtsEngine cts_engine_raycast = {
     .name = "raycast",
     .render = render,
-    .exact = true,
-    .cuts_slabs = true,
-    .knows_owners = true,
+    .is_reference = true,
+    .supports_slabs = true,
+    .supports_labels = true,
     .modes = 1u << CTS_MODE_COMPOSITE | 1u << CTS_MODE_MIP | 1u << CTS_MODE_MINIP | 1u << CTS_MODE_AVERAGE,
     .kernels = (1u << CTS_N_KERNELS) - 1,
 };

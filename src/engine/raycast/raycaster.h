@@ -3,7 +3,7 @@
 #define CTS_RAYCAST_RAYCASTER_H
 
 #include "core/scene/engine.h"
-#include "core/volume/owners.h"
+#include "core/volume/voxel_labels.h"
 #include "ctsplat/preset.h"
 #include "engine/raycast/field.h"
 
@@ -41,14 +41,14 @@ double cts_transfer_extinction(const CtsTransfer *transfer, double opacity);
 
 /* Intervals of a ray within a cell, by appearance. */
 
-typedef struct CtsOwnedStretch {
+typedef struct CtsRayInterval {
     double from, to; /* of the segment, 0 to 1 */
-    int look;
-} CtsOwnedStretch;
+    int appearance;
+} CtsRayInterval;
 
 /* The intervals of the last segment returned by a trilinear field; returns their number. */
-enum { CTS_OWNED_STRETCHES = 3 * CTS_CELL_OWNERS * CTS_CELL_OWNERS / 2 + 1 };
-int cts_raycast_owned(const CtsOwners *owners, const CtsRayWalk *walk, CtsOwnedStretch *stretch);
+enum { CTS_MAX_RAY_INTERVALS = 3 * CTS_MAX_CELL_LABELS * CTS_MAX_CELL_LABELS / 2 + 1 };
+int cts_raycast_label_intervals(const CtsVoxelLabels *voxel_labels, const CtsRayWalk *walk, CtsRayInterval *interval);
 
 /* Gauss-Legendre rules on 0..1 that also integrate up to each node, for the attenuation inside a segment. */
 
@@ -70,11 +70,11 @@ typedef struct CtsRaycaster {
     const CtsPreset *preset;
     CtsView view;
     const CtsField *field;
-    CtsField *own_field;     /* NULL where the caller gave one */
-    CtsTransfer transfer;    /* composite only */
-    const CtsOwners *owners; /* NULL: one appearance for all */
-    CtsTransfer *looks;      /* of each appearance except hidden; composite only */
-    CtsHuRanges wanted;      /* the union of their visible HU */
+    CtsField *own_field;                /* NULL where the caller gave one */
+    CtsTransfer transfer;               /* composite only */
+    const CtsVoxelLabels *voxel_labels; /* NULL: one appearance for all */
+    CtsTransfer *appearances;           /* of each appearance except hidden; composite only */
+    CtsHuRanges wanted;                 /* the union of their visible HU */
     CtsGauss coarse, fine;
     const struct CtsBodyMask *body;     /* the voxels that minip and average use; NULL: all */
     const struct CtsOpenness *openness; /* NULL: 1 everywhere */
@@ -84,15 +84,15 @@ typedef struct CtsRaycaster {
 } CtsRaycaster;
 
 /* Accumulated state of a ray. Depth is optical depth; transmittance is exp(-depth). */
-typedef struct CtsRayLight {
+typedef struct CtsRaySum {
     double rgb[3], depth, transmittance;
     double surface_mm; /* t where half of the light is absorbed, or else of the first visible point; +inf before */
-} CtsRayLight;
+} CtsRaySum;
 
 /* Front to back along one segment of a ray; gradient is NULL when unlit. False when the transmittance is too low to
  * continue. */
-bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRay *ray,
-                       const CtsRayPiece *piece, const double (*gradient)[4], CtsRayLight *light);
+bool cts_raycast_segment(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRay *ray,
+                         const CtsRaySegment *segment, const double (*gradient)[4], CtsRaySum *light);
 
 /* HU of mip, minip or average for a ray inside the box; false where no part of it is visible. */
 bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *hu);
@@ -102,7 +102,7 @@ void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], dou
 
 /* True when the normal varies so little on a..b of a segment that a quadrature rule cannot miss the highlight. framed:
  * the gradient's cubics in the caster's frame. */
-bool cts_raycast_turns_little(const CtsRaycaster *caster, const double (*framed)[4], double a, double b);
+bool cts_raycast_normal_is_steady(const CtsRaycaster *caster, const double (*framed)[4], double a, double b);
 
 /* Premultiplied red, green, blue and alpha of the ray of position (x, y) in pixels; 0 where it misses the box. depth_mm
  * (may be NULL) is as in CtsPicture. */

@@ -66,27 +66,27 @@ void cts_transfer_init(CtsTransfer *transfer, const CtsPreset *preset, double ex
     memset(transfer, 0, sizeof *transfer);
     transfer->unit_distance_mm = preset->unit_distance_mm;
     transfer->scale = extinction_scale;
-    double knots[4 * CTS_MAX_POINTS], caps[2 * CTS_MAX_POINTS];
+    double control_points[4 * CTS_MAX_POINTS], caps[2 * CTS_MAX_POINTS];
     int n = 0, n_caps = 0;
     for (int i = 0; i < preset->n_opacity; i++)
-        knots[n++] = preset->opacity[i].hu;
+        control_points[n++] = preset->opacity[i].hu;
     for (int i = 0; i < preset->n_colour; i++)
-        knots[n++] = preset->colour[i].hu;
-    n = sort_unique(knots, n);
+        control_points[n++] = preset->colour[i].hu;
+    n = sort_unique(control_points, n);
     for (int i = 0; i + 1 < n; i++) {
-        const double hu = cap_hu(preset, knots[i], knots[i + 1]);
+        const double hu = cap_hu(preset, control_points[i], control_points[i + 1]);
         if (!isnan(hu))
             caps[n_caps++] = hu;
     }
-    memcpy(knots + n, caps, (size_t)n_caps * sizeof *caps);
-    n = sort_unique(knots, n + n_caps);
+    memcpy(control_points + n, caps, (size_t)n_caps * sizeof *caps);
+    n = sort_unique(control_points, n + n_caps);
 
     CtsHuRanges *visible = &transfer->visible;
     transfer->n = n + 1;
     for (int i = 0; i <= n; i++) {
         CtsSpan *span = &transfer->spans[i];
-        span->low_hu = i > 0 ? knots[i - 1] : -INFINITY;
-        span->high_hu = i < n ? knots[i] : INFINITY;
+        span->low_hu = i > 0 ? control_points[i - 1] : -INFINITY;
+        span->high_hu = i < n ? control_points[i] : INFINITY;
         init_span(span, transfer, preset);
         if (!span->visible)
             continue;

@@ -3,7 +3,7 @@
 #include "base/mutation.h"
 #include "core/scene/shade.h"
 #include "core/volume/macrocells.h"
-#include "core/volume/owners.h"
+#include "core/volume/voxel_labels.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/field.h"
 #include <math.h>
@@ -79,7 +79,7 @@ static void find_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int ce
     }
 }
 
-static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
+static bool next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment)
 {
     const Trilinear *t = (const Trilinear *)field;
     const CtsRay *ray = walk->ray;
@@ -102,9 +102,9 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
             walk->from[axis] = clamp(p + t0 * ray->step_vox[axis], 0, 1);
             walk->to[axis] = clamp(p + t1 * ray->step_vox[axis], 0, 1);
         }
-        piece->t0_mm = t0;
-        piece->t1_mm = t1;
-        cts_cubic_in_cell(corner, walk->from, walk->to, piece->hu);
+        segment->t0_mm = t0;
+        segment->t1_mm = t1;
+        cts_cubic_in_cell(corner, walk->from, walk->to, segment->hu);
         return true;
     }
     return false;
@@ -125,10 +125,10 @@ static double difference(const Trilinear *t, const int voxel[3], int axis)
     return rise * t->volume->hu_step / (sides * step);
 }
 
-static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double g[3][4])
+static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRaySegment *segment, double g[3][4])
 {
     const Trilinear *t = (const Trilinear *)field;
-    (void)piece;
+    (void)segment;
     for (int axis = 0; axis < 3; axis++) {
         double corner[8];
         for (int m = 0; m < 8; m++) {
@@ -155,7 +155,7 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const C
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     t->field = (CtsField){.next = next, .gradient = gradient, .free = trilinear_free};
     t->volume = volume;
-    t->shown = volume->owners && volume->owners->shown ? volume->owners->shown : volume;
+    t->shown = volume->voxel_labels && volume->voxel_labels->shown ? volume->voxel_labels->shown : volume;
     t->air_beyond = cts_shade_air_beyond(preset) && !CTS_MUTATED(BORDER_DIFFERENCE);
     size_t stride = 1;
     for (int axis = 0; axis < 3; axis++) {

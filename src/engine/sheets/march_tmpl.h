@@ -293,9 +293,9 @@ INLINE wf centroid_of(wf alpha)
 
 /* Two points of a slab between its visible ends at which it is lit; shares of the way from its front sheet to its back
  * one. */
-typedef struct LitPoints {
+typedef struct ShadingPoints {
     wf at[2];
-} LitPoints;
+} ShadingPoints;
 
 /* Visible part of a straight line from sample `front` to `back`, as shares of it. */
 INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to)
@@ -311,13 +311,13 @@ INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to
     *to = wf_select(wf_lt(back, wf_of(low)), at_low, wf_select(wf_gt(back, wf_of(high)), at_high, wf_of(1)));
 }
 
-INLINE LitPoints lit_points(const SheetsJob *j, wf front, wf back, wf alpha)
+INLINE ShadingPoints shading_points(const SheetsJob *j, wf front, wf back, wf alpha)
 {
     wf from, to;
     visible_part(j, front, back, &from, &to);
     const wf centre = centroid_of(wf_min(alpha, wf_of(1))), length = wf_sub(to, from);
     const wf spread = wf_scale(wf_min(centre, wf_sub(wf_of(1), centre)), 0.57735f, 0);
-    return (LitPoints){
+    return (ShadingPoints){
         {wf_mul_add(wf_sub(centre, spread), length, from), wf_mul_add(wf_add(centre, spread), length, from)}};
 }
 
@@ -338,9 +338,9 @@ INLINE void dim(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour,
     *white = wf_mul(wf_scale(highlight, s->specular, 0), left);
 }
 
-/* light_slab() where light does not reach everywhere; open: at the front and the back sheet. */
-INLINE void light_dimmed_slab(const CtsShade *shade, const wf facing[2], const wf highlight[2], const LitPoints *points,
-                              const wf open[2], wmask heavy, Slab *s, wf *apart)
+/* shade_slab() where light does not reach everywhere; open: at the front and the back sheet. */
+INLINE void shade_dimmed_slab(const CtsShade *shade, const wf facing[2], const wf highlight[2],
+                              const ShadingPoints *points, const wf open[2], wmask heavy, Slab *s, wf *apart)
 {
     wf colour[2], white[2], faint, none;
     for (int i = 0; i < 2; i++)
@@ -355,7 +355,7 @@ INLINE void light_dimmed_slab(const CtsShade *shade, const wf facing[2], const w
 
 /* A slab's colours by its light at two points, premultiplied, white highlight added. *apart: how far light at the two
  * lies apart. open: openness at the front and the back sheet, where it counts. */
-INLINE void light_slab(const SheetsJob *j, const Gradient *front, const Gradient *back, const LitPoints *points,
+INLINE void shade_slab(const SheetsJob *j, const Gradient *front, const Gradient *back, const ShadingPoints *points,
                        const wf open[2], wmask heavy, Slab *s, wf *apart)
 {
     const CtsShade *const shade = j->shade;
@@ -366,7 +366,7 @@ INLINE void light_slab(const SheetsJob *j, const Gradient *front, const Gradient
         highlight[i] = highlight_of(shade, facing[i]);
     }
     if (j->open) {
-        light_dimmed_slab(shade, facing, highlight, points, open, heavy, s, apart);
+        shade_dimmed_slab(shade, facing, highlight, points, open, heavy, s, apart);
         return;
     }
     const wf mean = wf_add(facing[0], facing[1]), sharp = wf_add(highlight[0], highlight[1]);
@@ -554,14 +554,14 @@ OUTLINE void take_share(const SheetsJob *j, wi front, wi back, float length_mm, 
 }
 
 /* Gradients at both sheets of a slab, kept from slab to slab. */
-typedef struct Light {
+typedef struct SlabShading {
     Gradient front, back;
     int back_sheet; /* the sheet that `back` is of */
     wf open[2];     /* openness at the front sheet of a slab, and at its back */
     int open_sheet; /* the sheet that the latter is of */
     wf off;         /* how far light at two points of a slab lay apart, by its weight */
     wf plain[3];    /* colours without light, beside the coarse ones */
-} Light;
+} SlabShading;
 enum { NO_SHEET = -9 };
 
 INLINE Gradient gradient_of(const March *m, const Block *b, int slab, wmask lanes)
@@ -578,7 +578,7 @@ INLINE Gradient gradient_of(const March *m, const Block *b, int slab, wmask lane
     return gradient_inside(m, &f, sheet_at(m, sheet), false);
 }
 
-INLINE void find_gradients(const March *m, const Block *b, int slab, wmask alive, Light *light)
+INLINE void find_gradients(const March *m, const Block *b, int slab, wmask alive, SlabShading *light)
 {
     const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
     if (light->back_sheet == next)
@@ -621,7 +621,7 @@ OUTLINE wf openness_of(const March *m, const Block *b, int slab, wmask lanes)
 }
 
 /* Openness at both sheets of a slab. Where the slab is faint, that of two sheets away will do. */
-INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, wmask alive, Light *light)
+INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, wmask alive, SlabShading *light)
 {
     const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
     if (light->open_sheet == next || (faint && abs(next - light->open_sheet) <= 2))
@@ -639,10 +639,10 @@ INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, 
 #define MISSED_SHARE 0.5f
 
 /* Weight from which a part of a slab is lit by itself: a step of eight bits. */
-#define LIT_FROM (1.0f / 256)
+#define SHADED_FROM (1.0f / 256)
 
 /* A stretch between two samples of a slab: the whole of it, or a half. */
-typedef struct Stretch {
+typedef struct SlabPart {
     int slab;
     wf front, back; /* samples */
     wi front_level, back_level;
@@ -651,9 +651,10 @@ typedef struct Stretch {
     bool complete; /* all of it */
     float length_mm;
     const uint64_t *opacity;
-} Stretch;
+} SlabPart;
 
-INLINE void note_depth(const March *m, const Block *b, const Stretch *t, wf before, wmask lanes, int x, int y, State *s)
+INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf before, wmask lanes, int x, int y,
+                       State *s)
 {
     const SheetsView *const v = &m->job->view;
     wf from, to;
@@ -673,8 +674,8 @@ INLINE void note_depth(const March *m, const Block *b, const Stretch *t, wf befo
     s->depth_mm = wf_select(passes, at_half, s->depth_mm);
 }
 
-INLINE wmask composite_stretch(const March *m, const Block *b, const Stretch *t, const bool lit, int x, int y, State *s,
-                               Light *light, SheetsCounts *counts)
+INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart *t, const bool lit, int x, int y,
+                                 State *s, SlabShading *light, SheetsCounts *counts)
 {
     const SheetsJob *const j = m->job;
     wmask visible = wmask_and(s->alive, visible_between(&j->levels, t->front_level, t->back_level));
@@ -688,18 +689,18 @@ INLINE wmask composite_stretch(const March *m, const Block *b, const Stretch *t,
     counts->slabs++;
     if (lit) {
         const wf weight = wf_mul(s->left, slab.alpha);
-        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(LIT_FROM)));
+        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(SHADED_FROM)));
         for (int c = 0; c < 3; c++)
             light->plain[c] = wf_mul_add(wf_select(visible, s->left, wf_of(0)), slab.rgb[c], light->plain[c]);
         if (wmask_any(heavy)) {
             find_gradients(m, b, t->slab, s->alive, light);
-            LitPoints points = lit_points(j, t->front, t->back, slab.alpha);
+            ShadingPoints points = shading_points(j, t->front, t->back, slab.alpha);
             for (int i = 0; i < 2; i++)
                 points.at[i] = wf_mul_add(points.at[i], wf_sub(t->to, t->from), t->from);
             wf apart;
             if (j->open)
                 find_openness(m, b, t->slab, false, s->alive, light);
-            light_slab(j, &light->front, &light->back, &points, light->open, heavy, &slab, &apart);
+            shade_slab(j, &light->front, &light->back, &points, light->open, heavy, &slab, &apart);
             light->off = wf_add(light->off, wf_select(heavy, wf_mul(weight, apart), wf_of(0)));
             counts->lit++;
         } else {
@@ -768,7 +769,7 @@ INLINE wf near_miss(const SheetsJob *j, const Block *b, int slab, const bool hal
 }
 
 INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit, const bool window, int x, int y,
-                       State *s, Light *light, SheetsCounts *counts)
+                       State *s, SlabShading *light, SheetsCounts *counts)
 {
     const SheetsJob *const j = m->job;
     const float slab_mm = (float)j->view.slab_mm;
@@ -795,18 +796,18 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
             }
             for (int k = 0; k <= half; k++) {
                 const int front = 2 * i + k, back = half ? front + 1 : front + 2;
-                const Stretch t = {i,
-                                   b->sample[front],
-                                   b->sample[back],
-                                   b->level[front],
-                                   b->level[back],
-                                   wf_of(0.5f * (float)k),
-                                   wf_of(half ? 0.5f * (float)(k + 1) : 1),
-                                   all_of_it,
-                                   true,
-                                   half ? slab_mm / 2 : slab_mm,
-                                   j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1]};
-                visible = wmask_or(visible, composite_stretch(m, b, &t, lit, x, y, s, light, counts));
+                const SlabPart t = {i,
+                                    b->sample[front],
+                                    b->sample[back],
+                                    b->level[front],
+                                    b->level[back],
+                                    wf_of(0.5f * (float)k),
+                                    wf_of(half ? 0.5f * (float)(k + 1) : 1),
+                                    all_of_it,
+                                    true,
+                                    half ? slab_mm / 2 : slab_mm,
+                                    j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1]};
+                visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
             }
         }
         if (half)
@@ -818,7 +819,7 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
 }
 
 OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool lit, int x, int y, State *s,
-                         Light *light, SheetsCounts *counts)
+                         SlabShading *light, SheetsCounts *counts)
 {
     const SheetsJob *const j = m->job;
     const float slab_mm = (float)j->view.slab_mm;
@@ -833,18 +834,18 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
             const int front = k, back = half ? k + 1 : 2;
             const wf length = wf_scale(b->share[i], half ? 0.5f : 1, 0);
             const wf from = wf_mul_add(length, wf_of((float)k), b->from[i]);
-            const Stretch t = {i,
-                               p.sample[front],
-                               p.sample[back],
-                               p.level[front],
-                               p.level[back],
-                               from,
-                               wf_add(from, length),
-                               b->share[i],
-                               false,
-                               half ? slab_mm / 2 : slab_mm,
-                               j->opacity[half ? 0 : 1]};
-            composite_stretch(m, b, &t, lit, x, y, s, light, counts);
+            const SlabPart t = {i,
+                                p.sample[front],
+                                p.sample[back],
+                                p.level[front],
+                                p.level[back],
+                                from,
+                                wf_add(from, length),
+                                b->share[i],
+                                false,
+                                half ? slab_mm / 2 : slab_mm,
+                                j->opacity[half ? 0 : 1]};
+            composite_slab_part(m, b, &t, lit, x, y, s, light, counts);
         }
         Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2], lanes);
         take_share(j, p.level[0], p.level[2], slab_mm, b->share[i], lanes, &coarse);
@@ -885,7 +886,7 @@ INLINE void place_block(const March *m, Block *b)
 }
 
 INLINE void run_block(const March *m, Block *b, const Block *last, const bool half, const bool lit, const bool window,
-                      int x, int y, State *s, Light *light, SheetsCounts *counts)
+                      int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
 {
     const bool goes_on = last->inside && last->sheet + SHEETS_BLOCK * m->job->view.step == b->sheet;
     if (goes_on) {
@@ -900,7 +901,7 @@ INLINE void run_block(const March *m, Block *b, const Block *last, const bool ha
     run_inside(m, b, half, lit, window, x, y, s, light, counts);
 }
 
-INLINE void finish(const March *m, const State *s, const Light *light, const bool lit, SheetsPixels *out)
+INLINE void finish(const March *m, const State *s, const SlabShading *light, const bool lit, SheetsPixels *out)
 {
     const wmask ended = wf_le(s->left, wf_of(m->job->min_transmittance));
     /* The remaining transmittance of a ray that ended early gets the ray's own colour. */
@@ -933,7 +934,7 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     const wf none = wf_of(0), all = wf_of(1);
     State s = {{none, none, none},    all,  {none, none, none}, all, wf_of(FAR_MM), wf_of(FAR_MM),
                wmask_of_bits(0xffff), none, {none, none}};
-    Light light = {
+    SlabShading light = {
         .back_sheet = NO_SHEET, .open = {all, all}, .open_sheet = NO_SHEET, .off = none, .plain = {none, none, none}};
     Block blocks[2]; /* the one at hand, and the one before */
     blocks[1].inside = false;
@@ -948,7 +949,7 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
         while (bits && wmask_any(s.alive)) {
             const int bit = v->step > 0 ? __builtin_ctzll(bits) : 63 - __builtin_clzll(bits);
             bits ^= UINT64_C(1) << bit;
-            if (!cts_sheets_shaft_sees(&shaft, v, j->blocks, word * 64 + bit))
+            if (!cts_sheets_shaft_is_visible(&shaft, v, j->blocks, word * 64 + bit))
                 continue;
             const int low = (word * 64 + bit) * SHEETS_BLOCK;
             const int high = low + SHEETS_BLOCK < v->n[2] - 1 ? low + SHEETS_BLOCK : v->n[2] - 1;

@@ -235,7 +235,7 @@ static int lattice_points(int n)
  * pixels are few. And the least such difference: below it as many groups are marched as without a lattice (measured on
  * heads and a chest). */
 #define REFINED_FROM 8.0
-#define LEAST_REFINED (24.0 / 255)
+#define MIN_REFINED (24.0 / 255)
 /* Error of an interpolated pixel as a share of the difference of the marched ones around it. */
 #define INTERPOLATED_SHARE 0.25F
 
@@ -333,7 +333,7 @@ static void refine_group(const Picturing *p, Worker *w, Patch *to, int x0, int y
 
 static float refined_from(const CtsScene *scene)
 {
-    return (float)fmax(REFINED_FROM * cts_scene_error_asked(scene), LEAST_REFINED);
+    return (float)fmax(REFINED_FROM * cts_scene_requested_error(scene), MIN_REFINED);
 }
 
 /* Rows of groups of the pixels. */

@@ -8,18 +8,18 @@
 #include <stdlib.h>
 
 /* Data that depend on volume and preset only: computed for the first frame that needs them, and cached. */
-typedef struct Kept {
+typedef struct Cache {
     CtsMacrocells *own_macrocells; /* where the volume has none */
     SheetsTransfer transfer;
     SheetsOpacity opacity[3]; /* of half a slab, a slab, two slabs */
     SheetsVoid blocks[3];     /* by principal axis */
     int blocks_frame[3];      /* frame that they were made for */
     uint16_t *transposed;     /* for views along x */
-} Kept;
+} Cache;
 
-static void free_kept(void *kept)
+static void free_cache(void *cache)
 {
-    Kept *const k = kept;
+    Cache *const k = cache;
     if (!k)
         return;
     cts_macrocells_free(&k->own_macrocells);
@@ -32,18 +32,18 @@ static void free_kept(void *kept)
     free(k);
 }
 
-static CtsStatus open_kept(const CtsScene *scene, Kept **kept, CtsError *err)
+static CtsStatus open_cache(const CtsScene *scene, Cache **cache, CtsError *err)
 {
-    *kept = scene->kept ? *scene->kept : NULL;
-    if (!*kept && !(*kept = calloc(1, sizeof **kept)))
+    *cache = scene->cache ? *scene->cache : NULL;
+    if (!*cache && !(*cache = calloc(1, sizeof **cache)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (scene->kept)
-        *scene->kept = *kept;
+    if (scene->cache)
+        *scene->cache = *cache;
     return CTS_OK;
 }
 
 /* Slabs are cut in two where the level asks for it; the coarser table is what a slab's error is estimated by. */
-static CtsStatus find_tables(Kept *k, const CtsScene *scene, bool half, const SheetsKernels *kernels,
+static CtsStatus find_tables(Cache *k, const CtsScene *scene, bool half, const SheetsKernels *kernels,
                              const CtsMacrocells *m, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -61,7 +61,7 @@ static CtsStatus find_tables(Kept *k, const CtsScene *scene, bool half, const Sh
     return CTS_OK;
 }
 
-static CtsStatus find_blocks(Kept *k, const CtsScene *scene, const CtsMacrocells *m, CtsReport *report, CtsError *err)
+static CtsStatus find_blocks(Cache *k, const CtsScene *scene, const CtsMacrocells *m, CtsReport *report, CtsError *err)
 {
     const int p = scene->view.axis;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -81,7 +81,7 @@ static CtsStatus find_blocks(Kept *k, const CtsScene *scene, const CtsMacrocells
 /* A ray ends when less of its light is left than a step of eight bits; the rest counts as what it has met. */
 #define MIN_TRANSMITTANCE (1.0F / 256)
 
-static void init_job(SheetsJob *j, const CtsScene *scene, const Kept *k, bool half, const CtsShade *shade)
+static void init_job(SheetsJob *j, const CtsScene *scene, const Cache *k, bool half, const CtsShade *shade)
 {
     *j = (SheetsJob){.levels = k->transfer.levels,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
@@ -135,7 +135,7 @@ static CtsStatus refuse(const CtsScene *scene, CtsError *err)
 
 /* Everything that a picture's threads need; ended in any case. */
 typedef struct Session {
-    Kept *kept;
+    Cache *cache;
     CtsShade shade;
     SheetsJob job;
     const SheetsKernels *kernels;
@@ -148,15 +148,15 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
     const CtsMacrocells *macrocells;
     *s = (Session){.kernels = choose_kernels(), .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
     const bool half = s->level >= CTS_LEVEL_HALF_SHEETS;
-    if ((st = refuse(scene, err)) || (st = open_kept(scene, &s->kept, err)) ||
-        (st = cts_scene_macrocells(scene, &s->kept->own_macrocells, &macrocells, report, err)) ||
-        (st = find_blocks(s->kept, scene, macrocells, report, err)) ||
-        (st = find_tables(s->kept, scene, half, s->kernels, macrocells, report, err)))
+    if ((st = refuse(scene, err)) || (st = open_cache(scene, &s->cache, err)) ||
+        (st = cts_scene_macrocells(scene, &s->cache->own_macrocells, &macrocells, report, err)) ||
+        (st = find_blocks(s->cache, scene, macrocells, report, err)) ||
+        (st = find_tables(s->cache, scene, half, s->kernels, macrocells, report, err)))
         return st;
     const int p = scene->view.axis, axes[3] = {p == 0 ? 1 : 0, p == 2 ? 1 : 2, p};
     if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))
         return st;
-    init_job(&s->job, scene, s->kept, half, scene->preset->shade ? &s->shade : NULL);
+    init_job(&s->job, scene, s->cache, half, scene->preset->shade ? &s->shade : NULL);
     s->job.lattice = s->level == CTS_LEVEL_LATTICE;
     return CTS_OK;
 }
@@ -164,8 +164,8 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
 static void end(Session *s, const CtsScene *scene)
 {
     cts_shade_free(&s->shade);
-    if (!scene->kept)
-        free_kept(s->kept);
+    if (!scene->cache)
+        free_cache(s->cache);
 }
 
 static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
@@ -203,7 +203,7 @@ static CtsStatus render_sheets(const CtsScene *scene, CtsPicture *picture, CtsEr
     float *own_indicator = NULL;
     CtsStatus st = begin(&s, scene, report, err);
     if (!st) {
-        cts_scene_tell_parts(scene, report);
+        cts_scene_report_region(scene, report);
         plan(&s, scene, report);
     }
     if (st || !picture)
@@ -239,8 +239,8 @@ const CtsEngine cts_engine_sheets = {
     .indicator = CTS_INDICATOR_ESTIMATE,
     .levels = 1u << CTS_LEVEL_LATTICE | 1u << CTS_LEVEL_SHEETS | 1u << CTS_LEVEL_HALF_SHEETS,
     .skips_void = true,
-    .cuts_slabs = true,
+    .supports_slabs = true,
     .modes = 1u << CTS_MODE_COMPOSITE,
     .kernels = 1u << CTS_KERNEL_TENT,
-    .forget = free_kept,
+    .free_cache = free_cache,
 };

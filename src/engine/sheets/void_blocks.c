@@ -60,7 +60,7 @@ bool cts_sheets_visible(const SheetsJob *job, const int x[2], const int y[2], co
         bits[word] = 0;
         for (; left; left &= left - 1) {
             const int layer = 64 * word + __builtin_ctzll(left);
-            if (cts_sheets_shaft_sees(&shaft, &job->view, v, layer))
+            if (cts_sheets_shaft_is_visible(&shaft, &job->view, v, layer))
                 bits[word] |= left & -left;
         }
         any |= bits[word];

@@ -28,7 +28,8 @@ static inline int64_t cts_sheets_in_range(int64_t x, int64_t most)
 }
 
 /* True if any block that the shaft meets in this layer may show something. */
-static inline bool cts_sheets_shaft_sees(const SheetsShaft *s, const SheetsView *view, const SheetsVoid *v, int layer)
+static inline bool cts_sheets_shaft_is_visible(const SheetsShaft *s, const SheetsView *view, const SheetsVoid *v,
+                                               int layer)
 {
     const size_t width = (size_t)v->n[0] + 1, area = width * ((size_t)v->n[1] + 1);
     size_t from[2], to[2];

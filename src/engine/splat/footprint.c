@@ -1,6 +1,6 @@
 #include "engine/splat/footprint.h"
 
-#include "base/by_id.h"
+#include "base/enum_table.h"
 #include "base/mutation.h"
 #include "core/scene/kernel.h"
 #include <math.h>
@@ -44,8 +44,8 @@ static double bspline(double u, double v, double radius)
 
 typedef double (*Weight)(double u, double v, double radius);
 
-static CTS_BY_ID(Weight, weights, CTS_N_KERNELS, [CTS_KERNEL_TENT] = tent, [CTS_KERNEL_GAUSSIAN] = gaussian,
-                 [CTS_KERNEL_CONE] = cone, [CTS_KERNEL_BSPLINE] = bspline, [CTS_KERNEL_CONE_PAPER] = cone_paper);
+static CTS_ENUM_TABLE(Weight, weights, CTS_N_KERNELS, [CTS_KERNEL_TENT] = tent, [CTS_KERNEL_GAUSSIAN] = gaussian,
+                      [CTS_KERNEL_CONE] = cone, [CTS_KERNEL_BSPLINE] = bspline, [CTS_KERNEL_CONE_PAPER] = cone_paper);
 
 typedef struct Phase {
     int n;

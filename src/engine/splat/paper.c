@@ -329,7 +329,7 @@ static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
         (p->by_swaths && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
     w->work.store = p->by_swaths ? &w->own : &p->store;
-    w->compositor.occlusion = p->skip_void && !p->scene->settings->sees_hidden ? &p->occlusion : NULL;
+    w->compositor.occlusion = p->skip_void && !p->scene->settings->no_occlusion_culling ? &p->occlusion : NULL;
     return cts_swath_work_init(&w->work, p, err);
 }
 
@@ -388,9 +388,9 @@ enum { COMPOSITE = 1u << CTS_MODE_COMPOSITE, EVERY_KERNEL = (1u << CTS_N_KERNELS
         .render = render_##id,                                                                                         \
         .modes = COMPOSITE,                                                                                            \
         .kernels = EVERY_KERNEL,                                                                                       \
-        .repeats_layers = true,                                                                                        \
+        .is_layered = true,                                                                                            \
         .skips_void = without_void,                                                                                    \
-        .takes_key = without_void,                                                                                     \
+        .uses_void_key = without_void,                                                                                 \
     };
 
 ENGINE(classic, false, false)

@@ -49,7 +49,7 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     return CTS_OK;
 }
 
-static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
+static CtsStatus plan_shading(CtsPaperPlan *p, CtsError *err)
 {
     const CtsScene *scene = p->scene;
     const double length_mm = p->stack.n_layers > 1 ? scene->view.layer_mm / p->samples : 0;
@@ -95,8 +95,8 @@ static void plan_reuse(CtsPaperPlan *p, CtsReport *report)
     const CtsChangeSample sample = cts_layers_sample(p);
     const double percent = sample.voxels > 0 ? 100.0 * (double)sample.changed / (double)sample.voxels : 0;
     /* A tolerance changes the picture, so it is not dropped where reuse does not pay. */
-    p->reuse =
-        p->tolerance > 0 || p->scene->settings->reuses_always || cts_layers_pay(sample, &p->footprint, p->skip_void);
+    p->reuse = p->tolerance > 0 || p->scene->settings->always_reuse_layers ||
+               cts_layers_pay(sample, &p->footprint, p->skip_void);
     if (p->reuse)
         cts_report_plan(report, "layer reuse: %.0f %% of voxels change between layers, so only changes are splatted",
                         percent);
@@ -241,7 +241,7 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, bool reuse
     if (p->skip_void && (st = cts_scene_macrocells(scene, &p->own_macrocells, &macrocells, report, err)))
         return st;
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
-    if ((st = plan_look(p, err)) || (st = plan_savings(p, macrocells, report, err)))
+    if ((st = plan_shading(p, err)) || (st = plan_savings(p, macrocells, report, err)))
         return st;
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
     return picture ? plan_memory(p, err) : CTS_OK;

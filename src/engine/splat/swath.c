@@ -84,7 +84,7 @@ static void cells_of(const CtsPatches *patches, const uint64_t *row, uint64_t *c
 
 /* Prefetches the next layer's potentially visible voxels: too few voxels of a row are read for the hardware
  * prefetcher. */
-static void ask_for_next(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int patch_v, const uint64_t *shown)
+static void prefetch_next(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int patch_v, const uint64_t *shown)
 {
     for (int v = patch_v * CTS_PATCH; v < (patch_v + 1) * CTS_PATCH && v < p->stack.n[1]; v++) {
         const uint16_t *row = cts_paper_row(p, w->store, s + 1, v);
@@ -114,7 +114,7 @@ static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
         cts_paper_needed(p, s, patch_v, w->row);
         cells_of(&p->patches, w->row, cell_row(p, w, v));
         if (v >= 0 && s + 1 < p->stack.n_layers)
-            ask_for_next(p, w, s, patch_v, w->row);
+            prefetch_next(p, w, s, patch_v, w->row);
     }
     return find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1);
 }
@@ -161,7 +161,7 @@ static uint64_t take_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int s
 }
 
 /* Drops cells that no voxel of the step's own layer makes visible; macro-cells include the voxels around it. */
-static void judge(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
+static void find_changed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     const int n_words = p->patches.n_cell_words, apron = p->rule.apron, j0 = swath * CTS_SWATH_CELLS - apron;
     for (int r = 0; r < CTS_SWATH_CELLS + 1 + 2 * apron; r++)
@@ -384,7 +384,7 @@ bool cts_swath_splat(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
     const bool held = p->reuse && *holds == s - p->n_sheets && *holds >= 0;
     bool needed = find_needed(p, w, s, swath);
     if (p->skip_void && needed && p->samples == 1)
-        judge(p, w, s, swath);
+        find_changed(p, w, s, swath);
     if (p->skip_void)
         find_shown(p, w, s, swath);
     /* A sheet's state is kept by whole swaths, and is valid longest where nothing is skipped. */

@@ -64,11 +64,11 @@ static bool note_new(const Grid *g, const uint64_t *before, const uint64_t *afte
 {
     uint64_t any = 0;
     for (size_t i = 0; i < n_words(g); i++) {
-        uint64_t fresh = after[i] & ~before[i];
-        any |= fresh;
+        uint64_t after_split = after[i] & ~before[i];
+        any |= after_split;
         uint8_t *d = distance + i / g->words * (size_t)g->nu + 64 * (i % g->words);
-        for (; fresh; fresh &= fresh - 1)
-            d[__builtin_ctzll(fresh)] = level;
+        for (; after_split; after_split &= after_split - 1)
+            d[__builtin_ctzll(after_split)] = level;
     }
     return any != 0;
 }

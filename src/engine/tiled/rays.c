@@ -1,4 +1,4 @@
-#include "engine/tiled/cells.h"
+#include "engine/tiled/tiled_march.h"
 
 #include "base/mutation.h"
 #include <math.h>
@@ -61,7 +61,7 @@ static double leave_mm(const TiledJob *j, const Beam *b, int a, int first, int l
 }
 
 /* Distance over which a beam certainly meets no visible cell, from `at` on. */
-static double leap(const TiledJob *j, const Beam *b, double at)
+static double invisible_mm(const TiledJob *j, const Beam *b, double at)
 {
     int block[3];
     double leave = INFINITY;
@@ -100,7 +100,7 @@ double cts_tiled_reach_mm(const TiledJob *j, const int x[2], const int y[2], dou
     }
     const double slack_mm = 1e-3 / fastest;
     while (at < end) {
-        const double to = leap(j, &b, at) - slack_mm;
+        const double to = invisible_mm(j, &b, at) - slack_mm;
         if (to <= at)
             return at;
         at = to;

@@ -1,5 +1,5 @@
-/* The tiled engine: rays through the cells between voxels, in which the field is a cubic (cells.h). Empty space is
- * skipped, and a ray ends when it is opaque. ctsplat-methods(7) has the mathematics. */
+/* The tiled engine: rays through the cells between voxels, in which the field is a cubic (tiled_march.h). Empty space
+ * is skipped, and a ray ends when it is opaque. ctsplat-methods(7) has the mathematics. */
 #include "core/scene/engine.h"
 
 #include "base/clock.h"
@@ -9,7 +9,7 @@
 #include "base/parallel.h"
 #include "core/scene/scene_macrocells.h"
 #include "engine/project/project.h"
-#include "engine/tiled/cells.h"
+#include "engine/tiled/tiled_march.h"
 #include "engine/tiled/tiles.h"
 #include "engine/tiled/trace.h"
 #include <math.h>
@@ -17,76 +17,77 @@
 #include <string.h>
 
 /* Data that depend on volume and preset only: computed for the first frame, and cached for the following ones. */
-typedef struct Kept {
+typedef struct Cache {
     CtsMacrocells *own_macrocells; /* if the volume has none */
     int macrocells_frame;
     TiledMask mask;
     int mask_frame;
-    TiledLooks looks; /* of the scale that they were made for */
-    double looks_scale;
-    CtsSeen *seen; /* by mip and its kin */
-} Kept;
+    TiledAppearances appearances; /* of the scale that they were made for */
+    double appearances_scale;
+    CtsVisibleBlocks *seen; /* by mip and its kin */
+} Cache;
 
-static void free_kept(void *kept)
+static void free_cache(void *cache)
 {
-    Kept *const k = kept;
+    Cache *const k = cache;
     if (!k)
         return;
     cts_macrocells_free(&k->own_macrocells);
     cts_tiled_mask_free(&k->mask);
-    cts_tiled_looks_free(&k->looks);
-    cts_seen_free(&k->seen);
+    cts_tiled_appearances_free(&k->appearances);
+    cts_visible_blocks_free(&k->seen);
     free(k);
 }
 
-static CtsStatus open_kept(const CtsScene *scene, Kept **kept, CtsError *err)
+static CtsStatus open_cache(const CtsScene *scene, Cache **cache, CtsError *err)
 {
-    *kept = scene->kept ? *scene->kept : NULL;
-    if (!*kept && !(*kept = calloc(1, sizeof **kept)))
+    *cache = scene->cache ? *scene->cache : NULL;
+    if (!*cache && !(*cache = calloc(1, sizeof **cache)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (scene->kept)
-        *scene->kept = *kept;
+    if (scene->cache)
+        *scene->cache = *cache;
     return CTS_OK;
 }
 
-static void tell_kept(const CtsScene *scene, const char *what, int made_for, CtsReport *report)
+static void report_cached(const CtsScene *scene, const char *what, int made_for, CtsReport *report)
 {
     if (made_for != scene->frame)
         cts_report_skip(report, what, "made for an earlier frame");
 }
 
-static CtsStatus find_macrocells(Kept *k, const CtsScene *scene, const CtsMacrocells **macrocells, CtsReport *report,
+static CtsStatus find_macrocells(Cache *k, const CtsScene *scene, const CtsMacrocells **macrocells, CtsReport *report,
                                  CtsError *err)
 {
     if (k->own_macrocells)
-        tell_kept(scene, "macro-cells", k->macrocells_frame, report);
+        report_cached(scene, "macro-cells", k->macrocells_frame, report);
     else
         k->macrocells_frame = scene->frame;
     return cts_scene_macrocells(scene, &k->own_macrocells, macrocells, report, err);
 }
 
 /* For a volume with labels; they depend on the view only with opacity per voxel. */
-static CtsStatus find_looks(Kept *k, const CtsScene *scene, CtsError *err)
+static CtsStatus find_appearances(Cache *k, const CtsScene *scene, CtsError *err)
 {
-    if (!scene->volume->owners || (k->looks.pieces && k->looks_scale == scene->extinction_scale))
+    if (!scene->volume->voxel_labels || (k->appearances.transfer && k->appearances_scale == scene->extinction_scale))
         return CTS_OK;
-    cts_tiled_looks_free(&k->looks);
-    k->looks_scale = scene->extinction_scale;
-    return cts_tiled_looks_init(&k->looks, scene, err);
+    cts_tiled_appearances_free(&k->appearances);
+    k->appearances_scale = scene->extinction_scale;
+    return cts_tiled_appearances_init(&k->appearances, scene, err);
 }
 
-static CtsStatus find_mask(Kept *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
+static CtsStatus find_mask(Cache *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
                            CtsError *err)
 {
     CtsStatus st;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = find_looks(k, scene, err)))
+    if ((st = find_appearances(k, scene, err)))
         return st;
     if (k->mask.words) {
-        tell_kept(scene, "mask of what is visible", k->mask_frame, report);
+        report_cached(scene, "mask of what is visible", k->mask_frame, report);
         return CTS_OK;
     }
-    if ((st = cts_tiled_mask_init(&k->mask, scene, scene->volume->owners ? &k->looks : NULL, macrocells, err)))
+    if ((st = cts_tiled_mask_init(&k->mask, scene, scene->volume->voxel_labels ? &k->appearances : NULL, macrocells,
+                                  err)))
         return st;
     k->mask_frame = scene->frame;
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
@@ -96,33 +97,35 @@ static CtsStatus find_mask(Kept *k, const CtsScene *scene, const CtsMacrocells *
 
 /* Tolerances of a march, as shares of the requested error. */
 typedef struct Tolerances {
-    double piece;    /* of segments: errors have either sign and are far smaller than estimated, */
-    double ray_end;  /* of ray ends: truncations add up */
-    double faint;    /* weight below which segments are shaded with the next ones; */
-    double turn;     /* normal deviation, weighted */
-    double touch_hu; /* precision of levels */
-    double alike;    /* interpolation error up to which pixels are interpolated */
+    double segment;                 /* of segments: errors have either sign and are far smaller than estimated, */
+    double ray_end;                 /* of ray ends: truncations add up */
+    double deferred;                /* weight below which segments are shaded with the next ones; */
+    double normal_deviation;        /* normal deviation, weighted */
+    double touch_hu;                /* precision of levels */
+    double interpolation_tolerance; /* interpolation error up to which pixels are interpolated */
 } Tolerances;
 static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.002, 0.01, 1e-6, 0.02, 1e-7, 0};
-/* ALIKE_FROM: below this requested error hardly any pixels can be interpolated. MISSED: thin structures may be missed,
- * so one pixel wrong from black to white must not contribute more than an eighth of the requested error to the
+/* INTERPOLATED_FROM: below this requested error hardly any pixels can be interpolated. MISSED: thin structures may be
+ * missed, so one pixel wrong from black to white must not contribute more than an eighth of the requested error to the
  * picture's. */
-static const double ALIKE_FROM = 4.0 / 255, MISSED = 1.0 / 8;
+static const double INTERPOLATED_FROM = 4.0 / 255, MISSED_SHARE = 1.0 / 8;
 
-static bool is_draft(const CtsScene *scene)
+static bool is_preview(const CtsScene *scene)
 {
-    const double asked = cts_scene_error_asked(scene), pixels = (double)scene->view.width * scene->view.height;
-    return asked >= ALIKE_FROM && 1 / sqrt(pixels) <= MISSED * asked;
+    const double requested = cts_scene_requested_error(scene), pixels = (double)scene->view.width * scene->view.height;
+    return requested >= INTERPOLATED_FROM && 1 / sqrt(pixels) <= MISSED_SHARE * requested;
 }
 
 /* asked: requested rms error of a picture, over 0..1. */
-static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may, double asked)
+static void init_job(TiledJob *j, const CtsScene *scene, const Cache *cache, const Tolerances *may, double requested)
 {
     const CtsVolume *const v = scene->volume;
     ptrdiff_t stride = 1;
-    const bool hides = v->owners && v->owners->shown;
-    *j = (TiledJob){
-        .grey = v->grey, .shown = hides ? v->owners->shown->grey : v->grey, .view = scene->view, .mask = kept->mask};
+    const bool hides = v->voxel_labels && v->voxel_labels->shown;
+    *j = (TiledJob){.grey = v->grey,
+                    .shown = hides ? v->voxel_labels->shown->grey : v->grey,
+                    .view = scene->view,
+                    .mask = cache->mask};
     for (int a = 0; a < 3; a++) {
         j->dims[a] = v->dims[a];
         j->n_cells[a] = v->dims[a] > 1 ? v->dims[a] - 1 : 1;
@@ -130,19 +133,19 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const
         j->step[a] = scene->view.forward_vox[a];
         stride *= v->dims[a];
     }
-    cts_tiled_pieces_init(&j->pieces, scene);
-    j->looks = v->owners ? &kept->looks : NULL;
-    j->colours = cts_owners_coloured(v->owners) ? 1 : j->pieces.colours;
-    j->tolerance = (float)(may->piece * asked);
-    j->dark = (float)fmin(may->ray_end * asked, 1.0 / 16);
-    j->least_lit = (float)(may->faint * asked);
-    j->turn = (float)(may->turn * asked);
-    j->touch = (float)(may->touch_hu / v->hu_step);
-    j->alike = is_draft(scene) ? (float)(may->alike * asked) : 0;
+    cts_tiled_transfer_init(&j->transfer, scene);
+    j->appearances = v->voxel_labels ? &cache->appearances : NULL;
+    j->max_colour_difference = cts_voxel_labels_coloured(v->voxel_labels) ? 1 : j->transfer.max_colour_difference;
+    j->tolerance = (float)(may->segment * requested);
+    j->min_transmittance = (float)fmin(may->ray_end * requested, 1.0 / 16);
+    j->min_shaded_weight = (float)(may->deferred * requested);
+    j->shading_tolerance = (float)(may->normal_deviation * requested);
+    j->grazing_tolerance = (float)(may->touch_hu / v->hu_step);
+    j->interpolation_tolerance = is_preview(scene) ? (float)(may->interpolation_tolerance * requested) : 0;
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
-static void light_job(TiledJob *j, const CtsShade *shade, const CtsOpenness *open)
+static void init_shading(TiledJob *j, const CtsShade *shade, const CtsOpenness *open)
 {
     j->shade = shade;
     j->open = CTS_MUTATED(OPEN_UNUSED) ? NULL : open;
@@ -178,9 +181,9 @@ static void plan(const TiledJob *j, const CtsScene *scene, const char *path, Cts
     cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", TILED_BLOCK,
                     (long long)j->mask.n_visible, (long long)n, 100.0 * (double)j->mask.n_visible / (double)n);
     cts_report_plan(report, "ray segments: two-point rule, split at %d control points where the error exceeds %.3g/255",
-                    j->pieces.n_knots, 255 * (double)j->tolerance);
-    cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads", (double)j->dark,
-                    j->shade ? "on" : "off", path, s->n_threads);
+                    j->transfer.n_control_points, 255 * (double)j->tolerance);
+    cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
+                    (double)j->min_transmittance, j->shade ? "on" : "off", path, s->n_threads);
     if (j->mask.n_visible == n)
         cts_report_skip(report, "void skipping", "every block may be visible");
     if (scene->plan.samples > 0)
@@ -196,9 +199,9 @@ static void report_counts(const TiledCounts *c, const CtsScene *scene, const Til
     uint64_t items[CTS_N_STAGES] = {0}, bytes[CTS_N_STAGES] = {0};
     busy[CTS_STAGE_SHADE] = c->ticks > 0 ? (double)c->shade_ticks / (double)c->ticks : 0;
     busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SHADE];
-    items[CTS_STAGE_SHADE] = c->lit;
-    items[CTS_STAGE_COMPOSITE] = c->pieces;
-    bytes[CTS_STAGE_COMPOSITE] = c->pieces * 8 * sizeof(uint16_t); /* voxels of a cell */
+    items[CTS_STAGE_SHADE] = c->queues;
+    items[CTS_STAGE_COMPOSITE] = c->segments;
+    bytes[CTS_STAGE_COMPOSITE] = c->segments * 8 * sizeof(uint16_t); /* voxels of a cell */
     cts_report_region(report, wall_ms, cpu_ms, busy, items, bytes);
     if (report) {
         CtsVoxelCounts *v = &report->voxels;
@@ -211,23 +214,23 @@ static void report_counts(const TiledCounts *c, const CtsScene *scene, const Til
     }
 }
 
-static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocells *macrocells, CtsPicture *picture,
+static CtsStatus composite(const CtsScene *scene, Cache *cache, const CtsMacrocells *macrocells, CtsPicture *picture,
                            CtsErrorMap *errors, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     CtsShade shade = {0};
     TiledJob job;
     TiledCounts counts = {0};
-    if ((st = find_mask(kept, scene, macrocells, report, err)))
+    if ((st = find_mask(cache, scene, macrocells, report, err)))
         return st;
-    init_job(&job, scene, kept, &fast, cts_scene_error_asked(scene));
+    init_job(&job, scene, cache, &fast, cts_scene_requested_error(scene));
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
-        light_job(&job, &shade, scene->openness);
+        init_shading(&job, &shade, scene->openness);
     }
     const Path path = choose_path(&job);
-    cts_scene_tell_parts(scene, report);
+    cts_scene_report_region(scene, report);
     plan(&job, scene, path.name, report);
     if (!picture)
         goto end;
@@ -235,11 +238,11 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = cts_tiled_run(&job, path.march, scene, picture, errors, &counts, err)))
         goto end;
-    if (counts.between > 0)
+    if (counts.interpolated > 0)
         cts_report_plan(report, "%llu of %llu pixels were not marched but interpolated, to within about %.3g/255",
-                        (unsigned long long)counts.between,
+                        (unsigned long long)counts.interpolated,
                         (unsigned long long)picture->width * (unsigned long long)picture->height,
-                        255 * (double)job.alike);
+                        255 * (double)job.interpolation_tolerance);
     report_counts(&counts, scene, &job.mask, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);
@@ -247,7 +250,7 @@ end:
 }
 
 /* Pixels that are marched again, list by list. */
-typedef struct Again {
+typedef struct Rerendering {
     const TiledJob *job;
     const CtsScene *scene;
     const CtsPicture *band;
@@ -255,13 +258,13 @@ typedef struct Again {
     float (*rgba)[4], *off;
     TiledScratch *scratch; /* of each worker */
     cts_tiled_march_fn march;
-} Again;
+} Rerendering;
 
 enum { AT_ONCE = 64 };
 
-static void run_some_again(void *context, int worker, size_t first, size_t end)
+static void rerender_some(void *context, int worker, size_t first, size_t end)
 {
-    const Again *const a = context;
+    const Rerendering *const a = context;
     TiledRays *const rays = &a->scratch[worker].rays;
     const size_t width = (size_t)a->band->width;
     while (first < end && !cts_scene_stopped(a->scene)) {
@@ -289,29 +292,29 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     CtsStatus st;
     CtsShade shade = {0};
     TiledJob job;
-    Kept *kept = NULL;
+    Cache *cache = NULL;
     const CtsMacrocells *macrocells;
-    Again a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
-    if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, NULL, err)) ||
-        (st = find_mask(kept, scene, macrocells, NULL, err)))
+    Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
+    if ((st = open_cache(scene, &cache, err)) || (st = find_macrocells(cache, scene, &macrocells, NULL, err)) ||
+        (st = find_mask(cache, scene, macrocells, NULL, err)))
         goto end;
-    init_job(&job, scene, kept, error > 0 ? &fast : &exact, error > 0 ? error : cts_scene_error_asked(scene));
+    init_job(&job, scene, cache, error > 0 ? &fast : &exact, error > 0 ? error : cts_scene_requested_error(scene));
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
-        light_job(&job, &shade, scene->openness);
+        init_shading(&job, &shade, scene->openness);
     }
     const Path path = choose_path(&job);
     a.march = error > 0 ? path.march : path.exact;
     if ((st = cts_alloc_zeroed(&a.scratch, (size_t)n_threads, err)))
         goto end;
-    cts_parallel(n_threads, n, AT_ONCE, run_some_again, &a);
+    cts_parallel(n_threads, n, AT_ONCE, rerender_some, &a);
     st = cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 end:
     cts_free(&a.scratch);
     cts_shade_free(&shade);
-    if (!scene->kept)
-        free_kept(kept);
+    if (!scene->cache)
+        free_cache(cache);
     return st;
 }
 
@@ -320,25 +323,25 @@ static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *rep
     CtsStatus st;
     CtsShade shade = {0};
     TiledJob job;
-    Kept *kept = NULL;
+    Cache *cache = NULL;
     const CtsMacrocells *macrocells;
-    if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, NULL, err)) ||
-        (st = find_mask(kept, scene, macrocells, NULL, err)))
+    if ((st = open_cache(scene, &cache, err)) || (st = find_macrocells(cache, scene, &macrocells, NULL, err)) ||
+        (st = find_mask(cache, scene, macrocells, NULL, err)))
         goto end;
     if (scene->preset->shade &&
         (st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
         goto end;
     for (int i = 0; !st && i < 2; i++) {
-        init_job(&job, scene, kept, i ? &exact : &fast, cts_scene_error_asked(scene));
+        init_job(&job, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene));
         if (scene->preset->shade)
-            light_job(&job, &shade, scene->openness);
+            init_shading(&job, &shade, scene->openness);
         st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_traced : cts_tiled_march_traced,
                              i ? "double" : "single", x, y, report, err);
     }
 end:
     cts_shade_free(&shade);
-    if (!scene->kept)
-        free_kept(kept);
+    if (!scene->cache)
+        free_cache(cache);
     return st;
 }
 
@@ -346,15 +349,15 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErr
                               CtsError *err)
 {
     CtsStatus st;
-    Kept *kept = NULL;
+    Cache *cache = NULL;
     const CtsMacrocells *macrocells;
-    if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, report, err)))
+    if ((st = open_cache(scene, &cache, err)) || (st = find_macrocells(cache, scene, &macrocells, report, err)))
         goto end;
-    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, macrocells, picture, errors, report, err)
-                                                   : cts_project(scene, macrocells, &kept->seen, picture, report, err);
+    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, cache, macrocells, picture, errors, report, err)
+                                                   : cts_project(scene, macrocells, &cache->seen, picture, report, err);
 end:
-    if (!scene->kept)
-        free_kept(kept);
+    if (!scene->cache)
+        free_cache(cache);
     return st;
 }
 
@@ -365,9 +368,9 @@ const CtsEngine cts_engine_tiled = {
     .trace_pixel = trace_pixel,
     .indicator = CTS_INDICATOR_BOUND,
     .skips_void = true,
-    .cuts_slabs = true,
-    .knows_owners = true,
+    .supports_slabs = true,
+    .supports_labels = true,
     .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
-    .forget = free_kept,
+    .free_cache = free_cache,
 };

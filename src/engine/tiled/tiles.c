@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { TILE = 32, SQUARE = 4, SQUARES = TILE / SQUARE, PART = TILE / 4, OTHERS = SQUARE * SQUARE - 1 };
+enum { TILE = 32, BLOCK = 4, BLOCKS = TILE / BLOCK, PART = TILE / 4, OTHERS = BLOCK * BLOCK - 1 };
 /* Pixel blocks with an interpolation error above this multiple of the tolerance are marched completely. */
 #define HALF_FROM 3.0f
 _Static_assert(TILE *TILE == TILED_RAYS, "a tile is a list of rays");
@@ -90,28 +90,29 @@ typedef enum Rays { FEW, HALF, ALL } Rays;
 
 /* A pixel block of SQUARE x SQUARE pixels; it shares its vertices with its neighbours; the last pixels of a tile end
  * its last blocks. */
-typedef struct Square {
+typedef struct PixelBlock {
     int x[2], y[2];
-    int drawn[2]; /* a random one of its other pixels, since thin regular structures may lie between all vertices */
-    bool empty, empty_corners;
-    float twist, off;        /* estimated interpolation error: by the vertices, and including the random pixel */
-    Rays rays, rays_undrawn; /* rays_undrawn: those without the random pixel's information */
-} Square;
+    int sample[2]; /* a random one of its other pixels, since thin regular structures may lie between all vertices */
+    bool empty, empty_vertices;
+    float plane_error, off;         /* estimated interpolation error: by the vertices, and including the random pixel */
+    Rays rays, rays_without_sample; /* rays_without_sample: those without the random pixel's information */
+} PixelBlock;
 
 static int corner(int square, int n)
 {
-    return square * SQUARE < n ? square * SQUARE : n - 1;
+    return square * BLOCK < n ? square * BLOCK : n - 1;
 }
 
-static Square square_of(const Tile *t, int number)
+static PixelBlock block_of(const Tile *t, int number)
 {
-    const int i = number % SQUARES, j = number / SQUARES;
-    Square s = {.x = {corner(i, t->n[0]), corner(i + 1, t->n[0])}, .y = {corner(j, t->n[1]), corner(j + 1, t->n[1])}};
-    const uint64_t chance =
+    const int i = number % BLOCKS, j = number / BLOCKS;
+    PixelBlock s = {.x = {corner(i, t->n[0]), corner(i + 1, t->n[0])},
+                    .y = {corner(j, t->n[1]), corner(j + 1, t->n[1])}};
+    const uint64_t bits =
         cts_random_bits((uint64_t)(t->tiles->picture->first_row + t->y0 + s.y[0]) << 32 | (uint64_t)(t->x0 + s.x[0]));
-    const int drawn = 1 + (int)((chance >> 32) * OTHERS >> 32);
-    s.drawn[0] = at_most(s.x[0] + drawn % SQUARE, s.x[1]);
-    s.drawn[1] = at_most(s.y[0] + drawn / SQUARE, s.y[1]);
+    const int sample = 1 + (int)((bits >> 32) * OTHERS >> 32);
+    s.sample[0] = at_most(s.x[0] + sample % BLOCK, s.x[1]);
+    s.sample[1] = at_most(s.y[0] + sample / BLOCK, s.y[1]);
     return s;
 }
 
@@ -134,45 +135,45 @@ static Corners corners_of(const Tile *t, const int x[2], const int y[2])
     return k;
 }
 
-static float between(const Corners *k, int x, int y, size_t c)
+static float interpolate(const Corners *k, int x, int y, size_t c)
 {
     const float u = part_of(x, k->x), v = part_of(y, k->y);
     const float ab = k->at[0][c] + u * (k->at[1][c] - k->at[0][c]), de = k->at[2][c] + u * (k->at[3][c] - k->at[2][c]);
     return ab + v * (de - ab);
 }
 
-static const float *drawn_pixel(const Tile *t, const Square *s)
+static const float *random_pixel(const Tile *t, const PixelBlock *s)
 {
-    return t->tiles->picture->pixels + 4 * place_of(t, s->drawn[0], s->drawn[1]);
+    return t->tiles->picture->pixels + 4 * place_of(t, s->sample[0], s->sample[1]);
 }
 
 /* Estimates the interpolation error by the random pixel, and by the distance of the vertices from one plane. */
-static void look_within(const Tile *t, Square *s)
+static void measure_block(const Tile *t, PixelBlock *s)
 {
     const Corners k = corners_of(t, s->x, s->y);
-    const float *const drawn = drawn_pixel(t, s);
+    const float *const sample = random_pixel(t, s);
     float off = 0, largest = 0, corner = 0;
     for (size_t c = 0; c < 4; c++) {
-        const float twist = (k.at[0][c] - k.at[1][c]) - (k.at[2][c] - k.at[3][c]);
-        s->twist = fmaxf(s->twist, fabsf(twist) / 4);
-        off = fmaxf(off, fabsf(drawn[c] - between(&k, s->drawn[0], s->drawn[1], c)));
-        largest = fmaxf(largest, drawn[c]);
+        const float plane_error = (k.at[0][c] - k.at[1][c]) - (k.at[2][c] - k.at[3][c]);
+        s->plane_error = fmaxf(s->plane_error, fabsf(plane_error) / 4);
+        off = fmaxf(off, fabsf(sample[c] - interpolate(&k, s->sample[0], s->sample[1], c)));
+        largest = fmaxf(largest, sample[c]);
         for (int i = 0; i < 4; i++)
             corner = fmaxf(corner, k.at[i][c]);
     }
-    s->off = fmaxf(s->twist, off);
-    s->empty_corners = !(corner > 0);
-    s->empty = s->empty_corners && !(largest > 0);
+    s->off = fmaxf(s->plane_error, off);
+    s->empty_vertices = !(corner > 0);
+    s->empty = s->empty_vertices && !(largest > 0);
 }
 
-static float worst_beside(const Square *squares, int number)
+static float worst_beside(const PixelBlock *blocks, int number)
 {
-    const int x = number % SQUARES, y = number / SQUARES;
+    const int x = number % BLOCKS, y = number / BLOCKS;
     float worst = 0;
     for (int side = 0; side < 4; side++) {
         const int bx = x + (side == 0) - (side == 1), by = y + (side == 2) - (side == 3);
-        if (bx >= 0 && bx < SQUARES && by >= 0 && by < SQUARES)
-            worst = fmaxf(worst, squares[by * SQUARES + bx].off);
+        if (bx >= 0 && bx < BLOCKS && by >= 0 && by < BLOCKS)
+            worst = fmaxf(worst, blocks[by * BLOCKS + bx].off);
     }
     return worst;
 }
@@ -181,26 +182,27 @@ static float worst_beside(const Square *squares, int number)
  * space are cheap. */
 static Rays rays_of(const Tile *t, bool empty, float off)
 {
-    const float alike = t->tiles->job->alike;
+    const float alike = t->tiles->job->interpolation_tolerance;
     return empty || off > HALF_FROM * alike ? ALL : off > alike ? HALF : FEW;
 }
 
 /* Neighbouring blocks have similar errors. And where the mean error of a tile is more than half of the tolerance,
  * smaller ones are probably random. */
-static void choose_rays(const Tile *t, Square *squares)
+static void choose_rays(const Tile *t, PixelBlock *blocks)
 {
     float sum = 0;
     int seen = 0;
-    for (int i = 0; i < SQUARES * SQUARES; i++) {
-        sum += squares[i].off;
-        seen += !squares[i].empty;
+    for (int i = 0; i < BLOCKS * BLOCKS; i++) {
+        sum += blocks[i].off;
+        seen += !blocks[i].empty;
     }
-    const float by_chance = seen > 0 ? 2 / (float)seen : 0;
-    for (int i = 0; i < SQUARES * SQUARES; i++) {
-        Square *const s = &squares[i];
-        const float beside = worst_beside(squares, i), undrawn = sum - s->off + s->twist;
-        s->rays = rays_of(t, s->empty, fmaxf(fmaxf(s->off, beside), by_chance * sum));
-        s->rays_undrawn = rays_of(t, s->empty_corners, fmaxf(fmaxf(s->twist, beside), by_chance * undrawn));
+    const float random_share = seen > 0 ? 2 / (float)seen : 0;
+    for (int i = 0; i < BLOCKS * BLOCKS; i++) {
+        PixelBlock *const s = &blocks[i];
+        const float beside = worst_beside(blocks, i), without_sample = sum - s->off + s->plane_error;
+        s->rays = rays_of(t, s->empty, fmaxf(fmaxf(s->off, beside), random_share * sum));
+        s->rays_without_sample =
+            rays_of(t, s->empty_vertices, fmaxf(fmaxf(s->plane_error, beside), random_share * without_sample));
     }
 }
 
@@ -209,7 +211,7 @@ static int middle(const int ends[2])
     return (ends[0] + ends[1] + 1) / 2;
 }
 
-static void list_half(Tile *t, const Square *s)
+static void queue_half_resolution(Tile *t, const PixelBlock *s)
 {
     const int x[3] = {s->x[0], middle(s->x), s->x[1]}, y[3] = {s->y[0], middle(s->y), s->y[1]};
     for (int i = 0; i < 9; i++)
@@ -217,7 +219,7 @@ static void list_half(Tile *t, const Square *s)
 }
 
 /* Bilinear; if a vertex has no surface, the nearest vertex's depth. */
-static float depth_between(const Tile *t, const Corners *k, int x, int y)
+static float interpolate_depth(const Tile *t, const Corners *k, int x, int y)
 {
     const float u = part_of(x, k->x), v = part_of(y, k->y);
     float mm[4];
@@ -231,7 +233,7 @@ static float depth_between(const Tile *t, const Corners *k, int x, int y)
 }
 
 /* Interpolates the pixels that were not marched bilinearly from the vertices. */
-static void fill(Tile *t, const int x[2], const int y[2])
+static void interpolate_block(Tile *t, const int x[2], const int y[2])
 {
     CtsPicture *const p = t->tiles->picture;
     CtsErrorMap *const errors = t->tiles->errors;
@@ -242,13 +244,13 @@ static void fill(Tile *t, const int x[2], const int y[2])
                 continue;
             const size_t at = place_of(t, i, j);
             for (size_t c = 0; c < 4; c++)
-                p->pixels[4 * at + c] = between(&k, i, j, c);
+                p->pixels[4 * at + c] = interpolate(&k, i, j, c);
             errors->origin[at] = CTS_PIXEL_INTERPOLATED;
-            errors->indicator[at] = HALF_FROM * t->tiles->job->alike;
+            errors->indicator[at] = HALF_FROM * t->tiles->job->interpolation_tolerance;
             if (p->depth_mm)
-                p->depth_mm[at] = depth_between(t, &k, i, j);
+                p->depth_mm[at] = interpolate_depth(t, &k, i, j);
             t->known[j][i] = true;
-            t->scratch->counts.between++;
+            t->scratch->counts.interpolated++;
         }
 }
 
@@ -258,40 +260,41 @@ static void halve(const int ends[2], bool second, int half[2])
     half[1] = second ? ends[1] : middle(ends);
 }
 
-static void fill_half(Tile *t, const Square *s)
+static void interpolate_half_resolution(Tile *t, const PixelBlock *s)
 {
     for (int i = 0; i < 4; i++) {
         int x[2], y[2];
         halve(s->x, i & 1, x);
         halve(s->y, i >> 1, y);
-        fill(t, x, y);
+        interpolate_block(t, x, y);
     }
 }
 
 /* The choice of the random pixel is independent of the rays its block would have without it. So its error, where it
  * would have been interpolated, is a sample of the interpolation error; its probability is 1 in OTHERS, and it is
  * weighted accordingly. */
-static void tell_drawn(const Tile *t, const Square *s)
+static void estimate_interpolation_error(const Tile *t, const PixelBlock *s)
 {
-    if (s->rays_undrawn == ALL)
+    if (s->rays_without_sample == ALL)
         return;
     int x[2] = {s->x[0], s->x[1]}, y[2] = {s->y[0], s->y[1]};
-    if (s->rays_undrawn == HALF) {
-        halve(s->x, s->drawn[0] > middle(s->x), x);
-        halve(s->y, s->drawn[1] > middle(s->y), y);
+    if (s->rays_without_sample == HALF) {
+        halve(s->x, s->sample[0] > middle(s->x), x);
+        halve(s->y, s->sample[1] > middle(s->y), y);
     }
     const Corners k = corners_of(t, x, y);
-    float told[4];
+    float interpolated[4];
     for (size_t c = 0; c < 4; c++)
-        told[c] = between(&k, s->drawn[0], s->drawn[1], c);
-    const double square = cts_scene_square_of_error(t->tiles->scene, drawn_pixel(t, s), told);
-    const uint64_t missed = (uint64_t)ceil(ldexp((OTHERS - 1) * fmin(square, 1), 32));
+        interpolated[c] = interpolate(&k, s->sample[0], s->sample[1], c);
+    const double square = cts_scene_square_of_error(t->tiles->scene, random_pixel(t, s), interpolated);
+    const uint64_t weighted = (uint64_t)ceil(ldexp((OTHERS - 1) * fmin(square, 1), 32));
     TiledCounts *const counts = &t->scratch->counts;
-    counts->missed += missed;
-    counts->missed_most = missed > counts->missed_most ? missed : counts->missed_most;
+    counts->interpolation_error += weighted;
+    counts->largest_interpolation_error =
+        weighted > counts->largest_interpolation_error ? weighted : counts->largest_interpolation_error;
 }
 
-static void list_square(Tile *t, const Square *s)
+static void list_block(Tile *t, const PixelBlock *s)
 {
     for (int y = s->y[0]; y <= s->y[1]; y++)
         for (int x = s->x[0]; x <= s->x[1]; x++)
@@ -301,47 +304,47 @@ static void list_square(Tile *t, const Square *s)
 /* All pixels at once, by pixel blocks, as neighbouring rays traverse the same cells. */
 static void run_whole(Tile *t)
 {
-    for (int i = 0; i < SQUARES * SQUARES; i++) {
-        const Square s = square_of(t, i);
-        list_square(t, &s);
+    for (int i = 0; i < BLOCKS * BLOCKS; i++) {
+        const PixelBlock s = block_of(t, i);
+        list_block(t, &s);
     }
     march_listed(t);
 }
 
-static void run_draft(Tile *t)
+static void run_preview(Tile *t)
 {
-    Square squares[SQUARES * SQUARES];
-    for (int i = 0; i < SQUARES * SQUARES; i++) {
-        const Square *const s = &squares[i];
-        squares[i] = square_of(t, i);
+    PixelBlock blocks[BLOCKS * BLOCKS];
+    for (int i = 0; i < BLOCKS * BLOCKS; i++) {
+        const PixelBlock *const s = &blocks[i];
+        blocks[i] = block_of(t, i);
         for (int k = 0; k < 4; k++)
             list_pixel(t, s->x[k & 1], s->y[k >> 1]);
-        list_pixel(t, s->drawn[0], s->drawn[1]);
+        list_pixel(t, s->sample[0], s->sample[1]);
     }
     march_listed(t);
-    for (int i = 0; i < SQUARES * SQUARES; i++)
-        look_within(t, &squares[i]);
-    choose_rays(t, squares);
-    for (int i = 0; i < SQUARES * SQUARES; i++)
-        if (squares[i].rays == ALL)
-            list_square(t, &squares[i]);
-        else if (squares[i].rays == HALF)
-            list_half(t, &squares[i]);
+    for (int i = 0; i < BLOCKS * BLOCKS; i++)
+        measure_block(t, &blocks[i]);
+    choose_rays(t, blocks);
+    for (int i = 0; i < BLOCKS * BLOCKS; i++)
+        if (blocks[i].rays == ALL)
+            list_block(t, &blocks[i]);
+        else if (blocks[i].rays == HALF)
+            queue_half_resolution(t, &blocks[i]);
     march_listed(t);
-    for (int i = 0; i < SQUARES * SQUARES; i++)
-        tell_drawn(t, &squares[i]);
-    for (int i = 0; i < SQUARES * SQUARES; i++)
-        if (squares[i].rays == HALF)
-            fill_half(t, &squares[i]);
-        else if (squares[i].rays == FEW)
-            fill(t, squares[i].x, squares[i].y);
+    for (int i = 0; i < BLOCKS * BLOCKS; i++)
+        estimate_interpolation_error(t, &blocks[i]);
+    for (int i = 0; i < BLOCKS * BLOCKS; i++)
+        if (blocks[i].rays == HALF)
+            interpolate_half_resolution(t, &blocks[i]);
+        else if (blocks[i].rays == FEW)
+            interpolate_block(t, blocks[i].x, blocks[i].y);
 }
 
 static void run_some_tiles(void *context, int worker, size_t first, size_t end)
 {
     const Tiles *const tiles = context;
     const CtsPicture *const p = tiles->picture;
-    const bool draft = tiles->job->alike > 0 && tiles->errors;
+    const bool preview = tiles->job->interpolation_tolerance > 0 && tiles->errors;
     for (size_t tile = first; tile < end && !cts_scene_stopped(tiles->scene); tile++) {
         const int x0 = (int)tile % tiles->across * TILE, y0 = (int)tile / tiles->across * TILE;
         Tile t = {tiles,
@@ -353,7 +356,7 @@ static void run_some_tiles(void *context, int worker, size_t first, size_t end)
                   {{0}}};
         find_reach(&t);
         t.scratch->rays.n = 0;
-        (draft ? run_draft : run_whole)(&t);
+        (preview ? run_preview : run_whole)(&t);
     }
 }
 
@@ -370,17 +373,19 @@ CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const Cts
     for (int w = 0; w < n_threads; w++) {
         const TiledCounts *const c = &t.scratch[w].counts;
         total->skips += c->skips;
-        total->pieces += c->pieces;
-        total->lit += c->lit;
-        total->between += c->between;
-        total->missed += c->missed;
-        total->missed_most = c->missed_most > total->missed_most ? c->missed_most : total->missed_most;
+        total->segments += c->segments;
+        total->queues += c->queues;
+        total->interpolated += c->interpolated;
+        total->interpolation_error += c->interpolation_error;
+        total->largest_interpolation_error = c->largest_interpolation_error > total->largest_interpolation_error
+                                                 ? c->largest_interpolation_error
+                                                 : total->largest_interpolation_error;
         total->ticks += c->ticks;
         total->shade_ticks += c->shade_ticks;
     }
     if (errors) {
-        errors->interpolation_error = ldexp((double)total->missed, -32);
-        errors->largest_interpolation_error = ldexp((double)total->missed_most, -32);
+        errors->interpolation_error = ldexp((double)total->interpolation_error, -32);
+        errors->largest_interpolation_error = ldexp((double)total->largest_interpolation_error, -32);
     }
     cts_free(&t.scratch);
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;

@@ -28,19 +28,21 @@ static const char *hu_text(const Trace *t, float level, float rest, char text[32
 static void write_segment(void *context, const TiledSegment *s)
 {
     const Trace *const t = context;
-    const TiledPieces *const pieces = t->job->looks ? &t->job->looks->pieces[s->appearance] : &t->job->pieces;
+    const TiledTransfer *const transfer =
+        t->job->appearances ? &t->job->appearances->transfer[s->appearance] : &t->job->transfer;
     const int q = s->transfer_segment;
     char low[32], high[32];
-    cts_report_trace(t->report,
-                     "{\"trace\":\"segment\",\"precision\":\"%s\",\"outcome\":\"%s\",\"t_mm\":%.9g,\"length_mm\":%.9g,"
-                     "\"cell\":[%d,%d,%d],\"hu\":[%.9g,%.9g,%.9g,%.9g],\"appearance\":%d,\"transfer_segment\":%d,"
-                     "\"transfer_hu\":[%s,%s],\"depth\":%.9g,\"rgb\":[%.9g,%.9g,%.9g],\"transmittance\":[%.9g,%.9g],"
-                     "\"error\":{\"depth\":%.3g,\"colour\":%.3g,\"control_points\":%.3g}}",
-                     t->precision, s->integrated ? "integrated" : "split", s->t_mm, s->length_mm, s->cell[0],
-                     s->cell[1], s->cell[2], hu_of(t, s->level[0]), hu_of(t, s->level[1]), hu_of(t, s->level[2]),
-                     hu_of(t, s->level[3]), s->appearance, q, hu_text(t, pieces->end[0][q], pieces->rest[0][q], low),
-                     hu_text(t, pieces->end[1][q], pieces->rest[1][q], high), s->depth, s->rgb[0], s->rgb[1], s->rgb[2],
-                     s->transmittance[0], s->transmittance[1], s->depth_error, s->colour_error, s->control_point_error);
+    cts_report_trace(
+        t->report,
+        "{\"trace\":\"segment\",\"precision\":\"%s\",\"outcome\":\"%s\",\"t_mm\":%.9g,\"length_mm\":%.9g,"
+        "\"cell\":[%d,%d,%d],\"hu\":[%.9g,%.9g,%.9g,%.9g],\"appearance\":%d,\"transfer_segment\":%d,"
+        "\"transfer_hu\":[%s,%s],\"depth\":%.9g,\"rgb\":[%.9g,%.9g,%.9g],\"transmittance\":[%.9g,%.9g],"
+        "\"error\":{\"depth\":%.3g,\"colour\":%.3g,\"control_points\":%.3g}}",
+        t->precision, s->integrated ? "integrated" : "split", s->t_mm, s->length_mm, s->cell[0], s->cell[1], s->cell[2],
+        hu_of(t, s->level[0]), hu_of(t, s->level[1]), hu_of(t, s->level[2]), hu_of(t, s->level[3]), s->appearance, q,
+        hu_text(t, transfer->end[0][q], transfer->remainder[0][q], low),
+        hu_text(t, transfer->end[1][q], transfer->remainder[1][q], high), s->depth, s->rgb[0], s->rgb[1], s->rgb[2],
+        s->transmittance[0], s->transmittance[1], s->depth_error, s->colour_error, s->control_point_error);
 }
 
 CtsStatus cts_tiled_trace(const TiledJob *job, const CtsScene *scene, cts_tiled_march_fn march, const char *precision,
@@ -60,7 +62,7 @@ CtsStatus cts_tiled_trace(const TiledJob *job, const CtsScene *scene, cts_tiled_
                      "{\"trace\":\"ray\",\"precision\":\"%s\",\"pixel\":[%d,%d],\"hits_volume\":%s,\"start_mm\":%.9g,"
                      "\"length_mm\":%.9g,\"tolerance\":%.3g,\"min_transmittance\":%.3g}",
                      precision, x, y, rays->n ? "true" : "false", rays->n ? job->camera_mm + rays->start_mm[0] : 0,
-                     rays->n ? rays->length_mm[0] : 0, (double)job->tolerance, (double)job->dark);
+                     rays->n ? rays->length_mm[0] : 0, (double)job->tolerance, (double)job->min_transmittance);
     march(&traced, rays, &scratch->counts);
     const float *const p = rays->rgba[0];
     if (rays->n)
@@ -68,7 +70,7 @@ CtsStatus cts_tiled_trace(const TiledJob *job, const CtsScene *scene, cts_tiled_
                          "{\"trace\":\"pixel\",\"precision\":\"%s\",\"rgba\":[%.9g,%.9g,%.9g,%.9g],"
                          "\"left_out\":%.3g,\"error\":%.3g,\"shading_error\":%.3g}",
                          precision, (double)p[0], (double)p[1], (double)p[2], (double)p[3], (double)rays->left[0],
-                         (double)rays->bound[0], (double)rays->lit_bound[0]);
+                         (double)rays->bound[0], (double)rays->shading_bound[0]);
     cts_free(&scratch);
     return CTS_OK;
 }

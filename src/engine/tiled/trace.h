@@ -2,7 +2,7 @@
 #ifndef CTS_TILED_TRACE_H
 #define CTS_TILED_TRACE_H
 
-#include "engine/tiled/cells.h"
+#include "engine/tiled/tiled_march.h"
 
 /* Marches the ray of pixel (x, y) of a view by one of the marches that report segments (cts_tiled_march_traced()), and
  * adds its lines: the ray, each segment, the pixel. precision: the march's name in them. */

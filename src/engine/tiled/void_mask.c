@@ -13,20 +13,20 @@ typedef struct Bracket {
     int low, high;
 } Bracket;
 
-typedef struct Looking {
+typedef struct BlockTest {
     TiledMask *mask;
     const CtsVolume *volume;
     const CtsMacrocells *macrocells;
     const CtsLut *lut;
-    const TiledLooks *looks; /* NULL: one appearance for all */
-    Bracket bracket;         /* of lut */
-    Bracket *brackets;       /* of each appearance */
+    const TiledAppearances *appearances; /* NULL: one appearance for all */
+    Bracket bracket;                     /* of lut */
+    Bracket *brackets;                   /* of each appearance */
     int n_cells[3];
     ptrdiff_t stride[3]; /* to the next voxel; 0 along an axis of one */
     ptrdiff_t n_voxels;
     uint8_t *distance; /* of each block, to the nearest potentially visible one */
     _Atomic int64_t n_visible;
-} Looking;
+} BlockTest;
 
 #define INLINE __attribute__((always_inline)) static inline
 /* Levels of a row of voxels, those of a block's cells first. */
@@ -53,7 +53,7 @@ INLINE Row next(Row row)
     return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 7);
 }
 
-INLINE Row load_row(const Looking *l, ptrdiff_t at, int n)
+INLINE Row load_row(const BlockTest *l, ptrdiff_t at, int n)
 {
     Row row = {0};
     if (l->stride[0] == 1 && at + (ptrdiff_t)(sizeof row / sizeof row[0]) <= l->n_voxels)
@@ -72,7 +72,7 @@ INLINE Row row_shows(const Bracket *b, Row low, Row high)
     return (Row)(most >= from) & (Row)(smaller(low, next(low)) <= to);
 }
 
-INLINE void any_block_bits(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
+INLINE void any_block_bits(const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2])
 {
     int n[3];
     ptrdiff_t at = 0;
@@ -105,21 +105,21 @@ INLINE void any_block_bits(const Looking *l, const Bracket *b, const int block[3
     }
 }
 
-static void block_bits(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
+static void block_bits(const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2])
 {
     any_block_bits(l, b, block, cells);
 }
 
-CTS_TARGET_AVX2 static void block_bits_avx2(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
+CTS_TARGET_AVX2 static void block_bits_avx2(const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2])
 {
     any_block_bits(l, b, block, cells);
 }
 
 /* True if a block of one appearance is potentially visible; its cells are then tested one by one. */
-static bool look_at_block(const Looking *l, const CtsLut *lut, const Bracket *b, const int block[3], CtsRange r,
-                          uint32_t cells[2])
+static bool test_uniform_block(const BlockTest *l, const CtsLut *lut, const Bracket *b, const int block[3], CtsRange r,
+                               uint32_t cells[2])
 {
-    const bool visible = lut && cts_lut_visible(lut, r.low, CTS_MUTATED(LEAP_RANGE) ? r.low : r.high);
+    const bool visible = lut && cts_lut_visible(lut, r.low, CTS_MUTATED(SKIP_RANGE) ? r.low : r.high);
     cells[0] = cells[1] = visible ? UINT32_MAX : 0;
     if (visible && (r.low <= b->low || r.high >= b->high))
         (cts_cpu_flags() & CTS_CPU_AVX2 ? block_bits_avx2 : block_bits)(l, b, block, cells);
@@ -127,79 +127,81 @@ static bool look_at_block(const Looking *l, const CtsLut *lut, const Bracket *b,
 }
 
 /* Appearances of a cell's voxels: bit l for appearance l. */
-static void mark_looks(const CtsOwners *owners, const int cell[3], uint64_t looks[4])
+static void mark_appearances(const CtsVoxelLabels *voxel_labels, const int cell[3], uint64_t appearances[4])
 {
-    CtsCellOwners in_cell;
-    const int one = cts_look_of_cell(owners, cell);
-    if (one != CTS_LOOKS_DIFFER) {
-        looks[one / 64] |= UINT64_C(1) << one % 64;
+    CtsCellLabels in_cell;
+    const int one = cts_appearance_of_cell(voxel_labels, cell);
+    if (one != CTS_APPEARANCES_DIFFER) {
+        appearances[one / 64] |= UINT64_C(1) << one % 64;
         return;
     }
-    cts_cell_owners(owners, cell, &in_cell);
+    cts_cell_labels(voxel_labels, cell, &in_cell);
     for (int i = 0; i < in_cell.n; i++) {
-        const int look = owners->look[in_cell.owner[i]];
-        looks[look / 64] |= UINT64_C(1) << look % 64;
+        const int appearance = voxel_labels->appearance[in_cell.voxel_label[i]];
+        appearances[appearance / 64] |= UINT64_C(1) << appearance % 64;
     }
 }
 
 /* True if these levels are visible in any appearance. */
-static bool some_look_shows(const Looking *l, CtsRange r)
+static bool any_appearance_shows(const BlockTest *l, CtsRange r)
 {
     bool shows = cts_lut_visible(l->lut, r.low, r.high);
-    for (int look = CTS_LOOK_OWN; look < l->looks->n && !shows; look++)
-        shows = l->looks->own[look] && cts_lut_visible(l->looks->own[look], r.low, r.high);
+    for (int appearance = CTS_APPEARANCE_OWN; appearance < l->appearances->n && !shows; appearance++)
+        shows = l->appearances->own[appearance] && cts_lut_visible(l->appearances->own[appearance], r.low, r.high);
     return shows;
 }
 
 /* Cells of a block with several appearances: those that are potentially visible in one of their own. */
-static bool look_at_cells(const Looking *l, const int block[3], CtsRange r, uint32_t cells[2])
+static bool test_mixed_block(const BlockTest *l, const int block[3], CtsRange r, uint32_t cells[2])
 {
-    const CtsOwners *const owners = l->looks->owners;
+    const CtsVoxelLabels *const voxel_labels = l->appearances->voxel_labels;
     uint64_t of_cell[TILED_BLOCK * TILED_BLOCK * TILED_BLOCK][4] = {{0}}, all[4] = {0};
     cells[0] = cells[1] = 0;
-    if (!some_look_shows(l, r))
+    if (!any_appearance_shows(l, r))
         return false;
     for (int n = 0; n < TILED_BLOCK * TILED_BLOCK * TILED_BLOCK; n++) {
         const int cell[3] = {block[0] * TILED_BLOCK + n % 4, block[1] * TILED_BLOCK + n / 4 % 4,
                              block[2] * TILED_BLOCK + n / 16};
         if (cell[0] >= l->n_cells[0] || cell[1] >= l->n_cells[1] || cell[2] >= l->n_cells[2])
             continue;
-        mark_looks(owners, cell, of_cell[n]);
+        mark_appearances(voxel_labels, cell, of_cell[n]);
         for (int w = 0; w < 4; w++)
             all[w] |= of_cell[n][w];
     }
-    for (int look = CTS_LOOK_PRESET; look < l->looks->n; look++) {
-        uint32_t own[2], of_look[2] = {0, 0};
-        if (!(all[look / 64] >> look % 64 & 1) ||
-            !look_at_block(l, cts_tiled_look_lut(l->looks, l->lut, look), &l->brackets[look], block, r, own))
+    for (int appearance = CTS_APPEARANCE_PRESET; appearance < l->appearances->n; appearance++) {
+        uint32_t own[2], of_appearance[2] = {0, 0};
+        if (!(all[appearance / 64] >> appearance % 64 & 1) ||
+            !test_uniform_block(l, cts_tiled_appearance_lut(l->appearances, l->lut, appearance),
+                                &l->brackets[appearance], block, r, own))
             continue;
         for (int n = 0; n < 64; n++)
-            of_look[n / 32] |= (uint32_t)(of_cell[n][look / 64] >> look % 64 & 1) << n % 32;
+            of_appearance[n / 32] |= (uint32_t)(of_cell[n][appearance / 64] >> appearance % 64 & 1) << n % 32;
         for (int w = 0; w < 2; w++)
-            cells[w] |= own[w] & of_look[w];
+            cells[w] |= own[w] & of_appearance[w];
     }
     return cells[0] | cells[1];
 }
 
-static bool look_at(const Looking *l, size_t at, const int block[3], uint32_t cells[2])
+static bool test_block(const BlockTest *l, size_t at, const int block[3], uint32_t cells[2])
 {
     const CtsRange r = l->macrocells->fine[at];
-    if (!l->looks)
-        return look_at_block(l, l->lut, &l->bracket, block, r, cells);
-    const int look = l->looks->owners->block[at];
-    return look == CTS_LOOKS_DIFFER
-               ? look_at_cells(l, block, r, cells)
-               : look_at_block(l, cts_tiled_look_lut(l->looks, l->lut, look), &l->brackets[look], block, r, cells);
+    if (!l->appearances)
+        return test_uniform_block(l, l->lut, &l->bracket, block, r, cells);
+    const int appearance = l->appearances->voxel_labels->block[at];
+    return appearance == CTS_APPEARANCES_DIFFER
+               ? test_mixed_block(l, block, r, cells)
+               : test_uniform_block(l, cts_tiled_appearance_lut(l->appearances, l->lut, appearance),
+                                    &l->brackets[appearance], block, r, cells);
 }
 
-static uint32_t told_from_distance(uint32_t bits)
+static uint32_t distinct_from_distance(uint32_t bits)
 {
     return bits > 0 && bits <= TILED_FAR ? bits | UINT32_C(1) << 31 : bits;
 }
 
-static void look_at_rows(void *context, int worker, size_t first, size_t end)
+static void test_rows(void *context, int worker, size_t first, size_t end)
 {
-    Looking *const l = context;
+    BlockTest *const l = context;
     TiledMask *const m = l->mask;
     int64_t n_visible = 0;
     (void)worker;
@@ -208,9 +210,9 @@ static void look_at_rows(void *context, int worker, size_t first, size_t end)
             const size_t at = row * (size_t)m->n[0] + (size_t)i;
             const int block[3] = {i, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])};
             uint32_t cells[2];
-            const bool visible = look_at(l, at, block, cells);
+            const bool visible = test_block(l, at, block, cells);
             for (int half = 0; half < 2; half++)
-                m->words[2 * at + (size_t)half] = told_from_distance(cells[half]);
+                m->words[2 * at + (size_t)half] = distinct_from_distance(cells[half]);
             l->distance[at] = visible ? 0 : CTS_CELL_FAR;
             n_visible += visible;
         }
@@ -219,7 +221,7 @@ static void look_at_rows(void *context, int worker, size_t first, size_t end)
 
 static void note_distances(void *context, int worker, size_t first, size_t end)
 {
-    const Looking *const l = context;
+    const BlockTest *const l = context;
     const size_t n = (size_t)l->mask->n[0];
     (void)worker;
     for (size_t at = first * n; at < end * n; at++)
@@ -238,11 +240,12 @@ static Bracket bracket_of(const CtsLut *lut)
     return b;
 }
 
-CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledLooks *looks,
+CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                               const CtsMacrocells *macrocells, CtsError *err)
 {
     CtsStatus st;
-    Looking l = {.mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .looks = looks};
+    BlockTest l = {
+        .mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .appearances = appearances};
     *mask = (TiledMask){.n_visible = 0};
     size_t n = 1;
     ptrdiff_t stride = 1;
@@ -256,14 +259,14 @@ CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const Tile
     }
     l.n_voxels = stride;
     l.bracket = bracket_of(scene->lut);
-    if (looks && (st = cts_alloc_array(&l.brackets, (size_t)looks->n, err)))
+    if (appearances && (st = cts_alloc_array(&l.brackets, (size_t)appearances->n, err)))
         return st;
-    for (int look = 0; looks && look < looks->n; look++)
-        l.brackets[look] = bracket_of(cts_tiled_look_lut(looks, scene->lut, look));
+    for (int appearance = 0; appearances && appearance < appearances->n; appearance++)
+        l.brackets[appearance] = bracket_of(cts_tiled_appearance_lut(appearances, scene->lut, appearance));
     if ((st = cts_alloc_array(&mask->words, 2 * n, err)) || (st = cts_alloc_array(&l.distance, n, err)))
         goto end;
     const size_t rows = (size_t)mask->n[1] * (size_t)mask->n[2];
-    cts_parallel(scene->settings->n_threads, rows, 16, look_at_rows, &l);
+    cts_parallel(scene->settings->n_threads, rows, 16, test_rows, &l);
     mask->n_visible = atomic_load(&l.n_visible);
     if ((st = cts_cell_distance(l.distance, mask->n[0], mask->n[1], mask->n[2], err)))
         goto end;

@@ -4,7 +4,7 @@
 
 #include "core/scene/engine.h"
 #include "core/volume/macrocells.h"
-#include "engine/tiled/looks.h"
+#include "engine/tiled/appearance_tables.h"
 
 /* Cells are grouped in blocks of 4 x 4 x 4, the fine macro-cells. */
 enum { TILED_BLOCK = 4 };
@@ -27,8 +27,8 @@ static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
     return 2 * (row * (size_t)m->n[0] + (size_t)(i / TILED_BLOCK)) + (size_t)(k / 2 % 2);
 }
 
-/* looks: NULL: one appearance for all. */
-CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledLooks *looks,
+/* appearances: NULL: one appearance for all. */
+CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                               const CtsMacrocells *macrocells, CtsError *err);
 void cts_tiled_mask_free(TiledMask *mask);
 

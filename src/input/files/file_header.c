@@ -1,6 +1,6 @@
 #include "input/files/file_header.h"
 
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include <string.h>
 
 /* The packing program of a file that is not DICOM, by its first bytes. */
@@ -20,7 +20,7 @@ static const char *packer_of(const uint8_t *bytes, size_t n)
     return NULL;
 }
 
-static CtsStatus read_nifti(const CtsHead *h, const CtsFile *source, CtsNiftiForm form, CtsObject *object,
+static CtsStatus read_nifti(const CtsDicomHeader *h, const CtsFile *source, CtsNiftiForm form, CtsObject *object,
                             CtsError *err)
 {
     /* In a folder it may be a mask or a picture of anything. */
@@ -33,19 +33,19 @@ static CtsStatus read_nifti(const CtsHead *h, const CtsFile *source, CtsNiftiFor
 CtsFileKind cts_file_read_header(const CtsFile *source, CtsNiftiForm form, CtsScratch *scratch, CtsObject *object,
                                  uint64_t *bytes_read, CtsError *err)
 {
-    CtsHead h;
-    CtsStatus st = cts_head_begin(&h, source, scratch, err);
+    CtsDicomHeader h;
+    CtsStatus st = cts_dicom_header_begin(&h, source, scratch, err);
     if (!st && h.n && cts_nifti_slices_are(source->path, scratch->file, h.n)) {
         h.kind = CTS_FILE_NIFTI;
         st = read_nifti(&h, source, form, object, err);
-    } else if (!st && !(st = cts_head_read(&h, err))) {
+    } else if (!st && !(st = cts_dicom_header_read(&h, err))) {
         if (h.kind == CTS_FILE_DICOM)
-            st = cts_head_object(&h, source, object, err);
+            st = cts_dicom_header_object(&h, source, object, err);
         else if (h.n)
             object->packed = packer_of(scratch->file, h.n);
     }
     *bytes_read += h.n;
-    cts_head_close(&h);
+    cts_dicom_header_close(&h);
     if (!st)
         return h.kind;
     cts_object_free(object);

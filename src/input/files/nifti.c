@@ -10,8 +10,8 @@
 #include <unistd.h>
 #include <zlib.h>
 
-enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MOST_EXTENSION = 16 << 20, MOST_DIM = 32767 };
-enum { MOST_PACKED = 1032 }; /* largest ratio of deflate: matches of 258 bytes in 2 bits */
+enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MAX_EXTENSION = 16 << 20, MAX_DIM = 32767 };
+enum { MAX_PACKED = 1032 }; /* largest ratio of deflate: matches of 258 bytes in 2 bits */
 
 /* All datatypes that hold one number a voxel. */
 static const struct {
@@ -213,7 +213,7 @@ static double corner_off(const CtsNifti *f, const double size_mm[3], double *off
 CtsNiftiForms cts_nifti_compare_forms(const CtsNifti *f, char text[CTS_NIFTI_FORMS_TEXT])
 {
     const double pi = 3.14159265358979323846;
-    double s_mm[3], q_mm[3], off_mm, most_deg = 0, most_share = 0;
+    double s_mm[3], q_mm[3], off_mm, max_deg = 0, max_share = 0;
     int turned = 0;
     text[0] = 0;
     if (!f->sform.given || !f->qform.given)
@@ -223,26 +223,26 @@ CtsNiftiForms cts_nifti_compare_forms(const CtsNifti *f, char text[CTS_NIFTI_FOR
         q_mm[a] = cts_norm3(f->qform.step_lps[a]);
         const double cosine = cts_dot3(f->sform.step_lps[a], f->qform.step_lps[a]) / (s_mm[a] * q_mm[a]);
         const double deg = acos(fmin(fmax(cosine, -1), 1)) * (180 / pi);
-        most_share = fmax(most_share, fabs(s_mm[a] - q_mm[a]) / fmax(s_mm[a], q_mm[a]));
-        if (deg > most_deg) {
-            most_deg = deg;
+        max_share = fmax(max_share, fabs(s_mm[a] - q_mm[a]) / fmax(s_mm[a], q_mm[a]));
+        if (deg > max_deg) {
+            max_deg = deg;
             turned = a;
         }
     }
     const bool mirrored = spanned(&f->sform) * spanned(&f->qform) < 0;
     if (mirrored)
         snprintf(text, CTS_NIFTI_FORMS_TEXT, "one is the other mirrored");
-    else if (most_deg > 1)
-        snprintf(text, CTS_NIFTI_FORMS_TEXT, "their axes %d point %.3g degrees apart", turned + 1, most_deg);
-    else if (most_share > 0.01)
+    else if (max_deg > 1)
+        snprintf(text, CTS_NIFTI_FORMS_TEXT, "their axes %d point %.3g degrees apart", turned + 1, max_deg);
+    else if (max_share > 0.01)
         snprintf(text, CTS_NIFTI_FORMS_TEXT,
                  "voxels of %.4g x %.4g x %.4g mm by one, %.4g x %.4g x %.4g mm by the other", s_mm[0], s_mm[1],
                  s_mm[2], q_mm[0], q_mm[1], q_mm[2]);
     else if (corner_off(f, s_mm, &off_mm) > 1)
         snprintf(text, CTS_NIFTI_FORMS_TEXT, "a corner lies %.3g mm apart", off_mm);
-    return mirrored || most_deg > 45 ? CTS_NIFTI_FORMS_CONTRADICT
-           : text[0]                 ? CTS_NIFTI_FORMS_DIFFER
-                                     : CTS_NIFTI_FORMS_AGREE;
+    return mirrored || max_deg > 45 ? CTS_NIFTI_FORMS_CONTRADICT
+           : text[0]                ? CTS_NIFTI_FORMS_DIFFER
+                                    : CTS_NIFTI_FORMS_AGREE;
 }
 
 static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const Layout *l, CtsError *err)
@@ -251,8 +251,8 @@ static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const Layout *l, CtsE
     for (int i = 1; i <= 7; i++) {
         int64_t n = i <= n_dims ? signed_at(f, h + l->dim + i * l->dim_bytes, l->dim_bytes) : 1;
         n = i > 3 && n == 0 ? 1 : n; /* some writers count dimensions that they leave empty */
-        if (n < 1 || n > MOST_DIM || n_dims < 1 || n_dims > 7)
-            return cts_fail(err, CTS_ERR_READ, "its dimension %d is %lld (1 to %d)", i, (long long)n, MOST_DIM);
+        if (n < 1 || n > MAX_DIM || n_dims < 1 || n_dims > 7)
+            return cts_fail(err, CTS_ERR_READ, "its dimension %d is %lld (1 to %d)", i, (long long)n, MAX_DIM);
         if (i > 3 && n > 1)
             return cts_fail(err, CTS_ERR_READ, "has %lld dimensions; one volume a file is read", (long long)n_dims);
         if (i <= 3)
@@ -282,7 +282,7 @@ static CtsStatus read_extension(CtsNifti *f, uint64_t offset, CtsError *err)
     if (offset < at)
         return cts_fail(err, CTS_ERR_READ, "its voxels begin inside its header");
     /* where the file ends earlier, reading the voxels fails with a message */
-    if (offset - at <= 12 || offset - at > MOST_EXTENSION)
+    if (offset - at <= 12 || offset - at > MAX_EXTENSION)
         return gzseek(f->stream, (z_off_t)offset, SEEK_SET) < 0
                    ? cts_fail(err, CTS_ERR_READ, "cut short in its extension")
                    : CTS_OK;
@@ -326,10 +326,10 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
         return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (its header does not begin with 348 or 540)");
     if (second && (st = read_bytes(f, h + SIZE_1, SIZE_2 - SIZE_1, err)))
         return st;
-    const char *const told = (const char *)h + (second ? 4 : 344);
-    if (!strncmp(told, "ni", 2))
+    const char *const form_magic = (const char *)h + (second ? 4 : 344);
+    if (!strncmp(form_magic, "ni", 2))
         return cts_fail(err, CTS_ERR_READ, "is half of a NIfTI pair .hdr/.img (convert it to one .nii file)");
-    if (strncmp(told, second ? "n+2" : "n+1", 3))
+    if (strncmp(form_magic, second ? "n+2" : "n+1", 3))
         return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (Analyze headers contain no position)");
     const Layout *const l = &layouts[second];
     const double offset = second ? (double)signed_at(f, h + l->offset, 8) : real_at(f, h + l->offset, 4);
@@ -351,7 +351,7 @@ void cts_nifti_close(CtsNifti *f)
 CtsStatus cts_nifti_count(const CtsNifti *f, size_t bytes_each, size_t *n, CtsError *err)
 {
     const size_t n_row = (size_t)f->dims[0] * (size_t)f->dims[1];
-    const uint64_t most = f->is_packed ? f->file->n_bytes * MOST_PACKED : f->file->n_bytes;
+    const uint64_t most = f->is_packed ? f->file->n_bytes * MAX_PACKED : f->file->n_bytes;
     if (cts_mul_overflows(n_row, (size_t)f->dims[2], n) || *n > most / (uint64_t)f->bytes)
         return cts_fail(err, CTS_ERR_READ, "cut short: it claims %d x %d x %d voxels of %d bytes, and has %llu bytes",
                         f->dims[0], f->dims[1], f->dims[2], f->bytes, (unsigned long long)f->file->n_bytes);

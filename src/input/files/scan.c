@@ -15,15 +15,15 @@ enum { MAX_DEPTH = 32 };
 void cts_file_list_free(CtsFileList *list)
 {
     free(list->items);
-    cts_texts_free(&list->texts);
+    cts_string_pool_free(&list->texts);
     cts_archives_free(&list->archives);
-    cts_findings_free(&list->findings);
+    cts_diagnostics_free(&list->diagnostics);
     *list = (CtsFileList){0};
 }
 
 CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err)
 {
-    const char *kept = cts_texts_keep(&list->texts, path, strlen(path));
+    const char *kept = cts_string_pool_add(&list->texts, path, strlen(path));
     if (!kept || cts_grow(&list->items, list->n, NULL))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     list->items[list->n++] = (CtsFile){.path = kept, .named = named};
@@ -94,8 +94,8 @@ static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsEr
 {
     if (depth > MAX_DEPTH) {
         scan->n_unreadable++;
-        cts_findings_add(&scan->findings, "folder_too_deep", CTS_WARNING, "%s: not searched, more than %d folders deep",
-                         folder, MAX_DEPTH);
+        cts_diagnostics_add(&scan->diagnostics, "folder_too_deep", CTS_WARNING,
+                            "%s: not searched, more than %d folders deep", folder, MAX_DEPTH);
         return CTS_OK;
     }
     DIR *dir = opendir(folder);
@@ -104,8 +104,8 @@ static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsEr
         if (depth == 0)
             return cts_fail(err, CTS_ERR_READ, "%s: the folder cannot be listed: %s", folder, strerror(e));
         scan->n_unreadable++;
-        cts_findings_add(&scan->findings, "unreadable_folder", CTS_WARNING, "%s: the folder cannot be listed: %s",
-                         folder, strerror(e));
+        cts_diagnostics_add(&scan->diagnostics, "unreadable_folder", CTS_WARNING, "%s: the folder cannot be listed: %s",
+                            folder, strerror(e));
         return CTS_OK;
     }
     const CtsStatus st = scan_entries(scan, folder, dir, depth, err);
@@ -125,8 +125,8 @@ static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
         const CtsMember m = archive->members[i];
         if (m.is_bad) {
             scan->n_unreadable++;
-            cts_findings_add(&scan->findings, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s", path,
-                             m.name, (const char *)m.bytes);
+            cts_diagnostics_add(&scan->diagnostics, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s",
+                                path, m.name, (const char *)m.bytes);
             continue;
         }
         char *name = join(path, m.name);
@@ -187,7 +187,7 @@ CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *
     *list = (CtsFileList){0};
     CtsScan scan = {.found = add_to_list, .context = list, .kept = &list->archives, .archives = archives};
     const CtsStatus st = cts_scan_each(&scan, paths, n_paths, err);
-    list->findings = scan.findings;
+    list->diagnostics = scan.diagnostics;
     list->n_special = scan.n_special;
     list->n_unreadable = scan.n_unreadable;
     list->n_other = scan.n_other;

@@ -12,13 +12,13 @@
 
 typedef struct CtsFileList {
     CtsFile *items; /* their paths are among the texts */
-    CtsTexts texts;
+    CtsStringPool texts;
     size_t n;
     int n_special;                /* sockets, devices, links to folders and the like: never opened */
     int n_unreadable;             /* folders that cannot be listed; findings name them */
     int n_other;                  /* members of archives that are plainly no DICOM */
     struct CtsArchives *archives; /* zip files named as paths */
-    CtsFindings findings;
+    CtsDiagnostics diagnostics;
 } CtsFileList;
 
 /* Callback and counters of a search. Zero-initialise; free the findings. */
@@ -30,7 +30,7 @@ typedef struct CtsScan {
     struct CtsArchives **kept;          /* receives the named archives, which own the bytes of their members */
     const struct CtsArchives *archives; /* unpacked before, whose members may be named; or NULL */
     int n_special, n_unreadable, n_other;
-    CtsFindings findings;
+    CtsDiagnostics diagnostics;
 } CtsScan;
 
 /* Calls found for each file when it is met, in the folders' own order; a path may occur twice. Needs memory for one

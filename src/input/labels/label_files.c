@@ -22,7 +22,7 @@ enum {
 /* DICOM objects that hold labels. */
 static const struct {
     const char *class_uid;
-    CtsStatus (*read)(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
+    CtsStatus (*read)(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err);
 } objects[] = {
     {"1.2.840.10008.5.1.4.1.1.66.4", cts_label_read_seg},
     {"1.2.840.10008.5.1.4.1.1.66.7", cts_label_read_seg}, /* LABELMAP */
@@ -58,7 +58,7 @@ static CtsStatus open_label(const CtsFile *file, Opened *o, CtsError *err)
     o->n_head = o->bytes.n_bytes < HEAD_BYTES ? (size_t)o->bytes.n_bytes : HEAD_BYTES;
     if (!st)
         st = cts_file_bytes_read(&o->bytes, o->head, o->n_head, 0, err);
-    o->is_dicom = !st && cts_plain_is_dicom(o->head, o->n_head, o->class_uid);
+    o->is_dicom = !st && cts_label_is_dicom(o->head, o->n_head, o->class_uid);
     return st;
 }
 
@@ -73,7 +73,7 @@ typedef struct Search {
     int n_read;
 } Search;
 
-static CtsStatus seen_before(Search *s, const CtsPlainObject *object, bool *seen, CtsError *err)
+static CtsStatus seen_before(Search *s, const CtsLabelDicom *object, bool *seen, CtsError *err)
 {
     char uid[65];
     *seen = false;
@@ -87,7 +87,7 @@ static CtsStatus seen_before(Search *s, const CtsPlainObject *object, bool *seen
     return st;
 }
 
-static CtsStatus keep_object(Search *s, const CtsPlainObject *object, CtsError *err)
+static CtsStatus keep_object(Search *s, const CtsLabelDicom *object, CtsError *err)
 {
     CtsLabelObject kept = {.class_uid = ""};
     memcpy(kept.class_uid, object->class_uid, sizeof kept.class_uid);
@@ -99,9 +99,9 @@ static CtsStatus keep_object(Search *s, const CtsPlainObject *object, CtsError *
 
 static CtsStatus read_object(Search *s, const CtsFile *file, CtsError *err)
 {
-    CtsPlainObject object;
+    CtsLabelDicom object;
     bool seen = false;
-    CtsStatus st = cts_plain_open(&object, file, err);
+    CtsStatus st = cts_label_dicom_open(&object, file, err);
     const int kind = st ? -1 : object_kind(object.class_uid);
     const bool wanted = kind >= 0 && (!s->only_referring || cts_label_refers(object.elements, s->reading.series));
     if (!st && kind < 0 && !s->in_folder) {
@@ -118,7 +118,7 @@ static CtsStatus read_object(Search *s, const CtsFile *file, CtsError *err)
         if (!st)
             st = keep_object(s, &object, err);
     }
-    cts_plain_close(&object);
+    cts_label_dicom_close(&object);
     return st;
 }
 
@@ -171,7 +171,7 @@ static CtsStatus read_folder(Search *s, const char *const *paths, int n_paths, C
 static CtsStatus read_beside(Search *s, CtsError *err)
 {
     const CtsSeries *const series = s->reading.series;
-    CtsTexts texts = {0};
+    CtsStringPool texts = {0};
     const size_t most = (size_t)s->request->n_series_paths + (size_t)series->n_slices;
     const char **folders = calloc(most + 1, sizeof *folders);
     int n = 0;
@@ -185,7 +185,7 @@ static CtsStatus read_beside(Search *s, CtsError *err)
         const CtsSlice *slice = series->slices[k];
         const size_t length = (size_t)(cts_slice_name(slice) - slice->path);
         const char *folder =
-            slice->memory ? NULL : cts_texts_keep(&texts, length ? slice->path : "./", length ? length : 2);
+            slice->memory ? NULL : cts_string_pool_add(&texts, length ? slice->path : "./", length ? length : 2);
         bool known = !folder;
         for (int i = 0; i < n && !known; i++)
             known = !strncmp(folders[i], folder, strlen(folders[i]));
@@ -196,7 +196,7 @@ static CtsStatus read_beside(Search *s, CtsError *err)
     if (!st)
         st = read_folder(s, folders, n, err);
     s->only_referring = false;
-    cts_texts_free(&texts);
+    cts_string_pool_free(&texts);
     free(folders);
     return st;
 }
@@ -223,8 +223,8 @@ static CtsStatus read_pattern(Search *s, const char *pattern, CtsError *err)
         return read_beside(s, err);
     CtsStatus st = cts_label_paths(pattern, series->uid, is_nifti ? series->slices[0]->path : NULL, &paths, err);
     if (!st && paths.n == 0)
-        cts_report_finding(s->reading.report, "labels_missing", CTS_WARNING,
-                           "label file %d: no file is named as its pattern says for this series", s->reading.file);
+        cts_report_diagnostic(s->reading.report, "labels_missing", CTS_WARNING,
+                              "label file %d: no file is named as its pattern says for this series", s->reading.file);
     for (size_t i = 0; !st && i < paths.n; i++)
         st = read_named(s, paths.items[i], err);
     cts_label_paths_free(&paths);
@@ -256,14 +256,14 @@ CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *serie
 /* True if the label file at path belongs to this series. */
 static bool belongs(const char *path, const CtsSeries *series)
 {
-    CtsPlainObject object;
+    CtsLabelDicom object;
     char uid[65] = "";
     bool yes = false;
-    if (!cts_plain_open(&object, &(CtsFile){.path = path}, NULL)) {
+    if (!cts_label_dicom_open(&object, &(CtsFile){.path = path}, NULL)) {
         cts_elements_text(object.elements, FRAME_UID, uid, sizeof uid);
         yes = cts_label_refers(object.elements, series) || cts_label_shares_space(uid, series);
     }
-    cts_plain_close(&object);
+    cts_label_dicom_close(&object);
     return yes;
 }
 

@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_NAMES = 65535, MOST_BYTES = 16 << 20 };
+enum { MAX_NAMES = 65535, MAX_BYTES = 16 << 20 };
 
 static CtsStatus add(CtsLabelNames *names, int number, const char *name, size_t n, CtsError *err)
 {
-    if (names->n >= MOST_NAMES)
-        return cts_fail(err, CTS_ERR_USAGE, "more than %d names", MOST_NAMES);
+    if (names->n >= MAX_NAMES)
+        return cts_fail(err, CTS_ERR_USAGE, "more than %d names", MAX_NAMES);
     char *const copy = cts_grow(&names->items, names->n, NULL) ? NULL : strndup(name, n);
     if (!copy)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -36,14 +36,14 @@ static void colour(CtsLabelNames *names, const double rgb[3], double most)
 static CtsStatus add_region(const char *what, const char *name, const json_t *list, CtsLabelNames *names, CtsError *err)
 {
     const size_t n = json_array_size(list);
-    CtsStatus st = names->n_regions < MOST_NAMES ? cts_grow(&names->regions, names->n_regions, err)
-                                                 : cts_fail(err, CTS_ERR_USAGE, "more than %d names", MOST_NAMES);
+    CtsStatus st = names->n_regions < MAX_NAMES ? cts_grow(&names->regions, names->n_regions, err)
+                                                : cts_fail(err, CTS_ERR_USAGE, "more than %d names", MAX_NAMES);
     CtsLabelRegion region = {.n = n};
     if (!st)
         st = cts_alloc_array(&region.numbers, n ? n : 1, err);
     for (size_t i = 0; !st && i < n; i++) {
         const json_t *const number = json_array_get(list, i);
-        if (!json_is_integer(number) || json_integer_value(number) < 0 || json_integer_value(number) > MOST_NAMES)
+        if (!json_is_integer(number) || json_integer_value(number) < 0 || json_integer_value(number) > MAX_NAMES)
             st = cts_fail(err, CTS_ERR_USAGE, "%s: \"%s\" is no list of numbers of labels", what, name);
         else
             region.numbers[i] = (int)json_integer_value(number);
@@ -83,7 +83,7 @@ static bool number_of(const char *text, int *number)
     char *end;
     const long value = strtol(text, &end, 10);
     *number = (int)value;
-    return end != text && !*end && value >= 0 && value <= MOST_NAMES;
+    return end != text && !*end && value >= 0 && value <= MAX_NAMES;
 }
 
 static CtsStatus parse_json(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err)
@@ -104,7 +104,7 @@ static CtsStatus parse_json(const char *what, const char *text, size_t n, CtsLab
             break;
         if (json_is_string(value) && number_of(key, &number))
             st = add(names, number, json_string_value(value), json_string_length(value), err);
-        else if (json_is_integer(value) && json_integer_value(value) >= 0 && json_integer_value(value) <= MOST_NAMES)
+        else if (json_is_integer(value) && json_integer_value(value) >= 0 && json_integer_value(value) <= MAX_NAMES)
             st = add(names, (int)json_integer_value(value), key, strlen(key), err);
         else if (json_is_array(value))
             st = add_region(what, key, value, names, err);
@@ -216,7 +216,7 @@ CtsStatus cts_label_names_xml(const char *text, size_t n, CtsLabelNames *names, 
     XML_SetUserData(parser, &x);
     XML_SetElementHandler(parser, on_start, on_end);
     XML_SetCharacterDataHandler(parser, on_text);
-    XML_Parse(parser, text, (int)(n < MOST_BYTES ? n : MOST_BYTES), 1);
+    XML_Parse(parser, text, (int)(n < MAX_BYTES ? n : MAX_BYTES), 1);
     XML_ParserFree(parser);
     return x.status;
 }
@@ -225,8 +225,8 @@ CtsStatus cts_label_names_read(const char *path, CtsLabelNames *names, CtsError 
 {
     char *text;
     size_t n;
-    CtsStatus st = cts_file_text(path, MOST_BYTES, CTS_ERR_READ, &text, &n, err);
-    if (!st && n > MOST_BYTES)
+    CtsStatus st = cts_file_text(path, MAX_BYTES, CTS_ERR_READ, &text, &n, err);
+    if (!st && n > MAX_BYTES)
         st = cts_fail(err, CTS_ERR_USAGE, "%s: is no file of names", path);
     if (!st)
         st = cts_label_names_parse(path, text, n, names, err);

@@ -7,7 +7,7 @@
 #include "ctsplat/report.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include "input/files/nifti.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -43,8 +43,8 @@ const CtsLabelName *cts_label_names_find(const CtsLabelNames *names, int number)
 
 /* A DICOM object whose header is held in memory and whose pixels are read frame by frame. */
 
-typedef struct CtsPlainObject {
-    CtsHead head;
+typedef struct CtsLabelDicom {
+    CtsDicomHeader head;
     CtsScratch scratch;
     char class_uid[65], charset[65];
     const CtsSyntax *syntax;
@@ -53,17 +53,17 @@ typedef struct CtsPlainObject {
     CtsFileBytes source;                        /* of the pixels: the file, or a deflated data set */
     uint8_t *inflated;                          /* owned: that data set; else NULL */
     uint64_t pixel_offset, pixel_bytes;         /* of the value; where encapsulated all that is left of the source */
-} CtsPlainObject;
+} CtsLabelDicom;
 
 /* True if a file that begins so is DICOM; class_uid may then be "" (no meta header, or deflated). */
-bool cts_plain_is_dicom(const uint8_t *head, size_t n, char class_uid[65]);
+bool cts_label_is_dicom(const uint8_t *head, size_t n, char class_uid[65]);
 
 /* Close in any case. CTS_ERR_READ for a damaged file or one that claims more bytes than it has. */
-CtsStatus cts_plain_open(CtsPlainObject *object, const CtsFile *file, CtsError *err);
-void cts_plain_close(CtsPlainObject *object);
+CtsStatus cts_label_dicom_open(CtsLabelDicom *object, const CtsFile *file, CtsError *err);
+void cts_label_dicom_close(CtsLabelDicom *object);
 
 /* A text as UTF-8, decoded by the object's character set, truncated to size. */
-void cts_plain_text(const CtsPlainObject *object, CtsElements elements, uint32_t tag, char *text, size_t size);
+void cts_label_dicom_text(const CtsLabelDicom *object, CtsElements elements, uint32_t tag, char *text, size_t size);
 
 /* Shared state of the label readers. */
 
@@ -79,8 +79,8 @@ typedef struct CtsLabelReading {
 } CtsLabelReading;
 
 /* Readers of one object each. It was opened and belongs to the patient. */
-CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
-CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
+CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err);
+CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err);
 CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileBytes *file, CtsError *err);
 
 /* Chooses one of a label map's two forms: where they differ the one that equals the series' grid. CTS_ERR_GEOMETRY
@@ -107,8 +107,8 @@ void cts_label_paths_free(CtsLabelPaths *paths);
 bool cts_label_refers(CtsElements elements, const CtsSeries *series);
 bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series);
 /* Checks that its patient is the series', and its frame of reference too: frame_uid, "" where it has none. */
-CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
-CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsPlainObject *object, const char *frame_uid,
+CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err);
+CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsLabelDicom *object, const char *frame_uid,
                                 CtsError *err);
 
 /* Masks on a grid of their own, resampled to runs of the scanned voxels: each voxel takes the mask's nearest one, and a
@@ -150,6 +150,6 @@ CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, do
 CtsStatus cts_label_check_meets(const CtsLabelReading *reading, double held, CtsError *err);
 
 /* Warns of a label of which so much, in any unit, lies outside. */
-void cts_label_tell_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole);
+void cts_label_report_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole);
 
 #endif

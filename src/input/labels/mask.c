@@ -384,16 +384,16 @@ static void find_reach(Placing *p)
     p->reach_mm = 0.5 * (gap < INFINITY ? gap : scanned_gap) * 1.001;
 }
 
-void cts_label_tell_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole)
+void cts_label_report_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole)
 {
     if (whole > 0 && inside < 0.5 * whole)
-        cts_report_finding(reading->report, "label_outside", CTS_WARNING,
-                           "label file %d: %.0f %% of label %d lie inside the volume", reading->file,
-                           100 * inside / whole, label->fact.number);
+        cts_report_diagnostic(reading->report, "label_outside", CTS_WARNING,
+                              "label file %d: %.0f %% of label %d lie inside the volume", reading->file,
+                              100 * inside / whole, label->fact.number);
 }
 
 /* Compares each label's volume in the mask with its volume in the scan. */
-static CtsStatus judge(const Placing *p, double *held_mm3, CtsError *err)
+static CtsStatus check_volumes(const Placing *p, double *held_mm3, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     CtsLabels *const labels = p->reading->labels;
@@ -417,7 +417,7 @@ static CtsStatus judge(const Placing *p, double *held_mm3, CtsError *err)
             inside += (l->runs[r].end - l->runs[r].first) * cts_norm3(area) *
                       p->grid->thickness_mm[l->runs[r].row / (uint32_t)p->grid->rows];
         if (met)
-            cts_label_tell_share(p->reading, l, inside, whole[i]);
+            cts_label_report_share(p->reading, l, inside, whole[i]);
         *held_mm3 += whole[i];
     }
     cts_free(&whole);
@@ -499,7 +499,7 @@ CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, do
     for (size_t i = 0; !st && i < reading->labels->n; i++)
         cts_label_sort_runs(&reading->labels->items[i]);
     if (!st)
-        st = judge(&p, held_mm3, err);
+        st = check_volumes(&p, held_mm3, err);
     end(&p);
     return st;
 }

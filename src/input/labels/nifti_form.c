@@ -96,10 +96,11 @@ CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *f, CtsEr
     }
     if (equal_s != equal_q) {
         cts_nifti_take_form(f, equal_s ? CTS_NIFTI_FORM_S : CTS_NIFTI_FORM_Q);
-        cts_report_finding(reading->report, "nifti_form_taken", CTS_NOTE,
-                           "label file %d: its sform and its qform differ: %s; the %s is taken, which equals the grid "
-                           "of the CT",
-                           reading->file, text, equal_s ? "sform" : "qform");
+        cts_report_diagnostic(
+            reading->report, "nifti_form_taken", CTS_NOTE,
+            "label file %d: its sform and its qform differ: %s; the %s is taken, which equals the grid "
+            "of the CT",
+            reading->file, text, equal_s ? "sform" : "qform");
         return CTS_OK;
     }
     if (forms == CTS_NIFTI_FORMS_CONTRADICT)
@@ -107,7 +108,7 @@ CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *f, CtsEr
                         "its sform and its qform contradict each other: %s, and %s the grid of the CT (choose one: "
                         "`nifti-form` sform or qform)",
                         text, in_box ? "both fill" : "neither equals");
-    cts_report_finding(
+    cts_report_diagnostic(
         reading->report, "nifti_forms", CTS_WARNING,
         "label file %d: its sform and its qform differ: %s; the sform is taken (`nifti-form` qform takes "
         "the other)",

@@ -1,6 +1,6 @@
 /* RT Structure Sets (PS3.3 A.19, C.8.8.6): contours -> the voxels whose centres lie inside, by even-odd. */
+#include "base/compare.h"
 #include "base/mem.h"
-#include "base/order.h"
 #include "base/vec3.h"
 #include "input/labels/label_reading.h"
 #include <math.h>
@@ -22,7 +22,7 @@ enum {
     OBSERVATIONS = 0x30060080,
     REFERENCED_ROI = 0x30060084,
     INTERPRETED_TYPE = 0x300600A4,
-    MOST_POINTS = 10000000
+    MAX_POINTS = 10000000
 };
 
 typedef struct Contour {
@@ -91,8 +91,8 @@ static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
         return CTS_OK;
     }
     o->n_read += n / 3;
-    if (o->n_read > MOST_POINTS)
-        return cts_fail(err, CTS_ERR_READ, "has more than %d contour points", MOST_POINTS);
+    if (o->n_read > MAX_POINTS)
+        return cts_fail(err, CTS_ERR_READ, "has more than %d contour points", MAX_POINTS);
     double(*lps)[3] = malloc(n * sizeof(double));
     CtsStatus st = CTS_OK;
     if (!lps)
@@ -120,7 +120,7 @@ static CtsStatus find_crossings(Outline *o, const Contour *first, const Contour 
                 return st;
             o->crossings[(*n)++] = snapped((b[0] - a[0]) * (row - a[1]) / (b[1] - a[1]) + a[0]);
         }
-    qsort(o->crossings, *n, sizeof *o->crossings, cts_by_double);
+    qsort(o->crossings, *n, sizeof *o->crossings, cts_compare_double);
     return CTS_OK;
 }
 
@@ -259,7 +259,7 @@ static double area_of(const Outline *o)
     return all;
 }
 
-static CtsStatus read_structure(Outline *o, const CtsPlainObject *object, CtsElements structure, double *held,
+static CtsStatus read_structure(Outline *o, const CtsLabelDicom *object, CtsElements structure, double *held,
                                 CtsError *err)
 {
     int number;
@@ -267,7 +267,7 @@ static CtsStatus read_structure(Outline *o, const CtsPlainObject *object, CtsEle
     CtsLabels *const labels = o->reading->labels;
     if (!cts_elements_integer(structure, ROI_NUMBER, &number))
         return cts_fail(err, CTS_ERR_READ, "a structure has no number");
-    cts_plain_text(object, structure, ROI_NAME, name, sizeof name);
+    cts_label_dicom_text(object, structure, ROI_NAME, name, sizeof name);
     CtsStatus st = cts_labels_add(labels, o->reading->file, number, name, CTS_LABEL_RTSTRUCT, err);
     if (st)
         return st;
@@ -293,7 +293,7 @@ static CtsStatus read_structure(Outline *o, const CtsPlainObject *object, CtsEle
     return st;
 }
 
-static CtsStatus check_frames(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err)
+static CtsStatus check_frames(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
 {
     char uid[65];
     CtsStatus st = CTS_OK;
@@ -308,24 +308,25 @@ static CtsStatus check_frames(const CtsLabelReading *reading, const CtsPlainObje
     return st;
 }
 
-static void tell(const Outline *o)
+static void report_outline(const Outline *o)
 {
     CtsReport *const report = o->reading->report;
     const int file = o->reading->file;
     if (o->n_ignored)
-        cts_report_finding(report, "contours_ignored", CTS_NOTE,
-                           "label file %d: %zu contours that are not closed or have fewer than 3 points are left out",
-                           file, o->n_ignored);
+        cts_report_diagnostic(
+            report, "contours_ignored", CTS_NOTE,
+            "label file %d: %zu contours that are not closed or have fewer than 3 points are left out", file,
+            o->n_ignored);
     if (o->n_off)
-        cts_report_finding(report, "contours_off", CTS_WARNING,
-                           "label file %d: %zu contour planes are nearest to no slice and left out", file, o->n_off);
+        cts_report_diagnostic(report, "contours_off", CTS_WARNING,
+                              "label file %d: %zu contour planes are nearest to no slice and left out", file, o->n_off);
     if (o->n_unfilled)
-        cts_report_finding(report, "slices_without_contour", CTS_WARNING,
-                           "label file %d: %zu slices between two with contours have none, and are not filled", file,
-                           o->n_unfilled);
+        cts_report_diagnostic(report, "slices_without_contour", CTS_WARNING,
+                              "label file %d: %zu slices between two with contours have none, and are not filled", file,
+                              o->n_unfilled);
 }
 
-CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err)
+CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
 {
     Outline o = {.reading = reading, .grid = &reading->labels->grid};
     CtsElements structures = cts_elements_find(object->elements, STRUCTURES), structure;
@@ -337,7 +338,7 @@ CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsPlain
     if (!st)
         st = cts_label_check_meets(reading, held, err);
     if (!st)
-        tell(&o);
+        report_outline(&o);
     free(o.contours);
     free(o.points);
     free(o.crossings);

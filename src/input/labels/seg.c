@@ -2,7 +2,7 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "dicom/codec/pixels.h"
-#include "dicom/header/head.h"
+#include "dicom/header/dicom_header.h"
 #include "input/labels/label_reading.h"
 #include <math.h>
 #include <stdlib.h>
@@ -33,15 +33,15 @@ enum {
     MAXIMUM = 0x0062000E,
     SHARED_GROUPS = 0x52009229,
     FRAME_GROUPS = 0x52009230,
-    MOST_FRAMES = 1000000,
-    MOST_NUMBERS = 65536
+    MAX_FRAMES = 1000000,
+    MAX_NUMBERS = 65536
 };
 
 typedef enum Type { BINARY, FRACTIONAL, LABELMAP } Type;
 
 typedef struct Seg {
     const CtsLabelReading *reading;
-    const CtsPlainObject *object;
+    const CtsLabelDicom *object;
     Type type;
     int n_frames, rows, columns, bits_allocated, bits_stored, maximum, padding; /* padding -1: none */
     double step_lps[2][3], gap_mm;
@@ -73,13 +73,13 @@ static CtsStatus read_segments(Seg *s, CtsError *err)
     while (cts_items_next(&sequence, &item)) {
         int number;
         char name[512];
-        if (!cts_elements_integer(item, SEGMENT_NUMBER, &number) || number >= MOST_NUMBERS)
+        if (!cts_elements_integer(item, SEGMENT_NUMBER, &number) || number >= MAX_NUMBERS)
             return cts_fail(err, CTS_ERR_READ, "a segment has no number");
         if (s->label_of[number] >= 0)
             return cts_fail(err, CTS_ERR_READ, "two segments have the number %d", number);
         if (number == 0 && s->type == LABELMAP)
             continue; /* the background */
-        cts_plain_text(s->object, item, SEGMENT_LABEL, name, sizeof name);
+        cts_label_dicom_text(s->object, item, SEGMENT_LABEL, name, sizeof name);
         const CtsStatus st = cts_labels_add(labels, s->reading->file, number, name, CTS_LABEL_SEG, err);
         if (st)
             return st;
@@ -115,7 +115,7 @@ static CtsStatus read_shape(Seg *s, CtsError *err)
         return cts_fail(err, CTS_ERR_READ, "lacks NumberOfFrames, Rows, Columns or BitsAllocated");
     if (!cts_elements_integer(e, BITS_STORED, &s->bits_stored))
         s->bits_stored = s->bits_allocated;
-    if (s->n_frames < 1 || s->n_frames > MOST_FRAMES || s->rows < 1 || s->columns < 1)
+    if (s->n_frames < 1 || s->n_frames > MAX_FRAMES || s->rows < 1 || s->columns < 1)
         return cts_fail(err, CTS_ERR_READ, "%d frames of %d x %d pixels cannot be read", s->n_frames, s->columns,
                         s->rows);
     if (s->bits_allocated != 8 && s->bits_allocated != (s->type == LABELMAP ? 16 : 1))
@@ -170,7 +170,7 @@ static CtsStatus read_frames(Seg *s, CtsError *err)
         if ((st = take_geometry(s, own, shared, f, err)) || s->type == LABELMAP)
             continue;
         if (!cts_elements_integer(macro(own, shared, IDENTIFICATION), REFERENCED_SEGMENT, &number) || number < 0 ||
-            number >= MOST_NUMBERS || s->label_of[number] < 0)
+            number >= MAX_NUMBERS || s->label_of[number] < 0)
             return cts_fail(err, CTS_ERR_READ, "frame %d refers to no segment of its own", f + 1);
         s->segment[f] = s->label_of[number];
     }
@@ -188,7 +188,7 @@ static size_t frame_bytes(const Seg *s)
  * read whole where a big-endian file swaps their bytes. */
 static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
-    const CtsPlainObject *const o = s->object;
+    const CtsLabelDicom *const o = s->object;
     const bool swapped = o->syntax->big_endian && (s->bits_allocated == 16 || o->pixel_words);
     const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
     const uint64_t first = bits * (uint64_t)frame, from = first / 8 - (swapped ? first / 8 % 2 : 0);
@@ -344,15 +344,15 @@ static CtsStatus place_all(Seg *s, CtsError *err)
     if (!st)
         st = cts_label_check_meets(s->reading, s->held_mm3, err);
     if (!st && s->has_strangers)
-        cts_report_finding(s->reading->report, "label_without_segment", CTS_WARNING,
-                           "label file %d: some pixels have a number that no segment has", s->reading->file);
+        cts_report_diagnostic(s->reading->report, "label_without_segment", CTS_WARNING,
+                              "label file %d: some pixels have a number that no segment has", s->reading->file);
     cts_free(&by_value);
     return st;
 }
 
 static CtsStatus check_pixels(Seg *s, CtsError *err)
 {
-    const CtsPlainObject *const o = s->object;
+    const CtsLabelDicom *const o = s->object;
     const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
     const uint64_t need = (bits * (uint64_t)s->n_frames + 7) / 8;
     if (!o->has_pixels)
@@ -377,15 +377,15 @@ static CtsStatus read_all(Seg *s, CtsError *err)
     return place_all(s, err);
 }
 
-CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err)
+CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
 {
     Seg s = {.reading = reading, .object = object, .decoder = cts_sandbox_make(cts_codec_work, "decoder")};
     char frame_uid[65];
     cts_elements_text(object->elements, FRAME_UID, frame_uid, sizeof frame_uid);
     CtsStatus st = cts_label_check_space(reading, object, frame_uid, err);
     if (!st)
-        st = cts_alloc_array(&s.label_of, MOST_NUMBERS, err);
-    for (int i = 0; !st && i < MOST_NUMBERS; i++)
+        st = cts_alloc_array(&s.label_of, MAX_NUMBERS, err);
+    for (int i = 0; !st && i < MAX_NUMBERS; i++)
         s.label_of[i] = -1;
     if (!st && !(st = read_type(&s, err)) && !(st = read_shape(&s, err))) {
         s.crops = s.type == BINARY && cts_label_shares_space(frame_uid, reading->series);

@@ -4,8 +4,8 @@
 #include "base/cpu.h"
 #include "base/helper_process.h"
 #include "base/mem.h"
-#include "base/meter.h"
 #include "base/parallel.h"
+#include "base/stage_timer.h"
 #include "core/volume/grey.h"
 #include "core/volume/volume_new.h"
 #include "dicom/codec/pixels.h"
@@ -97,7 +97,7 @@ static CtsStatus read_slice(Assembly *a, int k, CtsSandbox **decoder, double bus
     return CTS_OK;
 }
 
-/* A tenth of a series may be damaged, as in cts_series_judge(). */
+/* A tenth of a series may be damaged, as in cts_series_check(). */
 static bool too_many_bad(int n_bad, int n_slices)
 {
     return n_bad * 10 > n_slices || n_slices - n_bad < 2;
@@ -341,7 +341,7 @@ static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers 
         take_words_as_stored(outliers, a, k, &st, err);
     v->hu_min = outliers->rest_low;
     v->hu_max = outliers->rest_high;
-    return st ? st : cts_outliers_judge(outliers, slices_dims, report, err);
+    return st ? st : cts_outliers_check(outliers, slices_dims, report, err);
 }
 
 /* Low ones are air already. */
@@ -355,16 +355,16 @@ static void mend_outliers(const Assembly *a, const CtsOutliers *outliers, const 
 }
 
 /* coarsest_hu: HU step between words, for slices whose words were rounded before. */
-static void tell_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, CtsReport *report)
+static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, CtsReport *report)
 {
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
     if (!whole_numbers)
-        cts_report_finding(report, "fractional_rescale", CTS_NOTE,
-                           "the rescale slope or intercept has a fraction; grey levels are steps of %g HU",
-                           fmax(v->hu_step, coarsest_hu));
+        cts_report_diagnostic(report, "fractional_rescale", CTS_NOTE,
+                              "the rescale slope or intercept has a fraction; grey levels are steps of %g HU",
+                              fmax(v->hu_step, coarsest_hu));
     if (v->hu_max > top)
-        cts_report_finding(report, "clamped_high", CTS_WARNING,
-                           "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
+        cts_report_diagnostic(report, "clamped_high", CTS_WARNING,
+                              "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
 }
 
 static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
@@ -378,7 +378,7 @@ static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
 }
 
 /* Warns about a slice of one value, or of padding, between others with more: lost in transfer, or erased. */
-static void tell_blank(const Assembly *a, CtsReport *report)
+static void report_blank(const Assembly *a, CtsReport *report)
 {
     int first = -1, last = -1, blank = -1, n = 0;
     for (int k = 0; k < a->n_slices; k++)
@@ -392,12 +392,13 @@ static void tell_blank(const Assembly *a, CtsReport *report)
             n++;
         }
     if (n == 1)
-        cts_report_finding(report, "blank_slices", CTS_WARNING, "%s: one value in all pixels, between slices with more",
-                           cts_slice_label(&a->slices[blank]).text);
+        cts_report_diagnostic(report, "blank_slices", CTS_WARNING,
+                              "%s: one value in all pixels, between slices with more",
+                              cts_slice_label(&a->slices[blank]).text);
     else if (n)
-        cts_report_finding(report, "blank_slices", CTS_WARNING,
-                           "%s: one value in all pixels, as in %d more, between slices with more",
-                           cts_slice_label(&a->slices[blank]).text, n - 1);
+        cts_report_diagnostic(report, "blank_slices", CTS_WARNING,
+                              "%s: one value in all pixels, as in %d more, between slices with more",
+                              cts_slice_label(&a->slices[blank]).text, n - 1);
 }
 
 /* Origin and steps: rows and columns from the middle slice, layers from the line of positions. */
@@ -474,7 +475,7 @@ static void drop_bad(Loading *in, CtsReport *report)
             in->slices[kept++] = in->slices[k];
             continue;
         }
-        cts_report_finding(report, "bad_slices", CTS_WARNING, "%s (left out)", in->faults[k]);
+        cts_report_diagnostic(report, "bad_slices", CTS_WARNING, "%s (left out)", in->faults[k]);
         free(in->faults[k]);
         in->faults[k] = NULL;
     }
@@ -493,7 +494,7 @@ static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSlice
     if (!st)
         st = cts_slice_stack_plan(slices, in->n_slices, series->rules.allow_missing_slices, stack, err);
     if (!st && in->some_dropped && report)
-        cts_slice_stack_findings(stack, slices, in->n_slices, &report->findings);
+        cts_slice_stack_diagnostics(stack, slices, in->n_slices, &report->diagnostics);
     cts_free_bytes(slices);
     return st;
 }
@@ -532,9 +533,9 @@ static CtsStatus fill(const Loading *in, int offset, CtsVolume *v, CtsReport *re
     }
     if (!st) {
         mend_outliers(&a, &outliers, v);
-        tell_range(v, whole_numbers, a.slices[0].kind == CTS_OBJECT_NIFTI ? a.slices[0].slope : 0, report);
-        tell_blank(&a, report);
-        st = cts_neighbours_tell(a.slices, a.n_slices, a.samples, report, err);
+        report_range(v, whole_numbers, a.slices[0].kind == CTS_OBJECT_NIFTI ? a.slices[0].slope : 0, report);
+        report_blank(&a, report);
+        st = cts_slice_consistency_report(a.slices, a.n_slices, a.samples, report, err);
     }
     cts_outliers_free(&outliers);
     cts_free(&a.samples);
@@ -627,7 +628,7 @@ static CtsStatus load(const CtsSeries *series, const CtsWordWatch *watch, int n_
 CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
                           CtsReport *report, CtsError *err)
 {
-    const CtsMeter meter = cts_meter_start(report);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
     *scanned = NULL;
     if (!series->renderable) {
         cts_fail(err, series->refusal, "%s", series->reason);
@@ -636,10 +637,10 @@ CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, in
     }
     const CtsStatus st = load(series, watch, cts_threads(n_threads), scanned, report, err);
     /* Time other than reading slices counts as conversion to grey levels. */
-    cts_meter_stop(meter, report, CTS_STAGE_GREY);
-    for (size_t i = 0; !st && i < series->findings.n; i++)
-        cts_report_finding(report, series->findings.items[i].code, series->findings.items[i].severity, "%s",
-                           series->findings.items[i].text);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
+    for (size_t i = 0; !st && i < series->diagnostics.n; i++)
+        cts_report_diagnostic(report, series->diagnostics.items[i].code, series->diagnostics.items[i].severity, "%s",
+                              series->diagnostics.items[i].text);
     if (st)
         in_series(series, err);
     return st;

@@ -16,7 +16,7 @@ static const double FILL_HU = -700;
  * most. DEEP: at one corner alone several rows are needed, since reslicing may leave two. */
 enum { EQUAL = 16, DEEP = 4 };
 /* Less between the darkest and the brightest voxel is no scan of a body, as in a label map. */
-static const double LEAST_RANGE_HU = 100;
+static const double MIN_RANGE_HU = 100;
 
 static size_t layer_voxels(const CtsScanned *s)
 {
@@ -41,12 +41,12 @@ static int n_equal(const uint16_t *at, ptrdiff_t step, int n)
  * several rows or columns. */
 static uint16_t corner_level(const CtsVolume *v, const uint16_t *slice, bool right, bool bottom, bool *is_deep)
 {
-    const int nx = v->dims[0], ny = v->dims[1], most_x = nx < EQUAL ? nx : EQUAL, most_y = ny < EQUAL ? ny : EQUAL;
+    const int nx = v->dims[0], ny = v->dims[1], max_x = nx < EQUAL ? nx : EQUAL, max_y = ny < EQUAL ? ny : EQUAL;
     const uint16_t *const corner = slice + (bottom ? (size_t)(ny - 1) * (size_t)nx : 0) + (right ? nx - 1 : 0);
-    const int along_row = n_equal(corner, right ? -1 : 1, most_x);
-    const int along_column = n_equal(corner, bottom ? -nx : nx, most_y);
-    *is_deep = (along_row == most_x && along_column >= DEEP) || (along_column == most_y && along_row >= DEEP);
-    return along_row == most_x || along_column == most_y ? *corner : 0;
+    const int along_row = n_equal(corner, right ? -1 : 1, max_x);
+    const int along_column = n_equal(corner, bottom ? -nx : nx, max_y);
+    *is_deep = (along_row == max_x && along_column >= DEEP) || (along_column == max_y && along_row >= DEEP);
+    return along_row == max_x || along_column == max_y ? *corner : 0;
 }
 
 /* The filling's level in a slice: deep at one corner, or at all four; 0: none. */
@@ -69,7 +69,7 @@ bool cts_scanned_find_fill(const CtsScanned *s, double *hu)
 {
     const CtsVolume *const v = s->even;
     uint16_t fill = 0;
-    if (!v->grey || v->hu_max - v->hu_min < LEAST_RANGE_HU)
+    if (!v->grey || v->hu_max - v->hu_min < MIN_RANGE_HU)
         return false;
     for (int k = 0; k < s->n_slices && !fill; k++)
         fill = fill_of_slice(v, slice_of(s, k));

@@ -16,21 +16,21 @@
 #define HU_OFFSET (-1024.0)
 enum { GREY_MAX = 65535 };
 
-typedef struct Given {
+typedef struct HuArray {
     const uint8_t *bytes;
     CtsNumber number;
     CtsBox box;
-} Given;
+} HuArray;
 
 /* Slices lie across the longest step. */
-static Given stored(const CtsGivenHu *g)
+static HuArray stored(const CtsHuArray *g)
 {
     CtsBox box = {0};
     memcpy(box.dims, g->dims, sizeof box.dims);
     memcpy(box.stride, g->stride_bytes, sizeof box.stride);
     memcpy(box.origin_lps, g->origin_lps, sizeof box.origin_lps);
     memcpy(box.step_lps, g->step_lps, sizeof box.step_lps);
-    return (Given){g->bytes, g->number, cts_box_as_scanned(&box, CTS_BOX_ANY)};
+    return (HuArray){g->bytes, g->number, cts_box_as_scanned(&box, CTS_BOX_ANY)};
 }
 
 static const size_t number_bytes[CTS_N_NUMBERS] = {
@@ -43,7 +43,7 @@ typedef struct Range {
 } Range;
 
 typedef struct Pass {
-    const Given *given;
+    const HuArray *array;
     CtsVolume *volume;
     Range *ranges; /* by slice */
     void **rows;   /* by worker: room for numbers of a row */
@@ -52,9 +52,9 @@ typedef struct Pass {
 /* Numbers of row (j, k): where they lie, or gathered. */
 static inline const void *row_of(const Pass *p, int j, int k, void *gathered)
 {
-    const CtsBox *const b = &p->given->box;
-    const uint8_t *const at = p->given->bytes + b->first + j * b->stride[1] + k * b->stride[2];
-    const size_t size = number_bytes[p->given->number];
+    const CtsBox *const b = &p->array->box;
+    const uint8_t *const at = p->array->bytes + b->first + j * b->stride[1] + k * b->stride[2];
+    const size_t size = number_bytes[p->array->number];
     if (b->stride[0] == (ptrdiff_t)size && (uintptr_t)at % size == 0)
         return at;
     for (int i = 0; i < b->dims[0]; i++)
@@ -135,13 +135,13 @@ static Range join(Range a, Range b)
 /* Finds the range of a slice, or converts it to grey levels. */
 static inline __attribute__((always_inline)) void any_slice(const Pass *p, int k, bool looks, void *gathered)
 {
-    const size_t n = (size_t)p->given->box.dims[0];
+    const size_t n = (size_t)p->array->box.dims[0];
     const double scale = 1 / p->volume->hu_step;
     Range all = {INFINITY, -INFINITY, true, 0};
-    for (int j = 0; j < p->given->box.dims[1]; j++) {
+    for (int j = 0; j < p->array->box.dims[1]; j++) {
         const void *const row = row_of(p, j, k, gathered);
         uint16_t *const restrict grey = grey_of(p, j, k);
-        const bool doubles = p->given->number == CTS_FLOAT64, floats = p->given->number == CTS_FLOAT32;
+        const bool doubles = p->array->number == CTS_FLOAT64, floats = p->array->number == CTS_FLOAT32;
         if (looks)
             all = join(all, doubles  ? range_of_doubles(row, n)
                             : floats ? range_of_floats(row, n)
@@ -171,7 +171,7 @@ static void slice(const Pass *p, int k, bool looks, void *gathered)
         any_slice(p, k, looks, gathered);
 }
 
-static bool has_words(const Given *g)
+static bool has_words(const HuArray *g)
 {
     return g->number == CTS_INT16 || g->number == CTS_UINT16;
 }
@@ -180,20 +180,20 @@ static bool has_words(const Given *g)
 static Range convert_slice(const Pass *p, int k, void *gathered)
 {
     const CtsStored stored = {
-        .bits = 16, .is_signed = p->given->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
+        .bits = 16, .is_signed = p->array->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
     CtsStoredRange range = {INT32_MAX, INT32_MIN};
-    for (int j = 0; j < p->given->box.dims[1]; j++)
+    for (int j = 0; j < p->array->box.dims[1]; j++)
         range =
             cts_stored_range_join(range, cts_grey_whole(grey_of(p, j, k), row_of(p, j, k, gathered),
-                                                        (size_t)p->given->box.dims[0], &stored, 1, (int)-HU_OFFSET));
+                                                        (size_t)p->array->box.dims[0], &stored, 1, (int)-HU_OFFSET));
     return (Range){range.low, range.high, true, 0};
 }
 
-static void look_at_slices(void *context, int worker, size_t first, size_t end)
+static void find_ranges(void *context, int worker, size_t first, size_t end)
 {
     const Pass *const p = context;
     for (int k = (int)first; k < (int)end; k++)
-        if (has_words(p->given))
+        if (has_words(p->array))
             p->ranges[k] = convert_slice(p, k, p->rows[worker]);
         else
             slice(p, k, true, p->rows[worker]);
@@ -206,7 +206,7 @@ static void make_slices(void *context, int worker, size_t first, size_t end)
         slice(p, k, false, p->rows[worker]);
 }
 
-static CtsStatus check(const CtsGivenHu *g, CtsError *err)
+static CtsStatus check(const CtsHuArray *g, CtsError *err)
 {
     double normal[3], spans = 1;
     for (int a = 0; a < 3; a++) {
@@ -226,15 +226,15 @@ static CtsStatus check(const CtsGivenHu *g, CtsError *err)
 
 static double number_at(const Pass *p, const void *row, int i)
 {
-    return p->given->number == CTS_FLOAT64   ? ((const double *)row)[i]
-           : p->given->number == CTS_FLOAT32 ? (double)((const float *)row)[i]
+    return p->array->number == CTS_FLOAT64   ? ((const double *)row)[i]
+           : p->array->number == CTS_FLOAT32 ? (double)((const float *)row)[i]
                                              : ((const int32_t *)row)[i];
 }
 
 /* The range without isolated values that no scanner measures, which are listed. */
 static CtsStatus leave_outliers_out(const Pass *p, Range *all, CtsOutliers *outliers, CtsReport *report, CtsError *err)
 {
-    const int *const dims = p->given->box.dims;
+    const int *const dims = p->array->box.dims;
     CtsStatus st = CTS_OK;
     size_t voxel = 0;
     for (int k = 0; k < dims[2]; k++)
@@ -247,7 +247,7 @@ static CtsStatus leave_outliers_out(const Pass *p, Range *all, CtsOutliers *outl
             }
         }
     *all = (Range){outliers->rest_low, outliers->rest_high, outliers->rest_whole, all->n_lost};
-    return st ? st : cts_outliers_judge(outliers, dims, report, err);
+    return st ? st : cts_outliers_check(outliers, dims, report, err);
 }
 
 /* Low ones are air already. */
@@ -264,7 +264,7 @@ static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsOutliers *outliers
 {
     Range all = {INFINITY, -INFINITY, true, 0};
     CtsStatus st;
-    for (int k = 0; k < p->given->box.dims[2]; k++)
+    for (int k = 0; k < p->array->box.dims[2]; k++)
         all = join(all, p->ranges[k]);
     if (all.low <= all.high && (cts_is_outlier(all.low) || cts_is_outlier(all.high)) &&
         (st = leave_outliers_out(p, &all, outliers, report, err)))
@@ -275,22 +275,22 @@ static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsOutliers *outliers
         v->hu_step = cts_grey_finest_step(HU_OFFSET, v->hu_max);
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
     if (v->hu_max > top)
-        cts_report_finding(report, "clamped_high", CTS_WARNING,
-                           "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
+        cts_report_diagnostic(report, "clamped_high", CTS_WARNING,
+                              "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
     if (all.n_lost)
-        cts_report_finding(report, "not_finite", CTS_WARNING, "%llu values are not finite, and taken for padding",
-                           (unsigned long long)all.n_lost);
+        cts_report_diagnostic(report, "not_finite", CTS_WARNING, "%llu values are not finite, and taken for padding",
+                              (unsigned long long)all.n_lost);
     return CTS_OK;
 }
 
 static CtsStatus fill(const Pass *p, CtsVolume *v, int n_threads, CtsReport *report, CtsError *err)
 {
-    const size_t n = (size_t)p->given->box.dims[2];
-    cts_parallel(n_threads, n, 0, look_at_slices, (void *)p);
+    const size_t n = (size_t)p->array->box.dims[2];
+    cts_parallel(n_threads, n, 0, find_ranges, (void *)p);
     CtsOutliers outliers;
-    cts_outliers_begin(&outliers, p->given->box.dims);
+    cts_outliers_begin(&outliers, p->array->box.dims);
     const CtsStatus st = settle_range(p, v, &outliers, report, err);
-    if (!st && !has_words(p->given)) {
+    if (!st && !has_words(p->array)) {
         cts_parallel(n_threads, n, 0, make_slices, (void *)p);
         mend_outliers(&outliers, v);
     }
@@ -313,17 +313,17 @@ static CtsStatus place(CtsScanned *s, const CtsBox *b, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned **scanned, CtsReport *report,
+CtsStatus cts_scanned_of_hu(const CtsHuArray *array, int n_threads, CtsScanned **scanned, CtsReport *report,
                             CtsError *err)
 {
-    CtsStatus st = check(given, err);
+    CtsStatus st = check(array, err);
     *scanned = NULL;
     if (st || (st = cts_alloc_zeroed(scanned, 1, err)))
         return st;
     n_threads = cts_threads(n_threads);
-    const Given as_scanned = stored(given);
+    const HuArray as_scanned = stored(array);
     const CtsBox *const box = &as_scanned.box;
-    Pass pass = {.given = &as_scanned};
+    Pass pass = {.array = &as_scanned};
     if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)

@@ -22,10 +22,11 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const vola
 
 /* samples: CTS_SAMPLES of each of n slices in order of position. Adds the findings slice_off_neighbours,
  * hu_implausible, order_conflict and spacing_implausible; a correct series gets none. */
-CtsStatus cts_neighbours_tell(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report, CtsError *err);
+CtsStatus cts_slice_consistency_report(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report,
+                                       CtsError *err);
 
 /* An unevenly spaced stack becomes an evenly spaced one in its own memory, by cubics along the stack
- * (core/volume/refine.h) or by straight lines. */
+ * (core/volume/slice_interpolation.h) or by straight lines. */
 
 /* layer[i]: position of slice i in layers, rising from 0 to n_layers - 1. Returns the slot for slice 0 that keeps
  * layers from overwriting slices still needed: slice i goes to slot offset + i. */

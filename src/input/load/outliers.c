@@ -92,7 +92,7 @@ static CtsStatus largest_part(const CtsOutliers *o, const int dims[3], size_t *l
     return st;
 }
 
-CtsStatus cts_outliers_judge(const CtsOutliers *o, const int dims[3], CtsReport *report, CtsError *err)
+CtsStatus cts_outliers_check(const CtsOutliers *o, const int dims[3], CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     size_t largest = 0;
@@ -101,11 +101,11 @@ CtsStatus cts_outliers_judge(const CtsOutliers *o, const int dims[3], CtsReport 
     if (o->n > o->most || largest > LARGEST_PART)
         return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", o->low, o->high);
     if (o->n)
-        cts_report_finding(report, "outliers", CTS_WARNING,
-                           "%zu isolated voxel%s hold%s what no scanner measures (all values go from %g to %g HU): "
-                           "%zu low count as -1024 HU, %zu high as %g HU, the largest other value",
-                           o->n, o->n > 1 ? "s" : "", o->n > 1 ? "" : "s", o->low, o->high, o->n_low, o->n_high,
-                           o->rest_high);
+        cts_report_diagnostic(report, "outliers", CTS_WARNING,
+                              "%zu isolated voxel%s hold%s what no scanner measures (all values go from %g to %g HU): "
+                              "%zu low count as -1024 HU, %zu high as %g HU, the largest other value",
+                              o->n, o->n > 1 ? "s" : "", o->n > 1 ? "" : "s", o->low, o->high, o->n_low, o->n_high,
+                              o->rest_high);
     return CTS_OK;
 }
 

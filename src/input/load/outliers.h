@@ -28,7 +28,7 @@ void cts_outliers_begin(CtsOutliers *outliers, const int dims[3]);
 CtsStatus cts_outliers_take(CtsOutliers *outliers, size_t voxel, double hu, CtsError *err);
 /* CTS_OK, with a warning in the report, where they are isolated: at most 1 of 10,000 voxels, in 26-connected parts of
  * at most 8; else CTS_ERR_PIXELS. */
-CtsStatus cts_outliers_judge(const CtsOutliers *outliers, const int dims[3], CtsReport *report, CtsError *err);
+CtsStatus cts_outliers_check(const CtsOutliers *outliers, const int dims[3], CtsReport *report, CtsError *err);
 void cts_outliers_free(CtsOutliers *outliers);
 
 #endif

@@ -1,7 +1,7 @@
 #include "input/load/load.h"
 
 #include "base/parallel.h"
-#include "core/volume/refine.h"
+#include "core/volume/slice_interpolation.h"
 #include <string.h>
 
 enum { CHUNK = 4096 }; /* voxels of one layer that a thread follows up the stack */
@@ -45,8 +45,8 @@ static void blend_cubic(const CtsResampling *s, uint16_t *to, const uint16_t *sl
     const uint16_t *const next = slice + s->layer_voxels;
     const uint16_t *const slices[4] = {first ? slice : slice - s->layer_voxels, slice, next,
                                        last ? next : next + s->layer_voxels};
-    const CtsRefineWeights weights = cts_refine_weights(past / here, distance);
-    cts_refine_row(made, slices, (int)n, &weights);
+    const CtsInterpolationWeights weights = cts_slice_interpolation_weights(past / here, distance);
+    cts_slice_interpolation_row(made, slices, (int)n, &weights);
     memcpy(to, made, n * sizeof *to);
 }
 

@@ -1,6 +1,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "core/volume/shape.h"
+#include "core/volume/shape_interpolation.h"
 #include "core/volume/volume_new.h"
 #include "ctsplat/series.h"
 #include "input/load/load.h"
@@ -51,7 +51,8 @@ static CtsStatus take(CtsScanned *s, CtsVolume **volume, CtsError *err)
 }
 
 /* Resampling overwrites the slices, so they are elsewhere, or are copied as far as memory allows. */
-static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, int n_threads, CtsMadeUp *made)
+static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, int n_threads,
+                     CtsInterpolationCounts *made)
 {
     const size_t first = (size_t)s->offset * layer_voxels(s), n = (size_t)s->n_slices * layer_voxels(s);
     uint16_t *copied = NULL;
@@ -72,22 +73,22 @@ static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, in
                                         .linear = how == CTS_INTERPOLATION_LINEAR},
                        n_threads);
     if (how == CTS_INTERPOLATION_SHAPE && slices)
-        cts_shape_layers(&(CtsShapeStack){.slices = slices,
-                                          .slice_step = layer_voxels(s),
-                                          .layers = v->grey,
-                                          .n_columns = v->dims[0],
-                                          .n_rows = v->dims[1],
-                                          .n_slices = s->n_slices,
-                                          .n_layers = v->dims[2],
-                                          .layer = s->layer,
-                                          .hu_offset = v->hu_offset,
-                                          .hu_step = v->hu_step},
-                         n_threads, made);
+        cts_shape_interpolate_layers(&(CtsShapeStack){.slices = slices,
+                                                      .slice_step = layer_voxels(s),
+                                                      .layers = v->grey,
+                                                      .n_columns = v->dims[0],
+                                                      .n_rows = v->dims[1],
+                                                      .n_slices = s->n_slices,
+                                                      .n_layers = v->dims[2],
+                                                      .layer = s->layer,
+                                                      .hu_offset = v->hu_offset,
+                                                      .hu_step = v->hu_step},
+                                     n_threads, made);
     cts_free(&copied);
 }
 
 CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over, int n_threads, CtsVolume **volume,
-                             CtsMadeUp *made, CtsError *err)
+                             CtsInterpolationCounts *made, CtsError *err)
 {
     *volume = NULL;
     if (!s->even->grey)
@@ -104,7 +105,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile
                           CtsReport *report, CtsError *err)
 {
     CtsScanned *scanned = NULL;
-    CtsMadeUp made = {0};
+    CtsInterpolationCounts made = {0};
     *volume = NULL;
     CtsStatus st = cts_series_scan(series, &(CtsWordWatch){.stop = stop}, n_threads, &scanned, report, err);
     if (!st)

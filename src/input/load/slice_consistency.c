@@ -1,7 +1,7 @@
 #include "input/load/load.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
-#include "base/order.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdlib.h>
@@ -71,7 +71,7 @@ static double off_by(const Beside *b, bool air)
     for (int i = 0; i < CTS_SAMPLES; i++)
         if (is_in(b, i, air))
             apart[n++] = abs(b->near[i] - b->other[i]);
-    qsort(apart, (size_t)n, sizeof *apart, cts_by_int);
+    qsort(apart, (size_t)n, sizeof *apart, cts_compare_int);
     const int agree = apart[n / 2], differ = apart[n * 3 / 4];
     for (int i = 0; i < CTS_SAMPLES; i++)
         if (is_in(b, i, air) && abs(b->near[i] - b->other[i]) <= agree) {
@@ -79,7 +79,7 @@ static double off_by(const Beside *b, bool air)
             above += d > 0;
             below += d < 0;
         }
-    qsort(off, (size_t)n_off, sizeof *off, cts_by_int);
+    qsort(off, (size_t)n_off, sizeof *off, cts_compare_int);
     const double median = off[n_off / 2] / 2.0;
     return 10 * (above > below ? above : below) >= 9 * n_off && fabs(median) > differ ? median : 0;
 }
@@ -91,7 +91,7 @@ static double slice_off_by(const Samples *s, int k)
     return fabs(body) > fabs(air) ? body : air;
 }
 
-static void tell_off(const Samples *s, CtsReport *report)
+static void report_displacement(const Samples *s, CtsReport *report)
 {
     int n_off = 0, first = -1;
     double first_by = 0;
@@ -107,10 +107,10 @@ static void tell_off(const Samples *s, CtsReport *report)
         }
     }
     if (n_off)
-        cts_report_finding(report, "slice_off_neighbours", CTS_WARNING,
-                           "%s%s: differs by %.0f HU from the slices beside it, more than noise explains "
-                           "(RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) may be wrong)",
-                           cts_slice_label(&s->slices[first]).text, n_off > 1 ? " and others" : "", first_by);
+        cts_report_diagnostic(report, "slice_off_neighbours", CTS_WARNING,
+                              "%s%s: differs by %.0f HU from the slices beside it, more than noise explains "
+                              "(RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) may be wrong)",
+                              cts_slice_label(&s->slices[first]).text, n_off > 1 ? " and others" : "", first_by);
 }
 
 static double apart(const Samples *s, int a, int b)
@@ -128,29 +128,29 @@ static double fit(const Samples *s, int p, int q)
     return (p - 1 == q ? 0 : apart(s, p - 1, q)) + (p + 1 == q ? 0 : apart(s, q, p + 1));
 }
 
-enum { MOST_FOREIGN = 16 };
+enum { MAX_DISPLACED = 16 };
 
-typedef struct Foreign {
+typedef struct Displaced {
     int k;
     double rank;
-} Foreign;
+} Displaced;
 
 static int by_rank(const void *a, const void *b)
 {
-    const double x = ((const Foreign *)a)->rank, y = ((const Foreign *)b)->rank;
+    const double x = ((const Displaced *)a)->rank, y = ((const Displaced *)b)->rank;
     return (x < y) - (x > y);
 }
 
 /* Slices whose neighbours are about as similar to each other as to the slice, or more, the most outlying first. one[k]
  * and two[k]: differences of slice k from the next one, and from the one after that. */
-static int find_foreign(const Samples *s, const double *one, const double *two, Foreign *all)
+static int find_displaced(const Samples *s, const double *one, const double *two, Displaced *all)
 {
     int n = 0;
     for (int k = 1; k + 1 < s->n; k++)
         if (fmin(one[k - 1], one[k]) > 0.9 * two[k - 1])
-            all[n++] = (Foreign){k, fmin(one[k - 1], one[k]) / fmax(two[k - 1], 1)};
+            all[n++] = (Displaced){k, fmin(one[k - 1], one[k]) / fmax(two[k - 1], 1)};
     qsort(all, (size_t)n, sizeof *all, by_rank);
-    return n < MOST_FOREIGN ? n : MOST_FOREIGN;
+    return n < MAX_DISPLACED ? n : MAX_DISPLACED;
 }
 
 /* Anatomy differs more over two slices than over one, so exchanging two slices makes neighbours less similar. Where it
@@ -160,16 +160,16 @@ static bool better(double exchanged, double now)
     return exchanged < 0.9 * now;
 }
 
-static void tell_exchanged(const Samples *s, int p, int q, CtsReport *report)
+static void report_exchanged(const Samples *s, int p, int q, CtsReport *report)
 {
-    cts_report_finding(report, "order_conflict", CTS_WARNING,
-                       "%s and %s fit each other's place better than their own: their positions (0020,0032) may be "
-                       "exchanged",
-                       cts_slice_label(&s->slices[p]).text, cts_slice_label(&s->slices[q]).text);
+    cts_report_diagnostic(report, "order_conflict", CTS_WARNING,
+                          "%s and %s fit each other's place better than their own: their positions (0020,0032) may be "
+                          "exchanged",
+                          cts_slice_label(&s->slices[p]).text, cts_slice_label(&s->slices[q]).text);
 }
 
 /* Of slices that lie beside each other. */
-static void tell_adjacent(const Samples *s, const double *one, const double *two, int *n_found, CtsReport *report)
+static void report_adjacent(const Samples *s, const double *one, const double *two, int *n_found, CtsReport *report)
 {
     int first = -1;
     *n_found = 0;
@@ -178,41 +178,41 @@ static void tell_adjacent(const Samples *s, const double *one, const double *two
             first = (*n_found)++ ? first : k;
     /* If it holds throughout the stack, the scanner acquired slices alternately. */
     if (*n_found && 4 * *n_found < s->n)
-        tell_exchanged(s, first, first + 1, report);
+        report_exchanged(s, first, first + 1, report);
 }
 
-static bool tell_pair(const Samples *s, int a, int b, CtsReport *report)
+static bool report_pair(const Samples *s, int a, int b, CtsReport *report)
 {
     const int p = a < b ? a : b, q = a < b ? b : a;
     if (q - p < 2 || !better(fit(s, p, q) + fit(s, q, p), fit(s, p, p) + fit(s, q, q)))
         return false;
-    tell_exchanged(s, p, q, report);
+    report_exchanged(s, p, q, report);
     return true;
 }
 
-static CtsStatus tell_order(const Samples *s, CtsReport *report, CtsError *err)
+static CtsStatus report_order(const Samples *s, CtsReport *report, CtsError *err)
 {
     int n_found = 0;
     double *one = NULL, *two = NULL;
-    Foreign *foreign = NULL;
+    Displaced *displaced = NULL;
     const size_t n = (size_t)s->n;
     CtsStatus st = CTS_OK;
     if (s->n < 5 || (st = cts_alloc_zeroed(&one, n, err)) || (st = cts_alloc_zeroed(&two, n, err)) ||
-        (st = cts_alloc_array(&foreign, n, err)))
+        (st = cts_alloc_array(&displaced, n, err)))
         goto end;
     for (int k = 0; k + 1 < s->n; k++) {
         one[k] = apart(s, k, k + 1);
         two[k] = k + 2 < s->n ? apart(s, k, k + 2) : 0;
     }
-    tell_adjacent(s, one, two, &n_found, report);
-    const int n_foreign = n_found ? 0 : find_foreign(s, one, two, foreign);
-    for (int i = 0, told = 0; i < n_foreign; i++)
-        for (int j = 0; j < i && !told; j++)
-            told = tell_pair(s, foreign[i].k, foreign[j].k, report);
+    report_adjacent(s, one, two, &n_found, report);
+    const int n_displaced = n_found ? 0 : find_displaced(s, one, two, displaced);
+    for (int i = 0, reported = 0; i < n_displaced; i++)
+        for (int j = 0; j < i && !reported; j++)
+            reported = report_pair(s, displaced[i].k, displaced[j].k, report);
 end:
     cts_free(&one);
     cts_free(&two);
-    cts_free(&foreign);
+    cts_free(&displaced);
     return st;
 }
 
@@ -241,7 +241,7 @@ static uint64_t count_between(const uint32_t *level, int low, int high)
 }
 
 /* The grey level around the body: the median of the margin; -1 where the margin is only padding. */
-static int rim_level(const uint32_t *level, uint64_t n)
+static int border_level(const uint32_t *level, uint64_t n)
 {
     uint64_t below = 0;
     for (int g = 1; g < N_GREY && n; g++)
@@ -253,7 +253,7 @@ static int rim_level(const uint32_t *level, uint64_t n)
 /* A whole body has air around it, and water 1000 HU above the air with little between; in a field of view within the
  * body, bone that much above the tissue has spongy bone between. And where there is bone, there is also air or fat, or
  * noise about water: values below 0. */
-static void tell_hu(const Samples *s, uint32_t *level, int rim, CtsReport *report)
+static void report_hu(const Samples *s, uint32_t *level, int rim, CtsReport *report)
 {
     if (rim < AIR_BELOW)
         return;
@@ -266,10 +266,10 @@ static void tell_hu(const Samples *s, uint32_t *level, int rim, CtsReport *repor
     const bool none_below_0 = count_between(level, 0, 1024) * 1000 < n,
                bone = count_between(level, rim + 500, N_GREY) * 100 > n;
     if ((body * 100 > n && body > between) || (none_below_0 && bone))
-        cts_report_finding(report, "hu_implausible", CTS_WARNING,
-                           "no air: what surrounds the body has %d HU, and the body far more "
-                           "(RescaleIntercept (0028,1052) may be lost)",
-                           rim - 1024);
+        cts_report_diagnostic(report, "hu_implausible", CTS_WARNING,
+                              "no air: what surrounds the body has %d HU, and the body far more "
+                              "(RescaleIntercept (0028,1052) may be lost)",
+                              rim - 1024);
 }
 
 /* The body's extent along columns or rows, in samples of at least this level: from the first to the last hundredth. */
@@ -321,7 +321,7 @@ static bool is_specimen(const Samples *s, double gap_mm)
 /* Uses the size of the body, since small isotropic spacings are real in micro-CT. A body that would be narrower than a
  * scanner's bore of 700 mm if its unit were metres is in metres; one that would lie completely within a field of view
  * of 500 mm in centimetres is in centimetres, unless it has a micro-CT's voxels. */
-static void tell_spacing(const Samples *s, int rim, CtsReport *report)
+static void report_spacing(const Samples *s, int rim, CtsReport *report)
 {
     const CtsSlice *m = &s->slices[s->n / 2];
     const double gap_mm = mean_gap_mm(s), pixel_mm = fmax(m->column_spacing_mm, m->row_spacing_mm);
@@ -341,22 +341,23 @@ static void tell_spacing(const Samples *s, int rim, CtsReport *report)
     else if (body_mm > 0 && rim >= 0 && rim < AIR_BELOW && field_mm <= 50 && longer > 1.5)
         lengths = "lengths may be in centimetres";
     if (lengths && s->n > 1)
-        cts_report_finding(report, "spacing_implausible", CTS_WARNING,
-                           "the body is %.3g mm wide and %.3g mm high, its slices %.3g mm apart: %s", size_mm[0],
-                           size_mm[1], gap_mm, lengths);
+        cts_report_diagnostic(report, "spacing_implausible", CTS_WARNING,
+                              "the body is %.3g mm wide and %.3g mm high, its slices %.3g mm apart: %s", size_mm[0],
+                              size_mm[1], gap_mm, lengths);
 }
 
-CtsStatus cts_neighbours_tell(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report, CtsError *err)
+CtsStatus cts_slice_consistency_report(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report,
+                                       CtsError *err)
 {
     const Samples s = {slices, samples, n};
     uint32_t *level = NULL;
     CtsStatus st = report ? cts_alloc_zeroed(&level, N_GREY, err) : CTS_OK;
-    if (!report || st || (st = tell_order(&s, report, err)))
+    if (!report || st || (st = report_order(&s, report, err)))
         goto end;
-    tell_off(&s, report);
-    const int rim = rim_level(level, count_levels(&s, true, level));
-    tell_hu(&s, level, rim, report);
-    tell_spacing(&s, rim, report);
+    report_displacement(&s, report);
+    const int rim = border_level(level, count_levels(&s, true, level));
+    report_hu(&s, level, rim, report);
+    report_spacing(&s, rim, report);
 end:
     cts_free(&level);
     return st;

@@ -1,5 +1,5 @@
 /* Concatenations (PS3.3 C.7.6.16.2.2.4): one image of many frames, divided into several objects. */
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 
 #include <inttypes.h>
 #include <stdarg.h>
@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_NAMED = 8 }; /* missing parts that are listed individually */
+enum { MAX_NAMED = 8 }; /* missing parts that are listed individually */
 
 static bool is_part(const CtsSlice *s)
 {
@@ -36,7 +36,7 @@ typedef struct Text {
     size_t left;
 } Text;
 
-static void __attribute__((format(printf, 2, 3))) say(Text *text, const char *format, ...)
+static void __attribute__((format(printf, 2, 3))) append(Text *text, const char *format, ...)
 {
     va_list args;
     va_start(args, format);
@@ -59,12 +59,12 @@ static int name_numbers(CtsSlice *const *parts, size_t n, Text *text)
     }
     const int last = largest > total ? largest : total;
     for (int number = 1; there && largest && number <= last; number++)
-        if (!there[number] && n_missing++ < MOST_NAMED)
-            say(text, "%s%d", n_missing == 1 ? "part " : ", ", number);
-    if (n_missing > MOST_NAMED)
-        say(text, " and %d more", n_missing - MOST_NAMED);
+        if (!there[number] && n_missing++ < MAX_NAMED)
+            append(text, "%s%d", n_missing == 1 ? "part " : ", ", number);
+    if (n_missing > MAX_NAMED)
+        append(text, " and %d more", n_missing - MAX_NAMED);
     if (n_missing && total)
-        say(text, " of %d", total);
+        append(text, " of %d", total);
     free(there);
     return n_missing;
 }
@@ -82,12 +82,12 @@ static int64_t name_frames(CtsSlice *const *parts, size_t n, bool numbered, Text
         if (first > next) {
             n_missing += first - next;
             *n_between += next ? first - next : 0;
-            if (n_named++ < MOST_NAMED)
-                say(text, "%sframes %" PRId64 " to %" PRId64,
-                    n_named > 1 ? ", "
-                    : numbered  ? ", "
-                                : "",
-                    next + 1, first);
+            if (n_named++ < MAX_NAMED)
+                append(text, "%sframes %" PRId64 " to %" PRId64,
+                       n_named > 1 ? ", "
+                       : numbered  ? ", "
+                                   : "",
+                       next + 1, first);
         }
         const int64_t end = first + parts[i]->n_frames;
         next = end > next ? end : next;
@@ -95,8 +95,8 @@ static int64_t name_frames(CtsSlice *const *parts, size_t n, bool numbered, Text
     return n_missing;
 }
 
-static CtsStatus check_one(CtsSlice *const *parts, size_t n, CtsSlice *const *slices, size_t n_slices, CtsTexts *texts,
-                           CtsError *err)
+static CtsStatus check_one(CtsSlice *const *parts, size_t n, CtsSlice *const *slices, size_t n_slices,
+                           CtsStringPool *texts, CtsError *err)
 {
     char words[320];
     Text text = {words, sizeof words};
@@ -105,9 +105,9 @@ static CtsStatus check_one(CtsSlice *const *parts, size_t n, CtsSlice *const *sl
     const int64_t n_frames = name_frames(parts, n, n_parts > 0, &text, &n_between);
     if (!n_parts && !n_frames)
         return CTS_OK;
-    say(&text, " of a concatenation (%s) missing",
-        n_parts ? "InConcatenationNumber (0020,9162)" : "ConcatenationFrameOffsetNumber (0020,9228)");
-    const char *lacks = cts_texts_keep(texts, words, strlen(words));
+    append(&text, " of a concatenation (%s) missing",
+           n_parts ? "InConcatenationNumber (0020,9162)" : "ConcatenationFrameOffsetNumber (0020,9228)");
+    const char *lacks = cts_string_pool_add(texts, words, strlen(words));
     if (!lacks)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (size_t i = 0; i < n_slices; i++)
@@ -118,7 +118,7 @@ static CtsStatus check_one(CtsSlice *const *parts, size_t n, CtsSlice *const *sl
     return CTS_OK;
 }
 
-CtsStatus cts_concatenations_check(CtsSlice *const *slices, size_t n, CtsTexts *texts, CtsError *err)
+CtsStatus cts_concatenations_check(CtsSlice *const *slices, size_t n, CtsStringPool *texts, CtsError *err)
 {
     size_t n_parts = 0;
     CtsSlice **parts = NULL;

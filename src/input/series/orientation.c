@@ -1,15 +1,15 @@
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 
 #include "base/vec3.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* MOST_MOVED_PIXELS: a tenth of a pixel is less than the displacement of an edge by interpolation. A drift is detected
+/* MAX_MOVED_PIXELS: a tenth of a pixel is less than the displacement of an edge by interpolation. A drift is detected
  * where two halves of the stack differ by more than a fiftieth, and by more than three times the effect of their
  * scatter. */
-#define MOST_MOVED_PIXELS 0.1
-#define LEAST_DRIFT_PIXELS 0.02
+#define MAX_MOVED_PIXELS 0.1
+#define MIN_DRIFT_PIXELS 0.02
 #define DRIFT_DEVIATIONS 3
 
 typedef struct Axes {
@@ -79,7 +79,7 @@ static bool drifts(const Off *off, int n)
     const double variance = mean_off(off, half, first) + mean_off(off + n - half, half, last);
     for (int c = 0; c < 3; c++)
         apart[c] = last[c] - first[c];
-    return cts_norm3(apart) > fmax(LEAST_DRIFT_PIXELS, DRIFT_DEVIATIONS * sqrt(variance));
+    return cts_norm3(apart) > fmax(MIN_DRIFT_PIXELS, DRIFT_DEVIATIONS * sqrt(variance));
 }
 
 bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep)
@@ -95,7 +95,7 @@ bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep)
             const CtsSlice *s = set->items[i];
             off[n].at_mm = cts_dot3(mean.normal, s->position_lps);
             corner_off(s, &mean, corner, off[n].pixels);
-            settled = cts_norm3(off[n++].pixels) <= MOST_MOVED_PIXELS;
+            settled = cts_norm3(off[n++].pixels) <= MAX_MOVED_PIXELS;
         }
         if (!settled)
             break;

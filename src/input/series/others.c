@@ -1,4 +1,4 @@
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 
 #include "base/mem.h"
 #include "dicom/header/dcm_readers.h"

@@ -8,7 +8,7 @@
 #include "dicom/header/dcm_read.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,7 +19,7 @@ static void clear_series(CtsSeries *series)
         cts_slice_free(series->slices[i]);
     free(series->slices);
     free(series->description);
-    cts_findings_free(&series->findings);
+    cts_diagnostics_free(&series->diagnostics);
     *series = (CtsSeries){0};
 }
 
@@ -32,11 +32,11 @@ void cts_series_list_free(CtsSeriesList **list)
     free((*list)->items);
     cts_archives_free(&(*list)->archives);
     for (size_t i = 0; i < (*list)->n_texts; i++)
-        cts_texts_free(&(*list)->texts[i]);
+        cts_string_pool_free(&(*list)->texts[i]);
     free((*list)->texts);
     free((*list)->others);
     free((*list)->paths);
-    cts_findings_free(&(*list)->findings);
+    cts_diagnostics_free(&(*list)->diagnostics);
     free(*list);
     *list = NULL;
 }
@@ -90,12 +90,12 @@ static void read_some(void *context, int worker, size_t first, size_t end)
 }
 
 /* The slices need their texts for as long as the list is there. */
-static bool take_texts(CtsSeriesList *list, CtsTexts *texts)
+static bool take_texts(CtsSeriesList *list, CtsStringPool *texts)
 {
     if (cts_grow(&list->texts, list->n_texts, NULL))
         return false;
     list->texts[list->n_texts++] = *texts;
-    *texts = (CtsTexts){0};
+    *texts = (CtsStringPool){0};
     return true;
 }
 
@@ -135,8 +135,8 @@ static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
     size_t n_refused = 0;
     const CtsStatus st = cts_slice_read_directory(path, add_named, &s->files, &n_refused, err);
     if (n_refused)
-        cts_findings_add(&s->list->findings, "directory_escapes", CTS_WARNING,
-                         "%s: %zu of its files do not lie in its folder; left out", path, n_refused);
+        cts_diagnostics_add(&s->list->diagnostics, "directory_escapes", CTS_WARNING,
+                            "%s: %zu of its files do not lie in its folder; left out", path, n_refused);
     return st;
 }
 
@@ -197,8 +197,8 @@ static CtsStatus count_others(const Search *s, CtsError *err)
             continue;
         if (h->file == CTS_FILE_UNREADABLE) {
             list->n_unreadable++;
-            cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
-                             h->why ? h->why : "cannot be read");
+            cts_diagnostics_add(&list->diagnostics, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
+                                h->why ? h->why : "cannot be read");
             continue;
         }
         list->n_not_ct++;
@@ -251,7 +251,7 @@ static CtsStatus add_series(const Search *s, CtsSliceSet *set, CtsError *err)
     }
     list->items = items;
     memset(items + list->n, 0, CTS_MAX_PARTS * sizeof *items);
-    const CtsStatus st = cts_series_judge(set, &s->asked->rules, s->asked->numbers ? s->asked->numbers : &s->numbers,
+    const CtsStatus st = cts_series_check(set, &s->asked->rules, s->asked->numbers ? s->asked->numbers : &s->numbers,
                                           items + list->n, &n, err);
     list->n += st ? CTS_MAX_PARTS : (size_t)n;
     return st;
@@ -267,9 +267,9 @@ static void number_parts(CtsSeriesList *list)
         for (int p = 0; n > 1 && p < n; p++) {
             CtsSeries *s = &list->items[first + (size_t)p];
             s->part = p + 1;
-            cts_findings_add(&s->findings, "several_volumes", CTS_WARNING,
-                             "the series holds %d volumes; this is volume %d (`series` UID#%d picks another)", n, p + 1,
-                             p == 0 ? 2 : 1);
+            cts_diagnostics_add(&s->diagnostics, "several_volumes", CTS_WARNING,
+                                "the series holds %d volumes; this is volume %d (`series` UID#%d picks another)", n,
+                                p + 1, p == 0 ? 2 : 1);
         }
     }
 }
@@ -286,7 +286,7 @@ static int by_size(const void *a, const void *b)
 static CtsStatus group(const Search *s, CtsSlice **slices, size_t n, CtsError *err)
 {
     CtsSeriesList *const list = s->list;
-    CtsTexts texts = {0};
+    CtsStringPool texts = {0};
     CtsStatus st = cts_concatenations_check(slices, n, &texts, err);
     if (!take_texts(list, &texts) && !st)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -334,8 +334,8 @@ static CtsStatus find_slices(Search *s, CtsSlice ***slices, size_t *n_slices, Ct
         return st;
     s->list->archives = s->files.archives;
     s->files.archives = NULL;
-    s->list->findings = s->files.findings;
-    s->files.findings = (CtsFindings){0};
+    s->list->diagnostics = s->files.diagnostics;
+    s->files.diagnostics = (CtsDiagnostics){0};
     if ((st = read_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||
         (st = count_others(s, err)) || (st = number_objects(s, err)) || (st = collect(s, slices, n_slices, err)) ||
         (st = list_paths(s, err)))
@@ -351,8 +351,8 @@ static CtsStatus nothing_found(const Search *s, CtsError *err)
     const char *first = "";
     char others[400];
     cts_series_list_others(list, others, sizeof others);
-    for (size_t i = 0; !first[0] && i < list->findings.n; i++)
-        first = list->findings.items[i].text;
+    for (size_t i = 0; !first[0] && i < list->diagnostics.n; i++)
+        first = list->diagnostics.items[i].text;
     if (list->n_unreadable)
         return cts_fail(err, CTS_ERR_READ, "%s (no CT slice among %d files: %d unreadable%s%s)", first, list->n_files,
                         list->n_unreadable, others[0] ? ", " : "", others);

@@ -1,5 +1,5 @@
 /* Copies of slices: the same voxels twice, as the files have them or in another encoding. */
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 
 #include "base/file_bytes.h"
 #include "base/mem.h"
@@ -10,7 +10,7 @@
 #include <string.h>
 
 /* HU of air, as which lower HU and padding are shown. */
-#define LEAST_HU (-1024.0)
+#define MIN_HU (-1024.0)
 /* Share of a slope: half a step is the rounding error, and a little for the decimals of slope and intercept. */
 #define ROUNDING 0.500001
 
@@ -105,7 +105,7 @@ static bool have_room(Copies *c, size_t n)
 static double hu_of(const CtsSlice *s, const CtsStored *stored, uint16_t word)
 {
     const int32_t value = cts_stored_value(word, stored);
-    return cts_stored_is_padding(word, value, stored) ? LEAST_HU : fmax(s->slope * value + s->intercept, LEAST_HU);
+    return cts_stored_is_padding(word, value, stored) ? MIN_HU : fmax(s->slope * value + s->intercept, MIN_HU);
 }
 
 /* Two encodings of the same HU, to the rounding of the coarser one. */

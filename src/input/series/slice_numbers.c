@@ -1,4 +1,4 @@
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 
 #include "base/mem.h"
 #include "input/series/slice_stack.h"
@@ -79,7 +79,7 @@ void cts_study_numbers_free(CtsStudyNumbers *numbers)
 /* THIN_SHARE: a slice's thickness fills most of its gap unless slices are missing. A step larger than the largest
  * number of slices counts as none. */
 #define THIN_SHARE 0.6
-enum { MOST_STEPS = 20000 };
+enum { MAX_STEPS = 20000 };
 
 /* Within a quarter of the larger one. */
 static bool is_near(double a_mm, double b_mm)
@@ -102,7 +102,7 @@ static int64_t step_over(const CtsSliceSet *set, int i, double smallest_mm, doub
     if (!a->has_instance || !b->has_instance || !(*thickness_mm > 0) || *thickness_mm > THIN_SHARE * gap)
         return 0;
     const int64_t step = llabs((int64_t)b->instance_number - a->instance_number);
-    if (step < 2 || step > MOST_STEPS)
+    if (step < 2 || step > MAX_STEPS)
         return 0;
     const double each_mm = gap / (double)step;
     return is_near(each_mm, *thickness_mm) || is_near(each_mm, smallest_mm) ? step : 0;
@@ -140,7 +140,7 @@ CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNum
         if (step != missing.every)
             missing.every = 0;
         n += step ? step - 1 : 0;
-        if (step && n_asked < MOST_STEPS) {
+        if (step && n_asked < MAX_STEPS) {
             n_others += count_others(set, i, numbers);
             n_asked = n;
         }

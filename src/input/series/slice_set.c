@@ -1,6 +1,6 @@
-#include "input/series/series_judge.h"
+#include "input/series/series_check.h"
 
-#include "base/order.h"
+#include "base/compare.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
 #include <stdlib.h>
@@ -231,7 +231,7 @@ static CtsStatus deal(const CtsSliceSet *set, const double *part, CtsSliceSet *p
     if (!labels)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     memcpy(labels, part, (size_t)set->n * sizeof *labels);
-    qsort(labels, (size_t)set->n, sizeof *labels, cts_by_double);
+    qsort(labels, (size_t)set->n, sizeof *labels, cts_compare_double);
     for (int i = 0; i < set->n; i++)
         if (i == 0 || labels[i] != labels[i - 1])
             labels[n_labels++] = labels[i];

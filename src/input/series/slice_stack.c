@@ -1,6 +1,6 @@
 #include "input/series/slice_stack.h"
 
-#include "base/order.h"
+#include "base/compare.h"
 #include "base/vec3.h"
 #include <stdlib.h>
 #include <string.h>
@@ -128,7 +128,8 @@ bool cts_slice_stack_lacks_many(int n_missing, int n)
     return (int64_t)n_missing * 10 > (int64_t)n + n_missing;
 }
 
-static CtsStatus judge(const CtsSliceStack *s, const CtsSlice *const *slices, int n, bool allow_missing, CtsError *err)
+static CtsStatus check_stack(const CtsSliceStack *s, const CtsSlice *const *slices, int n, bool allow_missing,
+                             CtsError *err)
 {
     const CtsSlice *middle = slices[n / 2];
     const double pixel_mm = fmin(middle->row_spacing_mm, middle->column_spacing_mm);
@@ -168,7 +169,7 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, bool allow_
         if (i > 0)
             gaps[i - 1] = sorted[i - 1] = stack->layer[i] - stack->layer[i - 1];
     }
-    qsort(sorted, (size_t)n - 1, sizeof *sorted, cts_by_double);
+    qsort(sorted, (size_t)n - 1, sizeof *sorted, cts_compare_double);
     stack->spacing_mm = sorted[(n - 2) / 2];
     stack->smallest_gap_mm = sorted[0];
     stack->largest_gap_mm = sorted[n - 2];
@@ -179,7 +180,7 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, bool allow_
         classify(stack, gaps, n);
         place(stack, gaps, n);
         follow_line(stack, slices, n);
-        st = judge(stack, slices, n, allow_missing, err);
+        st = check_stack(stack, slices, n, allow_missing, err);
     }
     free(gaps);
     if (st) {
@@ -190,30 +191,32 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, bool allow_
     return st;
 }
 
-void cts_slice_stack_findings(const CtsSliceStack *s, const CtsSlice *const *slices, int n, CtsFindings *findings)
+void cts_slice_stack_diagnostics(const CtsSliceStack *s, const CtsSlice *const *slices, int n,
+                                 CtsDiagnostics *diagnostics)
 {
     const CtsSlice *middle = slices[n / 2];
     if (s->kind == CTS_STACK_MISSING) {
         const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
         const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
-        cts_findings_add(
-            findings, "missing_slices", CTS_WARNING,
+        cts_diagnostics_add(
+            diagnostics, "missing_slices", CTS_WARNING,
             "%d of %d slices missing and interpolated: the first gap is %.3f mm, from position %.3f to %.3f "
             "mm along the slice normal, elsewhere %.3f mm",
             s->n_missing, s->n_layers, next - at, at, next, s->spacing_mm);
     } else if (s->kind == CTS_STACK_UNEQUAL) {
-        cts_findings_add(findings, "unequal_spacing", CTS_WARNING,
-                         "slice spacing varies from %.3f to %.3f mm (median %.3f): %d slices resampled to %d layers of "
-                         "%.3f mm",
-                         s->smallest_gap_mm, s->largest_gap_mm, s->spacing_mm, n, s->n_layers,
-                         cts_dot3(s->step_lps, middle->normal_lps));
+        cts_diagnostics_add(
+            diagnostics, "unequal_spacing", CTS_WARNING,
+            "slice spacing varies from %.3f to %.3f mm (median %.3f): %d slices resampled to %d layers of "
+            "%.3f mm",
+            s->smallest_gap_mm, s->largest_gap_mm, s->spacing_mm, n, s->n_layers,
+            cts_dot3(s->step_lps, middle->normal_lps));
     }
     const double height_mm = fabs(cts_dot3(s->step_lps, middle->normal_lps)) * (s->n_layers - 1);
     if (s->tilt_deg > 0.1 && height_mm * tan(s->tilt_deg * (3.14159265358979323846 / 180)) > JITTER_MM)
-        cts_findings_add(findings, "gantry_tilt", CTS_NOTE,
-                         "the stack is sheared by %.2f degrees (gantry tilt); the picture keeps its true shape",
-                         s->tilt_deg);
+        cts_diagnostics_add(diagnostics, "gantry_tilt", CTS_NOTE,
+                            "the stack is sheared by %.2f degrees (gantry tilt); the picture keeps its true shape",
+                            s->tilt_deg);
     if (s->sideways_mm > fmax(JITTER_MM, 0.1 * fmin(middle->row_spacing_mm, middle->column_spacing_mm)))
-        cts_findings_add(findings, "sideways_shift", CTS_WARNING,
-                         "slice positions deviate by up to %.3f mm from a straight line", s->sideways_mm);
+        cts_diagnostics_add(diagnostics, "sideways_shift", CTS_WARNING,
+                            "slice positions deviate by up to %.3f mm from a straight line", s->sideways_mm);
 }

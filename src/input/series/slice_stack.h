@@ -40,7 +40,8 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, bool allow_
 void cts_slice_stack_free(CtsSliceStack *stack);
 
 /* The stack's warnings. */
-void cts_slice_stack_findings(const CtsSliceStack *stack, const CtsSlice *const *slices, int n, CtsFindings *findings);
+void cts_slice_stack_diagnostics(const CtsSliceStack *stack, const CtsSlice *const *slices, int n,
+                                 CtsDiagnostics *diagnostics);
 
 /* Position along the normal of `reference`. */
 double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice);

@@ -22,7 +22,7 @@ static void describe(const CtsBenchSettings *settings, CtsBenchRows *rows)
     rows->n_threads = cts_threads(s->n_threads);
 }
 
-static void tell(const CtsBenchSettings *settings, int done, int all, const CtsBenchRow *row)
+static void report_progress(const CtsBenchSettings *settings, int done, int all, const CtsBenchRow *row)
 {
     char what[128], samples[24];
     if (!settings->progress)
@@ -71,13 +71,13 @@ CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, Ct
     describe(settings, rows);
     if ((st = cts_bench_plan(settings->full, &rows->rows, &n, err)))
         return st;
-    tell(settings, 0, n + 1, NULL);
+    report_progress(settings, 0, n + 1, NULL);
     const double begin_ms = cts_wall_ms();
     st = integrate(settings, CTS_KERNEL_TENT, own, err);
     const double reference_ms = cts_wall_ms() - begin_ms;
     for (int i = 0; i < n && !st; i++) {
         CtsBenchRow *row = &rows->rows[i];
-        tell(settings, i + 1, n + 1, row);
+        report_progress(settings, i + 1, n + 1, row);
         if (!(st = integrate(settings, row->kernel, own, err)) && !(st = cts_bench_measure(settings, own, row, err)))
             rows->n = i + 1;
         if (i == 0 && !st)

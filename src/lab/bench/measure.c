@@ -1,7 +1,7 @@
 /* One setting in a process of its own, so that its peak of memory is its own, and a crash costs one row. */
 #include "base/clock.h"
+#include "base/compare.h"
 #include "base/file.h"
-#include "base/order.h"
 #include "base/parallel.h"
 #include "lab/bench/bench.h"
 #include <errno.h>
@@ -17,7 +17,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { LEAST_RUNS = 3, MOST_RUNS = 7 };
+enum { MIN_RUNS = 3, MAX_RUNS = 7 };
 #define QUICK_MS 4000 /* further runs only while all took less */
 
 typedef struct Child {
@@ -31,11 +31,11 @@ typedef struct Child {
 /* Sorts them. */
 static double median(double *values, int n)
 {
-    qsort(values, (size_t)n, sizeof *values, cts_by_double);
+    qsort(values, (size_t)n, sizeof *values, cts_compare_double);
     return n % 2 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
 }
 
-static CtsStatus judge(Child *c, const CtsPicture *picture, const CtsReport *report)
+static CtsStatus evaluate(Child *c, const CtsPicture *picture, const CtsReport *report)
 {
     c->row->voxels = report->voxels;
     c->row->bound = report->bound;
@@ -58,7 +58,7 @@ static CtsStatus render_runs(Child *c)
 {
     CtsRenderSettings s = c->settings->render;
     CtsBenchRow *row = c->row;
-    double wall_ms[MOST_RUNS], serial_ms[MOST_RUNS], spent_ms = 0;
+    double wall_ms[MAX_RUNS], serial_ms[MAX_RUNS], spent_ms = 0;
     CtsStatus st = CTS_OK;
     struct rusage usage;
     s.engine = row->engine;
@@ -68,8 +68,8 @@ static CtsStatus render_runs(Child *c)
     s.tolerance_hu = row->tolerance_hu;
     s.void_key = row->void_key;
     reset_peak();
-    for (row->runs = 0; row->runs < MOST_RUNS && !st; row->runs++) {
-        if (row->runs >= LEAST_RUNS && spent_ms > QUICK_MS)
+    for (row->runs = 0; row->runs < MAX_RUNS && !st; row->runs++) {
+        if (row->runs >= MIN_RUNS && spent_ms > QUICK_MS)
             break;
         CtsPicture *picture = NULL;
         CtsReport report = {0};
@@ -81,7 +81,7 @@ static CtsStatus render_runs(Child *c)
         if (!st && row->runs == 0) {
             getrusage(RUSAGE_SELF, &usage);
             row->peak_rss_bytes = (uint64_t)usage.ru_maxrss * 1024;
-            st = judge(c, picture, &report);
+            st = evaluate(c, picture, &report);
         }
         cts_picture_free(&picture);
         cts_report_free(&report);
@@ -98,13 +98,13 @@ static CtsStatus render_runs(Child *c)
 /* Reads the worker process's result; forwards a request to stop. */
 static bool read_all(int file, pid_t pid, const volatile sig_atomic_t *stop, void *data, size_t n)
 {
-    bool told = false;
+    bool reported = false;
     for (char *p = data; n > 0;) {
         struct pollfd wait = {.fd = file, .events = POLLIN};
         const int ready = poll(&wait, 1, 100);
-        if (!told && stop && *stop) {
+        if (!reported && stop && *stop) {
             kill(pid, SIGTERM);
-            told = true;
+            reported = true;
         }
         if (ready == 0 || (ready < 0 && errno == EINTR))
             continue;

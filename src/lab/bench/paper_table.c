@@ -2,8 +2,8 @@
 #include "lab/bench/paper_table.h"
 
 #include "base/clock.h"
+#include "base/compare.h"
 #include "base/cpu.h"
-#include "base/order.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 /* Times that the paper gives, in per cent of plain splatting: the means of its three data sets, and the sets'. */
 #define ROW(called, id, hidden, always, mean, sets)                                                                    \
     {                                                                                                                  \
-        .name = called, .engine = CTS_ENGINE_##id, .sees_hidden = hidden, .reuses_always = always,                     \
+        .name = called, .engine = CTS_ENGINE_##id, .no_occlusion_culling = hidden, .always_reuse_layers = always,      \
         .paper_percent = mean, .paper_sets = sets                                                                      \
     }
 static const CtsPaperRow plan[] = {
@@ -35,8 +35,8 @@ static CtsRenderSettings settings_for(const CtsRenderSettings *asked, const CtsP
     s.shade = CTS_OFF;
     s.mode = CTS_MODE_COMPOSITE;
     s.fit = CTS_FIT_VOLUME;
-    s.sees_hidden = row->sees_hidden;
-    s.reuses_always = row->reuses_always;
+    s.no_occlusion_culling = row->no_occlusion_culling;
+    s.always_reuse_layers = row->always_reuse_layers;
     return s;
 }
 
@@ -83,11 +83,11 @@ static void sum_up(CtsPaperTable *table)
         CtsPaperRow *row = &table->rows[i];
         for (int round = 0; round < CTS_PAPER_ROUNDS; round++)
             share[round] = 100 * row->ms[round] / table->rows[0].ms[round];
-        qsort(share, CTS_PAPER_ROUNDS, sizeof *share, cts_by_double);
+        qsort(share, CTS_PAPER_ROUNDS, sizeof *share, cts_compare_double);
         row->percent = share[CTS_PAPER_ROUNDS / 2];
         row->percent_low = share[CTS_PAPER_ROUNDS / 4];
         row->percent_high = share[CTS_PAPER_ROUNDS - 1 - CTS_PAPER_ROUNDS / 4];
-        qsort(row->ms, CTS_PAPER_ROUNDS, sizeof *row->ms, cts_by_double);
+        qsort(row->ms, CTS_PAPER_ROUNDS, sizeof *row->ms, cts_compare_double);
         row->median_ms = row->ms[CTS_PAPER_ROUNDS / 2];
     }
 }

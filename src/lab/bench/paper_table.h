@@ -12,11 +12,11 @@ enum { CTS_PAPER_ROWS = 7, CTS_PAPER_ROUNDS = 15, CTS_PAPER_BITS = 8 };
 typedef struct CtsPaperRow {
     const char *name;
     CtsEngineId engine;
-    bool sees_hidden, reuses_always; /* as in CtsRenderSettings */
-    double paper_percent;            /* the paper's mean; 0: it has no such engine */
-    const char *paper_sets;          /* those of its data sets, one by one; NULL likewise */
-    double ms[CTS_PAPER_ROUNDS];     /* of each round; wall, or with one thread CPU time, which others disturb less */
-    double median_ms, percent;       /* medians; percent of classic's of the same round, with its quartiles */
+    bool no_occlusion_culling, always_reuse_layers; /* as in CtsRenderSettings */
+    double paper_percent;                           /* the paper's mean; 0: it has no such engine */
+    const char *paper_sets;                         /* those of its data sets, one by one; NULL likewise */
+    double ms[CTS_PAPER_ROUNDS]; /* of each round; wall, or with one thread CPU time, which others disturb less */
+    double median_ms, percent;   /* medians; percent of classic's of the same round, with its quartiles */
     double percent_low, percent_high;
     bool same; /* the picture has classic's bytes */
     CtsVoxelCounts voxels;

@@ -4,7 +4,7 @@
 #include <assert.h>
 #include <stdlib.h>
 
-enum { MOST_TUNED = 12 }; /* settings of an engine beside its kernels */
+enum { MAX_TUNED = 12 }; /* settings of an engine beside its kernels */
 
 typedef struct Plan {
     CtsBenchRow *rows;
@@ -66,7 +66,7 @@ static void add_engine(Plan *p, CtsEngineId engine, bool full)
 
 CtsStatus cts_bench_plan(bool full, CtsBenchRow **rows, int *n, CtsError *err)
 {
-    Plan p = {.capacity = CTS_N_ENGINES * (CTS_N_KERNELS + MOST_TUNED)};
+    Plan p = {.capacity = CTS_N_ENGINES * (CTS_N_KERNELS + MAX_TUNED)};
     if (!(p.rows = calloc((size_t)p.capacity, sizeof *p.rows)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int engine = 0; engine < CTS_N_ENGINES; engine++)

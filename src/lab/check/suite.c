@@ -9,7 +9,7 @@
 #include <string.h>
 
 /* Errors below the smallest requested one are not reported either. */
-#define UNTOLD (0.01 / 255)
+#define BOUND_SLACK (0.01 / 255)
 /* Twice the error of a single pixel that is possible where pictures meet the promised one. */
 #define CHECK_BRIGHT (50 * CHECK_PROMISED)
 
@@ -64,7 +64,7 @@ CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsP
     const CtsStatus st = cts_render(volume, preset, settings, picture, &report, err);
     if (!st)
         run->scene.mm_per_pixel = (*picture)->info.mm_per_pixel;
-    run->told = report.bound;
+    run->reported = report.bound;
     cts_report_free(&report);
     return st;
 }
@@ -86,9 +86,9 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
 {
     run->scene.x = worst->x;
     run->scene.y = worst->y;
-    const CtsErrorBound *const told = &run->told;
-    const bool above =
-        told->known && (worst->rms > told->rmse + UNTOLD || (told->max >= 0 && worst->most > told->max + UNTOLD));
+    const CtsErrorBound *const reported = &run->reported;
+    const bool above = reported->known && (worst->rms > reported->rmse + BOUND_SLACK ||
+                                           (reported->max >= 0 && worst->most > reported->max + BOUND_SLACK));
     state(run, worst->expected, worst->found, worst->error, bound,
           worst->dark ? "a pixel has lost half of its light"
           : above     ? "the error is above the reported one"
@@ -145,12 +145,12 @@ static CtsRenderSettings settings_of(const CtsCheckRun *run, const CtsFormulaSce
     return r;
 }
 
-CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *s, CtsMadeScene *made, CtsError *err)
+CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *s, CtsRenderedScene *made, CtsError *err)
 {
     double spacing[3];
     for (int a = 0; a < 3; a++)
         spacing[a] = s->spacing_mm[a] > 0 ? s->spacing_mm[a] : 1;
-    *made = (CtsMadeScene){.preset = preset_of(s), .settings = settings_of(run, s)};
+    *made = (CtsRenderedScene){.preset = preset_of(s), .settings = settings_of(run, s)};
     const CtsStatus st = cts_check_volume(&made->volume, s->dims, spacing, s->hu_step > 0 ? s->hu_step : 1,
                                           s->formula ? s->formula : cts_hu_linear, s->hu, err);
     if (!st) {
@@ -162,7 +162,7 @@ CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *s, CtsMa
 
 CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPicture **picture, CtsError *err)
 {
-    CtsMadeScene m;
+    CtsRenderedScene m;
     CtsStatus st = cts_check_make(run, scene, &m, err);
     if (!st)
         st = cts_check_render(run, m.volume, &m.preset, &m.settings, picture, err);
@@ -170,7 +170,7 @@ CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPict
     return st;
 }
 
-CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsRenderedScene *scene, CtsPixelTruth truth, const void *data,
                                CtsError *err)
 {
     const CtsRenderSettings *s = &scene->settings;
@@ -188,7 +188,7 @@ CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsMadeScene *scene, CtsP
     return st;
 }
 
-CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsRenderedScene *scene, CtsPixelTruth truth, const void *data,
                             double bound, CtsError *err)
 {
     const int width = scene->settings.width, n = width * scene->settings.height;
@@ -215,13 +215,13 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixe
 
 void cts_check_volume_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
-    const CtsMadeScene *m = data;
+    const CtsRenderedScene *m = data;
     cts_truth_volume(m->volume, &m->preset, ray, rgba);
 }
 
 CtsStatus cts_check_against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPixelTruth truth, CtsError *err)
 {
-    CtsMadeScene m;
+    CtsRenderedScene m;
     CtsStatus st = cts_check_make(run, scene, &m, err);
     if (!st)
         st = cts_check_picture(run, &m, truth, &m, cts_check_bound(run, scene), err);
@@ -277,7 +277,7 @@ static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId e
     return CTS_OK;
 }
 
-static bool is_asked(const char *only, bool alone, const char *name)
+static bool is_requested(const char *only, bool alone, const char *name)
 {
     return !only || (alone ? !strcmp(name, only) : strstr(name, only) != NULL);
 }
@@ -297,7 +297,7 @@ CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_f
     for (size_t t = 0; t < n_tables; t++)
         for (size_t i = 0; i < tables[t]->n; i++) {
             const CtsCheckCase *c = &tables[t]->cases[i];
-            if (!is_asked(settings->only, alone, c->name))
+            if (!is_requested(settings->only, alone, c->name))
                 continue;
             any = true;
             for (int engine = 0; engine < CTS_N_ENGINES && !st; engine++) {

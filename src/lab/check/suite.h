@@ -40,8 +40,8 @@ typedef struct CtsCheckRun {
     CtsEngineId engine;
     int n_cases, n_failed;
     CtsCheckScene scene;
-    CtsErrorBound told; /* of the picture that was rendered last */
-    double *truth;      /* of the case, RGBA by pixel, which its engines share; freed after them */
+    CtsErrorBound reported; /* of the picture that was rendered last */
+    double *truth;          /* of the case, RGBA by pixel, which its engines share; freed after them */
 } CtsCheckRun;
 
 typedef struct CtsCheckCase {
@@ -108,12 +108,12 @@ CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *scene, CtsError *
 double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene);
 
 /* The scene as it is rendered. */
-typedef struct CtsMadeScene {
+typedef struct CtsRenderedScene {
     CtsVolume *volume; /* to be freed */
     CtsPreset preset;
     CtsRenderSettings settings;
-} CtsMadeScene;
-CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *scene, CtsMadeScene *made, CtsError *err);
+} CtsRenderedScene;
+CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *scene, CtsRenderedScene *made, CtsError *err);
 
 /* Creates and renders a scene, and frees everything except the picture. */
 CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPicture **picture, CtsError *err);
@@ -137,17 +137,17 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
 typedef void (*CtsPixelTruth)(const CtsTruthRay *ray, const void *data, double rgba[4]);
 
 /* Sets run->truth, unless an earlier engine had the same scene: a truth often takes longer than any engine. */
-CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsRenderedScene *scene, CtsPixelTruth truth, const void *data,
                                CtsError *err);
 
 /* Renders and reports the largest error of all pixels and channels against truth, which gets data. Also fails where the
  * bound is so wide that half of the brightest pixel's light might be missing. */
-CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsRenderedScene *scene, CtsPixelTruth truth, const void *data,
                             double bound, CtsError *err);
-/* The same for a scene by formula; data is the scene created from it, a CtsMadeScene. */
+/* The same for a scene by formula; data is the scene created from it, a CtsRenderedScene. */
 CtsStatus cts_check_against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPixelTruth truth, CtsError *err);
 
-/* A CtsCheckCase.run of a scene whose truth is rays through its voxels; and that truth, of a CtsMadeScene. */
+/* A CtsCheckCase.run of a scene whose truth is rays through its voxels; and that truth, of a CtsRenderedScene. */
 CtsStatus cts_check_volume_scene(CtsCheckRun *run, const void *scene, CtsError *err);
 void cts_check_volume_truth(const CtsTruthRay *ray, const void *data, double rgba[4]);
 

@@ -6,16 +6,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { NX = 13, NY = 12, NZ = 10, MOST_LABELS = 3 };
+enum { NX = 13, NY = 12, NZ = 10, MAX_LABELS = 3 };
 
 /* Labels by formula. */
 typedef struct Scene {
     int n_labels;
     bool (*holds)(int label, int i, int j, int k);
     double (*share)(int label, int i, int j, int k); /* fraction of a voxel that a label fills in part; NULL: none */
-    const char *show, *hide, *looks[MOST_LABELS];
-    const char *colours[MOST_LABELS + 1]; /* for the truth: of each label, and of unlabelled voxels; NULL: hidden */
-    int layers;                           /* to a slice distance; 0: 1 */
+    const char *show, *hide, *appearances[MAX_LABELS];
+    const char *colours[MAX_LABELS + 1]; /* for the truth: of each label, and of unlabelled voxels; NULL: hidden */
+    int layers;                          /* to a slice distance; 0: 1 */
     bool lit;
     double azimuth_deg, elevation_deg;
     double bound[CHECK_N_FAMILIES];
@@ -23,9 +23,9 @@ typedef struct Scene {
 
 typedef struct Labels {
     CtsLabels set;
-    CtsLabel items[MOST_LABELS];
-    CtsLabelRun runs[MOST_LABELS][NX * NY * NZ];
-    CtsLabelShare shares[MOST_LABELS][NX * NY * NZ];
+    CtsLabel items[MAX_LABELS];
+    CtsLabelRun runs[MAX_LABELS][NX * NY * NZ];
+    CtsLabelShare shares[MAX_LABELS][NX * NY * NZ];
     double position_lps[NZ][3];
 } Labels;
 
@@ -38,7 +38,7 @@ static double share_of(const Scene *s, int label, int i, int j, int k)
 
 static void fill(Labels *l, const Scene *s, const CtsVolume *v, int layers)
 {
-    static char names[MOST_LABELS][2] = {"a", "b", "c"};
+    static char names[MAX_LABELS][2] = {"a", "b", "c"};
     l->set = (CtsLabels){.items = l->items, .n = (size_t)s->n_labels, .counted = true};
     l->set.grid = (CtsLabelGrid){.columns = NX, .rows = NY, .n_slices = NZ, .position_lps = l->position_lps};
     for (int k = 0; k < NZ; k++)
@@ -69,14 +69,14 @@ static void fill(Labels *l, const Scene *s, const CtsVolume *v, int layers)
 typedef struct Truth {
     const Scene *scene;
     const CtsVolume *volume;
-    CtsPreset looks[MOST_LABELS + 1];
+    CtsPreset appearances[MAX_LABELS + 1];
     int layers;
-    uint64_t voxels[MOST_LABELS];
+    uint64_t voxels[MAX_LABELS];
 } Truth;
 
 /* A scanned voxel's contribution to the fields: labels take their fractions, from the smallest label on, as far as a
  * remainder is left. */
-static void add_voxel(const Truth *t, int i, int j, int k, double weight, double field[MOST_LABELS + 1])
+static void add_voxel(const Truth *t, int i, int j, int k, double weight, double field[MAX_LABELS + 1])
 {
     const int n_labels = t->scene->n_labels;
     double left = 1;
@@ -95,9 +95,9 @@ static void add_voxel(const Truth *t, int i, int j, int k, double weight, double
 }
 
 /* The label of a point: from all eight voxels of its cell of layers, linear between slices. */
-static int owner_at(const Truth *t, const double vox[3])
+static int label_at(const Truth *t, const double vox[3])
 {
-    double field[MOST_LABELS + 1] = {0};
+    double field[MAX_LABELS + 1] = {0};
     int cell[3], most = 0;
     for (int a = 0; a < 3; a++)
         cell[a] = (int)fmin(fmax(floor(vox[a]), 0), t->volume->dims[a] - 2);
@@ -120,11 +120,11 @@ static int owner_at(const Truth *t, const double vox[3])
     return most;
 }
 
-static int owner_on(const Truth *t, const CtsTruthRay *ray, double t_mm)
+static int label_on(const Truth *t, const CtsTruthRay *ray, double t_mm)
 {
     double vox[3];
     cts_truth_ray_voxel(t->volume, ray, t_mm, vox);
-    return owner_at(t, vox);
+    return label_at(t, vox);
 }
 
 /* Steps far shorter than a cell; between two points of different labels, the position of the boundary. */
@@ -132,29 +132,29 @@ static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     enum { STEPS = 3000, HALVINGS = 34 };
     const Truth *const t = data;
-    CtsTruthLight light = {{0}, 0};
+    CtsTruthSum light = {{0}, 0};
     const double step = (ray->to_mm - ray->from_mm) / STEPS, hu = cts_volume_hu(t->volume, t->volume->grey[0]);
     double from = ray->from_mm;
-    int owner = owner_on(t, ray, from + 1e-9);
+    int voxel_label = label_on(t, ray, from + 1e-9);
     for (int i = 1; i <= STEPS; i++) {
         const double at = ray->from_mm + i * step - (i == STEPS ? 1e-9 : 0);
-        const int next = owner_on(t, ray, at);
-        if (next == owner && i < STEPS)
+        const int next = label_on(t, ray, at);
+        if (next == voxel_label && i < STEPS)
             continue;
         double low = at - step, high = at;
-        for (int h = 0; h < HALVINGS && next != owner; h++) {
+        for (int h = 0; h < HALVINGS && next != voxel_label; h++) {
             const double middle = 0.5 * (low + high);
-            *(owner_on(t, ray, middle) == owner ? &low : &high) = middle;
+            *(label_on(t, ray, middle) == voxel_label ? &low : &high) = middle;
         }
-        if (t->scene->colours[owner])
-            cts_truth_add(&t->looks[owner], 1, &(CtsTruthStretch){hu, hu, high - from, -1}, &light);
+        if (t->scene->colours[voxel_label])
+            cts_truth_add(&t->appearances[voxel_label], 1, &(CtsTruthInterval){hu, hu, high - from, -1}, &light);
         from = high;
-        owner = next;
+        voxel_label = next;
     }
-    cts_truth_seen(&light, rgba);
+    cts_truth_pixel(&light, rgba);
 }
 
-static CtsPreset look_of(const char *colour)
+static CtsPreset appearance_of(const char *colour)
 {
     const unsigned long rgb = colour ? strtoul(colour, NULL, 16) : 0;
     return cts_check_even_preset(0.2, (double)(rgb >> 16) / 255, (double)(rgb >> 8 & 255) / 255,
@@ -163,7 +163,7 @@ static CtsPreset look_of(const char *colour)
 
 static const CtsCheckPoint shown[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.1, {0.9, 0.5, 0.2}}};
 
-static CtsStatus make(const CtsCheckRun *run, const Scene *s, CtsMadeScene *m, CtsError *err)
+static CtsStatus make(const CtsCheckRun *run, const Scene *s, CtsRenderedScene *m, CtsError *err)
 {
     const int layers = s->layers ? s->layers : 1;
     const CtsFormulaScene scene = {.dims = {NX, NY, (NZ - 1) * layers + 1},
@@ -176,10 +176,13 @@ static CtsStatus make(const CtsCheckRun *run, const Scene *s, CtsMadeScene *m, C
     return cts_check_make(run, &scene, m, err);
 }
 
-static CtsStatus make_labelled(const CtsCheckRun *run, const Scene *s, CtsMadeScene *m, Labels **labels, CtsError *err)
+static CtsStatus make_labelled(const CtsCheckRun *run, const Scene *s, CtsRenderedScene *m, Labels **labels,
+                               CtsError *err)
 {
-    const CtsLabelChoice choice = {
-        .show = s->show, .hide = s->hide, .looks = s->looks, .n_looks = s->looks[0] ? s->n_labels : 0};
+    const CtsLabelChoice choice = {.show = s->show,
+                                   .hide = s->hide,
+                                   .appearances = s->appearances,
+                                   .n_appearances = s->appearances[0] ? s->n_labels : 0};
     const CtsStatus st = make(run, s, m, err);
     if (st)
         return st;
@@ -192,16 +195,16 @@ static CtsStatus make_labelled(const CtsCheckRun *run, const Scene *s, CtsMadeSc
 static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const Scene *const s = data;
-    CtsMadeScene m;
+    CtsRenderedScene m;
     Labels *labels = NULL;
     CtsStatus st = make_labelled(run, s, &m, &labels, err);
     if (!st) {
-        m.preset = look_of(s->colours[s->n_labels] ? s->colours[s->n_labels] : "c08040");
+        m.preset = appearance_of(s->colours[s->n_labels] ? s->colours[s->n_labels] : "c08040");
         Truth t = {.scene = s, .volume = m.volume, .layers = m.volume->slice_layers};
         for (int n = 0; n < s->n_labels; n++)
             t.voxels[n] = labels->items[n].fact.voxels;
         for (int n = 0; n <= s->n_labels; n++)
-            t.looks[n] = look_of(s->colours[n]);
+            t.appearances[n] = appearance_of(s->colours[n]);
         st = cts_check_picture(run, &m, truth, &t, s->bound[cts_check_family(run->engine)], err);
     }
     cts_volume_free(&m.volume);
@@ -213,7 +216,7 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 static CtsStatus air(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const Scene *const s = data;
-    CtsMadeScene hidden, cut = {.volume = NULL};
+    CtsRenderedScene hidden, cut = {.volume = NULL};
     CtsPicture *a = NULL, *b = NULL;
     Labels *labels = NULL;
     CtsStatus st = make_labelled(run, s, &hidden, &labels, err);
@@ -295,19 +298,22 @@ static const CtsCheckCase cases[] = {
           CHECK_VIEW(15, -30), BOUND),
     SCENE("labels: one voxel thin", edges, CHECK_OF_FIELDS, 1, thin, .show = "a", .colours = {"c08040", NULL},
           CHECK_VIEW(25, 40), BOUND),
-    SCENE("labels: one in another", edges, CHECK_OF_FIELDS, 2, one_in_another, .looks = {"a=#4080ff", "b=#ff2000"},
-          .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(10, 70), BOUND),
+    SCENE("labels: one in another", edges, CHECK_OF_FIELDS, 2, one_in_another,
+          .appearances = {"a=#4080ff", "b=#ff2000"}, .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(10, 70),
+          BOUND),
     SCENE("labels: one in another, hidden", edges, CHECK_OF_FIELDS, 2, one_in_another, .show = "b", .hide = "a",
           .colours = {NULL, "c08040", NULL}, CHECK_VIEW(100, 10), BOUND),
-    SCENE("labels: three meet", edges, CHECK_OF_FIELDS, 3, three_meet, .looks = {"a=#4080ff", "b=#ff2000", "c=#20ff60"},
-          .colours = {"4080ff", "ff2000", "20ff60", "c08040"}, CHECK_VIEW(30, 35), BOUND),
+    SCENE("labels: three meet", edges, CHECK_OF_FIELDS, 3, three_meet,
+          .appearances = {"a=#4080ff", "b=#ff2000", "c=#20ff60"}, .colours = {"4080ff", "ff2000", "20ff60", "c08040"},
+          CHECK_VIEW(30, 35), BOUND),
     SCENE("labels: three layers to a slice", edges, CHECK_OF_FIELDS, 3, three_meet, .hide = "b",
-          .looks = {"a=#4080ff", "b=#ff2000", "c=#20ff60"}, .colours = {"4080ff", NULL, "20ff60", "c08040"},
+          .appearances = {"a=#4080ff", "b=#ff2000", "c=#20ff60"}, .colours = {"4080ff", NULL, "20ff60", "c08040"},
           .layers = 3, CHECK_VIEW(-60, 35), BOUND),
     SCENE("labels: fractions, a plane", edges, CHECK_OF_FIELDS, 1, .share = part_plane, .hide = "a",
           .colours = {NULL, "c08040"}, CHECK_VIEW(40, 25), BOUND),
     SCENE("labels: fractions, two balls", edges, CHECK_OF_FIELDS, 2, .share = part_balls,
-          .looks = {"a=#4080ff", "b=#ff2000"}, .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(20, 30), BOUND),
+          .appearances = {"a=#4080ff", "b=#ff2000"}, .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(20, 30),
+          BOUND),
     SCENE("labels: fractions, three layers to a slice", edges, CHECK_OF_FIELDS, 2, .share = part_balls, .show = "a",
           .hide = "b", .colours = {"c08040", NULL, NULL}, .layers = 3, CHECK_VIEW(-70, 35), BOUND),
     SCENE("labels: hidden voxels are air", air, CHECK_OF_ALL & ~CHECK_OF_FIELDS, 1, ball, .hide = "a",

@@ -20,24 +20,24 @@ static double hu_at(const Scene *s, const CtsTruthRay *ray, double t_mm)
 static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     const Scene *s = data;
-    CtsTruthStretch stretch = {hu_at(s, ray, ray->from_mm), hu_at(s, ray, ray->to_mm), ray->to_mm - ray->from_mm, -1};
+    CtsTruthInterval interval = {hu_at(s, ray, ray->from_mm), hu_at(s, ray, ray->to_mm), ray->to_mm - ray->from_mm, -1};
     const CtsPreset *p = s->preset;
     if (p->mode != CTS_MODE_COMPOSITE) {
-        const double hu = p->mode == CTS_MODE_MIP     ? fmax(stretch.hu0, stretch.hu1)
-                          : p->mode == CTS_MODE_MINIP ? fmin(stretch.hu0, stretch.hu1)
-                                                      : 0.5 * (stretch.hu0 + stretch.hu1);
+        const double hu = p->mode == CTS_MODE_MIP     ? fmax(interval.hu0, interval.hu1)
+                          : p->mode == CTS_MODE_MINIP ? fmin(interval.hu0, interval.hu1)
+                                                      : 0.5 * (interval.hu0 + interval.hu1);
         rgba[0] = (hu - p->window_low_hu) / (p->window_high_hu - p->window_low_hu);
         rgba[0] = rgba[1] = rgba[2] = fmin(fmax(rgba[0], 0), 1);
         rgba[3] = 1;
         return;
     }
     if (p->shade) {
-        stretch.facing = 0;
+        interval.facing = 0;
         for (int c = 0; c < 3 && s->gradient_length > 0; c++)
-            stretch.facing += s->gradient_mm[c] * ray->direction_lps[c] / s->gradient_length;
-        stretch.facing = fabs(stretch.facing);
+            interval.facing += s->gradient_mm[c] * ray->direction_lps[c] / s->gradient_length;
+        interval.facing = fabs(interval.facing);
     }
-    cts_truth_stretches(p, s->scale, &stretch, 1, rgba);
+    cts_truth_intervals(p, s->scale, &interval, 1, rgba);
 }
 
 /* The field's gradient in mm: differences of HU over a millimetre along each patient axis. */
@@ -72,7 +72,7 @@ CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *data, CtsError *e
 {
     const CtsFormulaScene *l = data;
     const double bound = cts_check_bound(run, l);
-    CtsMadeScene m;
+    CtsRenderedScene m;
     if (bound == CHECK_NONE)
         return CTS_OK;
     CtsStatus st = cts_check_make(run, l, &m, err);

@@ -7,7 +7,7 @@
 
 /* Voxels of 1 mm, hence blocks of three; walls begin and end with blocks. Light is all ambient, so that a pixel is as
  * bright as its place is open. */
-enum { BLOCK = 3, WIDE = 9, DEEP = 15, BACK = 10, FRONT = 4, RIM = 2, HALF = 2 };
+enum { BLOCK = 3, WIDE = 9, DEEP = 15, BACK = 10, FRONT = 4, MARGIN = 2, HALF = 2 };
 #define REACH_MM 35.0
 
 typedef struct OpennessCase {
@@ -30,7 +30,7 @@ static bool is_slit(const int block[3])
 static bool is_bowl(const int block[3])
 {
     const int x = abs(block[0] - WIDE / 2), z = abs(block[2] - WIDE / 2);
-    return block[1] >= BACK || (block[1] >= RIM && (x > HALF || z > HALF));
+    return block[1] >= BACK || (block[1] >= MARGIN && (x > HALF || z > HALF));
 }
 
 static double wall_hu(const double vox[3], const void *data)

@@ -29,7 +29,7 @@ static double hu_saddle(const double vox[3], const void *data)
     return 30000 + 1000 * y + 240 * x * z + 80 * x * y;
 }
 
-static CtsStatus add_squares(CtsCheckRun *run, const CtsMadeScene *m, const CtsPicture *reference, double *sum,
+static CtsStatus add_squares(CtsCheckRun *run, const CtsRenderedScene *m, const CtsPicture *reference, double *sum,
                              CtsError *err)
 {
     CtsPicture *picture = NULL;
@@ -41,7 +41,7 @@ static CtsStatus add_squares(CtsCheckRun *run, const CtsMadeScene *m, const CtsP
 }
 
 /* Squared errors of one view with each number of samples. */
-static CtsStatus add_view(CtsCheckRun *run, const OrderScene *o, CtsMadeScene *m, double *sum, CtsError *err)
+static CtsStatus add_view(CtsCheckRun *run, const OrderScene *o, CtsRenderedScene *m, double *sum, CtsError *err)
 {
     CtsPicture *reference = NULL;
     m->settings.engine = CTS_ENGINE_RAYCAST;
@@ -59,7 +59,7 @@ static CtsStatus add_view(CtsCheckRun *run, const OrderScene *o, CtsMadeScene *m
  * sheets is random in each view. */
 static CtsStatus find_rms(CtsCheckRun *run, const OrderScene *o, double rms[MOST], CtsError *err)
 {
-    CtsMadeScene m;
+    CtsRenderedScene m;
     CtsStatus st = cts_check_make(run, &o->scene, &m, err);
     for (int v = 0; v < VIEWS && !st; v++) {
         m.settings.azimuth_deg = 7.3 * v - 20;

@@ -128,7 +128,7 @@ static CtsStatus render_both(CtsCheckRun *run, const CtsFormulaScene scene[2], b
     CtsPicture *picture[2] = {NULL, NULL};
     CtsStatus st = CTS_OK;
     for (int i = 0; i < 2 && !st; i++) {
-        CtsMadeScene m;
+        CtsRenderedScene m;
         st = cts_check_make(run, &scene[i], &m, err);
         if (!st && i == 1 && turned)
             memcpy(m.volume->step_lps, steps, sizeof steps);
@@ -213,19 +213,19 @@ static void cell_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     enum { N = 1500 };
     static const double length = 1.0 / N;
-    const CtsMadeScene *c = data;
-    CtsTruthStretch stretch[N];
+    const CtsRenderedScene *c = data;
+    CtsTruthInterval interval[N];
     double most = -INFINITY;
     for (int i = 0; i < N; i++) {
         const double step = (ray->to_mm - ray->from_mm) * length, t = ray->from_mm + i * step;
-        stretch[i] = (CtsTruthStretch){cell_hu(c->volume, ray, t), cell_hu(c->volume, ray, t + step), step, -1};
-        most = fmax(most, stretch[i].hu1);
+        interval[i] = (CtsTruthInterval){cell_hu(c->volume, ray, t), cell_hu(c->volume, ray, t + step), step, -1};
+        most = fmax(most, interval[i].hu1);
     }
     if (c->preset.mode == CTS_MODE_COMPOSITE) {
-        cts_truth_stretches(&c->preset, 1, stretch, N, rgba);
+        cts_truth_intervals(&c->preset, 1, interval, N, rgba);
         return;
     }
-    rgba[0] = rgba[1] = rgba[2] = fmin(fmax(fmax(most, stretch[0].hu0) / 1000, 0), 1);
+    rgba[0] = rgba[1] = rgba[2] = fmin(fmax(fmax(most, interval[0].hu0) / 1000, 0), 1);
     rgba[3] = 1;
 }
 
@@ -252,7 +252,7 @@ static CtsStatus cell(CtsCheckRun *run, const void *data, CtsError *err)
 /* Distance of an opaque plane from the camera plane, which touches the box's bounding sphere. */
 static CtsStatus plane_depth(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    CtsMadeScene m;
+    CtsRenderedScene m;
     CtsPicture *p = NULL;
     CtsCheckWorst worst = {0};
     CtsStatus st = cts_check_make(run, data, &m, err);
@@ -273,7 +273,7 @@ static CtsStatus plane_depth(CtsCheckRun *run, const void *data, CtsError *err)
 static CtsStatus sane(CtsCheckRun *run, const void *data, CtsError *err)
 {
     CtsFormulaScene s = *(const CtsFormulaScene *)data;
-    CtsMadeScene m;
+    CtsRenderedScene m;
     CtsStatus st = cts_check_make(run, &s, &m, err);
     double bad = 0;
     for (int v = 0; v < 12 && !st; v++) {

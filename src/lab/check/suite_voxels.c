@@ -15,7 +15,7 @@ static double shown(double value)
 
 /* Found is the rms over the picture's colours, or a PIXELWISE-th of the largest difference where that is more: the
  * pixel named has the largest error. In a dark scene at most an eighth of its light may be missing. */
-static void judge(CtsCheckRun *run, const CtsRenderSettings *s, const CtsPicture *picture, double bound)
+static void check_picture(CtsCheckRun *run, const CtsRenderSettings *s, const CtsPicture *picture, double bound)
 {
     CtsCheckWorst worst = {0};
     double sum = 0, light = 0;
@@ -45,13 +45,13 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
     /* The truth's own error at steps that a ray grazes. */
     const bool exact = cts_check_family(run->engine) == CHECK_RAYCAST;
     const double bound = exact ? 3e-4 : s->max_error > 0 ? s->max_error / 255 : CHECK_PROMISED;
-    CtsMadeScene m;
+    CtsRenderedScene m;
     CtsPicture *picture = NULL;
     CtsStatus st = cts_check_make(run, s, &m, err);
     m.preset.diffuse = 0.8;
     if (!st && !(st = cts_check_render(run, m.volume, &m.preset, &m.settings, &picture, err)) &&
         !(st = cts_check_find_truth(run, &m, cts_check_volume_truth, &m, err)))
-        judge(run, &m.settings, picture, bound);
+        check_picture(run, &m.settings, picture, bound);
     cts_picture_free(&picture);
     cts_volume_free(&m.volume);
     return st;

@@ -1,10 +1,10 @@
 #include "lab/check/truth.h"
 
-#include "base/order.h"
+#include "base/compare.h"
 #include <math.h>
 #include <string.h>
 
-enum { MAX_CUTS = 4 * CTS_MAX_POINTS };
+enum { MAX_SPLITS = 4 * CTS_MAX_POINTS };
 
 double cts_truth_integral(double (*f)(double, const void *), const void *data, double a, double b)
 {
@@ -103,7 +103,7 @@ static double lit(const CtsPreset *p, double facing, double colour)
 
 /* A segment without a control point inside; c(t) is linear: integral of c dA = c(end) A(end) - c' integral of A. */
 static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, double mm, double facing,
-                     CtsTruthLight *sum)
+                     CtsTruthSum *sum)
 {
     const double middle = 0.5 * (hu0 + hu1);
     const double a0 = opacity_beside(p, hu0, middle), a1 = opacity_beside(p, hu1, middle);
@@ -133,7 +133,7 @@ static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, d
     sum->depth += line_depth(&line, mm);
 }
 
-static int cuts_between(const CtsPreset *p, double hu0, double hu1, double cut[MAX_CUTS])
+static int splits_between(const CtsPreset *p, double hu0, double hu1, double cut[MAX_SPLITS])
 {
     const double low = fmin(hu0, hu1), high = fmax(hu0, hu1);
     int n = 0;
@@ -153,30 +153,30 @@ static int cuts_between(const CtsPreset *p, double hu0, double hu1, double cut[M
     return n;
 }
 
-void cts_truth_add(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *s, CtsTruthLight *light)
+void cts_truth_add(const CtsPreset *preset, double extinction_scale, const CtsTruthInterval *s, CtsTruthSum *light)
 {
-    double cut[MAX_CUTS];
-    const int n_cuts = cuts_between(preset, s->hu0, s->hu1, cut);
-    for (int k = 0; k < n_cuts; k++) {
+    double cut[MAX_SPLITS];
+    const int n_splits = splits_between(preset, s->hu0, s->hu1, cut);
+    for (int k = 0; k < n_splits; k++) {
         const double share = s->hu0 == s->hu1 ? 1 : (cut[k + 1] - cut[k]) / (s->hu1 - s->hu0);
         add_line(preset, extinction_scale, cut[k], cut[k + 1], share * s->length_mm, s->facing, light);
     }
 }
 
-void cts_truth_seen(const CtsTruthLight *light, double rgba[4])
+void cts_truth_pixel(const CtsTruthSum *light, double rgba[4])
 {
     for (int c = 0; c < 3; c++)
         rgba[c] = light->rgb[c];
     rgba[3] = -expm1(-light->depth);
 }
 
-void cts_truth_stretches(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretches, int n,
+void cts_truth_intervals(const CtsPreset *preset, double extinction_scale, const CtsTruthInterval *intervals, int n,
                          double rgba[4])
 {
-    CtsTruthLight light = {{0, 0, 0}, 0};
+    CtsTruthSum light = {{0, 0, 0}, 0};
     for (int i = 0; i < n; i++)
-        cts_truth_add(preset, extinction_scale, &stretches[i], &light);
-    cts_truth_seen(&light, rgba);
+        cts_truth_add(preset, extinction_scale, &intervals[i], &light);
+    cts_truth_pixel(&light, rgba);
 }
 
 static double dot(const double a[3], const double b[3])

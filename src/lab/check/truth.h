@@ -8,22 +8,22 @@
 #include <stdbool.h>
 
 /* A stretch of a ray along which HU runs in a straight line. facing is |n.v|, or negative where unlit. */
-typedef struct CtsTruthStretch {
+typedef struct CtsTruthInterval {
     double hu0, hu1, length_mm, facing;
-} CtsTruthStretch;
+} CtsTruthInterval;
 
 /* Premultiplied red, green, blue and alpha of stretches one behind the other, front first, by closed forms for the
  * depth and tanh-sinh quadrature for colours that change: good to 1e-10. extinction_scale as in CtsScene. */
-void cts_truth_stretches(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretches, int n,
+void cts_truth_intervals(const CtsPreset *preset, double extinction_scale, const CtsTruthInterval *intervals, int n,
                          double rgba[4]);
 
 /* The same for each value of opacity separately: transmittance starts zeroed. */
-typedef struct CtsTruthLight {
+typedef struct CtsTruthSum {
     double rgb[3], depth;
-} CtsTruthLight;
-void cts_truth_add(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretch,
-                   CtsTruthLight *light);
-void cts_truth_seen(const CtsTruthLight *light, double rgba[4]);
+} CtsTruthSum;
+void cts_truth_add(const CtsPreset *preset, double extinction_scale, const CtsTruthInterval *interval,
+                   CtsTruthSum *light);
+void cts_truth_pixel(const CtsTruthSum *light, double rgba[4]);
 
 /* Integral of f over a..b by tanh-sinh quadrature; f may be steep or singular at the ends. */
 double cts_truth_integral(double (*f)(double x, const void *data), const void *data, double a, double b);

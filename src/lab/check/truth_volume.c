@@ -134,7 +134,7 @@ static double hu_at(const Cell *cell, const Line *line, const int first[3], doub
 }
 
 static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, const Line *line,
-                     const int first[3], double from_mm, double to_mm, CtsTruthLight *light)
+                     const int first[3], double from_mm, double to_mm, CtsTruthSum *light)
 {
     Cell cell;
     double part[3];
@@ -145,7 +145,7 @@ static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *
     const double step = (to_mm - from_mm) / n;
     double hu = hu_at(&cell, line, first, from_mm, part);
     for (int i = 0; i < n; i++) {
-        CtsTruthStretch s = {.hu0 = hu, .length_mm = step, .facing = -1};
+        CtsTruthInterval s = {.hu0 = hu, .length_mm = step, .facing = -1};
         if (p->shade) {
             /* Not in the middle of a cell: between two layers it has no gradient. */
             hu_at(&cell, line, first, from_mm + (i + (n > 1 ? 0.5 : 0.3)) * step, part);
@@ -159,7 +159,7 @@ static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *
 void cts_truth_volume(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, double rgba[4])
 {
     const double opaque = 30;
-    CtsTruthLight light = {{0, 0, 0}, 0};
+    CtsTruthSum light = {{0, 0, 0}, 0};
     Line line;
     cts_truth_ray_voxel(v, ray, 0, line.vox);
     cts_truth_ray_voxel(v, ray, 1, line.per_mm);
@@ -180,5 +180,5 @@ void cts_truth_volume(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay 
         add_cell(v, p, ray, &line, first, t, end, &light);
         t = end;
     }
-    cts_truth_seen(&light, rgba);
+    cts_truth_pixel(&light, rgba);
 }

@@ -1,7 +1,7 @@
 #include "ctsplat/export.h"
 
-#include "base/by_id.h"
 #include "base/clock.h"
+#include "base/enum_table.h"
 #include "output/export/format.h"
 #include "output/image/samples.h"
 #include <errno.h>
@@ -35,8 +35,8 @@ void cts_date_texts(char date[9], char time[7])
     strftime(time, 7, "%H%M%S", &now);
 }
 
-CTS_BY_ID(char *const, cts_sc_compression_names, CTS_SC_N_COMPRESSIONS, [CTS_SC_NONE] = "none", [CTS_SC_RLE] = "rle",
-          [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless", [CTS_SC_JPEG_2000] = "jpeg-2000");
+CTS_ENUM_TABLE(char *const, cts_sc_compression_names, CTS_SC_N_COMPRESSIONS, [CTS_SC_NONE] = "none",
+               [CTS_SC_RLE] = "rle", [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless", [CTS_SC_JPEG_2000] = "jpeg-2000");
 
 enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 
@@ -108,9 +108,9 @@ CtsStatus cts_export_check_size(const char *path, int width, int height, int n_f
     if (n_frames < 1 || (n_frames > 1 && !format->info.many_frames))
         return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->info.name,
                         n_frames);
-    if (format->most_side && (width > format->most_side || height > format->most_side))
+    if (format->max_side && (width > format->max_side || height > format->max_side))
         return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s has at most %d pixels a side, not %dx%d (take .png)", path,
-                        format->info.name, format->most_side, width, height);
+                        format->info.name, format->max_side, width, height);
     return format->check_size ? format->check_size(path, width, height, n_frames, grey, settings, err) : CTS_OK;
 }
 

@@ -32,7 +32,7 @@ typedef struct CtsFormat {
     /* How a file of this format starts. */
     size_t magic_offset;
     const char *magic; /* 4 bytes */
-    int most_side;     /* of a picture, in pixels; 0: as many as a picture can have */
+    int max_side;      /* of a picture, in pixels; 0: as many as a picture can have */
     /* Before any work; may be NULL. */
     CtsStatus (*check)(const char *path, const CtsExportSettings *settings, CtsError *err);
     CtsStatus (*check_size)(const char *path, int width, int height, int n_frames, bool grey,

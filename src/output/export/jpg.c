@@ -11,7 +11,7 @@
 
 #include <jpeglib.h> /* needs FILE and size_t */
 
-enum { MOST_SIDE = 65500, DOTS_PER_CM = 2 };
+enum { MAX_SIDE = 65500, DOTS_PER_CM = 2 };
 
 typedef struct JpgWriter {
     const CtsExportJob *job;
@@ -133,7 +133,7 @@ static void release(CtsExportJob *job)
 
 const CtsFormat cts_format_jpg = {
     .info = {.name = "jpg", .about = "JPEG, 8 bits a channel"},
-    .most_side = MOST_SIDE,
+    .max_side = MAX_SIDE,
     .state_bytes = sizeof(JpgWriter),
     .begin = begin,
     .rows = add_rows,

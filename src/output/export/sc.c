@@ -4,7 +4,7 @@
 #include "base/hash.h"
 #include "base/mem.h"
 #include "dicom/objects/objects.h"
-#include "output/export/sc_words.h"
+#include "output/export/sc_texts.h"
 #include "output/image/describe.h"
 #include "output/image/samples.h"
 #include <stdlib.h>
@@ -87,8 +87,8 @@ static const CtsSlice *lossy_slice(const CtsSeries *source)
 static void warn(const CtsExportJob *job, bool recognizable)
 {
     if (recognizable && job->settings.deidentify)
-        cts_report_finding(job->report, "recognizable_features", CTS_WARNING,
-                           "skin may be visible: a face can identify the patient, whatever the header says");
+        cts_report_diagnostic(job->report, "recognizable_features", CTS_WARNING,
+                              "skin may be visible: a face can identify the patient, whatever the header says");
 }
 
 static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
@@ -163,7 +163,7 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
 }
 
 /* Attributes of the object beside the copied ones. */
-static CtsScObject object_of(const CtsExportJob *job, const CtsScWords *words, const CtsScNames *names)
+static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *words, const CtsScNames *names)
 {
     const ScWriter *w = job->state;
     const CtsExportHead *head = &job->head;
@@ -193,30 +193,30 @@ static CtsScObject object_of(const CtsExportJob *job, const CtsScWords *words, c
 static CtsStatus write_head(const CtsExportJob *job, const CtsDcmWriters *dcm, CtsScObject *object, CtsError *err)
 {
     const CtsSlice *lossy = lossy_slice(object->source);
-    CtsSliceHead first, of_lossy;
-    CtsStatus st = cts_slice_head_open(&first, object->source->slices[0], err);
+    CtsSliceHeader first, of_lossy;
+    CtsStatus st = cts_slice_header_open(&first, object->source->slices[0], err);
     object->header = &first.head.data_set;
     if (!st && lossy) {
-        st = cts_slice_head_open(&of_lossy, lossy, err);
+        st = cts_slice_header_open(&of_lossy, lossy, err);
         object->lossy = &of_lossy.head.data_set;
     }
     if (!st)
         st = dcm->sc_write(object, sink, job->temp, err);
     if (object->lossy)
-        cts_slice_head_close(&of_lossy);
-    cts_slice_head_close(&first);
+        cts_slice_header_close(&of_lossy);
+    cts_slice_header_close(&first);
     return st;
 }
 
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     ScWriter *w = job->state;
-    CtsScWords words;
+    CtsScTexts words;
     CtsScNames names;
     uint8_t pixels[CTS_DIGEST_BYTES];
     const CtsDcmWriters *dcm = NULL;
     CtsStatus st;
-    cts_sc_words(job, &words);
+    cts_sc_texts(job, &words);
     if ((st = cts_dcm_writers(&dcm, err)) || (st = cts_hash_finish(&w->hash, pixels, err)) ||
         (st = cts_sc_names(job, &words, pixels, &names, err)))
         return st;

@@ -1,4 +1,4 @@
-#include "output/export/sc_words.h"
+#include "output/export/sc_texts.h"
 
 #include "base/mem.h"
 #include "dicom/objects/objects.h"

@@ -1,13 +1,13 @@
 /* Presentation states: the standard's attributes for a picture. The encoding is in dicom/dcm_state. */
 #include "ctsplat/state.h"
 
-#include "base/by_id.h"
+#include "base/enum_table.h"
 #include "base/file.h"
 #include "base/hash.h"
 #include "base/mem.h"
 #include "dicom/objects/objects.h"
 #include "output/export/format.h"
-#include "output/export/sc_words.h"
+#include "output/export/sc_texts.h"
 #include "output/image/describe.h"
 #include <math.h>
 #include <stdio.h>
@@ -15,9 +15,9 @@
 #include <string.h>
 
 /* The standard has no value for a mean along the ray. */
-static CTS_BY_ID(char *const, methods,
-                 CTS_N_MODES, [CTS_MODE_COMPOSITE] = "VOLUME_RENDERED", [CTS_MODE_MIP] = "MAXIMUM_IP",
-                 [CTS_MODE_MINIP] = "MINIMUM_IP", [CTS_MODE_AVERAGE] = "VOLUME_RENDERED");
+static CTS_ENUM_TABLE(char *const, methods,
+                      CTS_N_MODES, [CTS_MODE_COMPOSITE] = "VOLUME_RENDERED", [CTS_MODE_MIP] = "MAXIMUM_IP",
+                      [CTS_MODE_MINIP] = "MINIMUM_IP", [CTS_MODE_AVERAGE] = "VOLUME_RENDERED");
 
 /* Shininess is relative to an implementation's maximum: here this power of the highlight. */
 static const double max_power = 128;
@@ -88,18 +88,18 @@ static CtsStatus uid_of(const char *purpose, const CtsStateScene *scene, const c
 static CtsStatus write_options(const CtsStateScene *scene, char **text, CtsError *err)
 {
     size_t n = 1;
-    for (int i = 0; i < scene->n_words; i++) {
-        if (strchr(scene->words[i].value, '\n'))
+    for (int i = 0; i < scene->n_options; i++) {
+        if (strchr(scene->options[i].value, '\n'))
             return cts_fail(err, CTS_ERR_USAGE, "--%s: a line break cannot stand in a presentation state",
-                            scene->words[i].name);
-        n += strlen(scene->words[i].name) + strlen(scene->words[i].value) + 2;
+                            scene->options[i].name);
+        n += strlen(scene->options[i].name) + strlen(scene->options[i].value) + 2;
     }
     char *at = *text = malloc(n);
     if (!at)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     *at = 0;
-    for (int i = 0; i < scene->n_words; i++)
-        at += sprintf(at, "%s=%s\n", scene->words[i].name, scene->words[i].value);
+    for (int i = 0; i < scene->n_options; i++)
+        at += sprintf(at, "%s=%s\n", scene->options[i].name, scene->options[i].value);
     return CTS_OK;
 }
 
@@ -147,20 +147,21 @@ static CtsStatus fill_labels(const CtsStateScene *scene, CtsDcmState *s, CtsLabe
     s->labels = scene->labels;
     s->label_crop = *crop;
     if (unsaid)
-        cts_report_finding(
+        cts_report_diagnostic(
             scene->report, "state_left_out", CTS_WARNING,
             "the presentation state has no information for other programs on which labels are hidden: %s", unsaid);
-    if (scene->choice->n_looks || scene->choice->own_colours)
-        cts_report_finding(scene->report, "state_left_out", CTS_WARNING,
-                           "the presentation state has no information for other programs on the appearance of labels: "
-                           "the standard has no place for it");
+    if (scene->choice->n_appearances || scene->choice->own_colours)
+        cts_report_diagnostic(
+            scene->report, "state_left_out", CTS_WARNING,
+            "the presentation state has no information for other programs on the appearance of labels: "
+            "the standard has no place for it");
     return CTS_OK;
 }
 
-static void tell_occlusion(const CtsStateScene *scene)
+static void report_occlusion(const CtsStateScene *scene)
 {
     if (scene->shaded && scene->preset->occlusion > 0)
-        cts_report_finding(
+        cts_report_diagnostic(
             scene->report, "state_left_out", CTS_WARNING,
             "the presentation state has no information for other programs on `occlusion` %g: the standard "
             "has no place for it",
@@ -168,17 +169,17 @@ static void tell_occlusion(const CtsStateScene *scene)
 }
 
 /* Everything but the names and the private texts. */
-static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState *s, CtsError *err)
+static CtsStatus fill(const CtsStateScene *scene, CtsScTexts *words, CtsDcmState *s, CtsError *err)
 {
     const CtsPreset *p = scene->preset;
     const CtsExportJob job = {.head = {.n_frames = 1, .info = *scene->info}};
-    cts_sc_words(&job, words);
+    cts_sc_texts(&job, words);
     s->source = scene->source;
     s->description = words->description;
     s->view = words->view;
     s->method = methods[scene->info->mode];
     s->shaded = scene->shaded;
-    tell_occlusion(scene);
+    report_occlusion(scene);
     s->ambient = clamp01(p->ambient);
     s->diffuse = clamp01(p->diffuse);
     s->specular = clamp01(p->specular);
@@ -199,9 +200,9 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
 static CtsStatus write_file(const char *path, CtsDcmState *s, bool force, CtsError *err)
 {
     CtsTempFile *temp = NULL;
-    CtsSliceHead first;
+    CtsSliceHeader first;
     const CtsDcmWriters *dcm = NULL;
-    CtsStatus st = cts_slice_head_open(&first, s->source->slices[0], err);
+    CtsStatus st = cts_slice_header_open(&first, s->source->slices[0], err);
     s->header = &first.head.data_set;
     if (!st && !(st = cts_temp_open(&temp, path, err)) && !(st = cts_dcm_writers(&dcm, err)) &&
         !(st = dcm->state_write(s, sink, temp, err))) {
@@ -209,13 +210,13 @@ static CtsStatus write_file(const char *path, CtsDcmState *s, bool force, CtsErr
         st = cts_temp_commit(&temp, force, NULL, err);
     }
     cts_temp_discard(&temp);
-    cts_slice_head_close(&first);
+    cts_slice_header_close(&first);
     return st;
 }
 
 CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool force, CtsError *err)
 {
-    CtsScWords words;
+    CtsScTexts words;
     char *options = NULL, *preset = cts_preset_to_json(scene->preset);
     CtsLabelCrop *crop = NULL;
     CtsDcmState *s = calloc(1, sizeof *s);
@@ -244,7 +245,7 @@ static CtsStatus split_options(CtsState *state, CtsError *err)
     int n = 0;
     for (const char *c = state->text; *c; c++)
         n += *c == '\n';
-    if (!(state->words = calloc((size_t)n + 1, sizeof *state->words)))
+    if (!(state->options = calloc((size_t)n + 1, sizeof *state->options)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (char *line = state->text, *end; (end = strchr(line, '\n')); line = end + 1) {
         *end = 0;
@@ -254,7 +255,7 @@ static CtsStatus split_options(CtsState *state, CtsError *err)
         if (!value)
             return cts_fail(err, CTS_ERR_READ, "damaged: an option without a value");
         *value++ = 0;
-        state->words[state->n_words++] = (CtsWord){.name = line, .value = value};
+        state->options[state->n_options++] = (CtsJobOption){.name = line, .value = value};
     }
     return CTS_OK;
 }
@@ -293,7 +294,7 @@ void cts_state_free(CtsState **state)
     if (!*state)
         return;
     free((*state)->text);
-    free((*state)->words);
+    free((*state)->options);
     free(*state);
     *state = NULL;
 }

@@ -117,7 +117,7 @@ static void release(CtsExportJob *job)
 
 const CtsFormat cts_format_webp = {
     .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", .many_frames = true, .has_alpha = true},
-    .most_side = WEBP_MAX_DIMENSION,
+    .max_side = WEBP_MAX_DIMENSION,
     .state_bytes = sizeof(WebpWriter),
     .begin = begin,
     .rows = add_rows,

@@ -337,7 +337,7 @@ static const CtsMark *combining(uint32_t code)
 
 static void add(CtsLetters *letters, const CtsLetter *letter)
 {
-    if (letters->n < CTS_MOST_LETTERS)
+    if (letters->n < CTS_MAX_LETTERS)
         letters->items[letters->n++] = *letter;
     else
         letters->lacks = true;

@@ -27,9 +27,9 @@ typedef struct CtsLetter {
     const CtsMark *marks[2]; /* diacritics from the letter outwards; NULL: none */
 } CtsLetter;
 
-enum { CTS_MOST_LETTERS = 128 };
+enum { CTS_MAX_LETTERS = 128 };
 typedef struct CtsLetters {
-    CtsLetter items[CTS_MOST_LETTERS];
+    CtsLetter items[CTS_MAX_LETTERS];
     int n;
     bool lacks; /* some of the text cannot be drawn */
 } CtsLetters;

@@ -7,12 +7,14 @@
 #include <string.h>
 
 /* told: findings printed already; NULL: none. */
-static void print_findings(FILE *file, const CtsFindings *findings, const char *indent, const char *told)
+static void print_diagnostics(FILE *file, const CtsDiagnostics *diagnostics, const char *indent,
+                              const char *known_fields)
 {
-    for (size_t i = 0; i < findings->n; i++) {
-        if (told && !strcmp(findings->items[i].text, told))
+    for (size_t i = 0; i < diagnostics->n; i++) {
+        if (known_fields && !strcmp(diagnostics->items[i].text, known_fields))
             continue;
-        fprintf(file, "%s%s: %s\n", indent, cts_severity_names[findings->items[i].severity], findings->items[i].text);
+        fprintf(file, "%s%s: %s\n", indent, cts_severity_names[diagnostics->items[i].severity],
+                diagnostics->items[i].text);
     }
 }
 
@@ -59,10 +61,14 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
                 f->box_high_lps[0], f->box_low_lps[1], f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2]);
     }
     fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
-    const char *told = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
-    fprintf(file, "  renderable       %s%s\n", s->passed ? "no, passed: " : told ? "no: " : "yes", told ? told : "");
-    print_findings(file, &s->findings, "  ", told);
-    print_findings(file, &f->findings, "  ", told);
+    const char *known_fields = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
+    fprintf(file, "  renderable       %s%s\n",
+            s->passed      ? "no, passed: "
+            : known_fields ? "no: "
+                           : "yes",
+            known_fields ? known_fields : "");
+    print_diagnostics(file, &s->diagnostics, "  ", known_fields);
+    print_diagnostics(file, &f->diagnostics, "  ", known_fields);
     if (f->n_labels)
         print_labels(file, f);
     else if (f->has_labels)
@@ -75,7 +81,7 @@ void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *
     cts_series_list_others(list, others, sizeof others);
     fprintf(file, "%d files: %zu CT series, %d files passed over%s%s%s, %d not readable\n", list->n_files, list->n,
             list->n_not_ct, others[0] ? " (" : "", others, others[0] ? ")" : "", list->n_unreadable);
-    print_findings(file, &list->findings, "", NULL);
+    print_diagnostics(file, &list->diagnostics, "", NULL);
     for (size_t i = 0; i < list->n; i++) {
         fputc('\n', file);
         print_series(file, &list->items[i], &facts[i], show_patient);
@@ -90,18 +96,19 @@ void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume)
     cts_volume_box_lps(volume, facts->box_low_lps, facts->box_high_lps);
 }
 
-bool cts_findings_have(const CtsFindings *findings, const CtsFinding *finding)
+bool cts_diagnostics_have(const CtsDiagnostics *diagnostics, const CtsDiagnostic *diagnostic)
 {
-    for (size_t i = 0; i < findings->n; i++)
-        if (!strcmp(findings->items[i].code, finding->code) && !strcmp(findings->items[i].text, finding->text))
+    for (size_t i = 0; i < diagnostics->n; i++)
+        if (!strcmp(diagnostics->items[i].code, diagnostic->code) &&
+            !strcmp(diagnostics->items[i].text, diagnostic->text))
             return true;
     return false;
 }
 
-json_t *cts_finding_json(const CtsFinding *finding)
+json_t *cts_diagnostic_json(const CtsDiagnostic *diagnostic)
 {
-    return json_pack("{s:o,s:s,s:o}", "code", cts_json_new_text(finding->code), "severity",
-                     cts_severity_names[finding->severity], "text", cts_json_new_text(finding->text));
+    return json_pack("{s:o,s:s,s:o}", "code", cts_json_new_text(diagnostic->code), "severity",
+                     cts_severity_names[diagnostic->severity], "text", cts_json_new_text(diagnostic->text));
 }
 
 static json_t *number_if(bool known, double number)
@@ -131,18 +138,18 @@ json_t *cts_table_json(const CtsTableFact *t)
                      cts_json_new_number(100 * t->thick_mm3 / t->body_mm3));
 }
 
-static void append_findings(json_t *list, const CtsFindings *findings)
+static void append_diagnostics(json_t *list, const CtsDiagnostics *diagnostics)
 {
-    for (size_t i = 0; i < findings->n; i++)
-        json_array_append_new(list, cts_finding_json(&findings->items[i]));
+    for (size_t i = 0; i < diagnostics->n; i++)
+        json_array_append_new(list, cts_diagnostic_json(&diagnostics->items[i]));
 }
 
 json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
 {
     char *study = s->study_uid[0] ? cts_uid_hash(NULL, s->study_uid) : NULL;
-    json_t *findings = json_array(), *labels = f->has_labels ? json_array() : NULL;
-    append_findings(findings, &s->findings);
-    append_findings(findings, &f->findings);
+    json_t *diagnostics = json_array(), *labels = f->has_labels ? json_array() : NULL;
+    append_diagnostics(diagnostics, &s->diagnostics);
+    append_diagnostics(diagnostics, &f->diagnostics);
     for (size_t i = 0; i < f->n_labels; i++)
         json_array_append_new(labels, cts_label_json(&f->labels[i]));
     json_t *object = json_pack(
@@ -156,7 +163,7 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
                              f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2])
                  : json_null(),
         "transfer_syntax", cts_json_new_text(s->transfer_syntax), "orientation", cts_json_new_text(s->orientation),
-        "renderable", s->renderable && !f->refused, "passed", s->passed, "findings", findings, "labels", labels);
+        "renderable", s->renderable && !f->refused, "passed", s->passed, "findings", diagnostics, "labels", labels);
     if (show_patient)
         json_object_update_new(object, json_pack("{s:o,s:o,s:o}", "study_date", text_if(s->study_date), "series_number",
                                                  s->series_number < 0 ? json_null() : json_integer(s->series_number),
@@ -168,12 +175,12 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
 
 json_t *cts_info_list_json(const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient)
 {
-    json_t *series = json_array(), *findings = json_array(), *others = json_object();
+    json_t *series = json_array(), *diagnostics = json_array(), *others = json_object();
     for (size_t i = 0; i < list->n; i++)
         json_array_append_new(series, cts_info_json(&list->items[i], &facts[i], show_patient));
-    append_findings(findings, &list->findings);
+    append_diagnostics(diagnostics, &list->diagnostics);
     for (size_t i = 0; i < list->n_others; i++)
         json_object_set_new(others, list->others[i].what, json_integer(list->others[i].n));
     return json_pack("{s:o,s:{s:i,s:i,s:i,s:o},s:o}", "series", series, "files", "seen", list->n_files, "not_ct",
-                     list->n_not_ct, "unreadable", list->n_unreadable, "others", others, "findings", findings);
+                     list->n_not_ct, "unreadable", list->n_unreadable, "others", others, "findings", diagnostics);
 }

@@ -17,15 +17,15 @@ typedef struct CtsPixelFacts {
     CtsLabelFact *labels; /* n_labels of them where has_labels; a report's */
     size_t n_labels;
     bool has_labels;
-    CtsFindings findings; /* of reading them, the series' own left out; owned */
+    CtsDiagnostics diagnostics; /* of reading them, the series' own left out; owned */
 } CtsPixelFacts;
 
 /* Fills in the facts from the volume. */
 void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume);
 
 /* True if an equal finding is in the list. */
-bool cts_findings_have(const CtsFindings *findings, const CtsFinding *finding);
-struct json_t *cts_finding_json(const CtsFinding *finding);
+bool cts_diagnostics_have(const CtsDiagnostics *diagnostics, const CtsDiagnostic *diagnostic);
+struct json_t *cts_diagnostic_json(const CtsDiagnostic *diagnostic);
 struct json_t *cts_label_json(const CtsLabelFact *label);
 struct json_t *cts_table_json(const CtsTableFact *table);
 /* One series as in info's JSON, with its findings; the caller's to release. */

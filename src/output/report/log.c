@@ -114,22 +114,22 @@ static json_t *new_ms(double ms)
 }
 
 /* Writes a line with the fields of an event; takes ownership of told. */
-static void add_event(CtsLog *log, const char *event, json_t *told)
+static void add_event(CtsLog *log, const char *event, json_t *known_fields)
 {
     json_t *object = json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
-    json_object_update(object, told);
-    json_decref(told);
+    json_object_update(object, known_fields);
+    json_decref(known_fields);
     add_line(log, object);
 }
 
 /* Skips a line equal to an earlier one, as frames of a rotation may cause. */
-static void add_once(CtsLog *log, const char *event, json_t *told)
+static void add_once(CtsLog *log, const char *event, json_t *known_fields)
 {
-    char *text = new_line(json_incref(told));
+    char *text = new_line(json_incref(known_fields));
     if (text && log->text && memmem(log->text, log->size, text + 1, strlen(text) - 1))
-        json_decref(told);
+        json_decref(known_fields);
     else
-        add_event(log, event, told);
+        add_event(log, event, known_fields);
     free(text);
 }
 
@@ -214,8 +214,8 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         add_once(log, "skipped", json_pack("{s:s,s:s}", "what", report->skips[i].what, "why", report->skips[i].why));
     for (size_t i = 0; i < report->n_labels; i++)
         add_event(log, "label", cts_label_json(&report->labels[i]));
-    for (size_t i = 0; i < report->findings.n; i++) {
-        const CtsFinding *f = &report->findings.items[i];
+    for (size_t i = 0; i < report->diagnostics.n; i++) {
+        const CtsDiagnostic *f = &report->diagnostics.items[i];
         add_once(log, "finding",
                  json_pack("{s:s,s:s,s:o}", "code", f->code, "severity", cts_severity_names[f->severity], "text",
                            new_message(log, f->text)));
@@ -232,7 +232,7 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         add_event(log, "bound",
                   json_pack("{s:f,s:o,s:s,s:I,s:s,s:s?}", "rmse", b->rmse, "max",
                             b->max >= 0 ? json_real(b->max) : json_null(), "kind", "estimated", "cast",
-                            (json_int_t)b->cast, "engine", b->engine, "level", *b->level ? b->level : NULL));
+                            (json_int_t)b->n_rerendered, "engine", b->engine, "level", *b->level ? b->level : NULL));
     if (report->verified.pixels)
         add_event(log, "error", cts_error_json(report));
 }

@@ -70,7 +70,7 @@ class _Report:
         self.c = ffi.gc(ffi.new("CtsReport *"), lib.cts_report_free)
 
     def findings(self) -> List[Finding]:
-        found = self.c.findings
+        found = self.c.diagnostics
         names = lib.cts_severity_names
         return [Finding(_text(f.code), _text(names[f.severity]), _said(f.text)) for f in found.items[0 : found.n]]
 
@@ -205,14 +205,14 @@ def _labels(value: Any) -> Any:
     return [_Mask(item) if is_mask(item) else os.fsdecode(item) for item in items]
 
 
-class _Words:
-    """CtsWord records, and the strings that they point at."""
+class _Options:
+    """CtsJobOption records, and the strings that they point at."""
 
     def __init__(self, options: Dict[str, Any]):
         self.keep: List[Any] = []
         pairs = [(name, text) for name, value in options.items() if value is not None for text in _values(name, value)]
         self.n = len(pairs)
-        self.c = ffi.new("CtsWord[]", max(self.n, 1))
+        self.c = ffi.new("CtsJobOption[]", max(self.n, 1))
         for word, (name, value) in zip(self.c, pairs):
             word.name, word.value = self._chars(name.replace("_", "-")), self._chars(value)
 
@@ -391,7 +391,7 @@ _NEAREST = {"b": "int16", "i": "float64", "u": "float64", "f": "float32"}
 
 
 def _given(array: np.ndarray, affine_lps: np.ndarray) -> Any:
-    given = ffi.new("CtsGivenHu *")
+    given = ffi.new("CtsHuArray *")
     given.bytes = ffi.cast("void *", array.__array_interface__["data"][0])
     given.number = getattr(lib, _NUMBERS[array.dtype.name])
     for a in range(3):
@@ -464,7 +464,7 @@ class Volume:
                 paths.append(item if isinstance(item, str) else os.path.join(folder, "labels-%d.nii" % (i + 1)))
                 if isinstance(item, _Mask):
                     item.write(paths[-1], self)
-            words, report, err = _Words({**source, "labels": paths or None}), _Report(), ffi.new("CtsError *")
+            words, report, err = _Options({**source, "labels": paths or None}), _Report(), ffi.new("CtsError *")
             session = _owner("CtsSession", lib.cts_session_close)
             _interruptible(lambda stop: lib.cts_session_open(session, words.c, words.n, stop, report.c, err), err)
         self._take(session, report, source)
@@ -479,7 +479,7 @@ class Volume:
     def _volume_shape(self) -> Tuple[int, ...]:
         return tuple(self._volume().dims)[::-1]
 
-    def _words(self, options: Dict[str, Any]) -> _Words:
+    def _words(self, options: Dict[str, Any]) -> _Options:
         """The label options of a picture; labels not yet loaded are read, together with the series."""
         own = {name: options.pop(name) for name in ("labels", "label_names") if name in options}
         if "labels" in own:
@@ -489,7 +489,7 @@ class Volume:
             self._keep_numbers()
         if self._source is not None and any(self._source.get(name) != value for name, value in own.items()):
             self._read({**self._source, **own})
-        return _Words(options)
+        return _Options(options)
 
     def __enter__(self) -> "Volume":
         return self
@@ -519,7 +519,7 @@ class Volume:
         if self._even is None:
             made, err = _owner("CtsVolume", lib.cts_volume_free), ffi.new("CtsError *")
             _check(lib.cts_scanned_volume(ffi.cast("CtsScanned *", scanned), lib.CTS_INTERPOLATION_LINEAR, False, 0,
-                                          made, ffi.new("CtsMadeUp *"), err), err)
+                                          made, ffi.new("CtsInterpolationCounts *"), err), err)
             self._even = made
         return self._even[0]
 
@@ -610,7 +610,7 @@ class Volume:
 class _Turn:
     """The thread that renders the pictures of a rotation."""
 
-    def __init__(self, volume: Volume, words: _Words):
+    def __init__(self, volume: Volume, words: _Options):
         self.volume, self.report, self.stop = volume, _Report(), ffi.new("sig_atomic_t *")
         self.made: "queue.Queue[Optional[Picture]]" = queue.Queue(1)
         self.failure: Optional[BaseException] = None
@@ -619,7 +619,7 @@ class _Turn:
         volume._turns[self.taker] = self
         self.thread.start()
 
-    def run(self, words: _Words) -> None:
+    def run(self, words: _Options) -> None:
         err, handle = ffi.new("CtsError *"), ffi.new_handle(self)
         try:
             with self.volume._lock:

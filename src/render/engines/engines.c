@@ -1,6 +1,6 @@
 #include "render/engines/engines.h"
 
-#include "base/by_id.h"
+#include "base/enum_table.h"
 #include <stdio.h>
 #include <string.h>
 
@@ -13,8 +13,9 @@ const char *const cts_engine_names[CTS_N_ENGINES + 1] = {CTS_ENGINES(NAME) "auto
 #define ROW(id, name) &cts_engine_##name,
 static const CtsEngine *const engines[CTS_N_ENGINES] = {CTS_ENGINES(ROW)};
 
-CTS_BY_ID(char *const, cts_engine_level_names, CTS_N_LEVELS, [CTS_LEVEL_AUTO] = "auto", [CTS_LEVEL_LATTICE] = "lattice",
-          [CTS_LEVEL_SHEETS] = "sheets", [CTS_LEVEL_HALF_SHEETS] = "half-sheets", [CTS_LEVEL_HYBRID] = "hybrid");
+CTS_ENUM_TABLE(char *const, cts_engine_level_names,
+               CTS_N_LEVELS, [CTS_LEVEL_AUTO] = "auto", [CTS_LEVEL_LATTICE] = "lattice", [CTS_LEVEL_SHEETS] = "sheets",
+               [CTS_LEVEL_HALF_SHEETS] = "half-sheets", [CTS_LEVEL_HYBRID] = "hybrid");
 
 const CtsEngine *cts_engine(CtsEngineId id)
 {

@@ -41,14 +41,14 @@ enum {
 
 /* State of one strip of CTS_BAND_ROWS rows. */
 typedef struct Strip {
-    size_t first, end;  /* its pixels */
-    bool open;          /* takes part in this round */
-    bool missed;        /* its error may be larger than requested */
-    double floor;       /* f^2 */
-    double chance;      /* probability of a pixel to be re-rendered, divided by b^2 + f^2 */
-    size_t first_drawn; /* of this round's pixels, in Round.place */
-    size_t n_drawn;     /* this round's pixels */
-    size_t n_made;      /* pixels re-rendered in all rounds */
+    size_t first, end;    /* its pixels */
+    bool open;            /* takes part in this round */
+    bool missed;          /* its error may be larger than requested */
+    double floor;         /* f^2 */
+    double probability;   /* probability of a pixel to be re-rendered, divided by b^2 + f^2 */
+    size_t first_sampled; /* of this round's pixels, in Round.place */
+    size_t n_sampled;     /* this round's pixels */
+    size_t n_rerendered;  /* pixels re-rendered in all rounds */
     size_t n_interpolated;
     uint32_t *place; /* this round's pixels, in the band */
     size_t room;     /* of place */
@@ -68,7 +68,7 @@ typedef struct Round {
     Strip *strips;
     size_t n_strips;
     int number;
-    size_t n_drawn;
+    size_t n_sampled;
     uint32_t *place;        /* pixels of the band that are re-rendered in this round, strip by strip */
     float (*rgba)[4], *off; /* their values, and the exact march's error bounds */
 } Round;
@@ -87,7 +87,7 @@ static double estimated_ratio_limit(double excess, double n_sampled)
 /* Limit of the ratio of any pixel of a strip. */
 static double ratio_limit(const CtsErrorControl *c, const Strip *s)
 {
-    return has_bounds(c) ? fmax(s->excess, 1) : estimated_ratio_limit(s->excess, (double)s->n_made);
+    return has_bounds(c) ? fmax(s->excess, 1) : estimated_ratio_limit(s->excess, (double)s->n_rerendered);
 }
 
 /* Error of re-rendered pixels, rms; 0: they are at reference precision, as a small picture's and a stiff preset's are.
@@ -95,14 +95,15 @@ static double ratio_limit(const CtsErrorControl *c, const Strip *s)
 static double error_of_march(const CtsErrorControl *c)
 {
     const double pixels = (double)c->scene.view.width * c->scene.view.height;
-    return c->march == c->engine || c->is_stiff || pixels <= SMALL ? 0 : RERENDERED * cts_scene_error_asked(&c->scene);
+    return c->march == c->engine || c->is_stiff || pixels <= SMALL ? 0
+                                                                   : RERENDERED * cts_scene_requested_error(&c->scene);
 }
 
 /* Without --max-error, missing the default target is reported from a step of 8 bits on. */
 static double warned_from(const CtsScene *scene)
 {
-    const double asked = cts_scene_error_asked(scene);
-    return scene->plan.max_error > 0 ? 1.005 * asked : fmax(asked, 1.0 / 255);
+    const double requested = cts_scene_requested_error(scene);
+    return scene->plan.max_error > 0 ? 1.005 * requested : fmax(requested, 1.0 / 255);
 }
 
 /* b^2 + f^2; 0: the pixel is not sampled. */
@@ -117,9 +118,9 @@ static double at_most_1(double p)
     return p < 1 ? p : 1;
 }
 
-static double chance_at(const Round *r, const Strip *s, size_t at)
+static double probability_at(const Round *r, const Strip *s, size_t at)
 {
-    return at_most_1(s->chance * square_at(r, s, at));
+    return at_most_1(s->probability * square_at(r, s, at));
 }
 
 /* Sum of b^2 over a strip's pixels that may be sampled, whose number is *n. */
@@ -158,14 +159,14 @@ static double uniform_at(const Round *r, size_t at)
 static CtsStatus add_place(Strip *s, size_t at, CtsError *err)
 {
     CtsStatus st;
-    if (s->n_drawn == s->room) {
+    if (s->n_sampled == s->room) {
         const size_t room = s->room > 0 ? 2 * s->room : 256;
-        st = s->room > 0 ? cts_resize_array(&s->place, s->n_drawn, room, err) : cts_alloc_array(&s->place, room, err);
+        st = s->room > 0 ? cts_resize_array(&s->place, s->n_sampled, room, err) : cts_alloc_array(&s->place, room, err);
         if (st)
             return st;
         s->room = room;
     }
-    s->place[s->n_drawn++] = (uint32_t)at;
+    s->place[s->n_sampled++] = (uint32_t)at;
     return CTS_OK;
 }
 
@@ -179,7 +180,7 @@ static CtsStatus draw(const Round *r, Strip *s, CtsError *err)
         const size_t n = s->end - first < DRAWN_TOGETHER ? s->end - first : DRAWN_TOGETHER;
         double until[DRAWN_TOGETHER], sum = 0;
         for (size_t i = 0; i < n; i++)
-            until[i] = sum += chance_at(r, s, first + i);
+            until[i] = sum += probability_at(r, s, first + i);
         if (sum == 0)
             continue;
         if (sum <= 1) {
@@ -192,7 +193,7 @@ static CtsStatus draw(const Round *r, Strip *s, CtsError *err)
             continue;
         }
         for (size_t i = first; i < first + n && !st; i++)
-            if (uniform_at(r, i) < chance_at(r, s, i))
+            if (uniform_at(r, i) < probability_at(r, s, i))
                 st = add_place(s, i, err);
     }
     return st;
@@ -202,25 +203,26 @@ static CtsStatus draw(const Round *r, Strip *s, CtsError *err)
  * and where it is so bad that more would not change the estimate. */
 static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
 {
-    const double asked = cts_scene_error_asked(&r->control->scene), n = (double)(s->end - s->first);
+    const double requested = cts_scene_requested_error(&r->control->scene), n = (double)(s->end - s->first);
     double most = n * at_most_1(r->small + 1.0 / (r->number == 0 ? FIRST : MOST)), expected;
     size_t n_open;
     const double sum = sum_squares(r, s, &n_open);
     if (r->number == 0) {
         s->share = share_of(r, s);
-        s->floor = has_bounds(r->control) ? FLOOR_OF_BOUNDS * FLOOR_OF_BOUNDS * asked * asked : asked * asked + sum / n;
+        s->floor = has_bounds(r->control) ? FLOOR_OF_BOUNDS * FLOOR_OF_BOUNDS * requested * requested
+                                          : requested * requested + sum / n;
     }
-    s->chance = r->number == 0 ? 1 / (r->one_in * asked * asked) : MORE * s->chance;
+    s->probability = r->number == 0 ? 1 / (r->one_in * requested * requested) : MORE * s->probability;
     if (r->number == ROUNDS) {
-        s->chance = ALL;
+        s->probability = ALL;
         most = INFINITY;
     }
-    expected = s->chance * (sum + (double)n_open * s->floor); /* at most */
+    expected = s->probability * (sum + (double)n_open * s->floor); /* at most */
     if (expected > most) {
         expected = 0;
         for (size_t i = s->first; i < s->end; i++)
-            expected += chance_at(r, s, i);
-        s->chance *= expected > most ? most / expected : 1;
+            expected += probability_at(r, s, i);
+        s->probability *= expected > most ? most / expected : 1;
     }
     return draw(r, s, err);
 }
@@ -231,7 +233,7 @@ static void sample_some(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &r->strips[strip];
-        s->n_drawn = 0;
+        s->n_sampled = 0;
         if (s->open && !s->status)
             s->status = sample_strip(r, s, &s->err);
     }
@@ -242,22 +244,22 @@ static double limit_of(const Round *r, const Strip *s)
 {
     const CtsView *const view = &r->control->scene.view;
     const double pixels = (double)view->width * view->height, n = (double)(s->end - s->first);
-    return cts_mean_limit(s->sum * pixels / n, s->share / s->chance * ratio_limit(r->control, s), pixels,
+    return cts_mean_limit(s->sum * pixels / n, s->share / s->probability * ratio_limit(r->control, s), pixels,
                           r->control->scene.plan.n_tried);
 }
 
 /* True where the strip's error is larger than requested, or may be so large that a warning would be due. */
 static bool is_missed(const Round *r, const Strip *s)
 {
-    const double n = (double)(s->end - s->first), asked = cts_scene_error_asked(&r->control->scene);
+    const double n = (double)(s->end - s->first), requested = cts_scene_requested_error(&r->control->scene);
     const double warned = warned_from(&r->control->scene) - r->error;
-    return s->sum > n * asked * asked || limit_of(r, s) > warned * warned;
+    return s->sum > n * requested * requested || limit_of(r, s) > warned * warned;
 }
 
 /* Part of a strip that rounds may re-render. */
 static bool has_more(const Round *r, const Strip *s)
 {
-    return (double)s->n_made < (double)(s->end - s->first) * fmin(r->small + 1.0 / MOST, 1);
+    return (double)s->n_rerendered < (double)(s->end - s->first) * fmin(r->small + 1.0 / MOST, 1);
 }
 
 /* Estimate the strips' errors from the re-rendered pixels, and replace these. */
@@ -268,10 +270,10 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &r->strips[strip];
         s->sum = s->open ? 0 : s->sum;
-        for (size_t i = s->first_drawn; i < s->first_drawn + s->n_drawn; i++) {
+        for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
             const size_t at = r->place[i];
             float *const pixel = r->band->pixels + 4 * at;
-            const double off = r->error > 0 ? 0 : WORTH * (double)r->off[i], p = chance_at(r, s, at),
+            const double off = r->error > 0 ? 0 : WORTH * (double)r->off[i], p = probability_at(r, s, at),
                          error = sqrt(cts_scene_square_of_error(&r->control->scene, pixel, r->rgba[i])) + off,
                          square = error * error;
             s->sum += s->share * square * (1 - p) / p + off * off;
@@ -280,11 +282,11 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
             if (!CTS_MUTATED(UNCAST))
                 memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
         }
-        for (size_t i = s->first_drawn; i < s->first_drawn + s->n_drawn; i++) {
+        for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
             r->errors->origin[r->place[i]] = CTS_PIXEL_REFERENCE;
             r->errors->indicator[r->place[i]] = 0;
         }
-        s->n_made += s->n_drawn;
+        s->n_rerendered += s->n_sampled;
         s->missed = s->open ? is_missed(r, s) : s->missed;
         s->open = s->missed && has_more(r, s);
     }
@@ -296,26 +298,27 @@ static CtsStatus run_round(Round *r, CtsError *err)
     const int n_threads = c->scene.settings->n_threads;
     CtsStatus st;
     cts_parallel(n_threads, r->n_strips, 1, sample_some, r);
-    r->n_drawn = 0;
+    r->n_sampled = 0;
     for (size_t i = 0; i < r->n_strips; i++) {
         if (r->strips[i].status) {
             *err = r->strips[i].err;
             return r->strips[i].status;
         }
-        r->strips[i].first_drawn = r->n_drawn;
-        r->n_drawn += r->strips[i].n_drawn;
+        r->strips[i].first_sampled = r->n_sampled;
+        r->n_sampled += r->strips[i].n_sampled;
     }
     cts_free(&r->place);
     cts_free(&r->rgba);
     cts_free(&r->off);
-    if ((st = cts_alloc_array(&r->place, r->n_drawn, err)) || (st = cts_alloc_array(&r->rgba, r->n_drawn, err)) ||
-        (st = cts_alloc_array(&r->off, r->n_drawn, err)))
+    if ((st = cts_alloc_array(&r->place, r->n_sampled, err)) || (st = cts_alloc_array(&r->rgba, r->n_sampled, err)) ||
+        (st = cts_alloc_array(&r->off, r->n_sampled, err)))
         return st;
     for (size_t i = 0; i < r->n_strips; i++)
-        if (r->strips[i].n_drawn > 0)
-            memcpy(r->place + r->strips[i].first_drawn, r->strips[i].place, r->strips[i].n_drawn * sizeof *r->place);
-    if (r->n_drawn > 0 &&
-        (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_drawn, r->error, r->rgba, r->off, err)))
+        if (r->strips[i].n_sampled > 0)
+            memcpy(r->place + r->strips[i].first_sampled, r->strips[i].place,
+                   r->strips[i].n_sampled * sizeof *r->place);
+    if (r->n_sampled > 0 &&
+        (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_sampled, r->error, r->rgba, r->off, err)))
         return st;
     cts_parallel(n_threads, r->n_strips, 1, estimate_some, r);
     return CTS_OK;
@@ -324,19 +327,19 @@ static CtsStatus run_round(Round *r, CtsError *err)
 double cts_error_control_predict(const CtsScene *scene, int n_tried, size_t n, const float *indicator,
                                  const double *square)
 {
-    const double asked = cts_scene_error_asked(scene), pixels = (double)scene->view.width * scene->view.height;
+    const double requested = cts_scene_requested_error(scene), pixels = (double)scene->view.width * scene->view.height;
     double mean = 0, sum = 0, ratio = 0;
     for (size_t i = 0; i < n; i++)
         mean += WORTH * WORTH * (double)indicator[i] * (double)indicator[i] / (double)n;
-    const double floor = asked * asked + mean, chance = 1 / (PREDICTED * (mean + floor));
+    const double floor = requested * requested + mean, probability = 1 / (PREDICTED * (mean + floor));
     for (size_t i = 0; i < n; i++) {
-        const double b = WORTH * (double)indicator[i], size = b * b + floor, p = fmin(chance * size, 1);
+        const double b = WORTH * (double)indicator[i], size = b * b + floor, p = fmin(probability * size, 1);
         sum += square[i] * (1 - p) / (double)n;
         if (p < 1)
             ratio = fmax(ratio, square[i] / size);
     }
-    return n > 0 ? RERENDERED * asked +
-                       sqrt(cts_mean_limit(sum * pixels, estimated_ratio_limit(ratio, (double)n) / chance, pixels,
+    return n > 0 ? RERENDERED * requested +
+                       sqrt(cts_mean_limit(sum * pixels, estimated_ratio_limit(ratio, (double)n) / probability, pixels,
                                            n_tried))
                  : 0;
 }
@@ -393,11 +396,11 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
         const Strip *const s = &r.strips[i];
         control->sum += s->sum;
         /* Bounds fail for the same reason everywhere, estimates strip by strip. */
-        control->largest_term =
-            fmax(control->largest_term, s->share / s->chance * (has_bounds(control) ? 1 : ratio_limit(control, s)));
+        control->largest_term = fmax(control->largest_term,
+                                     s->share / s->probability * (has_bounds(control) ? 1 : ratio_limit(control, s)));
         control->excess = fmax(control->excess, s->excess);
         control->largest = fmax(control->largest, s->largest);
-        control->n_rerendered += s->n_made;
+        control->n_rerendered += s->n_rerendered;
         control->n_interpolated += s->n_interpolated;
     }
     control->interpolation += errors->interpolation_error;
@@ -429,7 +432,7 @@ double cts_error_control_rmse(const CtsErrorControl *c)
  */
 static double largest_error(const CtsErrorControl *c)
 {
-    const double floor = FLOOR_OF_BOUNDS * cts_scene_error_asked(&c->scene);
+    const double floor = FLOOR_OF_BOUNDS * cts_scene_requested_error(&c->scene);
     const double largest = 2 * sqrt(3 * fmax(c->excess, 1) * (c->largest * c->largest + floor * floor));
     return has_bounds(c) && c->n_interpolated == 0 ? fmin(largest / WORTH, 1) : -1;
 }
@@ -439,13 +442,13 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     if (!report || c->n_pixels == 0)
         return;
     const double rmse = cts_error_control_rmse(c) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1),
-                 asked = cts_scene_error_asked(&c->scene), largest = largest_error(c);
+                 requested = cts_scene_requested_error(&c->scene), largest = largest_error(c);
     CtsErrorBound *bound = &report->bound;
     /* The worst frame of a rotation represents all. */
     bound->max = (bound->known && bound->max < 0) || largest < 0 ? -1 : fmax(bound->max, largest);
     bound->known = true;
     bound->rmse = fmax(bound->rmse, rmse);
-    bound->cast += c->n_rerendered;
+    bound->n_rerendered += c->n_rerendered;
     snprintf(bound->engine, sizeof bound->engine, "%s", c->engine->name);
     if (c->engine->levels)
         snprintf(bound->level, sizeof bound->level, "%s", cts_engine_level_names[c->scene.plan.level]);
@@ -453,13 +456,13 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     cts_report_plan(report, "%llu of %llu pixels re-rendered %s, to estimate the error and to correct the worst",
                     (unsigned long long)c->n_rerendered, (unsigned long long)c->n_pixels,
                     c->march == c->engine ? "in double precision" : "by the exact march");
-    const bool kept = rmse <= 1.005 * asked, by_default = !(c->scene.plan.max_error > 0);
+    const bool kept = rmse <= 1.005 * requested, by_default = !(c->scene.plan.max_error > 0);
     char list[CTS_ENGINE_LIST_MAX];
     const bool is_note = kept || rmse <= warned_from(&c->scene);
     if (!kept || !by_default)
-        cts_report_finding(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
-                           "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
-                           by_default ? "default target" : "requested", 255 * asked, kept ? "" : " (exact: ",
-                           kept ? "" : cts_engines_with(offsetof(CtsEngine, exact), CTS_ENGINE_FLAG, list),
-                           kept ? "" : ")");
+        cts_report_diagnostic(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
+                              "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
+                              by_default ? "default target" : "requested", 255 * requested, kept ? "" : " (exact: ",
+                              kept ? "" : cts_engines_with(offsetof(CtsEngine, is_reference), CTS_ENGINE_FLAG, list),
+                              kept ? "" : ")");
 }

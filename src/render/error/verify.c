@@ -340,7 +340,7 @@ CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
     if (!v->choosing)
         return CTS_OK;
     if ((st = cts_verify_choose(v, err)) || (st = cts_verify_cast(v, err)) ||
-        (st = cts_reference_judge(v->reference, (const float(*)[4])v->found, &verified, err)))
+        (st = cts_reference_evaluate(v->reference, (const float(*)[4])v->found, &verified, err)))
         return st;
     cts_error_limits(&verified);
     verified.wall_ms = cts_wall_ms() - start;

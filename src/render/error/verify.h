@@ -2,7 +2,7 @@
 #ifndef CTS_RENDER_VERIFY_H
 #define CTS_RENDER_VERIFY_H
 
-#include "render/error/reference_set.h"
+#include "render/error/reference_samples.h"
 
 enum { CTS_VERIFY_CLASSES = 8 };
 

@@ -7,10 +7,10 @@
 #include "core/scene/openness.h"
 #include "core/scene/settings.h"
 #include "core/scene/visible.h"
-#include "core/volume/owners.h"
+#include "core/volume/voxel_labels.h"
 #include "render/engines/engines.h"
-#include "render/frames/key.h"
 #include "render/frames/level_choice.h"
+#include "render/frames/void_key_report.h"
 #include "render/framing/framing.h"
 #include <math.h>
 #include <stddef.h>
@@ -22,7 +22,7 @@ struct CtsFrames {
     const CtsVolume *volume; /* volume for the engine: the caller's, or quantised */
     const CtsVolume *original;
     CtsVolume *quantised;
-    const CtsOwners *owners; /* of the caller's volume, or NULL */
+    const CtsVoxelLabels *voxel_labels; /* of the caller's volume, or NULL */
     CtsPreset preset;
     CtsRenderSettings settings;
     const CtsEngine *engine;
@@ -31,12 +31,13 @@ struct CtsFrames {
     CtsOpenness *openness; /* of original; NULL until a frame needs it */
     CtsLut *lut;
     double lut_scale; /* extinction_scale that lut was made for */
-    CtsFoundKey key;
-    bool key_found, key_told;
-    void *kept[CTS_N_ENGINES]; /* by each engine that renders from volume: the chosen one, and the exact march */
-    void *kept_of_original;    /* cache of the engine of probe renderings, if volume is quantised */
-    int n_begun;               /* frames */
-    CtsRenderSettings fitted;  /* settings of the last view that was fitted, if is_fitted */
+    CtsFittedVoidKey key;
+    bool key_found, key_reported;
+    void
+        *engine_cache[CTS_N_ENGINES]; /* by each engine that renders from volume: the chosen one, and the exact march */
+    void *original_cache;             /* cache of the engine of probe renderings, if volume is quantised */
+    int n_begun;                      /* frames */
+    CtsRenderSettings fitted;         /* settings of the last view that was fitted, if is_fitted */
     bool is_fitted;
 };
 
@@ -62,7 +63,7 @@ static bool has_step(const CtsPreset *preset)
 static const char *why_exact(const CtsVolume *volume, const CtsSceneStore *store, const CtsEngine *levels)
 {
     const CtsRenderSettings *const s = &store->settings;
-    const CtsOwners *const o = volume->owners;
+    const CtsVoxelLabels *const o = volume->voxel_labels;
     const bool plain = s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16 && s->samples == 0 &&
                        s->tolerance_hu == 0 && !s->void_key;
     bool thin = cts_volume_n_voxels(volume) > INT32_MAX;
@@ -70,10 +71,10 @@ static const char *why_exact(const CtsVolume *volume, const CtsSceneStore *store
         thin |= volume->dims[a] < 2;
     return !(levels->modes >> store->preset.mode & 1) ? "the mode is a projection"
            : !plain                                   ? "kernel, grey levels, samples, tolerance or void rule are given"
-           : cts_owners_coloured(o) || (o && o->shown) ? "labels are hidden or have colours"
-           : has_step(&store->preset)                  ? "the preset's opacity has a step"
-           : thin                                      ? "the volume is one voxel thin, or too large"
-                                                       : NULL;
+           : cts_voxel_labels_coloured(o) || (o && o->shown) ? "labels are hidden or have colours"
+           : has_step(&store->preset)                        ? "the preset's opacity has a step"
+           : thin                                            ? "the volume is one voxel thin, or too large"
+                                                             : NULL;
 }
 
 /* The engine for CTS_ENGINE_AUTO, as far as it does not depend on the view. */
@@ -108,9 +109,9 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no level %s (%s have)", e->name,
                         cts_engine_level_names[s->level],
                         cts_engines_with(offsetof(CtsEngine, levels), (int)s->level, list));
-    if (s->slab_mm > 0 && !e->cuts_slabs)
+    if (s->slab_mm > 0 && !e->supports_slabs)
         return cts_fail(err, CTS_ERR_USAGE, "engine %s cuts no slab (%s do)", e->name,
-                        cts_engines_with(offsetof(CtsEngine, cuts_slabs), CTS_ENGINE_FLAG, list));
+                        cts_engines_with(offsetof(CtsEngine, supports_slabs), CTS_ENGINE_FLAG, list));
     *engine = e;
     return CTS_OK;
 }
@@ -121,20 +122,20 @@ static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *sto
 {
     const CtsRenderSettings *const s = &store->settings;
     const CtsMode mode = store->preset.mode;
-    const CtsOwners *const o = volume->owners;
+    const CtsVoxelLabels *const o = volume->voxel_labels;
     const bool by_edges =
-        engine->knows_owners && s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16;
+        engine->supports_labels && s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16;
     char list[CTS_ENGINE_LIST_MAX];
     *chosen = volume;
-    if (cts_owners_coloured(o) && mode != CTS_MODE_COMPOSITE)
+    if (cts_voxel_labels_coloured(o) && mode != CTS_MODE_COMPOSITE)
         return cts_fail(err, CTS_ERR_USAGE,
                         "mode %s shows HU by the window, and labels have colours (mode composite "
                         "shows them)",
                         cts_mode_names[mode]);
-    if (cts_owners_coloured(o) && !by_edges)
+    if (cts_voxel_labels_coloured(o) && !by_edges)
         return cts_fail(err, CTS_ERR_USAGE,
                         "colours of labels: engines %s alone have them, with kernel tent and 16 grey bits",
-                        cts_engines_with(offsetof(CtsEngine, knows_owners), CTS_ENGINE_FLAG, list));
+                        cts_engines_with(offsetof(CtsEngine, supports_labels), CTS_ENGINE_FLAG, list));
     if (o && o->shown && !by_edges && (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE))
         return cts_fail(err, CTS_ERR_USAGE, "hidden labels: mode %s knows them with kernel tent and 16 grey bits alone",
                         cts_mode_names[mode]);
@@ -156,7 +157,7 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
     CtsStatus st;
     CtsSceneStore store;
     const CtsEngine *engine = NULL;
-    const CtsOwners *const owners = volume->owners;
+    const CtsVoxelLabels *const voxel_labels = volume->voxel_labels;
     const char *why;
     *frames = NULL;
     if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
@@ -173,7 +174,7 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
                      .why_exact = why,
                      .volume = volume,
                      .original = volume,
-                     .owners = owners,
+                     .voxel_labels = voxel_labels,
                      .preset = store.preset,
                      .settings = *settings,
                      .engine = engine};
@@ -195,11 +196,11 @@ void cts_frames_free(CtsFrames **frames)
     if (!f)
         return;
     for (int i = 0; i < CTS_N_ENGINES; i++)
-        if (f->kept[i])
-            cts_engine((CtsEngineId)i)->forget(f->kept[i]);
+        if (f->engine_cache[i])
+            cts_engine((CtsEngineId)i)->free_cache(f->engine_cache[i]);
     cts_lut_free(&f->lut);
     cts_openness_free(&f->openness);
-    cts_engine(cts_engine_for_probes())->forget(f->kept_of_original);
+    cts_engine(cts_engine_for_probes())->free_cache(f->original_cache);
     cts_volume_free(&f->quantised);
     free(f);
     *frames = NULL;
@@ -267,8 +268,8 @@ static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScen
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->light_behind = is_light_behind(scene->preset);
-    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->owners);
-    info->grey = cts_scene_is_grey(scene->preset, frame->frames->owners);
+    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->voxel_labels);
+    info->grey = cts_scene_is_grey(scene->preset, frame->frames->voxel_labels);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 
@@ -276,32 +277,32 @@ static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScen
 static CtsStatus find_key(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (f->settings.void_key && f->engine->takes_key && !f->key_found &&
-        !(st = cts_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
+    if (f->settings.void_key && f->engine->uses_void_key && !f->key_found &&
+        !(st = cts_void_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
         f->key_found = true;
     return st;
 }
 
-static void tell_no_key(const CtsEngine *engine, CtsReport *report)
+static void report_no_key(const CtsEngine *engine, CtsReport *report)
 {
     char list[CTS_ENGINE_LIST_MAX];
     const char *const why = engine->skips_void ? "skips only what is provably invisible" : "skips no void";
     cts_report_skip(report, "void key", "engine %s %s", engine->name, why);
-    cts_report_finding(report, "void_key_unused", CTS_WARNING,
-                       "`void_key`: engine %s %s, so nothing is lost (%s take the key)", engine->name, why,
-                       cts_engines_with(offsetof(CtsEngine, takes_key), CTS_ENGINE_FLAG, list));
+    cts_report_diagnostic(report, "void_key_unused", CTS_WARNING,
+                          "`void_key`: engine %s %s, so nothing is lost (%s take the key)", engine->name, why,
+                          cts_engines_with(offsetof(CtsEngine, uses_void_key), CTS_ENGINE_FLAG, list));
 }
 
 /* Once for all frames, with the first report that there is. */
-static void tell_key(CtsFrames *f, CtsReport *report)
+static void report_key(CtsFrames *f, CtsReport *report)
 {
-    if (!f->settings.void_key || f->key_told || !report)
+    if (!f->settings.void_key || f->key_reported || !report)
         return;
-    if (!f->engine->takes_key)
-        tell_no_key(f->engine, report);
+    if (!f->engine->uses_void_key)
+        report_no_key(f->engine, report);
     else if (f->key_found)
-        cts_key_tell(&f->key, &f->preset, report);
-    f->key_told = true;
+        cts_void_key_report(&f->key, &f->preset, report);
+    f->key_reported = true;
 }
 
 /* The transfer function's table for this scene; only with --opacity-unit voxel does it depend on the view. */
@@ -342,14 +343,14 @@ static CtsStatus find_openness(CtsFrames *f, CtsScene *scene, CtsReport *report,
     return st;
 }
 
-static void tell_framing(const CtsRenderSettings *s, CtsReport *report)
+static void report_framing(const CtsRenderSettings *s, CtsReport *report)
 {
     if (!s->centre_given)
-        cts_report_finding(report, "nothing_visible", CTS_WARNING, "%s",
-                           s->slab_mm > 0
-                               ? "nothing that this preset shows lies in the slab (see `slab_at`)"
-                               : "nothing of this volume is visible with this preset (see what HU it shows, the range "
-                                 "of the series' HU, and what a crop leaves)");
+        cts_report_diagnostic(
+            report, "nothing_visible", CTS_WARNING, "%s",
+            s->slab_mm > 0 ? "nothing that this preset shows lies in the slab (see `slab_at`)"
+                           : "nothing of this volume is visible with this preset (see what HU it shows, the range "
+                             "of the series' HU, and what a crop leaves)");
     else
         cts_report_plan(report,
                         "frame: %.4g x %.4g mm about %.1f,%.1f,%.1f, %.4g mm a pixel, around all that is visible",
@@ -375,7 +376,7 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
         return CTS_OK;
     if (!framed_already(f, s)) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        void **const kept = f->volume == f->original ? &f->kept[cts_engine_for_probes()] : &f->kept_of_original;
+        void **const kept = f->volume == f->original ? &f->engine_cache[cts_engine_for_probes()] : &f->original_cache;
         const CtsFramed what = {f->original, &f->preset, kept, f->n_begun};
         CtsRenderSettings fitted = *s;
         fitted.centre_given = false;
@@ -385,7 +386,7 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
         f->fitted = fitted;
         f->is_fitted = true;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
-        tell_framing(&f->fitted, report);
+        report_framing(&f->fitted, report);
     }
     s->mm_per_pixel = f->fitted.mm_per_pixel;
     if (s->centre_given)
@@ -395,7 +396,7 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
     return CTS_OK;
 }
 
-static void tell_left_out(const CtsFrame *frame, CtsReport *report)
+static void report_omitted(const CtsFrame *frame, CtsReport *report)
 {
     const CtsPreset *p = &frame->store.preset;
     if (!p->shade)
@@ -417,21 +418,21 @@ static CtsEngineLevel finest_level(const CtsEngine *engine)
 
 static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const CtsScene *scene, CtsReport *report)
 {
-    const double asked = 255 * cts_scene_error_asked(scene);
+    const double requested = 255 * cts_scene_requested_error(scene);
     cts_report_stage(report, CTS_STAGE_SPLAT, c->wall_ms, c->cpu_ms, c->n_pixels, 0);
     if (c->n_tried == 0)
         cts_report_plan(report, "no level of engine %s is tried for an error of %.3g/255 and pixels of %.3g mm",
-                        engine->name, asked, scene->view.mm_per_pixel);
+                        engine->name, requested, scene->view.mm_per_pixel);
     else if (c->level == CTS_LEVEL_AUTO)
         cts_report_plan(report,
                         "no level of engine %s suffices: %d tried on %zu pixels, the last may come to %.3g/255, %.3g "
                         "requested",
-                        engine->name, c->n_tried, c->n_pixels, 255 * c->limit, asked);
+                        engine->name, c->n_tried, c->n_pixels, 255 * c->limit, requested);
     else
         cts_report_plan(
             report,
             "level %s of engine %s: an error of up to %.3g/255 is likely by a probe of %zu pixels, %.3g requested",
-            cts_engine_level_names[c->level], engine->name, 255 * c->limit, c->n_pixels, asked);
+            cts_engine_level_names[c->level], engine->name, 255 * c->limit, c->n_pixels, requested);
 }
 
 /* The level of this frame if none was requested; under CTS_ENGINE_AUTO frames without a suitable level use the exact
@@ -446,9 +447,9 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     const bool is_auto = f->settings.engine == CTS_ENGINE_AUTO;
     CtsStatus st = CTS_OK;
     frame->engine_id = f->engine_id;
-    scene->kept = &f->kept[f->engine_id];
+    scene->cache = &f->engine_cache[f->engine_id];
     *control = (CtsErrorControl){.scene = *scene, .is_stiff = has_step(scene->preset)};
-    control->scene.kept = &f->kept[march];
+    control->scene.cache = &f->engine_cache[march];
     if (f->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
         if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, err)))
             return st;
@@ -463,7 +464,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     } else if (is_auto && f->why_exact) {
         cts_report_plan(report, "engine auto: %s, as %s", f->engine->name, f->why_exact);
     }
-    scene->kept = &f->kept[frame->engine_id];
+    scene->cache = &f->engine_cache[frame->engine_id];
     control->scene.plan = scene->plan;
     control->engine = cts_engine(frame->engine_id);
     control->march = cts_engine(march);
@@ -483,8 +484,8 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
     if ((st = find_lut(f, &frame->store.scene, report, err)) ||
         (st = find_openness(f, &frame->store.scene, report, err)))
         return st;
-    tell_key(f, report);
-    tell_left_out(frame, report);
+    report_key(f, report);
+    report_omitted(frame, report);
     if ((st = choose_level(frame, report, err)))
         return st;
     const bool lossy = report && report->key_loss > 0;
@@ -568,10 +569,10 @@ static CtsStatus trace_pixel(const CtsFrame *frame, CtsReport *report, CtsError 
     const CtsEngine *const march = cts_engine(cts_engine_march(frame->engine_id));
     const CtsRenderSettings *const s = frame->store.scene.settings;
     CtsScene scene = frame->store.scene;
-    scene.kept = NULL;
+    scene.cache = NULL;
     if (scene.preset->mode == CTS_MODE_COMPOSITE && s->kernel == CTS_KERNEL_TENT)
         return march->trace_pixel(&scene, s->trace_x, s->trace_y, report, err);
-    cts_report_finding(
+    cts_report_diagnostic(
         report, "trace_left_out", CTS_WARNING,
         "`trace_pixel`: nothing to trace, since the exact march has mode composite and kernel tent alone");
     return CTS_OK;

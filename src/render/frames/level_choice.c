@@ -14,7 +14,7 @@ enum {
 };
 /* Requested error, in 1/255, below which pixels that no level gets right are too many for any level to pay (measured on
  * heads and a chest: half-sheets are off by 0.3 and more). */
-#define LEAST_REQUESTED 0.25
+#define MIN_REQUESTED 0.25
 
 typedef struct Probe {
     const CtsScene *scene;
@@ -91,7 +91,7 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
             return st;
         choice->n_tried++;
         choice->limit = limit_of(p, choice->n_tried);
-        if (choice->limit <= cts_scene_error_asked(p->scene)) {
+        if (choice->limit <= cts_scene_requested_error(p->scene)) {
             choice->level = (CtsEngineLevel)level;
             return CTS_OK;
         }
@@ -102,13 +102,13 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
 CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, const CtsScene *scene,
                            const CtsEngine *march, const CtsScene *march_scene, CtsError *err)
 {
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), asked = cts_scene_error_asked(scene);
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), requested = cts_scene_requested_error(scene);
     const CtsPicture whole = {
         .width = scene->view.width, .height = scene->view.height, .whole_height = scene->view.height};
     CtsStatus st = CTS_OK;
     Probe *p = NULL;
     *choice = (CtsLevelChoice){.level = CTS_LEVEL_AUTO};
-    if (255 * asked < LEAST_REQUESTED || cts_scene_voxels_per_pixel(scene) > CTS_SCENE_COARSEST_PIXEL)
+    if (255 * requested < MIN_REQUESTED || cts_scene_voxels_per_pixel(scene) > CTS_SCENE_COARSEST_PIXEL)
         return CTS_OK;
     if ((st = cts_alloc_zeroed(&p, 1, err)))
         return st;
@@ -117,7 +117,7 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
     if ((st = cts_alloc_array(&p->truth, p->n, err)) || (st = cts_alloc_array(&p->off, p->n, err)) ||
         (st = cts_alloc_array(&p->rgba, p->n_tiles * TILE, err)) ||
         (st = cts_alloc_array(&p->indicator, p->n_tiles * TILE, err)) ||
-        (st = march->render_pixels(march_scene, &whole, p->place, p->n, asked / 8, p->truth, p->off, err)))
+        (st = march->render_pixels(march_scene, &whole, p->place, p->n, requested / 8, p->truth, p->off, err)))
         goto end;
     st = try_levels(p, choice, engine, err);
     choice->n_pixels = p->n;

@@ -2,7 +2,7 @@
 #include "ctsplat/render.h"
 
 #include "render/frames/frames.h"
-#include "render/frames/pilot.h"
+#include "render/frames/quality_search.h"
 #include <stdlib.h>
 
 struct CtsRenderer {
@@ -47,7 +47,7 @@ static CtsStatus begin(CtsRenderer *r, const double view_deg[2], int least_lossy
     const CtsRenderSettings *s = cts_frames_settings(r->frames);
     CtsStatus st;
     *frame = (CtsFrame){0};
-    if (!r->planned && (st = cts_pilot_plan(r->frames, view_deg, &r->plan, report, err)))
+    if (!r->planned && (st = cts_quality_search(r->frames, view_deg, &r->plan, report, err)))
         return st;
     r->planned = true;
     const CtsFrameTask task = {
@@ -117,7 +117,7 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
     if (n_rows < height)
         cts_report_skip(report, "whole picture",
                         "rendered and written in bands of %d rows, to limit memory or to report progress%s", n_rows,
-                        cts_frames_engine(r->frames)->repeats_layers ? "; sheets are computed again for each" : "");
+                        cts_frames_engine(r->frames)->is_layered ? "; sheets are computed again for each" : "");
     for (int row = 0; row < height && !st; row += n_rows)
         st = render_band(&frame, row, height - row < n_rows ? height - row : n_rows, sink, report, err);
     return cts_frame_end(&frame, st, report, err);

@@ -14,30 +14,30 @@
  * and in minip and average, where no ray as a whole may be brighter than black, any value above 0. */
 static const double HAZE = 1.0 / 16, DARKEST = 1.0 / 255;
 /* LOOK: rays of a probe rendering along rows and columns. Ends have an error of half a ray's distance, below 1 % where
- * the visible part spans LEAST_FOUND rays; otherwise a finer probe rendering follows. */
-enum { LOOK = 128, LEAST_FOUND = LOOK / 2, MOST_LOOKS = 6 };
+ * the visible part spans MIN_FOUND rays; otherwise a finer probe rendering follows. */
+enum { LOOK = 128, MIN_FOUND = LOOK / 2, MAX_PROBES = 6 };
 /* SURE: a part of fewer rays is too small to estimate its area, and is probed by FINER rays for each, along rows and
  * columns. */
 enum { SURE = 16, FINER = 4 };
 /* Views of a rotation that are probed: between them, 7.5 degrees away at most, no extent is 1 % larger. */
-enum { MOST_VIEWS = 24 };
+enum { MAX_VIEWS = 24 };
 
 /* State shared by the probe renderings of a frame. */
-typedef struct Looking {
+typedef struct Probing {
     const CtsFramed *what;
     CtsLut *lut;
     double lut_scale; /* extinction_scale that it was made for */
-} Looking;
+} Probing;
 
 /* A probe rendering: rays through the same volume in the same direction. */
-typedef struct Look {
+typedef struct ProbeRendering {
     CtsSceneStore store;
     double least; /* brighter is shown, or more opaque */
     uint8_t shown[LOOK][LOOK];
-} Look;
+} ProbeRendering;
 
 /* Renders n[0] x n[1] rays with spacing `apart`, in units of the probe rendering's, from this ray on. */
-static CtsStatus draw(Look *l, const double from[2], double apart, const int n[2], CtsError *err)
+static CtsStatus draw(ProbeRendering *l, const double from[2], double apart, const int n[2], CtsError *err)
 {
     CtsScene scene = l->store.scene;
     CtsView *const v = &scene.view;
@@ -75,7 +75,7 @@ static void widen(Box *box, const Box *by)
 }
 
 /* Removes the 8-connected part of a visible ray from the probe rendering. */
-static int take_part(Look *l, int x, int y, Box *box)
+static int take_part(ProbeRendering *l, int x, int y, Box *box)
 {
     uint16_t open[LOOK * LOOK];
     int n_open = 0, n = 0;
@@ -104,11 +104,11 @@ static bool reaches_past(const Box *part, const Box *box)
 }
 
 /* The area of the largest part within a box extended by a ray, in rays. */
-static CtsStatus closer_area(const Look *l, const Box *box, double *area, CtsError *err)
+static CtsStatus closer_area(const ProbeRendering *l, const Box *box, double *area, CtsError *err)
 {
     const int n[2] = {(box->high[0] - box->low[0] + 3) * FINER, (box->high[1] - box->low[1] + 3) * FINER};
     const double from[2] = {box->low[0] - 1.5 + 0.5 / FINER, box->low[1] - 1.5 + 0.5 / FINER};
-    Look closer = *l;
+    ProbeRendering closer = *l;
     Box part;
     int most = 0;
     const CtsStatus st = draw(&closer, from, 1.0 / FINER, n, err);
@@ -121,7 +121,7 @@ static CtsStatus closer_area(const Look *l, const Box *box, double *area, CtsErr
 }
 
 /* The box of the visible rays without specks; high[0] < 0 if there are none. */
-static CtsStatus take_box(Look *l, Box *box, CtsError *err)
+static CtsStatus take_box(ProbeRendering *l, Box *box, CtsError *err)
 {
     Box unsure[LOOK * LOOK / 4]; /* parts are at least a ray apart */
     int n_shown = 0, n_unsure = 0;
@@ -179,7 +179,7 @@ static double ray_mm(Span span)
 }
 
 /* Only with opacity by voxel does it depend on the view. */
-static CtsStatus find_lut(Looking *l, CtsScene *scene, CtsError *err)
+static CtsStatus find_lut(Probing *l, CtsScene *scene, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!l->lut || l->lut_scale != scene->extinction_scale) {
@@ -193,10 +193,10 @@ static CtsStatus find_lut(Looking *l, CtsScene *scene, CtsError *err)
 
 /* Probe rendering between the spans to the right and up, with separate spacings, so that a thin volume is not missed;
  * one more ray beyond either end. */
-static CtsStatus look(Looking *looking, const CtsRenderSettings *s, double least, const Span span[2], Box *box,
-                      CtsError *err)
+static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, double least, const Span span[2], Box *box,
+                              CtsError *err)
 {
-    Look l = {.least = least};
+    ProbeRendering l = {.least = least};
     CtsRenderSettings small = *s;
     CtsViewAxes axes;
     small.width = small.height = LOOK;
@@ -207,14 +207,14 @@ static CtsStatus look(Looking *looking, const CtsRenderSettings *s, double least
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     for (int c = 0; c < 3; c++)
         small.centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
-    CtsStatus st = cts_scene_init(&l.store, looking->what->volume, looking->what->preset, &small, err);
+    CtsStatus st = cts_scene_init(&l.store, probing->what->volume, probing->what->preset, &small, err);
     if (st)
         return st;
     CtsScene *const scene = &l.store.scene;
     scene->plan = (CtsPlan){.max_error = 255 * least / 2};
-    scene->kept = looking->what->kept;
-    scene->frame = looking->what->frame;
-    if (scene->preset->mode == CTS_MODE_COMPOSITE && (st = find_lut(looking, scene, err)))
+    scene->cache = probing->what->cache;
+    scene->frame = probing->what->frame;
+    if (scene->preset->mode == CTS_MODE_COMPOSITE && (st = find_lut(probing, scene, err)))
         return st;
     for (int a = 0; a < 3; a++) {
         scene->view.right_vox[a] *= ray_mm(span[0]);
@@ -232,20 +232,20 @@ static Span narrowed(Span span, int low, int high, double more)
 }
 
 /* The visible spans to the right and up, in the settings' view; *found: anything is visible. */
-static CtsStatus find_by(Looking *looking, const CtsRenderSettings *s, double least, Span span[2], bool *found,
+static CtsStatus find_by(Probing *probing, const CtsRenderSettings *s, double least, Span span[2], bool *found,
                          CtsError *err)
 {
     CtsViewAxes axes;
     CtsStatus st;
     Box box;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
-    const Span whole[2] = {span_of_box(looking->what->volume, axes.right_lps),
-                           span_of_box(looking->what->volume, axes.up_lps)};
+    const Span whole[2] = {span_of_box(probing->what->volume, axes.right_lps),
+                           span_of_box(probing->what->volume, axes.up_lps)};
     memcpy(span, whole, sizeof whole);
-    for (int n = 1; !(st = look(looking, s, least, span, &box, err)) && box.high[0] >= 0; n++) {
+    for (int n = 1; !(st = render_probe(probing, s, least, span, &box, err)) && box.high[0] >= 0; n++) {
         const int n_found[2] = {box.high[0] - box.low[0], box.high[1] - box.low[1]};
         const bool up = n_found[1] * ray_mm(span[1]) > n_found[0] * ray_mm(span[0]);
-        *found = n == MOST_LOOKS || n_found[up] >= LEAST_FOUND;
+        *found = n == MAX_PROBES || n_found[up] >= MIN_FOUND;
         /* A finer probe rendering begins at the invisible rays. */
         const double more = *found ? 0 : 0.5;
         span[0] = within(narrowed(span[0], box.low[0], box.high[0], more), whole[0]);
@@ -256,26 +256,26 @@ static CtsStatus find_by(Looking *looking, const CtsRenderSettings *s, double le
     return st;
 }
 
-static CtsStatus find_spans(Looking *looking, const CtsRenderSettings *s, Span span[2], bool *found, CtsError *err)
+static CtsStatus find_spans(Probing *probing, const CtsRenderSettings *s, Span span[2], bool *found, CtsError *err)
 {
-    const bool composite = looking->what->preset->mode == CTS_MODE_COMPOSITE;
+    const bool composite = probing->what->preset->mode == CTS_MODE_COMPOSITE;
     CtsRenderSettings brightest = *s;
     *found = false;
-    const CtsStatus st = find_by(looking, s, composite ? HAZE : DARKEST, span, found, err);
+    const CtsStatus st = find_by(probing, s, composite ? HAZE : DARKEST, span, found, err);
     if (st || *found)
         return st;
     if (!composite)
         brightest.mode = CTS_MODE_MIP;
-    return find_by(looking, &brightest, DARKEST, span, found, err);
+    return find_by(probing, &brightest, DARKEST, span, found, err);
 }
 
 /* Raises half[0] and half[1] to the visible part's extent from the settings' centre in this view. */
-static CtsStatus reach_from_centre(Looking *looking, const CtsRenderSettings *s, double half[2], CtsError *err)
+static CtsStatus reach_from_centre(Probing *probing, const CtsRenderSettings *s, double half[2], CtsError *err)
 {
     Span span[2];
     bool found;
     CtsViewAxes axes;
-    const CtsStatus st = find_spans(looking, s, span, &found, err);
+    const CtsStatus st = find_spans(probing, s, span, &found, err);
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     for (int i = 0; i < 2 && !st && found; i++) {
         const double from_mm = cts_dot3(s->centre_lps, i ? axes.up_lps : axes.right_lps);
@@ -286,36 +286,36 @@ static CtsStatus reach_from_centre(Looking *looking, const CtsRenderSettings *s,
 
 /* The centre of a rotation lies on the head-foot axis through the middle of the visible part, from the front and from
  * the left. */
-static CtsStatus frame_rotation(Looking *looking, CtsRenderSettings *s, double half[2], CtsError *err)
+static CtsStatus frame_rotation(Probing *probing, CtsRenderSettings *s, double half[2], CtsError *err)
 {
     CtsStatus st;
     CtsRenderSettings view = *s;
     Span front[2], left[2];
     bool found[2];
     view.slab_mm = view.slab_at_mm = view.elevation_deg = view.azimuth_deg = 0;
-    if ((st = find_spans(looking, &view, front, &found[0], err)))
+    if ((st = find_spans(probing, &view, front, &found[0], err)))
         return st;
     view.azimuth_deg = 90;
-    if ((st = find_spans(looking, &view, left, &found[1], err)) || !found[0] || !found[1])
+    if ((st = find_spans(probing, &view, left, &found[1], err)) || !found[0] || !found[1])
         return st;
     s->centre_lps[0] = middle(front[0]);
     s->centre_lps[1] = middle(left[0]);
     s->centre_lps[2] = middle(front[1]);
     view = *s;
-    const int n = s->rotation_frames < MOST_VIEWS ? s->rotation_frames : MOST_VIEWS;
+    const int n = s->rotation_frames < MAX_VIEWS ? s->rotation_frames : MAX_VIEWS;
     for (int i = 0; i < n && !st; i++) {
         view.azimuth_deg = s->azimuth_deg + 360.0 * i / n;
-        st = reach_from_centre(looking, &view, half, err);
+        st = reach_from_centre(probing, &view, half, err);
     }
     return st;
 }
 
-static CtsStatus frame_view(Looking *looking, CtsRenderSettings *s, double half[2], CtsError *err)
+static CtsStatus frame_view(Probing *probing, CtsRenderSettings *s, double half[2], CtsError *err)
 {
     CtsViewAxes axes;
     Span span[2];
     bool found;
-    const CtsStatus st = find_spans(looking, s, span, &found, err);
+    const CtsStatus st = find_spans(probing, s, span, &found, err);
     if (st || !found)
         return st;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
@@ -330,9 +330,9 @@ CtsStatus cts_framing_find(const CtsFramed *what, CtsRenderSettings *settings, C
 {
     double half[2] = {0, 0};
     CtsRenderSettings s = *settings;
-    Looking looking = {.what = what};
-    const CtsStatus st = (s.rotation_frames > 1 ? frame_rotation : frame_view)(&looking, &s, half, err);
-    cts_lut_free(&looking.lut);
+    Probing probing = {.what = what};
+    const CtsStatus st = (s.rotation_frames > 1 ? frame_rotation : frame_view)(&probing, &s, half, err);
+    cts_lut_free(&probing.lut);
     s.mm_per_pixel = fmax(2 * half[0] / (FILLED * s.width), 2 * half[1] / (FILLED * s.height));
     s.centre_given = true;
     if (!st && s.mm_per_pixel > 0 && isfinite(s.mm_per_pixel))
@@ -349,6 +349,6 @@ CtsStatus cts_framing_settle(const CtsVolume *volume, const CtsPreset *preset, C
     if (settings->fit != CTS_FIT_VISIBLE || settings->mm_per_pixel != 0)
         return CTS_OK;
     const CtsStatus st = cts_framing_find(&what, settings, err);
-    cts_engine(cts_engine_for_probes())->forget(kept);
+    cts_engine(cts_engine_for_probes())->free_cache(kept);
     return st;
 }

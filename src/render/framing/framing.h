@@ -11,7 +11,7 @@
 typedef struct CtsFramed {
     const CtsVolume *volume;
     const CtsPreset *preset; /* effective: cts_scene_preset() */
-    void **kept;
+    void **cache;
     int frame;
 } CtsFramed;
 

@@ -1,0 +1,252 @@
+#include "app/batch/journal.h"
+
+#include "app/batch/batch_plan.h"
+#include "app/contact/journal_lines.h"
+#include "base/json.h"
+#include <ctype.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static bool is_at(int i, const int *wanted)
+{
+    return !wanted || *wanted == i;
+}
+
+CtsStatus cts_journal_record_hash(const CtsBatchSettings *s, const CtsBatchPicture *picture, bool is_dcm, char hex[65],
+                                  CtsError *err)
+{
+    CtsHash *hash;
+    CtsStatus st = cts_hash_start(&hash, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, CTS_VERSION);
+    cts_hash_text(hash, s->lists->options);
+    for (int i = 0; i < s->lists->n_presets && !st; i++) {
+        char *text = is_at(i, picture ? &picture->preset : NULL) ? cts_preset_to_json(&s->lists->presets[i]) : NULL;
+        if (text)
+            cts_hash_text(hash, text);
+        else if (is_at(i, picture ? &picture->preset : NULL))
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        free(text);
+    }
+    for (int i = 0; i < s->lists->n_views; i++)
+        if (is_at(i, picture ? &picture->view : NULL))
+            cts_hash_text(hash, s->lists->views[i].name);
+    for (int i = 0; i < s->lists->n_formats && !picture; i++)
+        cts_hash_text(hash, s->lists->formats[i]);
+    cts_hash_text(hash, is_dcm ? s->lists->dcm_options : "");
+    const CtsStatus finished = cts_hash_hex(&hash, hex, err);
+    return st ? st : finished;
+}
+
+void cts_journal_record_stem(const CtsBatchSettings *s, const CtsBatchPicture *picture, char stem[CTS_RECORD_STEM])
+{
+    snprintf(stem, CTS_RECORD_STEM, "%s-%s", s->lists->presets[picture->preset].name,
+             s->lists->views[picture->view].name);
+    if (stem[0] == '.' || stem[0] == '-')
+        stem[0] = '_';
+    for (char *c = stem; *c; c++)
+        if (!isascii((unsigned char)*c) || (!isalnum((unsigned char)*c) && !strchr("._-,", *c)))
+            *c = '_';
+}
+
+bool cts_journal_record_path(const CtsBatchSettings *s, const json_t *entry, char *path, size_t size)
+{
+    const char *name = cts_json_text_of(entry, "path");
+    const int n = cts_journal_path_is_safe(name) ? snprintf(path, size, "%s/%s", s->options->output_dir, name) : -1;
+    return n > 0 && (size_t)n < size;
+}
+
+static CtsStatus hash_file(const char *path, char hex[65], CtsError *err)
+{
+    char *bytes = malloc(1 << 18);
+    CtsHash *hash = NULL;
+    CtsStatus st = CTS_OK;
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (fd < 0 || !bytes)
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", path, strerror(errno));
+    else
+        st = cts_hash_start(&hash, err);
+    for (ssize_t n = 1; !st && n > 0;) {
+        n = TEMP_FAILURE_RETRY(read(fd, bytes, 1 << 18));
+        if (n < 0)
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", path, strerror(errno));
+        else
+            cts_hash_bytes(hash, bytes, (size_t)n);
+    }
+    if (hash) {
+        const CtsStatus finished = cts_hash_hex(&hash, hex, err);
+        st = st ? st : finished;
+    }
+    if (fd >= 0)
+        close(fd);
+    free(bytes);
+    return st;
+}
+
+static json_int_t mtime_of(const struct stat *info)
+{
+    return (json_int_t)info->st_mtim.tv_sec * 1000000000 + info->st_mtim.tv_nsec;
+}
+
+CtsStatus cts_journal_record_file_facts(const CtsBatchSettings *s, json_t *entry, CtsError *err)
+{
+    char full[PATH_MAX], hex[65];
+    struct stat info;
+    CtsStatus st;
+    if (!cts_journal_record_path(s, entry, full, sizeof full) || stat(full, &info))
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: has disappeared", cts_json_text_of(entry, "path"));
+    if ((st = hash_file(full, hex, err)))
+        return st;
+    json_object_set_new(entry, "bytes", json_integer((json_int_t)info.st_size));
+    json_object_set_new(entry, "sha256", json_string(hex));
+    json_object_set_new(entry, "mtime_ns", json_integer(mtime_of(&info)));
+    return CTS_OK;
+}
+
+/* A file of the same size and time is the same; one of another time may have been copied. */
+static bool file_is_up_to_date(const CtsBatchSettings *s, const json_t *entry, bool by_hash)
+{
+    char full[PATH_MAX], hex[65];
+    struct stat info;
+    if (!cts_journal_record_path(s, entry, full, sizeof full) || lstat(full, &info) || !S_ISREG(info.st_mode) ||
+        info.st_size != json_integer_value(json_object_get(entry, "bytes")))
+        return false;
+    if (!by_hash || mtime_of(&info) == json_integer_value(json_object_get(entry, "mtime_ns")))
+        return true;
+    return !hash_file(full, hex, NULL) && !strcmp(hex, cts_json_text_of(entry, "sha256"));
+}
+
+static bool is_of(const json_t *entry, const CtsBatchSettings *s, const CtsBatchPicture *picture, const char *format)
+{
+    return !strcmp(cts_json_text_of(entry, "preset"), s->lists->presets[picture->preset].name) &&
+           !strcmp(cts_json_text_of(entry, "view"), s->lists->views[picture->view].name) &&
+           (!format || !strcmp(cts_json_text_of(entry, "format"), format));
+}
+
+bool cts_journal_record_is_up_to_date(const CtsBatchSettings *s, const json_t *record, const CtsBatchPicture *picture,
+                                      const char *format)
+{
+    const json_t *list = json_object_get(record, format ? "outputs" : "thumbnails");
+    const bool is_dcm = format && !strcmp(format, "dcm");
+    const int n_wanted = !format                           ? (s->options->rotation > 1 ? 2 : 1)
+                         : s->options->rotation && !is_dcm ? s->options->rotation
+                                                           : 1;
+    char hex[65];
+    int n_found = 0;
+    size_t i;
+    json_t *entry;
+    if (cts_journal_record_hash(s, picture, is_dcm, hex, NULL))
+        return false;
+    json_array_foreach(list, i, entry)
+    {
+        if (!is_of(entry, s, picture, format))
+            continue;
+        if (strcmp(cts_json_text_of(entry, "settings_sha256"), hex) || !file_is_up_to_date(s, entry, format))
+            return false;
+        n_found++;
+    }
+    return n_found == n_wanted;
+}
+
+static void redact(json_t *object, const char *const *keys)
+{
+    for (; *keys; keys++)
+        json_object_del(object, *keys);
+}
+
+void cts_journal_record_redact(json_t *record, const CtsBatchSettings *s)
+{
+    static const char *const patient[] = {"study_date", "series_number", "description", NULL};
+    static const char *const paths[] = {"sources", "reason_file", NULL};
+    static const char *const files[] = {"files", NULL};
+    size_t i;
+    json_t *diagnostic;
+    if (!s->options->show_patient)
+        redact(json_object_get(record, "geometry"), patient);
+    if (s->options->show_paths)
+        return;
+    redact(record, paths);
+    json_array_foreach(json_object_get(record, "findings"), i, diagnostic) redact(diagnostic, files);
+}
+
+bool cts_journal_record_is_complete(const json_t *record, const CtsBatchSettings *s)
+{
+    const json_t *geometry = json_object_get(record, "geometry");
+    return (!s->options->show_paths || json_object_get(record, "sources")) &&
+           (!s->options->show_patient || !geometry || json_object_get(geometry, "study_date"));
+}
+
+bool cts_journal_record_is_unsent(const CtsBatchSettings *s, const json_t *entry)
+{
+    const json_t *sent_to = json_object_get(entry, "sent_to");
+    bool asked_for = false;
+    for (int p = 0; s->lists->send_to[0] && p < s->lists->n_presets; p++)
+        for (int v = 0; v < s->lists->n_views; v++) {
+            const CtsBatchPicture picture = {.preset = p, .view = v};
+            asked_for |= is_of(entry, s, &picture, "dcm");
+        }
+    for (size_t i = 0; i < json_array_size(sent_to) && asked_for; i++) {
+        const char *peer = json_string_value(json_array_get(sent_to, i));
+        asked_for = !peer || strcmp(peer, s->lists->send_to);
+    }
+    return asked_for;
+}
+
+int cts_journal_record_n_unsent(const CtsBatchSettings *s, const json_t *record)
+{
+    int n = 0;
+    size_t i;
+    json_t *entry;
+    json_array_foreach(json_object_get(record, "outputs"), i, entry) n += cts_journal_record_is_unsent(s, entry);
+    return n;
+}
+
+bool cts_journal_record_is_settled(const CtsBatchSettings *s, const json_t *record, const char *input_sha256)
+{
+    const char *status = cts_json_text_of(record, "status");
+    char hex[65];
+    if (strcmp(cts_json_text_of(record, "input_sha256"), input_sha256))
+        return false;
+    if (!strcmp(status, "passed"))
+        return true;
+    /* Unreadable files may be readable now; geometry and pixels do not change. */
+    if (!strcmp(status, "refused"))
+        return json_integer_value(json_object_get(record, "exit_code")) == 4 &&
+               !cts_journal_record_hash(s, NULL, true, hex, NULL) &&
+               !strcmp(hex, cts_json_text_of(record, "options_sha256"));
+    /* All but sending it went well. */
+    if (strcmp(status, "done") && !json_object_get(record, "unsent"))
+        return false;
+    for (int p = 0; p < s->lists->n_presets; p++)
+        for (int v = 0; v < s->lists->n_views; v++) {
+            const CtsBatchPicture picture = {.preset = p, .view = v};
+            for (int f = 0; f < s->lists->n_formats; f++)
+                if (!cts_journal_record_is_up_to_date(s, record, &picture, s->lists->formats[f]))
+                    return false;
+            if (!cts_journal_record_is_up_to_date(s, record, &picture, NULL))
+                return false;
+        }
+    return true;
+}
+
+void cts_journal_record_drop(json_t *record, const char *list, const CtsBatchSettings *s,
+                             const CtsBatchPicture *picture, const char *format)
+{
+    json_t *entries = json_object_get(record, list);
+    for (size_t i = json_array_size(entries); i-- > 0;) {
+        const json_t *entry = json_array_get(entries, i);
+        char full[PATH_MAX];
+        if (picture && !is_of(entry, s, picture, format))
+            continue;
+        if (cts_journal_record_path(s, entry, full, sizeof full))
+            unlink(full);
+        json_array_remove(entries, i);
+    }
+}

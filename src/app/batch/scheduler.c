@@ -1,0 +1,573 @@
+/* The scheduler: reads only headers, assigns series to worker processes, keeps the journal. */
+#include "app/batch/batch.h"
+#include "app/batch/worker.h"
+#include "app/contact/contact_sheet.h"
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/json.h"
+#include "base/mem.h"
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+
+/* TICK_MS: interval of timeout checks; MAX_UNSENT: failures to send in a row after which the PACS is given up. */
+enum { TICK_MS = 200, SYNC_MS = 2000, MAX_UNSENT = 3 };
+/* Rendering workers, one that reads ahead, and the sender. */
+#define N_WORKERS(n_jobs) ((n_jobs) + 2)
+/* Memory estimate of a series: 16-bit voxels and their copies during processing, and the buffers of pictures. */
+static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
+
+typedef struct Run {
+    const CtsBatchSettings *settings;
+    CtsBatchResult *result;
+    CtsPlan *plan;
+    CtsPlanFound found;
+    CtsJournal *journal;
+    CtsWorker *workers; /* the first one sends */
+    int n_workers, n_jobs, n_threads;
+    CtsKey key; /* of the names of series, where they are de-identified */
+    size_t next;
+    char **to_send; /* UIDs of series queued for sending */
+    size_t n_to_send, next_to_send;
+    int n_unsent; /* series in a row that could not be */
+    double start_ms, free_bytes, reported_ms, synced_ms;
+    /* pictures rendered; series that have ended; series whose number of pictures is not yet known */
+    size_t n_pictures, n_uids_ended, n_unknown;
+    double sheet_ms, sheet_took_ms;
+    bool sheet_stale;
+    CtsStatus status; /* why no more series are started */
+    CtsError *err;
+} Run;
+
+static bool interrupted(const Run *r)
+{
+    return r->settings->stop && *r->settings->stop;
+}
+
+/* A series whose state is unknown counts with all its pictures. */
+static double n_pictures_left(const Run *r)
+{
+    double n = (double)r->n_unknown * r->settings->lists->n_presets * r->settings->lists->n_views;
+    for (int i = 1; i < r->n_workers; i++)
+        n += r->workers[i].n_left;
+    return n;
+}
+
+static void report_progress(Run *r)
+{
+    const CtsBatchListener *listener = &r->settings->listener;
+    const double spent_s = (cts_wall_ms() - r->start_ms) / 1000;
+    const CtsBatchProgress progress = {.n_ended = r->n_uids_ended,
+                                       .n_series = r->found.n_series,
+                                       .n_pictures = r->n_pictures,
+                                       .seconds_left =
+                                           r->n_pictures ? spent_s * n_pictures_left(r) / (double)r->n_pictures : -1};
+    r->reported_ms = cts_wall_ms();
+    listener->progress(listener->context, &progress);
+}
+
+static void redact(void *context, json_t *record)
+{
+    cts_journal_record_redact(record, context);
+}
+
+/* Time between two sheets: so long that the sheet of a large batch is not all that is written, but no longer than 10 s
+ * where that leaves half the time to the series, so that a slow disk leaves no stale sheet. */
+static double pause_ms(double sheet_took_ms)
+{
+    return fmax(500, fmin(50 * sheet_took_ms, fmax(10000, sheet_took_ms)));
+}
+
+/* Writes the sheet where that is due. ends: the batch does. */
+static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
+{
+    const CtsBatchSettings *s = r->settings;
+    const double start_ms = cts_wall_ms();
+    const CtsContactRun run = {.n_ended = r->n_uids_ended, .n_series = r->found.n_series, .goes_on = !ends};
+    const bool whole = ends && r->n_uids_ended == r->found.n_series;
+    const CtsContactWanted wanted = {.run = whole ? NULL : &run, .change = redact, .context = (void *)s};
+    const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < pause_ms(r->sheet_took_ms);
+    if (s->options->shard.n > 1 || (!ends && wait))
+        return CTS_OK;
+    const CtsStatus st = cts_contact_sheet_write(s->options->output_dir, &wanted, err);
+    r->sheet_ms = cts_wall_ms();
+    r->sheet_took_ms = r->sheet_ms - start_ms;
+    r->sheet_stale = false;
+    return st;
+}
+
+static void report_series(Run *r, const json_t *record)
+{
+    const CtsBatchListener *listener = &r->settings->listener;
+    const char *status = cts_json_text_of(record, "status"), *uid = cts_json_text_of(record, "series_uid");
+    const bool done = !strcmp(status, "done");
+    char text[1400];
+    if (done)
+        snprintf(text, sizeof text, "%.80s: done: %zu files, %.1f s", uid,
+                 json_array_size(json_object_get(record, "outputs")),
+                 json_number_value(json_object_get(record, "wall_ms")) / 1000);
+    else
+        snprintf(text, sizeof text, "%.80s: %s: %.600s%s%.600s", uid, status, cts_json_text_of(record, "reason_file"),
+                 json_object_get(record, "reason_file") ? ": " : "", cts_json_text_of(record, "reason"));
+    listener->series(listener->context, text, !done && strcmp(status, "passed"));
+}
+
+/* Counts the final record of a series; stood: nothing had to be rendered. */
+static void count(Run *r, const json_t *record, bool stood)
+{
+    const char *status = cts_json_text_of(record, "status");
+    r->result->n_stood += stood && !strcmp(status, "done");
+    r->result->n_done += !strcmp(status, "done");
+    r->result->n_passed += !strcmp(status, "passed");
+    r->result->n_refused += !strcmp(status, "refused");
+    r->result->n_failed += !strcmp(status, "failed");
+    if (!stood)
+        report_series(r, record);
+}
+
+/* Ends the batch after a failure; running workers are asked to stop. */
+static void give_up(Run *r, CtsStatus status, const CtsError *why)
+{
+    if (!r->status) {
+        r->status = status;
+        if (why)
+            *r->err = *why;
+    }
+}
+
+static void add_record(Run *r, const json_t *record)
+{
+    CtsError err = {0};
+    json_t *kept = json_deep_copy(record);
+    cts_journal_record_redact(kept, r->settings);
+    const CtsStatus st = cts_journal_add(r->journal, kept, &err);
+    json_decref(kept);
+    r->sheet_stale = true;
+    if (st)
+        give_up(r, st, &err);
+}
+
+static void queue_to_send(Run *r, const json_t *record)
+{
+    CtsError err = {0};
+    if (cts_grow(&r->to_send, r->n_to_send, &err) ||
+        !(r->to_send[r->n_to_send] = strdup(cts_json_text_of(record, "series_uid"))))
+        give_up(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
+    else
+        r->n_to_send++;
+}
+
+/* All of a series that was to be made is, or never will be. */
+static void end_series(Run *r, json_t *record, bool stood)
+{
+    const int n_waiting =
+        strcmp(cts_json_text_of(record, "status"), "done") ? 0 : cts_journal_record_n_unsent(r->settings, record);
+    if (n_waiting > 0) {
+        json_object_set_new(record, "unsent", json_integer(n_waiting));
+        cts_worker_set_status(record, 5, "not sent yet");
+        queue_to_send(r, record);
+    }
+    add_record(r, record);
+    if (n_waiting == 0)
+        count(r, record, stood);
+}
+
+static void end_sending(Run *r, const json_t *record)
+{
+    r->n_unsent = strcmp(cts_json_text_of(record, "status"), "done") ? r->n_unsent + 1 : 0;
+    add_record(r, record);
+    count(r, record, false);
+}
+
+static void take_last(Run *r, CtsWorker *w, bool stood)
+{
+    CtsError err;
+    w->n_ended++;
+    if (w->n_ended > 1)
+        r->result->n_series++;
+    if (w->phase == CTS_WORKER_SENDS)
+        end_sending(r, w->record);
+    else
+        end_series(r, w->record, stood);
+    if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->record, "exit_code")) == 5 &&
+        !json_object_get(w->record, "unsent") && cts_folder_probe(r->settings, &err))
+        give_up(r, CTS_ERR_OUTPUT, &err);
+    json_decref(w->record);
+    w->record = NULL;
+}
+
+static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
+{
+    const double limit_ms = 1000 * r->settings->options->series_timeout_s;
+    w->phase = phase;
+    w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
+}
+
+/* The first message of a worker contains the number of pictures that its series lacks. */
+static void count_pictures(Run *r, CtsWorker *w, bool begun, int n_left)
+{
+    if (begun && !w->counted)
+        r->n_unknown--;
+    if (!begun)
+        r->n_pictures += (size_t)(w->n_left > n_left ? w->n_left - n_left : 0);
+    w->counted = true;
+    w->n_left = n_left;
+}
+
+static void take_message(void *context, CtsWorker *w, const char *message)
+{
+    static const char *const words[] = {CTS_WORKER_BEGUN, CTS_WORKER_RECORD, CTS_WORKER_LAST_RECORD,
+                                        CTS_WORKER_UP_TO_DATE};
+    Run *const r = context;
+    size_t which = 0;
+    if (!strcmp(message, CTS_WORKER_LOADED)) {
+        set_phase(r, w, CTS_WORKER_WAITS);
+        return;
+    }
+    while (which < 4 && strncmp(message, words[which], strlen(words[which])))
+        which++;
+    json_t *record = which < 4 ? json_loads(message + strlen(words[which]), 0, NULL) : NULL;
+    if (!record || !cts_json_text_of(record, "series_uid")[0]) {
+        json_decref(record);
+        return;
+    }
+    json_decref(w->record);
+    w->record = record;
+    if (w->phase != CTS_WORKER_SENDS)
+        count_pictures(r, w, which == 0, (int)json_integer_value(json_object_get(record, "unfinished")));
+    if (which == 1)
+        add_record(r, record);
+    else if (which > 1)
+        take_last(r, w, which == 3);
+}
+
+/* Records a series whose worker ended without a report, with the reason. */
+static void report_death(Run *r, CtsWorker *w, int how, const struct rusage *usage)
+{
+    char reason[300];
+    cts_worker_reason(w, how, reason, sizeof reason);
+    if (!w->record)
+        w->record = cts_worker_new_record(r->settings, &w->series, w->series.uid, w->series.folder);
+    cts_worker_set_status(w->record, 1, reason);
+    if (w->phase != CTS_WORKER_SENDS)
+        json_object_set_new(w->record, "peak_rss_bytes", json_integer((json_int_t)usage->ru_maxrss * 1024));
+    take_last(r, w, false);
+}
+
+static void sweep_series(const Run *r, const CtsWorker *w)
+{
+    char path[PATH_MAX];
+    for (int deep = 0; deep < 2; deep++)
+        if (snprintf(path, sizeof path, "%s/%s%s", r->settings->options->output_dir, w->series.folder,
+                     deep ? "/thumbs" : "") < PATH_MAX)
+            cts_sweep(path, "");
+}
+
+static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage)
+{
+    cts_worker_read(w, take_message, r);
+    const bool stopped = w->stop_ms > 0 && !w->killed;
+    if (!stopped && (w->record || !w->n_ended))
+        report_death(r, w, how, usage);
+    if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
+        sweep_series(r, w);
+    r->free_bytes += w->bytes;
+    if (w->phase != CTS_WORKER_SENDS) {
+        r->n_unknown -= !w->counted;
+        r->n_uids_ended += !stopped;
+    }
+    cts_worker_free(w);
+    report_progress(r);
+}
+
+/* One that has no process; how many have one. */
+static CtsWorker *free_worker(const Run *r, int *n_at_work)
+{
+    CtsWorker *found = NULL;
+    *n_at_work = 0;
+    for (int i = 1; i < r->n_workers; i++) {
+        if (!r->workers[i].pid)
+            found = &r->workers[i];
+        else
+            ++*n_at_work;
+    }
+    return found;
+}
+
+static bool any_worker(const Run *r)
+{
+    bool any = false;
+    for (int i = 0; i < r->n_workers; i++)
+        any |= r->workers[i].pid;
+    return any;
+}
+
+/* True if all outputs of a series are up to date; adds its record to this shard's own journal. */
+static bool is_up_to_date(Run *r, const CtsPlanSeries *series)
+{
+    json_t *record = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
+    const bool settled = record && cts_journal_record_is_settled(r->settings, record, series->input_sha256) &&
+                         cts_journal_record_is_complete(record, r->settings);
+    if (settled) {
+        if (json_object_get(record, "unsent")) {
+            json_object_del(record, "unsent");
+            cts_worker_set_status(record, 0, "");
+            end_series(r, record, true);
+        } else if (cts_journal_record_n_unsent(r->settings, record) || !cts_journal_holds(r->journal, series->uid)) {
+            end_series(r, record, true);
+        } else {
+            count(r, record, true);
+        }
+        r->n_unknown--;
+        r->n_uids_ended++;
+    }
+    json_decref(record);
+    return settled;
+}
+
+/* One thread more than an equal share, to use the time in which other workers wait for the disk. */
+static int threads_of_one(const Run *r, int at_once)
+{
+    const int share = (r->n_threads + at_once - 1) / at_once + 1;
+    return share < r->n_threads ? share : r->n_threads;
+}
+
+/* Starts the next series with missing outputs, if a worker is free. */
+static bool start_next(Run *r)
+{
+    int n_at_work;
+    CtsError err = {0};
+    CtsWorker *w = free_worker(r, &n_at_work);
+    while (w && n_at_work <= r->n_jobs && r->next < r->found.n_series && !r->status && !interrupted(r)) {
+        CtsStatus st = cts_plan_series(r->plan, r->next, &w->series, &err);
+        if (st) {
+            give_up(r, st, &err);
+            return false;
+        }
+        if (is_up_to_date(r, &w->series)) {
+            cts_plan_series_free(&w->series);
+            r->next++;
+            if (cts_wall_ms() - r->reported_ms > TICK_MS)
+                report_progress(r);
+            continue;
+        }
+        const double bytes = BYTES_PER_SERIES + BYTES_PER_VOXEL * (double)w->series.n_voxels;
+        if (any_worker(r) && bytes > r->free_bytes) {
+            cts_plan_series_free(&w->series);
+            return false;
+        }
+        const size_t left = r->found.n_series - r->next + (size_t)n_at_work;
+        const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
+        st = cts_worker_start(r->settings, r->journal, r->found.archives, &w->series, threads_of_one(r, at_once),
+                              &w->pid, &w->socket, &err);
+        if (st) {
+            w->pid = 0;
+            cts_plan_series_free(&w->series);
+            give_up(r, st, &err);
+            return false;
+        }
+        w->bytes = bytes;
+        r->free_bytes -= bytes;
+        set_phase(r, w, CTS_WORKER_READS);
+        r->next++;
+        return true;
+    }
+    return false;
+}
+
+/* Sends one series at a time, so as not to overload the PACS. */
+static void start_sender(Run *r)
+{
+    CtsWorker *w = &r->workers[0];
+    CtsError err;
+    if (w->pid || r->next_to_send == r->n_to_send || r->n_unsent == MAX_UNSENT || r->status || interrupted(r))
+        return;
+    char *uid = r->to_send[r->next_to_send];
+    r->to_send[r->next_to_send++] = NULL;
+    json_t *record = cts_journal_find(r->journal, uid);
+    const CtsStatus st = record ? cts_sender_start(r->settings, r->journal, record, &w->pid, &w->socket, &err)
+                                : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its record in the journal is missing", uid);
+    free(uid);
+    if (st) {
+        w->pid = 0;
+        json_decref(record);
+        give_up(r, st, &err);
+        return;
+    }
+    w->record = record;
+    set_phase(r, w, CTS_WORKER_SENDS);
+}
+
+/* Records series that are still unsent at the end. */
+static void leave_unsent(Run *r)
+{
+    const size_t n = r->n_to_send - r->next_to_send;
+    char text[160];
+    for (size_t i = r->next_to_send; i < r->n_to_send; i++)
+        free(r->to_send[i]);
+    free(r->to_send);
+    if (n == 0 || r->status || interrupted(r))
+        return;
+    r->result->n_failed += n;
+    snprintf(text, sizeof text, "%zu more series are not sent, as %d before them could not be (run the batch again)", n,
+             MAX_UNSENT);
+    r->settings->listener.warning(r->settings->listener.context, text);
+}
+
+/* Permits up to n_jobs workers to render. */
+static void grant(Run *r)
+{
+    int n_render = 0;
+    for (int i = 1; i < r->n_workers; i++)
+        n_render += r->workers[i].pid && r->workers[i].phase == CTS_WORKER_RENDERS;
+    for (int i = 1; i < r->n_workers && n_render < r->n_jobs; i++) {
+        CtsWorker *w = &r->workers[i];
+        if (!w->pid || w->phase != CTS_WORKER_WAITS)
+            continue;
+        n_render++;
+        set_phase(r, w, CTS_WORKER_RENDERS);
+        send(w->socket, "g", 1, MSG_NOSIGNAL); /* a closed connection is handled when the worker is reaped */
+    }
+}
+
+static void watch_clock(Run *r)
+{
+    CtsError unwritten;
+    write_sheet(r, false, &unwritten); /* the last sheet's failure is reported */
+    const double now_ms = cts_wall_ms();
+    const bool all = interrupted(r) || r->status;
+    for (int i = 0; i < r->n_workers; i++) {
+        CtsWorker *w = &r->workers[i];
+        if (!w->pid)
+            continue;
+        if (all)
+            cts_worker_stop(w, now_ms);
+        else if (!w->killed && now_ms > w->deadline_ms)
+            cts_worker_kill(w, "it took longer than --series-timeout allows");
+    }
+    if (now_ms - r->reported_ms > 1000)
+        report_progress(r);
+    if (now_ms - r->synced_ms > SYNC_MS) {
+        CtsError err;
+        const CtsStatus st = cts_journal_sync(r->journal, &err);
+        r->synced_ms = now_ms;
+        if (st)
+            give_up(r, st, &err);
+    }
+}
+
+/* Waits for a message from any worker, or for the tick. */
+static void wait_for_any(Run *r)
+{
+    struct pollfd fds[N_WORKERS(CTS_BATCH_MAX_JOBS)];
+    CtsWorker *of[N_WORKERS(CTS_BATCH_MAX_JOBS)];
+    int n = 0;
+    double wait_ms = TICK_MS;
+    for (int i = 0; i < r->n_workers; i++)
+        if (r->workers[i].pid) {
+            wait_ms = fmin(wait_ms, fmax(1, r->workers[i].deadline_ms - cts_wall_ms()));
+            of[n] = &r->workers[i];
+            fds[n++] = (struct pollfd){.fd = r->workers[i].socket, .events = POLLIN};
+        }
+    if (poll(fds, (nfds_t)n, (int)ceil(wait_ms)) < 0)
+        return;
+    for (int i = 0; i < n; i++) {
+        CtsWorker *w = of[i];
+        struct rusage usage;
+        int how;
+        const bool open = !fds[i].revents || cts_worker_read(w, take_message, r);
+        const pid_t pid = wait4(w->pid, &how, open ? WNOHANG : 0, &usage);
+        if (pid < 0 && errno != EINTR) { /* already reaped elsewhere: its exit status is unknown */
+            how = 0;
+            usage = (struct rusage){0};
+        }
+        if (pid == w->pid || (pid < 0 && errno != EINTR))
+            end_worker(r, w, how, &usage);
+    }
+}
+
+static CtsStatus run_series(Run *r)
+{
+    for (;;) {
+        while (start_next(r))
+            ;
+        start_sender(r);
+        if (!any_worker(r))
+            break;
+        grant(r);
+        wait_for_any(r);
+        watch_clock(r);
+    }
+    leave_unsent(r);
+    if (interrupted(r))
+        return cts_fail(r->err, CTS_ERR_INTERRUPTED, "interrupted");
+    return r->status;
+}
+
+static CtsStatus search(Run *r, CtsError *err)
+{
+    const CtsOptions *o = r->settings->options;
+    const CtsExportSettings *e = &o->export;
+    CtsStatus st = e->deidentify ? cts_key_load(e->key, o->shard.n == 1, &r->key, err) : CTS_OK;
+    if (!st)
+        st = cts_plan_new(&r->plan, r->settings, e->deidentify ? &r->key : NULL, &r->found, err);
+    if (st)
+        return st;
+    const CtsArchiveCounts counts = r->found.counts;
+    r->n_unknown = r->found.n_series;
+    r->result->n_series += r->found.n_series;
+    r->result->n_uids += r->found.n_series;
+    r->result->n_unreadable += counts.n_unreadable;
+    r->result->n_packed += counts.n_packed;
+    if (!r->found.n_series && o->shard.n == 1 && o->source.series_uid)
+        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->source.series_uid);
+    if (!r->found.n_series && o->shard.n == 1)
+        return cts_fail(err, CTS_ERR_NO_SERIES,
+                        "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (give these, and "
+                        "links to folders, as a PATH each)",
+                        (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
+                        (unsigned long long)counts.n_packed);
+    return CTS_OK;
+}
+
+CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err)
+{
+    CtsStatus st;
+    const CtsOptions *o = settings->options;
+    Run r = {.settings = settings, .result = result, .start_ms = cts_wall_ms(), .err = err};
+    r.n_threads = cts_threads(o->render.n_threads);
+    r.n_jobs = o->jobs ? o->jobs : r.n_threads + 1; /* one job more, since one of them may wait for the disk */
+    r.n_jobs = r.n_jobs < CTS_BATCH_MAX_JOBS ? r.n_jobs : CTS_BATCH_MAX_JOBS;
+    r.n_workers = N_WORKERS(r.n_jobs);
+    if (!(r.workers = calloc((size_t)r.n_workers, sizeof *r.workers)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if ((st = cts_journal_open(&r.journal, o->output_dir, o->shard.i, o->shard.n, o->fresh, err)))
+        goto end;
+    cts_sweep_all(o->output_dir, o->shard.i, o->shard.n);
+    if ((st = search(&r, err)))
+        goto end;
+    r.free_bytes = 0.9 * (double)cts_memory_available();
+    r.sheet_stale = true;
+    r.start_ms = cts_wall_ms(); /* of the search nothing is learned for the pictures */
+    st = run_series(&r);
+    CtsError finish_err;
+    CtsStatus finished = cts_journal_finish(r.journal, redact, (void *)settings, &finish_err);
+    if (!finished)
+        finished = write_sheet(&r, true, &finish_err);
+    if (finished && !st) {
+        *err = finish_err;
+        st = finished;
+    }
+end:
+    cts_plan_free(&r.plan);
+    cts_journal_close(&r.journal);
+    free(r.workers);
+    return st;
+}

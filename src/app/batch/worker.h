@@ -1,0 +1,124 @@
+/* Worker process of a series, and its messages to the batch. */
+#ifndef CTS_BATCH_WORKER_H
+#define CTS_BATCH_WORKER_H
+
+#include "app/batch/batch.h"
+#include "app/batch/batch_plan.h"
+#include "app/batch/journal.h"
+#include "app/contact/contact_sheet.h"
+#include "output/report/info.h"
+#include "output/report/redact.h"
+#include <jansson.h>
+#include <stdbool.h>
+#include <sys/types.h>
+
+/* Exit code when memory ran out, even for a message. */
+enum { CTS_WORKER_NO_MEMORY = 3 };
+
+/* Messages to the parent, one per line. The last four are followed by a journal record, with all details that
+ * cts_journal_record_redact() may remove: */
+#define CTS_WORKER_LOADED "loaded"      /* the volume is read; the worker waits for a byte */
+#define CTS_WORKER_BEGUN "begun "       /* data of the series so far; not for the journal */
+#define CTS_WORKER_RECORD "line "       /* not final: more records of this series follow */
+#define CTS_WORKER_LAST_RECORD "last "  /* final */
+#define CTS_WORKER_UP_TO_DATE "stands " /* final, and nothing had to be made */
+
+/* State of the worker process. */
+typedef struct CtsWorkerProcess {
+    const CtsBatchSettings *settings;
+    CtsJournal *journal;
+    const CtsArchives *archives;
+    const CtsPlanSeries *series; /* NULL where it only sends */
+    int socket, n_threads;
+    double start_wall_ms, start_cpu_ms, waited_ms;
+    /* Of the current series, since the files may contain several: */
+    const CtsSeries *now;
+    json_t *record, *known; /* known: the record of an earlier run of the same files */
+    CtsNames names;         /* of its files */
+    char folder[96];
+    CtsBatchPicture *pictures;
+    int n_pictures, n_left;
+    size_t n_diagnostics; /* of the report that the line has */
+    bool is_final;        /* a last line was sent */
+    bool passed;          /* the series has nothing to show */
+} CtsWorkerProcess;
+
+/* run is called in the new process, and does not return. */
+CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process), pid_t *pid,
+                          int *socket, CtsError *err);
+/* Sends the word followed by the record. */
+CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const char *word, CtsError *err);
+
+/* An empty line of a series. The caller's to release; NULL without memory. */
+json_t *cts_worker_new_record(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
+                              const char *folder);
+/* Sets status and end time. */
+void cts_worker_set_status(json_t *record, int exit_code, const char *reason);
+/* The same, where the reason may name a file of the series. */
+void cts_worker_report_status(CtsWorkerProcess *worker_process, CtsStatus status, const char *reason);
+
+/* Starts a worker that renders the series with this many threads, or one that sends the unsent captures of the record's
+ * series. *socket is the parent's end, non-blocking. */
+CtsStatus cts_worker_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
+                           const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err);
+CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *record, pid_t *pid,
+                           int *socket, CtsError *err);
+
+/* Sequence of calls for a series: cts_worker_begin_series(), reading of the volume, cts_worker_loaded(), for each
+ * picture its files and cts_worker_picture_done(), and cts_worker_end_series() with the result.
+ * cts_worker_begin_series() determines the missing pictures; if there are none, because all are up to date or the
+ * series cannot be rendered, cts_worker_end_series() follows. */
+CtsStatus cts_worker_begin_series(CtsWorkerProcess *worker_process, const CtsSeries *series, CtsError *err);
+/* The volume is in memory: waits for the batch's permission to render. */
+CtsStatus cts_worker_loaded(CtsWorkerProcess *worker_process, const CtsPixelFacts *facts, CtsError *err);
+/* A file of a picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
+CtsStatus cts_worker_output(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture, const char *path,
+                            int frame, CtsError *err);
+CtsStatus cts_worker_thumbnail(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,
+                               const CtsThumbnailFile *file, CtsError *err);
+/* The series' slices with its labels' outlines. */
+CtsStatus cts_worker_label_slices(CtsWorkerProcess *worker_process, const char *path, uint64_t bytes, CtsError *err);
+/* All files of a picture are complete and recorded from here on. The report contains its verification; its findings
+ * from first_diagnostic on belong to the picture. */
+CtsStatus cts_worker_picture_done(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,
+                                  const CtsReport *report, size_t first_diagnostic, CtsError *err);
+/* The series has ended: status and why are the result of its rendering. */
+CtsStatus cts_worker_end_series(CtsWorkerProcess *worker_process, const CtsReport *report, CtsStatus status,
+                                const CtsError *why);
+
+typedef enum CtsWorkerPhase {
+    CTS_WORKER_READS,
+    CTS_WORKER_WAITS, /* to render */
+    CTS_WORKER_RENDERS,
+    CTS_WORKER_SENDS /* and nothing else, in all its life */
+} CtsWorkerPhase;
+
+typedef struct CtsWorker {
+    pid_t pid; /* 0: none */
+    int socket;
+    CtsWorkerPhase phase;
+    CtsPlanSeries series; /* empty where it sends */
+    int n_ended;          /* series with a final record: the files of one UID may contain several */
+    int n_left;           /* pictures still to be rendered of the current series, if counted */
+    bool counted;         /* n_left is known */
+    json_t *record;       /* last record of the current series; NULL: none yet */
+    double deadline_ms;   /* INFINITY while it is queued */
+    double stop_ms;       /* time of the request to end; 0: none */
+    const char *killed;   /* why, or NULL */
+    double bytes;         /* estimated memory */
+    char *text;           /* partly received message */
+    size_t n_text, capacity;
+} CtsWorker;
+
+/* Calls take for each complete message, without the end of its line; false after the last one. */
+bool cts_worker_read(CtsWorker *worker, void (*take)(void *context, CtsWorker *worker, const char *message),
+                     void *context);
+/* A reason for a worker that ended without a report, from its wait status. */
+void cts_worker_reason(const CtsWorker *worker, int how, char *reason, size_t size);
+/* Asks it to end, and kills it after a while. */
+void cts_worker_stop(CtsWorker *worker, double now_ms);
+void cts_worker_kill(CtsWorker *worker, const char *why);
+/* After its process has ended. */
+void cts_worker_free(CtsWorker *worker);
+
+#endif

@@ -1,0 +1,552 @@
+/* Worker process of one series: determines missing outputs, and records the results. */
+#include "app/batch/batch.h"
+
+#include "app/batch/worker.h"
+#include "base/clock.h"
+#include "base/exit_code.h"
+#include "base/json.h"
+#include "base/mem.h"
+#include "base/sanitized.h"
+#include "output/report/log.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static const char *status_word(int exit_code)
+{
+    return !exit_code ? "done" : exit_code == 3 || exit_code == 4 ? "refused" : "failed";
+}
+
+void cts_worker_set_status(json_t *record, int exit_code, const char *reason)
+{
+    json_object_set_new(record, "status", json_string(status_word(exit_code)));
+    json_object_set_new(record, "reason", cts_json_new_text(reason));
+    json_object_set_new(record, "exit_code", json_integer(exit_code));
+    json_object_set_new(record, "ended", json_string(cts_utc_now().text));
+    json_object_del(record, "unfinished");
+    json_object_del(record, "reason_file");
+}
+
+void cts_worker_report_status(CtsWorkerProcess *worker_process, CtsStatus status, const char *reason)
+{
+    char *file = NULL, *text = cts_redact_names(reason, &worker_process->names, &file);
+    cts_worker_set_status(worker_process->record, cts_exit_code(status), text ? text : "");
+    if (file)
+        json_object_set_new(worker_process->record, "reason_file", cts_json_new_text(file));
+    free(file);
+    free(text);
+}
+
+/* Folders, how many files in each, and the first of them, in order of path. */
+static json_t *new_sources(const CtsPlanSeries *series)
+{
+    json_t *list = json_array(), *last = NULL;
+    for (int i = 0; i < series->n_paths; i++) {
+        const char *path = series->paths[i], *slash = strrchr(path, '/');
+        char *folder = slash ? strndup(path, (size_t)(slash - path)) : strdup(".");
+        json_t *name = folder ? cts_json_new_text(folder) : NULL;
+        if (last && json_equal(json_object_get(last, "folder"), name)) {
+            json_object_set_new(last, "files", json_integer(json_integer_value(json_object_get(last, "files")) + 1));
+        } else {
+            last = json_pack("{s:O,s:o,s:i}", "folder", name, "first", cts_json_new_text(slash ? slash + 1 : path),
+                             "files", 1);
+            json_array_append_new(list, last);
+        }
+        json_decref(name);
+        free(folder);
+    }
+    return list;
+}
+
+json_t *cts_worker_new_record(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
+                              const char *folder)
+{
+    char hex[65] = "";
+    cts_journal_record_hash(settings, NULL, true, hex, NULL);
+    json_t *record = json_pack("{s:o,s:s}", "series_uid", cts_json_new_text(uid), "folder", folder);
+    cts_worker_set_status(record, 1, "not finished");
+    json_object_update_new(record, json_pack("{s:o,s:s,s:s,s:i,s:[],s:[],s:[]}", "sources", new_sources(series),
+                                             "input_sha256", series->input_sha256, "options_sha256", hex, "files",
+                                             series->n_paths, "outputs", "thumbnails", "findings"));
+    return record;
+}
+
+static CtsStatus send_text(const CtsWorkerProcess *worker_process, const char *message, CtsError *err)
+{
+    ssize_t done;
+    for (size_t n = strlen(message); n > 0; message += done, n -= (size_t)done)
+        if ((done = TEMP_FAILURE_RETRY(send(worker_process->socket, message, n, MSG_NOSIGNAL))) < 0)
+            return cts_fail(err, CTS_ERR_INTERRUPTED, "the batch process has ended: %s", strerror(errno));
+    return CTS_OK;
+}
+
+/* The text with the series' name in the batch wherever reasons and findings have its own; NULL without memory. */
+static char *renamed(const char *text, const CtsPlanSeries *series)
+{
+    char *out = NULL;
+    size_t size;
+    FILE *stream = open_memstream(&out, &size);
+    if (!stream)
+        return NULL;
+    const char *own = series && strcmp(series->own_uid, series->uid) ? series->own_uid : "";
+    const size_t n = strlen(own);
+    for (const char *at; n && (at = strstr(text, own)); text = at + n)
+        fprintf(stream, "%.*s%s", (int)(at - text), text, at[n] >= '0' && at[n] <= '9' ? own : series->uid);
+    fputs(text, stream);
+    if (!fclose(stream))
+        return out;
+    free(out);
+    return NULL;
+}
+
+CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const char *word, CtsError *err)
+{
+    char *whole = json_dumps(worker_process->record, JSON_COMPACT | JSON_REAL_PRECISION(12)), *message = NULL;
+    char *object = whole ? renamed(whole, worker_process->series) : NULL;
+    CtsStatus st = object && asprintf(&message, "%s%s\n", word, object) > 0
+                       ? CTS_OK
+                       : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st)
+        st = send_text(worker_process, message, err);
+    free(whole);
+    free(object);
+    free(message);
+    return st;
+}
+
+/* Makes this process the first choice of the OOM killer, and limits its memory. */
+static void limit(double mib)
+{
+    const struct rlimit no_core = {0, 0};
+    setrlimit(RLIMIT_CORE, &no_core);
+    const uint64_t bytes = mib > 0 ? (uint64_t)(mib * 1048576) : cts_memory_available() / 10 * 9;
+    const struct rlimit data = {bytes, bytes};
+    /* A sanitizer's own memory counts as data. */
+    if (bytes && !CTS_SANITIZED)
+        setrlimit(RLIMIT_DATA, &data);
+    const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
+    if (fd >= 0) {
+        const ssize_t n = write(fd, "1000", 4);
+        (void)n;
+        close(fd);
+    }
+}
+
+CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process), pid_t *pid,
+                          int *socket, CtsError *err)
+{
+    int ends[2];
+    const pid_t parent = getpid();
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends))
+        return cts_fail(err, CTS_ERR_INTERNAL, "no socket: %s", strerror(errno));
+    fflush(NULL);
+    *pid = fork();
+    if (*pid < 0) {
+        close(ends[0]);
+        close(ends[1]);
+        return cts_fail(err, CTS_ERR_INTERNAL, "no process: %s", strerror(errno));
+    }
+    if (*pid == 0) {
+        worker_process->socket = ends[1];
+        worker_process->start_wall_ms = cts_wall_ms();
+        worker_process->start_cpu_ms = cts_cpu_ms();
+        close(ends[0]);
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        if (getppid() != parent)
+            _exit(1);
+        limit(worker_process->settings->options->series_mib);
+        cts_journal_leave(worker_process->journal);
+        run(worker_process);
+    }
+    close(ends[1]);
+    fcntl(ends[0], F_SETFL, O_NONBLOCK);
+    *socket = ends[0];
+    return CTS_OK;
+}
+
+static void free_pictures(CtsWorkerProcess *c)
+{
+    for (int i = 0; i < c->n_pictures; i++) {
+        CtsBatchPicture *p = &c->pictures[i];
+        for (int f = 0; p->paths && p->paths[f]; f++)
+            free((char *)p->paths[f]);
+        free(p->paths);
+        free((char *)p->thumb_stem);
+    }
+    free(c->pictures);
+    c->pictures = NULL;
+    c->n_pictures = c->n_left = 0;
+}
+
+/* The record to continue: that of an earlier run with the same files, or an empty one. */
+static void take_record(CtsWorkerProcess *c, const char *uid)
+{
+    const char *input;
+    c->known = cts_journal_find(c->journal, uid);
+    input = json_string_value(json_object_get(c->known, "input_sha256"));
+    c->record = cts_worker_new_record(c->settings, c->series, uid, c->folder);
+    if (c->known && (!input || strcmp(input, c->series->input_sha256))) {
+        cts_journal_record_drop(c->known, "outputs", c->settings, NULL, NULL);
+        cts_journal_record_drop(c->known, "thumbnails", c->settings, NULL, NULL);
+        json_decref(c->known);
+        c->known = NULL;
+    }
+    static const char *const lists[] = {"outputs", "thumbnails", "errors"};
+    for (int i = 0; i < 3; i++)
+        if (json_is_array(json_object_get(c->known, lists[i])))
+            json_object_set(c->record, lists[i], json_object_get(c->known, lists[i]));
+}
+
+/* The missing outputs of a picture; if nothing is missing, its paths and stem stay NULL. */
+static CtsStatus find_missing(CtsWorkerProcess *c, CtsBatchPicture *p, CtsError *err)
+{
+    const CtsBatchSettings *s = c->settings;
+    char stem[CTS_RECORD_STEM];
+    int n = 0;
+    cts_journal_record_stem(s, p, stem);
+    if (!(p->paths = calloc((size_t)s->lists->n_formats + 1, sizeof *p->paths)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int f = 0; f < s->lists->n_formats; f++) {
+        char *path;
+        if (cts_journal_record_is_up_to_date(s, c->record, p, s->lists->formats[f]))
+            continue;
+        cts_journal_record_drop(c->record, "outputs", s, p, s->lists->formats[f]);
+        if (asprintf(&path, "%s/%s/%s.%s", s->options->output_dir, c->folder, stem, s->lists->formats[f]) < 0)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        p->paths[n++] = path;
+    }
+    if (n)
+        cts_journal_record_drop(c->record, "errors", s, p, NULL);
+    if (n || !cts_journal_record_is_up_to_date(s, c->record, p, NULL)) {
+        char *path;
+        cts_journal_record_drop(c->record, "thumbnails", s, p, NULL);
+        if (asprintf(&path, "%s/%s/thumbs/%s", s->options->output_dir, c->folder, stem) < 0)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        p->thumb_stem = path;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus make_folders(CtsWorkerProcess *c, CtsError *err)
+{
+    char path[PATH_MAX];
+    for (int deep = 0; deep < 2; deep++) {
+        if (snprintf(path, sizeof path, "%s/%s%s", c->settings->options->output_dir, c->folder,
+                     deep ? "/thumbs" : "") >= PATH_MAX)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the path is too long", c->settings->options->output_dir);
+        if (mkdir(path, 0777) && errno != EEXIST)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", path, strerror(errno));
+        struct stat info;
+        if (lstat(path, &info) || !S_ISDIR(info.st_mode))
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: is not a folder (links that lead out of -O are not followed)",
+                            path);
+        cts_sweep(path, "");
+    }
+    return CTS_OK;
+}
+
+/* An equal finding in the list, or NULL. */
+static json_t *same_diagnostic(json_t *list, const json_t *entry)
+{
+    static const char *const keys[] = {"code", "text", "preset"};
+    for (size_t i = json_array_size(list); i-- > 0;) {
+        json_t *other = json_array_get(list, i);
+        bool same = true;
+        for (int k = 0; k < 3 && same; k++) {
+            const json_t *a = json_object_get(other, keys[k]), *b = json_object_get(entry, keys[k]);
+            same = a == b || json_equal(a, b);
+        }
+        if (same)
+            return other;
+    }
+    return NULL;
+}
+
+/* Adds a finding; an equal one is counted, and its file is added to the list. preset: whose pictures it concerns, or
+ * NULL. */
+static void add_diagnostic(CtsWorkerProcess *c, const CtsDiagnostic *diagnostic, const char *preset)
+{
+    json_t *list = json_object_get(c->record, "findings"), *entry = cts_diagnostic_json(diagnostic);
+    char *file = NULL, *text = cts_redact_names(diagnostic->text, &c->names, &file);
+    json_object_set_new(entry, "text", cts_json_new_text(text ? text : ""));
+    if (preset)
+        json_object_set_new(entry, "preset", json_string(preset));
+    json_t *previous = same_diagnostic(list, entry);
+    if (previous) {
+        const json_int_t count = json_integer_value(json_object_get(previous, "count"));
+        json_object_set_new(previous, "count", json_integer((count ? count : 1) + 1));
+    } else {
+        json_array_append(list, previous = entry);
+    }
+    if (file && !json_object_get(previous, "files"))
+        json_object_set_new(previous, "files", json_array());
+    if (file)
+        json_array_append_new(json_object_get(previous, "files"), cts_json_new_text(file));
+    json_decref(entry);
+    free(file);
+    free(text);
+}
+
+static void record_geometry(CtsWorkerProcess *c, const CtsPixelFacts *facts)
+{
+    json_t *geometry = cts_info_json(c->now, facts, true);
+    CtsKey key;
+    if (c->settings->options->export.deidentify) {
+        const bool known = *c->now->study_uid && !cts_key_load(c->settings->options->export.key, false, &key, NULL);
+        char *study = known ? cts_uid_hash(&key, c->now->study_uid) : NULL;
+        json_object_set_new(geometry, "study", study ? json_string(study) : json_null());
+        free(study);
+    }
+    json_object_del(geometry, "findings");
+    json_object_del(geometry, "series_uid");
+    json_object_set_new(c->record, "geometry", geometry);
+    json_array_clear(json_object_get(c->record, "findings"));
+    for (size_t i = 0; i < c->now->diagnostics.n; i++)
+        add_diagnostic(c, &c->now->diagnostics.items[i], NULL);
+    for (size_t i = 0; i < facts->diagnostics.n; i++)
+        add_diagnostic(c, &facts->diagnostics.items[i], NULL);
+}
+
+static CtsStatus list_pictures(CtsWorkerProcess *c, CtsError *err)
+{
+    const CtsBatchSettings *s = c->settings;
+    CtsStatus st = CTS_OK;
+    if (!(c->pictures = calloc((size_t)s->lists->n_presets * (size_t)s->lists->n_views, sizeof *c->pictures)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int p = 0; p < s->lists->n_presets && !st; p++)
+        for (int v = 0; v < s->lists->n_views && !st; v++) {
+            CtsBatchPicture *picture = &c->pictures[c->n_pictures++];
+            *picture = (CtsBatchPicture){.preset = p, .view = v};
+            st = find_missing(c, picture, err);
+            if (!st && !picture->thumb_stem) {
+                free(picture->paths);
+                c->n_pictures--;
+            }
+        }
+    c->n_left = c->n_pictures;
+    return st;
+}
+
+CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, const CtsSeries *series, CtsError *err)
+{
+    char uid[96];
+    CtsStatus st;
+    snprintf(uid, sizeof uid, series->part ? "%s#%d" : "%s", c->series->uid, series->part);
+    snprintf(c->folder, sizeof c->folder, series->part ? "%s-%d" : "%s", c->series->folder, series->part);
+    take_record(c, uid);
+    c->now = series;
+    record_geometry(c, &(CtsPixelFacts){0});
+    if (series->renderable && ((st = list_pictures(c, err)) || (c->n_pictures && (st = make_folders(c, err)))))
+        return st;
+    json_object_set_new(c->record, "unfinished", json_integer(c->n_left));
+    return cts_worker_send_record(c, CTS_WORKER_BEGUN, err);
+}
+
+CtsStatus cts_worker_loaded(CtsWorkerProcess *c, const CtsPixelFacts *facts, CtsError *err)
+{
+    char go;
+    const double start_ms = cts_wall_ms();
+    record_geometry(c, facts);
+    CtsStatus st = send_text(c, CTS_WORKER_LOADED "\n", err);
+    while (!st) {
+        const ssize_t n = recv(c->socket, &go, 1, 0);
+        if (n == 1)
+            break;
+        if (n == 0 || errno != EINTR || (c->settings->stop && *c->settings->stop))
+            st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+    }
+    c->waited_ms += cts_wall_ms() - start_ms;
+    return st;
+}
+
+/* Of the file PATH, or of PATH with a suffix behind it. */
+static json_t *new_entry(const CtsWorkerProcess *c, const CtsBatchPicture *picture, const char *path,
+                         const char *suffix)
+{
+    const CtsBatchSettings *s = c->settings;
+    const size_t n = strlen(s->options->output_dir) + 1;
+    char hex[65] = "";
+    const char *dot = strrchr(path, '.');
+    cts_journal_record_hash(s, picture, dot && !strcmp(dot, ".dcm"), hex, NULL);
+    return json_pack("{s:s+,s:s,s:s,s:s}", "path", path + n, suffix, "preset", s->lists->presets[picture->preset].name,
+                     "view", s->lists->views[picture->view].name, "settings_sha256", hex);
+}
+
+/* Inserts in the order of names, independent of the order of rendering. Takes ownership of entry. */
+static void add_in_order(json_t *list, json_t *entry)
+{
+    size_t i = json_array_size(list);
+    while (i > 0 && strcmp(cts_json_text_of(json_array_get(list, i - 1), "path"), cts_json_text_of(entry, "path")) > 0)
+        i--;
+    json_array_insert_new(list, i, entry);
+}
+
+CtsStatus cts_worker_output(CtsWorkerProcess *c, const CtsBatchPicture *picture, const char *path, int frame,
+                            CtsError *err)
+{
+    json_t *entry = new_entry(c, picture, path, "");
+    const char *dot = strrchr(path, '.');
+    if (frame >= 0)
+        json_object_set_new(entry, "frame", json_integer(frame));
+    json_object_set_new(entry, "format", json_string(dot ? dot + 1 : ""));
+    const CtsStatus st = cts_journal_record_file_facts(c->settings, entry, err);
+    if (st)
+        json_decref(entry);
+    else
+        add_in_order(json_object_get(c->record, "outputs"), entry);
+    return st;
+}
+
+CtsStatus cts_worker_thumbnail(CtsWorkerProcess *c, const CtsBatchPicture *picture, const CtsThumbnailFile *file,
+                               CtsError *err)
+{
+    json_t *entry = new_entry(c, picture, picture->thumb_stem, file->suffix);
+    json_object_update_new(entry, json_pack("{s:i,s:I,s:i,s:i}", "frames", file->n_frames, "bytes",
+                                            (json_int_t)file->bytes, "width", file->width, "height", file->height));
+    return json_array_append_new(json_object_get(c->record, "thumbnails"), entry)
+               ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
+               : CTS_OK;
+}
+
+/* Listed with the thumbnails, so that it is moved and removed with them. */
+CtsStatus cts_worker_label_slices(CtsWorkerProcess *c, const char *path, uint64_t bytes, CtsError *err)
+{
+    json_t *list = json_object_get(c->record, "thumbnails");
+    for (size_t i = json_array_size(list); i-- > 0;)
+        if (json_object_get(json_array_get(list, i), "labels"))
+            json_array_remove(list, i);
+    return json_array_append_new(list,
+                                 json_pack("{s:s,s:b,s:I}", "path", path + strlen(c->settings->options->output_dir) + 1,
+                                           "labels", 1, "bytes", (json_int_t)bytes))
+               ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
+               : CTS_OK;
+}
+
+/* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL: of the series, which
+ * the report has once each time that it is read. */
+static void report_diagnostics(CtsWorkerProcess *c, const CtsDiagnostics *diagnostics, size_t n, const char *preset)
+{
+    for (; c->n_diagnostics < n; c->n_diagnostics++) {
+        const CtsDiagnostic *f = &diagnostics->items[c->n_diagnostics];
+        if (!cts_diagnostics_have(&c->now->diagnostics, f) &&
+            (preset || !cts_diagnostics_have(&(CtsDiagnostics){diagnostics->items, c->n_diagnostics}, f)))
+            add_diagnostic(c, f, preset);
+    }
+}
+
+/* Syncs and records each picture, so that it remains if the process dies later. */
+CtsStatus cts_worker_picture_done(CtsWorkerProcess *c, const CtsBatchPicture *picture, const CtsReport *report,
+                                  size_t first_diagnostic, CtsError *err)
+{
+    const CtsBatchSettings *s = c->settings;
+    const char *preset = s->lists->presets[picture->preset].name;
+    report_diagnostics(c, &report->diagnostics, first_diagnostic, NULL);
+    report_diagnostics(c, &report->diagnostics, report->diagnostics.n, preset);
+    if (report->verified.pixels) {
+        json_t *entry = json_pack("{s:s,s:s}", "preset", preset, "view", s->lists->views[picture->view].name);
+        json_t *error = cts_error_json(report);
+        json_object_update(entry, error);
+        json_decref(error);
+        if (!json_is_array(json_object_get(c->record, "errors")))
+            json_object_set_new(c->record, "errors", json_array());
+        json_array_append_new(json_object_get(c->record, "errors"), entry);
+    }
+    json_object_set_new(c->record, "unfinished", json_integer(--c->n_left));
+    return c->n_left > 0 ? cts_worker_send_record(c, CTS_WORKER_RECORD, err) : CTS_OK;
+}
+
+static void record_labels(CtsWorkerProcess *c, const CtsReport *report)
+{
+    json_t *labels = report->n_labels ? json_array() : NULL;
+    for (size_t i = 0; i < report->n_labels; i++)
+        json_array_append_new(labels, cts_label_json(&report->labels[i]));
+    if (labels)
+        json_object_set_new(c->record, "labels", labels);
+}
+
+static void record_times(CtsWorkerProcess *c, const CtsReport *report)
+{
+    json_t *stages = json_object();
+    for (int s = 0; s < CTS_N_STAGES; s++)
+        if (report->stages[s].ran)
+            json_object_set_new(stages, cts_stage_names[s],
+                                json_pack("{s:f,s:f}", "wall_ms", round(report->stages[s].wall_ms * 1000) / 1000,
+                                          "cpu_ms", round(report->stages[s].cpu_ms * 1000) / 1000));
+    json_object_update_new(c->record,
+                           json_pack("{s:o,s:f,s:f,s:f,s:I,s:i}", "stages", stages, "wall_ms",
+                                     round(cts_wall_ms() - c->start_wall_ms - c->waited_ms), "waited_ms",
+                                     round(c->waited_ms), "cpu_ms", round(cts_cpu_ms() - c->start_cpu_ms),
+                                     "peak_rss_bytes", (json_int_t)cts_peak_rss_bytes(), "threads", c->n_threads));
+}
+
+/* Keeps an earlier run's findings for presets that this run does not render. */
+static void keep_diagnostics(CtsWorkerProcess *c)
+{
+    size_t i;
+    json_t *entry;
+    json_array_foreach(json_object_get(c->known, "findings"), i, entry)
+    {
+        const char *preset = json_string_value(json_object_get(entry, "preset"));
+        bool kept = preset;
+        for (int k = 0; k < c->n_pictures && kept; k++)
+            kept = strcmp(c->settings->lists->presets[c->pictures[k].preset].name, preset);
+        if (kept)
+            json_array_append(json_object_get(c->record, "findings"), entry);
+    }
+}
+
+/* Keeps the times of the run that rendered, when nothing is rendered now. */
+static void keep_times(CtsWorkerProcess *c)
+{
+    static const char *const kept[] = {"geometry",  "findings", "labels",         "stages", "wall_ms",
+                                       "waited_ms", "cpu_ms",   "peak_rss_bytes", "threads"};
+    json_t *geometry = json_incref(json_object_get(c->record, "geometry"));
+    for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
+        if (json_object_get(c->known, kept[i]))
+            json_object_set(c->record, kept[i], json_object_get(c->known, kept[i]));
+    json_object_update_missing(json_object_get(c->record, "geometry"), geometry);
+    json_decref(geometry);
+}
+
+CtsStatus cts_worker_end_series(CtsWorkerProcess *c, const CtsReport *report, CtsStatus status, const CtsError *why)
+{
+    CtsError err;
+    CtsStatus st = CTS_OK;
+    const bool stands = !status && c->known && c->n_pictures == 0;
+    /* An interrupted series keeps its last record. */
+    if (status != CTS_ERR_INTERRUPTED) {
+        report_diagnostics(c, &report->diagnostics, report->diagnostics.n, NULL);
+        record_labels(c, report);
+        if (report->table.known)
+            json_object_set_new(c->record, "table", cts_table_json(&report->table));
+        record_times(c, report);
+        if (stands)
+            keep_times(c);
+        else
+            keep_diagnostics(c);
+        cts_worker_report_status(c, status, status ? why->text : "");
+        if (status && (c->passed || (c->now && c->now->passed)))
+            json_object_set_new(c->record, "status", json_string("passed"));
+        st = cts_worker_send_record(c, stands ? CTS_WORKER_UP_TO_DATE : CTS_WORKER_LAST_RECORD, &err);
+        c->is_final = true;
+    }
+    json_decref(c->record);
+    json_decref(c->known);
+    c->record = c->known = NULL;
+    free_pictures(c);
+    c->start_wall_ms = cts_wall_ms();
+    c->start_cpu_ms = cts_cpu_ms();
+    c->waited_ms = 0;
+    c->n_diagnostics = 0;
+    c->passed = false;
+    return st;
+}

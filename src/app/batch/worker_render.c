@@ -1,0 +1,432 @@
+/* A series of the batch as render jobs: one volume for all its pictures. */
+#include "app/batch/worker.h"
+
+#include "app/contact/contact_sheet.h"
+#include "base/clock.h"
+#include "base/exit_code.h"
+#include "base/helper_process.h"
+#include "base/stage_timer.h"
+#include "output/report/log.h"
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* The series being rendered. */
+typedef struct Work {
+    CtsWorkerProcess *worker_process;
+    const CtsBatchSettings *settings;
+    CtsLoaded loaded;
+    const char **label_paths; /* of its study; n_label_paths, owned */
+    int n_label_paths;
+    bool reported; /* the batch was notified that the volume is read */
+    CtsReport report;
+    CtsLog *log;
+    CtsNames names;       /* names that the log must not contain */
+    CtsPrepared prepared; /* for pictures of one preset, and of one volume */
+    int prepared_preset;
+    /* One picture: */
+    const CtsBatchPicture *picture;
+    CtsThumbnail *thumb;
+    CtsStatus status;
+    CtsError err; /* failure of the recording, reported in place of the job's status */
+} Work;
+
+static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
+{
+    CtsJob job = s->job;
+    job.preset = &s->lists->presets[picture->preset];
+    job.render.azimuth_deg = s->lists->views[picture->view].azimuth_deg;
+    job.render.elevation_deg = s->lists->views[picture->view].elevation_deg;
+    job.source.remove_table = job.preset->remove_table;
+    job.source.labels_unnamed = true; /* in journal and sheet */
+    job.source.choice.show_present = true;
+    job.outputs.paths = (const char *const *)picture->paths;
+    job.outputs.n = 0;
+    while (picture->paths && picture->paths[job.outputs.n])
+        job.outputs.n++;
+    return job;
+}
+
+CtsStatus cts_batch_check(const CtsBatchSettings *s, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = cts_log_check(s->options->log, err);
+    for (int p = 0; p < s->lists->n_presets && !st; p++)
+        for (int f = 0; f < s->lists->n_formats && !st; f++) {
+            char *path;
+            if (asprintf(&path, "%s/check.%s", s->options->output_dir, s->lists->formats[f]) < 0)
+                return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            const char *paths[] = {path, NULL};
+            const CtsBatchPicture picture = {.preset = p, .paths = paths};
+            const CtsJob job = job_of(s, &picture);
+            st = cts_job_check(&job, f == 0 ? report : NULL, err);
+            free(path);
+        }
+    return st;
+}
+
+static void keep(Work *w, CtsStatus status, const CtsError *why)
+{
+    if (status && !w->status) {
+        w->status = status;
+        w->err = *why;
+    }
+}
+
+static void on_band(void *context, int frame, CtsPicture *band)
+{
+    Work *const w = context;
+    CtsError err = {0};
+    CtsStatus st = CTS_OK;
+    const int n_frames = w->settings->options->rotation ? w->settings->options->rotation : 1;
+    if (w->status)
+        return;
+    if (frame == 0 && band->first_row == 0)
+        st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, CTS_THUMBNAIL_SIDE, band, n_frames, &err);
+    if (!st)
+        st = cts_thumbnail_rows(w->thumb, band, &err);
+    keep(w, st, &err);
+}
+
+/* The frame number in a file name of a rotation. */
+static int frame_of(const char *path, int rotation)
+{
+    const char *dot = strrchr(path, '.'), *dash = strrchr(path, '-');
+    return rotation && dot && dash && strcmp(dot, ".dcm") ? atoi(dash + 1) : -1;
+}
+
+static void on_output(void *context, const char *path, const char *format, uint64_t bytes)
+{
+    Work *const w = context;
+    CtsError err = {0};
+    cts_log_output(w->log, path, format, bytes);
+    keep(w,
+         cts_worker_output(w->worker_process, w->picture, path, frame_of(path, w->settings->options->rotation), &err),
+         &err);
+}
+
+static CtsStatus end_thumb(Work *w, CtsError *err)
+{
+    CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
+    int n_files = 0;
+    CtsStatus st = w->thumb ? cts_thumbnail_end(&w->thumb, files, &n_files, err) : CTS_OK;
+    for (int i = 0; i < n_files && !st; i++)
+        st = cts_worker_thumbnail(w->worker_process, w->picture, &files[i], err);
+    return st;
+}
+
+/* Slices with the labels' outlines, beside the thumbnails, while the slices are there. */
+static CtsStatus show_labels(Work *w, CtsError *err)
+{
+    const char *const slash = strrchr(w->picture->thumb_stem, '/');
+    CtsPicture *picture = NULL;
+    CtsThumbnail *thumb = NULL;
+    CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
+    int n_files = 0;
+    char *stem = NULL, *path = NULL;
+    if (asprintf(&stem, "%.*s/labels", (int)(slash - w->picture->thumb_stem), w->picture->thumb_stem) < 0)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = cts_label_slices(w->loaded.scanned, w->loaded.labels, &picture, err);
+    if (!st && !(st = cts_thumbnail_begin(&thumb, stem, picture->width, picture, 1, err)) &&
+        !(st = cts_thumbnail_rows(thumb, picture, err)))
+        st = cts_thumbnail_end(&thumb, files, &n_files, err);
+    if (!st && asprintf(&path, "%s%s", stem, files[0].suffix) < 0)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st)
+        st = cts_worker_label_slices(w->worker_process, path, files[0].bytes, err);
+    cts_thumbnail_discard(&thumb);
+    cts_picture_free(&picture);
+    free(stem);
+    free(path);
+    return st;
+}
+
+/* Some series of an archive lack an organ: they show the labels that they have, and are passed where they have none. */
+static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
+{
+    const char *const show = source->choice.show;
+    char *lacking = NULL;
+    bool any;
+    if (!show || !w->loaded.labels)
+        return CTS_OK;
+    CtsStatus st = cts_labels_lacking(w->loaded.labels, show, &lacking, &any, err);
+    if (!st && !any) {
+        w->worker_process->passed = true;
+        st = cts_fail(err, CTS_ERR_PIXELS, "`show`: it has no label %s", lacking);
+    } else if (!st && *lacking) {
+        cts_report_diagnostic(&w->report, "labels_lacking", CTS_NOTE,
+                              "`show`: no label is called %s; the others are shown", lacking);
+    }
+    free(lacking);
+    return st;
+}
+
+/* Processes the volume for the picture. Slices that were handed over to another volume are read again. */
+static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (!w->loaded.scanned || !w->loaded.scanned->even->grey) {
+        const CtsStageTimer meter = cts_stage_timer_start(&w->report);
+        if (!w->reported)
+            st = cts_source_labels(source, &w->loaded, &w->report, err);
+        if (!st && !w->reported)
+            st = check_shown(w, source, err);
+        if (!st)
+            st = cts_source_read(source, &w->loaded, &w->report, err);
+        cts_stage_timer_stop(meter, &w->report, CTS_STAGE_DECODE);
+        if (!st && !w->reported) {
+            CtsPixelFacts facts = {0};
+            cts_pixel_facts(&facts, w->loaded.scanned->even);
+            w->reported = true;
+            st = cts_worker_loaded(w->worker_process, &facts, err);
+            if (!st && w->loaded.labels)
+                st = show_labels(w, err);
+        }
+        if (st)
+            return st;
+    }
+    const CtsStageTimer meter = cts_stage_timer_start(&w->report);
+    st = cts_source_view(source, last, &w->loaded, &w->report, err);
+    cts_stage_timer_stop(meter, &w->report, CTS_STAGE_GREY);
+    return st;
+}
+
+/* Views of one preset share a renderer, except where the window is fitted to each view. */
+static CtsStatus prepare(Work *w, const CtsJob *job, CtsError *err)
+{
+    const CtsPreset *const p = job->preset;
+    const bool is_fitted = p->mode != CTS_MODE_COMPOSITE && !(p->window_low_hu < p->window_high_hu);
+    if (w->prepared.renderer && w->prepared_preset == w->picture->preset && !is_fitted &&
+        cts_job_again(job, &w->prepared))
+        return CTS_OK;
+    cts_render_end(&w->prepared.renderer);
+    w->prepared_preset = w->picture->preset;
+    return cts_job_prepare(job, w->loaded.volume, &w->prepared, &w->report, err);
+}
+
+static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
+{
+    const CtsWatch watch = {.context = w, .band = on_band, .output = on_output};
+    const size_t first_diagnostic = w->report.diagnostics.n;
+    w->status = CTS_OK;
+    w->report.verified = (CtsVerified){0};
+    cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
+    CtsStatus st = prepare(w, job, err);
+    if (!st)
+        st = cts_job_pictures(job, &w->loaded, &w->prepared, &watch, &w->report, err);
+    if (!st && w->status) {
+        *err = w->err;
+        st = w->status;
+    }
+    if (!st && !(st = end_thumb(w, err)))
+        st = cts_worker_picture_done(w->worker_process, w->picture, &w->report, first_diagnostic, err);
+    cts_thumbnail_discard(&w->thumb);
+    return st;
+}
+
+/* Two volumes of one scan: pictures that keep the table come first. */
+static CtsStatus render_pictures(Work *w, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const CtsBatchPicture *const pictures = w->worker_process->pictures;
+    const int n = w->worker_process->n_pictures;
+    bool both = false, inside = false;
+    for (int i = 0; i < n; i++) {
+        const CtsJob job = job_of(w->settings, &pictures[i]);
+        both |= job.source.remove_table;
+        inside |= cts_job_finds_body(&job);
+    }
+    for (int without_table = 0; without_table < 2; without_table++) {
+        bool loaded = false;
+        for (int i = 0; i < n && !st; i++) {
+            CtsJob job = job_of(w->settings, &pictures[i]);
+            if (job.source.remove_table != (bool)without_table)
+                continue;
+            job.source.n_threads = job.render.n_threads = w->worker_process->n_threads;
+            job.source.paths = w->label_paths;
+            job.source.n_paths = w->n_label_paths;
+            job.source.labels_listed = true;
+            job.source.inside_unseen = !inside;
+            job.source.archives = w->worker_process->archives;
+            w->picture = &pictures[i];
+            if (!loaded && (st = load(w, &job.source, without_table || !both, err)))
+                break;
+            loaded = true;
+            st = render_picture(w, &job, err);
+        }
+        cts_render_end(&w->prepared.renderer);
+    }
+    return st;
+}
+
+/* Label files of the series' study, so that a batch opens each about once. */
+static CtsStatus list_label_files(Work *w, CtsError *err)
+{
+    const CtsPlanSeries *const s = w->worker_process->series;
+    w->label_paths = calloc(s->n_label_files + 1, sizeof *w->label_paths);
+    if (!w->label_paths)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < s->n_label_files; i++) {
+        const CtsBatchLabelFile *const f = &s->label_files[i];
+        if (!strcmp(f->study_uid, w->loaded.series->study_uid))
+            w->label_paths[w->n_label_paths++] = f->path;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus render_series(Work *w)
+{
+    CtsError err = {0}, log_err;
+    const CtsOptions *const o = w->settings->options;
+    const CtsPlanSeries *const s = w->worker_process->series;
+    const double start_ms = cts_wall_ms();
+    CtsStatus st = cts_worker_begin_series(w->worker_process, w->loaded.series, &err);
+    if (!st)
+        st = list_label_files(w, &err);
+    if (!st && !w->loaded.series->renderable)
+        st = cts_fail(&err, w->loaded.series->refusal, "%s", w->loaded.series->reason);
+    if (!st && !(st = cts_log_open(&w->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
+        cts_log_run(w->log, w->settings->command, w->loaded.series->uid);
+        for (int i = 0; w->log && !o->show_paths && i < s->n_paths; i++)
+            cts_names_add(&w->names, s->paths[i]);
+        cts_log_without_names(w->log, &w->names);
+        st = render_pictures(w, &err);
+    }
+    cts_loaded_free(&w->loaded);
+    free(w->label_paths);
+    cts_log_report(w->log, &w->report);
+    if (st)
+        cts_log_failed(w->log, cts_exit_code(st), err.text);
+    else
+        cts_log_done(w->log, w->worker_process->n_threads);
+    if (cts_log_close(&w->log, &log_err))
+        cts_report_diagnostic(&w->report, "log_lost", CTS_WARNING, "the log is incomplete: %s", log_err.text);
+    cts_names_free(&w->names);
+    const CtsStatus reported = cts_worker_end_series(w->worker_process, &w->report, st, &err);
+    cts_report_free(&w->report);
+    return reported ? reported : st == CTS_ERR_INTERRUPTED ? st : CTS_OK;
+}
+
+static CtsStatus render_all(CtsWorkerProcess *c, CtsError *err)
+{
+    const CtsPlanSeries *const s = c->series;
+    CtsSeriesList *list = NULL;
+    CtsReport scan = {0};
+    const CtsSeriesSearch search = {.paths = s->paths,
+                                    .n_paths = s->n_paths,
+                                    .n_threads = c->n_threads,
+                                    .rules = c->settings->options->source.rules,
+                                    .archives = c->archives,
+                                    .numbers = s->numbers};
+    CtsStatus st = cts_series_search(&search, &list, &scan, err);
+    for (size_t i = 0; !st && i < list->n; i++) {
+        Work work = {.worker_process = c, .settings = c->settings, .loaded.series = &list->items[i]};
+        for (size_t f = 0; f < list->diagnostics.n; f++)
+            cts_report_diagnostic(&work.report, list->diagnostics.items[f].code, list->diagnostics.items[f].severity,
+                                  "%s", list->diagnostics.items[f].text);
+        if (strcmp(work.loaded.series->uid, s->own_uid) && work.loaded.series->uid[0])
+            continue;
+        work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
+        scan.stages[CTS_STAGE_SCAN] = (CtsStageTime){0}; /* the first one's */
+        st = render_series(&work);
+    }
+    cts_report_free(&scan);
+    cts_series_list_free(&list);
+    return st;
+}
+
+static void run_series(CtsWorkerProcess *c)
+{
+    CtsError err = {0};
+    for (int i = 0; i < c->series->n_paths; i++)
+        cts_names_add(&c->names, c->series->paths[i]);
+    const CtsStatus st = render_all(c, &err);
+    if (st && st != CTS_ERR_INTERRUPTED && !c->is_final) {
+        c->record = cts_worker_new_record(c->settings, c->series, c->series->uid, c->series->folder);
+        cts_worker_report_status(c, st, err.text);
+        cts_worker_send_record(c, CTS_WORKER_LAST_RECORD, NULL);
+    }
+    fflush(NULL);
+    cts_helper_stop();
+    _exit(st == CTS_ERR_INTERRUPTED ? 130 : st == CTS_ERR_MEMORY ? CTS_WORKER_NO_MEMORY : 0);
+}
+
+CtsStatus cts_worker_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
+                           const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err)
+{
+    CtsWorkerProcess worker_process = {
+        .settings = settings, .journal = journal, .archives = archives, .series = series, .n_threads = n_threads};
+    return cts_worker_fork(&worker_process, run_series, pid, socket, err);
+}
+
+/* Paths of the captures that are to be sent, in the order of the line's entries; each and the list to be freed. */
+static CtsStatus list_captures(const CtsWorkerProcess *c, char ***paths, int *n, CtsError *err)
+{
+    size_t i;
+    json_t *entry;
+    *n = 0;
+    if (!(*paths = calloc((size_t)cts_journal_record_n_unsent(c->settings, c->record) + 1, sizeof **paths)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    json_array_foreach(json_object_get(c->record, "outputs"), i, entry)
+    {
+        char path[PATH_MAX];
+        if (!cts_journal_record_is_unsent(c->settings, entry) ||
+            !cts_journal_record_path(c->settings, entry, path, sizeof path))
+            continue;
+        if (!((*paths)[*n] = strdup(path)))
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        ++*n;
+    }
+    return CTS_OK;
+}
+
+/* Records that the PACS has the file. */
+static void on_sent(void *context, const char *sent)
+{
+    CtsWorkerProcess *c = context;
+    size_t i;
+    json_t *entry;
+    json_array_foreach(json_object_get(c->record, "outputs"), i, entry)
+    {
+        char path[PATH_MAX];
+        if (!cts_journal_record_path(c->settings, entry, path, sizeof path) || strcmp(path, sent))
+            continue;
+        if (!json_object_get(entry, "sent_to"))
+            json_object_set_new(entry, "sent_to", json_array());
+        json_array_append_new(json_object_get(entry, "sent_to"), json_string(c->settings->lists->send_to));
+    }
+    json_object_set_new(c->record, "unsent", json_integer(cts_journal_record_n_unsent(c->settings, c->record)));
+    cts_worker_send_record(c, CTS_WORKER_RECORD, NULL);
+}
+
+static void run_sender(CtsWorkerProcess *c)
+{
+    CtsError err = {0};
+    char **paths;
+    int n;
+    CtsNet net = c->settings->options->net;
+    net.sent = on_sent;
+    net.context = c;
+    CtsStatus st = list_captures(c, &paths, &n, &err);
+    if (!st)
+        st = cts_net_send(&c->settings->options->send.peer, &net, (const char *const *)paths, n, NULL, &err);
+    if (st == CTS_ERR_INTERRUPTED)
+        _exit(130);
+    if (!st)
+        json_object_del(c->record, "unsent");
+    cts_worker_set_status(c->record, cts_exit_code(st), st ? err.text : "");
+    cts_worker_send_record(c, CTS_WORKER_LAST_RECORD, NULL);
+    _exit(0);
+}
+
+CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *record, pid_t *pid,
+                           int *socket, CtsError *err)
+{
+    CtsWorkerProcess worker_process = {.settings = settings, .journal = journal, .record = json_deep_copy(record)};
+    if (!worker_process.record)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsStatus st = cts_worker_fork(&worker_process, run_sender, pid, socket, err);
+    json_decref(worker_process.record);
+    return st;
+}

@@ -1,0 +1,20 @@
+/* Parts of a preset that depend on the volume: a projection's window, and colours of vessel presets. */
+#ifndef CTS_JOB_AUTO_WINDOW_H
+#define CTS_JOB_AUTO_WINDOW_H
+
+#include "ctsplat/preset.h"
+#include "ctsplat/render.h"
+
+/* Sets an empty window of a preset for a projection: from the 5th percentile (rims of air are darker) to the 99th of
+ * the values in a small picture of the same mode and view (and, for a rotation, of the view a quarter turn on). Leaves
+ * a preset with a window, and mode composite, unchanged. The report's plan contains the window. */
+CtsStatus cts_auto_window(const CtsVolume *volume, const CtsRenderSettings *settings, CtsPreset *preset,
+                          CtsReport *report, CtsError *err);
+
+/* For a preset that needs contrast agent: if by the mixture model the volume's blood contains none (*missing), the
+ * preset gets the colours of `bone`, since bone is then the only visible tissue. */
+CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, bool *missing, CtsError *err);
+/* The warning `no_contrast`. */
+void cts_contrast_report(const CtsPreset *preset, CtsReport *report);
+
+#endif

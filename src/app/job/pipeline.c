@@ -1,0 +1,366 @@
+#include "app/job/pipeline.h"
+
+#include "base/clock.h"
+#include "base/stage_timer.h"
+#include "ctsplat/table.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct SeriesName {
+    char text[80];
+} SeriesName;
+
+/* The name that option `series` accepts. */
+static SeriesName name_of(const CtsSeries *s)
+{
+    SeriesName name;
+    snprintf(name.text, sizeof name.text, s->part > 1 ? "%s#%d" : "%s", s->uid[0] ? s->uid : "(without UID)", s->part);
+    return name;
+}
+
+/* Reports the chosen series where there are several, and the reason why each other one was not. */
+static void report_choice(const CtsLoaded *loaded, CtsReport *report)
+{
+    const CtsSeriesList *list = loaded->list;
+    const CtsSeries *taken = loaded->series;
+    if (list->n < 2)
+        return;
+    if (taken->renderable)
+        cts_report_diagnostic(report, "several_series", CTS_WARNING,
+                              "%zu series found; taking %s (%d slices), the one with the most slices%s; `series` takes "
+                              "another",
+                              list->n, name_of(taken).text, taken->n_slices,
+                              taken == list->items ? "" : " of those that can be rendered");
+    else
+        cts_report_diagnostic(report, "several_series", CTS_WARNING, "%zu series found, and none can be rendered",
+                              list->n);
+    for (size_t i = 0; i < list->n; i++) {
+        const CtsSeries *s = &list->items[i];
+        if (s == taken)
+            continue;
+        const char *why = !s->renderable                  ? s->reason
+                          : s->n_slices < taken->n_slices ? "fewer slices"
+                                                          : "as many slices";
+        cts_report_diagnostic(report, "series_not_taken", CTS_WARNING, "not taken: %s (%d slice%s): %s",
+                              name_of(s).text, s->n_slices, s->n_slices == 1 ? "" : "s", why);
+    }
+}
+
+static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    const char *const *paths = source->from ? (const char *const *)&loaded->fetched.folder : source->paths;
+    const int n_paths = source->from ? 1 : source->n_paths;
+    if (source->from && (st = cts_net_fetch(source->from, source->net, source->study_uid, source->peer_series_uid,
+                                            &loaded->fetched, report, err)))
+        return cts_context(err, "`from`");
+    const CtsSeriesSearch search = {
+        .paths = paths, .n_paths = n_paths, .n_threads = source->n_threads, .rules = source->rules};
+    if ((st = cts_series_search(&search, &loaded->list, report, err)) ||
+        (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
+        return st;
+    if (report)
+        memcpy(report->series_uid, loaded->series->uid, sizeof report->series_uid);
+    const CtsDiagnostics *found = &loaded->list->diagnostics;
+    for (size_t i = 0; i < found->n; i++)
+        cts_report_diagnostic(report, found->items[i].code, found->items[i].severity, "%s", found->items[i].text);
+    if (!source->series_uid)
+        report_choice(loaded, report);
+    return CTS_OK;
+}
+
+static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *report)
+{
+    if (made->no_memory)
+        cts_report_diagnostic(
+            report, "slices_cubic", CTS_WARNING,
+            "not enough memory for shape-based interpolation between slices, so terraces may be visible "
+            "(free some memory, or crop)");
+    else if (made->n_moved > 0)
+        cts_report_diagnostic(
+            report, "slices_moved", CTS_NOTE,
+            "shape-based interpolation displaced %.1f %% of the voxels between slices; they differ from "
+            "linear interpolation by %.0f HU on average",
+            100 * (double)made->n_moved / (double)made->n_voxels, made->sum_of_differences_hu / (double)made->n_moved);
+}
+
+/* The field between voxels: less noise, and no terraces between thick slices. */
+static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsInterpolationCounts *made, CtsReport *report,
+                             CtsError *err)
+{
+    CtsStatus st;
+    if (source->smooth_mm > 0 && (st = cts_volume_smooth(v, source->smooth_mm, source->n_threads, err)))
+        return st;
+    if (source->smooth_mm > 0)
+        cts_report_plan(report, "smoothing: a Gaussian of %g mm standard deviation", source->smooth_mm);
+    const double start_ms = cts_wall_ms(), slice_mm = cts_volume_spacing_mm(v, 2);
+    const int n_parts = cts_volume_layers_per_slice(v), n_slices = v->dims[2];
+    if (source->interpolation == CTS_INTERPOLATION_LINEAR || n_parts == 1) {
+        cts_report_skip(report, "layers between slices",
+                        n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
+                                     : "linear interpolation between slices was requested");
+        report_interpolation(made, report);
+        return CTS_OK;
+    }
+    CtsError why = {0};
+    st = cts_volume_interpolate(v, n_parts, source->interpolation, source->n_threads, made, &why);
+    if (st == CTS_ERR_MEMORY) {
+        cts_report_diagnostic(report, "slices_linear", CTS_WARNING,
+                              "slices %.3g mm apart are interpolated linearly, so terraces may be visible: %s",
+                              slice_mm, why.text);
+        return CTS_OK;
+    }
+    if (st) {
+        *err = why;
+        return st;
+    }
+    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubic interpolation%s, %d layers in total",
+                    slice_mm, n_parts - 1, source->interpolation == CTS_INTERPOLATION_SHAPE ? " along shapes" : "",
+                    v->dims[2]);
+    cts_report_diagnostic(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by interpolation in %.0f ms",
+                          n_slices, v->dims[2], cts_wall_ms() - start_ms);
+    report_interpolation(made, report);
+    return CTS_OK;
+}
+
+/* seen: volume in which the table is searched, or NULL; freed. */
+static CtsStatus process_volume(const CtsSource *source, CtsVolume *volume, CtsVolume **seen,
+                                CtsInterpolationCounts *made, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    double low[3], high[3];
+    cts_volume_box_lps(volume, low, high);
+    cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
+                    high[1], low[2], high[2]);
+    /* Table removal needs the whole volume to distinguish table and patient, so it precedes the crop. */
+    if (source->remove_table)
+        st = cts_volume_remove_table(volume, *seen, !source->inside_unseen, source->n_threads, report, err);
+    else
+        cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
+    cts_volume_free(seen);
+    if (!st && source->crop.given)
+        st = cts_volume_crop(volume, source->crop.low_lps, source->crop.high_lps, err);
+    if (st || (st = interpolate(source, volume, made, report, err)))
+        return st;
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    st = cts_volume_prepare(volume, source->n_threads, err);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
+    return st;
+}
+
+static CtsStatus need_labels(const CtsLabelChoice *c, CtsError *err)
+{
+    const char *const asked = c->show            ? "show"
+                              : c->hide          ? "hide"
+                              : c->n_appearances ? "label"
+                              : c->own_colours   ? "label-colours"
+                              : c->order         ? "label-order"
+                                                 : NULL;
+    return asked ? cts_fail(err, CTS_ERR_USAGE,
+                            "`%s`: there are no labels (give `labels` PATH, or auto; a presentation state holds none)",
+                            asked)
+                 : CTS_OK;
+}
+
+/* The last thing that is done to a volume. */
+static CtsStatus take_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    if (!loaded->labels || !loaded->labels->counted)
+        return need_labels(&source->choice, err);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    const CtsStatus st =
+        cts_volume_take_labels(loaded->volume, loaded->labels, &source->choice, source->n_threads, report, err);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_LABELS);
+    return st;
+}
+
+char *cts_source_choice(const CtsSource *source)
+{
+    const CtsLabelChoice *const c = &source->choice;
+    const char *const lists[] = {c->show, c->hide, c->order};
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    if (out)
+        fprintf(out, "%d %d %a %d %d %a\n", source->remove_table, source->interpolation, source->smooth_mm,
+                source->crop.given, source->fill.given, source->fill.hu);
+    for (int i = 0; out && source->crop.given && i < 3; i++)
+        fprintf(out, "%a %a\n", source->crop.low_lps[i], source->crop.high_lps[i]);
+    for (int i = 0; out && i < 3; i++)
+        fprintf(out, "%c%s\n", lists[i] ? '+' : '-', lists[i] ? lists[i] : "");
+    for (int i = 0; out && i < c->n_appearances; i++)
+        fprintf(out, "%s\n", c->appearances[i]);
+    if (!out || fputc(c->own_colours ? '+' : '-', out) == EOF || fclose(out)) {
+        free(text);
+        return NULL;
+    }
+    return text;
+}
+
+CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    const CtsLabelRequest request = {.paths = source->labels,
+                                     .n_paths = source->n_labels,
+                                     .names = source->label_names,
+                                     .unnamed = source->labels_unnamed,
+                                     .listed = source->labels_listed,
+                                     .archives = source->archives,
+                                     .series_paths = source->from ? NULL : source->paths,
+                                     .n_series_paths = source->from ? 0 : source->n_paths};
+    cts_labels_free(&loaded->labels);
+    if (!source->n_labels)
+        return need_labels(&source->choice, err);
+    if (!loaded->series->renderable)
+        return CTS_OK;
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    const CtsStatus st = cts_labels_read(&request, loaded->series, &loaded->labels, report, err);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_LABELS);
+    return st;
+}
+
+static void take_words(void *context, int slice, const uint16_t *words, size_t first, size_t end,
+                       const struct CtsStored *stored, double slope, double intercept)
+{
+    cts_labels_take_words(context, slice, words, first, end, stored, slope, intercept);
+}
+
+CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsLabels *const labels = loaded->labels && !loaded->labels->counted ? loaded->labels : NULL;
+    const CtsWordWatch watch = {labels ? take_words : NULL, labels, source->stop};
+    cts_volume_free(&loaded->volume);
+    cts_scanned_free(&loaded->scanned);
+    CtsStatus st = labels ? cts_labels_begin(labels, err) : CTS_OK;
+    if (!st)
+        st = cts_series_scan(loaded->series, &watch, source->n_threads, &loaded->scanned, report, err);
+    if (st || !labels)
+        return st;
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    st = cts_labels_count(labels, loaded->scanned->number, loaded->scanned->n_slices, report, err);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_LABELS);
+    return st;
+}
+
+/* If the rescale intercept is lost, air has the value of a filling. */
+static bool is_shifted(const CtsReport *report)
+{
+    for (size_t i = 0; report && i < report->diagnostics.n; i++)
+        if (!strcmp(report->diagnostics.items[i].code, "hu_implausible"))
+            return true;
+    return false;
+}
+
+void cts_source_report_fill(const CtsSource *source, const CtsScanned *scanned, CtsReport *report)
+{
+    double hu;
+    if (!source->fill.given && !is_shifted(report) && cts_scanned_find_fill(scanned, &hu))
+        cts_report_diagnostic(
+            report, "constant_fill", CTS_WARNING,
+            "voxels at the border of the volume have exactly %g HU, a usual filling value outside the "
+            "scan, and count as tissue (`fill` %g turns them into air)",
+            hu, hu);
+}
+
+/* The filling becomes air before layers are put between slices. */
+static CtsStatus clear_fill(const CtsSource *source, CtsScanned *scanned, CtsReport *report, CtsError *err)
+{
+    uint64_t n;
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    const CtsStatus st = cts_scanned_clear_fill(scanned, source->fill.hu, source->n_threads, &n, err);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
+    if (!st)
+        cts_report_diagnostic(
+            report, "fill_cleared", n ? CTS_NOTE : CTS_WARNING,
+            "filling: %llu voxels of exactly %g HU that are connected to the border were turned into air",
+            (unsigned long long)n, source->fill.hu);
+    return st;
+}
+
+static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, CtsLoaded *loaded, CtsReport *report,
+                      CtsError *err)
+{
+    CtsInterpolationCounts made = {0}, straight = {0};
+    CtsVolume *seen = NULL;
+    CtsStatus st = CTS_ERR_MEMORY;
+    /* Shape-based interpolation would displace a plate that is cut obliquely like a surface; linear interpolation does
+     * not. */
+    if (source->remove_table && scanned->layer && source->interpolation != CTS_INTERPOLATION_LINEAR &&
+        cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, false, source->n_threads, &seen, &straight, NULL))
+        cts_report_diagnostic(
+            report, "table_removal_uncertain", CTS_WARNING,
+            "not enough memory to search linearly interpolated slices for the table, so ends of plates "
+            "may remain (free some memory)");
+    if (!last)
+        st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->volume, &made, NULL);
+    if (st == CTS_ERR_MEMORY)
+        st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->volume, &made, err);
+    if (!st)
+        st = process_volume(source, loaded->volume, &seen, &made, report, err);
+    cts_volume_free(&seen);
+    return st ? st : take_labels(source, loaded, report, err);
+}
+
+CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsScanned *cleared = NULL;
+    cts_volume_free(&loaded->volume);
+    cts_source_report_fill(source, loaded->scanned, report);
+    if (!source->fill.given)
+        return view(source, loaded->scanned, last, loaded, report, err);
+    /* Other volumes need the slices as scanned; without memory for both they are read again. */
+    CtsStatus st = last ? CTS_ERR_MEMORY : cts_scanned_copy(loaded->scanned, &cleared, NULL);
+    if (!st || st == CTS_ERR_MEMORY) {
+        CtsScanned *const scanned = cleared ? cleared : loaded->scanned;
+        st = clear_fill(source, scanned, report, err);
+        if (!st)
+            st = view(source, scanned, true, loaded, report, err);
+    }
+    cts_scanned_free(&cleared);
+    return st;
+}
+
+CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsStageTimer meter = cts_stage_timer_start(report);
+    cts_watch_step(watch, 0, n_steps, source->from ? "fetching" : "searching");
+    st = find(source, loaded, report, err);
+    cts_watch_diagnostics(watch, report);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_SCAN);
+    if (loaded->list && watch->found)
+        watch->found(watch->context, loaded->list);
+    if (st)
+        return st;
+    meter = cts_stage_timer_start(report);
+    cts_watch_step(watch, 1, n_steps, "reading");
+    if (!(st = cts_source_labels(source, loaded, report, err)))
+        st = cts_source_read(source, loaded, report, err);
+    cts_watch_diagnostics(watch, report);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_DECODE);
+    return st;
+}
+
+CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err)
+{
+    CtsStatus st = cts_source_scan(source, watch, n_steps, loaded, report, err);
+    if (st)
+        return st;
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    st = cts_source_view(source, true, loaded, report, err);
+    cts_watch_diagnostics(watch, report);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
+    return st;
+}
+
+void cts_loaded_free(CtsLoaded *loaded)
+{
+    cts_volume_free(&loaded->volume);
+    cts_scanned_free(&loaded->scanned);
+    cts_labels_free(&loaded->labels);
+    cts_series_list_free(&loaded->list);
+    cts_net_fetched_remove(&loaded->fetched);
+    loaded->series = NULL;
+}

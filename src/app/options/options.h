@@ -1,0 +1,226 @@
+/* The table of all options of all commands: it drives parsing, ranges, help, messages, the contents of presentation
+ * states, and what a batch renders again. Messages write an option as `size`. */
+#ifndef CTS_OPTIONS_OPTIONS_H
+#define CTS_OPTIONS_OPTIONS_H
+
+#include "app/job/render_job.h"
+#include "ctsplat/bounds.h"
+#include "ctsplat/job.h"
+#include "ctsplat/state.h"
+
+/* Commands that have options. CTS_FOR_JOB: cts_options_run(); CTS_FOR_REQUEST: a client's request to `serve`, without
+ * options that name files. */
+typedef enum CtsCommand {
+    CTS_FOR_INFO,
+    CTS_FOR_RENDER,
+    CTS_FOR_BATCH,
+    CTS_FOR_SERVE,
+    CTS_FOR_PRESETS,
+    CTS_FOR_RECEIVE,
+    CTS_FOR_BENCH,
+    CTS_FOR_CHECK,
+    CTS_FOR_COMPARE,
+    CTS_FOR_JOB,
+    CTS_FOR_REQUEST
+} CtsCommand;
+
+/* Values of a repeated option, in order. */
+typedef struct CtsTextList {
+    const char **items;
+    int n;
+} CtsTextList;
+
+/* The options of an appearance file, JSON equivalents of the label options; names are static, texts belong to the
+ * CtsAppearanceFile. */
+typedef struct CtsAppearanceFile {
+    CtsJobOption *words;
+    char **texts;
+    int n;
+} CtsAppearanceFile;
+
+/* Of a file, or of the JSON itself. Free with cts_appearance_file_free(), also after a failure. */
+CtsStatus cts_appearance_file_read(const char *file_or_json, CtsAppearanceFile *look, CtsError *err);
+void cts_appearance_file_free(CtsAppearanceFile *look);
+
+/* Values of all options, defaults where not given. Strings point into the option texts. */
+typedef struct CtsOptions {
+    CtsTextList paths, outputs;
+    const CtsFormatInfo *format; /* of standard output; NULL when not given */
+    const char *output_dir;      /* NULL when not given */
+    const char *log;
+
+    const char *preset; /* cts_options_end() puts the default there */
+    CtsRenderSettings render;
+    int rotation;           /* frames; 0: off */
+    double swivel_step_deg; /* the rotation is a swivel; 0: it is not */
+    CtsSource source;       /* fields that are options; cts_options_source() completes them */
+    CtsTextList labels, label_appearances;
+    const char *appearance_path;       /* NULL when not given */
+    CtsAppearanceFile appearance_file; /* of it */
+    struct CtsBackground {
+        bool given, none;
+        double rgb[3];
+    } background;
+    CtsSwitch remove_table;
+    struct CtsWindow {
+        bool given;
+        double low_hu, high_hu;
+    } window;
+    CtsMarks annotate;
+    CtsExportSettings export;
+    struct CtsGivenPeer {
+        bool given;
+        CtsPeer peer;
+    } send, from;
+    CtsNet net;
+    CtsSeriesQuery find; /* the study or series to fetch */
+    const char *state_path, *write_state;
+    CtsState *state; /* of state_path; its preset is used where none is given */
+
+    const char *presets, *views, *formats; /* batch: lists, as given; NULL when not */
+    int jobs;                              /* 0: as many as threads */
+    struct CtsShard {
+        int i, n; /* i of n */
+    } shard;
+    double series_timeout_s, series_mib; /* 0: no limit of its own */
+    bool resume, fresh;
+    const char *merge;
+
+    const char *listen; /* receive, serve */
+    CtsTextList allow;
+    int max_of_one, max_a_minute, deadline_s;
+    double object_mib, free_percent;
+    const char *token_file, *allow_origin; /* serve: NULL when not given */
+    CtsTextList hosts;
+    uint64_t memory_bytes; /* 0: half of the free memory */
+
+    bool help, json, show_patient, show_paths, paper, full;
+    const char *only; /* NULL when not given */
+
+    CtsJobOption *words; /* options in order of appearance, n_words */
+    int n_words;
+    CtsJobOption *recipe; /* the subset that a presentation state contains, n_recipe */
+    int n_recipe;
+} CtsOptions;
+
+typedef enum CtsOptionKind {
+    CTS_FLAG,   /* bool: true when given */
+    CTS_TEXT,   /* const char * */
+    CTS_TEXTS,  /* CtsTextList: one more each time it is given */
+    CTS_INT,    /* int within the bounds */
+    CTS_NUMBER, /* double within the bounds */
+    CTS_CHOICE, /* place among choices: int or enum from first on, or bool */
+    CTS_PARSED  /* parse() */
+} CtsOptionKind;
+
+/* Parses an option's argument. */
+typedef CtsStatus CtsOptionParser(CtsOptions *options, const char *text, CtsError *err);
+
+/* Outputs that a batch must render again when the option's value changes. */
+typedef enum CtsRerenders {
+    CTS_RERENDERS_PICTURES,
+    CTS_RERENDERS_PRESET, /* pictures too: the option replaces a value of the preset */
+    CTS_RERENDERS_DCM,
+    CTS_RERENDERS_NOTHING
+} CtsRerenders;
+
+typedef struct CtsOption {
+    char letter; /* 0: none */
+    const char *name;
+    const char *argument; /* as printed by the help; NULL for a flag */
+    unsigned commands;    /* bits 1 << CtsCommand */
+    CtsRerenders rerenders;
+    const char *help;
+    const char *fallback; /* default, for the help; NULL: none */
+    CtsOptionKind kind;
+    size_t field, size; /* offset in CtsOptions, bytes; of all but CTS_PARSED */
+    CtsSetting setting; /* of the library, whose bounds apply; 0: none */
+    CtsBounds own;      /* bounds of an option that is not a setting of the library */
+    const char *const *choices;
+    int n_choices, first;
+    CtsOptionParser *parse;
+    const char *several; /* the corresponding option of batch with several values; NULL: the last value given applies */
+} CtsOption;
+
+/* The table; name is NULL in its last row. */
+extern const CtsOption cts_options[];
+
+/* NULL for none. */
+const CtsOption *cts_option(const char *name, size_t length);
+static inline bool cts_option_is_of(const CtsOption *option, CtsCommand command)
+{
+    return option->commands >> command & 1;
+}
+/* The bounds of an option's number, NULL where it has none. */
+const CtsBounds *cts_option_bounds(const CtsOption *option);
+
+/* Defaults; free with cts_options_free(), also after a failure. */
+void cts_options_begin(CtsOptions *options);
+/* Adds an option, whose texts must stay valid. CTS_ERR_USAGE for an option that command does not have. */
+CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsJobOption *word, CtsError *err);
+/* To be called after the last option: applies the presentation state where an option is not given, and checks
+ * combinations. */
+CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err);
+void cts_options_free(CtsOptions *options);
+
+/* The argument that counts, "" for a flag; NULL where it was not given. */
+const char *cts_options_given(const CtsOptions *options, const char *name);
+
+/* The values of all options that touch this kind of output, given or not: NAME=VALUE, one per line. Free with free();
+ * NULL without memory. */
+char *cts_options_text(const CtsOptions *options, CtsRerenders rerenders);
+
+/* The options without names of files and patients, for the log. */
+void cts_options_command(const CtsOptions *options, char *text, size_t size);
+
+/* Texts with lists from the library's tables, so that new rows appear in help and messages. Largest size of such a
+ * text. */
+enum { CTS_VALUE_LISTS_MAX = 600 };
+
+/* text with these replaced, in out; returns out. {views}, {kernels}, {formats}: their names; of the formats' endings
+ * {outputs} has all, {objects} those of DICOM objects, {stacks} those of which one file holds a rotation. */
+const char *cts_value_lists(const char *text, char out[CTS_VALUE_LISTS_MAX]);
+
+/* Parsers of option arguments that are more than a number or a word; each names its option in its message.
+ * cts_number(): the whole text as a finite decimal number; false when it is not one. cts_integer() likewise. */
+bool cts_number(const char *text, double *value);
+bool cts_integer(const char *text, int *value);
+/* n numbers with commas between them, no more and no fewer. */
+bool cts_numbers(const char *text, double *values, int n);
+
+/* The index of text's first length bytes among n names; -1 where it is missing, and err lists the names and `more`. */
+int cts_name_find(const char *option, const char *text, size_t length, const char *const *names, int n,
+                  const char *more, CtsError *err);
+
+/* A view by its name or its two angles; option: whose argument it is. */
+CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
+/* The format of this name, with errors as above. */
+CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err);
+
+CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_fill,
+    cts_parse_format, cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard,
+    cts_parse_size, cts_parse_swivel, cts_parse_trace_pixel, cts_parse_view, cts_parse_window;
+
+/* The caller sets remove_table, from the preset (cts_options_preset()). */
+CtsSource cts_options_source(const CtsOptions *options);
+
+/* The settings common to all jobs of these options; preset is NULL, and the view is that of `view`. */
+CtsJob cts_options_job(const CtsOptions *options);
+
+/* Loads a preset and replaces window, background, mode, lighting and table removal by the options' values. The report
+ * gets warnings about options without effect. */
+CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file, CtsPreset *preset, CtsReport *report,
+                             CtsError *err);
+
+/* The single job of the options: loads their preset into *preset; *job points to it and to the options. */
+CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJob *job, CtsReport *report,
+                              CtsError *err);
+
+/* Warns about options that act on DICOM outputs only, where there is none. but: an option that acts on other outputs
+ * here too, or "". */
+void cts_options_report_objects(const CtsOptions *options, bool any_object, const char *but, CtsReport *report);
+
+/* Sends every DICOM output once it is written; does nothing without `send`. */
+CtsStatus cts_options_send(const CtsOptions *options, CtsError *err);
+
+#endif

@@ -1,0 +1,248 @@
+#include "app/options/options.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/stage_timer.h"
+#include <stdlib.h>
+#include <string.h>
+
+/* Receiver of the pictures, and the picture that is assembled from bands. */
+typedef struct Whole {
+    CtsPictureSink take;
+    void *context;
+    bool alone; /* the bands have no other receiver */
+    CtsPicture *picture;
+    CtsStatus status;
+    CtsError err;
+} Whole;
+
+static CtsStatus begin_picture(Whole *w, const CtsPicture *band)
+{
+    CtsStatus st = cts_picture_new(&w->picture, band->width, band->whole_height, band->n_channels, &w->err);
+    if (!st && band->depth_mm)
+        st = cts_alloc_array(&w->picture->depth_mm, (size_t)band->width * (size_t)band->whole_height, &w->err);
+    if (!st) {
+        w->picture->info = band->info;
+        w->picture->has_alpha = band->has_alpha;
+    }
+    return st;
+}
+
+static CtsStatus copy_band(Whole *w, const CtsPicture *band)
+{
+    const size_t first = (size_t)band->first_row * (size_t)band->width;
+    const size_t n = (size_t)band->height * (size_t)band->width, n_channels = (size_t)band->n_channels;
+    const CtsStatus st = w->picture ? CTS_OK : begin_picture(w, band);
+    if (st)
+        return st;
+    memcpy(w->picture->pixels + first * n_channels, band->pixels, n * n_channels * sizeof *band->pixels);
+    if (band->depth_mm)
+        memcpy(w->picture->depth_mm + first, band->depth_mm, n * sizeof *band->depth_mm);
+    return CTS_OK;
+}
+
+static CtsStatus take_over(Whole *w, CtsPicture *band)
+{
+    if (!(w->picture = malloc(sizeof *w->picture)))
+        return cts_fail(&w->err, CTS_ERR_MEMORY, "out of memory");
+    *w->picture = *band;
+    w->picture->bound = NULL;
+    band->pixels = band->depth_mm = NULL;
+    return CTS_OK;
+}
+
+static void take_band(void *context, int frame, CtsPicture *band)
+{
+    Whole *const w = context;
+    if (w->status)
+        return;
+    w->status = w->alone && band->height == band->whole_height ? take_over(w, band) : copy_band(w, band);
+    if (w->status || band->first_row + band->height < band->whole_height)
+        return;
+    CtsPicture *const whole = w->picture;
+    w->picture = NULL;
+    w->status = w->take(w->context, frame, whole, &w->err);
+}
+
+static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, CtsError *err)
+{
+    (void)frame, (void)err;
+    *(CtsPicture **)context = picture;
+    return CTS_OK;
+}
+
+/* A series that stays loaded, and the volume that the last picture of it was made of. */
+struct CtsSession {
+    CtsLoaded loaded;
+    char *choice; /* identifies the processing of loaded.volume (cts_source_choice()) */
+};
+
+static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWatch *watch, CtsReport *report,
+                            CtsError *err)
+{
+    CtsStatus st = cts_job_check(job, report, err);
+    char *const choice = cts_source_choice(&job->source);
+    if (!st && !choice)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 0; !st && !session->loaded.series && i < job->outputs.n; i++)
+        if (cts_output_is_dicom(&job->outputs, i))
+            st = cts_fail(err, CTS_ERR_USAGE, "%s: an array without a patient cannot become a DICOM object",
+                          job->outputs.paths[i]);
+    if (!st && (!session->loaded.volume || !session->choice || strcmp(session->choice, choice) != 0)) {
+        const CtsStageTimer meter = cts_stage_timer_start(report);
+        free(session->choice);
+        session->choice = strdup(choice);
+        st = cts_source_view(&job->source, false, &session->loaded, report, err);
+        if (st)
+            cts_volume_free(&session->loaded.volume);
+        cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
+    }
+    free(choice);
+    return st ? st : cts_job_render(job, &session->loaded, watch, report, err);
+}
+
+/* session NULL: the job finds and reads its series itself. */
+static CtsStatus run(CtsSession *session, const CtsOptions *options, Whole *whole, CtsReport *report, CtsError *err)
+{
+    CtsJob job;
+    CtsPreset preset;
+    const CtsWatch watch = {.context = whole, .band = whole ? take_band : NULL};
+    CtsStatus st = cts_options_one_job(options, &preset, &job, report, err);
+    job.render.stop = options->net.stop;
+    if (!st && !whole && !options->outputs.n)
+        st = cts_fail(err, CTS_ERR_USAGE, "no output (give `output` FILE, or a place for the picture in memory)");
+    job.render.want_depth = whole != NULL;
+    if (whole)
+        whole->alone = !options->outputs.n;
+    if (!st)
+        st = session ? run_loaded(session, &job, &watch, report, err) : cts_job_run(&job, &watch, report, err);
+    if (!st && whole && whole->status) {
+        *err = whole->err;
+        st = whole->status;
+    }
+    return st ? st : cts_options_send(options, err);
+}
+
+/* Free options in any case. */
+static CtsStatus take_words(CtsOptions *options, const CtsJobOption *words, int n_words,
+                            const volatile sig_atomic_t *stop, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    cts_options_begin(options);
+    options->net.stop = stop;
+    for (int i = 0; i < n_words && !st; i++)
+        st = cts_options_take(options, CTS_FOR_JOB, &words[i], err);
+    return st;
+}
+
+/* whole NULL: no pictures in memory. */
+static CtsStatus words_run(CtsSession *session, const CtsJobOption *words, int n_words,
+                           const volatile sig_atomic_t *stop, Whole *whole, CtsReport *report, CtsError *err)
+{
+    CtsOptions options;
+    CtsReport own = {0};
+    CtsError unseen;
+    err = err ? err : &unseen;
+    CtsStatus st = take_words(&options, words, n_words, stop, err);
+    if (!st && session && (options.paths.n || options.from.given || options.source.series_uid))
+        st =
+            cts_fail(err, CTS_ERR_USAGE, "the series is loaded already (`path`, `series` and `from` name another one)");
+    if (!st && session && options.labels.n)
+        st = cts_fail(err, CTS_ERR_USAGE, "`labels` are read with the series (give them where it is loaded)");
+    if (!st && whole && whole->take == keep_picture && options.rotation > 1)
+        st = cts_fail(err, CTS_ERR_USAGE, "`rotation`: of %d pictures none can be the one in memory", options.rotation);
+    if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err)))
+        st = run(session, &options, whole, report ? report : &own, err);
+    if (whole)
+        cts_picture_free(&whole->picture);
+    cts_options_free(&options);
+    cts_report_free(&own);
+    return st;
+}
+
+static CtsStatus run_for_one(CtsSession *session, const CtsJobOption *words, int n_words,
+                             const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    Whole whole = {.take = keep_picture, .context = picture};
+    if (picture)
+        *picture = NULL;
+    const CtsStatus st = words_run(session, words, n_words, stop, picture ? &whole : NULL, report, err);
+    if (st && picture)
+        cts_picture_free(picture);
+    return st;
+}
+
+CtsStatus cts_options_run(const CtsJobOption *words, int n_words, const volatile sig_atomic_t *stop,
+                          CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    return run_for_one(NULL, words, n_words, stop, picture, report, err);
+}
+
+CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *words, int n_words,
+                           const volatile sig_atomic_t *stop, CtsReport *report, CtsError *err)
+{
+    CtsOptions options;
+    CtsReport own = {0};
+    CtsError unseen;
+    CtsSession *s = *session = calloc(1, sizeof *s);
+    err = err ? err : &unseen;
+    if (!s)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = take_words(&options, words, n_words, stop, err);
+    if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err))) {
+        CtsSource source = cts_options_source(&options);
+        source.remove_table = options.remove_table != CTS_OFF;
+        source.n_threads = cts_threads(source.n_threads);
+        st = cts_source_scan(&source, &(CtsWatch){0}, 2, &s->loaded, report ? report : &own, err);
+    }
+    cts_options_free(&options);
+    cts_report_free(&own);
+    if (st)
+        cts_session_close(session);
+    return st;
+}
+
+CtsStatus cts_session_take(CtsSession **session, CtsScanned **scanned, CtsError *err)
+{
+    CtsSession *s = *session = calloc(1, sizeof *s);
+    if (!s)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    s->loaded.scanned = *scanned;
+    *scanned = NULL;
+    return CTS_OK;
+}
+
+void cts_session_close(CtsSession **session)
+{
+    CtsSession *s = *session;
+    if (!s)
+        return;
+    cts_loaded_free(&s->loaded);
+    free(s->choice);
+    free(s);
+    *session = NULL;
+}
+
+const CtsScanned *cts_session_scanned(const CtsSession *session)
+{
+    return session->loaded.scanned;
+}
+
+const CtsSeries *cts_session_series(const CtsSession *session)
+{
+    return session->loaded.series;
+}
+
+CtsStatus cts_session_run(CtsSession *session, const CtsJobOption *words, int n_words,
+                          const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    return run_for_one(session, words, n_words, stop, picture, report, err);
+}
+
+CtsStatus cts_session_frames(CtsSession *session, const CtsJobOption *words, int n_words,
+                             const volatile sig_atomic_t *stop, CtsPictureSink take, void *context, CtsReport *report,
+                             CtsError *err)
+{
+    Whole whole = {.take = take, .context = context};
+    return words_run(session, words, n_words, stop, &whole, report, err);
+}

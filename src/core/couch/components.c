@@ -1,0 +1,159 @@
+#include "core/couch/table_removal.h"
+
+#include "base/mem.h"
+#include <string.h>
+
+/* The start of a run sets one bit and its end, one past the last voxel, another; both alternate. */
+static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
+{
+    uint64_t before = 0;
+    bool inside = false;
+    for (size_t w = 0; w < n_words; w++) {
+        uint64_t edges = row[w] ^ (row[w] << 1 | before);
+        before = row[w] >> 63;
+        for (; edges; edges &= edges - 1) {
+            const uint32_t at = (uint32_t)(64 * w) + (uint32_t)__builtin_ctzll(edges);
+            if (!inside)
+                run->first = at;
+            else
+                run++->end = at;
+            inside = !inside;
+        }
+    }
+    if (inside)
+        run->end = (uint32_t)nx;
+}
+
+/* CtsRun.part is the parent link until the labels are known: a run's parent never follows it. */
+static uint32_t root(CtsRun *runs, uint32_t n)
+{
+    while (runs[n].part != n) {
+        runs[n].part = runs[runs[n].part].part;
+        n = runs[n].part;
+    }
+    return n;
+}
+
+static void join_rows(CtsComponents *p, size_t row_a, size_t row_b)
+{
+    uint32_t a = p->row_start[row_a], b = p->row_start[row_b];
+    const uint32_t end_a = p->row_start[row_a + 1], end_b = p->row_start[row_b + 1];
+    while (a < end_a && b < end_b) {
+        /* Most adjacent runs are already joined, which is visible without searching their roots. */
+        if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end &&
+            p->runs[a].part != p->runs[b].part) {
+            const uint32_t ra = root(p->runs, a), rb = root(p->runs, b);
+            if (ra < rb)
+                p->runs[rb].part = ra;
+            else
+                p->runs[ra].part = rb;
+        }
+        if (p->runs[a].end < p->runs[b].end)
+            a++;
+        else
+            b++;
+    }
+}
+
+/* Runs are added in order of slices. */
+static void add_run(CtsComponent *part, const CtsRun *run, int j, int k)
+{
+    const int first = (int)run->first, last = (int)run->end - 1;
+    if (!part->n_voxels)
+        *part = (CtsComponent){.lo = {first, j, k}, .hi = {last, j, k}};
+    part->lo[0] = first < part->lo[0] ? first : part->lo[0];
+    part->hi[0] = last > part->hi[0] ? last : part->hi[0];
+    part->lo[1] = j < part->lo[1] ? j : part->lo[1];
+    part->hi[1] = j > part->hi[1] ? j : part->hi[1];
+    part->hi[2] = k;
+    part->n_voxels += run->end - run->first;
+}
+
+static CtsStatus list_runs(CtsComponents *p, const CtsBits *bits, CtsError *err)
+{
+    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2], n_words = bits->row_words;
+    CtsStatus st;
+    cts_components_free(p);
+    *p = (CtsComponents){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
+    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)))
+        return st;
+    for (size_t row = 0; row < n_rows; row++) {
+        p->row_start[row] = (uint32_t)p->n_runs;
+        p->n_runs += cts_bits_count_runs(bits->words + row * n_words, n_words);
+    }
+    p->row_start[n_rows] = (uint32_t)p->n_runs;
+    if (p->n_runs >= UINT32_MAX)
+        return cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)p->n_runs);
+    if ((st = cts_alloc_array(&p->runs, p->n_runs, err)))
+        return st;
+    for (size_t row = 0; row < n_rows; row++)
+        list_row(bits->words + row * n_words, n_words, bits->dims[0], p->runs + p->row_start[row]);
+    for (uint32_t run = 0; run < p->n_runs; run++)
+        p->runs[run].part = run;
+    return CTS_OK;
+}
+
+/* Runs are in order and parents precede their children, so one pass suffices. */
+static CtsStatus number_parts(CtsComponents *p, CtsError *err)
+{
+    const uint32_t ny = (uint32_t)p->dims[1];
+    for (uint32_t run = 0; run < p->n_runs; run++)
+        p->n_parts += p->runs[run].part == run;
+    const CtsStatus st = cts_alloc_zeroed(&p->parts, p->n_parts, err);
+    uint32_t next = 0;
+    for (uint32_t row = 0; row < ny * (uint32_t)p->dims[2] && !st; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
+            CtsRun *const run = &p->runs[r];
+            run->part = run->part == r ? next++ : p->runs[run->part].part;
+            add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
+        }
+    return st;
+}
+
+CtsStatus cts_components_find(CtsComponents *p, const CtsBits *bits, bool across_slices, CtsError *err)
+{
+    const size_t ny = (size_t)bits->dims[1];
+    CtsStatus st = list_runs(p, bits, err);
+    for (size_t row = 0; row < ny * (size_t)bits->dims[2] && !st; row++) {
+        if (row % ny > 0)
+            join_rows(p, row - 1, row);
+        if (row >= ny && across_slices)
+            join_rows(p, row - ny, row);
+    }
+    if (st || (st = number_parts(p, err)))
+        cts_components_free(p);
+    return st;
+}
+
+CtsStatus cts_components_count_in(const CtsComponents *p, const CtsBits *bits, uint64_t **count, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_zeroed(count, p->n_parts, err);
+    for (int k = 0; !st && k < bits->dims[2]; k++)
+        for (int j = 0; j < bits->dims[1]; j++) {
+            const uint64_t *row = cts_bits_row(bits, j, k);
+            const size_t at = (size_t)k * (size_t)bits->dims[1] + (size_t)j;
+            for (uint32_t r = p->row_start[at]; r < p->row_start[at + 1]; r++)
+                (*count)[p->runs[r].part] += cts_bits_count_run(row, (int)p->runs[r].first, (int)p->runs[r].end);
+        }
+    return st;
+}
+
+void cts_components_free(CtsComponents *p)
+{
+    cts_free(&p->runs);
+    cts_free(&p->row_start);
+    cts_free(&p->parts);
+}
+
+void cts_components_paint(const CtsComponents *p, const uint8_t *flags, const CtsBits *under, CtsBits *bits)
+{
+    const size_t n_bytes = cts_bits_n_words(bits) * sizeof *bits->words;
+    if (under)
+        memcpy(bits->words, under->words, n_bytes);
+    else
+        memset(bits->words, 0, n_bytes);
+    for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+            if (flags[p->runs[r].part])
+                cts_bits_fill(cts_bits_row(bits, row, 0), (int)p->runs[r].first, (int)p->runs[r].end);
+}

@@ -1,0 +1,164 @@
+#include "core/couch/table_removal.h"
+
+/* The far face wavers by so many voxels, no more, and behind it nothing may lie. */
+enum { WAVER = 3, TAPER = 40 };
+
+/* Orientation of the search in a section: plates run along `axis`, their far face is towards larger (side 1) or smaller
+ * (-1) coordinates across; they are followed to larger (way 1) or smaller (-1) coordinates along. */
+typedef struct Face {
+    const CtsBits *always, *ever;
+    CtsBits *plates;
+    int axis, side, way;
+} Face;
+
+static bool get(const Face *f, const CtsBits *bits, int along, int across)
+{
+    const int i = f->axis ? across : along, j = f->axis ? along : across;
+    return i >= 0 && j >= 0 && i < bits->dims[0] && j < bits->dims[1] && cts_bits_get(bits, i, j, 0);
+}
+
+static bool is_face(const Face *f, int along, int across)
+{
+    return get(f, f->always, along, across) && !get(f, f->always, along, across + f->side);
+}
+
+/* Follows the face one step from *across; false where it ends or another voxel lies behind it. */
+static bool follow(const Face *f, int along, int *across)
+{
+    const int at[3] = {*across, *across + f->side, *across - f->side};
+    for (int n = 0; n < 3; n++)
+        if (is_face(f, along, at[n])) {
+            *across = at[n];
+            return !get(f, f->ever, along, at[n] + WAVER * f->side);
+        }
+    return false;
+}
+
+/* Distance behind the face at which a plate begins that was found in a longer window, where it wavers; more than WAVER
+ * without a plate. */
+static int recess(const Face *f, int along, int across)
+{
+    int n = 0;
+    while (n <= WAVER && !get(f, f->plates, along, across - n * f->side))
+        n++;
+    return n;
+}
+
+/* The plate's thickness near its end at (along, across), where it may taper: the largest within some steps. 0 where it
+ * is not longer along than across, like a plate in the other direction. */
+static int thickness(const Face *f, int along, int across, int step)
+{
+    int most = 0, s = 0, n;
+    for (; s <= TAPER && (n = recess(f, along, across)) <= WAVER; s++) {
+        while (get(f, f->plates, along, across - n * f->side))
+            n++;
+        most = n > most ? n : most;
+        along += step;
+        if (!follow(f, along, &across))
+            break;
+    }
+    return s > most ? most : 0;
+}
+
+/* Number of voxels that are set in all sections from the face on, at most n_most. */
+static int depth(const Face *f, int along, int across, int n_most)
+{
+    int n = 0;
+    while (n < n_most && get(f, f->always, along, across - n * f->side))
+        n++;
+    return n;
+}
+
+static void set_strip(const Face *f, int along, int across, int thick)
+{
+    for (int n = 0; n < depth(f, along, across, thick); n++) {
+        const int c = across - n * f->side;
+        cts_bits_set(f->plates, f->axis ? c : along, f->axis ? along : c, 0);
+    }
+}
+
+/* From the plate's end at (along, across): continues over the thin part, and through a thicker one up to the next plate
+ * or to where it is as thin as before, and so on. Sets the strip's bits. */
+static void bridge(const Face *f, int along, int across)
+{
+    const int left = thickness(f, along, across, -f->way);
+    int end = along + f->way, at = across, thin = 0, n;
+    bool met = false;
+    if (!left || !follow(f, end, &at))
+        return;
+    while (!met) {
+        while (!(met = get(f, f->plates, end, at)) && (n = depth(f, end, at, left + 2)) <= left + 1) {
+            set_strip(f, end, at, left + 1);
+            thin = n > thin ? n : thin;
+            along = end;
+            across = at;
+            end += f->way;
+            if (!follow(f, end, &at))
+                return;
+        }
+        while (!(met = get(f, f->plates, end, at)) && depth(f, end, at, left + 2) > left + 1) {
+            end += f->way;
+            if (!follow(f, end, &at))
+                return;
+        }
+        /* A curved plate is less thick here than further away, measured across. */
+        int thick = thin && thin < left ? thin : left;
+        if (met && (n = thickness(f, end, at, f->way)))
+            thick = n < thick ? n : thick;
+        /* The voxel that was added on the near side is the patient's. */
+        for (along += f->way; along != end; along += f->way) {
+            follow(f, along, &across);
+            set_strip(f, along, across, thick - 1);
+        }
+        along -= f->way;
+    }
+}
+
+static uint64_t word_at(const CtsBits *bits, int j, ptrdiff_t w)
+{
+    return j >= 0 && j < bits->dims[1] && w >= 0 && w < (ptrdiff_t)bits->row_words ? cts_bits_row(bits, j, 0)[w] : 0;
+}
+
+/* Word w of row j shifted by one column: each bit is that of the column to the left (by -1) or to the right (by 1). */
+static uint64_t beside(const CtsBits *bits, int j, ptrdiff_t w, int by)
+{
+    const uint64_t own = word_at(bits, j, w), next = word_at(bits, j, w + by);
+    return by < 0 ? own << 1 | next >> 63 : own >> 1 | next << 63;
+}
+
+/* True where one of the three voxels that follow along the face is set. */
+static uint64_t next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
+{
+    if (axis)
+        return beside(bits, j + way, w, -1) | word_at(bits, j + way, w) | beside(bits, j + way, w, 1);
+    return beside(bits, j - 1, w, way) | beside(bits, j, w, way) | beside(bits, j + 1, w, way);
+}
+
+/* Starts from all ends of plates that continue into other voxels. */
+static void add_from_ends(const CtsBits *always, const CtsBits *ever, CtsBits *plates, int axis, int way)
+{
+    for (int j = 0; j < plates->dims[1]; j++)
+        for (ptrdiff_t w = 0; w < (ptrdiff_t)plates->row_words; w++) {
+            uint64_t ends = word_at(plates, j, w);
+            if (ends)
+                ends &= ~next_set(plates, axis, way, j, w) & next_set(always, axis, way, j, w);
+            for (; ends; ends &= ends - 1) {
+                const int i = 64 * (int)w + __builtin_ctzll(ends), along = axis ? j : i, across = axis ? i : j;
+                for (int side = -1; side <= 1; side += 2) {
+                    const Face f = {always, ever, plates, axis, side, way};
+                    int at = across;
+                    while (at != across + WAVER * side && get(&f, always, along, at + side))
+                        at += side;
+                    if (is_face(&f, along, at))
+                        bridge(&f, along, at);
+                }
+            }
+        }
+}
+
+void cts_plate_contacts_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates)
+{
+    for (int axis = 0; axis < 2; axis++)
+        for (int way = -1; way <= 1; way += 2)
+            add_from_ends(always, ever, plates, axis, way);
+}

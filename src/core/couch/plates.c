@@ -1,0 +1,255 @@
+#include "core/couch/table_removal.h"
+
+#include "base/mem.h"
+#include "base/parallel.h"
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+/* Longer than an ear, a nose or a fold of skin is straight. */
+static const double PLATE_MM = 60;
+/* Length over which a plate in contact with the patient is followed by static voxels. */
+static const double FOLLOWED_MM = 24;
+/* Half the thickness up to which a thing is a plate or a rail, with the voxel that is added on either side. */
+static const double PLATE_RADIUS_MM = 7;
+/* Up to here it may be one. */
+static const double DOUBT_RADIUS_MM = 16;
+/* A smaller cross-section is noise; from SURE_MM2 on it counts although most of the part moves, as where an ear leans
+ * on a wall. */
+static const double MIN_MM2 = 40, SURE_MM2 = 100;
+
+/* Sections first to end of the stack, evaluated together. */
+typedef struct Window {
+    int first, end;
+} Window;
+
+/* Windows of one length, each a step behind the one before, over the whole stack. */
+typedef struct Windows {
+    int length, step, n, last; /* the last one begins here */
+} Windows;
+
+typedef struct Search {
+    const CtsSectionPlan *plan;
+    CtsBits wide; /* the sections dilated by a voxel: wavering by a voxel counts as static */
+    Windows windows, shorter;
+    CtsBits plates, doubtful; /* by window */
+    CtsBits followed;         /* by shorter window */
+    CtsReach reach, doubt_reach;
+    double least_voxels, sure_voxels;
+} Search;
+
+static Windows windows_of(const CtsSectionPlan *plan, double length_mm)
+{
+    Windows w = {.length = (int)ceil(length_mm / plan->spacing_mm[2])};
+    w.step = w.length > 8 ? w.length / 8 : 1;
+    w.last = plan->dims[2] - w.length;
+    w.n = w.last < 0 ? 0 : (w.last + w.step - 1) / w.step + 1;
+    return w;
+}
+
+static Window window_at(const Windows *w, int n)
+{
+    const int first = n * w->step < w->last ? n * w->step : w->last;
+    return (Window){first, first + w->length};
+}
+
+/* Scratch memory of one thread: sections of one slice. */
+typedef struct Worker {
+    CtsMorphology *morphology;
+    CtsBits always, ever, thin;
+    CtsComponents parts;
+} Worker;
+
+static CtsStatus worker_new(Worker *w, const int dims[3], CtsMorphology *morphology, CtsError *err)
+{
+    CtsStatus st;
+    const int one[3] = {dims[0], dims[1], 1};
+    w->morphology = morphology;
+    (void)((st = cts_bits_new_unset(&w->always, one, err)) || (st = cts_bits_new_unset(&w->ever, one, err)) ||
+           (st = cts_bits_new_unset(&w->thin, one, err)));
+    return st;
+}
+
+static void worker_free(Worker *w)
+{
+    cts_bits_free(&w->always);
+    cts_bits_free(&w->ever);
+    cts_bits_free(&w->thin);
+    cts_components_free(&w->parts);
+}
+
+/* Voxels that are set in every section of the window, except for single ones lost in noise; and those set in any. */
+static void scan_window_columns(const Search *s, Window window, Worker *w)
+{
+    const size_t n = w->morphology->n_words;
+    const int last = s->plan->dims[2] - 1;
+    memset(w->always.words, 0xff, n * sizeof *w->always.words);
+    memset(w->ever.words, 0, n * sizeof *w->ever.words);
+    for (int k = window.first; k < window.end; k++) {
+        const uint64_t *own = cts_bits_row(&s->wide, 0, k), *before = cts_bits_row(&s->wide, 0, k ? k - 1 : 0);
+        const uint64_t *behind = cts_bits_row(&s->wide, 0, k < last ? k + 1 : last);
+        for (size_t i = 0; i < n; i++) {
+            w->always.words[i] &= own[i] | (before[i] & behind[i]);
+            w->ever.words[i] |= own[i];
+        }
+    }
+}
+
+/* Of the thin parts, those that are static, as far as they are. */
+static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
+{
+    uint64_t *count = NULL;
+    uint8_t *chosen = NULL;
+    CtsComponents *const p = &w->parts;
+    CtsStatus st;
+    if ((st = cts_components_find(p, &w->thin, false, err)) ||
+        (st = cts_components_count_in(p, &w->always, &count, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
+        goto end;
+    for (uint32_t n = 0; n < p->n_parts; n++)
+        chosen[n] = (double)count[n] >= s->sure_voxels ||
+                    ((double)count[n] >= s->least_voxels && 2 * count[n] >= p->parts[n].n_voxels);
+    cts_components_paint(p, chosen, NULL, chosen_parts);
+    cts_bits_combine(chosen_parts, CTS_BITS_AND, &w->always);
+end:
+    cts_free(&count);
+    cts_free(&chosen);
+    return st;
+}
+
+/* A plate is thin in the union of all sections and static, unlike the patient's ears, skin and walls, which move from
+ * section to section. Where a back lies on it, it is thin on both sides only. */
+static CtsStatus find_plates_in_window(const Search *s, int n, Worker *w, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits plates = cts_bits_slice(&s->plates, n), doubtful = cts_bits_slice(&s->doubtful, n);
+    scan_window_columns(s, window_at(&s->windows, n), w);
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
+    if ((st = choose_parts(s, w, &plates, err)))
+        return st;
+    cts_plate_contacts_add(&w->always, &w->ever, &plates);
+    cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
+    return choose_parts(s, w, &doubtful, err);
+}
+
+/* The end of an obliquely cut plate moves, so that it ends before the contact; in a shorter window more of it is
+ * static. This step only extends plates along their faces. */
+static void follow_plates(const Search *s, int n, Worker *w)
+{
+    const Window window = window_at(&s->shorter, n);
+    const CtsReach waver = {.diamond = 1, .box = {1, 1}};
+    CtsBits followed = cts_bits_slice(&s->followed, n);
+    memset(followed.words, 0, cts_bits_n_words(&followed) * sizeof *followed.words);
+    for (int l = 0; l < s->windows.n; l++) {
+        const Window longer = window_at(&s->windows, l);
+        const CtsBits plates = cts_bits_slice(&s->plates, l);
+        if (longer.first <= window.first && longer.end >= window.end)
+            cts_bits_combine(&followed, CTS_BITS_OR, &plates);
+    }
+    if (!cts_bits_any(&followed))
+        return;
+    scan_window_columns(s, window, w);
+    /* In the longer window the plate wavered: extend it to its faces in this one. */
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
+    cts_dilate_section(w->morphology, followed.words, waver, followed.words);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
+    cts_plate_contacts_add(&w->always, &w->ever, &followed);
+}
+
+typedef struct WindowSearch {
+    const Search *search;
+    Worker *workers;
+    atomic_int n_failed;
+} WindowSearch;
+
+static void find_plates_in_windows(void *context, int worker, size_t first, size_t end)
+{
+    WindowSearch *const l = context;
+    for (int n = (int)first; n < (int)end; n++)
+        if (find_plates_in_window(l->search, n, &l->workers[worker], NULL))
+            atomic_fetch_add(&l->n_failed, 1);
+}
+
+static void follow_in_windows(void *context, int worker, size_t first, size_t end)
+{
+    WindowSearch *const l = context;
+    for (int n = (int)first; n < (int)end; n++)
+        follow_plates(l->search, n, &l->workers[worker]);
+}
+
+static CtsStatus search(Search *s, const CtsBits *sections, CtsMorphology *morphology, int n_threads, CtsError *err)
+{
+    Worker *workers;
+    CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
+    for (int t = 0; !st && t < n_threads; t++)
+        st = worker_new(&workers[t], sections->dims, &morphology[t], err);
+    if (st)
+        goto end;
+    WindowSearch looking = {.search = s, .workers = workers};
+    cts_each_section(morphology, n_threads, cts_dilate_section, sections, (CtsReach){.diamond = 1}, &s->wide);
+    cts_parallel(n_threads, (size_t)s->windows.n, 1, find_plates_in_windows, &looking);
+    cts_parallel(n_threads, (size_t)s->shorter.n, 1, follow_in_windows, &looking);
+    if (atomic_load(&looking.n_failed))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+end:
+    for (int t = 0; workers && t < n_threads; t++)
+        worker_free(&workers[t]);
+    cts_free(&workers);
+    return st;
+}
+
+/* Each section gets the union of the results of its windows. */
+static void gather(const Windows *windows, const CtsBits *found, CtsBits *to)
+{
+    for (int at = 0; at < windows->n; at++) {
+        const CtsBits from = cts_bits_slice(found, at);
+        const Window window = window_at(windows, at);
+        if (!cts_bits_any(&from))
+            continue;
+        for (int k = window.first; k < window.end; k++) {
+            CtsBits section = cts_bits_slice(to, k);
+            cts_bits_combine(&section, CTS_BITS_OR, &from);
+        }
+    }
+}
+
+CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
+                          CtsPlates *plates_found, CtsError *err)
+{
+    CtsStatus st;
+    Search s = {.plan = plan,
+                .reach = cts_reach_mm(PLATE_RADIUS_MM, plan->spacing_mm),
+                .doubt_reach = cts_reach_mm(DOUBT_RADIUS_MM, plan->spacing_mm)};
+    const double mm2 = plan->spacing_mm[0] * plan->spacing_mm[1];
+    s.least_voxels = MIN_MM2 / mm2;
+    s.sure_voxels = SURE_MM2 / mm2;
+    s.windows = windows_of(plan, PLATE_MM);
+    s.shorter = windows_of(plan, FOLLOWED_MM);
+    if ((st = cts_bits_new(&plates_found->plates, plan->dims, err)) ||
+        (st = cts_bits_new(&plates_found->doubtful, plan->dims, err)) || s.windows.n == 0)
+        return st;
+    const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
+    const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
+    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new_unset(&s.plates, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, workers, n_threads, err)))
+        goto end;
+    gather(&s.windows, &s.plates, &plates_found->plates);
+    gather(&s.shorter, &s.followed, &plates_found->plates);
+    gather(&s.windows, &s.doubtful, &plates_found->doubtful);
+    cts_bits_combine(&plates_found->plates, CTS_BITS_AND, sections);
+    cts_bits_combine(&plates_found->doubtful, CTS_BITS_AND, sections);
+end:
+    cts_bits_free(&s.wide);
+    cts_bits_free(&s.plates);
+    cts_bits_free(&s.doubtful);
+    cts_bits_free(&s.followed);
+    return st;
+}
+
+void cts_plates_free(CtsPlates *plates_found)
+{
+    cts_bits_free(&plates_found->plates);
+    cts_bits_free(&plates_found->doubtful);
+}

@@ -1,0 +1,161 @@
+/* The steps of table removal. */
+#ifndef CTS_COUCH_TABLE_REMOVAL_H
+#define CTS_COUCH_TABLE_REMOVAL_H
+
+#include "base/bits.h"
+#include "core/volume/body_mask.h"
+#include "ctsplat/volume.h"
+
+/* A volume as sections across the scanner's axis, from head to feet: voxels denser than air, one bit per voxel, several
+ * slices joined to a section. */
+
+/* Orientation of the sections: axis[2] runs along the scanner, nearest to the patient's z; axis[0] and axis[1] are the
+ * columns and rows of a section, in the volume's order. */
+typedef struct CtsSectionPlan {
+    int axis[3];
+    int n_slices;         /* voxels along axis[2] that one section joins */
+    double spacing_mm[3]; /* between columns, rows and sections */
+    double voxel_mm3;     /* of one bit of a section */
+    int dims[3];          /* of the sections' bits */
+} CtsSectionPlan;
+
+/* False when the volume's steps do not span space. */
+bool cts_section_plan(const CtsVolume *volume, double thickness_mm, CtsSectionPlan *plan);
+
+/* A bit is set where any voxel of it is; dense has the volume's dimensions. */
+CtsStatus cts_sections_new(const CtsSectionPlan *plan, const CtsBits *dense, int n_threads, CtsBits *sections,
+                           CtsError *err);
+
+/* The bits of the sections along row (j, k) of the volume, as a row of a CtsBits of its dimensions. */
+void cts_sections_row(const CtsSectionPlan *plan, const CtsBits *sections, int nx, int j, int k, uint64_t *row);
+
+/* One section, a slice of a CtsBits, made wider and narrower. */
+
+/* Size of a structuring element: an octagon of `diamond` steps along the axes, then a box of these half sizes, in
+ * voxels. */
+typedef struct CtsReach {
+    int diamond, box[2];
+} CtsReach;
+
+/* The octagon nearest to a disk; at least 1 voxel along either axis. */
+CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2]);
+
+/* Scratch for sections of one size, of one thread. */
+typedef struct CtsMorphology {
+    size_t row_words, n_words;
+    uint64_t last_word; /* mask of a row's last word inside the section */
+    /* of the two copies a and b, with margins: rows, words from row to row, and in total */
+    size_t n_rows, stride, n_copy;
+    uint64_t *buffer, *a, *b;
+} CtsMorphology;
+
+CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err);
+void cts_morphology_free(CtsMorphology *m);
+/* An array of one for each thread. */
+CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
+void cts_morphologies_free(CtsMorphology **workers, int n_threads);
+
+/* Sections of n_words words; in and out may be the same. Outside the section all voxels are 0 for dilation; for opening
+ * the border voxels are continued, like a patient cut off by the field of view. */
+typedef void (*cts_section_fn)(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+/* The parts that an opening removes: the section without its opening dilated by a voxel. */
+void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+/* One of these for all sections, which may be changed in place. */
+void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
+                      CtsBits *out);
+
+/* Connected parts of a bit mask: voxels that share a face are connected. */
+
+/* Voxels first <= i < end of one row, all set, as long as possible. */
+typedef struct CtsRun {
+    uint32_t first, end;
+    uint32_t part; /* index into CtsComponents.parts */
+} CtsRun;
+
+typedef struct CtsComponent {
+    uint64_t n_voxels;
+    int lo[3], hi[3]; /* the box of its voxels, hi included */
+} CtsComponent;
+
+/* Runs in order of rows, k * dims[1] + j; the runs of row r are row_start[r] <= n < row_start[r + 1]. Parts are in
+ * order of their first run. */
+typedef struct CtsComponents {
+    int dims[3];
+    CtsRun *runs;
+    uint32_t *row_start;
+    uint64_t n_runs; /* at most UINT32_MAX - 1 */
+    CtsComponent *parts;
+    uint32_t n_parts;
+} CtsComponents;
+
+/* A zero-initialised CtsComponents may be freed; finding frees the previous contents. across_slices false: voxels of
+ * different slices are never connected. */
+CtsStatus cts_components_find(CtsComponents *parts, const CtsBits *bits, bool across_slices, CtsError *err);
+void cts_components_free(CtsComponents *parts);
+
+/* For each part, the number of its voxels that are set in bits; free with cts_free(). */
+CtsStatus cts_components_count_in(const CtsComponents *parts, const CtsBits *bits, uint64_t **count, CtsError *err);
+
+/* Sets the bits of the parts whose flag is set; all other bits become those of `under` (NULL: 0). */
+void cts_components_paint(const CtsComponents *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits);
+
+/* Extruded structures along the scanner's axis: constant thin cross-sections. */
+
+/* Bits in the dimensions of the sections: thin structures at a constant position over 60 mm of the scanner's axis; and
+ * candidates, which may be thicker. None in volumes with fewer slices. */
+typedef struct CtsPlates {
+    CtsBits plates, doubtful;
+} CtsPlates;
+
+/* workers[]: one for each thread. A zero-initialised CtsPlates may be freed. */
+CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
+                          CtsPlates *plates_found, CtsError *err);
+void cts_plates_free(CtsPlates *plates_found);
+
+/* A plate under the patient's back, where both are one: found between the plate's two ends that stick out. */
+
+/* All of one section: voxels set always and ever, and the plates found in it. Adds strips that continue a plate from
+ * its contact with a thicker structure to where it emerges again: along the far face, with nothing beneath, and as
+ * thick as the plate. */
+void cts_plate_contacts_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates);
+
+/* The HU at a place of the sections: of the first slice of section k. */
+double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *volume, int i, int j, int k);
+
+/* The level of the air around the patient, found when it is first needed. */
+typedef struct CtsAirLevel {
+    double lung_hu;  /* air above this is a lung; 0: not found yet */
+    bool is_unknown; /* a table stands in air as dense as lungs, and room air has no level of its own */
+} CtsAirLevel;
+
+/* outside[]: parts of the air that reach the border of a section and are not lung. has_table: plates were found. *level
+ * is determined where it is not yet known. */
+CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsComponents *air, bool has_table,
+                          CtsAirLevel *level, uint8_t *outside, CtsError *err);
+
+/* The patient among the connected parts denser than air, with the voxels it encloses. */
+
+typedef struct CtsBody {
+    CtsBits dense;   /* the patient where it is denser than air */
+    CtsBits whole;   /* and the voxels it encloses in a section */
+    CtsBits foreign; /* parts of some size that are not the patient */
+    double mm3;      /* of the dense bits */
+    double thin_mm3; /* volume of its thin protrusions */
+    CtsAirLevel air;
+} CtsBody;
+
+/* sections without extruded are the patient's candidates; both and the volume in memory are in the plan's orientation.
+ * workers[]: one per thread. */
+CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
+                        const CtsBits *plates_found, CtsMorphology *workers, int n_threads, CtsBody *body,
+                        CtsError *err);
+void cts_body_free(CtsBody *body);
+
+/* The voxels that minip and average use: the whole body except its outermost 3 mm, which contain the soft edge of the
+ * skin. */
+CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                          CtsBodyMask **mask, CtsError *err);
+
+#endif

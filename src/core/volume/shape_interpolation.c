@@ -1,0 +1,470 @@
+#include "core/volume/shape_interpolation.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "base/simd_fixed.h"
+#include "core/volume/shape_move.h"
+#include <assert.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The surfaces that are followed: of the body and of its air, halfway from air to water, and of bone, above the blood
+ * of vessels with contrast agent and below the thinnest cortex. */
+static const double SURFACE_HU[] = {-500, 300};
+enum { N_SURFACES = SHAPE_SURFACES, BLOCK = SHAPE_BLOCK, SIDE = SHAPE_SIDE, FAR = SHAPE_FAR };
+static_assert(sizeof SURFACE_HU / sizeof *SURFACE_HU == SHAPE_SURFACES, "a field for each surface");
+/* A diagonal step, where one to the side has 12 (Borgefors 1986). */
+enum { CORNER = 17 };
+
+/* ALIKE_HU: smaller differences between slices are texture and noise, which blending handles well. A displacement is
+ * accepted if the values it matches are similar: half as different as without it, or within EDGES_HU, the difference of
+ * two edges half a pixel apart. */
+static const double ALIKE_HU = 100, EDGES_HU = 300;
+
+#define INLINE __attribute__((always_inline)) static inline
+
+/* One slice as blocks: grey levels, then for each surface how far it lies off, positive inside. */
+typedef struct Field {
+    uint16_t *grey;
+    int16_t *distance[N_SURFACES];
+} Field;
+
+typedef struct Shaping {
+    const CtsShapeStack *stack;
+    int n_blocks[2];
+    uint16_t level[N_SURFACES];
+    float alike, edges; /* grey levels */
+    cts_shape_find_fn find;
+    cts_shape_write_fn write;
+    atomic_ullong n_voxels, n_moved, sum_of_differences;
+    atomic_int n_failed;
+} Shaping;
+
+/* Distances side by side. */
+enum { EIGHT = 8 };
+
+/* Scratch memory of one thread. */
+typedef struct Scratch {
+    Field field[2];
+    ShapeGap gap;
+    uint16_t *grey, *row;  /* of both fields; two rows of blocks, and two blocks */
+    uint8_t *moves, *near; /* for one gap: blocks that move, and those that do or whose neighbours in the row do */
+    float *move;
+    int16_t *distance;
+} Scratch;
+
+static size_t n_all_blocks(const Shaping *s)
+{
+    return (size_t)s->n_blocks[0] * (size_t)s->n_blocks[1];
+}
+
+static void blocks_free(ShapeBlocks *b)
+{
+    cts_free(&b->at);
+    cts_free(&b->row);
+    cts_free(&b->borders);
+}
+
+static CtsStatus blocks_new(ShapeBlocks *b, size_t n, CtsError *err)
+{
+    CtsStatus st;
+    (void)((st = cts_alloc_array(&b->at, n + SHAPE_LANES, err)) ||
+           (st = cts_alloc_array(&b->row, n + SHAPE_LANES, err)) ||
+           (st = cts_alloc_array(&b->borders, n + SHAPE_LANES, err)));
+    return st;
+}
+
+static void scratch_free(Scratch *c)
+{
+    blocks_free(&c->gap.moving);
+    blocks_free(&c->gap.written);
+    cts_free(&c->distance);
+    cts_free(&c->grey);
+    cts_free(&c->row);
+    cts_free(&c->move);
+    cts_free(&c->moves);
+    cts_free(&c->near);
+}
+
+static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
+{
+    const size_t n = n_all_blocks(s), n_moves = shape_place(0, (size_t)s->n_blocks[1]) + n;
+    CtsStatus st;
+    *c = (Scratch){.gap = {.stack = s->stack, .n_blocks = {s->n_blocks[0], s->n_blocks[1]}, .edges = s->edges}};
+    if ((st = cts_alloc_array(&c->distance, 2 * N_SURFACES * n + 1, err)) ||
+        (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
+        (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0] + 2, err)) ||
+        (st = cts_alloc_zeroed(&c->move, SHAPE_NUMBERS * n_moves + SHAPE_LANES, err)) ||
+        (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->near, n, err)) ||
+        (st = blocks_new(&c->gap.moving, n, err)) || (st = blocks_new(&c->gap.written, n, err))) {
+        scratch_free(c);
+        return st;
+    }
+    for (int i = 0; i < 2 * N_SURFACES; i++)
+        c->field[i / N_SURFACES].distance[i % N_SURFACES] = c->distance + (size_t)i * n;
+    for (int i = 0; i < 2; i++)
+        c->field[i].grey = c->grey + (size_t)i * n;
+    for (int i = 0; i < SHAPE_NUMBERS; i++)
+        c->gap.move[i] = c->move + (size_t)i * n_moves;
+    return CTS_OK;
+}
+
+INLINE int least(int a, int b)
+{
+    return a < b ? a : b;
+}
+
+/* Means of 2 x 2 pixels. */
+INLINE void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row, int n, uint16_t *restrict to)
+{
+    const uint16_t *const a = slice + (size_t)(BLOCK * block_row) * (size_t)t->n_columns;
+    const uint16_t *const b = BLOCK * block_row + 1 < t->n_rows ? a + t->n_columns : a;
+    for (int i = 0; i < t->n_columns / BLOCK; i++)
+        to[i] = (uint16_t)(((uint32_t)a[2 * i] + a[2 * i + 1] + b[2 * i] + b[2 * i + 1] + 2) / 4);
+    if (t->n_columns % BLOCK)
+        to[n - 1] = (uint16_t)((2U * a[2 * n - 2] + 2U * b[2 * n - 2] + 2) / 4);
+}
+
+/* Half of the middle one, a quarter of either of the others. */
+INLINE void smooth_row(const uint16_t *before, const uint16_t *own, const uint16_t *behind, int n,
+                       uint16_t *restrict to)
+{
+    for (int i = 0; i < n; i++)
+        to[i] = (uint16_t)((before[i] + 2U * own[i] + behind[i] + 2) / 4);
+}
+
+/* Means of blocks, with a quarter of the adjacent pixels along rows and columns: smoothing suppresses noise. */
+INLINE void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows, uint16_t *grey)
+{
+    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
+    for (int j = 0; j < ny; j++) {
+        uint16_t *const bins = rows + 1; /* with its ends once more */
+        bin_row(s->stack, slice, j, nx, bins);
+        rows[0] = bins[0];
+        bins[nx] = bins[nx - 1];
+        smooth_row(rows, bins, bins + 1, nx, grey + (size_t)j * (size_t)nx);
+    }
+    uint16_t *above = rows, *own = rows + nx;
+    memcpy(above, grey, (size_t)nx * sizeof *above);
+    for (int j = 0; j < ny; j++) {
+        uint16_t *const row = grey + (size_t)j * (size_t)nx;
+        const uint16_t *const below = j + 1 < ny ? row + nx : row;
+        memcpy(own, row, (size_t)nx * sizeof *own);
+        smooth_row(above, own, below == row ? own : below, nx, row);
+        uint16_t *const t = above;
+        above = own;
+        own = t;
+    }
+}
+
+/* Distance from a block's centre to where the grey level passes the surface's towards a neighbour; FAR where it does
+ * not. */
+INLINE int to_crossing(uint16_t own, uint16_t other, uint16_t level)
+{
+    if ((own >= level) == (other >= level))
+        return FAR;
+    return (int)(SIDE * (own - (level - 0.5F)) / ((float)own - other) + 0.5F);
+}
+
+INLINE int16_t begin_distance(const uint16_t *at, const uint16_t *above, const uint16_t *below, int to_left,
+                              int to_right, uint16_t level)
+{
+    return (int16_t)least(least(to_crossing(*at, at[to_left], level), to_crossing(*at, at[to_right], level)),
+                          least(to_crossing(*at, *above, level), to_crossing(*at, *below, level)));
+}
+
+INLINE void begin_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
+{
+    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
+    for (int j = 0; j < ny; j++, d += nx) {
+        const uint16_t *const row = grey + (size_t)j * (size_t)nx, *const above = j > 0 ? row - nx : row;
+        const uint16_t *const below = j + 1 < ny ? row + nx : row;
+        /* Most blocks are on the same side as all their neighbours. */
+        for (int i = 1; i + 1 < nx; i++) {
+            const bool in = row[i] >= level;
+            const bool alike = (in == (row[i - 1] >= level)) & (in == (row[i + 1] >= level)) &
+                               (in == (above[i] >= level)) & (in == (below[i] >= level));
+            d[i] = alike ? FAR : 0;
+        }
+        for (int i = 1; i + 1 < nx; i++) {
+            static const int16_t far[] = {FAR, FAR, FAR, FAR};
+            if (i + 4 < nx && !memcmp(d + i, far, sizeof far))
+                i += 3;
+            else if (!d[i])
+                d[i] = begin_distance(row + i, above + i, below + i, -1, 1, level);
+        }
+        d[nx - 1] = begin_distance(row + nx - 1, above + nx - 1, below + nx - 1, nx > 1 ? -1 : 0, 0, level);
+        d[0] = begin_distance(row, above, below, 0, nx > 1, level);
+    }
+}
+
+INLINE int16_t nearer(int16_t a, int16_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Distances of a row from those of the row visited before. */
+INLINE void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
+{
+    for (int i = 1; i + 1 < n; i++)
+        d[i] = nearer(nearer(d[i], (int16_t)(known[i] + SIDE)), (int16_t)(nearer(known[i - 1], known[i + 1]) + CORNER));
+    for (int i = 0; i<n; i += n> 1 ? n - 1 : 1) {
+        d[i] = nearer(d[i], (int16_t)(known[i] + SIDE));
+        if (n > 1)
+            d[i] = nearer(d[i], (int16_t)(known[i > 0 ? i - 1 : 1] + CORNER));
+    }
+}
+
+INLINE i16x8 nearest(i16x8 a, i16x8 b)
+{
+    return a + ((b - a) & (i16x8)(b < a));
+}
+
+/* The distances of a row from those to the left: within eight by doubling steps, then from the eight before. */
+INLINE void reach_right(int16_t *row, int n)
+{
+    const i16x8 far = (i16x8){0} + (int16_t)FAR, steps = {1, 2, 3, 4, 5, 6, 7, 8};
+    int16_t v = FAR;
+    int i = 0;
+    for (; i + EIGHT <= n; i += EIGHT) {
+        i16x8 x;
+        memcpy(&x, row + i, sizeof x);
+        x = nearest(x, SIDE + __builtin_shufflevector(far, x, 0, 8, 9, 10, 11, 12, 13, 14));
+        x = nearest(x, 2 * SIDE + __builtin_shufflevector(far, x, 0, 1, 8, 9, 10, 11, 12, 13));
+        x = nearest(x, 4 * SIDE + __builtin_shufflevector(far, x, 0, 1, 2, 3, 8, 9, 10, 11));
+        x = nearest(x, v + SIDE * steps);
+        memcpy(row + i, &x, sizeof x);
+        v = x[EIGHT - 1];
+    }
+    for (; i < n; i++)
+        row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
+}
+
+/* The same from those to the right. */
+INLINE void reach_left(int16_t *row, int n)
+{
+    const i16x8 far = (i16x8){0} + (int16_t)FAR, steps = {8, 7, 6, 5, 4, 3, 2, 1};
+    int16_t v = FAR;
+    int i = n;
+    for (; i >= EIGHT; i -= EIGHT) {
+        i16x8 x;
+        memcpy(&x, row + i - EIGHT, sizeof x);
+        x = nearest(x, SIDE + __builtin_shufflevector(x, far, 1, 2, 3, 4, 5, 6, 7, 8));
+        x = nearest(x, 2 * SIDE + __builtin_shufflevector(x, far, 2, 3, 4, 5, 6, 7, 8, 9));
+        x = nearest(x, 4 * SIDE + __builtin_shufflevector(x, far, 4, 5, 6, 7, 8, 9, 10, 11));
+        x = nearest(x, v + SIDE * steps);
+        memcpy(row + i - EIGHT, &x, sizeof x);
+        v = x[0];
+    }
+    while (i-- > 0)
+        row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
+}
+
+/* One pass over the blocks, row by row: from the previous row, then within the row. */
+INLINE void sweep(const Shaping *s, int16_t *d, int way)
+{
+    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
+    for (int j = way > 0 ? 0 : ny - 1; j >= 0 && j < ny; j += way) {
+        int16_t *const row = d + (size_t)j * (size_t)nx;
+        if (j - way >= 0 && j - way < ny)
+            reach_row(row, row - way * nx, nx);
+        if (way > 0)
+            reach_right(row, nx);
+        else
+            reach_left(row, nx);
+    }
+}
+
+INLINE void find_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
+{
+    begin_distances(s, grey, level, d);
+    sweep(s, d, 1);
+    sweep(s, d, -1);
+    for (size_t i = 0; i < n_all_blocks(s); i++)
+        d[i] = (int16_t)(grey[i] < level ? -d[i] : d[i]);
+}
+
+INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, Field *field)
+{
+    read_blocks(s, s->stack->slices + (size_t)slice * s->stack->slice_step, c->row, field->grey);
+    for (int l = 0; l < N_SURFACES; l++)
+        find_distances(s, field->grey, s->level[l], field->distance[l]);
+}
+
+static void read_field(const Shaping *s, int slice, Scratch *c, Field *field)
+{
+    read_any_field(s, slice, c, field);
+}
+
+CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch *c, Field *field)
+{
+    read_any_field(s, slice, c, field);
+}
+
+/* Flags blocks that are displaced at any position between the slices and that differ by more than noise; displacements
+ * of all others are 0. */
+INLINE void find_any_moves(const Shaping *s, Scratch *c)
+{
+    const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
+    const int alike = (int)s->alike;
+    uint8_t *restrict const moves = c->moves;
+    const size_t n = n_all_blocks(s);
+    memset(moves, 0, n);
+    for (int l = 0; l < N_SURFACES; l++) {
+        const int16_t *const d = c->field[0].distance[l], *const e = c->field[1].distance[l];
+        for (size_t i = 0; i < n; i++) {
+            const int moved = abs(e[i] - d[i]), off = least(abs(d[i]), abs(e[i]));
+            moves[i] |= (moved > SHAPE_MOVES_FROM) & (abs(b[i] - a[i]) > alike) &
+                        (((d[i] ^ e[i]) < 0) | (off < SHAPE_GOES_WITH * moved + 2 * SIDE));
+        }
+    }
+}
+
+static void find_moves(const Shaping *s, Scratch *c)
+{
+    find_any_moves(s, c);
+}
+
+CTS_TARGET_AVX2 static void find_moves_avx2(const Shaping *s, Scratch *c)
+{
+    find_any_moves(s, c);
+}
+
+/* Lists the flagged blocks. */
+static void list_flagged(const Shaping *s, const uint8_t *flags, ShapeBlocks *list)
+{
+    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
+    list->n = 0;
+    for (int j = 0; j < ny; j++) {
+        const size_t row = (size_t)j * (size_t)nx;
+        const int32_t ends = (j == 0 ? SHAPE_AT_TOP : 0) | (j + 1 == ny ? SHAPE_AT_BOTTOM : 0);
+        for (int i = 0; i < nx; i++) {
+            uint64_t eight = 0;
+            if (i + (int)sizeof eight <= nx && memcpy(&eight, flags + row + i, sizeof eight) && !eight) {
+                i += (int)sizeof eight - 1;
+            } else if (flags[row + (size_t)i]) {
+                list->at[list->n] = (uint32_t)(row + (size_t)i);
+                list->row[list->n] = (uint32_t)j;
+                list->borders[list->n++] = ends | (i == 0 ? SHAPE_AT_LEFT : 0) | (i + 1 == nx ? SHAPE_AT_RIGHT : 0);
+            }
+        }
+    }
+}
+
+/* Lists the blocks processed in every layer of a gap: most blocks are not displaced, or similar. Displacements of
+ * adjacent blocks affect a pixel, too. */
+static void list_blocks(const Shaping *s, Scratch *c)
+{
+    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1];
+    (cts_cpu_flags() & CTS_CPU_AVX2 ? find_moves_avx2 : find_moves)(s, c);
+    list_flagged(s, c->moves, &c->gap.moving);
+    for (size_t j = 0; j < ny; j++) {
+        const uint8_t *const own = c->moves + j * nx;
+        uint8_t *const near = c->near + j * nx;
+        memcpy(near, own, nx);
+        for (size_t i = 1; i < nx; i++)
+            near[i] |= own[i - 1];
+        for (size_t i = 0; i + 1 < nx; i++)
+            near[i] |= own[i + 1];
+    }
+    for (size_t j = 0; j < ny; j++) {
+        const uint8_t *const own = c->near + j * nx, *const above = j > 0 ? own - nx : own;
+        const uint8_t *const below = j + 1 < ny ? own + nx : own;
+        uint8_t *const written = c->moves + j * nx; /* moves are listed */
+        for (size_t i = 0; i < nx; i++)
+            written[i] = above[i] | own[i] | below[i];
+    }
+    list_flagged(s, c->moves, &c->gap.written);
+}
+
+static void forget_moves(const ShapeGap *g)
+{
+    for (size_t n = 0; n < g->moving.n; n++)
+        for (int k = 0; k < SHAPE_NUMBERS; k++)
+            memset(g->move[k] + shape_place(g->moving.at[n], g->moving.row[n]) - 1, 0, 3 * sizeof(float));
+}
+
+static double place_of(const CtsShapeStack *t, int slice)
+{
+    return t->layer ? t->layer[slice] : (double)slice * t->n_parts;
+}
+
+static void shape_gap(const Shaping *s, Scratch *c, int gap, ShapeSums *sums)
+{
+    const CtsShapeStack *const t = s->stack;
+    const double from = place_of(t, gap), to = place_of(t, gap + 1);
+    const size_t layer = (size_t)t->n_columns * (size_t)t->n_rows;
+    const uint16_t *const slice = t->slices + (size_t)gap * t->slice_step;
+    list_blocks(s, c);
+    for (int i = 0; i < 2 * N_SURFACES; i++)
+        c->gap.distance[i / N_SURFACES][i % N_SURFACES] = c->field[i / N_SURFACES].distance[i % N_SURFACES];
+    for (int j = (int)floor(from) + 1; j < to && j < t->n_layers; j++) {
+        const ShapeLayer made = {
+            {slice, slice + t->slice_step}, t->layers + (size_t)j * layer, (float)((j - from) / (to - from))};
+        sums->n_voxels += layer;
+        s->find(&c->gap, made.part);
+        s->write(&c->gap, &made, sums);
+    }
+    forget_moves(&c->gap);
+}
+
+/* Gaps between slices; a field is read once for the two gaps at a slice. */
+static void shape_gaps(void *context, int worker, size_t first, size_t end)
+{
+    Shaping *const s = context;
+    Scratch c;
+    ShapeSums sums = {0, 0, 0};
+    (void)worker;
+    const bool has_avx2 = cts_cpu_flags() & CTS_CPU_AVX2;
+    if (scratch_new(s, &c, NULL)) {
+        atomic_fetch_add(&s->n_failed, 1);
+        return;
+    }
+    (has_avx2 ? read_field_avx2 : read_field)(s, (int)first, &c, &c.field[0]);
+    for (size_t gap = first; gap < end; gap++) {
+        (has_avx2 ? read_field_avx2 : read_field)(s, (int)gap + 1, &c, &c.field[1]);
+        shape_gap(s, &c, (int)gap, &sums);
+        const Field t = c.field[0];
+        c.field[0] = c.field[1];
+        c.field[1] = t;
+    }
+    scratch_free(&c);
+    atomic_fetch_add(&s->n_voxels, sums.n_voxels);
+    atomic_fetch_add(&s->n_moved, sums.n_moved);
+    atomic_fetch_add(&s->sum_of_differences, sums.differences);
+}
+
+static uint16_t level_of(const CtsShapeStack *t, double hu)
+{
+    const double level = ceil((hu - t->hu_offset) / t->hu_step);
+    return (uint16_t)(level < 1 ? 1 : level > UINT16_MAX ? UINT16_MAX : level);
+}
+
+void cts_shape_interpolate_layers(const CtsShapeStack *stack, int n_threads, CtsInterpolationCounts *made)
+{
+    const unsigned cpu = cts_cpu_flags();
+    Shaping s = {.stack = stack, .n_blocks = {(stack->n_columns + 1) / BLOCK, (stack->n_rows + 1) / BLOCK}};
+    if (stack->n_slices < 2 || stack->n_columns < 2 || stack->n_rows < 2)
+        return;
+    for (int l = 0; l < N_SURFACES; l++)
+        s.level[l] = level_of(stack, SURFACE_HU[l]);
+    s.alike = (float)(ALIKE_HU / stack->hu_step);
+    s.edges = (float)(EDGES_HU / stack->hu_step);
+    s.find = cpu & CTS_CPU_AVX512 ? cts_shape_find_moves_avx512
+             : cpu & CTS_CPU_AVX2 ? cts_shape_find_moves_avx2
+                                  : cts_shape_find_moves_c;
+    s.write = cpu & CTS_CPU_AVX512 ? cts_shape_write_layer_avx512
+              : cpu & CTS_CPU_AVX2 ? cts_shape_write_layer_avx2
+                                   : cts_shape_write_layer_c;
+    /* A chunk of gaps reads one more slice than it has gaps. */
+    const int threads = cts_threads(n_threads);
+    const size_t n_gaps = (size_t)stack->n_slices - 1;
+    cts_parallel(threads, n_gaps, threads == 1 ? n_gaps : 0, shape_gaps, &s);
+    made->n_voxels += atomic_load(&s.n_voxels);
+    made->n_moved += atomic_load(&s.n_moved);
+    made->sum_of_differences_hu += (double)atomic_load(&s.sum_of_differences) * stack->hu_step;
+    made->no_memory |= atomic_load(&s.n_failed) > 0;
+}

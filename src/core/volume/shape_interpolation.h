@@ -1,0 +1,26 @@
+/* Shape-based interpolation of layers: where a surface moves by more than the width of its edge from slice to slice,
+ * blending gives terraces, two half surfaces in place of one. After Grevera and Udupa's shape-based interpolation of
+ * grey levels (1996): signed distances to a surface are interpolated between the slices, and each grey level keeps its
+ * distance from the surface. */
+#ifndef CTS_VOLUME_SHAPE_INTERPOLATION_H
+#define CTS_VOLUME_SHAPE_INTERPOLATION_H
+
+#include "ctsplat/volume.h"
+
+/* n_slices slices, which may be layers, and n_layers layers made of them, as blended in place. */
+typedef struct CtsShapeStack {
+    const uint16_t *slices;
+    size_t slice_step; /* voxels from a slice to the next one */
+    uint16_t *layers;
+    int n_columns, n_rows, n_slices, n_layers;
+    const double *layer; /* position of each slice in layers, rising; NULL: n_parts apart */
+    int n_parts;
+    double hu_offset, hu_step;
+} CtsShapeStack;
+
+/* Overwrites, in the layers between slices, pixels displaced with the surfaces of air and bone; layers that are slices
+ * are unchanged. Adds to *made, including where memory was too short. The result does not depend on the number of
+ * threads. */
+void cts_shape_interpolate_layers(const CtsShapeStack *stack, int n_threads, CtsInterpolationCounts *made);
+
+#endif

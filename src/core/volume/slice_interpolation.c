@@ -1,0 +1,159 @@
+#include "core/volume/slice_interpolation.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "core/volume/body_mask.h"
+#include "core/volume/shape_interpolation.h"
+#include "ctsplat/volume.h"
+#include <math.h>
+#include <string.h>
+
+CtsInterpolationWeights cts_slice_interpolation_weights(double t, const double distance[3])
+{
+    const double s = 1 - t, before = distance[0], here = distance[1], behind = distance[2];
+    /* Hermite's basis, slopes over the distance of b and c. */
+    const double at_b = (1 + 2 * t) * s * s, at_c = (1 + 2 * s) * t * t, slope_b = t * s * s, slope_c = -s * t * t;
+    /* A slope is the mean of the differences on both sides, the nearer one counting more. */
+    const double rise_ab = slope_b * here / (before + here) * here / before,
+                 rise_b = slope_b * before / (before + here);
+    const double rise_cd = slope_c * here / (here + behind) * here / behind,
+                 rise_c = slope_c * behind / (here + behind);
+    return (CtsInterpolationWeights){.a = (float)-rise_ab,
+                                     .b = (float)(at_b + rise_ab - rise_b - rise_c),
+                                     .c = (float)(at_c + rise_b + rise_c - rise_cd),
+                                     .d = (float)rise_cd};
+}
+
+/* first, last: the stack begins or ends with the inner slices, and is continued with constant values. */
+static inline __attribute__((always_inline)) void interpolate_part(uint16_t *restrict to,
+                                                                   const uint16_t *const slices[4], int n,
+                                                                   const CtsInterpolationWeights *w, bool first,
+                                                                   bool last)
+{
+    const uint16_t *const pa = slices[0], *const pb = slices[1], *const pc = slices[2], *const pd = slices[3];
+    for (int i = 0; i < n; i++) {
+        const float b = pb[i], c = pc[i];
+        const float a = first ? 2 * b - c : (float)pa[i], d = last ? 2 * c - b : (float)pd[i];
+        const float y = w->a * a + w->b * b + w->c * c + w->d * d;
+        const float low = b < c ? b : c, high = b < c ? c : b;
+        to[i] = (uint16_t)(int32_t)((y < low ? low : y > high ? high : y) + 0.5f);
+    }
+}
+
+static inline __attribute__((always_inline)) void interpolate_any(uint16_t *to, const uint16_t *const slices[4], int n,
+                                                                  const CtsInterpolationWeights *w)
+{
+    const bool first = slices[0] == slices[1], last = slices[3] == slices[2];
+    if (!first && !last)
+        interpolate_part(to, slices, n, w, false, false);
+    else
+        interpolate_part(to, slices, n, w, first, last);
+}
+
+static void interpolate_scalar(uint16_t *to, const uint16_t *const slices[4], int n, const CtsInterpolationWeights *w)
+{
+    interpolate_any(to, slices, n, w);
+}
+
+CTS_TARGET_AVX2 static void interpolate_avx2(uint16_t *to, const uint16_t *const slices[4], int n,
+                                             const CtsInterpolationWeights *w)
+{
+    interpolate_any(to, slices, n, w);
+}
+
+void cts_slice_interpolation_row(uint16_t *to, const uint16_t *const slices[4], int n,
+                                 const CtsInterpolationWeights *weights)
+{
+    (cts_cpu_flags() & CTS_CPU_AVX2 ? interpolate_avx2 : interpolate_scalar)(to, slices, n, weights);
+}
+
+enum { CHUNK = 4096 }; /* voxels of one layer that a thread follows down the stack */
+
+typedef struct Interpolation {
+    uint16_t *grey;
+    size_t layer_voxels;
+    int n_slices, n_parts;
+} Interpolation;
+
+/* Moves the slices of a column of chunks to their final places, the last one first, so that none is overwritten, and
+ * inserts the layers after each. */
+static void interpolate_column(const Interpolation *r, size_t at, int n)
+{
+    const size_t slice = r->layer_voxels, step = (size_t)r->n_parts * slice;
+    for (int k = r->n_slices - 1; k >= 0; k--) {
+        uint16_t *const b = r->grey + (size_t)k * step + at, *const from = r->grey + (size_t)k * slice + at;
+        if (k > 0)
+            memcpy(b, from, (size_t)n * sizeof *b);
+        if (k + 1 == r->n_slices)
+            continue;
+        const uint16_t *const c = b + step;
+        const uint16_t *const slices[4] = {k > 0 ? from - slice : b, b, c, k + 2 < r->n_slices ? c + step : c};
+        for (int part = 1; part < r->n_parts; part++) {
+            const CtsInterpolationWeights weights =
+                cts_slice_interpolation_weights((double)part / r->n_parts, (const double[]){1, 1, 1});
+            cts_slice_interpolation_row(b + (size_t)part * slice, slices, n, &weights);
+        }
+    }
+}
+
+static void interpolate_columns(void *context, int worker, size_t first, size_t end)
+{
+    const Interpolation *const r = context;
+    (void)worker;
+    for (; first < end; first += CHUNK)
+        interpolate_column(r, first, (int)(end - first < CHUNK ? end - first : CHUNK));
+}
+
+int cts_volume_layers_per_slice(const CtsVolume *volume)
+{
+    enum { MAX_PARTS = 8 }; /* error of a cubic as eight linear segments: 1 % of its range */
+    const double pixel_mm = fmin(cts_volume_spacing_mm(volume, 0), cts_volume_spacing_mm(volume, 1));
+    const double ratio = cts_volume_spacing_mm(volume, 2) / pixel_mm;
+    if (volume->dims[2] < 2 || !(ratio > 1.5))
+        return 1;
+    return (int)fmin(floor(ratio + 0.5), MAX_PARTS);
+}
+
+CtsStatus cts_volume_interpolate(CtsVolume *v, int n_parts, CtsInterpolation how, int n_threads,
+                                 CtsInterpolationCounts *made, CtsError *err)
+{
+    const size_t layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
+    const int64_t n_layers = (int64_t)(v->dims[2] - 1) * n_parts + 1;
+    const size_t n_scanned = layer_voxels * (size_t)v->dims[2];
+    size_t n;
+    if (n_parts <= 1)
+        return CTS_OK;
+    if (n_layers > INT32_MAX || cts_mul_overflows(layer_voxels, (size_t)n_layers, &n))
+        return cts_fail(err, CTS_ERR_MEMORY, "%d layers for each of %d slices are too many", n_parts, v->dims[2]);
+    const double need = (double)(n - n_scanned) * sizeof *v->grey;
+    const uint64_t free_bytes = cts_memory_available();
+    if (!cts_memory_allows(need, free_bytes))
+        return cts_fail(err, CTS_ERR_MEMORY, "layers between the slices need %.0f MiB of memory, and %.0f MiB are free",
+                        need / 1048576, (double)free_bytes / 1048576);
+    const CtsStatus st = cts_resize_array(&v->grey, n_scanned, n, err);
+    if (st)
+        return st;
+    Interpolation refining = {v->grey, layer_voxels, v->dims[2], n_parts};
+    cts_parallel(cts_threads(n_threads), layer_voxels, CHUNK, interpolate_columns, &refining);
+    if (how == CTS_INTERPOLATION_SHAPE)
+        cts_shape_interpolate_layers(&(CtsShapeStack){.slices = v->grey,
+                                                      .slice_step = (size_t)n_parts * layer_voxels,
+                                                      .layers = v->grey,
+                                                      .n_columns = v->dims[0],
+                                                      .n_rows = v->dims[1],
+                                                      .n_slices = v->dims[2],
+                                                      .n_layers = (int)n_layers,
+                                                      .n_parts = n_parts,
+                                                      .hu_offset = v->hu_offset,
+                                                      .hu_step = v->hu_step},
+                                     n_threads, made);
+    v->dims[2] = (int)n_layers;
+    for (int c = 0; c < 3; c++)
+        v->step_lps[2][c] /= n_parts;
+    v->slice_layers *= n_parts;
+    if (v->body)
+        cts_body_mask_refine(v->body, n_parts);
+    cts_volume_changed(v);
+    return CTS_OK;
+}

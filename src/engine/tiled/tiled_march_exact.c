@@ -1,0 +1,9 @@
+/* The march in double precision, lane by lane where it is not element-wise: for a few rays. Only logarithms and powers
+ * are as in single precision. */
+#define SIMD_DOUBLE
+#include "engine/tiled/tiled_march_tmpl.h"
+
+void cts_tiled_march_exact(const TiledJob *job, TiledRays *rays, TiledCounts *counts)
+{
+    march(job, rays, counts);
+}

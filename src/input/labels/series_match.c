@@ -1,0 +1,128 @@
+/* The relation of a label object to a series, and the series' grid. */
+#include "base/mem.h"
+#include "base/vec3.h"
+#include "dicom/header/slice.h"
+#include "input/labels/label_reading.h"
+#include <string.h>
+
+enum { PATIENT_ID = 0x00100020, SERIES_UID = 0x0020000E, REFERENCED_SOP = 0x00081155 };
+
+CtsStatus cts_label_grid_of(CtsLabelGrid *g, const CtsSeries *series, CtsError *err)
+{
+    const CtsSlice *middle = series->slices[series->n_slices / 2];
+    const size_t n = (size_t)series->n_slices;
+    *g = (CtsLabelGrid){.columns = series->columns, .rows = series->rows, .n_slices = series->n_slices};
+    CtsStatus st = cts_alloc_array(&g->position_lps, n, err);
+    if (!st)
+        st = cts_alloc_array(&g->at_mm, n, err);
+    if (!st)
+        st = cts_alloc_array(&g->thickness_mm, n, err);
+    if (st) {
+        cts_label_grid_free(g);
+        return st;
+    }
+    const double up = cts_dot3(series->slices[n - 1]->position_lps, middle->normal_lps) -
+                      cts_dot3(series->slices[0]->position_lps, middle->normal_lps);
+    for (int c = 0; c < 3; c++) {
+        g->step_lps[0][c] = middle->row_lps[c] * middle->column_spacing_mm;
+        g->step_lps[1][c] = middle->column_lps[c] * middle->row_spacing_mm;
+        g->normal_lps[c] = up < 0 ? -middle->normal_lps[c] : middle->normal_lps[c];
+    }
+    for (size_t k = 0; k < n; k++) {
+        memcpy(g->position_lps[k], series->slices[k]->position_lps, sizeof *g->position_lps);
+        g->at_mm[k] = cts_dot3(g->position_lps[k], g->normal_lps);
+    }
+    cts_label_grid_thickness(g);
+    return CTS_OK;
+}
+
+static bool names_series(const char *uid, const CtsSeries *series)
+{
+    return uid[0] && !strcmp(uid, series->uid);
+}
+
+static bool names_slice(const char *uid, const CtsSeries *series)
+{
+    for (int k = 0; uid[0] && k < series->n_slices; k++)
+        for (const CtsSlice *s = series->slices[k]; s; s = s->copy)
+            if (!strcmp(uid, s->sop_uid))
+                return true;
+    return false;
+}
+
+/* Searches items only, since the object's own series is another one. Slices are compared only where no series is
+ * referenced. */
+static bool refers(CtsElements elements, const CtsSeries *series, int depth, bool slices)
+{
+    CtsElement e;
+    while (depth < 12 && cts_elements_next(&elements, &e)) {
+        CtsElements item, one = e.value;
+        char uid[65];
+        const bool wanted = e.tag == (slices ? REFERENCED_SOP : SERIES_UID);
+        if (wanted && depth > 0) {
+            const size_t n = (size_t)(one.end - one.at) < 64 ? (size_t)(one.end - one.at) : 64;
+            memcpy(uid, one.at, n);
+            uid[n] = 0;
+            for (size_t i = n; i > 0 && uid[i - 1] == ' '; i--)
+                uid[i - 1] = 0;
+            if (slices ? names_slice(uid, series) : names_series(uid, series))
+                return true;
+        }
+        if (one.end - one.at >= 8 && !memcmp(one.at, "\xFE\xFF\x00\xE0", 4))
+            while (cts_items_next(&one, &item))
+                if (refers(item, series, depth + 1, slices))
+                    return true;
+    }
+    return false;
+}
+
+bool cts_label_refers(CtsElements elements, const CtsSeries *series)
+{
+    return refers(elements, series, 0, false) || refers(elements, series, 0, true);
+}
+
+static const char *identity(const CtsSeries *series, CtsIdentity part)
+{
+    const char *const text = series->slices[0]->identity[part];
+    return text ? text : "";
+}
+
+CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
+{
+    char id[256];
+    const char *const own = identity(reading->series, CTS_PATIENT_ID);
+    cts_elements_text(object->elements, PATIENT_ID, id, sizeof id);
+    for (size_t n = strlen(id); n > 0 && strchr("^= ", id[n - 1]); n--) /* trailing characters as trimmed in slices */
+        id[n - 1] = 0;
+    if (id[0] && own[0] && strcmp(id, own))
+        return cts_fail(err, CTS_ERR_GEOMETRY, "belongs to another patient than series %s (PatientID differs)",
+                        reading->series->uid);
+    return CTS_OK;
+}
+
+bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series)
+{
+    return frame_uid[0] && !series->frames_differ && !strcmp(frame_uid, identity(series, CTS_FRAME_UID));
+}
+
+CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsLabelDicom *object, const char *frame_uid,
+                                CtsError *err)
+{
+    const char *const own = identity(reading->series, CTS_FRAME_UID);
+    if (reading->series->frames_differ)
+        return refers(object->elements, reading->series, 0, true)
+                   ? CTS_OK
+                   : cts_fail(err, CTS_ERR_GEOMETRY,
+                              "names none of the series' slices, each of which has a Frame of Reference of its own");
+    if (!frame_uid[0] || !own[0] || !strcmp(frame_uid, own))
+        return CTS_OK;
+    if (!cts_label_refers(object->elements, reading->series))
+        return cts_fail(err, CTS_ERR_GEOMETRY,
+                        "its Frame of Reference %s is not the series' %s, and it names neither the series nor a slice "
+                        "of it (labels of another scan?)",
+                        frame_uid, own);
+    cts_report_diagnostic(reading->report, "label_frame_of_reference", CTS_WARNING,
+                          "label file %d: its Frame of Reference %s is not the series' %s, but it names the series",
+                          reading->file, frame_uid, own);
+    return CTS_OK;
+}

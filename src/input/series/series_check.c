@@ -1,0 +1,663 @@
+#include "input/series/series_check.h"
+
+#include "base/compare.h"
+#include "base/text.h"
+#include "base/vec3.h"
+#include "dicom/header/dcm_readers.h"
+#include "input/series/slice_stack.h"
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+enum { MAX_SLICES = 20000, MIN_SHARE_PERCENT = 90 };
+
+static void end(CtsSeries *series, CtsStatus status, const char *format, va_list args)
+{
+    vsnprintf(series->reason, sizeof series->reason, format, args);
+    cts_text_clean(series->reason);
+    series->refusal = status;
+    cts_diagnostics_add(&series->diagnostics, series->passed ? "passed" : "refused",
+                        series->passed ? CTS_NOTE : CTS_REFUSAL, "%s", series->reason);
+}
+
+static void __attribute__((format(printf, 3, 4))) refuse(CtsSeries *series, CtsStatus status, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    if (!series->refusal)
+        end(series, status, format, args);
+    va_end(args);
+}
+
+/* Not refused for a fault: by its nature it is no volume. */
+static void __attribute__((format(printf, 2, 3))) pass(CtsSeries *series, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    series->passed |= !series->refusal;
+    if (!series->refusal)
+        end(series, CTS_ERR_GEOMETRY, format, args);
+    va_end(args);
+}
+
+static const char *plural(int n)
+{
+    return n == 1 ? "" : "s";
+}
+
+static bool same_direction(const double a[3], const double b[3])
+{
+    for (int c = 0; c < 3; c++)
+        if (fabs(a[c] - b[c]) > 1e-4)
+            return false;
+    return true;
+}
+
+static bool same_pixels(const CtsSlice *a, const CtsSlice *b)
+{
+    return a->rows == b->rows && a->columns == b->columns &&
+           fabs(a->row_spacing_mm - b->row_spacing_mm) <= 1e-4 * b->row_spacing_mm &&
+           fabs(a->column_spacing_mm - b->column_spacing_mm) <= 1e-4 * b->column_spacing_mm;
+}
+
+static bool same_grid(const CtsSlice *a, const CtsSlice *b)
+{
+    return same_pixels(a, b) && same_direction(a->row_lps, b->row_lps) && same_direction(a->column_lps, b->column_lps);
+}
+
+typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
+
+/* Scouts share the series UID of the scan they planned, and dose pages sometimes that of the scan they report. */
+static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+{
+    int n_localizers = 0, n_pages = 0;
+    for (int i = 0; i < set->n; i++) {
+        keep[i] = !set->items[i]->localizer && !set->items[i]->page;
+        n_localizers += set->items[i]->localizer;
+        n_pages += set->items[i]->page && !set->items[i]->localizer;
+    }
+    if (n_localizers == set->n)
+        pass(series, "holds only localizer images (scouts), %d of them, and no volume", n_localizers);
+    else if (n_localizers + n_pages == set->n)
+        pass(series, "holds only pages (dose reports, screen captures), %d of them, and no volume", n_pages);
+    else if (set->n == 1 && (!set->items[0]->fault || set->items[0]->fault == CTS_ERR_GEOMETRY))
+        pass(series, "has 1 slice; a volume needs 2 or more");
+    if (n_localizers && !series->refusal)
+        cts_diagnostics_add(&series->diagnostics, "localizers_dropped", CTS_WARNING, "%d localizer image%s left out",
+                            n_localizers, plural(n_localizers));
+    if (n_pages && !series->refusal)
+        cts_diagnostics_add(&series->diagnostics, "pages_dropped", CTS_WARNING,
+                            "%d page%s (dose report, screen capture) left out", n_pages, plural(n_pages));
+    return CTS_OK;
+}
+
+/* Slices that cannot be used are left out like missing ones; a series that is mostly such slices is refused. */
+static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+{
+    const CtsSlice *first = NULL;
+    int n = 0;
+    for (int i = 0; i < set->n; i++) {
+        const CtsSlice *s = set->items[i];
+        keep[i] = !s->fault;
+        n += !keep[i];
+        /* An undecodable transfer syntax is no damage: the whole series needs conversion. */
+        if (s->fault && (!first || (s->fault == CTS_ERR_SYNTAX && first->fault != CTS_ERR_SYNTAX)))
+            first = s;
+    }
+    if (!n)
+        return CTS_OK;
+    const char *text = first->fault_text ? first->fault_text : "cannot be used";
+    if (first->fault == CTS_ERR_SYNTAX)
+        refuse(series, CTS_ERR_SYNTAX, "%s", text);
+    else if (n * 10 > set->n || set->n - n < 2)
+        refuse(series, first->fault, "%s: %s%s", cts_slice_label(first).text, text,
+               n > 1 ? ", and others like it" : "");
+    else
+        for (int i = 0; i < set->n; i++)
+            if (!keep[i])
+                cts_diagnostics_add(&series->diagnostics, "bad_slices", CTS_WARNING, "%s: %s (left out)",
+                                    cts_slice_label(set->items[i]).text,
+                                    set->items[i]->fault_text ? set->items[i]->fault_text : "cannot be used");
+    return CTS_OK;
+}
+
+/* Adds slices with the pixel grid of one and nearly its orientation, which may jitter; keep marks them, and n_kept
+ * counts those beyond its group. */
+static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep, int *n_kept)
+{
+    int n = 0;
+    for (int i = 0; i < set->n; i++) {
+        keep[i] = same_pixels(set->items[i], one) && cts_dot3(set->items[i]->normal_lps, one->normal_lps) > 0.99;
+        n += keep[i];
+    }
+    if (n == *n_kept || !cts_slice_set_settle(set, keep))
+        return;
+    *n_kept = n;
+    cts_diagnostics_add(&series->diagnostics, "orientation_jitter", CTS_NOTE,
+                        "ImageOrientationPatient (0020,0037) jitters from slice to slice; their mean moves no voxel by "
+                        "more than a tenth of a pixel, and is used");
+}
+
+/* One size, orientation and pixel spacing: the largest group, when it is nearly all. A few images at right angles to it
+ * are scouts without the type. */
+static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+{
+    const CtsSlice *best = NULL;
+    int n_best = 0, n_across = 0;
+    for (int i = 0; i < set->n && n_best * 2 <= set->n; i++) {
+        int n = 0;
+        for (int j = 0; j < set->n; j++)
+            n += same_grid(set->items[j], set->items[i]);
+        if (n > n_best) {
+            n_best = n;
+            best = set->items[i];
+        }
+    }
+    if (n_best < set->n)
+        take_jittering(set, best, series, keep, &n_best);
+    for (int i = 0; i < set->n; i++) {
+        keep[i] = same_grid(set->items[i], best);
+        n_across += fabs(cts_dot3(set->items[i]->normal_lps, best->normal_lps)) < 0.1;
+    }
+    const int n_left = set->n - n_best, n_other = n_left - n_across;
+    if (!n_left)
+        return CTS_OK;
+    if (n_across > 3 || (n_other > 0 && n_best * 100 < (set->n - n_across) * MIN_SHARE_PERCENT) || n_best < n_left)
+        refuse(
+            series, CTS_ERR_GEOMETRY,
+            "its %d slices differ in size, orientation or pixel spacing; the largest group has %d (split the series)",
+            set->n, n_best);
+    else
+        cts_diagnostics_add(&series->diagnostics, "other_slices_dropped", CTS_WARNING,
+                            "%d image%s of another size, orientation or pixel spacing left out", n_left,
+                            plural(n_left));
+    return CTS_OK;
+}
+
+static CtsStatus filter(CtsSliceSet *set, CtsSeries *series, pick_fn pick, CtsError *err)
+{
+    bool *keep = malloc((size_t)set->n);
+    if (!keep)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsStatus st = pick(set, series, keep);
+    if (!st && !series->refusal)
+        cts_slice_set_filter(set, keep);
+    free(keep);
+    return st;
+}
+
+/* Names of the parts of an identity, and the meaning of two values of each. */
+static const struct {
+    const char *name, *means;
+} identities[CTS_N_IDENTITY] = {
+    [CTS_PATIENT_ID] = {"PatientID (0010,0020)", "name different patients"},
+    [CTS_PATIENT_ISSUER] = {"IssuerOfPatientID (0010,0021)", "name different patients"},
+    [CTS_PATIENT_NAME] = {"PatientName (0010,0010)", "name different patients"},
+    [CTS_PATIENT_BIRTH_DATE] = {"PatientBirthDate (0010,0030)", "name different patients"},
+    [CTS_PATIENT_SEX] = {"PatientSex (0010,0040)", "name different patients"},
+    [CTS_STUDY_UID] = {"StudyInstanceUID (0020,000D)", "are of different studies"},
+    [CTS_FRAME_UID] = {"FrameOfReferenceUID (0020,0052)",
+                       "lie in different frames of reference, so their positions cannot be compared"},
+};
+
+static const char *identity_of(const CtsSlice *s, int part)
+{
+    return s->identity[part] ? s->identity[part] : "";
+}
+
+/* Equal texts, in any character sets of the slices. */
+static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
+{
+    const char *x = identity_of(a, part), *y = identity_of(b, part);
+    const bool same_charset = strcmp(a->charset ? a->charset : "", b->charset ? b->charset : "") == 0;
+    if (strcmp(x, y) == 0 || same_charset)
+        return strcmp(x, y) == 0;
+    const CtsDcmReaders *dcm = NULL;
+    if (cts_dcm_readers(&dcm, NULL))
+        return false;
+    char *p = dcm->convert(x, a->charset ? a->charset : ""), *q = dcm->convert(y, b->charset ? b->charset : "");
+    const bool same = p && q && strcmp(p, q) == 0;
+    free(p);
+    free(q);
+    return same;
+}
+
+enum { FEWEST_OWN_FRAMES = 5 };
+
+static int by_frame_uid(const void *a, const void *b)
+{
+    const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    const int order = strcmp(identity_of(x, CTS_FRAME_UID), identity_of(y, CTS_FRAME_UID));
+    return order ? order : strcmp(x->sop_uid, y->sop_uid);
+}
+
+/* Anonymisers give each slice a frame of reference of its own. That many slices of one scanner are one scan all the
+ * same, where they lie evenly (check_stack()); only copies of a slice share one. */
+static bool has_own_frames(const CtsSliceSet *set, CtsStatus *st, CtsError *err)
+{
+    CtsSlice **sorted = NULL;
+    if (set->n < FEWEST_OWN_FRAMES)
+        return false;
+    if (!(sorted = malloc((size_t)set->n * sizeof *sorted))) {
+        *st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        return false;
+    }
+    memcpy(sorted, set->items, (size_t)set->n * sizeof *sorted);
+    qsort(sorted, (size_t)set->n, sizeof *sorted, by_frame_uid);
+    int n_own = 1;
+    bool own = *identity_of(sorted[0], CTS_FRAME_UID) != 0 && !sorted[0]->n_frames;
+    for (int i = 1; own && i < set->n; i++) {
+        const bool differ =
+            strcmp(identity_of(sorted[i], CTS_FRAME_UID), identity_of(sorted[i - 1], CTS_FRAME_UID)) != 0;
+        n_own += differ;
+        own = !sorted[i]->n_frames && !strcmp(sorted[i]->scanner, sorted[0]->scanner) &&
+              (differ || (*sorted[i]->sop_uid && !strcmp(sorted[i]->sop_uid, sorted[i - 1]->sop_uid)));
+    }
+    free(sorted);
+    return own && n_own >= FEWEST_OWN_FRAMES;
+}
+
+/* A volume needs one patient, one study and one frame of reference. Messages contain no values. */
+static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
+{
+    const CtsSlice *known = NULL;
+    int n_empty = 0;
+    for (int i = 0; i < set->n; i++) {
+        const CtsSlice *s = set->items[i];
+        const bool empty = !*identity_of(s, part);
+        n_empty += empty;
+        if (!known && !empty)
+            known = s;
+        if (known && !empty && !same_identity(known, s, part)) {
+            refuse(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[part].means, identities[part].name);
+            return;
+        }
+    }
+    if (known && n_empty)
+        cts_diagnostics_add(&series->diagnostics, "identity_incomplete", CTS_WARNING,
+                            "%s is empty in %d of %d slices, and has one value in the others", identities[part].name,
+                            n_empty, set->n);
+}
+
+/* A CT object has the modality CT; DICOM requires it, and a missing value is not a contradiction. */
+static void check_modality(const CtsSliceSet *set, CtsSeries *series)
+{
+    for (int i = 0; i < set->n; i++) {
+        const char *modality = set->items[i]->modality;
+        if (*modality && strcasecmp(modality, "CT") != 0)
+            refuse(series, CTS_ERR_PIXELS, "%s: Modality (0008,0060) is %.16s in an object of CT",
+                   cts_slice_label(set->items[i]).text, modality);
+    }
+}
+
+/* Positions nearer than *same_mm are one position; negative when all are. */
+static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError *err)
+{
+    double *gaps = malloc((size_t)set->n * sizeof *gaps);
+    int n = 0;
+    if (!gaps)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 1; i < set->n; i++) {
+        const double gap = cts_slice_stack_position_mm(set->items[0], set->items[i]) -
+                           cts_slice_stack_position_mm(set->items[0], set->items[i - 1]);
+        if (gap > 1e-3)
+            gaps[n++] = gap;
+    }
+    qsort(gaps, (size_t)n, sizeof *gaps, cts_compare_double);
+    *same_mm = n ? cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]) : -1;
+    free(gaps);
+    return CTS_OK;
+}
+
+static void describe_odd(CtsSeries *series)
+{
+    static const struct {
+        unsigned odd;
+        const char *code, *text;
+    } kinds[] = {
+        {CTS_ODD_NO_PREAMBLE, "no_preamble", "have no DICOM preamble; read as bare data sets"},
+        {CTS_ODD_NO_SYNTAX, "no_transfer_syntax", "name no transfer syntax; it was detected from the data"},
+        {CTS_ODD_ORIENTATION, "rough_orientation",
+         "have an orientation that is not orthonormal by more than 0.001; corrected"},
+        {CTS_ODD_MONOCHROME1, "monochrome1", "are MONOCHROME1; Hounsfield units are taken as they are"},
+        {CTS_ODD_LOSSY, "lossy", "hold lossy compressed pixels (0028,2110)"},
+        {CTS_ODD_LONG_PIXELS, "long_pixels", "have more PixelData (7FE0,0010) than they need; the rest is not read"},
+        {CTS_ODD_UNSPECIFIED, "rescale_unspecified",
+         "have the RescaleType (0028,1054) US or UNSPECIFIED; taken for Hounsfield units"},
+        {CTS_ODD_FALLING, "negative_slope",
+         "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
+        {CTS_ODD_NOT_HU, "not_hu",
+         "say by ImageType (0008,0008) or RescaleType (0028,1054) that they show another quantity than Hounsfield "
+         "units, in which a preset means nothing"},
+        {CTS_ODD_BURNED_IN, "burned_in_annotation",
+         "say that text is burned into their pixels (0028,0301); it may show in the picture"},
+    };
+    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
+        int n = 0;
+        for (int i = 0; i < series->n_slices; i++)
+            n += (series->slices[i]->odd & kinds[k].odd) != 0;
+        if (n)
+            cts_diagnostics_add(&series->diagnostics, kinds[k].code, CTS_WARNING, "%d of %d slices %s", n,
+                                series->n_slices, kinds[k].text);
+    }
+}
+
+static const char *orientation_of(const double normal[3])
+{
+    static const char *const names[3] = {"sagittal", "coronal", "axial"};
+    for (int c = 0; c < 3; c++)
+        if (fabs(normal[c]) > 0.8)
+            return names[c];
+    return "oblique";
+}
+
+static void describe(CtsSeries *series, const CtsSlice *s)
+{
+    snprintf(series->uid, sizeof series->uid, "%s", s->series_uid);
+    const char *study_uid = s->identity[CTS_STUDY_UID];
+    snprintf(series->study_uid, sizeof series->study_uid, "%s", study_uid ? study_uid : "");
+    if (s->study_date && strlen(s->study_date) == 8 && strspn(s->study_date, "0123456789") == 8)
+        snprintf(series->study_date, sizeof series->study_date, "%.4s-%.2s-%.2s", s->study_date, s->study_date + 4,
+                 s->study_date + 6);
+    series->series_number = s->series_number;
+    series->no_patient = s->kind == CTS_OBJECT_NIFTI;
+    snprintf(series->modality, sizeof series->modality, "%s", s->modality);
+    snprintf(series->transfer_syntax, sizeof series->transfer_syntax, "%s", s->syntax_uid);
+    cts_text_clean(series->uid); /* shown as they are */
+    cts_text_clean(series->study_uid);
+    cts_text_clean(series->modality);
+    cts_text_clean(series->transfer_syntax);
+    snprintf(series->orientation, sizeof series->orientation, "%s", orientation_of(s->normal_lps));
+    series->rows = s->rows;
+    series->columns = s->columns;
+    series->spacing_mm[0] = s->column_spacing_mm;
+    series->spacing_mm[1] = s->row_spacing_mm;
+}
+
+/* The slices move into the series, in order, whether it is refused or not. */
+static void take_slices(CtsSeries *series, CtsSliceSet *set)
+{
+    series->slices = set->items;
+    series->n_slices = set->n;
+    *set = (CtsSliceSet){0};
+}
+
+/* Slices missing at regular intervals leave no wider gap; their instance numbers reveal them. With every 2nd or 3rd
+ * slice the picture is coarse but correct. n_in_gaps of them were already reported. */
+static void check_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers, int n_in_gaps, CtsSeries *series)
+{
+    const CtsMissingSlices missing = cts_slice_set_missing(set, numbers);
+    char what[300];
+    if (!missing.n)
+        return;
+    const CtsSlice *a = set->items[missing.first], *b = set->items[missing.first + 1];
+    const bool is_thinned = missing.every == 2 || missing.every == 3;
+    if (missing.every)
+        snprintf(what, sizeof what,
+                 "only every %d%s slice is present: InstanceNumber (0020,0013) steps by %d, and slices of %.3g mm lie "
+                 "%.3g mm apart",
+                 missing.every,
+                 missing.every == 2   ? "nd"
+                 : missing.every == 3 ? "rd"
+                                      : "th",
+                 missing.every, missing.thickness_mm, missing.gap_mm);
+    else
+        snprintf(what, sizeof what,
+                 "%d of %d slices missing: InstanceNumber (0020,0013) steps from %d to %d between slices of %.3g mm "
+                 "that lie %.3g mm apart",
+                 missing.n, set->n + missing.n, a->instance_number, b->instance_number, missing.thickness_mm,
+                 missing.gap_mm);
+    if (!is_thinned && !series->rules.allow_missing_slices && cts_slice_stack_lacks_many(missing.n, set->n))
+        refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", what);
+    else if (missing.n > n_in_gaps)
+        cts_diagnostics_add(&series->diagnostics, "missing_slices", CTS_WARNING,
+                            "%s; what lies between is interpolated", what);
+}
+
+/* A missing part at an end leaves no gap and causes a warning; one between others counts as missing slices. */
+static const char *check_parts(const CtsSliceSet *set, CtsSeries *series)
+{
+    const CtsSlice *lacking = NULL;
+    for (int i = 0; i < set->n && !lacking; i++)
+        lacking = set->items[i]->lacks ? set->items[i] : NULL;
+    if (!lacking)
+        return NULL;
+    if (cts_slice_stack_lacks_many(lacking->n_lacking, set->n) && !series->rules.allow_missing_slices)
+        refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", lacking->lacks);
+    else
+        cts_diagnostics_add(&series->diagnostics, "concatenation_incomplete", CTS_WARNING, "%s", lacking->lacks);
+    return lacking->lacks;
+}
+
+static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, CtsSeries *series, CtsError *err)
+{
+    CtsSliceStack stack;
+    CtsError why = {0};
+    const CtsSlice *const *slices = (const CtsSlice *const *)set->items;
+    const CtsStatus st = cts_slice_stack_plan(slices, set->n, series->rules.allow_missing_slices, &stack, &why);
+    if (st == CTS_ERR_MEMORY) {
+        *err = why;
+        return st;
+    }
+    series->spacing_mm[2] = stack.spacing_mm;
+    series->tilt_deg = stack.tilt_deg;
+    if (series->frames_differ && (st || stack.kind != CTS_STACK_EVEN))
+        refuse(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[CTS_FRAME_UID].means,
+               identities[CTS_FRAME_UID].name);
+    else if (series->frames_differ)
+        cts_diagnostics_add(
+            &series->diagnostics, "frames_of_reference", CTS_WARNING,
+            "each of its %d slices has a FrameOfReferenceUID (0020,0052) of its own, as some anonymisers "
+            "write; taken for one, as one scanner made them and they lie evenly",
+            set->n);
+    const char *lacks = check_parts(set, series);
+    if (st) {
+        refuse(series, st, "%s%s%s", lacks ? lacks : "", lacks ? "; " : "", why.text);
+        return CTS_OK;
+    }
+    if (set->n == 2)
+        cts_diagnostics_add(&series->diagnostics, "two_slices", CTS_WARNING, "only 2 slices: a very thin volume");
+    cts_slice_stack_diagnostics(&stack, slices, set->n, &series->diagnostics);
+    check_numbers(set, numbers, stack.n_missing, series);
+    cts_slice_stack_free(&stack);
+    return CTS_OK;
+}
+
+static bool distinct(int *numbers, int n)
+{
+    qsort(numbers, (size_t)n, sizeof *numbers, cts_compare_int);
+    for (int i = 1; i < n; i++)
+        if (numbers[i] == numbers[i - 1])
+            return false;
+    return true;
+}
+
+/* Scanners number slices by position. Where numbers and positions disagree, one of the two is wrong, and the picture
+ * follows the positions. */
+static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError *err)
+{
+    int *numbers = malloc((size_t)set->n * sizeof *numbers), n = 0;
+    if (!numbers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    while (n < set->n && set->items[n]->has_instance && !set->items[n]->n_frames) {
+        numbers[n] = set->items[n]->instance_number;
+        n++;
+    }
+    if (n == set->n && !cts_slice_set_in_order(set, 0, n) && !cts_slice_set_each_in_order(set) && distinct(numbers, n))
+        cts_diagnostics_add(
+            &series->diagnostics, "order_conflict", CTS_WARNING,
+            "InstanceNumber (0020,0013) neither rises nor falls with the slices' positions (0020,0032), "
+            "by which they are ordered");
+    free(numbers);
+    return CTS_OK;
+}
+
+/* Slices missing at an end leave no gap. Where instance numbers rise by one from slice to slice they reveal missing
+ * first ones; they need not begin at 1, so this is not a warning. */
+static void note_first_number(const CtsSliceSet *set, CtsSeries *series)
+{
+    const int a = set->items[0]->instance_number, b = set->items[set->n - 1]->instance_number;
+    const int step = a < b ? 1 : -1, least = a < b ? a : b;
+    for (int i = 0; i < set->n; i++)
+        if (set->items[i]->n_frames || set->items[i]->instance_number != a + step * i)
+            return;
+    if (least > 1)
+        cts_diagnostics_add(
+            &series->diagnostics, "late_first_number", CTS_NOTE,
+            "the instance numbers (0020,0013) of its slices begin at %d: up to %d slices may be missing at "
+            "one end",
+            least, least - 1);
+}
+
+/* A series refused for its pixels still has a place in space. */
+static void describe_refused(CtsSliceSet *set, CtsSeries *series)
+{
+    CtsSliceStack stack;
+    for (int i = 0; i < set->n; i++)
+        if (set->items[i]->kind != CTS_OBJECT_CT || set->items[i]->fault == CTS_ERR_GEOMETRY ||
+            set->items[i]->localizer || !same_grid(set->items[i], set->items[0]))
+            return;
+    if (set->n < 2)
+        return;
+    cts_slice_set_sort(set, set->items[0]);
+    cts_slice_stack_plan((const CtsSlice *const *)set->items, set->n, true, &stack, NULL);
+    series->spacing_mm[2] = stack.spacing_mm;
+    series->tilt_deg = stack.tilt_deg;
+    cts_slice_stack_free(&stack);
+}
+
+static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, const CtsStudyNumbers *numbers, bool whole, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const CtsSlice *middle = set->items[set->n / 2];
+    describe(series, middle);
+    if (middle->description && !(series->description = cts_dcm_utf8(middle->description, middle->charset)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (series->refusal)
+        describe_refused(set, series);
+    else if (!st)
+        st = check_stack(set, numbers, series, err);
+    if (!st && whole && !series->refusal)
+        note_first_number(set, series);
+    if (!st && !series->refusal)
+        st = check_order(set, series, err);
+    if (!st)
+        take_slices(series, set);
+    describe_odd(series);
+    series->renderable = !series->refusal;
+    return st;
+}
+
+/* All checks that do not compare positions. */
+static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
+{
+    static const pick_fn picks[] = {pick_slices, pick_sound, pick_largest_grid};
+    CtsStatus st = CTS_OK;
+    if (set->n > MAX_SLICES)
+        refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
+    check_modality(set, series);
+    for (size_t i = 0; !st && !series->refusal && i < sizeof picks / sizeof *picks; i++)
+        st = filter(set, series, picks[i], err);
+    for (int part = 0; !st && !series->refusal && part < CTS_N_IDENTITY; part++)
+        if (part != CTS_FRAME_UID || !(series->frames_differ = has_own_frames(set, &st, err)))
+            check_identity(set, series, part);
+    if (!st && !series->refusal && set->n == 1)
+        pass(series, "has 1 slice; a volume needs 2 or more");
+    return st;
+}
+
+/* True for as many slices at one position as there are times: a time series of contrast agent, not a volume. */
+static bool is_watch(const CtsSliceSet *set)
+{
+    for (int i = 0; i < set->n; i++)
+        for (int k = 0; k < i; k++)
+            if (set->items[i]->time_s < 0 || set->items[i]->time_s == set->items[k]->time_s)
+                return false;
+    return true;
+}
+
+/* Removes copies and separates phases. The parts own the slices afterwards; one part when nothing had to be split. */
+static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts[CTS_MAX_PARTS], int *n_parts,
+                          CtsError *err)
+{
+    int n_dropped = 0;
+    double same_mm = -1;
+    const char *by = NULL;
+    *n_parts = 0;
+    cts_slice_set_sort(set, set->items[0]);
+    CtsStatus st = same_position(set, &same_mm, err);
+    if (st || (st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err)))
+        return st;
+    if (n_dropped)
+        cts_diagnostics_add(&series->diagnostics, "copies_dropped", CTS_WARNING,
+                            "%d slice%s left out as duplicate%s (same position, same pixels)", n_dropped,
+                            plural(n_dropped), plural(n_dropped));
+    if (set->n == 1)
+        pass(series, "has 1 slice; a volume needs 2 or more");
+    else if (same_mm < 0 && is_watch(set))
+        pass(series, "is a time series of %d images at one position, and no volume", set->n);
+    else if (same_mm < 0)
+        refuse(series, CTS_ERR_GEOMETRY,
+               "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
+    else if (!(st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, &by, err))) {
+        if (*n_parts)
+            cts_diagnostics_add(&series->diagnostics, "acquisitions_parted", CTS_WARNING,
+                                "%s separates %d volumes, whose slices lie at the same positions or alternate", by,
+                                *n_parts);
+        else if (by)
+            refuse(
+                series, CTS_ERR_GEOMETRY,
+                "its slices alternate between values of %s, and those of one value form no complete volume (split the "
+                "series)",
+                by);
+        else if (cts_slice_set_repeats(set, same_mm))
+            refuse(series, CTS_ERR_GEOMETRY,
+                   "several slices with different pixels lie at one position, and neither acquisition, tube voltage, "
+                   "temporal position, trigger, cardiac phase, kernel nor time separates complete volumes (split the "
+                   "series)");
+    }
+    if (!st && *n_parts == 0) {
+        parts[0] = *set;
+        *set = (CtsSliceSet){0};
+        *n_parts = 1;
+    }
+    return st;
+}
+
+static void copy_diagnostics(CtsDiagnostics *to, const CtsDiagnostics *from)
+{
+    for (size_t i = 0; i < from->n; i++)
+        cts_diagnostics_add(to, from->items[i].code, from->items[i].severity, "%s", from->items[i].text);
+}
+
+CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
+                           CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err)
+{
+    CtsSliceSet parts[CTS_MAX_PARTS] = {0};
+    int n_parts = 0;
+    *n_series = 1;
+    for (int p = 0; p < CTS_MAX_PARTS; p++)
+        series[p].rules = *rules;
+    CtsStatus st = sort_out(set, &series[0], err);
+    if (!st && series[0].refusal) {
+        parts[0] = *set;
+        *set = (CtsSliceSet){0};
+        n_parts = 1;
+    } else if (!st) {
+        st = separate(set, &series[0], parts, &n_parts, err);
+    }
+    for (int p = 1; !st && p < n_parts; p++)
+        series[p].frames_differ = series[0].frames_differ;
+    for (int p = 1; !st && p < n_parts; p++)
+        copy_diagnostics(&series[p].diagnostics, &series[0].diagnostics);
+    for (int p = 0; !st && p < n_parts; p++)
+        st = finish(&series[p], &parts[p], numbers, n_parts == 1, err);
+    if (!st)
+        *n_series = n_parts;
+    for (int p = 0; p < n_parts; p++)
+        cts_slice_set_free(&parts[p]);
+    cts_slice_set_free(set);
+    return st;
+}

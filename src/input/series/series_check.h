@@ -1,0 +1,87 @@
+/* From slices and other files to series. */
+#ifndef CTS_SERIES_SERIES_CHECK_H
+#define CTS_SERIES_SERIES_CHECK_H
+
+#include "ctsplat/series.h"
+#include "dicom/header/slice.h"
+
+/* From the slices of one SeriesInstanceUID to series that can be loaded, or that are refused with a reason. */
+
+/* The slices of a series while they are being checked; owned. */
+enum { CTS_MAX_PARTS = 64 }; /* volumes in one series */
+
+typedef struct CtsSliceSet {
+    CtsSlice **items;
+    int n;
+} CtsSliceSet;
+
+void cts_slice_set_free(CtsSliceSet *set);
+/* Keeps the slices for which keep[i] is set, frees the others. */
+void cts_slice_set_filter(CtsSliceSet *set, const bool *keep);
+
+/* Checks a set by the rules, with the instance numbers of all objects of the study; empties the set; fills the first of
+ * CTS_MAX_PARTS zeroed series, or several where one series UID holds several volumes. Fails only without memory; the
+ * caller must free the series then too. */
+CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
+                           CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err);
+
+/* Sort along the normal of `reference`; slices at one position by acquisition, time and name. */
+void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference);
+
+/* True if b, after a in a sorted set, lies at the position of a. */
+bool cts_slice_same_place(const CtsSlice *a, const CtsSlice *b, double same_mm);
+/* Removes duplicate slices: same position and same HU, whatever the encoding, to the rounding of the coarser rescale
+ * slope. Of each, the one of the smallest SOPInstanceUID stays and owns the others (CtsSlice.copy). *n_dropped counts
+ * them. */
+CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err);
+
+/* True if two neighbours of a sorted set lie at one position. */
+bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
+
+/* Splits a set into complete parts where several slices share positions, or slices of two acquisitions alternate along
+ * the stack: by acquisition number, tube voltage, temporal position, trigger time, cardiac phase, kernel, or time.
+ * *n_parts is 0, and the set unchanged, when no split is needed or none gives complete parts. *by: the criterion that
+ * separates, or would separate, them; NULL: none does. */
+CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
+                              const char **by, CtsError *err);
+
+/* True if the instance numbers of slices first <= i < end rise or fall monotonically; repeated numbers show no
+ * order. */
+bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end);
+/* The slice after the last of those that share i's acquisition. */
+int cts_slice_set_acquisition_end(const CtsSliceSet *set, int i);
+/* Acquisitions of three slices or more that follow each other along the stack, each in an order of its own. */
+bool cts_slice_set_each_in_order(const CtsSliceSet *set);
+
+/* Slices that instance numbers (0020,0013) count between those that are there: a gap of a sorted set holds n - 1 of
+ * them where the number steps by n over it, the slices are much thinner than it, a slice a step is a step as thick as
+ * they are or as the smallest gap is, and most of the numbers that are passed are no other object's of the study. */
+typedef struct CtsMissingSlices {
+    int n;     /* 0: none */
+    int every; /* n, if every gap misses n slices; else 0 */
+    int first; /* the first gap that holds some follows this slice; of it: */
+    double gap_mm, thickness_mm;
+} CtsMissingSlices;
+CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNumbers *numbers);
+
+/* For slices whose orientations jitter about one direction, so that with their mean no voxel moves by more than a tenth
+ * of a pixel, and whose direction does not drift along the stack: sets the mean and returns true. keep: the slices of
+ * the set concerned. */
+bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep);
+
+/* Sets lacks of each slice whose object is a part of a concatenation: the parts missing by the numbers and offsets of
+ * the present ones. The texts are kept in texts. */
+CtsStatus cts_concatenations_check(CtsSlice *const *slices, size_t n, CtsStringPool *texts, CtsError *err);
+
+/* Counts of files that are not CT slices, by kind. */
+
+/* n files that are not DICOM; packed: NULL, or the program that probably packed them. */
+CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, CtsError *err);
+/* n that are no files, and are not followed. */
+CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err);
+/* A DICOM object of this SOP class; "" if it names none. */
+CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err);
+/* Once all are there: most frequent first, then by name. */
+void cts_others_sort(CtsSeriesList *list);
+
+#endif

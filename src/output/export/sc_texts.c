@@ -1,0 +1,303 @@
+#include "output/export/sc_texts.h"
+
+#include "base/enum_table.h"
+#include "ctsplat/preset.h"
+#include "output/image/describe.h"
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/random.h>
+
+enum { UUID_BYTES = 16, MAX_DECIMALS = 40 };
+
+/* Set the version and variant bits, then print the 128 bits as one decimal number. */
+static void format_uuid(const uint8_t bytes[UUID_BYTES], unsigned version, char uid[65])
+{
+    uint8_t uuid[UUID_BYTES];
+    memcpy(uuid, bytes, sizeof uuid);
+    uuid[6] = (uint8_t)((uuid[6] & 0x0f) | version << 4);
+    uuid[8] = (uint8_t)((uuid[8] & 0x3f) | 0x80);
+    unsigned __int128 number = 0;
+    for (int i = 0; i < UUID_BYTES; i++)
+        number = number << 8 | uuid[i];
+    char digits[MAX_DECIMALS + 1] = "";
+    char *p = digits + MAX_DECIMALS;
+    for (*p = 0; number > 0; number /= 10)
+        *--p = (char)('0' + (int)(number % 10));
+    snprintf(uid, 65, "2.25.%s", p);
+}
+
+/* A UUID of version 8 (RFC 9562) from the first 16 bytes of a digest: reproducible, and without information on the
+ * hashed data. */
+static void uid_from_digest(const uint8_t digest[CTS_DIGEST_BYTES], char uid[65])
+{
+    format_uuid(digest, 8, uid);
+}
+
+CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid, char keyed[65], CtsError *err)
+{
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    CtsStatus st = cts_hash_start_keyed(&hash, key, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, "ctsplat");
+    cts_hash_text(hash, purpose);
+    cts_hash_text(hash, uid);
+    if (!(st = cts_hash_finish(&hash, digest, err)))
+        uid_from_digest(digest, keyed);
+    return st;
+}
+
+/* A UUID of version 4. */
+static CtsStatus uid_random(char uid[65], CtsError *err)
+{
+    uint8_t bytes[UUID_BYTES];
+    ssize_t n;
+    do
+        n = getrandom(bytes, sizeof bytes, 0);
+    while (n < 0 && errno == EINTR);
+    if (n != UUID_BYTES)
+        return cts_fail(err, CTS_ERR_INTERNAL, "the system gave no random numbers for a UID");
+    format_uuid(bytes, 4, uid);
+    return CTS_OK;
+}
+
+/* Terms for each mode: value 3 of ImageType, the series description, and a code of CID 7203. */
+typedef struct ModeTerms {
+    const char *image_type, *short_name, *long_name, *code, *meaning;
+} ModeTerms;
+
+static CTS_ENUM_TABLE(
+    ModeTerms, mode_terms,
+    CTS_N_MODES, [CTS_MODE_COMPOSITE] = {"VOLUME_RENDER", "VR", "Volume rendering", "113074", "Volume rendering"},
+    [CTS_MODE_MIP] = {"MAX_IP", "MIP", "Maximum intensity projection", "113078", "Maximum intensity projection"},
+    [CTS_MODE_MINIP] = {"MIN_IP", "MinIP", "Minimum intensity projection", "113079", "Minimum intensity projection"},
+    [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"});
+
+/* The side that faces the camera, in SNOMED CT, in the order of a preset's views in its series; the last row for all
+ * others. */
+static const struct {
+    const char *view;
+    CtsScCode code;
+} view_codes[] = {
+    {"anterior", {"255549009", "SCT", "Anterior"}},
+    {"left", {"7771000", "SCT", "Left"}},
+    {"posterior", {"255551008", "SCT", "Posterior"}},
+    {"right", {"24028007", "SCT", "Right"}},
+    {"head", {"264217000", "SCT", "Superior"}},
+    {"feet", {"261089000", "SCT", "Inferior"}},
+    {"", {"399182000", "SCT", "Oblique"}},
+};
+
+static int place_of_view(const CtsPictureInfo *info)
+{
+    char view[80];
+    int i = 0;
+    cts_describe_view(info, view, sizeof view);
+    while (*view_codes[i].view && strcmp(view, view_codes[i].view) != 0)
+        i++;
+    return i;
+}
+
+/* Own texts are ASCII, valid in every character set of the source; a backslash would separate values. */
+static void ascii_copy(char *to, size_t size, const char *from)
+{
+    size_t n = 0;
+    for (; *from && n + 1 < size; from++)
+        if ((*from & 0xc0) != 0x80) /* one mark for a UTF-8 character, not one a byte */
+            to[n++] = (unsigned char)*from < 0x20 || (unsigned char)*from > 0x7e || *from == '\\' ? '_' : *from;
+    to[n] = 0;
+}
+
+/* The picture's error as known when the object is written. */
+static void describe_error(const CtsExportJob *job, char *text, size_t size)
+{
+    const CtsVerified *v = job->report ? &job->report->verified : NULL;
+    char rmse[32], largest[32];
+    *text = 0;
+    if (!v || v->pixels == 0)
+        return;
+    cts_describe_number(v->rmse, 3, rmse, sizeof rmse);
+    cts_describe_number(v->max, 3, largest, sizeof largest);
+    snprintf(text, size, ", error measured at %llu pixels: rmse %s, largest %s of 1", (unsigned long long)v->pixels,
+             rmse, largest);
+}
+
+void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
+{
+    const CtsPictureInfo *info = &job->head.info;
+    const int n_frames = job->head.n_frames;
+    char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32], step[100] = "",
+                                                                                                       error[120];
+    memset(words, 0, sizeof *words);
+    words->image_type = mode_terms[info->mode].image_type;
+    words->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
+    ascii_copy(preset, sizeof preset, info->preset);
+    ascii_copy(engine, sizeof engine, info->engine);
+    cts_describe_view(info, view, sizeof view);
+    cts_describe_number(info->mm_per_pixel, 6, scale, sizeof scale);
+    cts_describe_number(info->azimuth_deg, 9, angles[0], sizeof angles[0]);
+    cts_describe_number(info->elevation_deg, 9, angles[1], sizeof angles[1]);
+    describe_error(job, error, sizeof error);
+    if (n_frames > 1) {
+        char degrees[32];
+        cts_describe_number(360.0 / n_frames, 6, degrees, sizeof degrees);
+        snprintf(step, sizeof step, "%d views %s degrees apart from ", n_frames, degrees);
+    }
+    if (job->settings.series_description)
+        ascii_copy(words->series_description, sizeof words->series_description, job->settings.series_description);
+    else
+        snprintf(words->series_description, sizeof words->series_description, "%.8s %.40s%s",
+                 mode_terms[info->mode].short_name, preset, n_frames > 1 ? ", rotation" : "");
+    snprintf(words->description, sizeof words->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name,
+             preset, view);
+    snprintf(
+        words->derivation, sizeof words->derivation,
+        "%s by engine %s, preset %s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "
+        "ctsplat %s, not for diagnostic use",
+        mode_terms[info->mode].long_name, engine, preset, step, view, angles[0], angles[1], scale, error, CTS_VERSION);
+    words->view = view_codes[place_of_view(info)].code;
+    if (n_frames == 1) {
+        char right[4], down[4];
+        const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
+        cts_describe_direction(info->right_lps, right);
+        cts_describe_direction(to_feet, down);
+        snprintf(words->patient_orientation, sizeof words->patient_orientation, "%s\\%s", right, down);
+    }
+}
+
+CtsStatus cts_sc_hash_start(CtsHash **hash, const CtsKey *key, const char *purpose, const CtsSeries *source,
+                            CtsError *err)
+{
+    const CtsStatus st = cts_hash_start_keyed(hash, key, err);
+    if (st)
+        return st;
+    cts_hash_text(*hash, "ctsplat");
+    cts_hash_text(*hash, purpose);
+    cts_hash_text(*hash, source ? source->uid : "");
+    for (int i = 0; source && i < source->n_slices; i++)
+        cts_hash_text(*hash, source->slices[i]->sop_uid);
+    return CTS_OK;
+}
+
+CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err)
+{
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const CtsStatus st = cts_hash_finish(hash, digest, err);
+    if (!st)
+        uid_from_digest(digest, uid);
+    return st;
+}
+
+/* The study of the picture: the source's, or with de-identification a pseudonymous one for all pictures of the
+ * study. */
+static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, CtsScNames *names, CtsError *err)
+{
+    const char *const study_uid = job->settings.source->slices[0]->identity[CTS_STUDY_UID];
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const bool known = *study_uid;
+    snprintf(names->study_uid, sizeof names->study_uid, "%s", study_uid);
+    if (known && !job->settings.deidentify)
+        return CTS_OK;
+    CtsStatus st = cts_sc_hash_start(&hash, key, "study", known ? NULL : job->settings.source, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, study_uid);
+    if ((st = cts_sc_hash_finish(&hash, names->study_uid, err)) || !job->settings.deidentify ||
+        (st = cts_sc_hash_start(&hash, key, "patient", NULL, err)))
+        return st;
+    cts_hash_text(hash, names->study_uid);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    snprintf(names->pseudonym, sizeof names->pseudonym, "ANON-");
+    for (int i = 0; i < 8; i++)
+        snprintf(names->pseudonym + 5 + 2 * i, 3, "%02X", digest[i]);
+    return CTS_OK;
+}
+
+/* The source's number, then three digits: a hundred for each mode, 400 more for rotations, and the preset's own number.
+ * Presets that are not built in share 81 to 99. */
+static CtsStatus number_series(const CtsExportJob *job, CtsScNames *names, CtsError *err)
+{
+    enum { FIRST_OTHER = 81, N_OTHER = 19 };
+    const CtsPictureInfo *info = &job->head.info;
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    int preset = cts_preset_number(info->preset);
+    CtsStatus st = cts_sc_hash_start(&hash, NULL, "series number", NULL, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, info->preset);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    if (!preset)
+        preset = FIRST_OTHER + digest[0] % N_OTHER;
+    names->series_number =
+        cts_sc_series_number(job->settings.source, 100 * (int)info->mode + 400 * (job->head.n_frames > 1) + preset);
+    if (job->settings.series_number > 0)
+        names->series_number = job->settings.series_number;
+    return CTS_OK;
+}
+
+int cts_sc_series_number(const CtsSeries *source, int own)
+{
+    const int most = INT32_MAX / 1000 - 1, number = source->series_number < 0 ? 0 : source->series_number;
+    return (number > most ? number % 1000000 : number) * 1000 + own;
+}
+
+/* Views of a preset share its series, and have an order of their own. */
+static int instance_number(const CtsExportJob *job)
+{
+    const CtsPictureInfo *info = &job->head.info;
+    const int place = place_of_view(info);
+    if (*view_codes[place].view)
+        return place + 1;
+    double azimuth_deg = fmod(info->azimuth_deg, 360);
+    if (azimuth_deg < 0)
+        azimuth_deg += 360;
+    return 10 + (int)((info->elevation_deg + 90) * 10 + 0.5) * 3600 + (int)(azimuth_deg * 10 + 0.5);
+}
+
+/* UIDs from all inputs of the object: equal inputs give equal UIDs, different pictures different ones. */
+static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey *key, const CtsScTexts *words,
+                                          const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
+{
+    const CtsExportHead *head = &job->head;
+    CtsHash *hash;
+    CtsStatus st;
+    char text[160];
+    if (job->settings.new_uids)
+        return (st = uid_random(names->series_uid, err)) ? st : uid_random(names->sop_uid, err);
+    if ((st = cts_sc_hash_start(&hash, key, "series", job->settings.source, err)))
+        return st;
+    snprintf(text, sizeof text, "%d %d", job->settings.deidentify, names->series_number);
+    cts_hash_text(hash, text);
+    cts_hash_text(hash, words->series_description);
+    cts_hash_text(hash, CTS_VERSION);
+    if ((st = cts_sc_hash_finish(&hash, names->series_uid, err)) ||
+        (st = cts_sc_hash_start(&hash, key, "instance", job->settings.source, err)))
+        return st;
+    cts_hash_text(hash, names->series_uid);
+    cts_hash_text(hash, words->derivation);
+    snprintf(text, sizeof text, "%dx%d %d", head->width, head->height, head->grey);
+    cts_hash_text(hash, text);
+    cts_hash_bytes(hash, pixels, CTS_DIGEST_BYTES);
+    return cts_sc_hash_finish(&hash, names->sop_uid, err);
+}
+
+CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScTexts *words, const uint8_t pixels[CTS_DIGEST_BYTES],
+                       CtsScNames *names, CtsError *err)
+{
+    CtsStatus st;
+    CtsKey site;
+    const CtsKey *const key = job->settings.deidentify ? &site : NULL;
+    memset(names, 0, sizeof *names);
+    names->instance_number = instance_number(job);
+    if ((key && (st = cts_key_load(job->settings.key, true, &site, err))) || (st = name_study(job, key, names, err)) ||
+        (st = number_series(job, names, err)))
+        return st;
+    return name_series_and_instance(job, key, words, pixels, names, err);
+}
