@@ -153,7 +153,7 @@ def test_moved_with_its_libraries(tmp_path):
         library = next(line.split()[-1] for line in maps if "/libctsplat.so" in line)
     shutil.copytree(package, tmp_path / "ctsplat")
     (tmp_path / "lib" / "ctsplat").mkdir(parents=True)
-    shutil.copy(library, tmp_path / "lib" / "libctsplat.so.0")
+    shutil.copy(library, tmp_path / "lib" / "libctsplat.so.1")
     parts = glob.glob(os.path.dirname(library) + "/c*/libctsplat-*.so")
     assert len(parts) == 3, parts
     for part in parts:
@@ -205,7 +205,19 @@ def test_errors(tmp_path, phantom):
     with pytest.raises(ctsplat.Error):
         volume.render(**SMALL)
     lost = ctsplat.Volume(np.array([[[np.nan, np.inf], [0, 1]], [[2, 3], [4, 5]]]), (1, 1, 1))
-    assert [f.code for f in lost.findings] == ["not_finite"]
+    assert [f.code for f in lost.diagnostics] == ["not_finite"]
+
+
+def test_former_names(phantom):
+    """Names of the version before warn, and are the same objects."""
+    picture = phantom.render(**SMALL)
+    for thing in (phantom, picture):
+        with pytest.warns(DeprecationWarning, match="diagnostics"):
+            assert thing.findings is thing.diagnostics
+    with pytest.warns(DeprecationWarning, match="Diagnostic"):
+        assert ctsplat.Finding is ctsplat.Diagnostic
+    with pytest.raises(AttributeError, match="no_such_name"):
+        ctsplat.no_such_name
 
 
 def test_settings_in_messages(phantom):
@@ -222,7 +234,7 @@ def test_outliers():
         odd[3, 4, 5], odd[20, 20, 20] = low, high
         even[3, 4, 5], even[20, 20, 20] = -1024, 1033
         volume = ctsplat.Volume(odd, (1, 1, 1))
-        assert [f.code for f in volume.findings] == ["outliers"], kind
+        assert [f.code for f in volume.diagnostics] == ["outliers"], kind
         assert np.array_equal(volume.hu, even), kind
     hu[::2] = 1e6
     with pytest.raises(ctsplat.Error, match="from -.* to 1e\\+06 are no Hounsfield units"):
@@ -237,9 +249,9 @@ def test_fill():
     hu[:4] = hu[:, :, 20:] = -1024
     volume = ctsplat.Volume(filled, (1, 1, 1))
     odd = volume.render("skin", **SMALL)
-    assert "constant_fill" in [f.code for f in odd.findings]
+    assert "constant_fill" in [f.code for f in odd.diagnostics]
     cleared = volume.render("skin", fill=0, **SMALL)
-    assert "constant_fill" not in [f.code for f in cleared.findings]
+    assert "constant_fill" not in [f.code for f in cleared.diagnostics]
     expected = ctsplat.Volume(hu, (1, 1, 1)).render("skin", **SMALL)
     assert np.array_equal(cleared.rgba, expected.rgba) and not np.array_equal(odd.rgba, expected.rgba)
     assert volume.hu[0, 0, 0] == 0
@@ -497,7 +509,7 @@ def test_pictures_are_pickled(tmp_path, phantom):
         picture = phantom.render(size=(40, 30), **options)
         again = pickle.loads(pickle.dumps(picture))
         assert np.array_equal(again.rgba, picture.rgba) and again.size == picture.size
-        assert (again.bound, again.log, again.findings) == (picture.bound, picture.log, picture.findings)
+        assert (again.bound, again.log, again.diagnostics) == (picture.bound, picture.log, picture.diagnostics)
         assert (again.depth_mm is None) == (picture.depth_mm is None)
         if picture.depth_mm is not None:
             assert np.array_equal(again.depth_mm, picture.depth_mm)

@@ -13,13 +13,14 @@ import queue
 import struct
 import tempfile
 import threading
+import warnings
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from ._ctsplat import ffi, lib
 
-__all__ = ["Error", "Finding", "Bound", "Preset", "Picture", "Volume", "load", "presets"]
+__all__ = ["Error", "Diagnostic", "Bound", "Preset", "Picture", "Volume", "load", "presets"]
 __version__ = "@VERSION@"
 
 
@@ -31,12 +32,30 @@ class Error(Exception):
         self.code = code
 
 
-class Finding(NamedTuple):
+class Diagnostic(NamedTuple):
     """A note or warning about the input. code: a stable word; severity: "note", "warning" or "refusal"."""
 
     code: str
     severity: str
     text: str
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Finding":
+        warnings.warn("ctsplat.Finding is ctsplat.Diagnostic now", DeprecationWarning, stacklevel=2)
+        return Diagnostic
+    raise AttributeError("module 'ctsplat' has no attribute %r" % name)
+
+
+class _WithDiagnostics:
+    """The former name of the attribute diagnostics."""
+
+    diagnostics: List[Diagnostic]
+
+    @property
+    def findings(self) -> List[Diagnostic]:
+        warnings.warn("findings is diagnostics now", DeprecationWarning, stacklevel=2)
+        return self.diagnostics
 
 
 class Bound(NamedTuple):
@@ -69,10 +88,10 @@ class _Report:
     def __init__(self) -> None:
         self.c = ffi.gc(ffi.new("CtsReport *"), lib.cts_report_free)
 
-    def findings(self) -> List[Finding]:
+    def diagnostics(self) -> List[Diagnostic]:
         found = self.c.diagnostics
         names = lib.cts_severity_names
-        return [Finding(_text(f.code), _text(names[f.severity]), _said(f.text)) for f in found.items[0 : found.n]]
+        return [Diagnostic(_text(f.code), _text(names[f.severity]), _said(f.text)) for f in found.items[0 : found.n]]
 
     def log(self) -> Dict[str, Any]:
         stages = {}
@@ -281,25 +300,26 @@ def presets() -> List[str]:
     return names
 
 
-class Picture:
+class Picture(_WithDiagnostics):
     """A rendered picture. Display values (sRGB); row 0 is the top.
 
     rgba: float32, (height, width, 4), colours multiplied by alpha; depth_mm: float32, (height, width), from the camera
     plane to the first visible surface, inf where there is none, None where the mode has no surfaces; bound: upper limit
-    of its error, None where the engine has none; log: times by stage and skipped steps; findings: notes and warnings.
+    of its error, None where the engine has none; log: times by stage and skipped steps; diagnostics: notes and
+    warnings.
     Pictures can be pickled, but lose their series, which .dcm outputs need."""
 
     def __init__(self, owner: Any, report: _Report, volume: "Volume"):
         self._owner, self._c = owner, owner[0]
         self._volume: Optional["Volume"] = volume
-        self.bound, self.log, self.findings = report.bound(), report.log(), report.findings()
+        self.bound, self.log, self.diagnostics = report.bound(), report.log(), report.diagnostics()
 
     def __reduce__(self) -> Any:
         c = self._c
         pixels = self._array(c.pixels, (c.height, c.width, c.n_channels))
         return _unpickled, (np.array(pixels), None if self.depth_mm is None else np.array(self.depth_mm),
                             bytes(ffi.buffer(ffi.addressof(c, "info"))), bool(c.has_alpha), self.bound, self.log,
-                            self.findings)
+                            self.diagnostics)
 
     @property
     def size(self) -> Tuple[int, int]:
@@ -353,7 +373,7 @@ class Picture:
 
 
 def _unpickled(pixels: np.ndarray, depth: Optional[np.ndarray], info: bytes, has_alpha: bool, bound: Optional[Bound],
-               log: Dict[str, Any], findings: List[Finding]) -> Picture:
+               log: Dict[str, Any], diagnostics: List[Diagnostic]) -> Picture:
     picture, err = Picture.__new__(Picture), ffi.new("CtsError *")
 
     def free(owner: Any) -> None:
@@ -373,7 +393,7 @@ def _unpickled(pixels: np.ndarray, depth: Optional[np.ndarray], info: bytes, has
     if depth is not None:
         picture._depth = np.ascontiguousarray(depth)
         c.depth_mm = ffi.cast("float *", picture._depth.ctypes.data)
-    picture._volume, picture.bound, picture.log, picture.findings = None, bound, log, findings
+    picture._volume, picture.bound, picture.log, picture.diagnostics = None, bound, log, diagnostics
     return picture
 
 
@@ -415,7 +435,7 @@ def _as_numbers(array: Any) -> np.ndarray:
                         if array.dtype.newbyteorder("=").name in _NUMBERS else _NEAREST[array.dtype.kind])
 
 
-class Volume:
+class Volume(_WithDiagnostics):
     """A CT volume in memory, for many pictures.
 
     Volume(array, spacing_mm=(k, j, i)): HU with index k towards the head, j to the back and i to the patient's left.
@@ -452,7 +472,7 @@ class Volume:
     def _take(self, session: Any, report: _Report, source: Optional[Dict[str, Any]]) -> None:
         self._session, self._source = session, source  # the options given to load()
         self._even: Any = None
-        self.findings: List[Finding] = report.findings()
+        self.diagnostics = report.diagnostics()
 
     def _read(self, source: Dict[str, Any]) -> None:
         labels = source.get("labels") or []
@@ -576,10 +596,10 @@ class Volume:
         return Picture(picture, self._run({"preset": preset, "view": view, "size": size, **options}, picture), self)
 
     def save(self, path: Union[str, os.PathLike], preset: Union[str, Preset, None] = None, view: Any = None,
-             size: Any = None, **options: Any) -> List[Finding]:
+             size: Any = None, **options: Any) -> List[Diagnostic]:
         """Writes the files of `ctsplat render`, with its options: rotation=36 gives one animated .webp or one .dcm, or one
-        file per picture; force=True overwrites. Returns the findings."""
-        return self._run({"output": path, "preset": preset, "view": view, "size": size, **options}, ffi.NULL).findings()
+        file per picture; force=True overwrites. Returns the diagnostics."""
+        return self._run({"output": path, "preset": preset, "view": view, "size": size, **options}, ffi.NULL).diagnostics()
 
     def _run(self, options: Dict[str, Any], picture: Any) -> _Report:
         report, err = _Report(), ffi.new("CtsError *")
