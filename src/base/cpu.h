@@ -17,11 +17,19 @@ enum CtsCpuPlace { CTS_CPU_PATHS(CTS_CPU_PLACE) };
 enum CtsCpuFlag { CTS_CPU_PATHS(CTS_CPU_FLAG) };
 
 /* In front of a function that plain C loops are compiled into a second time, for processors that have the flag. */
-#if defined(__x86_64__)
+#if defined(__x86_64__) && defined(__clang__)
 #define CTS_TARGET_AVX2 __attribute__((target("avx2")))
+#define CTS_TARGET_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl")))
+#elif defined(__x86_64__)
+#define CTS_TARGET_AVX2 __attribute__((target("avx2")))
+#define CTS_TARGET_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl,prefer-vector-width=512")))
 #else
 #define CTS_TARGET_AVX2
+#define CTS_TARGET_AVX512
 #endif
+/* Of name_plain, name_avx2 and name_avx512, the one for these flags. */
+#define CTS_CPU_CHOICE(flags, name)                                                                                    \
+    ((flags)&CTS_CPU_AVX512 ? name##_avx512 : (flags)&CTS_CPU_AVX2 ? name##_avx2 : name##_plain)
 
 /* The SIMD paths that this processor supports, this build contains (option simd) and the mask allows; code with several
  * SIMD paths selects by them. */

@@ -90,7 +90,7 @@ static inline __attribute__((always_inline)) void dilate_far_any_words(Way way, 
             out[i] = in[i] | in[(ptrdiff_t)i - rows] | in[(ptrdiff_t)i + rows];
 }
 
-static void dilate_far_words(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
+static void dilate_far_words_plain(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
 {
     dilate_far_any_words(way, in, out, n_words, n, rows);
 }
@@ -101,13 +101,18 @@ CTS_TARGET_AVX2 static void dilate_far_words_avx2(Way way, const uint64_t *in, u
     dilate_far_any_words(way, in, out, n_words, n, rows);
 }
 
+CTS_TARGET_AVX512 static void dilate_far_words_avx512(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
+                                                      ptrdiff_t rows)
+{
+    dilate_far_any_words(way, in, out, n_words, n, rows);
+}
+
 /* Dilates m->a by another step; `reach` rows outside the section on either side may be set afterwards. */
 static void dilate_far(CtsMorphology *m, Way way, int n, int reach)
 {
     const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
     const size_t n_words = m->stride * (m->n_rows + 2 * (size_t)reach);
-    (cts_cpu_flags() & CTS_CPU_AVX2 ? dilate_far_words_avx2 : dilate_far_words)(way, m->a + from, m->b + from, n_words,
-                                                                                n, n * row);
+    CTS_CPU_CHOICE(cts_cpu_flags(), dilate_far_words)(way, m->a + from, m->b + from, n_words, n, n * row);
     uint64_t *const t = m->a;
     m->a = m->b;
     m->b = t;

@@ -69,11 +69,22 @@ CTS_TARGET_AVX2 static CtsStoredRange whole_avx2(uint16_t *to, const uint16_t *w
     return fast_body(to, words, n, stored, slope, offset);
 }
 
+CTS_TARGET_AVX512 static CtsStoredRange whole_avx512(uint16_t *to, const uint16_t *words, size_t n,
+                                                     const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    return fast_body(to, words, n, stored, slope, offset);
+}
+
+static CtsStoredRange whole_plain(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
+                                  int32_t offset)
+{
+    return fast_body(to, words, n, stored, slope, offset);
+}
+
 CtsStoredRange cts_grey_whole(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
                               int32_t offset)
 {
-    return cts_cpu_flags() & CTS_CPU_AVX2 ? whole_avx2(to, words, n, stored, slope, offset)
-                                          : fast_body(to, words, n, stored, slope, offset);
+    return CTS_CPU_CHOICE(cts_cpu_flags(), whole)(to, words, n, stored, slope, offset);
 }
 
 void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,

@@ -63,12 +63,17 @@ static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocel
     }
 }
 
-static void fold_row(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
+static void fold_row_plain(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
 {
     fold_any_row(b, grey, bj, bk);
 }
 
 CTS_TARGET_AVX2 static void fold_row_avx2(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
+{
+    fold_any_row(b, grey, bj, bk);
+}
+
+CTS_TARGET_AVX512 static void fold_row_avx512(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
 {
     fold_any_row(b, grey, bj, bk);
 }
@@ -142,7 +147,7 @@ static void fold_layers(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (int bk = (int)first; bk < (int)end; bk++)
         for (int bj = 0; bj < f->macrocells->n_fine[1]; bj++)
-            (cts_cpu_flags() & CTS_CPU_AVX2 ? fold_row_avx2 : fold_row)(f->macrocells, f->volume->grey, bj, bk);
+            CTS_CPU_CHOICE(cts_cpu_flags(), fold_row)(f->macrocells, f->volume->grey, bj, bk);
 }
 
 CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume, int n_threads, CtsError *err)

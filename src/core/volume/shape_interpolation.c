@@ -294,12 +294,17 @@ INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, Field *field
         find_distances(s, field->grey, s->level[l], field->distance[l]);
 }
 
-static void read_field(const Shaping *s, int slice, Scratch *c, Field *field)
+static void read_field_plain(const Shaping *s, int slice, Scratch *c, Field *field)
 {
     read_any_field(s, slice, c, field);
 }
 
 CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch *c, Field *field)
+{
+    read_any_field(s, slice, c, field);
+}
+
+CTS_TARGET_AVX512 static void read_field_avx512(const Shaping *s, int slice, Scratch *c, Field *field)
 {
     read_any_field(s, slice, c, field);
 }
@@ -323,12 +328,17 @@ INLINE void find_any_moves(const Shaping *s, Scratch *c)
     }
 }
 
-static void find_moves(const Shaping *s, Scratch *c)
+static void find_moves_plain(const Shaping *s, Scratch *c)
 {
     find_any_moves(s, c);
 }
 
 CTS_TARGET_AVX2 static void find_moves_avx2(const Shaping *s, Scratch *c)
+{
+    find_any_moves(s, c);
+}
+
+CTS_TARGET_AVX512 static void find_moves_avx512(const Shaping *s, Scratch *c)
 {
     find_any_moves(s, c);
 }
@@ -359,7 +369,7 @@ static void list_flagged(const Shaping *s, const uint8_t *flags, ShapeBlocks *li
 static void list_blocks(const Shaping *s, Scratch *c)
 {
     const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1];
-    (cts_cpu_flags() & CTS_CPU_AVX2 ? find_moves_avx2 : find_moves)(s, c);
+    CTS_CPU_CHOICE(cts_cpu_flags(), find_moves)(s, c);
     list_flagged(s, c->moves, &c->gap.moving);
     for (size_t j = 0; j < ny; j++) {
         const uint8_t *const own = c->moves + j * nx;
@@ -418,14 +428,14 @@ static void shape_gaps(void *context, int worker, size_t first, size_t end)
     Scratch c;
     ShapeSums sums = {0, 0, 0};
     (void)worker;
-    const bool has_avx2 = cts_cpu_flags() & CTS_CPU_AVX2;
+    const unsigned cpu = cts_cpu_flags();
     if (scratch_new(s, &c, NULL)) {
         atomic_fetch_add(&s->n_failed, 1);
         return;
     }
-    (has_avx2 ? read_field_avx2 : read_field)(s, (int)first, &c, &c.field[0]);
+    CTS_CPU_CHOICE(cpu, read_field)(s, (int)first, &c, &c.field[0]);
     for (size_t gap = first; gap < end; gap++) {
-        (has_avx2 ? read_field_avx2 : read_field)(s, (int)gap + 1, &c, &c.field[1]);
+        CTS_CPU_CHOICE(cpu, read_field)(s, (int)gap + 1, &c, &c.field[1]);
         shape_gap(s, &c, (int)gap, &sums);
         const Field t = c.field[0];
         c.field[0] = c.field[1];

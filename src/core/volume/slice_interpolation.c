@@ -51,7 +51,7 @@ static inline __attribute__((always_inline)) void interpolate_any(uint16_t *to, 
         interpolate_part(to, slices, n, w, first, last);
 }
 
-static void interpolate_scalar(uint16_t *to, const uint16_t *const slices[4], int n, const CtsInterpolationWeights *w)
+static void interpolate_plain(uint16_t *to, const uint16_t *const slices[4], int n, const CtsInterpolationWeights *w)
 {
     interpolate_any(to, slices, n, w);
 }
@@ -62,10 +62,16 @@ CTS_TARGET_AVX2 static void interpolate_avx2(uint16_t *to, const uint16_t *const
     interpolate_any(to, slices, n, w);
 }
 
+CTS_TARGET_AVX512 static void interpolate_avx512(uint16_t *to, const uint16_t *const slices[4], int n,
+                                                 const CtsInterpolationWeights *w)
+{
+    interpolate_any(to, slices, n, w);
+}
+
 void cts_slice_interpolation_row(uint16_t *to, const uint16_t *const slices[4], int n,
                                  const CtsInterpolationWeights *weights)
 {
-    (cts_cpu_flags() & CTS_CPU_AVX2 ? interpolate_avx2 : interpolate_scalar)(to, slices, n, weights);
+    CTS_CPU_CHOICE(cts_cpu_flags(), interpolate)(to, slices, n, weights);
 }
 
 enum { CHUNK = 4096 }; /* voxels of one layer that a thread follows down the stack */
