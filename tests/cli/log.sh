@@ -27,7 +27,7 @@ fields = {
               "cost"},
     "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "serial_ms", "peak_rss_bytes", "threads",
     "threads_why"}, "failed": {"exit_code", "message"}}
-# The manual tells all of them, and the source knows no more.
+# The manual lists all of them, and the source has no others.
 root = pathlib.Path(sys.argv[1])
 source = (root / "src/output/report/log.c").read_text()
 written = re.findall(r'add_(?:event|once)\(\s*log, "(\w+)"|"event", "(\w+)"', source)

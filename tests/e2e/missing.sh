@@ -115,7 +115,7 @@ cp "$data/series/localizer/"* c/other
 ok info c --json
 has out 'every 2nd slice'
 
-# Options go their ways: batch, look-up of a server and words of a job are one table.
+# Options by each way in: those of a batch, a server's request and a job are one table.
 only 'k % 4 == 0'
 run batch c -O none --size 32x32
 [ "$code" = 8 ] || fail "a batch of a thinned series ended with $code"

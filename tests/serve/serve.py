@@ -173,7 +173,7 @@ def states(study, uid, slices):
 
 
 def labels():
-    """Views of one volume by its labels; a look names no file."""
+    """Views of one volume by its labels; an appearance names no file."""
     folder = os.path.join(os.path.dirname(data), 'fuzz', 'labels', 'first')
     with Server(ctsplat, data, '--labels', folder) as server:
         picture = f'/series/{server.series()[0]["id"]}/picture.png?{SMALL}&preset=muscle'

@@ -85,7 +85,7 @@ static void lists(void **state)
     assert_string_equal(v->voxel_labels->appearances[look_at(v, 29, 27, 25)].preset->name, "skin");
     cts_volume_free(&v);
     v = owned_head(1, &(CtsLabelChoice){.order = "lesion", .show = "all,rest"});
-    assert_null(v->voxel_labels); /* nothing is hidden, and all looks alike */
+    assert_null(v->voxel_labels); /* nothing is hidden, and all have one appearance */
     cts_volume_free(&v);
 }
 

@@ -88,7 +88,7 @@ void cts_series_cache_sweep(CtsSeriesCache *cache);
 /* The volume of these, or NULL. */
 CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *cached, const CtsSource *source);
 
-/* Without the lock, by the owner of shelved->busy: reads the series if needed, and processes the volume. Takes lock
+/* Without the lock, by the holder of cached->busy: reads the series if needed, and processes the volume. Takes lock
  * where it needs it. CTS_ERR_MEMORY without enough memory. */
 CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
                                 const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,

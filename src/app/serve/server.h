@@ -78,7 +78,7 @@ typedef struct CtsRenderRequest {
     CtsRenderQuery render_query;
     CtsCachedSeries *cached;
     CtsReport report;
-    CtsPictureInfo info; /* of the first frame, once told is set */
+    CtsPictureInfo info; /* of the first frame, once has_info is set */
     bool has_info;
     volatile sig_atomic_t stop; /* set when the client has disconnected */
     bool running;
@@ -127,8 +127,8 @@ void cts_listen_close(const CtsServer *server);
 /* routes.c: CtsHttpSettings.ask. */
 void cts_routes_dispatch(void *server, CtsHttpRequest *request);
 
-/* render_queue.c: queues a request, or returns false where too many are queued; errand->cached and its request must be
- * set. The caller holds the lock. */
+/* render_queue.c: queues a request, or returns false where too many are queued; render_request->cached and its request
+ * must be set. The caller holds the lock. */
 bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *render_request);
 void cts_render_request_free(CtsRenderRequest *render_request);
 CtsStatus cts_render_queue_begin(CtsServer *server, CtsError *err);

@@ -53,7 +53,7 @@ end:
     return st;
 }
 
-/* The patient's dense bits: connected parts after removal of the extruded voxels and their neighbours, which are added
+/* The patient's dense bits: connected parts after removal of the plates' voxels and their neighbours, which are added
  * again afterwards. */
 static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *plates_found,
                             CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
@@ -101,7 +101,7 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, bool
         (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
     cts_components_paint(&parts, outside, NULL, &body->whole);
-    /* The painted voxels are outside: only these remain foreign, and the whole is the complement. */
+    /* The painted voxels are outside: only these do not belong to the patient, and the whole is the complement. */
     cts_bits_combine(&body->foreign, CTS_BITS_AND, &body->whole);
     cts_bits_combine(&body->whole, CTS_BITS_NOT, &body->whole);
 end:
@@ -143,7 +143,7 @@ static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, c
     return CTS_OK;
 }
 
-/* Marks masks and straps on the body as foreign. */
+/* Marks masks and straps on the body as not part of the patient. */
 static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, bool has_table, CtsBits *thin,
                              CtsBody *body, CtsError *err)
 {

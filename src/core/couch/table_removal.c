@@ -129,7 +129,7 @@ typedef struct Leaving {
     CtsBits near;
 } Leaving;
 
-/* Voxels beyond the margin of the body become air, and in the margin the soft edges of foreign parts, except for the
+/* Voxels beyond the margin of the body become air, and in the margin the soft edges of removed parts, except for the
  * voxels next to the body. The body of a section is that of its neighbours, too. */
 static void find_gone_sections(void *context, int worker, size_t first, size_t end)
 {
@@ -157,7 +157,7 @@ static void find_gone_sections(void *context, int worker, size_t first, size_t e
     }
 }
 
-/* Overwrites the bits of foreign. */
+/* Overwrites the bits of the removed parts. */
 static CtsStatus find_gone(Removal *r, CtsError *err)
 {
     CtsStatus st;
@@ -247,7 +247,7 @@ static void report_air(const Removal *r, CtsReport *report)
                               "stay in the picture (remove it by a crop)");
 }
 
-/* Warns about possible tables that are kept: thin parts, and structures extruded along the scanner's axis. */
+/* Warns about possible tables that are kept: thin parts, and plates along the scanner's axis. */
 static void report_uncertain(const Removal *r, CtsReport *report)
 {
     const uint64_t n_doubtful = cts_bits_count_common(&r->plates_found.doubtful, &r->body.dense, r->n_threads);

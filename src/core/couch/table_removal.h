@@ -146,8 +146,8 @@ typedef struct CtsBody {
     CtsAirLevel air;
 } CtsBody;
 
-/* sections without extruded are the patient's candidates; both and the volume in memory are in the plan's orientation.
- * workers[]: one per thread. */
+/* sections without the plates are the patient's candidates; both and the volume in memory are in the plan's
+ * orientation. workers[]: one per thread. */
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
                         const CtsBits *plates_found, CtsMorphology *workers, int n_threads, CtsBody *body,
                         CtsError *err);

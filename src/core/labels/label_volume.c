@@ -39,7 +39,7 @@ typedef struct Sharings {
 typedef struct Painting {
     CtsVoxelLabels *voxel_labels;
     const CtsLabels *labels;
-    const size_t *label, *order; /* label of each of n owners; painting order, the last one wins */
+    const size_t *label, *order; /* label of each of n voxel labels; painting order, the last one wins */
     size_t n;
     int first;         /* slice of the first plane */
     double (*at)[3];   /* of each plane, where it lies in the volume */

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Edge of a block, and how far openness looks. A block is larger where a volume would have more than MAX_BLOCKS. */
+/* Edge of a block, and the reach of openness. A block is larger where a volume would have more than MAX_BLOCKS. */
 #define BLOCK_MM 2.5
 #define REACH_MM 35.0
 #define MAX_BLOCKS 0x1p22
@@ -37,8 +37,8 @@ typedef struct Making {
     CtsOpenness *open;
     const CtsVolume *volume, *shown;
     const CtsMacrocells *macrocells; /* of shown; NULL: unknown */
-    uint16_t *extinction;            /* by look and grey level, in EXTINCTION_UNIT */
-    uint32_t *visible_below;         /* by grey level: lower ones that have an extinction; NULL where looks differ */
+    uint16_t *extinction;            /* by appearance and grey level, in EXTINCTION_UNIT */
+    uint32_t *visible_below; /* by grey level: lower ones that have an extinction; NULL where appearances differ */
     Axis axis[N_AXES];
     int n_lengths;
     double length_mm[N_AXES];
@@ -171,7 +171,7 @@ static bool is_void(const Making *m, const int first[3], const int end[3])
     return true;
 }
 
-/* Sum of the voxels' extinctions, each by its own look. */
+/* Sum of the voxels' extinctions, each by its own appearance. */
 static uint64_t sum_labelled(const Making *m, const int first[3], const int end[3])
 {
     const int *const d = m->volume->dims;

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 
 /* True when no pixel can have a colour: the preset, its background, and each label's appearance are grey. preset: with
- * the settings' mode; owners: the volume's, or NULL. */
+ * the settings' mode; voxel_labels: the volume's, or NULL. */
 bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labels);
 
 /* True when skin may be visible, so that a face may be recognised; in doubt too. extinction_scale as in CtsScene. */

@@ -68,12 +68,13 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
 CtsStatus cts_dimse_find(const CtsPeer &peer, const CtsNet &net, const CtsSeriesQuery &query, CtsFound &found,
                          CtsError *err);
 
-/* Where a peer stores what it was asked to send to a port of ours (C-MOVE): listens while it exists, at the address by
- * which the peer is reached, and takes from the peer's own addresses and AE title alone. */
+/* Receiver of the objects that a peer sends to a port of ours on request (C-MOVE): listens while it exists, at the address
+ * by which the peer is reached, and accepts only the peer's own addresses and AE title. */
 class CtsMoveListener
 {
   public:
-    CtsMoveListener(const CtsPeer &peer_, const CtsNet &net_, CtsFetchFolder &inbox_) : peer(peer_), net(net_), fetch_folder(inbox_)
+    CtsMoveListener(const CtsPeer &peer_, const CtsNet &net_, CtsFetchFolder &fetch_folder_)
+        : peer(peer_), net(net_), fetch_folder(fetch_folder_)
     {
     }
     ~CtsMoveListener();

@@ -178,7 +178,7 @@ CtsStatus cts_dcm_load(DcmDataset &data, const CtsDataSet &set, CtsError *err);
 /* The patient's and the study's attributes: the source's as they stand, or the pseudonym's. */
 void cts_dcm_put_study(Put &put, DcmItem &source, const char *pseudonym);
 
-/* Encodes the file up to the end of its data set into the sink, piece by piece, under ctsplat's implementation name. */
+/* Encodes the file up to the end of its data set into the sink, in parts, under ctsplat's implementation name. */
 CtsStatus cts_dcm_stream(DcmFileFormat &file, E_TransferSyntax syntax, CtsScSink sink, void *context, CtsError *err);
 
 #endif

@@ -53,7 +53,7 @@ typedef struct CtsScObject {
     const CtsDataSet *lossy;  /* of a slice with lossy compressed pixels; NULL when there is none */
 } CtsScObject;
 
-/* Receives the encoded file in pieces. */
+/* Receives the encoded file in parts. */
 typedef CtsStatus (*CtsScSink)(void *context, const void *bytes, size_t n, CtsError *err);
 
 /* The file up to PixelData (7FE0,0010), which is the last element and the caller's to write: Explicit VR Little Endian,

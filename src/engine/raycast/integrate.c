@@ -200,7 +200,8 @@ static int find_blocks(const Interval *s, double *split)
     return n;
 }
 
-/* Positions at which the segment is split: extremes of HU, changes of the lit side and of the openness's slope. */
+/* Positions at which the segment is split: extremes of HU, changes of the side that faces the camera and of the
+ * openness's slope. */
 enum { MAX_SPLITS = 1 + 2 + 3 + 3 + 1 };
 static int find_splits(const Interval *s, double split[MAX_SPLITS])
 {

@@ -25,7 +25,7 @@ typedef struct ShadingQueue {
 
 typedef struct ShadingQueues {
     ShadingQueue queue,
-        stepped[TILED_STEP_QUEUES]; /* turning: segments to be shaded in steps, by the probable number of steps */
+        stepped[TILED_STEP_QUEUES]; /* segments to be shaded in steps, by the probable number of steps */
 } ShadingQueues;
 
 typedef struct Direction {

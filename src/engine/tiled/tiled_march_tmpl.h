@@ -46,7 +46,7 @@ typedef struct Packet {
     vi cell[3];
     vmask active;
     vmask after_split; /* starts at a control point, where it was just split */
-    vi appearance;     /* appearance at the ray's position; the next one begins at edge, if within the cell */
+    vi appearance;     /* appearance at the ray's position; the next one begins at t_label_edge, if within the cell */
     vf t_label_edge;
     int label_cell[LANES][3];   /* the cells in which boundaries of labels were computed */
     int last_appearance[LANES]; /* from the edge on to the end of the cell; -1: edges follow */
@@ -140,7 +140,7 @@ INLINE void advance(March *m, const Faces *f, vmask moving)
 }
 
 /* The field from p->t over `length` mm within the cell: F = f + x fx + y fy + z fz + xy fxy + xz fxz + yz fyz + xyz
- * fxyz about the entry point, along the displacement `displacement`. */
+ * fxyz about the entry point, along the displacement. */
 INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
 {
     const Packet *const p = m->p;
@@ -336,8 +336,8 @@ INLINE vf first_crossing(const vf b[4])
 
 /* Root of the cubic c[0] + c[1] s + ..., with Bernstein coefficients b and ends of different sign: Newton steps from
  * the control polygon's zero (an end that nearly touches 0 is no crossing), and bisection where they leave the bracket.
- * *wrong: error estimate, from the last step and the rounding of the cubic, times jump, and bend times the remaining
- * overshoot. */
+ * *wrong: error estimate, from the last step and the rounding of the cubic, times discontinuity, and slope_change times
+ * the remaining overshoot. */
 INLINE vf find_root(const March *m, const vf c[4], const vf b[4], vf discontinuity, vf slope_change, vmask lanes,
                     vf *wrong)
 {

@@ -8,8 +8,8 @@
 /* Control points: every point of opacity and of colour, and the opacity from which the extinction has its maximum. */
 enum { TILED_CONTROL_POINTS = 3 * CTS_MAX_POINTS };
 
-/* Segment i goes from level end[0][i] to end[1][i], plus rest, the remainder beyond single precision; the first has no
- * begin, the last no end. A level g in it has the opacity at[0][i] + rise[0][i] (g - end[0][i]), and red, green and
+/* Segment i goes from level end[0][i] to end[1][i], plus remainder, the part beyond single precision; the first has no
+ * begin, the last no end. A level g in it has the opacity value[0][i] + slope[0][i] (g - end[0][i]), and red, green and
  * blue likewise. At control points between segments: discontinuity of the extinction per mm, and change of its slope
  * per grey level; colours count where they are visible. */
 typedef struct TiledTransfer {

@@ -7,12 +7,12 @@
 #include "ctsplat/volume.h"
 #include <stdbool.h>
 
-/* A stretch of a ray along which HU runs in a straight line. facing is |n.v|, or negative where unlit. */
+/* An interval of a ray along which HU runs in a straight line. facing is |n.v|, or negative where unlit. */
 typedef struct CtsTruthInterval {
     double hu0, hu1, length_mm, facing;
 } CtsTruthInterval;
 
-/* Premultiplied red, green, blue and alpha of stretches one behind the other, front first, by closed forms for the
+/* Premultiplied red, green, blue and alpha of intervals one behind the other, front first, by closed forms for the
  * depth and tanh-sinh quadrature for colours that change: good to 1e-10. extinction_scale as in CtsScene. */
 void cts_truth_intervals(const CtsPreset *preset, double extinction_scale, const CtsTruthInterval *intervals, int n,
                          double rgba[4]);

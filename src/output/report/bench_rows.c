@@ -212,18 +212,18 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
           " NaN with points pt 6 ps 0.6 lc rgb '#777777' title 'its engine does better'",
           f);
     for (int e = 0; e < CTS_N_ENGINES; e++) {
-        bool any = false, known_fields = false;
+        bool any = false, any_bound = false;
         for (int i = 0; i < n; i++) {
             const bool its = (int)list[i]->engine == e;
             any = any || its;
-            known_fields = known_fields || (its && list[i]->bound.known);
+            any_bound = any_bound || (its && list[i]->bound.known);
         }
         if (any)
             fprintf(f,
                     ", $all%d using 1:2 with points pt 6 ps 0.6 lc rgb '%s' notitle,"
                     " $best%d using 1:2 with linespoints pt 7 ps 0.6 lw 1.5 lc rgb '%s' title '%s'",
                     e, colours[e], e, colours[e], cts_engine_names[e]);
-        if (known_fields)
+        if (any_bound)
             fprintf(f, ", $all%d using 1:3 with points pt 2 ps 0.7 lc rgb '%s' title 'reported error'", e, colours[e]);
     }
     fputc('\n', f);

@@ -6,12 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* told: findings printed already; NULL: none. */
-static void print_diagnostics(FILE *file, const CtsDiagnostics *diagnostics, const char *indent,
-                              const char *known_fields)
+/* printed: a text that is printed already; NULL: none. */
+static void print_diagnostics(FILE *file, const CtsDiagnostics *diagnostics, const char *indent, const char *printed)
 {
     for (size_t i = 0; i < diagnostics->n; i++) {
-        if (known_fields && !strcmp(diagnostics->items[i].text, known_fields))
+        if (printed && !strcmp(diagnostics->items[i].text, printed))
             continue;
         fprintf(file, "%s%s: %s\n", indent, cts_severity_names[diagnostics->items[i].severity],
                 diagnostics->items[i].text);
@@ -61,14 +60,14 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
                 f->box_high_lps[0], f->box_low_lps[1], f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2]);
     }
     fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
-    const char *known_fields = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
+    const char *printed = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
     fprintf(file, "  renderable       %s%s\n",
-            s->passed      ? "no, passed: "
-            : known_fields ? "no: "
-                           : "yes",
-            known_fields ? known_fields : "");
-    print_diagnostics(file, &s->diagnostics, "  ", known_fields);
-    print_diagnostics(file, &f->diagnostics, "  ", known_fields);
+            s->passed ? "no, passed: "
+            : printed ? "no: "
+                      : "yes",
+            printed ? printed : "");
+    print_diagnostics(file, &s->diagnostics, "  ", printed);
+    print_diagnostics(file, &f->diagnostics, "  ", printed);
     if (f->n_labels)
         print_labels(file, f);
     else if (f->has_labels)

@@ -113,23 +113,23 @@ static json_t *new_ms(double ms)
     return json_real(round(ms * 1000) / 1000);
 }
 
-/* Writes a line with the fields of an event; takes ownership of told. */
-static void add_event(CtsLog *log, const char *event, json_t *known_fields)
+/* Writes a line with the fields of an event; takes ownership of fields. */
+static void add_event(CtsLog *log, const char *event, json_t *fields)
 {
     json_t *object = json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
-    json_object_update(object, known_fields);
-    json_decref(known_fields);
+    json_object_update(object, fields);
+    json_decref(fields);
     add_line(log, object);
 }
 
 /* Skips a line equal to an earlier one, as frames of a rotation may cause. */
-static void add_once(CtsLog *log, const char *event, json_t *known_fields)
+static void add_once(CtsLog *log, const char *event, json_t *fields)
 {
-    char *text = new_line(json_incref(known_fields));
+    char *text = new_line(json_incref(fields));
     if (text && log->text && memmem(log->text, log->size, text + 1, strlen(text) - 1))
-        json_decref(known_fields);
+        json_decref(fields);
     else
-        add_event(log, event, known_fields);
+        add_event(log, event, fields);
     free(text);
 }
 
