@@ -6,6 +6,9 @@
 #include "base/simd_fixed.h"
 #include "core/volume/shape_move.h"
 #include <assert.h>
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -176,25 +179,36 @@ INLINE int16_t begin_distance(const uint16_t *at, const uint16_t *above, const u
                           least(to_crossing(*at, *above, level), to_crossing(*at, *below, level)));
 }
 
+/* Blocks i to i + n - 1 of a row, neither the first nor the last one: FAR where a block is on the same side of the
+ * level as all its neighbours, as most are, else 0. Returns whether any is 0. */
+INLINE bool mark_crossings(const uint16_t *row, const uint16_t *above, const uint16_t *below, int i, int n,
+                           uint16_t level, int16_t *restrict d)
+{
+    int16_t any = 0;
+    for (const int end = i + n; i < end; i++) {
+        const bool in = row[i] >= level;
+        const bool alike = (in == (row[i - 1] >= level)) & (in == (row[i + 1] >= level)) & (in == (above[i] >= level)) &
+                           (in == (below[i] >= level));
+        d[i] = alike ? FAR : 0;
+        any |= alike ? 0 : 1;
+    }
+    return any;
+}
+
 INLINE void begin_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
 {
+    enum { CHUNK = 32 };
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     for (int j = 0; j < ny; j++, d += nx) {
         const uint16_t *const row = grey + (size_t)j * (size_t)nx, *const above = j > 0 ? row - nx : row;
         const uint16_t *const below = j + 1 < ny ? row + nx : row;
-        /* Most blocks are on the same side as all their neighbours. */
-        for (int i = 1; i + 1 < nx; i++) {
-            const bool in = row[i] >= level;
-            const bool alike = (in == (row[i - 1] >= level)) & (in == (row[i + 1] >= level)) &
-                               (in == (above[i] >= level)) & (in == (below[i] >= level));
-            d[i] = alike ? FAR : 0;
-        }
-        for (int i = 1; i + 1 < nx; i++) {
-            static const int16_t far[] = {FAR, FAR, FAR, FAR};
-            if (i + 4 < nx && !memcmp(d + i, far, sizeof far))
-                i += 3;
-            else if (!d[i])
-                d[i] = begin_distance(row + i, above + i, below + i, -1, 1, level);
+        for (int first = 1; first + 1 < nx; first += CHUNK) {
+            const int n = least(nx - 1 - first, CHUNK);
+            if (n == CHUNK ? mark_crossings(row, above, below, first, CHUNK, level, d)
+                           : mark_crossings(row, above, below, first, n, level, d))
+                for (int i = first; i < first + n; i++)
+                    if (!d[i])
+                        d[i] = begin_distance(row + i, above + i, below + i, -1, 1, level);
         }
         d[nx - 1] = begin_distance(row + nx - 1, above + nx - 1, below + nx - 1, nx > 1 ? -1 : 0, 0, level);
         d[0] = begin_distance(row, above, below, 0, nx > 1, level);
@@ -220,10 +234,15 @@ INLINE void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
 
 INLINE i16x8 nearest(i16x8 a, i16x8 b)
 {
+#if defined(__SSE2__)
+    return (i16x8)_mm_min_epi16((__m128i)a, (__m128i)b);
+#else
     return a + ((b - a) & (i16x8)(b < a));
+#endif
 }
 
-/* The distances of a row from those to the left: within eight by doubling steps, then from the eight before. */
+/* The distances of a row from those to the left: within eight by doubling steps, then from the eight before. The
+ * next eight wait for the last of these alone. */
 INLINE void reach_right(int16_t *row, int n)
 {
     const i16x8 far = (i16x8){0} + (int16_t)FAR, steps = {1, 2, 3, 4, 5, 6, 7, 8};
@@ -235,9 +254,10 @@ INLINE void reach_right(int16_t *row, int n)
         x = nearest(x, SIDE + __builtin_shufflevector(far, x, 0, 8, 9, 10, 11, 12, 13, 14));
         x = nearest(x, 2 * SIDE + __builtin_shufflevector(far, x, 0, 1, 8, 9, 10, 11, 12, 13));
         x = nearest(x, 4 * SIDE + __builtin_shufflevector(far, x, 0, 1, 2, 3, 8, 9, 10, 11));
+        const int16_t last = x[EIGHT - 1];
         x = nearest(x, v + SIDE * steps);
         memcpy(row + i, &x, sizeof x);
-        v = x[EIGHT - 1];
+        v = nearer(last, (int16_t)(v + EIGHT * SIDE));
     }
     for (; i < n; i++)
         row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
@@ -255,9 +275,10 @@ INLINE void reach_left(int16_t *row, int n)
         x = nearest(x, SIDE + __builtin_shufflevector(x, far, 1, 2, 3, 4, 5, 6, 7, 8));
         x = nearest(x, 2 * SIDE + __builtin_shufflevector(x, far, 2, 3, 4, 5, 6, 7, 8, 9));
         x = nearest(x, 4 * SIDE + __builtin_shufflevector(x, far, 4, 5, 6, 7, 8, 9, 10, 11));
+        const int16_t last = x[0];
         x = nearest(x, v + SIDE * steps);
         memcpy(row + i - EIGHT, &x, sizeof x);
-        v = x[0];
+        v = nearer(last, (int16_t)(v + EIGHT * SIDE));
     }
     while (i-- > 0)
         row[i] = v = nearer(row[i], (int16_t)(v + SIDE));

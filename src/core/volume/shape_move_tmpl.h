@@ -196,35 +196,37 @@ INLINE void write_some(const ShapeGap *g, const ShapeLayer *l, const Pixels *p, 
     words_store(l->grey + at, level, n_read);
 }
 
-/* n blocks side by side from column i and row j of blocks on. */
-INLINE void write_blocks(const ShapeGap *g, const ShapeLayer *l, int i, int j, int n, ShapeSums *sums)
+/* Listed blocks of one row of blocks, from entry k on. Each vector begins with the next listed block; blocks between
+ * listed ones stay unchanged. Returns the end of the row's entries. */
+INLINE size_t write_row(const ShapeGap *g, const ShapeLayer *l, size_t k, ShapeSums *sums)
 {
     const CtsShapeStack *const t = g->stack;
+    const ShapeBlocks *const b = &g->written;
+    const int row = (int)b->row[k];
     const size_t stride = (size_t)g->n_blocks[0] + 2;
-    const int end = SHAPE_BLOCK * (i + n) < t->n_columns ? SHAPE_BLOCK * (i + n) : t->n_columns;
     LaneSums all = {vi_of(0), vi_of(0)};
-    for (int v = 0; v < SHAPE_BLOCK && SHAPE_BLOCK * j + v < t->n_rows; v++) {
-        const int beside = j + 2 * v - 1, far_j = beside < 0 || beside >= g->n_blocks[1] ? j : beside;
-        for (int x = SHAPE_BLOCK * i; x < end; x += LANES) {
-            const size_t block = (size_t)(x / SHAPE_BLOCK) + 1;
-            const Pixels p = {x, SHAPE_BLOCK * j + v, (size_t)j * stride + block, (size_t)far_j * stride + block};
-            write_some(g, l, &p, end - x < LANES ? (size_t)(end - x) : LANES, &all);
+    while (k < b->n && b->row[k] == (uint32_t)row) {
+        const uint32_t first = b->at[k] - (uint32_t)row * (uint32_t)g->n_blocks[0],
+                       end = b->at[k] + LANES / SHAPE_BLOCK;
+        const int x = SHAPE_BLOCK * (int)first, n = t->n_columns - x < LANES ? t->n_columns - x : LANES;
+        for (int v = 0; v < SHAPE_BLOCK && SHAPE_BLOCK * row + v < t->n_rows; v++) {
+            const int beside = row + 2 * v - 1, far_row = beside < 0 || beside >= g->n_blocks[1] ? row : beside;
+            const Pixels p = {x, SHAPE_BLOCK * row + v, shape_place(b->at[k], b->row[k]),
+                              (size_t)far_row * stride + first + 1};
+            write_some(g, l, &p, (size_t)n, &all);
         }
+        while (k < b->n && b->at[k] < end && b->row[k] == (uint32_t)row)
+            k++;
     }
     for (int lane = 0; lane < LANES; lane++) {
         sums->n_moved += (uint64_t)all.n_moved[lane];
         sums->differences += (uint64_t)all.differences[lane];
     }
+    return k;
 }
 
 INLINE void write_layer(const ShapeGap *g, const ShapeLayer *l, ShapeSums *sums)
 {
-    const ShapeBlocks *const b = &g->written;
-    size_t n;
-    for (size_t k = 0; k < b->n; k += n) {
-        for (n = 1; k + n < b->n && b->at[k + n] == b->at[k] + n && b->row[k + n] == b->row[k];)
-            n++;
-        const uint32_t in_row = b->at[k] - b->row[k] * (uint32_t)g->n_blocks[0];
-        write_blocks(g, l, (int)in_row, (int)b->row[k], (int)n, sums);
-    }
+    for (size_t k = 0; k < g->written.n;)
+        k = write_row(g, l, k, sums);
 }
