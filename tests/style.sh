@@ -6,7 +6,7 @@ set -eu
 texts()
 {
     (cd "$1" && find . \( -name '.git' -o -name 'build*' -o -path './out' -o -path './testdata' \) -prune -o \
-        -type f \( -name '*.c' -o -name '*.cc' -o -name '*.h' -o -name '*.py' -o -name '*.sh' -o -name '*.md' -o \
+        -type f \( -name '*.c' -o -name '*.cc' -o -name '*.h' -o -name '*.hpp' -o -name '*.py' -o -name '*.sh' -o -name '*.md' -o \
         -name '*.build' -o -name '*.1' -o -name '*.5' -o -name '*.7' -o -name '*.txt' -o -name '*.json' -o -name '*.in' -o -name '*.js' -o \
         -name '*.css' -o -name '*.awk' -o -name '*.bash' -o -name '*.sbatch' -o -name ctsplat-node -o \
         -name dev -o -name run \) -print | LC_ALL=C sort)
@@ -17,7 +17,7 @@ marks='TO''DO|FIX''ME|(^|[^X])XX''X([^X]|$)|not built ''yet|place''holder|for ''
 paths='(^|[^a-zA-Z0-9_.])/(wo''rk|fa''rm|ro''ot|ho''me)/'
 fast='fast''-math|O''fast'
 # Private words, which the terms of the field replace.
-private='(^|[^A-Za-z_-])(no''body|a''new|made ag''ain|in va''in|by ch''ance|every so mani''eth|how many''th|at the m''ost|but f''or)([^A-Za-z_]|$)'
+private='(^|[^A-Za-z_-])(no''body|a''new|made ag''ain|in va''in|by ch''ance|every so mani''eth|how many''th|at the m''ost|but f''or|to''ld|te''lls|jud''ge[sd]?|kn''ots?|ki''nks?|err''ands?|shel''ved)([^A-Za-z_]|$)'
 # Comments begin with a noun or a verb.
 clause='/\* (Wh''at|Wh''ere|Wh''ether) |"""(Wh''at|Wh''ere|Wh''ether) '
 # Documents that are not in the tree: their contents are in the manual pages.
@@ -45,7 +45,7 @@ violations()
         look 'a private word' -E "$private" | grep -v -E -e '^\./CHANGELOG\.md:' || true
         look 'a comment that begins with a relative clause' -E "$clause"
         # Of a block of comment lines only the first one counts.
-        grep -E '\.(py|sh|build|awk|bash)$|/dev$' "$work/list" | tr '\n' '\0' | xargs -0 awk '
+        grep -E '\.(py|sh|build|awk|bash)$|/(dev|run|ctsplat-node)$' "$work/list" | tr '\n' '\0' | xargs -0 awk '
             FNR == 1 { inside = 0 }
             /^ *# (Wh''at|Wh''ere|Wh''ether) / && !inside {
                 print FILENAME ":" FNR ": " $0 " <- a comment that begins with a relative clause"
@@ -67,7 +67,7 @@ violations()
         tr '\n' '\0' <"$work/list" | xargs -0 tail -qc 1 | grep -q . && while read -r f; do
             [ -z "$(tail -c 1 "$f")" ] || echo "$f: no newline at the end"
         done <"$work/list"
-        grep -E '\.(c|h|cc)$' "$work/list" | tr '\n' '\0' |
+        grep -E '\.(c|h|cc|hpp)$' "$work/list" | tr '\n' '\0' |
             xargs -0 awk 'length > 120 { print FILENAME ":" FNR ": more than 120 columns" }' /dev/null
         # A function that a comment or a README names, as name(), occurs in the code; those of libpng and libwebp need not.
         grep -E '\.(c|h|cc|hpp)$|/README\.md$' "$work/list" | tr '\n' '\0' | xargs -0 awk '

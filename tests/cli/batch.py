@@ -538,8 +538,8 @@ def test_lost(b):
         f.write(broken(data))
     b.ok(0, "two", "-O", "t", *OPTIONS)
     lines = b.lines("t")
-    told = ["unreadable_file" in [f["code"] for f in lines[b.name(i).decode()]["findings"]] for i in range(2)]
-    check(told == [True, False], lines)
+    reported = ["unreadable_file" in [f["code"] for f in lines[b.name(i).decode()]["findings"]] for i in range(2)]
+    check(reported == [True, False], lines)
 
 
 def test_sheet(b):
@@ -588,12 +588,12 @@ def test_sheet(b):
     check(run.returncode == 0 or not sheet("i")["run"]["goes_on"], "an end that is none")
 
 
-def test_told(b):
-    """How far it is, without a terminal: a line a minute (CTS_SOAK: it takes one)."""
+def test_progress_lines(b):
+    """Progress without a terminal: a line a minute (with CTS_SOAK, since it takes one)."""
     if not os.environ.get("CTS_SOAK"):
-        print("told: skipped, takes a minute; ./dev soak runs it")
+        print("progress_lines: skipped, takes a minute; ./dev soak runs it")
         return
-    archive = b.archive("told", 3)
+    archive = b.archive("progress", 3)
     run = b.start("batch", archive, "-O", "o", "--jobs", "1", *OPTIONS)
     while not glob.glob("o/*/*.png"):
         time.sleep(0.001)
@@ -613,8 +613,8 @@ def test_circles(b):
     b.add("circles", 0)
     done = b.ok(0, "circles", "-O", "o", "--size", "32x32", "--rotation", "4", "--views", "anterior,left,0,30,90,30,head",
                 "--window", "0,1", "--crop", "-9,9,-9,9,-9,9")
-    told = [line for line in done.stderr.split("\n") if "--rotation" in line]
-    check(len(told) == 2 and "left" in told[0] and "anterior" in told[0] and "90,30" in told[1], done.stderr)
+    reported = [line for line in done.stderr.split("\n") if "--rotation" in line]
+    check(len(reported) == 2 and "left" in reported[0] and "anterior" in reported[0] and "90,30" in reported[1], done.stderr)
     line = b.lines("o")[b.name(0).decode()]
     check({o["view"] for o in line["outputs"]} == {"anterior", "0,30", "head"}, line["outputs"])
     check(len(line["outputs"]) == 12, len(line["outputs"]))

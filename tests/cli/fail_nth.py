@@ -15,7 +15,7 @@ all_step = int(sys.argv[5]) if len(sys.argv) > 5 else 1
 dcm_step = int(sys.argv[6]) if len(sys.argv) > 6 else all_step
 os.environ['SOURCE_DATE_EPOCH'] = '1000000000'
 work = tempfile.mkdtemp()
-out, told = os.path.join(work, 'out'), os.path.join(work, 'told')
+out, mark = os.path.join(work, 'out'), os.path.join(work, 'mark')
 failures = 0
 
 
@@ -38,7 +38,7 @@ def excused(name, said):
 def run(name, step, command, **more):
     global failures
     n, count = 1, 0
-    told_as = {'CTS_FAIL': call, 'CTS_FAIL_TOLD': told, **more}
+    mark_as = {'CTS_FAIL': call, 'CTS_FAIL_MARK': mark, **more}
     whole = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, env={**os.environ, **more})
     if whole.returncode:
         sys.exit('FAIL %s: %s' % (name, whole.stderr.decode(errors='replace')))
@@ -46,14 +46,14 @@ def run(name, step, command, **more):
     while True:
         with tempfile.TemporaryFile() as messages: # a pipe would stay open as long as any child of the program lives
             code = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=messages,
-                                  timeout=60, env={**os.environ, **told_as, 'LD_PRELOAD': shim, 'CTS_FAIL_AT': str(n)},
+                                  timeout=60, env={**os.environ, **mark_as, 'LD_PRELOAD': shim, 'CTS_FAIL_AT': str(n)},
                                   ).returncode
             messages.seek(0)
             said = messages.read()
         made = outputs()
-        if not os.path.exists(told):
+        if not os.path.exists(mark):
             break
-        os.unlink(told)
+        os.unlink(mark)
         errors = sum(line.startswith(b'ctsplat: error: ') for line in said.splitlines())
         wrong = None
         if code < 0 or code > 130: # a signal

@@ -31,17 +31,17 @@ def expect(good, *words):
 parts = re.split(r'^  (?:-., |    )(?=--)', helped, flags=re.M)[1:]
 for part in parts:
     option, _, rest = ' '.join(part.split()).partition(' ')
-    told = entry(option)
+    entry_text = entry(option)
     expect(any(re.match(r'\.BR? .*' + option + r'( |"|$)', name) for name, _ in entries), option, 'has no entry')
     # Ranges that --help prints from the library's bounds, and the names of what it lists from tables.
     found = re.search(r'\(([-0-9.e]+ to [-0-9.e+]+)', rest)
-    expect(not found or found[1] in told, option, '--help says', found and found[1], 'the man page does not')
+    expect(not found or found[1] in entry_text, option, '--help says', found and found[1], 'the man page does not')
     for ending in re.findall(r'(\.[a-z]{3})(?![a-z])', rest):
-        expect(ending in told, option, 'the man page does not know', ending)
+        expect(ending in entry_text, option, 'the man page does not know', ending)
     names = []
     if re.match(r'NAME [^o].*[:;]|NAME\[', rest.split(' (')[0]):
         names = re.split('[;:]', rest.partition(' ')[2])[0].split()
     for name in names:
-        expect(re.search(r'\b' + re.escape(name) + r'\b', told), option, 'the man page does not know', name)
+        expect(re.search(r'\b' + re.escape(name) + r'\b', entry_text), option, 'the man page does not know', name)
 expect(len(parts) > 100 and entry('--threads'), 'the test finds no options')
 sys.exit(bad > 0)

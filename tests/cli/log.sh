@@ -36,8 +36,8 @@ section = (root / "man/ctsplat.1").read_text().split(".SH TIMING LOG")[1].split(
 entries = dict(re.findall(r"\.TP\n\.B (\w+)\n(.*?)(?=\n\.TP|\Z)", section, re.S))
 assert set(entries) == set(fields), set(entries) ^ set(fields)
 for event, names in fields.items():
-    told = set(re.findall(r"\w+", entries[event]))
-    assert names <= told, (event, names - told)
+    documented = set(re.findall(r"\w+", entries[event]))
+    assert names <= documented, (event, names - documented)
 stages = "scan labels decode grey classify occlusion footprint splat composite shade warp export".split()
 for run in runs:
     for event in run:

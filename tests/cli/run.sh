@@ -50,13 +50,13 @@ refused()
     errors=0
     while IFS= read -r line || [ -n "$line" ]; do
         case $line in
-            'ctsplat: error: '*) errors=$((errors + 1)) told=$line ;;
+            'ctsplat: error: '*) errors=$((errors + 1)) reported=$line ;;
             'ctsplat: warning: '*) ;;
             *) fail "lines that are neither error nor warning" ;;
         esac
     done <err
     [ $errors = 1 ] || fail "not exactly one error line"
-    printf '%s\n' "$told" | grep -qE -e "$pattern" || fail "the error does not match: $pattern"
+    printf '%s\n' "$reported" | grep -qE -e "$pattern" || fail "the error does not match: $pattern"
 }
 
 has()

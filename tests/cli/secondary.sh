@@ -57,7 +57,7 @@ PY
 fi
 command -v dciodvfy >/dev/null || exit 77
 for file in one turn rle jpeg-lossless jpeg-2000; do
-    dciodvfy $file.dcm >judge 2>&1 || fail "dciodvfy refuses $file.dcm: $(cat judge)"
-    grep -E 'Error|Warning' judge && fail "dciodvfy on $file.dcm"
+    dciodvfy $file.dcm >verdict 2>&1 || fail "dciodvfy refuses $file.dcm: $(cat verdict)"
+    grep -E 'Error|Warning' verdict && fail "dciodvfy on $file.dcm"
 done
 exit 0

@@ -210,8 +210,8 @@ def check_under_way(browser, ctsplat, testdata, folder):
         time.sleep(.05)
     browser.open('file://' + page)
     until(browser, 'document.documentElement.dataset.ready', 'the page of a batch under way')
-    told = browser.run('return document.getElementById("summary").textContent')
-    check('under way: ' in told and ' of ' in told, 'the page does not show that the batch is running:', told)
+    summary = browser.run('return document.getElementById("summary").textContent')
+    check('under way: ' in summary and ' of ' in summary, 'the page does not show that the batch is running:', summary)
     before = shown(browser)
     run.wait()
     for _ in range(200):

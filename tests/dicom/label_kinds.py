@@ -127,8 +127,8 @@ def test_regions(scan, work):
             (['--label', 'whole tumor=#ff0000', '--label', 'tumor core=#00ff00'],
              ['--label', '1=#ff0000', '--label', '2=#00ff00', '--label', '3=#00ff00'], ['--label', '1=#ff0000'])):
         same(f'regions: {words}', scan, work, base + words, base + plain, base + other)
-    told = picture(scan, work, *base, '--show', 'whole tumr')
-    check('regions: hint', isinstance(told, str) and 'did you mean whole tumor?' in told, told)
+    message = picture(scan, work, *base, '--show', 'whole tumr')
+    check('regions: hint', isinstance(message, str) and 'did you mean whole tumor?' in message, message)
     with open(names, 'w') as f:
         json.dump({'a': ['one']}, f)
     check('regions: no numbers', 'is no list of numbers' in str(found(scan, path, names=names)))
@@ -177,9 +177,9 @@ def test_separators(scan, work):
                         (['--label', 'CTV=51Gy=#ff0000'], 'did you mean CTV=50Gy?'),
                         (look_file(show=['Kidney,right']), 'no label has this name or number'),
                         (['--show', 'Kidney,,right'], 'an empty name')):
-        told = picture(scan, work, *base, *words)
-        check(f'separators: {words} is refused', isinstance(told, str) and hint in told, told)
-        check(f'separators: {words} is one line', isinstance(told, str) and told.count('error:') == 1, told)
+        message = picture(scan, work, *base, *words)
+        check(f'separators: {words} is refused', isinstance(message, str) and hint in message, message)
+        check(f'separators: {words} is one line', isinstance(message, str) and message.count('error:') == 1, message)
     both = named(scan, work, {**NAMES, 2: 'Kidney,right'})
     same('separators: one label', scan, work, both + ['--show', 'Kidney,right'], both + ['--show', '2'],
          both + ['--show', '3,4'])
@@ -245,10 +245,10 @@ def legend(scan, work, *words):
 def test_letters(scan, work):
     """Names in other letters: the drawn part, and the warning."""
     said = 'are incomplete and preceded'
-    for name, alike, told in (('Größe', 'GRÖSSE', False), ('ήπαρ', 'ΉΠΑΡ', False), ('肝臓', '3', True),
+    for name, alike, drawn in (('Größe', 'GRÖSSE', False), ('ήπαρ', 'ΉΠΑΡ', False), ('肝臓', '3', True),
                               ('肝臓 liver', '3 LIVER', True), ('l' * 200, None, True), ('Śledziona, lewa', None, False)):
         first, text = legend(scan, work, *named(scan, work, {3: name}), '--label', '3=#00ff00')
-        check(f'letters: {name[:20]}: drawn', first and said in text if told else first and text == '', text)
+        check(f'letters: {name[:20]}: drawn', first and said in text if drawn else first and text == '', text)
         if alike:
             second, _ = legend(scan, work, *named(scan, work, {3: alike}), '--label', '3=#00ff00')
             check(f'letters: {name[:20]} as {alike}', first == second)

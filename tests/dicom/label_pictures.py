@@ -110,8 +110,8 @@ def test_skin(folder, masks, work):
         done = run('render', folder, '--labels', masks, '-o', out, '--force', '--size', '24x24', *words.split())
         check(f'{words}: render', done.returncode == 0, done.stderr)
         check(f'{words}: skin', done.returncode or recognizable(out) == expected, f'expected {expected}')
-        told = 'skin may be visible' in done.stderr
-        check(f'{words}: warning', told == ('--deidentify' in words and expected == 'YES'), done.stderr)
+        warned = 'skin may be visible' in done.stderr
+        check(f'{words}: warning', warned == ('--deidentify' in words and expected == 'YES'), done.stderr)
 
 
 def main():

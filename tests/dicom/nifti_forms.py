@@ -68,8 +68,8 @@ def test_ct(scan, ijk, work):
         out = os.path.join(work, 'out.png')
         done = run('render', path, '-o', out, '--force', '--size', '60x60', '--preset', 'skin', '--view', '30,20')
         check(f'{name}: exit', done.returncode == (4 if refused else 0), f'{done.returncode} {done.stderr}')
-        told = 'sform' in done.stderr and 'qform' in done.stderr
-        check(f'{name}: finding', told == bool(words) and (words or '') in done.stderr, done.stderr)
+        reported = 'sform' in done.stderr and 'qform' in done.stderr
+        check(f'{name}: finding', reported == bool(words) and (words or '') in done.stderr, done.stderr)
         check(f'{name}: one line', done.stderr.count('\n') == bool(words), done.stderr)
         for form, matrix in (('sform', right), ('qform', other)):
             decided = run('render', path, '-o', out, '--force', '--size', '60x60', '--nifti-form', form)
@@ -116,8 +116,8 @@ def test_mask(scan, ijk, work):
                     continue
                 series = found['series'][0]
                 check(f'{case}: labels', series['labels'] == expected, str(series['labels']))
-                told = findings(series, 'nifti_form_taken')
-                check(f'{case}: a note', len(told) == 1 and told[0]['severity'] == 'note', str(series['findings']))
+                reported = findings(series, 'nifti_form_taken')
+                check(f'{case}: a note', len(reported) == 1 and reported[0]['severity'] == 'note', str(series['findings']))
     # Both fill the CT's box, each in another order than the CT: which one is right is unknown.
     write_two(path, numbers, right @ np.diag([1, -1, 1, 1]), right @ np.diag([-1, -1, 1, 1]))
     code, err, _ = info(scan.folder, path)

@@ -28,7 +28,7 @@ def picture(path, work, *options):
 
 
 def ways(ijk, matrix):
-    """How the same volume may be written: HU by slope and intercept, axes that run the other way."""
+    """Equivalent forms of the same volume: HU by slope and intercept, reversed axes."""
     flip = matrix @ np.array([[-1, 0, 0, ijk.shape[0] - 1], [0, -1, 0, ijk.shape[1] - 1], [0, 0, 1, 0], [0, 0, 0, 1]])
     mirror = matrix @ np.array([[-1, 0, 0, ijk.shape[0] - 1], [0, 1, 0, 0], [0, 0, -1, ijk.shape[2] - 1],
                                 [0, 0, 0, 1]])

@@ -16,7 +16,7 @@ typedef struct Series {
 
 static const char victim_name[] = "IM0004.dcm";
 
-/* *told: the reader reported a missing slice. err->text: after a success, the slice left out and the reason. */
+/* *reported: the reader reported a missing slice. err->text: after a success, the slice left out and the reason. */
 static CtsStatus load_reporting(const char *folder, CtsVolume **volume, bool *reported, CtsError *err)
 {
     static char left_out[400];

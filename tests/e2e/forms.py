@@ -11,7 +11,7 @@ except ImportError:
     pydicom = None
 
 
-def judge(form, background, png_path, dcm_path):
+def check_capture(form, background, png_path, dcm_path):
     grey = form == 'grey'
     clear = background == 'none'
     behind = [0, 0, 0] if clear else [int(background[i:i + 2], 16) / 255 for i in (1, 3, 5)]
@@ -46,4 +46,4 @@ def judge(form, background, png_path, dcm_path):
 words = sys.argv[1:]
 check(words and len(words) % 4 == 0, 'arguments: groups of four')
 for i in range(0, len(words), 4):
-    judge(*words[i:i + 4])
+    check_capture(*words[i:i + 4])

@@ -6,7 +6,7 @@ cat >greys.json <<'JSON'
 JSON
 
 # form FORM BACKGROUND OPTION...: renders all three formats, to be checked at the end
-judged=
+captures=
 n=0
 form()
 {
@@ -14,7 +14,7 @@ form()
     shift 2
     n=$((n + 1))
     ok render "$data/phantom" --size 40x30 --background "$background" "$@" -o $n.png -o $n.exr -o $n.dcm
-    judged="$judged $form $background $n.png $n.dcm"
+    captures="$captures $form $background $n.png $n.dcm"
     run compare $n.png $n.exr
     [ "$code" -le 1 ] || fail "the .exr cannot be read"
     has out '^share +0 of'
@@ -37,7 +37,7 @@ done
 
 # Every frame has the form of the first, also one that shows nothing.
 ok render "$data/phantom" --size 24x18 -p bone --rotation 3 --crop 0,3,0,3,0,4 -o turn.png -o turn.dcm
-judged="$judged colour #000000 turn-002.png turn.dcm"
+captures="$captures colour #000000 turn-002.png turn.dcm"
 
 # Sizes and scales at their ends.
 for size in 1x1 16384x1 1x2000; do
@@ -57,4 +57,4 @@ refused 2 'crop box holds no voxel' render "$data/phantom" --crop 5000,5001,0,1,
 refused 2 'crop' render "$data/phantom" --crop 1,0,0,1,0,1 -o none.png
 [ ! -e none.png ] || fail "a refused crop wrote a picture"
 # shellcheck disable=SC2086 # a list of words
-py forms.py $judged
+py forms.py $captures

@@ -72,7 +72,7 @@ pacs = peers.Storescp('pacs', loopback, pacs.port)
 n = pacs.count()
 batch(*words, '--presets', 'skin,muscle')
 assert times('o') == before and all(line['status'] == 'done' for line in lines('o'))
-# Those of skin have been there before.
+# The captures of skin exist already.
 assert pacs.count() == n + 2 * N_SERIES, pacs.count()
 pacs.end()
 # Captures queued for a PACS are finished for a batch without one.

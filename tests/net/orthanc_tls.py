@@ -30,8 +30,8 @@ try:
     receiver.terminate()
     assert receiver.wait() == 0
     with open('in/received.jsonl') as f:
-        told = [json.loads(line) for line in f]
-    assert told[-1]['objects'] == len(slices) and told[-1]['certificate'] == '/CN=pacs', told
+        records = [json.loads(line) for line in f]
+    assert records[-1]['objects'] == len(slices) and records[-1]['certificate'] == '/CN=pacs', records
     assert len(glob.glob('in/ST_%s/*.dcm' % uid)) == len(slices)
 
     run(data, '--size', '40x30', '-o', 'files.png')

@@ -98,9 +98,9 @@ study, n = uid_of(data_set(SLICES[0]), b'\x20\0\x0d\0'), len(SLICES)
 assert len(r.files()) == n and all('/ST_' + study in f for f in r.files())
 assert {data_set(f) for f in r.files()} == {data_set(f) for f in SLICES}
 assert {os.stat(f).st_mode & 0o777 for f in r.files()} == {0o640}
-told = r.wait_for(1)
-assert told['objects'] == n and told['replaced'] == 0 and told['calling_aet'] == 'STORESCU' and told['address'] == '127.0.0.1', told
-assert told['studies'] == [{'study': 'ST_' + study, 'objects': n}] and told['end'] == 'released', told
+record = r.wait_for(1)
+assert record['objects'] == n and record['replaced'] == 0 and record['calling_aet'] == 'STORESCU' and record['address'] == '127.0.0.1', record
+assert record['studies'] == [{'study': 'ST_' + study, 'objects': n}] and record['end'] == 'released', record
 subprocess.run(['dcmcjpeg', SLICES[0], 'jpeg.dcm'], check=True)
 send(r, '-xs', 'jpeg.dcm')
 assert r.wait_for(2)['replaced'] == 1
@@ -255,7 +255,7 @@ calls = ('accept', 'fork'), ('open', 'read', 'write', 'fsync', 'rename', 'malloc
 steps = {'read': 5, 'malloc': 301}
 for in_child, call in [(i, call) for i in range(2) for call in calls[i]] if shim else []:
     for n in range(1, 10**6, steps.get(call, 1)):
-        fails = {'LD_PRELOAD': shim, 'CTS_FAIL': call, 'CTS_FAIL_AT': str(n), 'CTS_FAIL_TOLD': os.path.abspath('told')}
+        fails = {'LD_PRELOAD': shim, 'CTS_FAIL': call, 'CTS_FAIL_AT': str(n), 'CTS_FAIL_MARK': os.path.abspath('record')}
         if in_child:
             fails['CTS_FAIL_CHILD'] = '1'
         folder = '%s-%d' % (call, n)
@@ -267,7 +267,7 @@ for in_child, call in [(i, call) for i in range(2) for call in calls[i]] if shim
         if not in_child and sent.returncode:
             send(r, SLICES[0])
         r.end()
-        if not os.path.exists('told'):
+        if not os.path.exists('record'):
             break
-        os.remove('told')
+        os.remove('record')
     assert n > 1, call + ' was not reached'

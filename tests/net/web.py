@@ -139,11 +139,11 @@ assert 'SeriesInstanceUID' in said, said
 def counted(n, sent):
     body, count = parts(sent), ('[{"0020000E":{"vr":"UI","Value":["%s"]},"00201209":{"vr":"IS","Value":[%d]}}]' % (series, n)).encode()
 
-    def tell():
+    def report():
         if 'includefield' in web.asked[-1][0]:
             return 200, {'Content-Type': 'application/dicom+json', 'Content-Length': str(len(count))}, count
         return 200, {'Content-Type': 'multipart/related; boundary=x', 'Content-Length': str(len(body))}, body
-    return tell
+    return report
 
 
 for more in ([], ['--series-uid', series]):

@@ -379,9 +379,9 @@ with Server(ctsplat, data, '--host', 'known.example') as whole:
     rendered(whole, first.StudyInstanceUID, first.SeriesInstanceUID)
     hostile(whole, 10000 if soak else 300)
     crowded(whole, name)
-    told = whole.stderr()
+    messages = whole.stderr()
     assert whole.series()[0]['id'] == name and whole.series()[0]['loaded']
-assert data not in told and first.SeriesInstanceUID not in told and str(first.PatientName) not in told, told
+assert data not in messages and first.SeriesInstanceUID not in messages and str(first.PatientName) not in messages, messages
 states(first.StudyInstanceUID, first.SeriesInstanceUID, first.SOPInstanceUID)
 labels()
 leaves_cleanly(name)

@@ -28,7 +28,7 @@ def rested(browser, doing):
     before = browser.run("return document.querySelector('#picture').src")
     doing()
     until(browser, f"document.querySelector('#picture').src !== '{before}' && {RESTS}")
-    return browser.run("return document.querySelector('#told').textContent")
+    return browser.run("return document.querySelector('#caption').textContent")
 
 
 def shot(browser, name):
@@ -147,7 +147,7 @@ def turn(browser, server):
     assert 'estimated error' in rested(browser, lambda: browser.run("document.querySelector('.card').click()"))
     assert rested(browser, lambda: drag(browser, -60, 0)).startswith('30°, 0°')
     assert rested(browser, lambda: drag(browser, 0, 40)).startswith('30°, 20°')
-    scale = browser.run("return document.querySelector('#told').textContent").split(', ')[2]
+    scale = browser.run("return document.querySelector('#caption').textContent").split(', ')[2]
     assert rested(browser, lambda: pointer(browser, 'mouseWheel', 400, 400, deltaX=0, deltaY=-200)).split(', ')[2] < scale
     rested(browser, lambda: drag(browser, 30, 10, shift=True))
     shot(browser, 'turned')

@@ -217,7 +217,7 @@ class Sweep:
             faults.append('false positive')
         return '; '.join(faults) + ': ' + says if faults else None
 
-    def judge(self, folder, common, asked, what):
+    def check(self, folder, common, asked, what):
         """None or a fault's words."""
         log, mine, exact = (os.path.join(folder, n) for n in ('log', 'picture.png', 'raycast.png'))
         if os.path.exists(log):
@@ -321,7 +321,7 @@ class Sweep:
                 else:
                     if self.args.threads:
                         common += ['--threads', '%d' % self.args.threads]
-                    fault, commands = self.judge(folder, common, asked, what)
+                    fault, commands = self.check(folder, common, asked, what)
                 if fault:
                     self.keep(folder, '%d-%d-%d' % (self.args.seed, number, n), what, fault, commands)
 
@@ -335,7 +335,7 @@ class Sweep:
             print('  ' + shlex.join([self.args.ctsplat] + [w.replace(folder, kept) for w in words]))
         sys.stdout.flush()
 
-    def tell(self, rounds):
+    def print_summary(self, rounds):
         ratios = sorted(ratio for ratio, _ in self.ratios)
         if ratios:
             print('bound over error: %.2g at least, median %.3g, 95 %% below %.3g' % (
@@ -372,7 +372,7 @@ def main():
         sweep.round(args.only or rounds)
         if args.only:
             break
-    sweep.tell(rounds)
+    sweep.print_summary(rounds)
     sys.exit(1 if sweep.faults or not sweep.pictures else 0)
 
 

@@ -2,7 +2,7 @@
  * write, fsync, rename, fork, shmget, poll, recv, wait4, getrandom, accept; kill: the helper, and with it its
  * processes, when one of them is sent data) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail
  * too. Calls are counted over all threads; child processes do not fail, or with CTS_FAIL_CHILD=1 only they do. When the
- * call was reached, a line is appended to the file CTS_FAIL_TOLD. */
+ * call was reached, a line is appended to the file CTS_FAIL_MARK. */
 #undef _FILE_OFFSET_BITS /* both names of a call are needed: open() and open64() */
 #include <dlfcn.h>
 #include <errno.h>
@@ -50,7 +50,7 @@ static int chosen = -1;
 static long fail_at;
 static int fail_on, fail_child;
 static pid_t self;
-static const char *told;
+static const char *mark;
 static atomic_long seen;
 static pid_t child; /* the helper, which is forked last */
 static _Thread_local int loading;
@@ -61,7 +61,7 @@ static void choose(void)
 {
     const char *call = getenv("CTS_FAIL"), *at = getenv("CTS_FAIL_AT");
     self = getpid();
-    told = getenv("CTS_FAIL_TOLD");
+    mark = getenv("CTS_FAIL_MARK");
     fail_on = getenv("CTS_FAIL_ON") != NULL;
     fail_child = getenv("CTS_FAIL_CHILD") != NULL;
     fail_at = at ? atol(at) : 0;
@@ -99,8 +99,8 @@ static int fails(enum Call call)
     const long n = atomic_fetch_add(&seen, 1) + 1;
     if (n != fail_at && !(fail_on && n > fail_at))
         return 0;
-    if (n == fail_at && told) {
-        const int fd = (int)syscall(SYS_open, told, O_WRONLY | O_CREAT | O_APPEND, 0600);
+    if (n == fail_at && mark) {
+        const int fd = (int)syscall(SYS_open, mark, O_WRONLY | O_CREAT | O_APPEND, 0600);
         syscall(SYS_write, fd, "reached\n", (size_t)8);
         syscall(SYS_close, fd);
     }

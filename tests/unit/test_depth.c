@@ -114,11 +114,11 @@ static void test_left_out(void **state)
             s.mode = mode;
             s.want_depth = wanted;
             CtsPicture *p = render(v, &preset, &s, &report);
-            bool told = false;
+            bool skipped = false;
             for (size_t i = 0; i < report.n_skips; i++)
-                told |= strcmp(report.skips[i].what, "depth") == 0;
+                skipped |= strcmp(report.skips[i].what, "depth") == 0;
             assert_int_equal(p->depth_mm != NULL, wanted && mode == CTS_MODE_COMPOSITE);
-            assert_int_equal(told, !p->depth_mm);
+            assert_int_equal(skipped, !p->depth_mm);
             cts_report_free(&report);
             cts_picture_free(&p);
         }

@@ -505,10 +505,10 @@ static void test_dciodvfy(void **state)
                                                 .compression = (CtsScCompression)compression};
             CtsPicture *frames[2] = {view_of(33, 21, kind % 2 ? 1 : 4, 0), view_of(33, 21, kind % 2 ? 1 : 4, 180)};
             CtsError err;
-            assert_int_equal(cts_export((const CtsPicture *const *)frames, kind < 2 ? 1 : 2, "judge.dcm", &settings,
+            assert_int_equal(cts_export((const CtsPicture *const *)frames, kind < 2 ? 1 : 2, "checked.dcm", &settings,
                                         NULL, NULL, &err),
                              CTS_OK);
-            FILE *pipe = popen("dciodvfy judge.dcm 2>&1", "r");
+            FILE *pipe = popen("dciodvfy checked.dcm 2>&1", "r");
             char out[2000];
             assert_non_null(pipe);
             const size_t n = fread(out, 1, sizeof out - 1, pipe);
@@ -516,7 +516,7 @@ static void test_dciodvfy(void **state)
             if (pclose(pipe) || strstr(out, "Error") || strstr(out, "Warning"))
                 fail_msg("%s", out);
             assert_non_null(strstr(out, "SCImage"));
-            unlink("judge.dcm");
+            unlink("checked.dcm");
             cts_picture_free(&frames[0]);
             cts_picture_free(&frames[1]);
         }

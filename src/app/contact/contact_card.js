@@ -105,9 +105,9 @@ function flags(l) {
 for (const s of series) {
   const study = studies.get(s.study), g = s.geometry;
   s.name = `Series ${s.number}` + (study.n > 1 ? ` of study ${study.number}, ${count(study.n)} series` : '');
-  s.told = [clean(g.study_date), g.series_number != null && `series number ${clean(g.series_number)}`,
+  s.details = [clean(g.study_date), g.series_number != null && `series number ${clean(g.series_number)}`,
     clean(g.description)].filter(Boolean).join(' · ');
-  s.text = [s.uid, s.name, s.state, s.reason, s.told, s.file, clean(g.orientation), clean(g.transfer_syntax),
+  s.text = [s.uid, s.name, s.state, s.reason, s.details, s.file, clean(g.orientation), clean(g.transfer_syntax),
     SYNTAXES[g.transfer_syntax] ?? '', ...s.sources.flatMap(f => [`${clean(f.folder)}/${clean(f.first)}`]),
     ...s.findings.flatMap(f => [clean(f.code), ...f.texts, ...f.files]),
     ...s.labels.flatMap(l => [clean(l.name), ...flags(l)]), ...s.pictures.map(pictureName)].join('\n').toLowerCase();
@@ -281,7 +281,7 @@ function spread(s) {
 function fill(s) {
   if (s.filled) return;
   s.filled = true;
-  s.card.append(...[s.told && make('p', {class: 'description'}, make('bdi', {}, s.told)),
+  s.card.append(...[s.details && make('p', {class: 'description'}, make('bdi', {}, s.details)),
     s.reason && make('p', {class: 'reason'}, s.file ? `${s.file}: ${s.reason}` : s.reason),
     s.sources.length && sources(s),
     s.pictures.length && make('div', {class: 'previews'}, s.pictures.map((p, place) => preview(s, p, place))),

@@ -58,7 +58,7 @@ function showSeries(s, place) {
     return button;
   }));
   const uid = make('p', {class: 'mono uid', 'aria-label': 'Series UID'}, s.uid);
-  $('aside', viewer).replaceChildren(...[make('p', {}, s.name), s.told && make('p', {}, make('bdi', {}, s.told)),
+  $('aside', viewer).replaceChildren(...[make('p', {}, s.name), s.details && make('p', {}, make('bdi', {}, s.details)),
     s.reason && make('p', {class: `reason ${s.state}`}, s.file ? `${s.file}: ${s.reason}` : s.reason), uid,
     s.sources.length && sources(s), facts(s), s.labels.length && labels(s), s.findings.length && findings(s),
     times(s, true)].filter(Boolean));

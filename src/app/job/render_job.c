@@ -24,7 +24,7 @@ enum { EVERY = 7 }; /* every EVERY-th pixel is sampled */
 static const float black = 5.0f / 255, white = 250.0f / 255;
 static const double nearly_all = 0.995;
 /* With micro-CT voxels rays are short, and opacity per millimetre leaves all of a picture darker than this. */
-static const float faint = 1 / 8.0f;
+static const float low_opacity = 1 / 8.0f;
 static const double fine_mm = 0.2;
 
 /* Counts a band over its background, before anything is drawn on it. */
@@ -60,7 +60,7 @@ static void saturation_report(const Saturation *s, const CtsJob *job, const CtsV
     double coarsest_mm = 0;
     for (int a = 0; a < 3; a++)
         coarsest_mm = fmax(coarsest_mm, cts_volume_spacing_mm(v, a));
-    if (!projects && !job->render.opacity_per_voxel && coarsest_mm <= fine_mm && (is_black || s->most < faint)) {
+    if (!projects && !job->render.opacity_per_voxel && coarsest_mm <= fine_mm && (is_black || s->most < low_opacity)) {
         cts_report_diagnostic(report, "nearly_black", CTS_WARNING,
                               "the picture is nearly all black: opacity is per millimetre, and voxels are %.2g mm wide "
                               "(`opacity-unit` voxel makes it per voxel)",

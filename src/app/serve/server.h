@@ -110,7 +110,7 @@ void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status
                       const void *bytes, size_t n, bool lasting);
 /* One line. */
 void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *text);
-/* The answer for a failure: status and reason, without names of files and UIDs. shelved may be NULL. */
+/* The answer for a failure: status and reason, without names of files and UIDs. cached may be NULL. */
 void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsCachedSeries *cached, CtsStatus st,
                         const CtsError *err);
 /* text without names of files and UIDs; free with free(), NULL without memory. */

@@ -1,5 +1,5 @@
-/* One slice's or frame's attributes by tag: where the scan of its data set has found them or, of a frame, in its
- * functional groups (PS3.3 C.7.6.16). Of DCMTK only the tags' names. */
+/* Attributes of a slice or frame by tag, as scanned in the data set or, of a frame, in its functional groups (PS3.3
+ * C.7.6.16). DCMTK contributes only the tags' names. */
 #ifndef CTS_DICOM_DCM_ATTRIBUTES_HPP
 #define CTS_DICOM_DCM_ATTRIBUTES_HPP
 
@@ -24,12 +24,12 @@ inline uint32_t cts_tag_number(const DcmTagKey &tag)
 struct CtsAttributes {
     const CtsDataSet &set;
     bool is_frame = false;
-    CtsElements groups[2] = {}; /* of a frame: its own, which come before the shared ones; both before the object */
+    CtsElements groups[2] = {}; /* of a frame: its own ones precede the shared ones, and both the object's */
     char digits[12] = "";
 };
 
 bool cts_attribute_has(const CtsAttributes &item, const DcmTagKey &tag);
-/* As text without the padding, empty when missing or of a binary VR; until the next call. */
+/* The value as text without padding, empty if missing or of a binary VR; valid until the next call. */
 std::string_view cts_attribute_text(CtsAttributes &item, const DcmTagKey &tag);
 /* A single number of VR US or UL. */
 bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value);
@@ -37,20 +37,21 @@ bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint3
 bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value);
 /* A single US value. */
 bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *value);
-/* The 16 bits of a padding value: its VR (US or SS) is often the wrong one. */
+/* The 16 bits of a padding value, whose VR (US or SS) is often wrong. */
 bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern);
 
-/* All of a slice but its place in the file. */
+/* Reads all of a slice except its position in the file. */
 void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
 
-/* One more slice of an object, whose array has room for it. Throws std::bad_alloc, as all below. */
+/* Adds a slice to an object, whose array has room for it. Throws std::bad_alloc, like the following functions. */
 CtsSlice *cts_dcm_add_slice(CtsObject *object);
-/* Makes room for n of them. */
+/* Allocates room for n slices. */
 void cts_dcm_make_room(CtsObject *object, int n);
-/* Slices by the functional groups: one a frame, in the order of the pixels; one with a fault where none can be used. */
+/* Adds a slice for each frame, by the functional groups, in the order of the pixels; a single one with a fault if no
+ * frame can be used. */
 void cts_dcm_read_frames(const CtsDataSet &data_set, CtsStringPool &texts, CtsObject *object);
 
-/* At most `longest` characters of a text, shared. */
+/* Adds at most `longest` characters of a text to the string pool. */
 const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest);
 
 #endif

@@ -1,4 +1,4 @@
-/* What the C++ files of the door share. */
+/* Calls into DCMTK: its log, its locks, and exceptions as statuses; shared by the C++ files of dicom. */
 #ifndef CTS_DICOM_DCM_CALL_HPP
 #define CTS_DICOM_DCM_CALL_HPP
 
@@ -21,17 +21,17 @@ struct CtsDcmLog {
 CtsDcmLog &cts_dcm_log();
 void cts_dcm_log_reset();
 
-/* Held for as long as a thread is inside DCMTK, so that a fork finds none of its locks taken (base/sandbox.h). */
+/* Lock held while a thread is inside DCMTK, so that no lock of DCMTK is taken during a fork (base/sandbox.h). */
 std::shared_mutex &cts_dcm_in_use();
 using CtsDcmUse = std::shared_lock<std::shared_mutex>;
 
-/* Before anything looks up a tag; once, by one thread. */
+/* To be called before the first look-up of a tag; once, by one thread. */
 CtsStatus cts_dcm_load_dictionary(CtsError *err);
 
-/* What to answer when DCMTK says no. */
+/* Status for a failure of DCMTK: out of memory, or `otherwise`. */
 CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise);
 
-/* No exception comes through a door: what each that is caught there becomes. */
+/* Status of the exception being handled, since C callers cannot catch any. */
 inline CtsStatus cts_dcm_caught(CtsError *err, CtsStatus otherwise)
 try {
     throw;
@@ -41,7 +41,7 @@ try {
     return cts_fail(err, otherwise, "unexpected failure in DCMTK");
 }
 
-/* A call into DCMTK. */
+/* Calls into DCMTK under the lock, with exceptions as statuses. */
 template <typename Call> CtsStatus cts_dcm_guarded(CtsError *err, CtsStatus otherwise, Call call)
 try {
     const CtsDcmUse use(cts_dcm_in_use());

@@ -1,4 +1,4 @@
-/* What the files of DIMSE share. */
+/* Transport, associations and presentation contexts of DIMSE, for its C++ files. */
 #ifndef CTS_DICOM_DIMSE_HPP
 #define CTS_DICOM_DIMSE_HPP
 
@@ -18,40 +18,40 @@
 #include <thread>
 #include <vector>
 
-/* What DIMSE goes over: TLS by the profile of BCP 195, or TCP as it is; neither waits for more to come. TLS where net
- * names PEM files. host: who the other side must prove to be, by its certificate; NULL on the side that listens, which
- * with tls_ca asks for any certificate signed by it. */
+/* Creates the transport of DIMSE: TLS by the profile of BCP 195 where net names PEM files, else TCP; both without
+ * Nagle's algorithm. host: the name that the other side's certificate must have; NULL on the listening side, which with
+ * tls_ca requires any certificate signed by it. */
 CtsStatus cts_transport_make(const CtsNet &net, T_ASC_NetworkRole role, const char *host,
                              std::unique_ptr<DcmTransportLayer> &transport, CtsError *err);
 
-/* Ends what goes on over the layer's last connection: reading from it fails from now on. DCMTK has no other way out of
- * an object that comes, for what is thrown through it leaves its memory behind. */
+/* Aborts transfers over the layer's last connection: reading from it fails from now on. DCMTK has no other way to abort
+ * the reception of an object, since exceptions thrown through it leak memory. */
 void cts_transport_break(DcmTransportLayer &transport);
 
-/* DCMTK's conditions, and what a peer wrote into them, on one line. */
+/* Text of DCMTK's condition, which may contain a peer's text, on one line. */
 std::string cts_one_line(const OFCondition &state);
 
-/* "RLE Lossless (1.2.840.10008.1.2.5)" */
+/* Name and UID, as "RLE Lossless (1.2.840.10008.1.2.5)". */
 std::string cts_uid_words(const char *uid);
 
-/* What an association goes over outlives it. */
+/* Base class, so that the transport outlives the association. */
 struct CtsScuTransport {
     std::unique_ptr<DcmTransportLayer> transport;
 };
 
-/* The side that asks for an association. */
+/* Requestor of an association (SCU). */
 class CtsScu : protected CtsScuTransport, public DcmSCU
 {
   public:
-    /* To be offered: a model of queries, in the plain syntaxes; objects of a class. */
+    /* Adds a presentation context: a query model in the native syntaxes, or a SOP class. */
     void offer(const char *model);
     void offer(const char *sop_class, const OFList<OFString> &syntaxes, T_ASC_SC_ROLE role = ASC_SC_ROLE_DEFAULT);
-    /* What helps where the peer takes nothing that is offered: " (`compress` none ...)". */
+    /* Advice for the case that the peer accepts no presentation context: " (`compress` none ...)". */
     std::string remedy;
-    /* An association for what was offered. The failure's status is `fault`; *again: another try may do better. */
+    /* Opens the association. fault: status of a failure; *again: another attempt may succeed. */
     CtsStatus associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fault, bool *again, CtsError *err);
     void hang_up(bool in_peace);
-    /* The answers to a query of one level (C-FIND), at most so many. */
+    /* Sends a query of one level (C-FIND); `answers` gets at most `most` of them. */
     CtsStatus send_query(DcmDataset &query, size_t most, CtsError *err);
     std::vector<std::unique_ptr<DcmDataset>> answers;
 
@@ -64,12 +64,12 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
     Uint16 query_status = STATUS_Success;
 };
 
-/* C-FIND: the series that a query names (PS3.4 C, study root). */
+/* Finds the series of a query by C-FIND (PS3.4 C, study root). */
 CtsStatus cts_dimse_find(const CtsPeer &peer, const CtsNet &net, const CtsSeriesQuery &query, CtsFound &found,
                          CtsError *err);
 
-/* Receiver of the objects that a peer sends to a port of ours on request (C-MOVE): listens while it exists, at the address
- * by which the peer is reached, and accepts only the peer's own addresses and AE title. */
+/* Receiver of the objects that a peer sends to a port of ours on request (C-MOVE): listens while it exists, at the
+ * address by which the peer is reached, and accepts only the peer's own addresses and AE title. */
 class CtsMoveListener
 {
   public:
@@ -81,7 +81,7 @@ class CtsMoveListener
     CtsMoveListener(const CtsMoveListener &) = delete;
     CtsMoveListener &operator=(const CtsMoveListener &) = delete;
     CtsStatus open(CtsError *err);
-    /* The peer has sent all: hangs up. Why something was not taken, or CTS_OK. */
+    /* Ends the reception once the peer has sent all objects. Returns the first failure, or CTS_OK. */
     CtsStatus close(CtsError *err);
 
   private:
@@ -91,10 +91,10 @@ class CtsMoveListener
     int listener = -1;
     std::vector<sockaddr_storage> addresses; /* of the peer */
     std::atomic<bool> done{false};
-    std::thread thread; /* takes connections, of which each has a thread of its own */
-    std::mutex lock;    /* of the inbox and what follows */
+    std::thread thread; /* accepts connections; each is served by a thread of its own */
+    std::mutex lock;    /* of fetch_folder and the following fields */
     std::condition_variable one_less;
-    std::set<int> served; /* connections, each by a descriptor of our own */
+    std::set<int> served; /* own descriptors of the connections being served */
     CtsStatus status = CTS_OK;
     CtsError error = {};
 
@@ -109,9 +109,8 @@ class CtsMoveListener
     CtsStoredAs keep(const char *path);
 };
 
-/* What a series of CT is made of on the network, and every way that ctsplat reads it. Captures are of modality CT too:
- * some peers fail at a series of theirs that they may not send, so they may when we fetch, and are passed over when the
- * files are read. */
+/* SOP classes and transfer syntaxes of CT series. Captures have the modality CT too: some peers fail on a series of
+ * which they may not send every object, so captures are accepted when fetching, and skipped when the files are read. */
 inline const char *const cts_capture_classes[] = {UID_SecondaryCaptureImageStorage,
                                                   UID_MultiframeGrayscaleWordSecondaryCaptureImageStorage,
                                                   UID_MultiframeTrueColorSecondaryCaptureImageStorage};

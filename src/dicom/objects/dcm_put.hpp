@@ -1,4 +1,4 @@
-/* Attributes put into a data set, one after the other: what the writers of DICOM objects share. */
+/* Insertion of attributes into a data set, shared by the writers of DICOM objects. */
 #ifndef CTS_DICOM_DCM_PUT_HPP
 #define CTS_DICOM_DCM_PUT_HPP
 
@@ -12,10 +12,10 @@
 #include <string>
 #include <vector>
 
-/* As many digits as fit 16 characters (DS, PS3.5 6.2), with a point whatever the locale. */
+/* A decimal string with as many digits as fit 16 characters (DS, PS3.5 6.2), with a point in any locale. */
 std::string cts_dcm_decimal(double value);
 
-/* Puts values into an item; the first failure is kept and ends all further work. */
+/* Inserts values into an item; after the first failure, which is stored, it does nothing. */
 class Put
 {
   public:
@@ -32,12 +32,12 @@ class Put
     Put &doubles(const DcmTag &tag, const double *values, int n);
     Put &floats(const DcmTagKey &tag, const double *values, int n);
     Put &bytes(const DcmTagKey &tag, const uint8_t *values, size_t n);
-    /* Takes the element over. */
+    /* Takes ownership of the element. */
     Put &element(DcmElement *element);
     Put &code(const DcmTagKey &sequence, const CtsScCode &code);
     /* A new item at the end of a sequence; NULL after a failure. */
     DcmItem *item(const DcmTagKey &sequence);
-    /* One that refers to an object. */
+    /* A new item that references an object. */
     DcmItem *reference(const DcmTagKey &sequence, const char *class_uid, const char *uid);
 
     Put &keep(const OFCondition &state)
@@ -145,7 +145,7 @@ inline Put &Put::code(const DcmTagKey &sequence, const CtsScCode &code)
     return *this;
 }
 
-/* The referenced slices, in as many items as there are objects. */
+/* Calls add once for each object of the source's slices. */
 template <typename Add> void cts_dcm_each_instance(const CtsSeries &source, Add add)
 {
     const char *last = "";
@@ -157,25 +157,25 @@ template <typename Add> void cts_dcm_each_instance(const CtsSeries &source, Add 
     }
 }
 
-/* References to the objects of one study that labels come from. */
+/* Adds references to the label objects of one study. */
 void cts_dcm_put_label_series(Put &put, const CtsLabels &labels, const char *study_uid);
 
-/* An element as it stands in `from`, value bytes and all, but without private elements inside; nothing where there is
- * none. */
+/* Copies an element from `from` with its value bytes, without private elements in it; does nothing where it is missing.
+ */
 void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag, bool filled = false);
-/* Without the zeros that pad its texts. */
+/* Removes the zeros that pad its texts. */
 OFCondition cts_dcm_drop_zeros(DcmElement &element);
 
-/* The profile of ctsplat's colours. */
+/* Adds the ICC profile of ctsplat's colours (sRGB). */
 Put &cts_dcm_put_profile(Put &put, const DcmTagKey &tag);
 
-/* The value as text; "" where there is none. */
+/* The value as text; "" where it is missing. */
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag);
 
-/* A header for DCMTK. */
+/* Loads a scanned header into a data set of DCMTK. */
 CtsStatus cts_dcm_load(DcmDataset &data, const CtsDataSet &set, CtsError *err);
 
-/* The patient's and the study's attributes: the source's as they stand, or the pseudonym's. */
+/* Adds the attributes of patient and study: copies of the source's, or the pseudonym's. */
 void cts_dcm_put_study(Put &put, DcmItem &source, const char *pseudonym);
 
 /* Encodes the file up to the end of its data set into the sink, in parts, under ctsplat's implementation name. */

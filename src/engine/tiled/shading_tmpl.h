@@ -383,19 +383,19 @@ INLINE void queue_for_shading(March *m, ShadingQueues *queues, const SegmentInte
     const vf first_half = centre_of((real)M_LN2 * e->depth[0]), second_half = centre_of((real)M_LN2 * e->depth[1]);
     const vf centre = (real)0.5f * (first_half + second * (1 + second_half - first_half));
     const vmask bright = lanes & vf_le(vf_of(m->min_shaded_weight), all),
-                faint = CTS_MUTATED(LOW_WEIGHT) ? mask_of_bits(0) : lanes & ~bright;
+                low_weight = CTS_MUTATED(LOW_WEIGHT) ? mask_of_bits(0) : lanes & ~bright;
     /* Segments far from each other are not combined: there may be no gradient between them. */
-    const vmask takes = faint & vf_lt(vf_of(0), all);
+    const vmask takes = low_weight & vf_lt(vf_of(0), all);
     const vmask apart = takes & vf_lt(vf_of(0), p->deferred_weight) & vf_lt(p->deferred_end + m->cell_mm, p->t);
     for (unsigned left = mask_bits(apart); left; left &= left - 1)
         flush_deferred(m, queues, __builtin_ctz(left));
     for (int c = 0; c < 3; c++)
-        p->deferred_colour[c] += vf_select(faint, colour[c], vf_of(0));
+        p->deferred_colour[c] += vf_select(low_weight, colour[c], vf_of(0));
     p->deferred_begin = vf_select(takes & ~vf_lt(vf_of(0), p->deferred_weight), p->t, p->deferred_begin);
     p->deferred_end = vf_select(takes, p->t + length, p->deferred_end);
-    p->deferred_weight += vf_select(faint, all, vf_of(0));
-    p->deferred_centre += vf_select(faint, all * (p->t + centre * length), vf_of(0));
-    unsigned due = mask_bits(bright | (faint & vf_le(vf_of(m->min_shaded_weight), p->deferred_weight)));
+    p->deferred_weight += vf_select(low_weight, all, vf_of(0));
+    p->deferred_centre += vf_select(low_weight, all * (p->t + centre * length), vf_of(0));
+    unsigned due = mask_bits(bright | (low_weight & vf_le(vf_of(m->min_shaded_weight), p->deferred_weight)));
     if (!due)
         return;
     const unsigned now = mask_bits(bright);

@@ -29,7 +29,7 @@ typedef struct CtsExportJob {
 
 typedef struct CtsFormat {
     CtsFormatInfo info;
-    /* How a file of this format starts. */
+    /* Signature of the format: bytes at an offset from the begin of a file. */
     size_t magic_offset;
     const char *magic; /* 4 bytes */
     int max_side;      /* of a picture, in pixels; 0: as many as a picture can have */

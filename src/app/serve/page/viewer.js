@@ -69,7 +69,7 @@ function describe(scene, isPreview, coarse = 1) {
   const mm = (scene.mm_per_pixel / coarse).toPrecision(3);
   const view = `${scene.view[0].toFixed(0)}°, ${scene.view[1].toFixed(0)}°, ${mm} mm a pixel`;
   const bound = scene.bound_255 === undefined ? '' : `, estimated error ${scene.bound_255.toPrecision(2)}/255 rms`;
-  id('told').textContent = isPreview ? view : view + bound;
+  id('caption').textContent = isPreview ? view : view + bound;
   id('stage').dataset.rests = !isPreview;
   id('picture').alt = `${look.preset}, ${view}`;
   if (!isPreview)
@@ -304,7 +304,7 @@ export async function open(chosen) {
   // Ours and the user's own; Slicer's have the names that begin with ct-.
   id('presets').replaceChildren(...presets.filter(p => !p.name.startsWith('ct-')).map(presetButton));
   id('picture').removeAttribute('src');
-  id('told').textContent = 'reading …';
+  id('caption').textContent = 'reading …';
   id('stage').focus();
   showCommand();
   preview();
