@@ -24,7 +24,8 @@ typedef struct CtsPlan {
 typedef enum CtsPixelOrigin {
     CTS_PIXEL_RENDERED,     /* by the engine; one whose ray misses the volume, too */
     CTS_PIXEL_INTERPOLATED, /* from rendered pixels */
-    CTS_PIXEL_REFERENCE,    /* re-rendered by error control */
+    CTS_PIXEL_MARCHED,      /* in a group that error control had the exact march render */
+    CTS_PIXEL_REFERENCE,    /* re-rendered by error control as a sample */
 } CtsPixelOrigin;
 
 /* Output of an engine for error control (render/error) beside the pixels of a band. Zeroed before it renders. */

@@ -217,33 +217,38 @@ static int32_t voxel_difference(const SheetsJob *job, const int at[3], int axis)
     return (value[1] - value[0]) * (one_sided ? 2 : 1);
 }
 
-/* Near the volume's faces, lane by lane; positions outside it count as those on its faces. */
-OUTLINE Gradient gradient_at_faces(const March *m, Corner corner, int sheet, unsigned lanes)
+/* At points near the volume's faces or at the ends of rays, lane by lane; in voxels along a, b and p. Those outside the
+ * volume count as on its faces. */
+OUTLINE Gradient gradient_at(const March *m, const wf at[3], unsigned lanes)
 {
     const SheetsView *const v = &m->job->view;
-    const double one = 1 << SHEETS_WEIGHT_BITS;
-    float out[3][SHEETS_LANES] = {{0}};
-    const int k = sheet < 0 ? 0 : sheet > v->n[2] - 1 ? v->n[2] - 1 : sheet;
+    const float one = 1 << SHEETS_WEIGHT_BITS;
+    float place[3][SHEETS_LANES], out[3][SHEETS_LANES] = {{0}};
+    for (int c = 0; c < 3; c++)
+        wf_store(place[c], wf_clamp(at[c], 0, (float)(v->n[c] - 1)));
     for (int l = 0; l < SHEETS_LANES; l++) {
         if (!(lanes >> l & 1))
             continue;
-        int at[2];
-        float part[2];
-        for (int c = 0; c < 2; c++) {
-            const int64_t place = (corner.at[c] >> 16) + m->grid->lane[c][l], most = (int64_t)(v->n[c] - 1) << 16;
-            const int64_t inside = place < 0 ? 0 : place > most ? most : place;
-            at[c] = (int)(inside >> 16);
-            at[c] = at[c] > v->n[c] - 2 ? v->n[c] - 2 : at[c];
-            part[c] = (float)(inside - ((int64_t)at[c] << 16)) * 0x1p-16f;
+        int cell[3];
+        float part[3];
+        for (int c = 0; c < 3; c++) {
+            cell[c] = (int)place[c][l];
+            cell[c] = cell[c] > v->n[c] - 2 ? v->n[c] - 2 : cell[c];
+            part[c] = place[c][l] - (float)cell[c];
         }
         for (int axis = 0; axis < 3; axis++) {
-            float row[2];
-            for (int j = 0; j < 2; j++) {
-                const float a = (float)voxel_difference(m->job, (const int[]){at[0], at[1] + j, k}, axis);
-                const float b = (float)voxel_difference(m->job, (const int[]){at[0] + 1, at[1] + j, k}, axis);
-                row[j] = a + (b - a) * part[0];
+            float plane[2], row[2];
+            for (int k = 0; k < 2; k++) {
+                for (int j = 0; j < 2; j++) {
+                    const int voxel[3] = {cell[0], cell[1] + j, cell[2] + k};
+                    const float a = (float)voxel_difference(m->job, voxel, axis);
+                    const float b =
+                        (float)voxel_difference(m->job, (const int[]){voxel[0] + 1, voxel[1], voxel[2]}, axis);
+                    row[j] = a + (b - a) * part[0];
+                }
+                plane[k] = row[0] + (row[1] - row[0]) * part[1];
             }
-            out[axis][l] = (row[0] + (row[1] - row[0]) * part[1]) * (float)one;
+            out[axis][l] = (plane[0] + (plane[1] - plane[0]) * part[2]) * one;
         }
     }
     return (Gradient){{wf_load(out[0]), wf_load(out[1]), wf_load(out[2])}};
@@ -281,22 +286,6 @@ INLINE wf highlight_of(const CtsShade *s, wf facing)
     return wf_select(wf_gt(facing, wf_of(0)), wf_lerp(low, high, wf_sub(at, wi_to_float(i))), wf_of(0));
 }
 
-/* Centroid of the light that homogeneous stuff of this opacity takes, as a share of its length from the front:
- * 1 / tau - (1 - a) / a, by least squares in powers of a; off by 0.015 at most. */
-INLINE wf centroid_of(wf alpha)
-{
-    const wf a2 = wf_mul(alpha, alpha), a4 = wf_mul(a2, a2), a8 = wf_mul(a4, a4), a16 = wf_mul(a8, a8);
-    const wf a32 = wf_mul(a16, a16), a64 = wf_mul(a32, a32);
-    const wf low = wf_add(wf_scale(alpha, -0.0961f, 0.5f), wf_scale(a4, -0.1296f, 0));
-    return wf_add(low, wf_add(wf_scale(a16, -0.0291f, 0), wf_scale(a64, -0.1032f, 0)));
-}
-
-/* Two points of a slab between its visible ends at which it is lit; shares of the way from its front sheet to its back
- * one. */
-typedef struct ShadingPoints {
-    wf at[2];
-} ShadingPoints;
-
 /* Visible part of a straight line from sample `front` to `back`, as shares of it. */
 INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to)
 {
@@ -309,16 +298,6 @@ INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to
     const wf at_high = wf_clamp(wf_mul(wf_sub(wf_of(high), front), per), 0, 1);
     *from = wf_select(wf_lt(front, wf_of(low)), at_low, wf_select(wf_gt(front, wf_of(high)), at_high, wf_of(0)));
     *to = wf_select(wf_lt(back, wf_of(low)), at_low, wf_select(wf_gt(back, wf_of(high)), at_high, wf_of(1)));
-}
-
-INLINE ShadingPoints shading_points(const SheetsJob *j, wf front, wf back, wf alpha)
-{
-    wf from, to;
-    visible_part(j, front, back, &from, &to);
-    const wf centre = centroid_of(wf_min(alpha, wf_of(1))), length = wf_sub(to, from);
-    const wf spread = wf_scale(wf_min(centre, wf_sub(wf_of(1), centre)), 0.57735f, 0);
-    return (ShadingPoints){
-        {wf_mul_add(wf_sub(centre, spread), length, from), wf_mul_add(wf_add(centre, spread), length, from)}};
 }
 
 INLINE Gradient gradient_between(const Gradient *front, const Gradient *back, wf at)
@@ -338,44 +317,55 @@ INLINE void dim(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour,
     *white = wf_mul(wf_scale(highlight, s->specular, 0), left);
 }
 
-/* shade_slab() where light does not reach everywhere; open: at the front and the back sheet. */
-INLINE void shade_dimmed_slab(const CtsShade *shade, const wf facing[2], const wf highlight[2],
-                              const ShadingPoints *points, const wf open[2], wmask heavy, Slab *s, wf *apart)
+/* Shares of a stretch's absorbed light that its quarters take; it is lit in the middle of each. */
+typedef struct LitShares {
+    wf of[SHEETS_LIT];
+} LitShares;
+
+INLINE LitShares lit_shares(const uint32_t *light, wi front, wi back, wmask lanes)
 {
-    wf colour[2], white[2], faint, none;
-    for (int i = 0; i < 2; i++)
-        dim(shade, facing[i], highlight[i], wf_lerp(open[0], open[1], points->at[i]), &colour[i], &white[i]);
-    dim(shade, wf_of(0.5f), wf_of(0), wf_lerp(open[0], open[1], points->at[0]), &faint, &none);
-    *apart = wf_add(wf_abs(wf_sub(colour[0], colour[1])), wf_abs(wf_sub(white[0], white[1])));
-    const wf by = wf_select(heavy, wf_scale(wf_add(colour[0], colour[1]), 0.5f, 0), faint);
-    const wf added = wf_mul(wf_scale(wf_add(white[0], white[1]), 0.5f, 0), s->alpha);
-    for (int c = 0; c < 3; c++)
-        s->rgb[c] = wf_mul_add(s->rgb[c], by, wf_select(heavy, added, wf_of(0)));
+    const wi packed = wi_gather(light, wi_add(wi_shl(front, 8), back), lanes);
+    LitShares s;
+    for (int i = 0; i < SHEETS_LIT; i++)
+        s.of[i] = wf_scale(wi_to_float(wi_and(wi_shr(packed, 8 * i), wi_of(255))), 1 / 255.0f, 0);
+    return s;
 }
 
-/* A slab's colours by its light at two points, premultiplied, white highlight added. *apart: how far light at the two
- * lies apart. open: openness at the front and the back sheet, where it counts. */
-INLINE void shade_slab(const SheetsJob *j, const Gradient *front, const Gradient *back, const ShadingPoints *points,
-                       const wf open[2], wmask heavy, Slab *s, wf *apart)
+/* Difference of light at a slab's outer points and its inner ones: what its points may miss, of the fourth part. */
+INLINE wf bend_of_light(const LitShares *s, const wf light[SHEETS_LIT])
+{
+    return wf_abs(wf_add(wf_mul(wf_add(s->of[0], s->of[1]), wf_sub(light[0], light[1])),
+                         wf_mul(wf_add(s->of[2], s->of[3]), wf_sub(light[3], light[2]))));
+}
+
+/* Colours of a stretch by its light, premultiplied, white highlight added. end, open: gradient and openness at its
+ * ends. Shading stretches of low weight does not pay: the mean of |n.v| over directions is a half. */
+INLINE void shade_slab(const SheetsJob *j, const Gradient *const end[2], const LitShares *shares, const wf open[2],
+                       wmask heavy, Slab *s, wf *bend)
 {
     const CtsShade *const shade = j->shade;
-    wf facing[2], highlight[2];
-    for (int i = 0; i < 2; i++) {
-        const Gradient g = gradient_between(front, back, points->at[i]);
-        facing[i] = facing_of(j, &g);
-        highlight[i] = highlight_of(shade, facing[i]);
+    wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], faint = wf_of(shade->ambient + 0.5f * shade->diffuse);
+    for (int i = 0; i < SHEETS_LIT; i++) {
+        const wf at = wf_of(((float)i + 0.5f) / SHEETS_LIT);
+        const Gradient g = gradient_between(end[0], end[1], at);
+        const wf facing = facing_of(j, &g), highlight = highlight_of(shade, facing);
+        wf one_colour, one_white, none;
+        if (j->open) {
+            const wf reached = wf_lerp(open[0], open[1], at);
+            dim(shade, facing, highlight, reached, &one_colour, &one_white);
+            if (i == 0)
+                dim(shade, wf_of(0.5f), wf_of(0), reached, &faint, &none);
+        } else {
+            one_colour = wf_scale(facing, shade->diffuse, shade->ambient);
+            one_white = wf_scale(highlight, shade->specular, 0);
+        }
+        colour = wf_mul_add(shares->of[i], one_colour, colour);
+        white = wf_mul_add(shares->of[i], one_white, white);
+        light[i] = wf_add(one_colour, one_white);
     }
-    if (j->open) {
-        shade_dimmed_slab(shade, facing, highlight, points, open, heavy, s, apart);
-        return;
-    }
-    const wf mean = wf_add(facing[0], facing[1]), sharp = wf_add(highlight[0], highlight[1]);
-    *apart = wf_add(wf_scale(wf_abs(wf_sub(facing[0], facing[1])), shade->diffuse, 0),
-                    wf_scale(wf_abs(wf_sub(highlight[0], highlight[1])), shade->specular, 0));
-    /* Shading slabs of low weight does not pay: the mean of |n.v| over directions is a half. */
-    const wf faint = wf_of(shade->ambient + 0.5f * shade->diffuse);
-    const wf colour = wf_select(heavy, wf_scale(mean, 0.5f * shade->diffuse, shade->ambient), faint);
-    const wf white = wf_select(heavy, wf_mul(wf_scale(sharp, 0.5f * shade->specular, 0), s->alpha), wf_of(0));
+    *bend = bend_of_light(shares, light);
+    colour = wf_select(heavy, colour, faint);
+    white = wf_select(heavy, wf_mul(white, s->alpha), wf_of(0));
     for (int c = 0; c < 3; c++)
         s->rgb[c] = wf_mul_add(s->rgb[c], colour, white);
 }
@@ -555,37 +545,49 @@ OUTLINE void take_share(const SheetsJob *j, wi front, wi back, float length_mm, 
 
 /* Gradients at both sheets of a slab, kept from slab to slab. */
 typedef struct SlabShading {
-    Gradient front, back;
-    int back_sheet; /* the sheet that `back` is of */
-    wf open[2];     /* openness at the front sheet of a slab, and at its back */
-    int open_sheet; /* the sheet that the latter is of */
-    wf off;         /* how far light at two points of a slab lay apart, by its weight */
-    wf plain[3];    /* colours without light, beside the coarse ones */
+    Gradient front, middle, back;
+    Gradient clipped[2]; /* at both ends of a clipped stretch */
+    int middle_sheet;    /* the front sheet of the slab that `middle` is of */
+    int back_sheet;      /* the sheet that `back` is of */
+    wf open[2];          /* openness at the front sheet of a slab, and at its back */
+    int open_sheet;      /* the sheet that the latter is of */
+    wf bend;             /* sum of squares of slabs' bends of light (bend_of_light()) by their weights */
+    wf plain[3];         /* colours without light, beside the coarse ones */
 } SlabShading;
 enum { NO_SHEET = -9 };
 
-INLINE Gradient gradient_of(const March *m, const Block *b, int slab, wmask lanes)
+/* Gradient of a sheet where the rays are at `corner`. */
+INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)
 {
-    const Corner corner = corner_at(m, b, slab);
-    const int sheet = b->sheet + slab * m->job->view.step;
-    if (!b->lit_inside)
-        return gradient_at_faces(m, corner, sheet, wmask_bits(lanes));
-    if (b->window) {
-        const Footprint f = footprint_of(m, corner, true);
-        return gradient_inside(m, &f, sheet_at(m, sheet), true);
+    if (!b->lit_inside) {
+        const Lanes l = lanes_at(m, corner);
+        return gradient_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)}, wmask_bits(lanes));
     }
-    const Footprint f = footprint_of(m, corner, false);
-    return gradient_inside(m, &f, sheet_at(m, sheet), false);
+    const Footprint f = footprint_of(m, corner, b->window);
+    return b->window ? gradient_inside(m, &f, sheet_at(m, sheet), true)
+                     : gradient_inside(m, &f, sheet_at(m, sheet), false);
 }
 
-INLINE void find_gradients(const March *m, const Block *b, int slab, wmask alive, SlabShading *light)
+/* In the middle of a slab: the mean of both sheets where the ray is half way. */
+OUTLINE Gradient gradient_in_middle(const March *m, const Block *b, int slab, wmask lanes)
 {
     const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
-    if (light->back_sheet == next)
-        return;
-    light->front = light->back_sheet == sheet ? light->back : gradient_of(m, b, slab, alive);
-    light->back = gradient_of(m, b, slab + 1, alive);
-    light->back_sheet = next;
+    Corner corner = corner_at(m, b, slab);
+    for (int c = 0; c < 2; c++)
+        corner.at[c] += m->shear[c] / 2;
+    const Gradient front = gradient_of(m, b, corner, sheet, lanes), back = gradient_of(m, b, corner, next, lanes);
+    return gradient_between(&front, &back, wf_of(0.5f));
+}
+
+/* At a share of the way through a slab that is each ray's own. */
+OUTLINE Gradient gradient_of_part(const March *m, const Block *b, int slab, wf share, wmask lanes)
+{
+    const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
+    wf at[3];
+    for (int c = 0; c < 2; c++)
+        at[c] = wf_lerp(front.at[c], back.at[c], share);
+    at[2] = wf_scale(share, (float)m->job->view.step, (float)(b->sheet + slab * m->job->view.step));
+    return gradient_at(m, at, wmask_bits(lanes));
 }
 
 /* Openness at a sheet, between the middles of 2 x 2 x 2 blocks. */
@@ -640,18 +642,50 @@ INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, 
 
 /* Weight from which a part of a slab is lit by itself: a step of eight bits. */
 #define SHADED_FROM (1.0f / 256)
+/* With half-sheets, a step of ten bits: rays pass so many of them. */
+#define LIT_FROM_HALF (1.0f / 1024)
 
-/* A stretch between two samples of a slab: the whole of it, or a half. */
+/* Part of a slab that a stretch is; CLIPPED: each ray has its own. */
+typedef enum StretchKind { WHOLE, FRONT_HALF, BACK_HALF, CLIPPED } StretchKind;
+
+/* A stretch between two samples of a slab. */
 typedef struct SlabPart {
     int slab;
     wf front, back; /* samples */
     wi front_level, back_level;
-    wf from, to;   /* shares of the way between both sheets */
-    wf share;      /* of its length that lies in the volume */
-    bool complete; /* all of it */
+    wf from, to; /* shares of the way between both sheets */
+    wf share;    /* of its length that lies in the volume */
+    StretchKind kind;
     float length_mm;
     const uint64_t *opacity;
+    const uint32_t *light;
 } SlabPart;
+
+/* Gradients at both ends of a stretch; those of sheets are kept for the next slab. */
+INLINE void find_gradients(const March *m, const Block *b, const SlabPart *t, wmask heavy, wmask alive,
+                           SlabShading *light, const Gradient *end[2])
+{
+    const int step = m->job->view.step, sheet = b->sheet + t->slab * step;
+    if (t->kind == CLIPPED) {
+        light->clipped[0] = gradient_of_part(m, b, t->slab, t->from, heavy);
+        light->clipped[1] = gradient_of_part(m, b, t->slab, t->to, heavy);
+        end[0] = &light->clipped[0];
+        end[1] = &light->clipped[1];
+        return;
+    }
+    if (light->back_sheet != sheet + step) {
+        light->front =
+            light->back_sheet == sheet ? light->back : gradient_of(m, b, corner_at(m, b, t->slab), sheet, alive);
+        light->back = gradient_of(m, b, corner_at(m, b, t->slab + 1), sheet + step, alive);
+        light->back_sheet = sheet + step;
+    }
+    if (t->kind != WHOLE && light->middle_sheet != sheet) {
+        light->middle = gradient_in_middle(m, b, t->slab, alive);
+        light->middle_sheet = sheet;
+    }
+    end[0] = t->kind == BACK_HALF ? &light->middle : &light->front;
+    end[1] = t->kind == FRONT_HALF ? &light->middle : &light->back;
+}
 
 INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf before, wmask lanes, int x, int y,
                        State *s)
@@ -679,29 +713,32 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
 {
     const SheetsJob *const j = m->job;
     wmask visible = wmask_and(s->alive, visible_between(&j->levels, t->front_level, t->back_level));
-    if (!t->complete)
+    if (t->kind == CLIPPED)
         visible = wmask_and(visible, wf_gt(t->share, wf_of(0)));
     if (!wmask_any(visible))
         return visible;
     Slab slab = look_up_slab(t->opacity, t->front_level, t->back_level, visible);
-    if (!t->complete)
+    if (t->kind == CLIPPED)
         take_share(j, t->front_level, t->back_level, t->length_mm, t->share, visible, &slab);
     counts->slabs++;
     if (lit) {
         const wf weight = wf_mul(s->left, slab.alpha);
-        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(SHADED_FROM)));
+        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(j->half ? LIT_FROM_HALF : SHADED_FROM)));
         for (int c = 0; c < 3; c++)
             light->plain[c] = wf_mul_add(wf_select(visible, s->left, wf_of(0)), slab.rgb[c], light->plain[c]);
         if (wmask_any(heavy)) {
-            find_gradients(m, b, t->slab, s->alive, light);
-            ShadingPoints points = shading_points(j, t->front, t->back, slab.alpha);
-            for (int i = 0; i < 2; i++)
-                points.at[i] = wf_mul_add(points.at[i], wf_sub(t->to, t->from), t->from);
-            wf apart;
-            if (j->open)
+            const Gradient *end[2];
+            find_gradients(m, b, t, heavy, s->alive, light, end);
+            const LitShares shares = lit_shares(t->light, t->front_level, t->back_level, heavy);
+            wf open[2], bend;
+            if (j->open) {
                 find_openness(m, b, t->slab, false, s->alive, light);
-            shade_slab(j, &light->front, &light->back, &points, light->open, heavy, &slab, &apart);
-            light->off = wf_add(light->off, wf_select(heavy, wf_mul(weight, apart), wf_of(0)));
+                open[0] = wf_lerp(light->open[0], light->open[1], t->from);
+                open[1] = wf_lerp(light->open[0], light->open[1], t->to);
+            }
+            shade_slab(j, end, &shares, open, heavy, &slab, &bend);
+            const wf weighted = wf_select(heavy, wf_mul(weight, bend), wf_of(0));
+            light->bend = wf_mul_add(weighted, weighted, light->bend);
             counts->lit++;
         } else {
             wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse), none;
@@ -804,9 +841,12 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
                                     wf_of(0.5f * (float)k),
                                     wf_of(half ? 0.5f * (float)(k + 1) : 1),
                                     all_of_it,
-                                    true,
+                                    !half ? WHOLE
+                                    : k   ? BACK_HALF
+                                          : FRONT_HALF,
                                     half ? slab_mm / 2 : slab_mm,
-                                    j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1]};
+                                    j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1],
+                                    j->light};
                 visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
             }
         }
@@ -842,9 +882,10 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
                                 from,
                                 wf_add(from, length),
                                 b->share[i],
-                                false,
+                                CLIPPED,
                                 half ? slab_mm / 2 : slab_mm,
-                                j->opacity[half ? 0 : 1]};
+                                j->opacity[half ? 0 : 1],
+                                j->light};
             composite_slab_part(m, b, &t, lit, x, y, s, light, counts);
         }
         Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2], lanes);
@@ -853,7 +894,7 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
               wmask_and(lanes, visible_between(&j->levels, p.level[0], p.level[2])));
         advance_missed(s, wf_of(0));
     }
-    light->back_sheet = light->open_sheet = NO_SHEET;
+    light->back_sheet = light->open_sheet = light->middle_sheet = NO_SHEET;
 }
 
 /* Voxels along a, b and p that a block's samples take, least and most. */
@@ -913,7 +954,7 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
         wf_store(out->rgba[c], wf_mul(s->rgb[c], scale));
     }
     if (lit)
-        off = wf_add(off, light->off);
+        off = wf_add(off, wf_mul(light->bend, wf_inverse_root(wf_max(light->bend, wf_of(1e-12f)))));
     wf_store(out->rgba[3], wf_select(ended, wf_of(1), wf_sub(wf_of(1), s->left)));
     off = wf_add(off, wf_scale(s->missed, MISSED_SHARE, 0));
     wf_store(out->indicator, wf_min(off, wf_of(1)));
@@ -934,8 +975,12 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     const wf none = wf_of(0), all = wf_of(1);
     State s = {{none, none, none},    all,  {none, none, none}, all, wf_of(FAR_MM), wf_of(FAR_MM),
                wmask_of_bits(0xffff), none, {none, none}};
-    SlabShading light = {
-        .back_sheet = NO_SHEET, .open = {all, all}, .open_sheet = NO_SHEET, .off = none, .plain = {none, none, none}};
+    SlabShading light = {.back_sheet = NO_SHEET,
+                         .middle_sheet = NO_SHEET,
+                         .open = {all, all},
+                         .open_sheet = NO_SHEET,
+                         .bend = none,
+                         .plain = {none, none, none}};
     Block blocks[2]; /* the one at hand, and the one before */
     blocks[1].inside = false;
     const int n_layers = j->blocks->n_layers, n_words = cts_sheets_words(n_layers);
@@ -988,6 +1033,39 @@ INLINE void fill_opacity(const float (*mean)[4], float length_mm, size_t first, 
         for (int l = 0; l < SHEETS_LANES; l++)
             rgba[i + (size_t)l] = (uint64_t)number[0][l] | (uint64_t)number[1][l] << 16 | (uint64_t)number[2][l] << 32 |
                                   (uint64_t)number[3][l] << 48;
+    }
+}
+
+INLINE void fill_light(const float (*quarter)[SHEETS_LIT], float length_mm, size_t first, size_t end, uint32_t *light)
+{
+    int32_t lanes[SHEETS_LANES];
+    for (int l = 0; l < SHEETS_LANES; l++)
+        lanes[l] = l;
+    for (size_t i = first; i < end; i += SHEETS_LANES) {
+        const wi at = wi_shl(wi_add(wi_load(lanes), wi_of((int32_t)i)), 2);
+        wf taken[SHEETS_LIT], left = wf_of(1), sum = wf_of(0);
+        for (int q = 0; q < SHEETS_LIT; q++) {
+            const wf extinction =
+                wf_look_up((const float *)quarter + q, SHEETS_LIT * SHEETS_LEVELS * SHEETS_LEVELS, at);
+            taken[q] = wf_mul(left, wf_taken(wf_scale(extinction, length_mm / SHEETS_LIT, 0)));
+            left = wf_sub(left, taken[q]);
+            sum = wf_add(sum, taken[q]);
+        }
+        const wmask any = wf_gt(sum, wf_of(1e-20f));
+        const wf scale = wf_div(wf_of(255), wf_max(sum, wf_of(1e-20f)));
+        int32_t share[SHEETS_LIT][SHEETS_LANES];
+        wi rest = wi_of(255);
+        for (int q = 0; q < SHEETS_LIT; q++) {
+            const wi one =
+                q + 1 < SHEETS_LIT
+                    ? wi_min(wf_to_int(wf_select(any, wf_scale(wf_mul(taken[q], scale), 1, 0.5f), wf_of(64))), rest)
+                    : rest;
+            wi_store(share[q], one);
+            rest = wi_sub(rest, one);
+        }
+        for (int l = 0; l < SHEETS_LANES; l++)
+            light[i + (size_t)l] = (uint32_t)share[0][l] | (uint32_t)share[1][l] << 8 | (uint32_t)share[2][l] << 16 |
+                                   (uint32_t)share[3][l] << 24;
     }
 }
 

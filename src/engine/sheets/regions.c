@@ -440,6 +440,9 @@ static CtsStatus probe_tile(const Probing *probing, int worker, size_t tile, Cts
                 refine_group(&p, w, &p.pixels, x, y, refined_from(p.scene));
     }
     end_lattice(&p.lattice);
+    /* Neighbours outside the tile are not rendered; a picture's contrast is as large or larger at the tile's border. */
+    for (int y = 0; y < SHEETS_TILE_Y && !st; y++)
+        add_row_contrast(&p.pixels, y, 0, SHEETS_TILE_Y, w->extremes, p.pixels.indicator + y * SHEETS_TILE_X);
     return st;
 }
 
@@ -460,7 +463,7 @@ CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, c
                  .rgba = rgba,
                  .indicator = indicator};
     SheetsCounts counts = {0};
-    CtsStatus st = start_workers(&p.picturing.workers, job, 0, n_threads, err);
+    CtsStatus st = start_workers(&p.picturing.workers, job, SHEETS_TILE_X, n_threads, err);
     if (!st && !(st = cts_alloc_zeroed(&p.status, (size_t)n_threads, err)) &&
         !(st = cts_alloc_zeroed(&p.err, (size_t)n_threads, err)))
         cts_parallel(n_threads, n, 1, probe_some, &p);

@@ -53,8 +53,9 @@ static CtsStatus find_tables(Cache *k, const CtsScene *scene, bool half, const S
     if (!k->transfer.mean && (st = cts_sheets_transfer_init(&k->transfer, scene, m->all.high, err)))
         return st;
     for (int i = half ? 0 : 1; i < (half ? 2 : 3); i++)
-        if ((st = cts_sheets_opacity_find(&k->opacity[i], &k->transfer, scene->view.layer_mm * ldexp(1, i - 1), kernels,
-                                          scene->settings->n_threads, err)))
+        if ((st =
+                 cts_sheets_opacity_find(&k->opacity[i], &k->transfer, scene->view.layer_mm * ldexp(1, i - 1),
+                                         scene->preset->shade && i == !half, kernels, scene->settings->n_threads, err)))
             return st;
     cts_report_stage(report, CTS_STAGE_FOOTPRINT, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
                      2 * (uint64_t)SHEETS_LEVELS * SHEETS_LEVELS, 0);
@@ -85,6 +86,7 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const Cache *k, bool h
 {
     *j = (SheetsJob){.levels = k->transfer.levels,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
+                     .light = k->opacity[half ? 0 : 1].light,
                      .mean = (const float(*)[4])k->transfer.mean,
                      .all_depths = scene->view.near_mm == -INFINITY && scene->view.far_mm == INFINITY,
                      .blocks = &k->blocks[scene->view.axis],
@@ -237,7 +239,7 @@ const CtsEngine cts_engine_sheets = {
     .render = render_sheets,
     .render_tiles = render_tiles,
     .indicator = CTS_INDICATOR_ESTIMATE,
-    .levels = 1u << CTS_LEVEL_LATTICE | 1u << CTS_LEVEL_SHEETS | 1u << CTS_LEVEL_HALF_SHEETS,
+    .levels = 1u << CTS_LEVEL_LATTICE | 1u << CTS_LEVEL_SHEETS | 1u << CTS_LEVEL_HALF_SHEETS | 1u << CTS_LEVEL_HYBRID,
     .skips_void = true,
     .supports_slabs = true,
     .modes = 1u << CTS_MODE_COMPOSITE,

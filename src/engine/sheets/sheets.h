@@ -27,6 +27,7 @@ enum {
     SHEETS_REGION = 64,                /* pixels each way of what a thread takes at a time */
     SHEETS_BLOCK = CTS_FINE_MACROCELL, /* slabs of a block, which is void or not as a whole */
     SHEETS_LEVELS = 256,               /* levels of the pre-integrated table */
+    SHEETS_LIT = 4,                    /* points of a slab at which it is lit */
     SHEETS_WEIGHT_BITS = 14            /* of footprint weights: a product with 16 bits fits 32 */
 };
 
@@ -44,8 +45,9 @@ typedef struct SheetsLevels {
 /* Mean extinction per mm and its mean colour on straight lines between two levels. */
 typedef struct SheetsTransfer {
     SheetsLevels levels;
-    float (*mean)[4];        /* [front * 256 + back]: extinction per mm, red, green, blue */
-    double extinction_scale; /* that it was made for */
+    float (*mean)[4];             /* [front * 256 + back]: extinction per mm, red, green, blue */
+    float (*quarter)[SHEETS_LIT]; /* the same index: extinction per mm of each quarter of the way */
+    double extinction_scale;      /* that it was made for */
 } SheetsTransfer;
 
 /* Colour (premultiplied) and opacity of a slab by front and back level, for one length of rays in it: four numbers of
@@ -53,6 +55,9 @@ typedef struct SheetsTransfer {
  */
 typedef struct SheetsOpacity {
     uint64_t *rgba; /* [front * 256 + back] */
+    /* The same index: shares of a slab's absorbed light that each quarter of it takes, in 255ths, the first lowest;
+     * NULL where nothing is lit. */
+    uint32_t *light;
     double length_mm, extinction_scale;
 } SheetsOpacity;
 
@@ -96,6 +101,7 @@ typedef struct SheetsJob {
     SheetsGrid grid[2]; /* every pixel; every second */
     SheetsLevels levels;
     const uint64_t *opacity[3]; /* of half a slab, a slab, two slabs */
+    const uint32_t *light;      /* of the finest of these in use */
     const float (*mean)[4];     /* SheetsTransfer.mean */
     bool all_depths;            /* rays are looked at all along */
     const SheetsVoid *blocks;
@@ -125,13 +131,15 @@ typedef struct SheetsKernels {
                   SheetsPixels *pixels, SheetsCounts *counts);
     /* Entries first to end - 1 (multiples of 16) of SheetsOpacity.rgba, for slabs of this length. */
     void (*fill_opacity)(const float (*mean)[4], float length_mm, size_t first, size_t end, uint64_t *rgba);
+    /* The same of SheetsOpacity.light. */
+    void (*fill_light)(const float (*quarter)[SHEETS_LIT], float length_mm, size_t first, size_t end, uint32_t *light);
 } SheetsKernels;
 extern const SheetsKernels cts_sheets_c, cts_sheets_avx2, cts_sheets_avx512;
 
 CtsStatus cts_sheets_transfer_init(SheetsTransfer *transfer, const CtsScene *scene, int largest_grey, CtsError *err);
 void cts_sheets_transfer_free(SheetsTransfer *transfer);
 /* Makes the table again only where length or extinction differ from those that it was made for. */
-CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm,
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm, bool lit,
                                   const SheetsKernels *kernels, int n_threads, CtsError *err);
 void cts_sheets_opacity_free(SheetsOpacity *opacity);
 

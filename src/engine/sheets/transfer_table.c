@@ -111,6 +111,7 @@ CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int
     double at_level[SHEETS_LEVELS][4];
     *t = (SheetsTransfer){.extinction_scale = scene->extinction_scale};
     if ((st = cts_alloc_array(&t->mean, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)) ||
+        (st = cts_alloc_array(&t->quarter, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)) ||
         (st = cts_alloc_array(&in.to, CTS_N_GREY, err)))
         goto end;
     init_levels(&t->levels, scene, largest_grey);
@@ -123,9 +124,19 @@ CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int
         for (int j = 0; j < SHEETS_LEVELS; j++) {
             float *const mean = t->mean[i * SHEETS_LEVELS + j];
             const double width = l->grey[j] - l->grey[i];
+            float *const quarter = t->quarter[i * SHEETS_LEVELS + j];
             if (i == j || width == 0) {
                 mean_between(&in, l, i, i, mean);
+                for (int q = 0; q < SHEETS_LIT; q++)
+                    quarter[q] = mean[0];
                 continue;
+            }
+            double to = at_level[i][0];
+            for (int q = 0; q < SHEETS_LIT; q++) {
+                const double from = to;
+                to = q + 1 == SHEETS_LIT ? at_level[j][0]
+                                         : integral_to(&in, l->grey[i] + (q + 1) * width / SHEETS_LIT, 0);
+                quarter[q] = (float)fmax((to - from) * SHEETS_LIT / width, 0);
             }
             const double extinction = (at_level[j][0] - at_level[i][0]) / width;
             mean[0] = extinction > 0 ? (float)extinction : 0;
@@ -143,6 +154,7 @@ end:
 void cts_sheets_transfer_free(SheetsTransfer *t)
 {
     cts_free(&t->mean);
+    cts_free(&t->quarter);
 }
 
 typedef struct Filling {
@@ -157,14 +169,19 @@ static void fill_some(void *context, int worker, size_t first, size_t end)
     (void)worker;
     f->kernels->fill_opacity((const float(*)[4])f->transfer->mean, (float)f->opacity->length_mm, first * SHEETS_LEVELS,
                              end * SHEETS_LEVELS, f->opacity->rgba);
+    if (f->opacity->light)
+        f->kernels->fill_light((const float(*)[SHEETS_LIT])f->transfer->quarter, (float)f->opacity->length_mm,
+                               first * SHEETS_LEVELS, end * SHEETS_LEVELS, f->opacity->light);
 }
 
-CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transfer, double length_mm,
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transfer, double length_mm, bool lit,
                                   const SheetsKernels *kernels, int n_threads, CtsError *err)
 {
     CtsStatus st;
-    if (o->rgba && o->length_mm == length_mm && o->extinction_scale == transfer->extinction_scale)
+    if (o->rgba && (o->light || !lit) && o->length_mm == length_mm && o->extinction_scale == transfer->extinction_scale)
         return CTS_OK;
+    if (lit && !o->light && (st = cts_alloc_array(&o->light, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)))
+        return st;
     if (!o->rgba && (st = cts_alloc_array(&o->rgba, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)))
         return st;
     o->length_mm = length_mm;
@@ -177,4 +194,5 @@ CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transf
 void cts_sheets_opacity_free(SheetsOpacity *o)
 {
     cts_free(&o->rgba);
+    cts_free(&o->light);
 }

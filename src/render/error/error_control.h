@@ -26,10 +26,12 @@ typedef struct CtsErrorControl {
     const CtsEngine *march;  /* re-renders pixels: a row with render_pixels, the same or another */
     CtsScene scene;          /* of the frame, as march gets it: `kept` is what march keeps */
     bool whole_strips;       /* strips whose error stays too large are re-rendered whole */
+    bool marches_groups;     /* before that, their groups of pixels with large indicators are (marched_groups.h) */
     bool is_stiff;           /* the preset's opacity has a step, which the march keeps its error at in the mean alone */
     uint64_t n_pixels;       /* of the bands so far */
     uint64_t n_rerendered;   /* of them */
     uint64_t n_interpolated; /* of them */
+    uint64_t n_marched;      /* of them, in groups */
     double largest;          /* largest indicator of a pixel that was not re-rendered */
     double sum;              /* of e^2 (1 - p) / p */
     double largest_term;     /* upper limit of its terms while e^2 <= b^2 + f^2 */
@@ -42,10 +44,18 @@ typedef struct CtsErrorControl {
 /* Takes a band with what its engine indicated, and corrects its worst pixels. On return the origin of re-rendered
  * pixels is CTS_PIXEL_REFERENCE, and their indicator 0. */
 CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, CtsErrorMap *errors, CtsError *err);
-/* Upper limit of the error that a frame may come to, rms, whose pixels are like these n: their estimated indicators,
- * and their squared errors against the exact march. n_tried: as in CtsPlan. */
-double cts_error_control_predict(const CtsScene *scene, int n_tried, size_t n, const float *indicator,
-                                 const double *square);
+/* Prediction of the error of a frame whose pixels are like these n. */
+typedef struct CtsErrorPrediction {
+    size_t n;
+    const float *indicator; /* estimates */
+    const float *group;     /* the largest of each pixel's group; NULL: no groups are marched */
+    const double *square;   /* squared errors against the exact march */
+    double limit;           /* result: upper limit of the frame's error, rms */
+    float marched_from;     /* result: indicator of groups above which they have to be marched to meet the request */
+} CtsErrorPrediction;
+
+/* n_tried: as in CtsPlan. */
+CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsErrorPrediction *prediction, CtsError *err);
 /* Upper limit of the frame's error, rms. */
 double cts_error_control_rmse(const CtsErrorControl *control);
 /* Fills report->bound, and adds a warning where the error may be larger than requested. Nothing for a frame that

@@ -468,6 +468,8 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     control->scene.plan = scene->plan;
     control->engine = cts_engine(frame->engine_id);
     control->march = cts_engine(march);
+    control->marches_groups =
+        control->engine->levels && (control->whole_strips || scene->plan.level == CTS_LEVEL_HYBRID);
     return CTS_OK;
 }
 

@@ -4,6 +4,7 @@
 #include "base/mem.h"
 #include "base/random.h"
 #include "render/error/error_control.h"
+#include "render/error/marched_groups.h"
 #include <math.h>
 
 enum {
@@ -11,6 +12,11 @@ enum {
     SIDE = 4,   /* of SIDE x SIDE pixels of a tile one is compared */
     TILE = CTS_PROBE_X * CTS_PROBE_Y,
     IN_TILE = TILE / (SIDE * SIDE),
+    ACROSS = CTS_PROBE_X / CTS_GROUP_SIDE,            /* groups of a tile in one row, */
+    GROUPS = ACROSS * (CTS_PROBE_Y / CTS_GROUP_SIDE), /* and in all */
+    /* Of so many visible groups level hybrid may march one: half-sheets take a quarter of the march's time, and marched
+     * groups 1.3 times their share of it (measured on heads and a chest), so that more than half do not pay. */
+    MARCHED_ONE_IN = 2,
 };
 /* Requested error, in 1/255, below which pixels that no level gets right are too many for any level to pay (measured on
  * heads and a chest: half-sheets are off by 0.3 and more). */
@@ -24,6 +30,8 @@ typedef struct Probe {
     uint32_t at[PROBES * PROBES * IN_TILE];    /* place of a pixel within the tiles */
     uint32_t place[PROBES * PROBES * IN_TILE]; /* and within the picture */
     float (*truth)[4], *off, (*rgba)[4], *indicator;
+    float group[PROBES * PROBES * GROUPS]; /* largest indicator of each group */
+    size_t n_visible;
 } Probe;
 
 static int random_below(uint64_t number, int n)
@@ -62,36 +70,73 @@ static void place_probe(Probe *p)
     }
 }
 
-/* Largest limit of a row of tiles, since error control meets the requested error in every strip of the picture. */
-static double limit_of(const Probe *p, int n_tried)
+/* Number of the group that a pixel of the tiles lies in. */
+static size_t group_at(size_t at)
 {
-    float indicator[PROBES * IN_TILE];
-    double square[PROBES * IN_TILE], largest = 0;
+    const size_t tile = at / TILE, x = at % CTS_PROBE_X, y = at % TILE / CTS_PROBE_X;
+    return tile * GROUPS + y / CTS_GROUP_SIDE * ACROSS + x / CTS_GROUP_SIDE;
+}
+
+/* Largest indicator of each group, and the number of groups that see anything. */
+static void find_groups(Probe *p)
+{
+    p->n_visible = 0;
+    for (size_t i = 0; i < p->n_tiles * GROUPS; i++) {
+        const float *const tile = p->indicator + i / GROUPS * TILE;
+        const int x = (int)(i % ACROSS) * CTS_GROUP_SIDE, y = (int)(i % GROUPS / ACROSS) * CTS_GROUP_SIDE;
+        p->group[i] = cts_group_indicator(tile, NULL, CTS_PROBE_X, CTS_PROBE_Y, x, y);
+        p->n_visible += p->group[i] > 0;
+    }
+}
+
+/* Predicts row by row of tiles, since error control meets the requested error in every strip of the picture. *limit:
+ * the largest of them. For level hybrid, *n_marched: groups of the probe that have to be marched to meet the request.
+ */
+static CtsStatus predict(const Probe *p, int n_tried, bool hybrid, double *limit, size_t *n_marched, CtsError *err)
+{
+    float indicator[PROBES * IN_TILE], group[PROBES * IN_TILE];
+    double square[PROBES * IN_TILE];
+    *limit = 0;
+    *n_marched = 0;
     for (size_t first = 0, n; first < p->n; first += n) {
         for (n = 0; first + n < p->n && p->row[first + n] == p->row[first]; n++) {
             const uint32_t at = p->at[first + n];
             indicator[n] = p->indicator[at];
+            group[n] = p->group[group_at(at)];
             square[n] = cts_scene_square_of_error(p->scene, p->rgba[at], p->truth[first + n]);
         }
-        largest = fmax(largest, cts_error_control_predict(p->scene, n_tried, n, indicator, square));
+        CtsErrorPrediction row = {.n = n, .indicator = indicator, .group = hybrid ? group : NULL, .square = square};
+        const CtsStatus st = cts_error_control_predict(p->scene, n_tried, &row, err);
+        if (st)
+            return st;
+        *limit = fmax(*limit, row.limit);
+        const size_t first_tile = p->at[first] / TILE, last_tile = p->at[first + n - 1] / TILE;
+        for (size_t i = first_tile * GROUPS; i < (last_tile + 1) * GROUPS; i++)
+            *n_marched += p->group[i] > row.marched_from;
     }
-    return largest;
+    return CTS_OK;
 }
 
 static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *engine, CtsError *err)
 {
     CtsScene scene = *p->scene;
     for (int level = CTS_LEVEL_AUTO + 1; level < CTS_N_LEVELS; level++) {
+        CtsStatus st = CTS_OK;
+        const bool hybrid = level == CTS_LEVEL_HYBRID; /* its tiles are those of half-sheets */
         if (!(engine->levels >> level & 1))
             continue;
         scene.plan.level = (CtsEngineLevel)level;
-        const CtsStatus st =
-            engine->render_tiles(&scene, (const int(*)[2])p->corner, p->n_tiles, p->rgba, p->indicator, err);
+        if (!hybrid)
+            st = engine->render_tiles(&scene, (const int(*)[2])p->corner, p->n_tiles, p->rgba, p->indicator, err);
         if (st)
             return st;
+        find_groups(p);
         choice->n_tried++;
-        choice->limit = limit_of(p, choice->n_tried);
-        if (choice->limit <= cts_scene_requested_error(p->scene)) {
+        if ((st = predict(p, choice->n_tried, hybrid, &choice->limit, &choice->n_marched, err)))
+            return st;
+        choice->n_visible = p->n_visible;
+        if (hybrid ? choice->n_marched * MARCHED_ONE_IN <= p->n_visible
+                   : choice->limit <= cts_scene_requested_error(p->scene)) {
             choice->level = (CtsEngineLevel)level;
             return CTS_OK;
         }

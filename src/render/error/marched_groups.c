@@ -1,0 +1,83 @@
+#include "render/error/marched_groups.h"
+
+#include "base/mem.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+_Static_assert(CTS_BAND_ROWS % CTS_GROUP_SIDE == 0, "a strip is whole groups, or the picture would depend on bands");
+
+static int smaller(int a, int b)
+{
+    return a < b ? a : b;
+}
+
+static int by_group(const void *a, const void *b)
+{
+    const CtsGroupSample *const p = a, *const q = b;
+    if (p->group != q->group)
+        return (p->group > q->group) - (p->group < q->group);
+    return (p->term > q->term) - (p->term < q->term);
+}
+
+float cts_group_threshold(CtsGroupSample *samples, size_t n, cts_group_accept_fn accept, void *context)
+{
+    double sum = 0, ratio = 0;
+    float threshold = 0;
+    qsort(samples, n, sizeof *samples, by_group);
+    for (size_t i = 0; i < n; i++) {
+        sum += samples[i].term;
+        ratio = fmax(ratio, samples[i].ratio);
+        if ((i + 1 == n || samples[i + 1].group > samples[i].group) && accept(context, sum, ratio))
+            threshold = samples[i].group;
+    }
+    return threshold;
+}
+
+float cts_group_indicator(const float *indicator, const uint8_t *origin, int width, int height, int x, int y)
+{
+    float largest = 0;
+    for (int j = y; j < smaller(y + CTS_GROUP_SIDE, height); j++)
+        for (int i = x; i < smaller(x + CTS_GROUP_SIDE, width); i++) {
+            const size_t at = (size_t)j * (size_t)width + (size_t)i;
+            if (!origin || origin[at] == CTS_PIXEL_RENDERED)
+                largest = fmaxf(largest, indicator[at]);
+        }
+    return largest;
+}
+
+size_t cts_list_groups(const CtsPicture *band, const CtsErrorMap *errors, int y0, int y1, float from, uint32_t *place,
+                       size_t n)
+{
+    for (int y = y0; y < y1; y += CTS_GROUP_SIDE)
+        for (int x = 0; x < band->width; x += CTS_GROUP_SIDE) {
+            if (cts_group_indicator(errors->indicator, errors->origin, band->width, y1, x, y) <= from)
+                continue;
+            for (int j = y; j < smaller(y + CTS_GROUP_SIDE, y1); j++)
+                for (int i = x; i < smaller(x + CTS_GROUP_SIDE, band->width); i++) {
+                    const size_t at = (size_t)j * (size_t)band->width + (size_t)i;
+                    if (errors->origin[at] == CTS_PIXEL_RENDERED)
+                        place[n++] = (uint32_t)at;
+                }
+        }
+    return n;
+}
+
+CtsStatus cts_march_groups(const CtsEngine *march, const CtsScene *scene, const uint32_t *place, size_t n,
+                           CtsPicture *band, CtsErrorMap *errors, CtsError *err)
+{
+    float(*rgba)[4] = NULL, *bound = NULL;
+    CtsStatus st;
+    if ((st = cts_alloc_array(&rgba, n, err)) || (st = cts_alloc_array(&bound, n, err)) ||
+        (st = march->render_pixels(scene, band, place, n, cts_scene_requested_error(scene), rgba, bound, err)))
+        goto end;
+    for (size_t i = 0; i < n; i++) {
+        memcpy(band->pixels + 4 * (size_t)place[i], rgba[i], sizeof rgba[i]);
+        errors->origin[place[i]] = CTS_PIXEL_MARCHED;
+        errors->indicator[place[i]] = bound[i];
+    }
+end:
+    cts_free(&rgba);
+    cts_free(&bound);
+    return st;
+}
