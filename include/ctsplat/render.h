@@ -141,7 +141,7 @@ CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double ele
                            CtsReport *report, CtsError *err);
 /* Changes the renderer's settings for pictures of the same volume and preset. False, and nothing has changed, where
  * they differ in more than size, scale, fit, centre, slab, view, error, threads and the outputs beside the picture. */
-bool cts_render_again(CtsRenderer *renderer, const CtsRenderSettings *settings);
+bool cts_render_change_settings(CtsRenderer *renderer, const CtsRenderSettings *settings);
 void cts_render_end(CtsRenderer **renderer);
 
 CTS_API_END

@@ -212,7 +212,7 @@ static void test_occlusion_changes_from_picture_to_picture(void **state)
     for (size_t i = 0; i < sizeof occlusions / sizeof *occlusions; i++) {
         CtsPicture *kept, *alone;
         s.occlusion = occlusions[i];
-        assert_true(cts_render_again(renderer, &s));
+        assert_true(cts_render_change_settings(renderer, &s));
         assert_int_equal(cts_render_frame(renderer, 20, 10, &kept, NULL, &err), CTS_OK);
         alone = render(v, &preset, &s, NULL);
         assert_same_picture(kept, alone, "occlusion %g by a renderer, and alone", occlusions[i]);
@@ -225,7 +225,7 @@ static void test_occlusion_changes_from_picture_to_picture(void **state)
         cts_picture_free(&kept);
     }
     s.occlusion = 1.5;
-    assert_false(cts_render_again(renderer, &s));
+    assert_false(cts_render_change_settings(renderer, &s));
     cts_render_end(&renderer);
     cts_volume_free(&v);
 }

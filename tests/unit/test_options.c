@@ -50,7 +50,7 @@ static const char *sample_of(const CtsOption *o)
     }
 }
 
-/* A batch with another value renders again what the option touches. */
+/* A batch with another value renders again the outputs that the option changes. */
 static void test_batch_gets_all_options(void **state)
 {
     (void)state;

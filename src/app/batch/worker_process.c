@@ -271,7 +271,7 @@ static json_t *same_diagnostic(json_t *list, const json_t *entry)
     return NULL;
 }
 
-/* Adds a finding; an equal one is counted, and its file is added to the list. preset: whose pictures it concerns, or
+/* Adds a diagnostic; an equal one is counted, and its file is added to the list. preset: whose pictures it concerns, or
  * NULL. */
 static void add_diagnostic(CtsWorkerProcess *c, const CtsDiagnostic *diagnostic, const char *preset)
 {

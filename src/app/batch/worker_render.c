@@ -198,7 +198,7 @@ static CtsStatus prepare(Work *w, const CtsJob *job, CtsError *err)
     const CtsPreset *const p = job->preset;
     const bool is_fitted = p->mode != CTS_MODE_COMPOSITE && !(p->window_low_hu < p->window_high_hu);
     if (w->prepared.renderer && w->prepared_preset == w->picture->preset && !is_fitted &&
-        cts_job_again(job, &w->prepared))
+        cts_job_change_settings(job, &w->prepared))
         return CTS_OK;
     cts_render_end(&w->prepared.renderer);
     w->prepared_preset = w->picture->preset;

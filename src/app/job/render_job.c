@@ -340,10 +340,10 @@ CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepare
     return st;
 }
 
-bool cts_job_again(const CtsJob *job, CtsPrepared *prepared)
+bool cts_job_change_settings(const CtsJob *job, CtsPrepared *prepared)
 {
     const CtsRenderSettings render = settings_of(job);
-    return cts_render_again(prepared->renderer, &render);
+    return cts_render_change_settings(prepared->renderer, &render);
 }
 
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,

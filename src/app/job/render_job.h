@@ -43,7 +43,7 @@ typedef struct CtsPrepared {
 CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err);
 /* True if *prepared can be used for this job of the same volume and preset, whose window is set. */
-bool cts_job_again(const CtsJob *job, CtsPrepared *prepared);
+bool cts_job_change_settings(const CtsJob *job, CtsPrepared *prepared);
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
                            const CtsWatch *watch, CtsReport *report, CtsError *err);
 

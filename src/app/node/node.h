@@ -46,7 +46,7 @@ typedef struct CtsSpool {
  */
 CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err);
 void cts_spool_close(CtsSpool *spool);
-/* The path of visitor i's object while it is received. */
+/* The path of the object that peer process i is receiving. */
 void cts_spool_temp(const CtsSpool *spool, int i, char *path, size_t size);
 /* True if there is room for an object of n_bytes. */
 bool cts_spool_has_room(const CtsSpool *spool, uint64_t n_bytes);

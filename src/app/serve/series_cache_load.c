@@ -7,7 +7,7 @@
 #include <string.h>
 
 /* Idle renderers of one volume: as many presets as a page has at hand. */
-enum { IDLE_LENSES = 6 };
+enum { MAX_IDLE_RENDERERS = 6 };
 
 static void free_renderer(CtsCachedRenderer *renderer)
 {
@@ -38,7 +38,7 @@ static void drop_idle(CtsProcessedVolume *processed)
             if (!oldest || (*l)->used_ms < (*oldest)->used_ms)
                 oldest = l;
         }
-    if (n <= IDLE_LENSES)
+    if (n <= MAX_IDLE_RENDERERS)
         return;
     CtsCachedRenderer *const gone = *oldest;
     *oldest = gone->next;
@@ -49,7 +49,7 @@ CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const 
                                            bool *is_new)
 {
     CtsCachedRenderer *l = processed->renderers;
-    while (l && (l->in_use || strcmp(l->preset, preset_json) || !cts_job_again(job, &l->prepared)))
+    while (l && (l->in_use || strcmp(l->preset, preset_json) || !cts_job_change_settings(job, &l->prepared)))
         l = l->next;
     *is_new = !l;
     if (!l && (l = calloc(1, sizeof *l))) {

@@ -20,7 +20,7 @@ namespace
 class GetScu : public CtsScu
 {
   public:
-    GetScu(CtsFetchFolder *inbox_, const CtsNet &net_) : fetch_folder(inbox_), net(net_)
+    GetScu(CtsFetchFolder *fetch_folder_, const CtsNet &net_) : fetch_folder(fetch_folder_), net(net_)
     {
         setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
         setStorageDir(fetch_folder->folder);

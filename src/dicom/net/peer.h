@@ -29,9 +29,9 @@ CtsStatus cts_fetch_folder_make(CtsFetchFolder *fetch_folder, CtsError *err);
 /* The next file's path, to be freed with free(); it does not exist. CTS_ERR_READ past the limits, the disk's free space
  * (of which a tenth is left) among them. */
 CtsStatus cts_fetch_folder_next(CtsFetchFolder *fetch_folder, char **path, CtsError *err);
-/* The file being received has n_bytes by now. CTS_ERR_READ when that is too much for a file, the inbox or the disk. */
+/* The file being received has n_bytes by now. CTS_ERR_READ when that is too much for a file, the folder or the disk. */
 CtsStatus cts_fetch_folder_grows(const CtsFetchFolder *fetch_folder, uint64_t n_bytes, CtsError *err);
-/* The file is complete. CTS_ERR_READ when it exceeds the inbox's limits. */
+/* The file is complete. CTS_ERR_READ when it exceeds the folder's limits. */
 CtsStatus cts_fetch_folder_keep(CtsFetchFolder *fetch_folder, const char *path, CtsError *err);
 /* Without the files after the first n. */
 void cts_fetch_folder_limit(CtsFetchFolder *fetch_folder, int n);
@@ -65,7 +65,7 @@ typedef struct CtsRequest {
 struct CtsStoreScpRules;
 struct CtsAssociationInfo;
 
-/* The functions of a protocol. send transmits the parcels not yet sent, in order, and marks them. */
+/* The functions of a protocol. send transmits the files not yet sent, in order, and marks them. */
 typedef struct CtsProtocol {
     void (*send)(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
                  CtsAttempt *result);

@@ -8,7 +8,7 @@
 
 /* Largest change by refining an interval, in display values: many intervals add up to 1e-7 at most along a ray, and the
  * finer rule, which is used, has a far smaller error than the difference of the two rules. A ray ends at transmittance
- * DARK. */
+ * MIN_TRANSMITTANCE. */
 #define TOLERANCE 1e-9
 #define MIN_TRANSMITTANCE 1e-12
 

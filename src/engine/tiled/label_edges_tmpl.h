@@ -14,7 +14,7 @@ OUTLINE void find_edge(March *m, int l)
     Packet *const p = m->p;
     int *const cell = p->label_cell[l];
     double start[3], from[3], to[3], at = (double)p->t[l], leave = (double)FAR_MM;
-    CtsLineInterval stretch[CTS_MAX_CELL_INTERVALS];
+    CtsLineInterval interval[CTS_MAX_CELL_INTERVALS];
     for (int a = 0; a < 3; a++) {
         cell[a] = (int)p->cell[a][l];
         start[a] = m->rays->start_vox[a][p->ray[l]] - cell[a];
@@ -26,13 +26,13 @@ OUTLINE void find_edge(March *m, int l)
         from[a] = within(start[a] + at * j->step[a]);
         to[a] = within(start[a] + leave * j->step[a]);
     }
-    const int n = cts_label_intervals(j->appearances->voxel_labels, cell, from, to, stretch);
+    const int n = cts_label_intervals(j->appearances->voxel_labels, cell, from, to, interval);
     int i = 0;
-    while (i + 1 < n && stretch[i].end * (leave - at) <= (double)MIN_MM)
+    while (i + 1 < n && interval[i].end * (leave - at) <= (double)MIN_MM)
         i++;
-    p->appearance[l] = stretch[i].appearance;
-    p->t_label_edge[l] = i + 1 < n && !CTS_MUTATED(EDGES) ? (real)(at + stretch[i].end * (leave - at)) : FAR_MM;
-    p->last_appearance[l] = i + 2 == n ? stretch[i + 1].appearance : -1;
+    p->appearance[l] = interval[i].appearance;
+    p->t_label_edge[l] = i + 1 < n && !CTS_MUTATED(EDGES) ? (real)(at + interval[i].end * (leave - at)) : FAR_MM;
+    p->last_appearance[l] = i + 2 == n ? interval[i + 1].appearance : -1;
 }
 
 INLINE void find_appearances(March *m, vmask lanes)

@@ -105,9 +105,9 @@ typedef struct Tolerances {
     double interpolation_tolerance; /* interpolation error up to which pixels are interpolated */
 } Tolerances;
 static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.002, 0.01, 1e-6, 0.02, 1e-7, 0};
-/* INTERPOLATED_FROM: below this requested error hardly any pixels can be interpolated. MISSED: thin structures may be
- * missed, so one pixel wrong from black to white must not contribute more than an eighth of the requested error to the
- * picture's. */
+/* INTERPOLATED_FROM: below this requested error hardly any pixels can be interpolated. MISSED_SHARE: thin structures
+ * may be missed, so one pixel wrong from black to white must not contribute more than an eighth of the requested error
+ * to the picture's. */
 static const double INTERPOLATED_FROM = 4.0 / 255, MISSED_SHARE = 1.0 / 8;
 
 static bool is_preview(const CtsScene *scene)
@@ -116,7 +116,7 @@ static bool is_preview(const CtsScene *scene)
     return requested >= INTERPOLATED_FROM && 1 / sqrt(pixels) <= MISSED_SHARE * requested;
 }
 
-/* asked: requested rms error of a picture, over 0..1. */
+/* requested: rms error of a picture, over 0..1. */
 static void init_job(TiledJob *j, const CtsScene *scene, const Cache *cache, const Tolerances *may, double requested)
 {
     const CtsVolume *const v = scene->volume;

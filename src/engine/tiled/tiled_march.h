@@ -89,10 +89,10 @@ typedef struct TiledRays {
     int n;
     uint16_t x[TILED_RAYS], y[TILED_RAYS];
     double start_vox[3][TILED_RAYS], start_mm[TILED_RAYS], length_mm[TILED_RAYS];
-    int n_meeting, meeting[TILED_RAYS]; /* rays that reach a visible cell, */
-    double meets_mm[TILED_RAYS];        /* the distance from their start, */
-    int meets[3][TILED_RAYS];           /* and the cell */
-    float rgba[TILED_RAYS][4];          /* result, extended by the remaining transmittance */
+    int n_hits, hits[TILED_RAYS]; /* rays that reach a visible cell, */
+    double hit_mm[TILED_RAYS];    /* the distance from their start, */
+    int hit_cell[3][TILED_RAYS];  /* and the cell */
+    float rgba[TILED_RAYS][4];    /* result, extended by the remaining transmittance */
     /* lit_bound: the part of shading errors, added to bound at the end */
     float bound[TILED_RAYS], shading_bound[TILED_RAYS];
     float stepped[TILED_STEP_QUEUES][TILED_RAYS]

@@ -49,7 +49,7 @@ typedef struct Packet {
     vi appearance;     /* appearance at the ray's position; the next one begins at t_label_edge, if within the cell */
     vf t_label_edge;
     int label_cell[LANES][3];   /* the cells in which boundaries of labels were computed */
-    int last_appearance[LANES]; /* from the edge on to the end of the cell; -1: edges follow */
+    int last_appearance[LANES]; /* from t_label_edge on to the end of the cell; -1: further edges follow */
     int ray[LANES];
     /* Low-weight segments of each lane, queued until together they are worth a gradient: colour and weight, weighted
      * centre, and in mm the begin of the first and the end of the last of them. */
@@ -624,9 +624,9 @@ static void begin_ray(March *m, int lane, int i)
     p->ray[lane] = i;
     for (int a = 0; a < 3; a++) {
         p->start[a][lane] = (real)r->start_vox[a][i];
-        p->cell[a][lane] = r->meets[a][i];
+        p->cell[a][lane] = r->hit_cell[a][i];
     }
-    p->t[lane] = (real)r->meets_mm[i];
+    p->t[lane] = (real)r->hit_mm[i];
     p->t_exit[lane] = (real)r->length_mm[i];
     p->t_split[lane] = p->t_label_edge[lane] = p->t_half_opacity[lane] = p->t_first_visible[lane] = FAR_MM;
     p->label_cell[lane][0] = -1;
@@ -639,15 +639,15 @@ OUTLINE void skip_to_first_hit(March *m)
 {
     Packet *const p = m->p = m->packet;
     TiledRays *const r = m->rays;
-    r->n_meeting = 0;
+    r->n_hits = 0;
     for (int first = 0; first < r->n; first += LANES) {
         const int n = r->n - first < LANES ? r->n - first : LANES;
         for (int l = 0; l < n; l++) {
             for (int a = 0; a < 3; a++) {
                 const int last = m->job->n_cells[a] - 1, cell = (int)r->start_vox[a][first + l];
-                r->meets[a][first + l] = cell < last ? cell : last;
+                r->hit_cell[a][first + l] = cell < last ? cell : last;
             }
-            r->meets_mm[first + l] = 0;
+            r->hit_mm[first + l] = 0;
             begin_ray(m, l, first + l);
         }
         p->active = mask_of_bits((1u << n) - 1);
@@ -665,10 +665,10 @@ OUTLINE void skip_to_first_hit(March *m)
                 end_ray(m, l);
                 continue;
             }
-            r->meeting[r->n_meeting++] = first + l;
-            r->meets_mm[first + l] = (double)p->t[l];
+            r->hits[r->n_hits++] = first + l;
+            r->hit_mm[first + l] = (double)p->t[l];
             for (int a = 0; a < 3; a++)
-                r->meets[a][first + l] = (int)p->cell[a][l];
+                r->hit_cell[a][first + l] = (int)p->cell[a][l];
         }
     }
     for (int i = 0; i < PACKETS; i++) {
@@ -691,8 +691,8 @@ OUTLINE void reload_lanes(March *m, ShadingQueues *queues)
             flush_deferred(m, queues, l);
         end_ray(m, l);
         p->ray[l] = -1;
-        if (m->next < m->rays->n_meeting) {
-            begin_ray(m, l, m->rays->meeting[m->next++]);
+        if (m->next < m->rays->n_hits) {
+            begin_ray(m, l, m->rays->hits[m->next++]);
             begun |= 1u << l;
         }
     }
@@ -708,7 +708,7 @@ static void march_rays(March *m, ShadingQueues *queues)
         any = false;
         for (m->p = m->packet; m->p < m->packet + PACKETS; m->p++) {
             int active = count(mask_bits(m->p->active));
-            if (active <= LANES * 3 / 4 && m->next < m->rays->n_meeting) {
+            if (active <= LANES * 3 / 4 && m->next < m->rays->n_hits) {
                 reload_lanes(m, queues);
                 active = count(mask_bits(m->p->active));
             }

@@ -88,7 +88,7 @@ static void find_reach(Tile *t)
 /* Pixels of a pixel block that have rays: its vertices and the random one, every second of every second row, or all. */
 typedef enum Rays { FEW, HALF, ALL } Rays;
 
-/* A pixel block of SQUARE x SQUARE pixels; it shares its vertices with its neighbours; the last pixels of a tile end
+/* A pixel block of BLOCK x BLOCK pixels; it shares its vertices with its neighbours; the last pixels of a tile end
  * its last blocks. */
 typedef struct PixelBlock {
     int x[2], y[2];

@@ -48,18 +48,18 @@ static void corner_off(const CtsSlice *s, const Axes *mean, int corner, double o
                  pixel_mm;
 }
 
-typedef struct Off {
+typedef struct Deviation {
     double at_mm, pixels[3]; /* along the normal; displacement of one corner */
-} Off;
+} Deviation;
 
 static int by_place(const void *a, const void *b)
 {
-    const double x = ((const Off *)a)->at_mm, y = ((const Off *)b)->at_mm;
+    const double x = ((const Deviation *)a)->at_mm, y = ((const Deviation *)b)->at_mm;
     return (x > y) - (x < y);
 }
 
 /* The mean of some, and the scatter about it as the variance of that mean. */
-static double mean_off(const Off *off, int n, double mean[3])
+static double mean_off(const Deviation *off, int n, double mean[3])
 {
     double variance = 0;
     memset(mean, 0, 3 * sizeof *mean);
@@ -72,7 +72,7 @@ static double mean_off(const Off *off, int n, double mean[3])
     return variance / n / n;
 }
 
-static bool drifts(const Off *off, int n)
+static bool drifts(const Deviation *off, int n)
 {
     double first[3], last[3], apart[3];
     const int half = n / 2;
@@ -85,7 +85,7 @@ static bool drifts(const Off *off, int n)
 bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep)
 {
     const Axes mean = mean_axes(set, keep);
-    Off *off = malloc(((size_t)set->n + 1) * sizeof *off);
+    Deviation *off = malloc(((size_t)set->n + 1) * sizeof *off);
     bool settled = off != NULL;
     for (int corner = 1; settled && corner <= 3; corner++) {
         int n = 0;

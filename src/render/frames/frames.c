@@ -215,7 +215,7 @@ static bool keeps_what_is_made(const CtsRenderSettings *a, const CtsRenderSettin
     return same;
 }
 
-bool cts_frames_again(CtsFrames *f, const CtsRenderSettings *settings)
+bool cts_frames_change_settings(CtsFrames *f, const CtsRenderSettings *settings)
 {
     if (!keeps_what_is_made(&f->settings, settings) || cts_scene_check(settings, NULL))
         return false;

@@ -17,8 +17,8 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
                          const CtsRenderSettings *settings, CtsError *err);
 void cts_frames_free(CtsFrames **frames);
 
-/* As cts_render_again(). */
-bool cts_frames_again(CtsFrames *frames, const CtsRenderSettings *settings);
+/* As cts_render_change_settings(). */
+bool cts_frames_change_settings(CtsFrames *frames, const CtsRenderSettings *settings);
 
 const CtsEngine *cts_frames_engine(const CtsFrames *frames);
 /* Settings, preset and volume as cts_frames_new() was given them. */

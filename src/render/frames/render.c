@@ -23,9 +23,9 @@ CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, cons
     return st;
 }
 
-bool cts_render_again(CtsRenderer *renderer, const CtsRenderSettings *settings)
+bool cts_render_change_settings(CtsRenderer *renderer, const CtsRenderSettings *settings)
 {
-    if (!cts_frames_again(renderer->frames, settings))
+    if (!cts_frames_change_settings(renderer->frames, settings))
         return false;
     renderer->planned = false;
     return true;
