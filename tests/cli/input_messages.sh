@@ -24,7 +24,7 @@ has err '^ctsplat: warning: not taken: 2\.25\.2005 \([0-9]+ slices\): fewer slic
 [ "$(wc -l <err)" = 3 ] || fail "expected 3 lines, one for each series"
 ok render many $small --series 2.25.2004 -o named.png
 [ ! -s err ] || fail "note 'series found' printed although --series was given"
-cmp taken.png named.png || fail "another series was taken than was said"
+cmp taken.png named.png || fail "expected the series that the warning names, another one was rendered"
 # In the log series go by their hashes.
 has log '"code":"series_not_taken".*uid:[0-9a-f]{16} .*1\.2\.840\.10008\.1\.2\.9'
 grep -qF -e "$larger" -e 2.25.2005 log && fail "the log names a series"

@@ -4,7 +4,7 @@ labels=$root/testdata/fuzz/labels
 see="$data/phantom --labels $labels/binary --size 64x64 -p muscle --view 30,20"
 ok render "$data/phantom" --size 64x64 -p muscle --view 30,20 -o plain.png
 ok render $see -o counted.png
-cmp plain.png counted.png || fail "labels that nothing is asked of change the picture"
+cmp plain.png counted.png || fail "the picture differs with --labels alone, without appearance or selection"
 ok render $see --show all,rest -o all.png
 cmp plain.png all.png || fail "labels that are all shown change the picture"
 for asked in '--hide all' '--show 1' '--label-colours' '--label all=#ff0000 --label 2=skin'; do
@@ -54,7 +54,7 @@ ok render $see --look look.json --show all,rest --label 1=#00ff00 -o look.png --
 cmp options.png look.png || fail "options beside a look file do not win"
 ok render $see --look look.json -o look.png --write-state look.dcm --force
 ok render "$data/phantom" --state look.dcm --labels "$labels/binary" -o state.png
-cmp look.png state.png || fail "a state forgets what a look file says"
+cmp look.png state.png || fail "the picture of a state differs from that of its appearance file"
 rm options.png look.png state.png look.dcm
 while read -r text why; do
     echo "$text" | tr '~' '\n' >bad.json

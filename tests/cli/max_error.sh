@@ -24,7 +24,7 @@ ok render "$data/phantom" -p hard.json --size 20x20 --engine raycast --max-error
 for view in anterior 140,-25; do
     rm -f log
     ok render "$data/phantom" -p bone --view $view --size 400x420 --max-error 0.2 --verify 20000 -o lit.png --log log --force
-    grep '"event":"error"' log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 0.2) }' || fail "lit $view errs by more than was asked"
+    grep '"event":"error"' log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 0.2) }' || fail "$view, shaded: expected an error of at most 0.2/255, the log has more"
     has log '"event":"bound"'
 done
 
@@ -32,6 +32,6 @@ done
 last="pixels between"
 ok render "$data/phantom" -p skin --engine tiled --size 400x400 --max-error 8 --verify 20000 -o between.png --log between.log
 grep -Eq '[0-9]{4,} of 160000 pixels were not marched but interpolated, to within about 12/255' between.log || fail "nothing is left out"
-grep '"event":"error"' between.log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 8) }' || fail "a draft errs by more than 8/255"
+grep '"event":"error"' between.log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 8) }' || fail "preview: expected an error of at most 8/255, the log has more"
 ok render "$data/phantom" -p skin --size 100x100 -o whole.png --log whole.log
 ! grep 'but interpolated, to within' whole.log || fail "pixels are left out at the default"

@@ -44,7 +44,7 @@ cmp -s two.png other.png && fail "--series changes nothing"
 
 # Each warning once.
 ok render "$data/geometry/tilted" $small -o tilted.png
-[ "$(grep -c warning err)" = "$(sort -u err | grep -c warning)" ] || fail "a warning came twice"
+[ "$(grep -c warning err)" = "$(sort -u err | grep -c warning)" ] || fail "a warning is printed twice: $(cat err)"
 
 # Background: a colour everywhere nothing is, or alpha.
 ok render "$data/phantom" $small --background '#ff8000' -o orange.png

@@ -26,7 +26,7 @@ print(run.wait(timeout=120))
 PY
         code=$(cat out)
         [ "$code" = 130 ] || fail "exit code $code, expected 130"
-        [ "$(cat err)" = "ctsplat: error: interrupted" ] || fail "not the one line"
+        [ "$(cat err)" = "ctsplat: error: interrupted" ] || fail "expected one line (interrupted): $(cat err)"
         # Files with their final names are complete.
         for picture in o/*.png; do
             [ -e "$picture" ] || continue

@@ -38,7 +38,7 @@ if [ -w /dev/full ]; then
     "$ctsplat" render "$data/phantom" $small -o - --format png --log log >/dev/full 2>err || code=$?
     [ $code = 5 ] || fail "exit code $code, expected 5"
     has err '^ctsplat: error: standard output: '
-    [ "$(wc -l <err)" = 1 ] || fail "more than one line"
+    [ "$(wc -l <err)" = 1 ] || fail "expected one line: $(cat err)"
     tail -1 log | grep -q '"failed".*"exit_code":5' || fail "the last line of the log is not the failure: $(tail -1 log)"
 fi
 TMPDIR="$work/none" run render "$data/phantom" $small -o - --format png

@@ -54,8 +54,8 @@ cmp alone.png archive/*/bone-anterior.png || fail "a batch has another window"
 ok render "$data/phantom" $small -p bone --mode minip --window 2800,12000 -o black.png
 has err 'warning: the picture is nearly all black: .*--window'
 ok render "$data/phantom" $small -p metal --crop 0,4,0,4,0,4 -o none.png
-[ "$(grep -c warning err)" = 1 ] || fail "not exactly one warning for an empty picture: $(cat err)"
+[ "$(grep -c warning err)" = 1 ] || fail "expected one warning for an empty picture: $(cat err)"
 ok render "$data/phantom" $small -p bone --background '#ffffff' --mm-per-pixel 200 -o white.png
 has err 'warning: the picture is nearly all white'
 ok render "$data/phantom" $small -o plain.png
-[ ! -s err ] || fail "a good picture is warned of: $(cat err)"
+[ ! -s err ] || fail "expected no warning: $(cat err)"

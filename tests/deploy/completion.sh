@@ -98,6 +98,6 @@ if command -v zsh >/dev/null; then
         diff options known >difference || fail "zsh, ctsplat $command: $(cat difference)"
     done
 else
-    echo "zsh is not there: only bash was asked"
+    echo "zsh is missing: only bash was tested"
 fi
 exit $bad

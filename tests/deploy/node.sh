@@ -184,7 +184,7 @@ rm -r node/*/ST_9.4
 # listener.
 [ -z "$(find . -name evil)" ] || fail "a name from outside was run or followed"
 bin/ctsplat-node node.conf 2>second.log && fail "a second node runs in the same folder"
-grep -q 'another ctsplat-node' second.log || fail "a second node does not say why it leaves"
+grep -q 'another ctsplat-node' second.log || fail "the error of a second node does not name the first one"
 kill -TERM $node
 wait $node || fail "TERM: exit status $?"
 echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port" 2>/dev/null && fail "the listener outlives the node"

@@ -1,7 +1,7 @@
 # One render, three formats; the names are the given ones, and an existing file is refused unless --force is given.
 ok render "$data/phantom" --size 96x64 -o a.png -o a.exr -o a.dcm
 [ ! -s out ] || fail "a render prints to stdout"
-[ "$(ls)" = "$(printf 'a.dcm\na.exr\na.png\nerr\nout')" ] || fail "other files than asked for: $(ls)"
+[ "$(ls)" = "$(printf 'a.dcm\na.exr\na.png\nerr\nout')" ] || fail "expected a.dcm, a.exr, a.png, err, out; found: $(ls)"
 py size.py a.png 96 64
 if command -v exrheader >/dev/null; then
     exrheader a.exr >header

@@ -35,15 +35,15 @@ thinned()
 {
     ok render c --size 32x32 -o out.png --force
     has err "^ctsplat: warning: .*($1)"
-    [ "$(grep -cE "warning: .*($1)" err)" = 1 ] || fail "said twice: $(cat err)"
+    [ "$(grep -cE "warning: .*($1)" err)" = 1 ] || fail "expected one warning: $(cat err)"
     ok info c --json
-    [ "$(grep -o '"missing_slices"' out | wc -l)" = 1 ] || fail "info does not say it once"
+    [ "$(grep -o '"missing_slices"' out | wc -l)" = 1 ] || fail "expected missing_slices once in the output of info"
 }
 
 quiet()
 {
     ok info c --json
-    ! grep -q '"missing_slices"' out || fail "slices are said to be missing: $(cat out)"
+    ! grep -q '"missing_slices"' out || fail "expected no missing_slices: $(cat out)"
     ! grep -q '"renderable": *false' out || fail "refused: $(cat out)"
 }
 

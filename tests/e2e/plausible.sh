@@ -16,8 +16,8 @@ case_of()
 reported()
 {
     ok info c --json
-    [ "$(grep -o "\"code\": *\"$1\"" out | wc -l)" = 1 ] || fail "info does not say $1 once: $(grep -o '"code[^,]*' out)"
-    [ "$(grep -o '"code"' out | wc -l)" = 1 ] || fail "info says more: $(grep -o '"code[^,]*' out)"
+    [ "$(grep -o "\"code\": *\"$1\"" out | wc -l)" = 1 ] || fail "expected $1 once in the output of info: $(grep -o '"code[^,]*' out)"
+    [ "$(grep -o '"code"' out | wc -l)" = 1 ] || fail "expected one code in the output of info: $(grep -o '"code[^,]*' out)"
     ok render c --size 32x32 -o out.png --force
     has err "^ctsplat: warning: .*($2)"
 }
@@ -71,6 +71,6 @@ reported spacing_implausible 'positions .* in centimetres'
 case_of 'IM*' '0028,0030,DS=0.006\0.006' '0020,0032,DS=0\0\{0.006 * k}'
 ok render c --size 32x32 -o out.png --force --preset ct-bones
 has err 'nearly all black: .*--opacity-unit voxel'
-[ "$(wc -l <err)" = 1 ] || fail "more is said: $(cat err)"
+[ "$(wc -l <err)" = 1 ] || fail "expected one line: $(cat err)"
 ok render c --size 32x32 -o out.png --force --preset ct-bones --opacity-unit voxel
 [ ! -s err ] || fail "by the voxel: $(cat err)"

@@ -273,7 +273,7 @@ const CtsOption cts_options[] = {
      FLAG(render.explain)},
     {0, "force", NULL, PICTURES, SAME, "overwrite outputs that exist", NULL, FLAG(export.force)},
     {0, "log", "FILE", (RENDERING & ~ON(JOB)) | ON(RECEIVE), SAME,
-     "append a timing log, JSON Lines; - is stderr; receive: the record of who sent what, in DIR/received.jsonl by "
+     "append a timing log, JSON Lines; - is stderr; receive: the record of associations, in DIR/received.jsonl by "
      "default",
      "none", TEXT(log)},
     {0, "json", NULL, ON(INFO) | ON(CHECK) | ON(COMPARE) | ON(PRESETS), SAME, "print JSON", NULL, FLAG(json)},
