@@ -159,6 +159,9 @@ statement = [
        "--allow-missing-slices is given"),
       ("orientation_jitter", "ImageOrientationPatient jitters, no voxel moves by more than a tenth of a pixel by the mean, "
        "and that does not drift", "note; the mean is taken. Else refused"),
+      ("single_slices", "3 or more series of one study have a single slice each, of one size, orientation and pixel spacing, "
+       "all of them or all of one SeriesNumber at even distances along their normal, at most a tenth of them missing",
+       "note; none of them is a volume"),
       ("frames_of_reference", "each of 5 or more slices has a FrameOfReferenceUID of its own, all else is of one study and "
        "scanner, and they lie evenly", "warning; no presentation state is written, labels must name the slices; else "
        "refused"),

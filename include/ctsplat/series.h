@@ -109,6 +109,26 @@ CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list,
 /* The skipped files, as text: "3 MR Image, 1 not DICOM"; "" without any. Truncated to size. */
 void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size);
 
+/* Grid and position of a slice that is alone in its object. */
+typedef struct CtsSlicePlace {
+    int rows, columns;
+    int series_number;                        /* (0020,0011); negative where missing */
+    double row_spacing_mm, column_spacing_mm; /* along column_lps, along row_lps */
+    double row_lps[3], column_lps[3];         /* unit directions of rising column and row index */
+    double position_lps[3];                   /* centre of the first pixel, mm */
+} CtsSlicePlace;
+
+/* Stacks among n slices of one study that are each the only one of a series, as some anonymisers write a scan: 3 or
+ * more of one size, orientation and pixel spacing that a series of them would be a volume of, at even distances. Sets
+ * stack[i], for slice i, to the number of its stack, from 1 to *n_stacks, or to 0. */
+CtsStatus cts_single_slices_find(const CtsSlicePlace *places, size_t n, int *stack, int *n_stacks, CtsError *err);
+
+/* The diagnostic of such a stack; text for a format: UID of one of its series, number of the others, of all. */
+#define CTS_SINGLE_SLICES "single_slices"
+#define CTS_SINGLE_SLICES_TEXT                                                                                         \
+    "series %s and %d others are %d single slices that lie as one stack (give them one SeriesInstanceUID (0020,000E) " \
+    "to render it)"
+
 /* A file of an archive, valid during the call: a slice, or an object with labels. */
 typedef struct CtsArchiveFile {
     const char *path;
@@ -121,7 +141,8 @@ typedef struct CtsArchiveFile {
     int instance_number; /* of a slice alone in its object */
     uint64_t bytes;
     int64_t mtime_ns;
-    uint64_t n_voxels; /* of all frames, by the header */
+    uint64_t n_voxels;          /* of all frames, by the header */
+    const CtsSlicePlace *place; /* of a slice alone in its object, no scout and no page; NULL: of none */
 } CtsArchiveFile;
 
 typedef struct CtsArchiveCounts {

@@ -14,6 +14,12 @@ static void on_warning(void *context, const char *text)
     cli_warning("%s", text);
 }
 
+static void on_note(void *context, const char *text)
+{
+    (void)context;
+    cli_note("%s", text);
+}
+
 static void on_series(void *context, const char *text, bool failed)
 {
     (void)context;
@@ -59,6 +65,7 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
                                  .job = cts_options_job(options),
                                  .command = command,
                                  .listener = {.warning = on_warning,
+                                              .note = on_note,
                                               .series = on_series,
                                               .searching = on_searching,
                                               .progress = on_progress,

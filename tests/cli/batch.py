@@ -443,6 +443,36 @@ def test_passed(b):
           info)
 
 
+def test_single_slices(b):
+    """A scan whose slices each have a SeriesInstanceUID: passed, with one note on stderr and one in each record."""
+    others = lambda n: "and %d others are %d single slices that lie as one stack" % (n - 1, n)
+    for i in range(9):
+        b.add("singles", i, lambda data, k: data if k == i else None)
+    shutil.copytree("singles/series3", "singles/copy")  # the same slice twice is still one
+    b.add("singles", 20)  # a volume of the same study
+    said = b.ok(0, "singles", "-O", "o", *OPTIONS).stderr
+    check(said.count("single slices") == 1 and others(9) in said and "9 passed" in said, "one note of 9 slices:", said)
+    notes = lambda i: [f for f in b.lines("o")[b.name(i).decode()]["findings"] if f["code"] == "single_slices"]
+    check(all(len(notes(i)) == 1 and others(9) in notes(i)[0]["text"] and notes(i)[0]["severity"] == "note"
+              for i in range(9)), [notes(i) for i in range(9)])
+    check(not notes(20), "note on a volume:", notes(20))
+    # Records follow a stack that has grown, and each shard sees all of it.
+    b.add("singles", 9, lambda data, k: data if k == 9 else None)
+    b.ok(0, "singles", "-O", "o", *OPTIONS)
+    check(all(others(10) in notes(i)[0]["text"] for i in range(10)), [notes(i) for i in range(10)])
+    said = [b.ok(0, "singles", "-O", "s", *OPTIONS, "--shard", "%d/3" % i).stderr for i in range(3)]
+    check(sum(text.count(others(10)) for text in said) == 1, "one note in three shards:", said)
+    info = json.loads(b.run("info", "singles", "--json").stdout)
+    found = [f["text"] for f in info["findings"] if f["code"] == "single_slices"]
+    check(len(found) == 1 and others(10) in found[0], "info: one note of 10 slices:", info["findings"])
+    # Two slices, one place, and uneven steps are no stack.
+    for name, slices in ("two", (2, 3)), ("place", (4, 4, 4)), ("uneven", (0, 1, 3, 7)):
+        for i, n in enumerate(slices):
+            b.add(name, i, lambda data, k: data if k == n else None)
+        said = b.ok(0, name, "-O", "o-" + name, *OPTIONS).stderr
+        check("single slices" not in said, name, "noted as a stack:", said)
+
+
 def sheet(folder):
     """The data of the contact sheet."""
     with open(folder + "/index.html", encoding="utf-8") as f:

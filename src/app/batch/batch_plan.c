@@ -6,6 +6,7 @@
 #include "output/export/sc_texts.h"
 #include <errno.h>
 #include <fcntl.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,6 +31,26 @@ typedef struct Home {
     uint64_t folder, series;
 } Home;
 
+/* Files met one after the other of a series that may have a single slice. */
+typedef struct Single {
+    uint64_t study, series, sop; /* by their keys */
+    uint64_t offset; /* of the first file's place and series UID in the list; SEVERAL: more than one slice */
+} Single;
+
+static const uint64_t SEVERAL = UINT64_MAX;
+
+/* A single slice that lies in a stack of n of them. */
+typedef struct Stacked {
+    uint64_t series;
+    int n;
+} Stacked;
+
+/* A single slice's place in the list. */
+typedef struct PlaceRecord {
+    CtsSlicePlace place;
+    char series_uid[80];
+} PlaceRecord;
+
 struct CtsPlan {
     const CtsBatchSettings *settings;
     const CtsOptions *options;
@@ -43,8 +64,10 @@ struct CtsPlan {
     char last_uid[80];
     uint64_t last_key;
     Entry *lost; /* files that cannot be read, by their folder's key */
-    size_t n_lost, n_homes;
+    size_t n_lost, n_homes, n_singles, n_stacked;
     Home *homes;
+    Single *singles;
+    Stacked *stacked; /* in order of series */
     CtsBatchLabelFile *label_files;
     size_t n_label_files;
     CtsStudyNumbers numbers;
@@ -75,14 +98,19 @@ static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
     return CTS_OK;
 }
 
-/* FNV-1a hash that distinguishes folders within one run. */
-static uint64_t folder_key(const char *path)
+/* FNV-1a hash that distinguishes texts within one run. */
+static uint64_t text_key(const char *text, size_t n)
 {
     uint64_t key = UINT64_C(14695981039346656037);
-    const char *const slash = strrchr(path, '/');
-    for (const char *c = path; slash && c < slash; c++)
-        key = (key ^ (unsigned char)*c) * UINT64_C(1099511628211);
+    for (size_t i = 0; i < n; i++)
+        key = (key ^ (unsigned char)text[i]) * UINT64_C(1099511628211);
     return key;
+}
+
+static uint64_t folder_key(const char *path)
+{
+    const char *const slash = strrchr(path, '/');
+    return text_key(path, slash ? (size_t)(slash - path) : 0);
 }
 
 /* Files without a series UID form a series per folder; a single one is a series of its own. */
@@ -136,6 +164,34 @@ static CtsStatus add_home(CtsPlan *p, Home home, CtsError *err)
     if (!st)
         p->homes[p->n_homes++] = home;
     return st;
+}
+
+/* Counts a slice of a series: one of one place and SOP UID stays single. */
+static CtsStatus add_single(CtsPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
+{
+    Single *const last = p->n_singles ? &p->singles[p->n_singles - 1] : NULL;
+    const uint64_t sop = text_key(file->sop_uid, strlen(file->sop_uid));
+    if (last && last->series == key) {
+        if (last->sop != sop)
+            last->offset = SEVERAL;
+        return CTS_OK;
+    }
+    const CtsStatus st = cts_grow(&p->singles, p->n_singles, err);
+    if (st)
+        return st;
+    const char *const study = file->study_uid ? file->study_uid : "";
+    Single single = {text_key(study, strlen(study)), key, sop, SEVERAL};
+    if (file->place && study[0] && file->series_uid[0]) {
+        PlaceRecord record = {.place = *file->place};
+        snprintf(record.series_uid, sizeof record.series_uid, "%s", name);
+        if (fwrite(&record, sizeof record, 1, p->list) != 1)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", p->options->output_dir,
+                            strerror(errno));
+        single.offset = p->list_bytes;
+        p->list_bytes += sizeof record;
+    }
+    p->singles[p->n_singles++] = single;
+    return CTS_OK;
 }
 
 /* Records an unreadable file, which may be a slice of the series in its folder and is reported with it. */
@@ -195,7 +251,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;
     if ((file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
-        (st = add_home(p, (Home){folder_key(file->path), key}, err)) ||
+        (st = add_home(p, (Home){folder_key(file->path), key}, err)) || (st = add_single(p, file, name, key, err)) ||
         (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
         return st;
     return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
@@ -292,6 +348,108 @@ static CtsStatus make_units(CtsPlan *p, CtsError *err)
     return CTS_OK;
 }
 
+static int by_study_and_series(const void *a, const void *b)
+{
+    const Single *x = a, *y = b;
+    if (x->study != y->study)
+        return x->study < y->study ? -1 : 1;
+    if (x->series != y->series)
+        return x->series < y->series ? -1 : 1;
+    return (x->offset > y->offset) - (x->offset < y->offset);
+}
+
+/* Keeps series of one slice, once each, in order of study and series. */
+static void filter_singles(CtsPlan *p)
+{
+    size_t n = 0;
+    if (p->n_singles)
+        qsort(p->singles, p->n_singles, sizeof *p->singles, by_study_and_series);
+    for (size_t first = 0, end; first < p->n_singles; first = end) {
+        const Single single = p->singles[first];
+        bool several = single.offset == SEVERAL;
+        for (end = first + 1;
+             end < p->n_singles && p->singles[end].study == single.study && p->singles[end].series == single.series;
+             end++)
+            several |= p->singles[end].offset == SEVERAL || p->singles[end].sop != single.sop;
+        if (!several)
+            p->singles[n++] = single;
+    }
+    p->n_singles = n;
+}
+
+/* Names a stack by the first of its series, in the shard that has this series. */
+static CtsStatus note_stack(CtsPlan *p, const Single *first, int n, CtsError *err)
+{
+    PlaceRecord record;
+    CtsStatus st = CTS_OK;
+    if (!is_mine(p, first->series) || p->options->source.series_uid)
+        return CTS_OK;
+    if (pread(fileno(p->list), &record, sizeof record, (off_t)first->offset) != (ssize_t)sizeof record)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir,
+                        strerror(errno));
+    char uid[80], text[300];
+    snprintf(uid, sizeof uid, "%s", record.series_uid);
+    if (p->key && (st = cts_uid_keyed(p->key, "series of a batch", record.series_uid, uid, err)))
+        return st;
+    snprintf(text, sizeof text, CTS_SINGLE_SLICES_TEXT, uid, n - 1, n);
+    p->settings->listener.note(p->settings->listener.context, text);
+    return CTS_OK;
+}
+
+/* Finds the stacks among n single slices of one study. */
+static CtsStatus stack_study(CtsPlan *p, const Single *singles, size_t n, CtsError *err)
+{
+    CtsSlicePlace *places = malloc(n * sizeof *places);
+    int *stack = malloc(n * sizeof *stack), n_stacks = 0;
+    CtsStatus st = places && stack ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory for single slices");
+    for (size_t i = 0; i < n && !st; i++)
+        if (pread(fileno(p->list), &places[i], sizeof places[i],
+                  (off_t)(singles[i].offset + offsetof(PlaceRecord, place))) != (ssize_t)sizeof places[i])
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir,
+                          strerror(errno));
+    if (!st)
+        st = cts_single_slices_find(places, n, stack, &n_stacks, err);
+    for (int k = 1; k <= n_stacks && !st; k++) {
+        const Single *first = NULL;
+        int n_slices = 0;
+        for (size_t i = 0; i < n; i++) {
+            first = !first && stack[i] == k ? &singles[i] : first;
+            n_slices += stack[i] == k;
+        }
+        for (size_t i = 0; i < n && !st; i++)
+            if (stack[i] == k && !(st = cts_grow(&p->stacked, p->n_stacked, err)))
+                p->stacked[p->n_stacked++] = (Stacked){singles[i].series, n_slices};
+        if (!st && first)
+            st = note_stack(p, first, n_slices, err);
+    }
+    free(places);
+    free(stack);
+    return st;
+}
+
+static int by_stacked_series(const void *a, const void *b)
+{
+    const Stacked *x = a, *y = b;
+    return (x->series > y->series) - (x->series < y->series);
+}
+
+static CtsStatus find_stacks(CtsPlan *p, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    filter_singles(p);
+    for (size_t first = 0, end; first < p->n_singles && !st; first = end) {
+        for (end = first + 1; end < p->n_singles && p->singles[end].study == p->singles[first].study;)
+            end++;
+        st = stack_study(p, p->singles + first, end - first, err);
+    }
+    free(p->singles);
+    p->singles = NULL;
+    p->n_singles = 0;
+    if (p->n_stacked)
+        qsort(p->stacked, p->n_stacked, sizeof *p->stacked, by_stacked_series);
+    return st;
+}
+
 /* A file that ends with this process, however that ends. */
 static FILE *nameless_file(const char *folder)
 {
@@ -332,7 +490,7 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const C
     if (fflush(p->list))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", o->output_dir, strerror(errno));
     cts_study_numbers_sort(&p->numbers);
-    if (!st && !(st = place_lost(p, err)))
+    if (!st && !(st = find_stacks(p, err)) && !(st = place_lost(p, err)))
         st = make_units(p, err);
     found->n_series = p->n_units;
     found->archives = p->archives;
@@ -357,6 +515,8 @@ void cts_plan_free(CtsPlan **plan)
     free(p->entries);
     free(p->lost);
     free(p->homes);
+    free(p->singles);
+    free(p->stacked);
     free(p->units);
     for (size_t i = 0; i < p->n_label_files; i++) {
         free(p->label_files[i].path);
@@ -424,7 +584,9 @@ static CtsStatus hash_labels(const CtsPlan *p, CtsHash *hash, const char *uid, c
     return st;
 }
 
-static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *uid, char hex[65], CtsError *err)
+/* n_stacked: of the stack, which the series' record names. */
+static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *uid, int n_stacked, char hex[65],
+                            CtsError *err)
 {
     CtsHash *hash;
     CtsStatus st = cts_hash_start(&hash, err);
@@ -437,6 +599,11 @@ static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *ui
                  (long long)files[i].record.mtime_ns);
         cts_hash_text(hash, files[i].sop_uid);
         cts_hash_text(hash, numbers);
+    }
+    if (n_stacked) {
+        char number[16];
+        snprintf(number, sizeof number, "%d", n_stacked);
+        cts_hash_text(hash, number);
     }
     CtsStatus ended;
     st = hash_labels(p, hash, uid, n == 1 ? files[0].path : NULL, err);
@@ -464,6 +631,10 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
     size_t own = 0;
     while (own + 1 < unit->n && files[own].record.lost)
         own++;
+    const Stacked wanted = {.series = plan->entries[unit->first].key};
+    const Stacked *const stacked =
+        plan->n_stacked ? bsearch(&wanted, plan->stacked, plan->n_stacked, sizeof wanted, by_stacked_series) : NULL;
+    series->n_stacked = stacked ? stacked->n : 0;
     snprintf(series->own_uid, sizeof series->own_uid, "%s", files[own].name);
     snprintf(series->uid, sizeof series->uid, "%s", files[own].name);
     if (plan->key && (st = cts_uid_keyed(plan->key, "series of a batch", series->own_uid, series->uid, err)))
@@ -481,7 +652,7 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
         series->paths[series->n_paths] = files[k].path;
         files[series->n_paths++] = files[k];
     }
-    st = hash_files(plan, files, series->n_paths, series->own_uid, series->input_sha256, err);
+    st = hash_files(plan, files, series->n_paths, series->own_uid, series->n_stacked, series->input_sha256, err);
 end:
     free(files);
     if (st)

@@ -21,7 +21,8 @@ typedef struct CtsPlanSeries {
     int n_paths;
     char input_sha256[65]; /* hash of the files' SOP UIDs, sizes and times, and of its label files */
     uint64_t n_voxels;
-    char *text;                           /* memory of the paths */
+    int n_stacked; /* slices of the stack that its single slice lies in, with those of other series; 0: in none */
+    char *text;    /* memory of the paths */
     const CtsBatchLabelFile *label_files; /* n_label_files, of all series; the plan's */
     size_t n_label_files;
     const CtsStudyNumbers *numbers; /* of the slices of all series; the plan's */
@@ -34,7 +35,8 @@ typedef struct CtsPlanFound {
 } CtsPlanFound;
 
 /* The list of files is kept below -O, in an unlinked file. key: series are named under it; NULL: named as they are.
- * Both belong to the caller and must outlive the plan. Memory: 32 to 48 bytes per file and 24 per series. Unreadable
+ * Both belong to the caller and must outlive the plan. Memory: 32 to 48 bytes per file and 56 per series. Each
+ * stack of single slices causes a note. Unreadable
  * files are reported with the only series in their folder; where it has none or several, they form one of their own.
  * Each folder that cannot be searched causes a warning, up to a dozen. */
 CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,

@@ -6,6 +6,7 @@
 #include "input/files/archive.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
+#include "input/series/single_slices.h"
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -92,6 +93,7 @@ static CtsStatus follow(Search *s, const char *path, CtsError *err)
 static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *err)
 {
     CtsArchiveFile file = {.path = f->file.path, .series_uid = "", .sop_uid = ""};
+    CtsSlicePlace place;
     s->counts->n_files++;
     if (f->object.n_slices) {
         const CtsSlice *slice = f->object.slices[0];
@@ -100,6 +102,7 @@ static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *
         file.study_uid = slice->identity[CTS_STUDY_UID];
         file.has_number = slice->has_instance && !slice->n_frames;
         file.instance_number = slice->instance_number;
+        file.place = f->object.n_slices == 1 && cts_slice_place(slice, &place) ? &place : NULL;
         file.is_alone = f->kind == CTS_FILE_NIFTI;
         file.bytes = slice->file_bytes;
         file.mtime_ns = slice->mtime_ns;

@@ -9,6 +9,7 @@
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
 #include "input/series/series_check.h"
+#include "input/series/single_slices.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -312,7 +313,7 @@ static CtsStatus group(const Search *s, CtsSlice **slices, size_t n, CtsError *e
         number_parts(list);
     if (!st && list->n)
         qsort(list->items, list->n, sizeof *list->items, by_size);
-    return st;
+    return st ? st : cts_single_slices_report(list, err);
 }
 
 static CtsStatus list_paths(const Search *s, CtsError *err)

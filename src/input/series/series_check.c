@@ -62,7 +62,7 @@ static bool same_pixels(const CtsSlice *a, const CtsSlice *b)
            fabs(a->column_spacing_mm - b->column_spacing_mm) <= 1e-4 * b->column_spacing_mm;
 }
 
-static bool same_grid(const CtsSlice *a, const CtsSlice *b)
+bool cts_slice_same_grid(const CtsSlice *a, const CtsSlice *b)
 {
     return same_pixels(a, b) && same_direction(a->row_lps, b->row_lps) && same_direction(a->column_lps, b->column_lps);
 }
@@ -149,7 +149,7 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
     for (int i = 0; i < set->n && n_best * 2 <= set->n; i++) {
         int n = 0;
         for (int j = 0; j < set->n; j++)
-            n += same_grid(set->items[j], set->items[i]);
+            n += cts_slice_same_grid(set->items[j], set->items[i]);
         if (n > n_best) {
             n_best = n;
             best = set->items[i];
@@ -158,7 +158,7 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
     if (n_best < set->n)
         take_jittering(set, best, series, keep, &n_best);
     for (int i = 0; i < set->n; i++) {
-        keep[i] = same_grid(set->items[i], best);
+        keep[i] = cts_slice_same_grid(set->items[i], best);
         n_across += fabs(cts_dot3(set->items[i]->normal_lps, best->normal_lps)) < 0.1;
     }
     const int n_left = set->n - n_best, n_other = n_left - n_across;
@@ -517,7 +517,7 @@ static void describe_refused(CtsSliceSet *set, CtsSeries *series)
     CtsSliceStack stack;
     for (int i = 0; i < set->n; i++)
         if (set->items[i]->kind != CTS_OBJECT_CT || set->items[i]->fault == CTS_ERR_GEOMETRY ||
-            set->items[i]->localizer || !same_grid(set->items[i], set->items[0]))
+            set->items[i]->localizer || !cts_slice_same_grid(set->items[i], set->items[0]))
             return;
     if (set->n < 2)
         return;

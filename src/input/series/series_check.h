@@ -25,6 +25,9 @@ void cts_slice_set_filter(CtsSliceSet *set, const bool *keep);
 CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
                            CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err);
 
+/* True if both have one size, orientation and pixel spacing. */
+bool cts_slice_same_grid(const CtsSlice *a, const CtsSlice *b);
+
 /* Sort along the normal of `reference`; slices at one position by acquisition, time and name. */
 void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference);
 
