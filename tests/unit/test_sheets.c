@@ -238,6 +238,10 @@ static void hybrid_meets_request(void **state)
         CtsReport report = {0};
         CtsPicture *p = render(v, &preset, &s, &report);
         long long marched = 0;
+        if (report.voxels.total != cts_volume_n_voxels(v) || report.voxels.splatted == 0 ||
+            report.voxels.splatted + report.voxels.void_voxels != report.voxels.total)
+            fail_msg("%llu voxels, %llu splatted, %llu void", (unsigned long long)report.voxels.total,
+                     (unsigned long long)report.voxels.splatted, (unsigned long long)report.voxels.void_voxels);
         const char *const line = strstr(report.plan, " pixels marched exactly");
         for (const char *c = line; c && c > report.plan && c[-1] != '\n';)
             marched = strtoll(--c, NULL, 10);

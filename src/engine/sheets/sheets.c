@@ -183,8 +183,8 @@ static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
                     scene->settings->n_threads);
 }
 
-static void report_counts(const SheetsCounts *c, const CtsScene *scene, double wall_ms, double cpu_ms,
-                          CtsReport *report)
+static void report_counts(const SheetsCounts *c, const SheetsVoid *blocks, const CtsScene *scene, double wall_ms,
+                          double cpu_ms, CtsReport *report)
 {
     cts_report_plan(report, "%llu groups met %llu sheets and %llu visible slabs (%llu shaded); %llu of %llu tiles void",
                     (unsigned long long)c->groups, (unsigned long long)c->sheets, (unsigned long long)c->slabs,
@@ -194,6 +194,8 @@ static void report_counts(const SheetsCounts *c, const CtsScene *scene, double w
         CtsVoxelCounts *const v = &report->voxels;
         v->known = true;
         v->total = cts_volume_n_voxels(scene->volume);
+        v->splatted = (uint64_t)((double)v->total * cts_sheets_visible_share(blocks));
+        v->void_voxels = v->total - v->splatted;
     }
 }
 
@@ -216,7 +218,7 @@ static CtsStatus render_sheets(const CtsScene *scene, CtsPicture *picture, CtsEr
         goto end;
     if (!(st = cts_sheets_run(&s.job, s.kernels, scene, picture, errors ? errors->indicator : own_indicator, &counts,
                               err)))
-        report_counts(&counts, scene, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
+        report_counts(&counts, s.job.blocks, scene, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_free(&own_indicator);
     end(&s, scene);

@@ -151,6 +151,8 @@ CtsStatus cts_sheets_transpose(uint16_t **copy, const CtsVolume *volume, int n_t
 
 CtsStatus cts_sheets_void_init(SheetsVoid *blocks, const CtsMacrocells *macrocells, const CtsLut *lut, int p,
                                CtsError *err);
+/* Visible blocks as a share of all. */
+double cts_sheets_visible_share(const SheetsVoid *blocks);
 void cts_sheets_void_free(SheetsVoid *blocks);
 /* Bits of the layers of blocks that may be visible to pixels x to x + width - 1, y to y + height - 1; of those that
  * `of` has (NULL: all). True where there are any. */

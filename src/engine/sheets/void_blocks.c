@@ -26,6 +26,15 @@ CtsStatus cts_sheets_void_init(SheetsVoid *v, const CtsMacrocells *m, const CtsL
     return CTS_OK;
 }
 
+double cts_sheets_visible_share(const SheetsVoid *v)
+{
+    const size_t area = ((size_t)v->n[0] + 1) * ((size_t)v->n[1] + 1);
+    double visible = 0;
+    for (size_t layer = 1; layer <= (size_t)v->n_layers; layer++)
+        visible += v->at[layer * area - 1];
+    return visible / ((double)v->n[0] * v->n[1] * v->n_layers);
+}
+
 void cts_sheets_void_free(SheetsVoid *v)
 {
     cts_free(&v->at);
