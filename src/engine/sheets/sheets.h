@@ -51,7 +51,7 @@ typedef struct SheetsTransfer {
 } SheetsTransfer;
 
 /* Colour (premultiplied) and opacity of a slab by front and back level, for one length of rays in it: four numbers of
- * 16 bits, red lowest, alpha highest, each with 5 bits of exponent and 11 of fraction (sheets_unpack in march_tmpl.h).
+ * 16 bits, red lowest, alpha highest, each with 5 bits of exponent and 11 of fraction (sheets_unpack in sample_tmpl.h).
  */
 typedef struct SheetsOpacity {
     uint64_t *rgba; /* [front * 256 + back] */

@@ -1,0 +1,52 @@
+/* Rectangles of pixels, and level lattice: every second pixel each way is marched. Between four marched ones the others
+ * are interpolated, unless these differ by so much that the group of pixels is marched. */
+#ifndef CTS_SHEETS_LATTICE_H
+#define CTS_SHEETS_LATTICE_H
+
+#include "engine/sheets/sheets.h"
+
+/* A rectangle of pixels, or of every second one each way, whose first is pixel (x0, y0) of the view; rows from the top,
+ * one after the other. */
+typedef struct SheetsPatch {
+    const SheetsGrid *grid;
+    int x0, y0, width, height;
+    float *rgba;      /* premultiplied, zeroed before */
+    float *indicator; /* zeroed before */
+    float
+        *depth_mm; /* from the plane through the view's centre, SHEETS_FAR where nothing is visible; NULL: not wanted */
+} SheetsPatch;
+#define SHEETS_FAR 1e30F
+
+static inline int sheets_at_most(int n, int most)
+{
+    return n < most ? n : most;
+}
+
+static inline float sheets_smaller(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+static inline float sheets_larger(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+/* The lattice of a patch; its points are functions of their place alone, so that no band or tile sees its borders. */
+CtsStatus cts_sheets_lattice_init(SheetsPatch *lattice, const SheetsJob *job, const SheetsPatch *pixels, CtsError *err);
+void cts_sheets_lattice_free(SheetsPatch *lattice);
+
+/* Difference of neighbours from which a scene's pixels between them are marched. */
+float cts_sheets_refined_from(const CtsScene *scene);
+
+typedef enum SheetsGroupResult {
+    SHEETS_GROUP_EMPTY,
+    SHEETS_GROUP_INTERPOLATED,
+    SHEETS_GROUP_TO_MARCH
+} SheetsGroupResult;
+
+/* Interpolates the group at (x0, y0) of a patch, where nothing speaks against it. */
+SheetsGroupResult cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0,
+                                         float refined_from, double slab_mm);
+
+#endif

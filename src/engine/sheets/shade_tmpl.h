@@ -1,0 +1,275 @@
+/* Gradients, openness and light of slabs; needs sample_tmpl.h. */
+#include "base/mutation.h"
+#include "engine/sheets/sheets.h"
+#include <stdlib.h>
+
+/* Differences of grey levels along a, b and p at a sheet, 2^14 times. */
+typedef struct Gradient {
+    wf along[3];
+} Gradient;
+
+INLINE wf difference_of(const March *m, const Footprint *f, const uint16_t *sheet, ptrdiff_t apart, bool window)
+{
+    const Rows more = sample_rows(m, f, sheet + apart, window), less = sample_rows(m, f, sheet - apart, window);
+    return across_rows((Rows){wi_sub(more.upper, less.upper), wi_sub(more.lower, less.lower)}, f->along_b);
+}
+
+/* Inside, where all neighbours exist. */
+INLINE Gradient gradient_inside(const March *m, const Footprint *f, const uint16_t *sheet, bool window)
+{
+    const SheetsView *const v = &m->job->view;
+    const int *const step = m->job->shade->step;
+    return (Gradient){{difference_of(m, f, sheet, step[0], window),
+                       difference_of(m, f, sheet, step[1] * v->row, window),
+                       difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window)}};
+}
+
+/* Difference of grey levels at a voxel: to air beyond the border, or one-sided and twice. */
+static int32_t voxel_difference(const SheetsJob *job, const int at[3], int axis)
+{
+    const SheetsView *const v = &job->view;
+    const ptrdiff_t stride[3] = {1, v->row, v->sheet};
+    const uint16_t *const here = v->grey + at[0] + at[1] * v->row + at[2] * v->sheet;
+    const int step = job->shade->step[axis];
+    int32_t value[2];
+    for (int side = 0; side < 2; side++) {
+        const int to = at[axis] + (side ? step : -step);
+        const bool inside = to >= 0 && to < v->n[axis];
+        value[side] = inside ? here[(side ? step : -step) * stride[axis]] : job->shade->air_beyond ? 0 : *here;
+    }
+    const bool one_sided = !job->shade->air_beyond && (at[axis] - step < 0) != (at[axis] + step >= v->n[axis]);
+    return (value[1] - value[0]) * (one_sided ? 2 : 1);
+}
+
+/* At points near the volume's faces or at the ends of rays, lane by lane; in voxels along a, b and p. Those outside the
+ * volume count as on its faces. */
+OUTLINE Gradient gradient_at(const March *m, const wf at[3], unsigned lanes)
+{
+    const SheetsView *const v = &m->job->view;
+    const float one = 1 << SHEETS_WEIGHT_BITS;
+    float place[3][SHEETS_LANES], out[3][SHEETS_LANES] = {{0}};
+    for (int c = 0; c < 3; c++)
+        wf_store(place[c], wf_clamp(at[c], 0, (float)(v->n[c] - 1)));
+    for (int l = 0; l < SHEETS_LANES; l++) {
+        if (!(lanes >> l & 1))
+            continue;
+        int cell[3];
+        float part[3];
+        for (int c = 0; c < 3; c++) {
+            cell[c] = (int)place[c][l];
+            cell[c] = cell[c] > v->n[c] - 2 ? v->n[c] - 2 : cell[c];
+            part[c] = place[c][l] - (float)cell[c];
+        }
+        for (int axis = 0; axis < 3; axis++) {
+            float plane[2], row[2];
+            for (int k = 0; k < 2; k++) {
+                for (int j = 0; j < 2; j++) {
+                    const int voxel[3] = {cell[0], cell[1] + j, cell[2] + k};
+                    const float a = (float)voxel_difference(m->job, voxel, axis);
+                    const float b =
+                        (float)voxel_difference(m->job, (const int[]){voxel[0] + 1, voxel[1], voxel[2]}, axis);
+                    row[j] = a + (b - a) * part[0];
+                }
+                plane[k] = row[0] + (row[1] - row[0]) * part[1];
+            }
+            out[axis][l] = (plane[0] + (plane[1] - plane[0]) * part[2]) * one;
+        }
+    }
+    return (Gradient){{wf_load(out[0]), wf_load(out[1]), wf_load(out[2])}};
+}
+
+/* |n.v| of a gradient; 0 without one. */
+INLINE wf facing_of(const SheetsJob *j, const Gradient *g)
+{
+    const float *const q = j->shade_square, *const f = j->shade->frame[2];
+    const wf *const d = g->along;
+    const wf towards = wf_add(wf_add(wf_scale(d[0], f[0], 0), wf_scale(d[1], f[1], 0)), wf_scale(d[2], f[2], 0));
+    const wf a = wf_add(wf_scale(d[0], q[0], 0), wf_add(wf_scale(d[1], q[3], 0), wf_scale(d[2], q[4], 0)));
+    const wf b = wf_add(wf_scale(d[1], q[1], 0), wf_scale(d[2], q[5], 0)), c = wf_scale(d[2], q[2], 0);
+    const wf square = wf_add(wf_add(wf_mul(d[0], a), wf_mul(d[1], b)), wf_mul(d[2], c));
+    const wf least = wf_of(1e-12f);
+    const wf facing = wf_mul(wf_abs(towards), wf_inverse_root(wf_max(square, least)));
+    return wf_select(wf_gt(square, least), wf_min(facing, wf_of(1)), wf_of(0));
+}
+
+/* |n.v|^power. */
+INLINE wf highlight_of(const CtsShade *s, wf facing)
+{
+    if (s->whole_power > 0) {
+        wf power = wf_of(1), square = wf_max(facing, wf_of(s->least_power));
+        for (int n = s->whole_power; n > 0; n >>= 1) {
+            if (n & 1)
+                power = wf_mul(power, square);
+            square = n > 1 ? wf_mul(square, square) : square;
+        }
+        return wf_select(wf_gt(facing, wf_of(0)), power, wf_of(0));
+    }
+    const wf at = wf_mul(facing, wf_of((float)s->n_power));
+    const wi i = wi_min(wf_to_int(at), wi_of(s->n_power - 1));
+    const wf low = wf_look_up(s->power, s->n_power + 1, i), high = wf_look_up(s->power + 1, s->n_power, i);
+    return wf_select(wf_gt(facing, wf_of(0)), wf_lerp(low, high, wf_sub(at, wi_to_float(i))), wf_of(0));
+}
+
+INLINE Gradient gradient_between(const Gradient *front, const Gradient *back, wf at)
+{
+    Gradient g;
+    for (int c = 0; c < 3; c++)
+        g.along[c] = wf_lerp(front->along[c], back->along[c], at);
+    return g;
+}
+
+/* Factor of the colour and added white for a facing, a highlight and an openness. */
+INLINE void dim(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour, wf *white)
+{
+    const wf dark = wf_scale(open, -s->occlusion, s->occlusion), left = wf_sub(wf_of(1), dark);
+    const wf diffuse = wf_mul(wf_scale(facing, s->diffuse, 0), wf_scale(dark, -s->occlusion, 1));
+    *colour = wf_add(wf_scale(left, s->ambient, 0), diffuse);
+    *white = wf_mul(wf_scale(highlight, s->specular, 0), left);
+}
+
+/* Shares of a slab part's absorbed light that its quarters take; it is lit in the middle of each. */
+typedef struct LitShares {
+    wf of[SHEETS_LIT];
+} LitShares;
+
+INLINE LitShares lit_shares(const uint32_t *light, wi front, wi back, wmask lanes)
+{
+    const wi packed = wi_gather(light, wi_add(wi_shl(front, 8), back), lanes);
+    LitShares s;
+    for (int i = 0; i < SHEETS_LIT; i++)
+        s.of[i] = wf_scale(wi_to_float(wi_and(wi_shr(packed, 8 * i), wi_of(255))), 1 / 255.0f, 0);
+    return s;
+}
+
+/* Difference of light at a slab's outer points and its inner ones: what its points may miss, of the fourth part. */
+INLINE wf bend_of_light(const LitShares *s, const wf light[SHEETS_LIT])
+{
+    return wf_abs(wf_add(wf_mul(wf_add(s->of[0], s->of[1]), wf_sub(light[0], light[1])),
+                         wf_mul(wf_add(s->of[2], s->of[3]), wf_sub(light[3], light[2]))));
+}
+
+/* Colours of a slab part by its light, premultiplied, white highlight added. end, open: gradient and openness at its
+ * ends. Shading slab parts of low weight does not pay: the mean of |n.v| over directions is a half. */
+INLINE void shade_slab(const SheetsJob *j, const Gradient *const end[2], const LitShares *shares, const wf open[2],
+                       wmask heavy, Slab *s, wf *bend)
+{
+    const CtsShade *const shade = j->shade;
+    wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], faint = wf_of(shade->ambient + 0.5f * shade->diffuse);
+    for (int i = 0; i < SHEETS_LIT; i++) {
+        const wf at = wf_of(((float)i + 0.5f) / SHEETS_LIT);
+        const Gradient g = gradient_between(end[0], end[1], at);
+        const wf facing = facing_of(j, &g), highlight = highlight_of(shade, facing);
+        wf one_colour, one_white, none;
+        if (j->open) {
+            const wf reached = wf_lerp(open[0], open[1], at);
+            dim(shade, facing, highlight, reached, &one_colour, &one_white);
+            if (i == 0)
+                dim(shade, wf_of(0.5f), wf_of(0), reached, &faint, &none);
+        } else {
+            one_colour = wf_scale(facing, shade->diffuse, shade->ambient);
+            one_white = wf_scale(highlight, shade->specular, 0);
+        }
+        colour = wf_mul_add(shares->of[i], one_colour, colour);
+        white = wf_mul_add(shares->of[i], one_white, white);
+        light[i] = wf_add(one_colour, one_white);
+    }
+    *bend = bend_of_light(shares, light);
+    colour = wf_select(heavy, colour, faint);
+    white = wf_select(heavy, wf_mul(white, s->alpha), wf_of(0));
+    for (int c = 0; c < 3; c++)
+        s->rgb[c] = wf_mul_add(s->rgb[c], colour, white);
+}
+
+/* Gradients at both sheets of a slab, kept from slab to slab. */
+typedef struct SlabShading {
+    Gradient front, middle, back;
+    Gradient clipped[2]; /* at both ends of a clipped slab part */
+    int middle_sheet;    /* the front sheet of the slab that `middle` is of */
+    int back_sheet;      /* the sheet that `back` is of */
+    wf open[2];          /* openness at the front sheet of a slab, and at its back */
+    int open_sheet;      /* the sheet that the latter is of */
+    wf bend;             /* sum of squares of slabs' bends of light (bend_of_light()) by their weights */
+    wf plain[3];         /* colours without light, beside the coarse ones */
+} SlabShading;
+enum { NO_SHEET = -9 };
+
+/* Gradient of a sheet where the rays are at `corner`. */
+INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)
+{
+    if (!b->lit_inside) {
+        const Lanes l = lanes_at(m, corner);
+        return gradient_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)}, wmask_bits(lanes));
+    }
+    const Footprint f = footprint_of(m, corner, b->window);
+    return b->window ? gradient_inside(m, &f, sheet_at(m, sheet), true)
+                     : gradient_inside(m, &f, sheet_at(m, sheet), false);
+}
+
+/* In the middle of a slab: the mean of both sheets where the ray is half way. */
+OUTLINE Gradient gradient_in_middle(const March *m, const Block *b, int slab, wmask lanes)
+{
+    const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
+    Corner corner = corner_at(m, b, slab);
+    for (int c = 0; c < 2; c++)
+        corner.at[c] += m->shear[c] / 2;
+    const Gradient front = gradient_of(m, b, corner, sheet, lanes), back = gradient_of(m, b, corner, next, lanes);
+    return gradient_between(&front, &back, wf_of(0.5f));
+}
+
+/* At a share of the way through a slab that is each ray's own. */
+OUTLINE Gradient gradient_of_part(const March *m, const Block *b, int slab, wf share, wmask lanes)
+{
+    const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
+    wf at[3];
+    for (int c = 0; c < 2; c++)
+        at[c] = wf_lerp(front.at[c], back.at[c], share);
+    at[2] = wf_scale(share, (float)m->job->view.step, (float)(b->sheet + slab * m->job->view.step));
+    return gradient_at(m, at, wmask_bits(lanes));
+}
+
+/* Openness at a sheet, between the middles of 2 x 2 x 2 blocks. */
+OUTLINE wf openness_of(const March *m, const Block *b, int slab, wmask lanes)
+{
+    const SheetsView *const v = &m->job->view;
+    const CtsOpenness *const o = m->job->open;
+    const Corner corner = corner_at(m, b, slab);
+    const int32_t stride[3] = {1, o->n[0], o->n[0] * o->n[1]}, axis[3] = {v->a, v->b, v->p};
+    wf share[3];
+    wi at = wi_of(0);
+    for (int c = 0; c < 3; c++) {
+        const int a = axis[c], n = o->n[a];
+        const float scale = (float)o->scale[a], shift = (float)o->shift[a];
+        const wf place =
+            c < 2 ? wf_scale(wi_to_float(wi_load(m->grid->lane[c])), 0x1p-16f, (float)((double)corner.at[c] * 0x1p-32))
+                  : wf_of((float)(b->sheet + slab * v->step));
+        const wf block = wf_clamp(wf_scale(place, scale, shift), 0, (float)(n - 1));
+        const wi low = wi_min(wf_to_int(block), wi_of(n > 1 ? n - 2 : 0));
+        share[a] = wf_sub(block, wi_to_float(low));
+        at = wi_add(at, wi_mul(low, wi_of(stride[a])));
+    }
+    wf plane[2];
+    for (int k = 0; k < 2; k++) {
+        const wi square = wi_gather(o->square + k * o->plane, at, lanes);
+        wf corners[4];
+        for (int i = 0; i < 4; i++)
+            corners[i] = wi_to_float(wi_and(wi_shr(square, 8 * i), wi_of(255)));
+        plane[k] =
+            wf_lerp(wf_lerp(corners[0], corners[1], share[0]), wf_lerp(corners[2], corners[3], share[0]), share[1]);
+    }
+    return wf_scale(wf_lerp(plane[0], plane[1], share[2]), 1 / 255.0f, 0);
+}
+
+/* Openness at both sheets of a slab. Where the slab is faint, that of two sheets away will do. */
+INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, wmask alive, SlabShading *light)
+{
+    const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
+    if (light->open_sheet == next || (faint && abs(next - light->open_sheet) <= 2))
+        return;
+    if (faint)
+        light->open[0] = light->open[1] = openness_of(m, b, slab + 1, alive);
+    else {
+        light->open[0] = light->open_sheet == sheet ? light->open[1] : openness_of(m, b, slab, alive);
+        light->open[1] = openness_of(m, b, slab + 1, alive);
+    }
+    light->open_sheet = next;
+}

@@ -1,0 +1,53 @@
+/* Entries of the pre-integrated tables for one length of slabs; needs sample_tmpl.h. */
+#include "engine/sheets/sheets.h"
+
+INLINE void fill_opacity(const float (*mean)[4], float length_mm, size_t first, size_t end, uint64_t *rgba)
+{
+    int32_t lanes[SHEETS_LANES];
+    for (int l = 0; l < SHEETS_LANES; l++)
+        lanes[l] = l;
+    for (size_t i = first; i < end; i += SHEETS_LANES) {
+        const wi at = wi_add(wi_load(lanes), wi_of((int32_t)i));
+        const wf alpha = wf_taken(wf_scale(mean_of(mean, at, 0), length_mm, 0));
+        int32_t number[4][SHEETS_LANES];
+        for (int c = 0; c < 3; c++)
+            wi_store(number[c], sheets_pack(wf_mul(alpha, mean_of(mean, at, 1 + c))));
+        wi_store(number[3], sheets_pack(alpha));
+        for (int l = 0; l < SHEETS_LANES; l++)
+            rgba[i + (size_t)l] = (uint64_t)number[0][l] | (uint64_t)number[1][l] << 16 | (uint64_t)number[2][l] << 32 |
+                                  (uint64_t)number[3][l] << 48;
+    }
+}
+
+INLINE void fill_light(const float (*quarter)[SHEETS_LIT], float length_mm, size_t first, size_t end, uint32_t *light)
+{
+    int32_t lanes[SHEETS_LANES];
+    for (int l = 0; l < SHEETS_LANES; l++)
+        lanes[l] = l;
+    for (size_t i = first; i < end; i += SHEETS_LANES) {
+        const wi at = wi_shl(wi_add(wi_load(lanes), wi_of((int32_t)i)), 2);
+        wf taken[SHEETS_LIT], left = wf_of(1), sum = wf_of(0);
+        for (int q = 0; q < SHEETS_LIT; q++) {
+            const wf extinction =
+                wf_look_up((const float *)quarter + q, SHEETS_LIT * SHEETS_LEVELS * SHEETS_LEVELS, at);
+            taken[q] = wf_mul(left, wf_taken(wf_scale(extinction, length_mm / SHEETS_LIT, 0)));
+            left = wf_sub(left, taken[q]);
+            sum = wf_add(sum, taken[q]);
+        }
+        const wmask any = wf_gt(sum, wf_of(1e-20f));
+        const wf scale = wf_div(wf_of(255), wf_max(sum, wf_of(1e-20f)));
+        int32_t share[SHEETS_LIT][SHEETS_LANES];
+        wi rest = wi_of(255);
+        for (int q = 0; q < SHEETS_LIT; q++) {
+            const wi one =
+                q + 1 < SHEETS_LIT
+                    ? wi_min(wf_to_int(wf_select(any, wf_scale(wf_mul(taken[q], scale), 1, 0.5f), wf_of(64))), rest)
+                    : rest;
+            wi_store(share[q], one);
+            rest = wi_sub(rest, one);
+        }
+        for (int l = 0; l < SHEETS_LANES; l++)
+            light[i + (size_t)l] = (uint32_t)share[0][l] | (uint32_t)share[1][l] << 8 | (uint32_t)share[2][l] << 16 |
+                                   (uint32_t)share[3][l] << 24;
+    }
+}
