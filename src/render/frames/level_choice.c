@@ -8,8 +8,10 @@
 #include <math.h>
 
 enum {
-    PROBES = 8, /* tiles in each direction */
-    SIDE = 4,   /* of SIDE x SIDE pixels of a tile one is compared */
+    PROBES = 8, /* tiles in each direction, fewer of a small picture's height: */
+    PIXELS_PER_ROW =
+        32768, /* of so many pixels one row of tiles, whose rendering then takes a thirty-second of theirs */
+    SIDE = 4,  /* of SIDE x SIDE pixels of a tile one is compared */
     TILE = CTS_PROBE_X * CTS_PROBE_Y,
     IN_TILE = TILE / (SIDE * SIDE),
     ACROSS = CTS_PROBE_X / CTS_GROUP_SIDE,            /* groups of a tile in one row, */
@@ -60,10 +62,12 @@ static void place_probe(Probe *p)
 {
     const CtsView *const v = &p->scene->view;
     const int across = (v->width + CTS_PROBE_X - 1) / CTS_PROBE_X, down = (v->height + CTS_PROBE_Y - 1) / CTS_PROBE_Y;
-    for (int cell = 0; cell < PROBES * PROBES; cell++) {
+    const int64_t pixels = (int64_t)v->width * v->height, wanted = pixels / PIXELS_PER_ROW;
+    const int rows = wanted < 1 ? 1 : wanted > PROBES ? PROBES : (int)wanted;
+    for (int cell = 0; cell < PROBES * rows; cell++) {
         const int i = cell % PROBES, j = cell / PROBES;
         const int x0 = i * across / PROBES, nx = (i + 1) * across / PROBES - x0;
-        const int y0 = j * down / PROBES, ny = (j + 1) * down / PROBES - y0;
+        const int y0 = j * down / rows, ny = (j + 1) * down / rows - y0;
         if (nx > 0 && ny > 0)
             add_tile(p, j, (x0 + random_below((uint64_t)cell * 2 + 1, nx)) * CTS_PROBE_X,
                      (y0 + random_below((uint64_t)cell * 2 + 2, ny)) * CTS_PROBE_Y);
