@@ -1,8 +1,8 @@
 /* Choice of an engine's level for a frame (without --level, or by --engine auto): the cheapest for which, on a probe of
  * the picture, error control will probably meet the requested error.
  *
- * The probe is up to PROBES x PROBES tiles spread over the picture, one at random in each cell of a grid, and one pixel at
- * random in each 4 x 4 of a tile. They are rendered by the exact march once, and at each level from the cheapest on.
+ * The probe is up to PROBES x PROBES tiles spread over the picture, one at random in each cell of a grid, and one pixel
+ * at random in each 4 x 4 of a tile. They are rendered by the exact march once, and at each level from the cheapest on.
  * The choice depends on scene and request alone: no clock, no earlier frame, no cache. */
 #ifndef CTS_RENDER_LEVEL_CHOICE_H
 #define CTS_RENDER_LEVEL_CHOICE_H
