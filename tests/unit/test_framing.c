@@ -142,6 +142,32 @@ static void test_specks(void **state)
     }
 }
 
+/* From the front, a small part beside the ball of 0.24 % of its visible area, with an opacity of 0.09 as what is left
+ * of a head holder beside a skull: a speck by its weight of 0.02 %. As opaque as the ball it is framed. */
+static void test_faint_specks(void **state)
+{
+    (void)state;
+    const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
+    static const uint16_t greys[] = {0, 1124, 1524};
+    double width[3];
+    CtsPreset p = preset_above(200);
+    p.n_opacity = 4;
+    memcpy(p.opacity, (CtsOpacityPoint[]){{0, 0}, {1, 0.04}, {200, 0.04}, {201, 0.9}}, 4 * sizeof *p.opacity);
+    for (int n = 0; n < 3; n++) {
+        CtsVolume *v = make_ball();
+        for (int k = 0; k < 2; k++)
+            for (int j = 0; j < 3; j++)
+                for (int i = 0; i < 2; i++)
+                    v->grey[((50 + k) * SIDE + 29 + j) * SIDE + 50 + i] = greys[n];
+        width[n] = width_framed_mm(v, &p, &s);
+        cts_volume_free(&v);
+    }
+    if (fabs(width[1] - width[0]) > 0.01 || width[2] < width[0] + 10)
+        fail_msg("width without part %.2f mm, with a faint one expected as wide, actual %.2f, with an opaque one "
+                 "expected 10 mm more, actual %.2f",
+                 width[0], width[1], width[2]);
+}
+
 /* In a small visible area one ray is no measure of a speck: many specks of a hundredth of a voxel's area around a small
  * block. */
 static void test_small_specks(void **state)
@@ -340,10 +366,10 @@ static void test_otherwise(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_ends),      cmocka_unit_test(test_haze),     cmocka_unit_test(test_specks),
-        cmocka_unit_test(test_small),     cmocka_unit_test(test_slab),     cmocka_unit_test(test_small_specks),
-        cmocka_unit_test(test_thin),      cmocka_unit_test(test_pictures), cmocka_unit_test(test_rotation),
-        cmocka_unit_test(test_otherwise),
+        cmocka_unit_test(test_ends),         cmocka_unit_test(test_haze),      cmocka_unit_test(test_specks),
+        cmocka_unit_test(test_faint_specks), cmocka_unit_test(test_small),     cmocka_unit_test(test_slab),
+        cmocka_unit_test(test_small_specks), cmocka_unit_test(test_thin),      cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_rotation),     cmocka_unit_test(test_otherwise),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,7 +8,9 @@
 
 /* The share of the picture's tighter side that the visible part fills. */
 #define FILLED 0.9
-/* Connected parts of less than this share of the visible area are specks. */
+/* Connected parts of less than this share of the visible area are specks. Each ray counts by its opacity, so that haze
+ * of a tenth of a bone's opacity needs ten times a bone's area: an ear, or what is left of a head holder, is no part of
+ * the frame of the skull. In modes without opacity it counts by its brightness. */
 #define SPECK 0.001
 /* HAZE: opacity from which a pixel counts as visible. If none reaches it, DARKEST is used, the least value of 8 bits;
  * and in minip and average, where no ray as a whole may be brighter than black, any value above 0. */
@@ -16,11 +18,13 @@ static const double HAZE = 1.0 / 16, DARKEST = 1.0 / 255;
 /* LOOK: rays of a probe rendering along rows and columns. Ends have an error of half a ray's distance, below 1 % where
  * the visible part spans MIN_FOUND rays; otherwise a finer probe rendering follows. */
 enum { LOOK = 128, MIN_FOUND = LOOK / 2, MAX_PROBES = 6 };
-/* SURE: a part of fewer rays is too small to estimate its area, and is probed by FINER rays for each, along rows and
+/* SURE: a part of fewer rays is too small to estimate its weight, and is probed by FINER rays for each, along rows and
  * columns. */
 enum { SURE = 16, FINER = 4 };
 /* Views of a rotation that are probed: between them, 7.5 degrees away at most, no extent is 1 % larger. */
 enum { MAX_VIEWS = 24 };
+
+enum { OPAQUE = 255 };
 
 /* State shared by the probe renderings of a frame. */
 typedef struct Probing {
@@ -32,9 +36,14 @@ typedef struct Probing {
 /* A probe rendering: rays through the same volume in the same direction. */
 typedef struct ProbeRendering {
     CtsSceneStore store;
-    double least; /* brighter is shown, or more opaque */
-    uint8_t shown[LOOK][LOOK];
+    double least;              /* brighter is shown, or more opaque */
+    uint8_t shown[LOOK][LOOK]; /* opacity or brightness, of OPAQUE; 0: not visible */
 } ProbeRendering;
+
+static uint8_t shown_by(float value, double least)
+{
+    return value > least ? (uint8_t)fmax(1, fmin(OPAQUE, floor(OPAQUE * (double)value + 0.5))) : 0;
+}
 
 /* Renders n[0] x n[1] rays with spacing `apart`, in units of the probe rendering's, from this ray on. */
 static CtsStatus draw(ProbeRendering *l, const double from[2], double apart, const int n[2], CtsError *err)
@@ -56,7 +65,7 @@ static CtsStatus draw(ProbeRendering *l, const double from[2], double apart, con
     const int channel = scene.preset->mode == CTS_MODE_COMPOSITE ? 3 : 0;
     memset(l->shown, 0, sizeof l->shown);
     for (int i = 0; i < n[0] * n[1] && !st; i++)
-        l->shown[i / n[0]][i % n[0]] = picture->pixels[4 * i + channel] > l->least;
+        l->shown[i / n[0]][i % n[0]] = shown_by(picture->pixels[4 * i + channel], l->least);
     cts_picture_free(&picture);
     return st;
 }
@@ -74,27 +83,33 @@ static void widen(Box *box, const Box *by)
     }
 }
 
-/* Removes the 8-connected part of a visible ray from the probe rendering. */
-static int take_part(ProbeRendering *l, int x, int y, Box *box)
+/* An 8-connected part of the visible rays. */
+typedef struct Part {
+    Box box;
+    int n_rays, weight; /* weight: sum of what the rays show */
+} Part;
+
+/* Removes the part of a visible ray from the probe rendering. */
+static void take_part(ProbeRendering *l, int x, int y, Part *part)
 {
     uint16_t open[LOOK * LOOK];
-    int n_open = 0, n = 0;
+    int n_open = 0;
     open[n_open++] = (uint16_t)(y * LOOK + x);
+    *part = (Part){.box = {{x, y}, {x, y}}, .weight = l->shown[y][x]};
     l->shown[y][x] = 0;
-    *box = (Box){{x, y}, {x, y}};
     while (n_open > 0) {
         const int at = open[--n_open];
         const int px = at % LOOK, py = at / LOOK;
-        widen(box, &(Box){{px, py}, {px, py}});
-        n++;
+        widen(&part->box, &(Box){{px, py}, {px, py}});
+        part->n_rays++;
         for (int j = py > 0 ? py - 1 : 0; j <= py + 1 && j < LOOK; j++)
             for (int i = px > 0 ? px - 1 : 0; i <= px + 1 && i < LOOK; i++)
                 if (l->shown[j][i]) {
+                    part->weight += l->shown[j][i];
                     l->shown[j][i] = 0;
                     open[n_open++] = (uint16_t)(j * LOOK + i);
                 }
     }
-    return n;
 }
 
 static bool reaches_past(const Box *part, const Box *box)
@@ -103,20 +118,21 @@ static bool reaches_past(const Box *part, const Box *box)
            part->high[1] > box->high[1];
 }
 
-/* The area of the largest part within a box extended by a ray, in rays. */
-static CtsStatus closer_area(const ProbeRendering *l, const Box *box, double *area, CtsError *err)
+/* The weight of the heaviest part within a box extended by a ray, as if of the probe rendering's rays. */
+static CtsStatus closer_weight(const ProbeRendering *l, const Box *box, double *weight, CtsError *err)
 {
     const int n[2] = {(box->high[0] - box->low[0] + 3) * FINER, (box->high[1] - box->low[1] + 3) * FINER};
     const double from[2] = {box->low[0] - 1.5 + 0.5 / FINER, box->low[1] - 1.5 + 0.5 / FINER};
     ProbeRendering closer = *l;
-    Box part;
     int most = 0;
     const CtsStatus st = draw(&closer, from, 1.0 / FINER, n, err);
     for (int i = 0; i < LOOK * LOOK && !st; i++) {
-        const int rays = closer.shown[i / LOOK][i % LOOK] ? take_part(&closer, i % LOOK, i / LOOK, &part) : 0;
-        most = rays > most ? rays : most;
+        Part part = {.weight = 0};
+        if (closer.shown[i / LOOK][i % LOOK])
+            take_part(&closer, i % LOOK, i / LOOK, &part);
+        most = part.weight > most ? part.weight : most;
     }
-    *area = (double)most / (FINER * FINER);
+    *weight = (double)most / (FINER * FINER);
     return st;
 }
 
@@ -124,22 +140,27 @@ static CtsStatus closer_area(const ProbeRendering *l, const Box *box, double *ar
 static CtsStatus take_box(ProbeRendering *l, Box *box, CtsError *err)
 {
     Box unsure[LOOK * LOOK / 4]; /* parts are at least a ray apart */
-    int n_shown = 0, n_unsure = 0;
+    int all = 0, n_unsure = 0;
     CtsStatus st = CTS_OK;
     *box = (Box){{LOOK, LOOK}, {-1, -1}};
     for (int i = 0; i < LOOK * LOOK; i++)
-        n_shown += l->shown[i / LOOK][i % LOOK];
+        all += l->shown[i / LOOK][i % LOOK];
     for (int i = 0; i < LOOK * LOOK; i++) {
-        Box part;
-        const int area = l->shown[i / LOOK][i % LOOK] ? take_part(l, i % LOOK, i / LOOK, &part) : 0;
-        if (area >= SURE && area >= SPECK * n_shown)
-            widen(box, &part);
-        else if (area > 0 && area >= SPECK * n_shown)
-            unsure[n_unsure++] = part;
+        Part part;
+        if (!l->shown[i / LOOK][i % LOOK])
+            continue;
+        take_part(l, i % LOOK, i / LOOK, &part);
+        if (part.weight < SPECK * all)
+            continue;
+        if (part.n_rays >= SURE)
+            widen(box, &part.box);
+        else
+            unsure[n_unsure++] = part.box;
     }
     for (int i = 0; i < n_unsure && !st; i++) {
-        double area = 0;
-        if (reaches_past(&unsure[i], box) && !(st = closer_area(l, &unsure[i], &area, err)) && area >= SPECK * n_shown)
+        double weight = 0;
+        if (reaches_past(&unsure[i], box) && !(st = closer_weight(l, &unsure[i], &weight, err)) &&
+            weight >= SPECK * all)
             widen(box, &unsure[i]);
     }
     return st;
