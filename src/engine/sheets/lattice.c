@@ -11,10 +11,8 @@ static int lattice_points(int n)
 
 /* Difference of neighbours, in requested errors, from which the pixels between them are marched: bilinear interpolation
  * is off by an eighth of the change of slope, so that a difference of eight requested errors is off by about one; such
- * pixels are few. And the least such difference: below it as many groups are marched as without a lattice (measured on
- * heads and a chest). */
+ * pixels are few. */
 #define REFINED_FROM 8.0
-#define MIN_REFINED (24.0 / 255)
 /* Error of an interpolated pixel as a share of the difference of the marched ones around it. */
 #define INTERPOLATED_SHARE 0.25F
 
@@ -91,7 +89,7 @@ static bool bends(const SheetsPatch *from, size_t at, double slab_mm)
 
 float cts_sheets_refined_from(const CtsScene *scene)
 {
-    return (float)fmax(REFINED_FROM * cts_scene_requested_error(scene), MIN_REFINED);
+    return (float)(REFINED_FROM * cts_scene_requested_error(scene));
 }
 
 void cts_sheets_lattice_free(SheetsPatch *l)
@@ -118,8 +116,8 @@ CtsStatus cts_sheets_lattice_init(SheetsPatch *l, const SheetsJob *job, const Sh
     return CTS_OK;
 }
 
-SheetsGroupResult cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, int y0, float refined_from,
-                                         double slab_mm)
+bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, int y0, float refined_from,
+                            double slab_mm)
 {
     const float *corner[9];
     bool any = false;
@@ -130,12 +128,10 @@ SheetsGroupResult cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *fro
             corner[3 * j + i] = from->rgba + 4 * at;
             any |= from->rgba[4 * at + 3] > 0 || from->indicator[at] > 0;
         }
-    if (!any)
-        return SHEETS_GROUP_EMPTY;
     const size_t at = (size_t)(y0 / 2) * (size_t)from->width + (size_t)(x0 / 2);
     const bool has_nine = x0 / 2 + 2 < from->width && y0 / 2 + 2 < from->height;
-    if (range_of(corner, 9) > refined_from || (from->depth_mm && has_nine && bends(from, at, slab_mm)))
-        return SHEETS_GROUP_TO_MARCH;
+    if (!any || range_of(corner, 9) > refined_from || (from->depth_mm && has_nine && bends(from, at, slab_mm)))
+        return false;
     interpolate_group(to, from, x0, y0);
-    return SHEETS_GROUP_INTERPOLATED;
+    return true;
 }

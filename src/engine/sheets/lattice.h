@@ -39,14 +39,9 @@ void cts_sheets_lattice_free(SheetsPatch *lattice);
 /* Difference of neighbours from which a scene's pixels between them are marched. */
 float cts_sheets_refined_from(const CtsScene *scene);
 
-typedef enum SheetsGroupResult {
-    SHEETS_GROUP_EMPTY,
-    SHEETS_GROUP_INTERPOLATED,
-    SHEETS_GROUP_TO_MARCH
-} SheetsGroupResult;
-
-/* Interpolates the group at (x0, y0) of a patch, where nothing speaks against it. */
-SheetsGroupResult cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0,
-                                         float refined_from, double slab_mm);
+/* Interpolates the group at (x0, y0) of a patch. False where it has to be marched: points around it differ too much, or
+ * see nothing, since bodies smaller than a pixel may lie between all of them (rays through empty space are cheap). */
+bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0, float refined_from,
+                            double slab_mm);
 
 #endif

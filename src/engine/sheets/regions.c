@@ -198,7 +198,7 @@ static void end_workers(Worker **workers, int n_threads, SheetsCounts *total)
 
 static void refine_group(const Picturing *p, Worker *w, SheetsPatch *to, int x0, int y0, float refined_from)
 {
-    if (cts_sheets_interpolate(to, &p->lattice, x0, y0, refined_from, p->job->view.slab_mm) == SHEETS_GROUP_TO_MARCH &&
+    if (!cts_sheets_interpolate(to, &p->lattice, x0, y0, refined_from, p->job->view.slab_mm) &&
         find_visible(p, to, x0, y0, SHEETS_SIDE, SHEETS_SIDE, NULL, w->tile))
         march_group(p, w, to, x0, y0, w->tile);
 }

@@ -23,6 +23,9 @@ enum {
 /* Requested error, in 1/255, below which pixels that no level gets right are too many for any level to pay (measured on
  * heads and a chest: half-sheets are off by 0.3 and more). */
 #define MIN_REQUESTED 0.25
+/* Requested error, in 1/255, below which level lattice is not tried: more than half of the groups of a head would be
+ * marched and not interpolated, and it would cost more than sheets. */
+#define MIN_LATTICE 3.0
 
 typedef struct Probe {
     const CtsScene *scene;
@@ -127,7 +130,8 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
     for (int level = CTS_LEVEL_AUTO + 1; level < CTS_N_LEVELS; level++) {
         CtsStatus st = CTS_OK;
         const bool hybrid = level == CTS_LEVEL_HYBRID; /* its tiles are those of half-sheets */
-        if (!(engine->levels >> level & 1))
+        if (!(engine->levels >> level & 1) ||
+            (level == CTS_LEVEL_LATTICE && 255 * cts_scene_requested_error(p->scene) < MIN_LATTICE))
             continue;
         scene.plan.level = (CtsEngineLevel)level;
         if (!hybrid)
