@@ -24,58 +24,60 @@ INLINE Gradient gradient_inside(const March *m, const Footprint *f, const uint16
                        difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window)}};
 }
 
-/* Difference of grey levels at a voxel: to air beyond the border, or one-sided and twice. */
-static int32_t voxel_difference(const SheetsJob *job, const int at[3], int axis)
+/* Grey levels of the lanes' voxels. Each is loaded with the voxel before it, so that no load passes the volume's end.
+ */
+INLINE wi voxels_at(const SheetsJob *job, wi index, wmask lanes)
 {
-    const SheetsView *const v = &job->view;
-    const ptrdiff_t stride[3] = {1, v->row, v->sheet};
-    const uint16_t *const here = v->grey + at[0] + at[1] * v->row + at[2] * v->sheet;
-    const int step = job->shade->step[axis];
-    int32_t value[2];
-    for (int side = 0; side < 2; side++) {
-        const int to = at[axis] + (side ? step : -step);
-        const bool inside = to >= 0 && to < v->n[axis];
-        value[side] = inside ? here[(side ? step : -step) * stride[axis]] : job->shade->air_beyond ? 0 : *here;
-    }
-    const bool one_sided = !job->shade->air_beyond && (at[axis] - step < 0) != (at[axis] + step >= v->n[axis]);
-    return (value[1] - value[0]) * (one_sided ? 2 : 1);
+    const wi pair = wi_gather_pairs(job->view.grey, wi_max(wi_sub(index, wi_of(1)), wi_of(0)), lanes);
+    return wi_select(wi_gt(index, wi_of(0)), wi_upper_half(pair), wi_lower_half(pair));
 }
 
-/* At points near the volume's faces or at the ends of rays, lane by lane; in voxels along a, b and p. Those outside the
- * volume count as on its faces. */
-OUTLINE Gradient gradient_at(const March *m, const wf at[3], unsigned lanes)
+/* Differences of grey levels at voxels `at`, numbers `index`: to air beyond the border, or one-sided and twice. */
+INLINE wf voxel_differences(const SheetsJob *job, const wi at[3], wi index, int axis, wmask lanes)
+{
+    const SheetsView *const v = &job->view;
+    const int32_t stride[3] = {1, (int32_t)v->row, (int32_t)v->sheet}, step = job->shade->step[axis];
+    const wmask before = wi_gt(at[axis], wi_of(step - 1)), after = wi_lt(at[axis], wi_of(v->n[axis] - step));
+    const wi beyond = job->shade->air_beyond ? wi_of(0) : voxels_at(job, index, lanes), by = wi_of(step * stride[axis]);
+    const wi low = wi_select(before, voxels_at(job, wi_sub(index, by), wmask_and(lanes, before)), beyond);
+    const wi high = wi_select(after, voxels_at(job, wi_add(index, by), wmask_and(lanes, after)), beyond);
+    const wf difference = wi_to_float(wi_sub(high, low));
+    const wmask one = wmask_or(wmask_and(before, wmask_not(after)), wmask_and(after, wmask_not(before)));
+    return job->shade->air_beyond ? difference : wf_select(one, wf_scale(difference, 2, 0), difference);
+}
+
+/* At points near the volume's faces or at the ends of rays; in voxels along a, b and p. Those outside the volume count
+ * as on its faces. */
+OUTLINE Gradient gradient_at(const March *m, const wf at[3], wmask lanes)
 {
     const SheetsView *const v = &m->job->view;
-    const float one = 1 << SHEETS_WEIGHT_BITS;
-    float place[3][SHEETS_LANES], out[3][SHEETS_LANES] = {{0}};
-    for (int c = 0; c < 3; c++)
-        wf_store(place[c], wf_clamp(at[c], 0, (float)(v->n[c] - 1)));
-    for (int l = 0; l < SHEETS_LANES; l++) {
-        if (!(lanes >> l & 1))
-            continue;
-        int cell[3];
-        float part[3];
-        for (int c = 0; c < 3; c++) {
-            cell[c] = (int)place[c][l];
-            cell[c] = cell[c] > v->n[c] - 2 ? v->n[c] - 2 : cell[c];
-            part[c] = place[c][l] - (float)cell[c];
-        }
-        for (int axis = 0; axis < 3; axis++) {
-            float plane[2], row[2];
-            for (int k = 0; k < 2; k++) {
-                for (int j = 0; j < 2; j++) {
-                    const int voxel[3] = {cell[0], cell[1] + j, cell[2] + k};
-                    const float a = (float)voxel_difference(m->job, voxel, axis);
-                    const float b =
-                        (float)voxel_difference(m->job, (const int[]){voxel[0] + 1, voxel[1], voxel[2]}, axis);
-                    row[j] = a + (b - a) * part[0];
-                }
-                plane[k] = row[0] + (row[1] - row[0]) * part[1];
-            }
-            out[axis][l] = (plane[0] + (plane[1] - plane[0]) * part[2]) * one;
-        }
+    wi cell[3];
+    wf part[3];
+    Gradient g;
+    for (int c = 0; c < 3; c++) {
+        const wf place = wf_clamp(at[c], 0, (float)(v->n[c] - 1));
+        cell[c] = wi_min(wf_to_int(place), wi_of(v->n[c] - 2));
+        part[c] = wf_sub(place, wi_to_float(cell[c]));
     }
-    return (Gradient){{wf_load(out[0]), wf_load(out[1]), wf_load(out[2])}};
+    const wi first =
+        wi_add(wi_add(wi_mul(cell[2], wi_of((int32_t)v->sheet)), wi_mul(cell[1], wi_of((int32_t)v->row))), cell[0]);
+    for (int axis = 0; axis < 3; axis++) {
+        wf plane[2], row[2], voxel[2];
+        for (int k = 0; k < 2; k++) {
+            for (int j = 0; j < 2; j++) {
+                for (int i = 0; i < 2; i++) {
+                    const wi corner[3] = {wi_add(cell[0], wi_of(i)), wi_add(cell[1], wi_of(j)),
+                                          wi_add(cell[2], wi_of(k))};
+                    const wi index = wi_add(first, wi_of((int32_t)(i + j * v->row + k * v->sheet)));
+                    voxel[i] = voxel_differences(m->job, corner, index, axis, lanes);
+                }
+                row[j] = wf_lerp(voxel[0], voxel[1], part[0]);
+            }
+            plane[k] = wf_lerp(row[0], row[1], part[1]);
+        }
+        g.along[axis] = wf_scale(wf_lerp(plane[0], plane[1], part[2]), 1 << SHEETS_WEIGHT_BITS, 0);
+    }
+    return g;
 }
 
 /* |n.v| of a gradient; 0 without one. */
@@ -198,7 +200,7 @@ INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int s
 {
     if (!b->lit_inside) {
         const Lanes l = lanes_at(m, corner);
-        return gradient_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)}, wmask_bits(lanes));
+        return gradient_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)}, lanes);
     }
     const Footprint f = footprint_of(m, corner, b->window);
     return b->window ? gradient_inside(m, &f, sheet_at(m, sheet), true)
@@ -224,7 +226,7 @@ OUTLINE Gradient gradient_of_part(const March *m, const Block *b, int slab, wf s
     for (int c = 0; c < 2; c++)
         at[c] = wf_lerp(front.at[c], back.at[c], share);
     at[2] = wf_scale(share, (float)m->job->view.step, (float)(b->sheet + slab * m->job->view.step));
-    return gradient_at(m, at, wmask_bits(lanes));
+    return gradient_at(m, at, lanes);
 }
 
 /* Openness at a sheet, between the middles of 2 x 2 x 2 blocks. */
