@@ -1,4 +1,5 @@
 /* The reference against closed forms, independent of other renderers. */
+#include "base/compare.h"
 #include "engine/raycast/cubic.h"
 #include "rays.h"
 #include <stdlib.h>
@@ -346,8 +347,8 @@ static void test_modes_cubic(void **state)
         double low = INFINITY, high = -INFINITY, mean = 0;
         for (int i = 0; i <= 20000; i++) {
             const double t = ray.from_mm + (ray.to_mm - ray.from_mm) * i / 20000, hu = cts_cubic_at(poly, t);
-            low = fmin(low, hu);
-            high = fmax(high, hu);
+            cts_lower_to(&low, hu);
+            cts_raise_to(&high, hu);
         }
         for (int i = 0; i < 4; i++)
             mean += poly[i] * (pow(ray.to_mm, i + 1) - pow(ray.from_mm, i + 1)) / (i + 1);
