@@ -63,6 +63,15 @@ static bool find_visible(const Picturing *p, const SheetsPatch *patch, int i, in
     return cts_sheets_visible(p->job, x, y, of, bits);
 }
 
+/* At level lattice pixels are interpolated where its points allow it. */
+static void run_group(const Picturing *p, Worker *w, SheetsPatch *patch, int i, int j)
+{
+    const bool refines = p->job->lattice && patch->grid == &p->job->grid[0];
+    if (!refines ||
+        !cts_sheets_interpolate(patch, &p->lattice, i, j, cts_sheets_refined_from(p->scene), p->job->view.slab_mm))
+        march_group(p, w, patch, i, j, w->tile);
+}
+
 static void run_tile(const Picturing *p, Worker *w, SheetsPatch *patch, int i0, int j0)
 {
     w->counts.tiles++;
@@ -72,7 +81,7 @@ static void run_tile(const Picturing *p, Worker *w, SheetsPatch *patch, int i0, 
     }
     for (int j = j0; j < j0 + SHEETS_TILE_Y && j < patch->height; j += SHEETS_SIDE)
         for (int i = i0; i < i0 + SHEETS_TILE_X && i < patch->width; i += SHEETS_SIDE)
-            march_group(p, w, patch, i, j, w->tile);
+            run_group(p, w, patch, i, j);
 }
 
 static void run_region(const Picturing *p, Worker *w, SheetsPatch *patch, int i0, int j0)
@@ -196,23 +205,6 @@ static void end_workers(Worker **workers, int n_threads, SheetsCounts *total)
     cts_free(workers);
 }
 
-static void refine_group(const Picturing *p, Worker *w, SheetsPatch *to, int x0, int y0, float refined_from)
-{
-    if (!cts_sheets_interpolate(to, &p->lattice, x0, y0, refined_from, p->job->view.slab_mm) &&
-        find_visible(p, to, x0, y0, SHEETS_SIDE, SHEETS_SIDE, NULL, w->tile))
-        march_group(p, w, to, x0, y0, w->tile);
-}
-
-/* Rows of groups of the pixels. */
-static void refine_rows(void *context, int worker, size_t first, size_t end)
-{
-    const Picturing *const p = context;
-    SheetsPatch to = p->pixels;
-    for (size_t row = first; row < end && !cts_scene_stopped(p->scene); row++)
-        for (int x0 = 0; x0 < to.width; x0 += SHEETS_SIDE)
-            refine_group(p, &p->workers[worker], &to, x0, (int)row * SHEETS_SIDE, cts_sheets_refined_from(p->scene));
-}
-
 static void finish_depth(const SheetsPatch *p, double camera_mm)
 {
     for (size_t i = 0; p->depth_mm && i < (size_t)p->width * (size_t)p->height; i++)
@@ -229,17 +221,13 @@ CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, con
                    .pixels = {&job->grid[0], 0, picture->first_row, picture->width, picture->height, picture->pixels,
                               indicator, picture->depth_mm}};
     const size_t down = (size_t)regions_along(picture->height);
-    const size_t rows = ((size_t)picture->height + SHEETS_SIDE - 1) / SHEETS_SIDE;
     CtsStatus st = start_workers(&p.workers, job, picture->width, n_threads, err);
     for (size_t i = 0; picture->depth_mm && i < (size_t)picture->width * (size_t)picture->height; i++)
         picture->depth_mm[i] = SHEETS_FAR;
-    if (!st && job->lattice && !(st = cts_sheets_lattice_init(&p.lattice, job, &p.pixels, err))) {
+    if (!st && job->lattice && !(st = cts_sheets_lattice_init(&p.lattice, job, &p.pixels, err)))
         cts_parallel(n_threads, n_regions(&p.lattice), 1, run_lattice, &p);
-        cts_parallel(n_threads, rows, 4, refine_rows, &p);
-    } else if (!st) {
-        cts_parallel(n_threads, n_regions(&p.pixels), 1, run_pixels, &p);
-    }
     if (!st) {
+        cts_parallel(n_threads, n_regions(&p.pixels), 1, run_pixels, &p);
         cts_parallel(n_threads, down, 1, add_contrast, &p);
         finish_depth(&p.pixels, job->camera_mm);
         st = cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
@@ -273,17 +261,12 @@ static CtsStatus probe_tile(const Probing *probing, int worker, size_t tile, Cts
                              .indicator = probing->indicator + first};
     memset(p.pixels.rgba, 0, SHEETS_TILE_X * SHEETS_TILE_Y * sizeof *probing->rgba);
     memset(p.pixels.indicator, 0, SHEETS_TILE_X * SHEETS_TILE_Y * sizeof *probing->indicator);
-    if (!p.job->lattice) {
-        run_region(&p, w, &p.pixels, 0, 0);
-    } else if (!(st = cts_sheets_lattice_init(&p.lattice, p.job, &p.pixels, err))) {
+    if (p.job->lattice && !(st = cts_sheets_lattice_init(&p.lattice, p.job, &p.pixels, err)))
         run_region(&p, w, &p.lattice, 0, 0);
-        for (int y = 0; y < SHEETS_TILE_Y; y += SHEETS_SIDE)
-            for (int x = 0; x < SHEETS_TILE_X; x += SHEETS_SIDE)
-                refine_group(&p, w, &p.pixels, x, y, cts_sheets_refined_from(p.scene));
-    }
+    if (!st)
+        run_region(&p, w, &p.pixels, 0, 0);
     cts_sheets_lattice_free(&p.lattice);
-    /* Neighbours outside the tile are not rendered; a picture's contrast is as large or sheets_larger at the tile's
-     * border. */
+    /* Neighbours outside the tile are not rendered: at its border contrast may be larger in the picture. */
     for (int y = 0; y < SHEETS_TILE_Y && !st; y++)
         add_row_contrast(&p.pixels, y, 0, SHEETS_TILE_Y, w->extremes, p.pixels.indicator + y * SHEETS_TILE_X);
     return st;
