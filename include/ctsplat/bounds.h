@@ -27,7 +27,7 @@ typedef enum CtsSetting {
     CTS_SETTING_VERIFY,
     CTS_SETTING_THREADS,
     CTS_SETTING_FRAMES,    /* of a rotation; a caller's own loop over cts_render_bands() */
-    CTS_SETTING_OCCLUSION, /* where it is not as the preset says */
+    CTS_SETTING_OCCLUSION, /* strength of occlusion given beside the preset's */
     CTS_N_SETTINGS
 } CtsSetting;
 

@@ -110,7 +110,7 @@ typedef struct CtsEngine {
      * and an indicator per pixel, for the choice of a level. NULL for an engine without levels. */
     CtsStatus (*render_tiles)(const CtsScene *scene, const int (*corner)[2], size_t n, float (*rgba)[4],
                               float *indicator, CtsError *err);
-    CtsIndicator indicator; /* what it writes to CtsErrorMap; with one it keeps plan.max_error by itself */
+    CtsIndicator indicator; /* meaning of its CtsErrorMap.indicator; with one, error control keeps plan.max_error */
     unsigned modes;         /* bit 1 << CtsMode for each it can do */
     unsigned kernels;       /* bit 1 << CtsKernelId */
     unsigned levels;        /* bit 1 << CtsEngineLevel; 0: no levels */

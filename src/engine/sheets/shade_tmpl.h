@@ -143,7 +143,8 @@ INLINE LitShares lit_shares(const uint32_t *light, wi front, wi back, wmask lane
     return s;
 }
 
-/* Difference of light at a slab's outer points and its inner ones: what its points may miss, of the fourth part. */
+/* Second difference of the light at the four points of a slab part, weighted by their shares: an indicator of the error
+ * of the rule, 0 where light changes linearly and the shares are even. */
 INLINE wf bend_of_light(const LitShares *s, const wf light[SHEETS_LIT])
 {
     return wf_abs(wf_add(wf_mul(wf_add(s->of[0], s->of[1]), wf_sub(light[0], light[1])),

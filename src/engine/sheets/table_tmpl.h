@@ -34,6 +34,7 @@ INLINE void fill_light(const float (*quarter)[SHEETS_LIT], float length_mm, size
             left = wf_sub(left, taken[q]);
             sum = wf_add(sum, taken[q]);
         }
+        /* A slab that absorbs nothing has even shares, of 64; the bound is any number below all visible ones. */
         const wmask any = wf_gt(sum, wf_of(1e-20f));
         const wf scale = wf_div(wf_of(255), wf_max(sum, wf_of(1e-20f)));
         int32_t share[SHEETS_LIT][SHEETS_LANES];

@@ -12,7 +12,7 @@ enum { BLOCK = 3, WIDE = 9, DEEP = 15, BACK = 10, FRONT = 4, MARGIN = 2, HALF = 
 
 typedef struct OpennessCase {
     bool (*is_wall)(const int block[3]);
-    bool slab; /* what lies in front of the back wall is cut off */
+    bool slab; /* crop at the back wall: everything in front of it is left out */
     double occlusion;
     double bound[CHECK_N_FAMILIES];
 } OpennessCase;

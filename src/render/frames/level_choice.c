@@ -129,6 +129,7 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
     CtsScene scene = *p->scene;
     for (int level = CTS_LEVEL_AUTO + 1; level < CTS_N_LEVELS; level++) {
         CtsStatus st = CTS_OK;
+        size_t n_marched = 0;
         const bool hybrid = level == CTS_LEVEL_HYBRID; /* its tiles are those of half-sheets */
         if (!(engine->levels >> level & 1) ||
             (level == CTS_LEVEL_LATTICE && 255 * cts_scene_requested_error(p->scene) < MIN_LATTICE))
@@ -140,10 +141,9 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
             return st;
         find_groups(p);
         choice->n_tried++;
-        if ((st = predict(p, choice->n_tried, hybrid, &choice->limit, &choice->n_marched, err)))
+        if ((st = predict(p, choice->n_tried, hybrid, &choice->limit, &n_marched, err)))
             return st;
-        choice->n_visible = p->n_visible;
-        if (hybrid ? choice->n_marched * MARCHED_ONE_IN <= p->n_visible
+        if (hybrid ? n_marched * MARCHED_ONE_IN <= p->n_visible
                    : choice->limit <= cts_scene_requested_error(p->scene)) {
             choice->level = (CtsEngineLevel)level;
             return CTS_OK;

@@ -12,9 +12,8 @@
 typedef struct CtsLevelChoice {
     CtsEngineLevel level; /* CTS_LEVEL_AUTO: no level will do */
     int n_tried;
-    size_t n_pixels;             /* of the probe */
-    size_t n_marched, n_visible; /* groups of the probe that level hybrid marches, and that see anything */
-    double limit;                /* limit of the error of the last level tried, rms (cts_error_control_predict()) */
+    size_t n_pixels; /* of the probe */
+    double limit;    /* limit of the error of the last level tried, rms (cts_error_control_predict()) */
     double wall_ms, cpu_ms;
 } CtsLevelChoice;
 
