@@ -53,10 +53,8 @@ typedef struct CtsScene {
     CtsPlan plan;
     CtsView view;
     double extinction_scale; /* as in lut; for engines that evaluate the preset themselves */
-    /* Cache of the engine for frames of one volume and one preset: *kept is NULL for the first frame, then as the
-     * engine left it. NULL: no cache. */
-    void **cache;
-    int frame; /* its number among those; bands of one picture have the same */
+    void **cache;            /* of the engine, for frames of one volume and one preset (cts_scene_cache()) */
+    int frame;               /* its number among those; bands of one picture have the same */
 } CtsScene;
 
 /* Default target: half a level of an 8-bit display, which is invisible; as a fraction of the display range. */
@@ -122,6 +120,10 @@ typedef struct CtsEngine {
     bool uses_void_key;     /* skips voxels that the scene's lut marks void, so that --void key has an effect */
     void (*free_cache)(void *cache); /* frees the cache in *scene->cache; NULL for an engine without one */
 } CtsEngine;
+
+/* The engine's cache, of size zeroed bytes when it is first asked for; freed by its free_cache(). NULL without memory.
+ */
+void *cts_scene_cache(const CtsScene *scene, size_t size, CtsError *err);
 
 /* The voxels that minip and average use: the inside of the body; NULL: all. */
 const struct CtsBodyMask *cts_scene_body(const CtsScene *scene);

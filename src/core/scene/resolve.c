@@ -6,6 +6,7 @@
 #include "core/scene/kernel.h"
 #include "core/scene/settings.h"
 #include <math.h>
+#include <stdlib.h>
 
 CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
 {
@@ -76,6 +77,13 @@ CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const Ct
         scene->extinction_scale = CTS_MUTATED(VOXEL_LENGTH) ? fabs(scene->view.forward_vox[scene->view.axis])
                                                             : cts_norm3(scene->view.forward_vox);
     return CTS_OK;
+}
+
+void *cts_scene_cache(const CtsScene *scene, size_t size, CtsError *err)
+{
+    if (!*scene->cache && !(*scene->cache = calloc(1, size)))
+        cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    return *scene->cache;
 }
 
 const struct CtsBodyMask *cts_scene_body(const CtsScene *scene)

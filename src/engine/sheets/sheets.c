@@ -32,16 +32,6 @@ static void free_cache(void *cache)
     free(k);
 }
 
-static CtsStatus open_cache(const CtsScene *scene, Cache **cache, CtsError *err)
-{
-    *cache = scene->cache ? *scene->cache : NULL;
-    if (!*cache && !(*cache = calloc(1, sizeof **cache)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (scene->cache)
-        *scene->cache = *cache;
-    return CTS_OK;
-}
-
 /* Slabs are cut in two where the level asks for it; the coarser table is what a slab's error is estimated by. */
 static CtsStatus find_tables(Cache *k, const CtsScene *scene, bool half, const SheetsKernels *kernels,
                              const CtsMacrocells *m, CtsReport *report, CtsError *err)
@@ -135,7 +125,7 @@ static CtsStatus refuse(const CtsScene *scene, CtsError *err)
     return CTS_OK;
 }
 
-/* Everything that a picture's threads need; ended in any case. */
+/* Everything that a picture's threads need. */
 typedef struct Session {
     Cache *cache;
     CtsShade shade;
@@ -150,8 +140,11 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
     const CtsMacrocells *macrocells;
     *s = (Session){.kernels = choose_kernels(), .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
     const bool half = s->level >= CTS_LEVEL_HALF_SHEETS;
-    if ((st = refuse(scene, err)) || (st = open_cache(scene, &s->cache, err)) ||
-        (st = cts_scene_macrocells(scene, &s->cache->own_macrocells, &macrocells, report, err)) ||
+    if ((st = refuse(scene, err)))
+        return st;
+    if (!(s->cache = cts_scene_cache(scene, sizeof *s->cache, err)))
+        return CTS_ERR_MEMORY;
+    if ((st = cts_scene_macrocells(scene, &s->cache->own_macrocells, &macrocells, report, err)) ||
         (st = find_blocks(s->cache, scene, macrocells, report, err)) ||
         (st = find_tables(s->cache, scene, half, s->kernels, macrocells, report, err)))
         return st;
@@ -161,13 +154,6 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
     init_job(&s->job, scene, s->cache, half, scene->preset->shade ? &s->shade : NULL);
     s->job.lattice = s->level == CTS_LEVEL_LATTICE;
     return CTS_OK;
-}
-
-static void end(Session *s, const CtsScene *scene)
-{
-    cts_shade_free(&s->shade);
-    if (!scene->cache)
-        free_cache(s->cache);
 }
 
 static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
@@ -221,7 +207,7 @@ static CtsStatus render_sheets(const CtsScene *scene, CtsPicture *picture, CtsEr
         report_counts(&counts, s.job.blocks, scene, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_free(&own_indicator);
-    end(&s, scene);
+    cts_shade_free(&s.shade);
     return st;
 }
 
@@ -232,7 +218,7 @@ static CtsStatus render_tiles(const CtsScene *scene, const int (*corner)[2], siz
     CtsStatus st = begin(&s, scene, NULL, err);
     if (!st)
         st = cts_sheets_probe(&s.job, s.kernels, scene, corner, n, rgba, indicator, err);
-    end(&s, scene);
+    cts_shade_free(&s.shade);
     return st;
 }
 

@@ -39,25 +39,19 @@ static void free_cache(void *cache)
     free(k);
 }
 
-static CtsStatus open_cache(const CtsScene *scene, Cache **cache, CtsError *err)
-{
-    *cache = scene->cache ? *scene->cache : NULL;
-    if (!*cache && !(*cache = calloc(1, sizeof **cache)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (scene->cache)
-        *scene->cache = *cache;
-    return CTS_OK;
-}
-
 static void report_cached(const CtsScene *scene, const char *what, int made_for, CtsReport *report)
 {
     if (made_for != scene->frame)
         cts_report_skip(report, what, "made for an earlier frame");
 }
 
-static CtsStatus find_macrocells(Cache *k, const CtsScene *scene, const CtsMacrocells **macrocells, CtsReport *report,
-                                 CtsError *err)
+/* Sets *cache too. */
+static CtsStatus find_macrocells(const CtsScene *scene, Cache **cache, const CtsMacrocells **macrocells,
+                                 CtsReport *report, CtsError *err)
 {
+    Cache *const k = *cache = cts_scene_cache(scene, sizeof *k, err);
+    if (!k)
+        return CTS_ERR_MEMORY;
     if (k->own_macrocells)
         report_cached(scene, "macro-cells", k->macrocells_frame, report);
     else
@@ -145,13 +139,22 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Cache *cache, con
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
-static void init_shading(TiledJob *j, const CtsShade *shade, const CtsOpenness *open)
+/* Job and lighting of a march; free shade with cts_shade_free(), also after a failure. */
+static CtsStatus begin(TiledJob *j, CtsShade *shade, const CtsScene *scene, const Cache *cache, const Tolerances *may,
+                       double requested, CtsError *err)
 {
+    init_job(j, scene, cache, may, requested);
+    if (!scene->preset->shade)
+        return CTS_OK;
+    const CtsStatus st = cts_shade_init(shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err);
+    if (st)
+        return st;
     j->shade = shade;
-    j->open = CTS_MUTATED(OPEN_UNUSED) ? NULL : open;
+    j->open = CTS_MUTATED(OPEN_UNUSED) ? NULL : scene->openness;
     for (int i = 0; i < 3; i++)
         for (int a = 0; a < 3; a++)
             j->frame[i][a] = shade->frame[i][a] * (a == 2 && CTS_MUTATED(GRADIENT_SIGN) ? -1 : 1);
+    return CTS_OK;
 }
 
 /* The march of a picture: the fastest that this processor supports, and plain C where offsets exceed those of
@@ -221,14 +224,9 @@ static CtsStatus composite(const CtsScene *scene, Cache *cache, const CtsMacroce
     CtsShade shade = {0};
     TiledJob job;
     TiledCounts counts = {0};
-    if ((st = find_mask(cache, scene, macrocells, report, err)))
-        return st;
-    init_job(&job, scene, cache, &fast, cts_scene_requested_error(scene));
-    if (scene->preset->shade) {
-        if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
-            goto end;
-        init_shading(&job, &shade, scene->openness);
-    }
+    if ((st = find_mask(cache, scene, macrocells, report, err)) ||
+        (st = begin(&job, &shade, scene, cache, &fast, cts_scene_requested_error(scene), err)))
+        goto end;
     const Path path = choose_path(&job);
     cts_scene_report_region(scene, report);
     plan(&job, scene, path.name, report);
@@ -292,18 +290,14 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     CtsStatus st;
     CtsShade shade = {0};
     TiledJob job;
-    Cache *cache = NULL;
+    Cache *cache;
     const CtsMacrocells *macrocells;
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
-    if ((st = open_cache(scene, &cache, err)) || (st = find_macrocells(cache, scene, &macrocells, NULL, err)) ||
-        (st = find_mask(cache, scene, macrocells, NULL, err)))
+    if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
+        (st = find_mask(cache, scene, macrocells, NULL, err)) ||
+        (st = begin(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
+                    error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
-    init_job(&job, scene, cache, error > 0 ? &fast : &exact, error > 0 ? error : cts_scene_requested_error(scene));
-    if (scene->preset->shade) {
-        if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
-            goto end;
-        init_shading(&job, &shade, scene->openness);
-    }
     const Path path = choose_path(&job);
     a.march = error > 0 ? path.march : path.exact;
     if ((st = cts_alloc_zeroed(&a.scratch, (size_t)n_threads, err)))
@@ -313,52 +307,39 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
 end:
     cts_free(&a.scratch);
     cts_shade_free(&shade);
-    if (!scene->cache)
-        free_cache(cache);
     return st;
 }
 
 static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    CtsShade shade = {0};
     TiledJob job;
-    Cache *cache = NULL;
+    Cache *cache;
     const CtsMacrocells *macrocells;
-    if ((st = open_cache(scene, &cache, err)) || (st = find_macrocells(cache, scene, &macrocells, NULL, err)) ||
-        (st = find_mask(cache, scene, macrocells, NULL, err)))
-        goto end;
-    if (scene->preset->shade &&
-        (st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
-        goto end;
+    if (!(st = find_macrocells(scene, &cache, &macrocells, NULL, err)))
+        st = find_mask(cache, scene, macrocells, NULL, err);
     for (int i = 0; !st && i < 2; i++) {
-        init_job(&job, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene));
-        if (scene->preset->shade)
-            init_shading(&job, &shade, scene->openness);
-        st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_traced : cts_tiled_march_traced,
-                             i ? "double" : "single", x, y, report, err);
+        CtsShade shade = {0};
+        st = begin(&job, &shade, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene), err);
+        if (!st)
+            st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_traced : cts_tiled_march_traced,
+                                 i ? "double" : "single", x, y, report, err);
+        cts_shade_free(&shade);
     }
-end:
-    cts_shade_free(&shade);
-    if (!scene->cache)
-        free_cache(cache);
     return st;
 }
 
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                               CtsError *err)
 {
-    CtsStatus st;
-    Cache *cache = NULL;
+    Cache *cache;
     const CtsMacrocells *macrocells;
-    if ((st = open_cache(scene, &cache, err)) || (st = find_macrocells(cache, scene, &macrocells, report, err)))
-        goto end;
-    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, cache, macrocells, picture, errors, report, err)
-                                                   : cts_project(scene, macrocells, &cache->seen, picture, report, err);
-end:
-    if (!scene->cache)
-        free_cache(cache);
-    return st;
+    const CtsStatus st = find_macrocells(scene, &cache, &macrocells, report, err);
+    if (st)
+        return st;
+    return scene->preset->mode == CTS_MODE_COMPOSITE
+               ? composite(scene, cache, macrocells, picture, errors, report, err)
+               : cts_project(scene, macrocells, &cache->seen, picture, report, err);
 }
 
 const CtsEngine cts_engine_tiled = {

@@ -564,16 +564,13 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     return st;
 }
 
-/* By the march that re-renders the engine's pixels, from the start: what engines keep from frame to frame is not used.
- */
+/* By the march that re-renders the engine's pixels. */
 static CtsStatus trace_pixel(const CtsFrame *frame, CtsReport *report, CtsError *err)
 {
-    const CtsEngine *const march = cts_engine(cts_engine_march(frame->engine_id));
-    const CtsRenderSettings *const s = frame->store.scene.settings;
-    CtsScene scene = frame->store.scene;
-    scene.cache = NULL;
-    if (scene.preset->mode == CTS_MODE_COMPOSITE && s->kernel == CTS_KERNEL_TENT)
-        return march->trace_pixel(&scene, s->trace_x, s->trace_y, report, err);
+    const CtsErrorControl *const control = &frame->error_control;
+    const CtsRenderSettings *const s = control->scene.settings;
+    if (control->scene.preset->mode == CTS_MODE_COMPOSITE && s->kernel == CTS_KERNEL_TENT)
+        return control->march->trace_pixel(&control->scene, s->trace_x, s->trace_y, report, err);
     cts_report_diagnostic(
         report, "trace_left_out", CTS_WARNING,
         "`trace_pixel`: nothing to trace, since the exact march has mode composite and kernel tent alone");
