@@ -5,6 +5,7 @@
 
 #include "ctsplat/annotate.h"
 #include "ctsplat/bounds.h"
+#include "ctsplat/diagnostic.h"
 #include "ctsplat/export.h"
 #include "ctsplat/job.h"
 #include "ctsplat/mixture.h"

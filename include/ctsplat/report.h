@@ -5,7 +5,7 @@
 #ifndef CTSPLAT_REPORT_H
 #define CTSPLAT_REPORT_H
 
-#include "ctsplat/api.h"
+#include "ctsplat/diagnostic.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -42,21 +42,6 @@ typedef struct CtsSkip {
     char what[48];
     char why[200];
 } CtsSkip;
-
-typedef enum CtsSeverity { CTS_NOTE, CTS_WARNING, CTS_REFUSAL } CtsSeverity;
-extern const char *const cts_severity_names[3];
-
-/* A diagnostic: note, warning, or the reason of a refusal. code is a stable snake_case word, for programs. */
-typedef struct CtsDiagnostic {
-    char code[40];
-    CtsSeverity severity;
-    char text[400];
-} CtsDiagnostic;
-
-typedef struct CtsDiagnostics {
-    CtsDiagnostic *items;
-    size_t n;
-} CtsDiagnostics;
 
 typedef struct CtsVoxelCounts {
     bool known;
@@ -151,16 +136,12 @@ double cts_report_picture_cpu_ms(const CtsReport *report);
 
 void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)
     __attribute__((format(printf, 3, 4)));
-void cts_report_diagnostic(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
+void cts_report_diagnostic(CtsReport *report, CtsDiagnosticId id, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 /* Copies the fact. Without memory a label is missing. */
 void cts_report_label(CtsReport *report, const CtsLabelFact *label);
 void cts_report_plan(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void cts_report_trace(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
-
-void cts_diagnostics_add(CtsDiagnostics *diagnostics, const char *code, CtsSeverity severity, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
-void cts_diagnostics_free(CtsDiagnostics *diagnostics);
 
 CTS_API_END
 #endif

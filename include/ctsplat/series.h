@@ -124,7 +124,6 @@ typedef struct CtsSlicePlace {
 CtsStatus cts_single_slices_find(const CtsSlicePlace *places, size_t n, int *stack, int *n_stacks, CtsError *err);
 
 /* The diagnostic of such a stack; text for a format: UID of one of its series, number of the others, of all. */
-#define CTS_SINGLE_SLICES "single_slices"
 #define CTS_SINGLE_SLICES_TEXT                                                                                         \
     "series %s and %d others are %d single slices that lie as one stack (give them one SeriesInstanceUID (0020,000E) " \
     "to render it)"

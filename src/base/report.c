@@ -88,34 +88,47 @@ void cts_report_skip(CtsReport *report, const char *what, const char *why_format
     va_end(args);
 }
 
-__attribute__((format(printf, 4, 0))) static void add_diagnostic(CtsDiagnostics *diagnostics, const char *code,
-                                                                 CtsSeverity severity, const char *format, va_list args)
+#define ROW(name, code, severity) {code, CTS_##severity},
+static const struct {
+    const char *code;
+    CtsSeverity severity;
+} diagnostic_rows[] = {CTS_DIAGNOSTIC_ROWS(ROW)};
+
+__attribute__((format(printf, 3, 0))) static void add_diagnostic(CtsDiagnostics *diagnostics, CtsDiagnosticId id,
+                                                                 const char *format, va_list args)
 {
     if (cts_grow(&diagnostics->items, diagnostics->n, NULL))
         return;
     CtsDiagnostic *diagnostic = &diagnostics->items[diagnostics->n++];
-    snprintf(diagnostic->code, sizeof diagnostic->code, "%s", code);
-    diagnostic->severity = severity;
+    *diagnostic = (CtsDiagnostic){.id = id, .code = diagnostic_rows[id].code, .severity = diagnostic_rows[id].severity};
     vsnprintf(diagnostic->text, sizeof diagnostic->text, format, args);
     cts_text_clean(diagnostic->text);
 }
 
-void cts_report_diagnostic(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
+void cts_report_diagnostic(CtsReport *report, CtsDiagnosticId id, const char *format, ...)
 {
     if (!report)
         return;
     va_list args;
     va_start(args, format);
-    add_diagnostic(&report->diagnostics, code, severity, format, args);
+    add_diagnostic(&report->diagnostics, id, format, args);
     va_end(args);
 }
 
-void cts_diagnostics_add(CtsDiagnostics *diagnostics, const char *code, CtsSeverity severity, const char *format, ...)
+void cts_diagnostics_add(CtsDiagnostics *diagnostics, CtsDiagnosticId id, const char *format, ...)
 {
     va_list args;
     va_start(args, format);
-    add_diagnostic(diagnostics, code, severity, format, args);
+    add_diagnostic(diagnostics, id, format, args);
     va_end(args);
+}
+
+const CtsDiagnostic *cts_diagnostics_find(const CtsDiagnostics *diagnostics, CtsDiagnosticId id)
+{
+    for (size_t i = 0; i < diagnostics->n; i++)
+        if (diagnostics->items[i].id == id)
+            return &diagnostics->items[i];
+    return NULL;
 }
 
 void cts_diagnostics_free(CtsDiagnostics *diagnostics)

@@ -30,7 +30,7 @@ static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, C
     } else {
         facts->refused = true;
         snprintf(facts->reason, sizeof facts->reason, "%s", why.text);
-        cts_diagnostics_add(&facts->diagnostics, "pixels_refused", CTS_REFUSAL, "%s", why.text);
+        cts_diagnostics_add(&facts->diagnostics, CTS_DIAGNOSTIC_PIXELS_REFUSED, "%s", why.text);
         st = CTS_OK;
     }
     facts->labels = report.labels;
@@ -40,7 +40,7 @@ static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, C
     for (size_t i = 0; i < report.diagnostics.n; i++) {
         const CtsDiagnostic *f = &report.diagnostics.items[i];
         if (!cts_diagnostics_have(&series->diagnostics, f) && !cts_diagnostics_have(&facts->diagnostics, f))
-            cts_diagnostics_add(&facts->diagnostics, f->code, f->severity, "%s", f->text);
+            cts_diagnostics_add(&facts->diagnostics, f->id, "%s", f->text);
     }
 end:
     cts_loaded_free(&loaded);

@@ -30,13 +30,9 @@ static CtsStatus load_reporting(const char *folder, CtsVolume **volume, bool *re
         st = cts_series_choose(list, NULL, &series, err);
     if (!st)
         st = cts_series_load(series, 1, NULL, volume, &report, err);
-    *reported = false;
-    left_out[0] = 0;
-    for (size_t i = 0; i < report.diagnostics.n; i++) {
-        *reported |= strcmp(report.diagnostics.items[i].code, "missing_slices") == 0;
-        if (strcmp(report.diagnostics.items[i].code, "bad_slices") == 0)
-            snprintf(left_out, sizeof left_out, "%s", report.diagnostics.items[i].text);
-    }
+    *reported = cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_MISSING_SLICES);
+    const CtsDiagnostic *const bad = cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_BAD_SLICES);
+    snprintf(left_out, sizeof left_out, "%s", bad ? bad->text : "");
     if (!st)
         snprintf(err->text, sizeof err->text, "%s", left_out);
     cts_report_free(&report);
@@ -332,12 +328,8 @@ static void test_directory(void **state)
     CtsError err;
     assert_int_equal(cts_series_find(paths, 1, 1, &list, NULL, &err), CTS_OK);
     assert_true(list->n == 1 && list->items[0].n_slices == 2 && list->n_unreadable == 1 && list->n_not_ct == 1);
-    bool escapes = false, missing = false;
-    for (size_t i = 0; i < list->diagnostics.n; i++) {
-        escapes |= strcmp(list->diagnostics.items[i].code, "directory_escapes") == 0;
-        missing |= strcmp(list->diagnostics.items[i].code, "unreadable_file") == 0;
-    }
-    assert_true(escapes && missing);
+    assert_non_null(cts_diagnostics_find(&list->diagnostics, CTS_DIAGNOSTIC_DIRECTORY_ESCAPES));
+    assert_non_null(cts_diagnostics_find(&list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE));
     cts_series_list_free(&list);
     /* found in a folder it is passed over, and the folder's own files count */
     paths[0] = folder;

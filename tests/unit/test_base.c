@@ -180,15 +180,16 @@ static void test_lists(void **state)
     text[sizeof text - 1] = 0;
     for (int i = 0; i < 100; i++) {
         cts_report_skip(&r, "lighting", "reason %d", i);
-        cts_report_diagnostic(&r, "gap", CTS_WARNING, "slice %d", i);
+        cts_report_diagnostic(&r, CTS_DIAGNOSTIC_BAD_SLICES, "slice %d", i);
     }
-    cts_report_diagnostic(&r, text, CTS_REFUSAL, "%s", text);
+    cts_report_diagnostic(&r, CTS_DIAGNOSTIC_REFUSED, "%s", text);
     assert_int_equal(r.n_skips, 100);
     assert_int_equal(r.diagnostics.n, 101);
     assert_string_equal(r.skips[63].why, "reason 63");
     assert_string_equal(r.diagnostics.items[99].text, "slice 99");
     assert_int_equal(strlen(r.diagnostics.items[100].text), sizeof r.diagnostics.items[100].text - 1);
-    assert_int_equal(strlen(r.diagnostics.items[100].code), sizeof r.diagnostics.items[100].code - 1);
+    assert_ptr_equal(cts_diagnostics_find(&r.diagnostics, CTS_DIAGNOSTIC_REFUSED), &r.diagnostics.items[100]);
+    assert_null(cts_diagnostics_find(&r.diagnostics, CTS_DIAGNOSTIC_PASSED));
     cts_report_plan(&r, "engine %s", "classic");
     cts_report_plan(&r, "layers %d", 12);
     assert_string_equal(r.plan, "engine classic\nlayers 12\n");
@@ -197,7 +198,7 @@ static void test_lists(void **state)
     cts_report_free(&r);
     cts_report_free(NULL);
     cts_report_skip(NULL, "a", "b");
-    cts_report_diagnostic(NULL, "a", CTS_NOTE, "b");
+    cts_report_diagnostic(NULL, CTS_DIAGNOSTIC_PASSED, "b");
     cts_report_plan(NULL, "a");
 }
 

@@ -172,14 +172,6 @@ static void done(Found *f)
     remove_folder(f->folder);
 }
 
-static const CtsDiagnostic *diagnostic(const CtsSeries *s, const char *code)
-{
-    for (size_t i = 0; i < s->diagnostics.n; i++)
-        if (strcmp(s->diagnostics.items[i].code, code) == 0)
-            return &s->diagnostics.items[i];
-    return NULL;
-}
-
 /* Layer k holds 1000 + 100 * k + first + column + 10 * row, times slope. */
 static void expect_volume(const CtsSeries *s, int n, int first, int slope)
 {
@@ -245,7 +237,7 @@ static void test_stacks(void **state)
     assert_int_equal(f.list->items[0].n_slices, 7);
     assert_int_equal(f.list->items[0].part, 1);
     assert_int_equal(f.list->items[1].part, 2);
-    assert_non_null(diagnostic(&f.list->items[0], "several_volumes"));
+    assert_non_null(cts_diagnostics_find(&f.list->items[0].diagnostics, CTS_DIAGNOSTIC_SEVERAL_VOLUMES));
     expect_volume(&f.list->items[0], 7, 0, 1);
     const CtsSeries *second = NULL;
     assert_int_equal(cts_series_choose(f.list, "1.2.3#2", &second, &f.err), CTS_OK);
@@ -292,7 +284,7 @@ static void test_scout_frame(void **state)
                           .base = 100};
     o.n = 7;
     find_bytes(&f, object_bytes(&o));
-    assert_non_null(diagnostic(&f.list->items[0], "localizers_dropped"));
+    assert_non_null(cts_diagnostics_find(&f.list->items[0].diagnostics, CTS_DIAGNOSTIC_LOCALIZERS_DROPPED));
     expect_volume(&f.list->items[0], 6, 0, 1);
     done(&f);
 }
@@ -351,8 +343,8 @@ static void test_truncated(void **state)
     const CtsSeries *s = &f.list->items[0];
     assert_int_equal(s->refusal, CTS_OK);
     assert_int_equal(s->n_slices, 19);
-    assert_non_null(diagnostic(s, "bad_slices"));
-    assert_non_null(strstr(diagnostic(s, "bad_slices")->text, "truncated"));
+    assert_non_null(cts_diagnostics_find(&s->diagnostics, CTS_DIAGNOSTIC_BAD_SLICES));
+    assert_non_null(strstr(cts_diagnostics_find(&s->diagnostics, CTS_DIAGNOSTIC_BAD_SLICES)->text, "truncated"));
     done(&f);
 }
 

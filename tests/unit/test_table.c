@@ -171,14 +171,6 @@ static Tally tally(const Scene *s, const CtsVolume *before, const CtsVolume *aft
     return t;
 }
 
-static const CtsDiagnostic *diagnostic(const CtsReport *report, const char *code)
-{
-    for (size_t n = 0; n < report->diagnostics.n; n++)
-        if (!strcmp(report->diagnostics.items[n].code, code))
-            return &report->diagnostics.items[n];
-    return NULL;
-}
-
 static bool is_skipped(const CtsReport *report)
 {
     return report->n_skips == 1 && !strcmp(report->skips[0].what, "table removal") && report->skips[0].why[0];
@@ -204,9 +196,9 @@ static void check_removal(const Scene *s)
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.other_left, 0);
     assert_int_equal(t.far_left, 0);
-    assert_non_null(diagnostic(&report, "table_removed"));
-    assert_int_equal(diagnostic(&report, "table_removed")->severity, CTS_NOTE);
-    assert_null(diagnostic(&report, "table_removal_uncertain"));
+    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
+    assert_int_equal(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED)->severity, CTS_NOTE);
+    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
     assert_int_equal(report.n_skips, 0);
     cts_report_free(&report);
     const int threads[] = {2, 7};
@@ -273,7 +265,7 @@ static void test_head_on_holder(void **state)
     const Tally t = tally(&ears, before, after, 0.5);
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_null(diagnostic(&report, "table_removal_uncertain"));
+    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -343,7 +335,7 @@ static void test_trunk_on_table(void **state)
     assert_int_equal(t.body_changed, 0);
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_non_null(diagnostic(&report, "table_removed"));
+    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -377,8 +369,9 @@ static void test_raised_air(void **state)
         after = copy(before);
         remove_table(after, 2, &report);
         const Tally t = tally(&s, before, after, 3);
-        if (t.body_changed || t.margin_changed || t.other_left || !diagnostic(&report, "table_removed") ||
-            diagnostic(&report, "table_removal_uncertain"))
+        if (t.body_changed || t.margin_changed || t.other_left ||
+            !cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED) ||
+            cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN))
             fail_msg(
                 "air of %g HU: %d voxels of the body and %d of its rim changed, %d of the table stay, and the report "
                 "has no note, or a doubt",
@@ -456,7 +449,7 @@ static void test_broad_contact(void **state)
     assert_int_equal(t.body_changed, 0);
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_null(diagnostic(&report, "table_removal_uncertain"));
+    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -479,8 +472,8 @@ static void test_mask(void **state)
     assert_int_equal(t.body_changed, 0);
     assert_int_equal(t.margin_changed, 0);
     assert_true(8 * t.other_left < t.other + t.other / 8); /* the caps, broad in their sections, stay */
-    assert_non_null(diagnostic(&report, "table_removed"));
-    assert_null(diagnostic(&report, "table_removal_uncertain"));
+    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
+    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -496,9 +489,10 @@ static void test_thick_gone(void **state)
     CtsVolume *v = make(&scene);
     CtsReport report;
     remove_table(v, 2, &report);
-    assert_non_null(diagnostic(&report, "table_removed"));
-    assert_non_null(diagnostic(&report, "table_removal_uncertain"));
-    assert_non_null(strstr(diagnostic(&report, "table_removal_uncertain")->text, "parts thicker than tables"));
+    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
+    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
+    assert_non_null(strstr(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN)->text,
+                           "parts thicker than tables"));
     /* The board's middle of 10 x 10 x 16 voxels, except its corners; a trunk and two arms. */
     const double limb_mm3 = 10 * 10 * 16 * 27, body_mm3 = 3.1416 * (150 * 100 + 2 * 20 * 26) * 120;
     assert_true(report.table.thick_mm3 > 0.8 * limb_mm3 && report.table.thick_mm3 <= limb_mm3);
@@ -526,8 +520,9 @@ static void test_uncertain(void **state)
         CtsVolume *before = make(s), *after = copy(before);
         CtsReport report;
         remove_table(after, 2, &report);
-        assert_non_null(diagnostic(&report, "table_removal_uncertain"));
-        assert_int_equal(diagnostic(&report, "table_removal_uncertain")->severity, CTS_WARNING);
+        assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
+        assert_int_equal(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN)->severity,
+                         CTS_WARNING);
         size_t voxel = 0;
         for (int k = 0; k < s->dims[2]; k++)
             for (int j = 0; j < s->dims[1]; j++)
@@ -721,7 +716,7 @@ static void test_odd(void **state)
     CtsVolume *before = copy(v);
     remove_table(v, 2, &report);
     assert_true(is_skipped(&report));
-    assert_non_null(diagnostic(&report, "table_removal_uncertain"));
+    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
     assert_memory_equal(v->grey, before->grey, cts_volume_n_voxels(v) * sizeof *v->grey);
     cts_report_free(&report);
     for (size_t n = 0; n < cts_volume_n_voxels(v); n++) {

@@ -163,10 +163,7 @@ static double hold_to_bound(const CtsVolume *v, const CtsPreset *preset, CtsRend
     s.engine = CTS_ENGINE_TILED;
     CtsPicture *p = render(v, preset, &s, &report);
     const double rms = rms_between(reference, p), asked = (s.max_error > 0 ? s.max_error : 0.5) / 255;
-    bool warned = false;
-    for (size_t i = 0; i < report.diagnostics.n; i++)
-        warned = warned || (!strcmp(report.diagnostics.items[i].code, "error_bound") &&
-                            report.diagnostics.items[i].severity == CTS_WARNING);
+    const bool warned = cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_ERROR_BOUND);
     assert_true(report.bound.known);
     if (!(rms <= report.bound.rmse + 2e-6) || !(rms <= asked + 2e-6 || warned))
         fail_msg("%s, %s%s at %g,%g, %g mm a pixel, requested %g: %.3f/255 rms, reported %.3f%s", what, preset->name,

@@ -68,7 +68,7 @@ static void join_circles(const CtsOptions *options, CtsBatchLists *l, CtsReport 
             k++;
         if (options->rotation && k < n)
             cts_report_diagnostic(
-                report, "same_circle", CTS_WARNING,
+                report, CTS_DIAGNOSTIC_SAME_CIRCLE,
                 "`rotation` from %s covers the same circle as that from %s, and is left out (choose a "
                 "view of another elevation)",
                 l->views[i].name, l->views[k].name);

@@ -320,7 +320,7 @@ static void record_geometry(CtsWorkerProcess *c, const CtsPixelFacts *facts)
 static void record_stack(CtsWorkerProcess *c)
 {
     CtsDiagnostics note = {0};
-    cts_diagnostics_add(&note, CTS_SINGLE_SLICES, CTS_NOTE, CTS_SINGLE_SLICES_TEXT, c->series->own_uid,
+    cts_diagnostics_add(&note, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, c->series->own_uid,
                         c->series->n_stacked - 1, c->series->n_stacked);
     for (size_t i = 0; i < note.n; i++)
         add_diagnostic(c, &note.items[i], NULL);

@@ -155,7 +155,7 @@ static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
         w->worker_process->passed = true;
         st = cts_fail(err, CTS_ERR_PIXELS, "`show`: it has no label %s", lacking);
     } else if (!st && *lacking) {
-        cts_report_diagnostic(&w->report, "labels_lacking", CTS_NOTE,
+        cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_LABELS_LACKING,
                               "`show`: no label is called %s; the others are shown", lacking);
     }
     free(lacking);
@@ -301,7 +301,7 @@ static CtsStatus render_series(Work *w)
     else
         cts_log_done(w->log, w->worker_process->n_threads);
     if (cts_log_close(&w->log, &log_err))
-        cts_report_diagnostic(&w->report, "log_lost", CTS_WARNING, "the log is incomplete: %s", log_err.text);
+        cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_LOG_LOST, "the log is incomplete: %s", log_err.text);
     cts_names_free(&w->names);
     const CtsStatus reported = cts_worker_end_series(w->worker_process, &w->report, st, &err);
     cts_report_free(&w->report);
@@ -323,8 +323,7 @@ static CtsStatus render_all(CtsWorkerProcess *c, CtsError *err)
     for (size_t i = 0; !st && i < list->n; i++) {
         Work work = {.worker_process = c, .settings = c->settings, .loaded.series = &list->items[i]};
         for (size_t f = 0; f < list->diagnostics.n; f++)
-            cts_report_diagnostic(&work.report, list->diagnostics.items[f].code, list->diagnostics.items[f].severity,
-                                  "%s", list->diagnostics.items[f].text);
+            cts_report_diagnostic(&work.report, list->diagnostics.items[f].id, "%s", list->diagnostics.items[f].text);
         if (strcmp(work.loaded.series->uid, s->own_uid) && work.loaded.series->uid[0])
             continue;
         work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];

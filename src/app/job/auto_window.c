@@ -105,7 +105,7 @@ CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *
 void cts_contrast_report(const CtsPreset *preset, CtsReport *report)
 {
     cts_report_diagnostic(
-        report, "no_contrast", CTS_WARNING,
+        report, CTS_DIAGNOSTIC_NO_CONTRAST,
         "preset %s: no contrast agent was found in the blood, so the picture shows bone, in the colours "
         "of bone (choose preset %s, or a series with contrast agent)",
         preset->name, cts_preset_builtin(0)->name);

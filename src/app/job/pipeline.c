@@ -27,13 +27,13 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
     if (list->n < 2)
         return;
     if (taken->renderable)
-        cts_report_diagnostic(report, "several_series", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES,
                               "%zu series found; taking %s (%d slices), the one with the most slices%s; `series` takes "
                               "another",
                               list->n, name_of(taken).text, taken->n_slices,
                               taken == list->items ? "" : " of those that can be rendered");
     else
-        cts_report_diagnostic(report, "several_series", CTS_WARNING, "%zu series found, and none can be rendered",
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES, "%zu series found, and none can be rendered",
                               list->n);
     for (size_t i = 0; i < list->n; i++) {
         const CtsSeries *s = &list->items[i];
@@ -42,7 +42,7 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
         const char *why = !s->renderable                  ? s->reason
                           : s->n_slices < taken->n_slices ? "fewer slices"
                                                           : "as many slices";
-        cts_report_diagnostic(report, "series_not_taken", CTS_WARNING, "not taken: %s (%d slice%s): %s",
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SERIES_NOT_TAKEN, "not taken: %s (%d slice%s): %s",
                               name_of(s).text, s->n_slices, s->n_slices == 1 ? "" : "s", why);
     }
 }
@@ -64,7 +64,7 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
         memcpy(report->series_uid, loaded->series->uid, sizeof report->series_uid);
     const CtsDiagnostics *found = &loaded->list->diagnostics;
     for (size_t i = 0; i < found->n; i++)
-        cts_report_diagnostic(report, found->items[i].code, found->items[i].severity, "%s", found->items[i].text);
+        cts_report_diagnostic(report, found->items[i].id, "%s", found->items[i].text);
     if (!source->series_uid)
         report_choice(loaded, report);
     return CTS_OK;
@@ -74,12 +74,12 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
 {
     if (made->no_memory)
         cts_report_diagnostic(
-            report, "slices_cubic", CTS_WARNING,
+            report, CTS_DIAGNOSTIC_SLICES_NOT_SHAPED,
             "not enough memory for shape-based interpolation between slices, so terraces may be visible "
             "(free some memory, or crop)");
     else if (made->n_moved > 0)
         cts_report_diagnostic(
-            report, "slices_moved", CTS_NOTE,
+            report, CTS_DIAGNOSTIC_SLICES_MOVED,
             "shape-based interpolation displaced %.1f %% of the voxels between slices; they differ from "
             "linear interpolation by %.0f HU on average",
             100 * (double)made->n_moved / (double)made->n_voxels, made->sum_of_differences_hu / (double)made->n_moved);
@@ -106,7 +106,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsInterpola
     CtsError why = {0};
     st = cts_volume_interpolate(v, n_parts, source->interpolation, source->n_threads, made, &why);
     if (st == CTS_ERR_MEMORY) {
-        cts_report_diagnostic(report, "slices_linear", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SLICES_LINEAR,
                               "slices %.3g mm apart are interpolated linearly, so terraces may be visible: %s",
                               slice_mm, why.text);
         return CTS_OK;
@@ -118,7 +118,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsInterpola
     cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubic interpolation%s, %d layers in total",
                     slice_mm, n_parts - 1, source->interpolation == CTS_INTERPOLATION_SHAPE ? " along shapes" : "",
                     v->dims[2]);
-    cts_report_diagnostic(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by interpolation in %.0f ms",
+    cts_report_diagnostic(report, CTS_DIAGNOSTIC_SLICES_CUBIC, "%d slices became %d layers by interpolation in %.0f ms",
                           n_slices, v->dims[2], cts_wall_ms() - start_ms);
     report_interpolation(made, report);
     return CTS_OK;
@@ -245,10 +245,7 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
 /* If the rescale intercept is lost, air has the value of a filling. */
 static bool is_shifted(const CtsReport *report)
 {
-    for (size_t i = 0; report && i < report->diagnostics.n; i++)
-        if (!strcmp(report->diagnostics.items[i].code, "hu_implausible"))
-            return true;
-    return false;
+    return report && cts_diagnostics_find(&report->diagnostics, CTS_DIAGNOSTIC_HU_IMPLAUSIBLE);
 }
 
 void cts_source_report_fill(const CtsSource *source, const CtsScanned *scanned, CtsReport *report)
@@ -256,7 +253,7 @@ void cts_source_report_fill(const CtsSource *source, const CtsScanned *scanned, 
     double hu;
     if (!source->fill.given && !is_shifted(report) && cts_scanned_find_fill(scanned, &hu))
         cts_report_diagnostic(
-            report, "constant_fill", CTS_WARNING,
+            report, CTS_DIAGNOSTIC_CONSTANT_FILL,
             "voxels at the border of the volume have exactly %g HU, a usual filling value outside the "
             "scan, and count as tissue (`fill` %g turns them into air)",
             hu, hu);
@@ -271,7 +268,7 @@ static CtsStatus clear_fill(const CtsSource *source, CtsScanned *scanned, CtsRep
     cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
     if (!st)
         cts_report_diagnostic(
-            report, "fill_cleared", n ? CTS_NOTE : CTS_WARNING,
+            report, n ? CTS_DIAGNOSTIC_FILL_CLEARED : CTS_DIAGNOSTIC_FILL_MISSING,
             "filling: %llu voxels of exactly %g HU that are connected to the border were turned into air",
             (unsigned long long)n, source->fill.hu);
     return st;
@@ -288,7 +285,7 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     if (source->remove_table && scanned->layer && source->interpolation != CTS_INTERPOLATION_LINEAR &&
         cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, false, source->n_threads, &seen, &straight, NULL))
         cts_report_diagnostic(
-            report, "table_removal_uncertain", CTS_WARNING,
+            report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
             "not enough memory to search linearly interpolated slices for the table, so ends of plates "
             "may remain (free some memory)");
     if (!last)

@@ -44,14 +44,6 @@ static void saturation_add(Saturation *saturation, const CtsPicture *band)
     }
 }
 
-static bool has_diagnostic(const CtsReport *report, const char *code)
-{
-    for (size_t i = 0; report && i < report->diagnostics.n; i++)
-        if (!strcmp(report->diagnostics.items[i].code, code))
-            return true;
-    return false;
-}
-
 /* Warns where half of a projection's visible pixels are white, or nearly all of a picture is black or white. */
 static void saturation_report(const Saturation *s, const CtsJob *job, const CtsVolume *v, const CtsPictureInfo *info,
                               CtsReport *report)
@@ -61,7 +53,7 @@ static void saturation_report(const Saturation *s, const CtsJob *job, const CtsV
     for (int a = 0; a < 3; a++)
         coarsest_mm = fmax(coarsest_mm, cts_volume_spacing_mm(v, a));
     if (!projects && !job->render.opacity_per_voxel && coarsest_mm <= fine_mm && (is_black || s->most < low_opacity)) {
-        cts_report_diagnostic(report, "nearly_black", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_NEARLY_BLACK,
                               "the picture is nearly all black: opacity is per millimetre, and voxels are %.2g mm wide "
                               "(`opacity-unit` voxel makes it per voxel)",
                               coarsest_mm);
@@ -69,13 +61,14 @@ static void saturation_report(const Saturation *s, const CtsJob *job, const CtsV
     }
     if (projects && 2 * s->n_full > s->n_seen)
         cts_report_diagnostic(
-            report, "mostly_white", CTS_WARNING,
+            report, CTS_DIAGNOSTIC_MOSTLY_WHITE,
             "%.0f %% of the visible pixels are white, %g HU or more (move the `window` up, or limit the "
             "depth with a `slab` of about 10 mm)",
             100.0 * (double)s->n_full / (double)s->n_seen, info->window_high_hu);
-    else if ((is_black || (double)s->n_white > nearly_all * (double)s->n) && !has_diagnostic(report, "nothing_visible"))
+    else if ((is_black || (double)s->n_white > nearly_all * (double)s->n) &&
+             !(report && cts_diagnostics_find(&report->diagnostics, CTS_DIAGNOSTIC_NOTHING_VISIBLE)))
         cts_report_diagnostic(
-            report, is_black ? "nearly_black" : "nearly_white", CTS_WARNING,
+            report, is_black ? CTS_DIAGNOSTIC_NEARLY_BLACK : CTS_DIAGNOSTIC_NEARLY_WHITE,
             projects
                 ? "the picture is nearly all %s: little of it lies between %g and %g HU (move the "
                   "`window`; `mode` without a preset takes one that fits)"
@@ -113,7 +106,7 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     if (job->preset->note[0])
-        cts_report_diagnostic(report, "preset_left_out", CTS_WARNING, "preset %s: left out: %s", job->preset->name,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_PRESET_LEFT_OUT, "preset %s: left out: %s", job->preset->name,
                               job->preset->note);
     if ((st = cts_render_check(job->preset, &job->render, err)) || job->render.explain)
         return st;
@@ -149,7 +142,7 @@ static void report_step(const Frame *frame, const CtsWatch *watch, double done)
 /* Warns once about names that are not drawn completely. */
 static void report_cut_names(const Frame *frame, int n_in_part, size_t n_named)
 {
-    cts_report_diagnostic(frame->report, "names_in_part", CTS_WARNING,
+    cts_report_diagnostic(frame->report, CTS_DIAGNOSTIC_NAMES_IN_PART,
                           "`annotate` labels: %d of %zu names are incomplete and preceded by their numbers (only Latin "
                           "and Greek letters are drawn; a long name needs a larger `size`)",
                           n_in_part, n_named);
@@ -172,7 +165,7 @@ static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *
     if (!st && n_in_part > 0 && frame->number == 0 && band->first_row == 0)
         report_cut_names(frame, n_in_part, n_named);
     if (!n_named && frame->number == 0 && band->first_row == 0)
-        cts_report_diagnostic(frame->report, "marks_left_out", CTS_WARNING,
+        cts_report_diagnostic(frame->report, CTS_DIAGNOSTIC_MARKS_LEFT_OUT,
                               "`annotate` labels: no label has a colour of its own (`label-colours`, `label`)");
     *n += (int)n_named;
     cts_free(&entries);
@@ -190,7 +183,7 @@ static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
         st = name_labels(frame, band, &n, &n_names_left_out, err);
     n_left_out += n_names_left_out;
     if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
-        cts_report_diagnostic(frame->report, "marks_left_out", CTS_WARNING,
+        cts_report_diagnostic(frame->report, CTS_DIAGNOSTIC_MARKS_LEFT_OUT,
                               "`annotate`: %d of %d marks left out for lack of room (choose a larger `size`)",
                               n_left_out, n);
     return st;

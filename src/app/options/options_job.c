@@ -65,14 +65,14 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
     if (options->render.occlusion != CTS_OCCLUSION_AS_PRESET)
         preset->occlusion = options->render.occlusion;
     if (options->render.occlusion > 0 && !(preset->shade && preset->mode == CTS_MODE_COMPOSITE))
-        cts_report_diagnostic(report, "occlusion_unused", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_OCCLUSION_UNUSED,
                               "preset %s: `occlusion` darkens a lit picture alone (`shade` on lights mode composite)",
                               preset->name);
     if (options->remove_table != CTS_AS_PRESET)
         preset->remove_table = options->remove_table == CTS_ON;
     if (options->window.given && preset->mode == CTS_MODE_COMPOSITE && options->render.grey_bits == 16)
         cts_report_diagnostic(
-            report, "window_unused", CTS_WARNING,
+            report, CTS_DIAGNOSTIC_WINDOW_UNUSED,
             "preset %s: `window` changes nothing in mode composite, where the preset gives each HU its "
             "colour and opacity (`mode` mip, minip or average shows HU by the window)",
             preset->name);
@@ -96,7 +96,7 @@ void cts_options_report_objects(const CtsOptions *options, bool any_object, cons
     char endings[CTS_VALUE_LISTS_MAX];
     for (const CtsOption *o = cts_options; o->name && !any_object; o++)
         if (o->rerenders == CTS_RERENDERS_DCM && cts_options_given(options, o->name) && strcmp(o->name, but))
-            cts_report_diagnostic(report, "no_object_output", CTS_WARNING, "`%s` acts on %s outputs, and there is none",
+            cts_report_diagnostic(report, CTS_DIAGNOSTIC_NO_OBJECT_OUTPUT, "`%s` acts on %s outputs, and there is none",
                                   o->name, cts_value_lists("{objects}", endings));
 }
 

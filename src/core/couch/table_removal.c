@@ -117,7 +117,7 @@ static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
         return true;
     cts_report_skip(report, WHAT, "too noisy to distinguish a body from a table: %llu runs of voxels above %g HU",
                     (unsigned long long)r->n_runs, CTS_DENSE_HU);
-    cts_report_diagnostic(report, "table_removal_uncertain", CTS_WARNING,
+    cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
                           "too noisy to distinguish a body from a table: nothing was removed (remove it by a crop)");
     return false;
 }
@@ -231,7 +231,7 @@ static double report_lost(Removal *r, CtsReport *report)
     const double lost_mm3 = (double)cts_bits_count(&r->gone) * r->plan.voxel_mm3;
     if (lost_mm3 > LOST_SHARE * r->body.mm3)
         cts_report_diagnostic(
-            report, "table_removal_uncertain", CTS_WARNING,
+            report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
             "%.1f cm3 (%.1f %% of the body) of the removed voxels form parts thicker than tables, and "
             "may be patient (compare with `remove_table` off)",
             lost_mm3 / 1000, 100 * lost_mm3 / r->body.mm3);
@@ -242,7 +242,7 @@ static double report_lost(Removal *r, CtsReport *report)
 static void report_air(const Removal *r, CtsReport *report)
 {
     if (r->body.air.is_unknown)
-        cts_report_diagnostic(report, "table_removal_uncertain", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
                               "the air around the body is as dense as lungs and has no level of its own: the table may "
                               "stay in the picture (remove it by a crop)");
 }
@@ -254,7 +254,7 @@ static void report_uncertain(const Removal *r, CtsReport *report)
     const double plates_mm3 = (double)n_doubtful * r->plan.voxel_mm3;
     const double kept_mm3 = fmax(r->body.thin_mm3, plates_mm3);
     if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
-        cts_report_diagnostic(report, "table_removal_uncertain", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
                               "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture (remove "
                               "them by a crop if they are table)",
                               kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
@@ -286,7 +286,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
     }
     clear(r, v);
     const double gone_mm3 = (double)r->n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
-    cts_report_diagnostic(report, "table_removed", CTS_NOTE,
+    cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVED,
                           "table removal: %llu voxels above %g HU removed (%.1f cm3, %.1f %% of the body)",
                           (unsigned long long)r->n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
                           100 * gone_mm3 / r->body.mm3);

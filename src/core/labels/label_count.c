@@ -137,7 +137,7 @@ static CtsStatus count_overlap(CtsLabels *labels, CtsError *err)
 static void report_label(const CtsLabelFact *f, CtsReport *report)
 {
     if (f->in_air)
-        cts_report_diagnostic(report, "label_in_air", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_LABEL_IN_AIR,
                               "label file %d: %.0f %% of label %d (%s) lie below %d HU (a mirrored or shifted mask?)",
                               f->file, 100 * f->air_share, f->number, f->name, (int)CTS_LABEL_AIR_HU);
 }

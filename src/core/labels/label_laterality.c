@@ -52,7 +52,7 @@ static void warn_mirrored(const CtsLabels *labels, const CtsLabel *const *sorted
             continue;
         if (2 * n_wrong > n_pairs)
             cts_report_diagnostic(
-                report, "label_mirrored", CTS_WARNING,
+                report, CTS_DIAGNOSTIC_LABEL_MIRRORED,
                 "label file %d: in %zu of %zu pairs the left one lies to the right of the right one (a "
                 "mirrored mask, or a mirrored scan?)",
                 left->fact.file, n_wrong, n_pairs);

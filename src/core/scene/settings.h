@@ -13,26 +13,43 @@ typedef enum CtsRemakes {
 } CtsRemakes;
 
 /* row(field, default, bounds or 0, state to be recreated), in the order of the fields. */
+/* clang-format off */
 #define CTS_RENDER_SETTINGS(row)                                                                                       \
-    row(width, 1024, CTS_SETTING_WIDTH, PICTURE) row(height, 1024, CTS_SETTING_HEIGHT, PICTURE) row(                   \
-        mm_per_pixel, 0, CTS_SETTING_MM_PER_PIXEL, PICTURE) row(azimuth_deg, 0, CTS_SETTING_AZIMUTH, PICTURE)          \
-        row(elevation_deg, 0, CTS_SETTING_ELEVATION, PICTURE) row(fit, CTS_FIT_VOLUME, 0, PICTURE) row(                \
-            rotation_frames, 0, 0, PICTURE) row(centre_given, false, 0, PICTURE) row(centre_lps, {0}, 0, PICTURE)      \
-            row(engine, CTS_ENGINE_AUTO, 0, RENDERER) row(kernel, CTS_KERNEL_TENT, 0, RENDERER) row(                   \
-                kernel_radius, 0, CTS_SETTING_KERNEL_RADIUS, RENDERER) row(samples, 0, CTS_SETTING_SAMPLES, RENDERER)  \
-                row(level, CTS_LEVEL_AUTO, 0, PICTURE) row(max_error, 0, CTS_SETTING_MAX_ERROR, PICTURE)               \
-                    row(void_key, false, 0, RENDERER) row(tolerance_hu, 0, CTS_SETTING_TOLERANCE, RENDERER)            \
-                        row(no_occlusion_culling, false, 0, RENDERER) row(always_reuse_layers, false, 0, RENDERER)     \
-                            row(grey_bits, 16, CTS_SETTING_GREY_BITS, RENDERER) row(opacity_per_voxel, false,          \
-                                                                                    0, RENDERER)                       \
-                                row(mode, -1, 0, RENDERER) row(slab_mm, 0, 0, PICTURE) row(slab_at_mm, 0, 0, PICTURE)  \
-                                    row(shade, CTS_AS_PRESET, 0, RENDERER)                                             \
-                                        row(occlusion, CTS_OCCLUSION_AS_PRESET, 0, PICTURE)                            \
-                                            row(verify, 0, CTS_SETTING_VERIFY, PICTURE)                                \
-                                                row(n_threads, 0, CTS_SETTING_THREADS, PICTURE)                        \
-                                                    row(explain, false, 0, PICTURE) row(want_depth, false, 0, PICTURE) \
-                                                        row(trace, false, 0, PICTURE) row(trace_x, 0, 0, PICTURE)      \
-                                                            row(trace_y, 0, 0, PICTURE) row(stop, NULL, 0, PICTURE)
+    row(width, 1024, CTS_SETTING_WIDTH, PICTURE)                                                                       \
+    row(height, 1024, CTS_SETTING_HEIGHT, PICTURE)                                                                     \
+    row(mm_per_pixel, 0, CTS_SETTING_MM_PER_PIXEL, PICTURE)                                                            \
+    row(azimuth_deg, 0, CTS_SETTING_AZIMUTH, PICTURE)                                                                  \
+    row(elevation_deg, 0, CTS_SETTING_ELEVATION, PICTURE)                                                              \
+    row(fit, CTS_FIT_VOLUME, 0, PICTURE)                                                                               \
+    row(rotation_frames, 0, 0, PICTURE)                                                                                \
+    row(centre_given, false, 0, PICTURE)                                                                               \
+    row(centre_lps, {0}, 0, PICTURE)                                                                                   \
+    row(engine, CTS_ENGINE_AUTO, 0, RENDERER)                                                                          \
+    row(kernel, CTS_KERNEL_TENT, 0, RENDERER)                                                                          \
+    row(kernel_radius, 0, CTS_SETTING_KERNEL_RADIUS, RENDERER)                                                         \
+    row(samples, 0, CTS_SETTING_SAMPLES, RENDERER)                                                                     \
+    row(level, CTS_LEVEL_AUTO, 0, PICTURE)                                                                             \
+    row(max_error, 0, CTS_SETTING_MAX_ERROR, PICTURE)                                                                  \
+    row(void_key, false, 0, RENDERER)                                                                                  \
+    row(tolerance_hu, 0, CTS_SETTING_TOLERANCE, RENDERER)                                                              \
+    row(no_occlusion_culling, false, 0, RENDERER)                                                                      \
+    row(always_reuse_layers, false, 0, RENDERER)                                                                       \
+    row(grey_bits, 16, CTS_SETTING_GREY_BITS, RENDERER)                                                                \
+    row(opacity_per_voxel, false, 0, RENDERER)                                                                         \
+    row(mode, -1, 0, RENDERER)                                                                                         \
+    row(slab_mm, 0, 0, PICTURE)                                                                                        \
+    row(slab_at_mm, 0, 0, PICTURE)                                                                                     \
+    row(shade, CTS_AS_PRESET, 0, RENDERER)                                                                             \
+    row(occlusion, CTS_OCCLUSION_AS_PRESET, 0, PICTURE)                                                                \
+    row(verify, 0, CTS_SETTING_VERIFY, PICTURE)                                                                        \
+    row(n_threads, 0, CTS_SETTING_THREADS, PICTURE)                                                                    \
+    row(explain, false, 0, PICTURE)                                                                                    \
+    row(want_depth, false, 0, PICTURE)                                                                                 \
+    row(trace, false, 0, PICTURE)                                                                                      \
+    row(trace_x, 0, 0, PICTURE)                                                                                        \
+    row(trace_y, 0, 0, PICTURE)                                                                                        \
+    row(stop, NULL, 0, PICTURE)
+/* clang-format on */
 
 typedef struct CtsSettingRow {
     size_t at, size; /* in CtsRenderSettings */

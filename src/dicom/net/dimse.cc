@@ -208,7 +208,7 @@ CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request,
             return *err = why, st;
         if (st) {
             cts_fetch_folder_limit(request.fetch_folder, n_before);
-            cts_report_diagnostic(request.report, "series_not_fetched", CTS_WARNING, "series %s is left out: %s", uid,
+            cts_report_diagnostic(request.report, CTS_DIAGNOSTIC_SERIES_NOT_FETCHED, "series %s is left out: %s", uid,
                                   why.text);
         } else {
             *request.n_promised += n_objects;

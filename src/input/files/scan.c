@@ -94,7 +94,7 @@ static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsEr
 {
     if (depth > MAX_DEPTH) {
         scan->n_unreadable++;
-        cts_diagnostics_add(&scan->diagnostics, "folder_too_deep", CTS_WARNING,
+        cts_diagnostics_add(&scan->diagnostics, CTS_DIAGNOSTIC_FOLDER_TOO_DEEP,
                             "%s: not searched, more than %d folders deep", folder, MAX_DEPTH);
         return CTS_OK;
     }
@@ -104,7 +104,7 @@ static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsEr
         if (depth == 0)
             return cts_fail(err, CTS_ERR_READ, "%s: the folder cannot be listed: %s", folder, strerror(e));
         scan->n_unreadable++;
-        cts_diagnostics_add(&scan->diagnostics, "unreadable_folder", CTS_WARNING, "%s: the folder cannot be listed: %s",
+        cts_diagnostics_add(&scan->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FOLDER, "%s: the folder cannot be listed: %s",
                             folder, strerror(e));
         return CTS_OK;
     }
@@ -125,7 +125,7 @@ static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
         const CtsMember m = archive->members[i];
         if (m.is_bad) {
             scan->n_unreadable++;
-            cts_diagnostics_add(&scan->diagnostics, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s",
+            cts_diagnostics_add(&scan->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, "%s: %s: cannot be unpacked: %s",
                                 path, m.name, (const char *)m.bytes);
             continue;
         }

@@ -223,7 +223,7 @@ static CtsStatus read_pattern(Search *s, const char *pattern, CtsError *err)
         return read_beside(s, err);
     CtsStatus st = cts_label_paths(pattern, series->uid, is_nifti ? series->slices[0]->path : NULL, &paths, err);
     if (!st && paths.n == 0)
-        cts_report_diagnostic(s->reading.report, "labels_missing", CTS_WARNING,
+        cts_report_diagnostic(s->reading.report, CTS_DIAGNOSTIC_LABELS_MISSING,
                               "label file %d: no file is named as its pattern says for this series", s->reading.file);
     for (size_t i = 0; !st && i < paths.n; i++)
         st = read_named(s, paths.items[i], err);

@@ -387,7 +387,7 @@ static void find_reach(Placing *p)
 void cts_label_report_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole)
 {
     if (whole > 0 && inside < 0.5 * whole)
-        cts_report_diagnostic(reading->report, "label_outside", CTS_WARNING,
+        cts_report_diagnostic(reading->report, CTS_DIAGNOSTIC_LABEL_OUTSIDE,
                               "label file %d: %.0f %% of label %d lie inside the volume", reading->file,
                               100 * inside / whole, label->fact.number);
 }

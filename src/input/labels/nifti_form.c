@@ -97,7 +97,7 @@ CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *f, CtsEr
     if (equal_s != equal_q) {
         cts_nifti_take_form(f, equal_s ? CTS_NIFTI_FORM_S : CTS_NIFTI_FORM_Q);
         cts_report_diagnostic(
-            reading->report, "nifti_form_taken", CTS_NOTE,
+            reading->report, CTS_DIAGNOSTIC_NIFTI_FORM_TAKEN,
             "label file %d: its sform and its qform differ: %s; the %s is taken, which equals the grid "
             "of the CT",
             reading->file, text, equal_s ? "sform" : "qform");
@@ -109,7 +109,7 @@ CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *f, CtsEr
                         "`nifti-form` sform or qform)",
                         text, in_box ? "both fill" : "neither equals");
     cts_report_diagnostic(
-        reading->report, "nifti_forms", CTS_WARNING,
+        reading->report, CTS_DIAGNOSTIC_NIFTI_FORMS,
         "label file %d: its sform and its qform differ: %s; the sform is taken (`nifti-form` qform takes "
         "the other)",
         reading->file, text);

@@ -314,14 +314,14 @@ static void report_outline(const Outline *o)
     const int file = o->reading->file;
     if (o->n_ignored)
         cts_report_diagnostic(
-            report, "contours_ignored", CTS_NOTE,
+            report, CTS_DIAGNOSTIC_CONTOURS_IGNORED,
             "label file %d: %zu contours that are not closed or have fewer than 3 points are left out", file,
             o->n_ignored);
     if (o->n_off)
-        cts_report_diagnostic(report, "contours_off", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_CONTOURS_OFF,
                               "label file %d: %zu contour planes are nearest to no slice and left out", file, o->n_off);
     if (o->n_unfilled)
-        cts_report_diagnostic(report, "slices_without_contour", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SLICES_WITHOUT_CONTOUR,
                               "label file %d: %zu slices between two with contours have none, and are not filled", file,
                               o->n_unfilled);
 }

@@ -344,7 +344,7 @@ static CtsStatus place_all(Seg *s, CtsError *err)
     if (!st)
         st = cts_label_check_meets(s->reading, s->held_mm3, err);
     if (!st && s->has_strangers)
-        cts_report_diagnostic(s->reading->report, "label_without_segment", CTS_WARNING,
+        cts_report_diagnostic(s->reading->report, CTS_DIAGNOSTIC_LABEL_WITHOUT_SEGMENT,
                               "label file %d: some pixels have a number that no segment has", s->reading->file);
     cts_free(&by_value);
     return st;

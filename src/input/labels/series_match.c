@@ -121,7 +121,7 @@ CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsLabelDi
                         "its Frame of Reference %s is not the series' %s, and it names neither the series nor a slice "
                         "of it (labels of another scan?)",
                         frame_uid, own);
-    cts_report_diagnostic(reading->report, "label_frame_of_reference", CTS_WARNING,
+    cts_report_diagnostic(reading->report, CTS_DIAGNOSTIC_LABEL_FRAME_OF_REFERENCE,
                           "label file %d: its Frame of Reference %s is not the series' %s, but it names the series",
                           reading->file, frame_uid, own);
     return CTS_OK;

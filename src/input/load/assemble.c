@@ -359,11 +359,11 @@ static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest
 {
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
     if (!whole_numbers)
-        cts_report_diagnostic(report, "fractional_rescale", CTS_NOTE,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_FRACTIONAL_RESCALE,
                               "the rescale slope or intercept has a fraction; grey levels are steps of %g HU",
                               fmax(v->hu_step, coarsest_hu));
     if (v->hu_max > top)
-        cts_report_diagnostic(report, "clamped_high", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_CLAMPED_HIGH,
                               "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
 }
 
@@ -392,11 +392,11 @@ static void report_blank(const Assembly *a, CtsReport *report)
             n++;
         }
     if (n == 1)
-        cts_report_diagnostic(report, "blank_slices", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_BLANK_SLICES,
                               "%s: one value in all pixels, between slices with more",
                               cts_slice_label(&a->slices[blank]).text);
     else if (n)
-        cts_report_diagnostic(report, "blank_slices", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_BLANK_SLICES,
                               "%s: one value in all pixels, as in %d more, between slices with more",
                               cts_slice_label(&a->slices[blank]).text, n - 1);
 }
@@ -475,7 +475,7 @@ static void drop_bad(Loading *in, CtsReport *report)
             in->slices[kept++] = in->slices[k];
             continue;
         }
-        cts_report_diagnostic(report, "bad_slices", CTS_WARNING, "%s (left out)", in->faults[k]);
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_BAD_SLICES, "%s (left out)", in->faults[k]);
         free(in->faults[k]);
         in->faults[k] = NULL;
     }
@@ -639,8 +639,7 @@ CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, in
     /* Time other than reading slices counts as conversion to grey levels. */
     cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
     for (size_t i = 0; !st && i < series->diagnostics.n; i++)
-        cts_report_diagnostic(report, series->diagnostics.items[i].code, series->diagnostics.items[i].severity, "%s",
-                              series->diagnostics.items[i].text);
+        cts_report_diagnostic(report, series->diagnostics.items[i].id, "%s", series->diagnostics.items[i].text);
     if (st)
         in_series(series, err);
     return st;

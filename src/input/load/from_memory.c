@@ -275,10 +275,10 @@ static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsOutliers *outliers
         v->hu_step = cts_grey_finest_step(HU_OFFSET, v->hu_max);
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
     if (v->hu_max > top)
-        cts_report_diagnostic(report, "clamped_high", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_CLAMPED_HIGH,
                               "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
     if (all.n_lost)
-        cts_report_diagnostic(report, "not_finite", CTS_WARNING, "%llu values are not finite, and taken for padding",
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_NOT_FINITE, "%llu values are not finite, and taken for padding",
                               (unsigned long long)all.n_lost);
     return CTS_OK;
 }

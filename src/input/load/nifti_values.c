@@ -125,17 +125,17 @@ static void report_values(const CtsNifti *nifti, const CtsBox *box, const Values
         to[a] = side(box->step_lps[a]);
     }
     cts_report_diagnostic(
-        report, "nifti_axes", CTS_NOTE,
+        report, CTS_DIAGNOSTIC_NIFTI_AXES,
         "its voxels are stored in the directions %s, and are read in the order %s as a scanner stores "
         "them; no voxel moves",
         from, to);
     /* No header confirms that it is a CT; a body has air around or within it. */
     if (v->low > -500)
-        cts_report_diagnostic(report, "no_air", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_NO_AIR,
                               "no value is below %g, and air has -1000 HU: it may be no CT, or not in Hounsfield units",
                               v->low);
     if (v->n_lost)
-        cts_report_diagnostic(report, "not_finite", CTS_WARNING, "%zu values are not finite, and taken for padding",
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_NOT_FINITE, "%zu values are not finite, and taken for padding",
                               v->n_lost);
 }
 
@@ -144,7 +144,7 @@ static void report_forms(const CtsNifti *nifti, CtsReport *report)
     char text[CTS_NIFTI_FORMS_TEXT];
     if (cts_nifti_compare_forms(nifti, text) == CTS_NIFTI_FORMS_DIFFER)
         cts_report_diagnostic(
-            report, "nifti_forms", CTS_WARNING,
+            report, CTS_DIAGNOSTIC_NIFTI_FORMS,
             "its sform and its qform differ: %s; the sform is taken (`nifti-form` qform takes the other)", text);
 }
 

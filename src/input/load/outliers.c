@@ -101,7 +101,7 @@ CtsStatus cts_outliers_check(const CtsOutliers *o, const int dims[3], CtsReport 
     if (o->n > o->most || largest > LARGEST_PART)
         return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", o->low, o->high);
     if (o->n)
-        cts_report_diagnostic(report, "outliers", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_OUTLIERS,
                               "%zu isolated voxel%s hold%s what no scanner measures (all values go from %g to %g HU): "
                               "%zu low count as -1024 HU, %zu high as %g HU, the largest other value",
                               o->n, o->n > 1 ? "s" : "", o->n > 1 ? "" : "s", o->low, o->high, o->n_low, o->n_high,

@@ -107,7 +107,7 @@ static void report_displacement(const Samples *s, CtsReport *report)
         }
     }
     if (n_off)
-        cts_report_diagnostic(report, "slice_off_neighbours", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SLICE_OFF_NEIGHBOURS,
                               "%s%s: differs by %.0f HU from the slices beside it, more than noise explains "
                               "(RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) may be wrong)",
                               cts_slice_label(&s->slices[first]).text, n_off > 1 ? " and others" : "", first_by);
@@ -162,7 +162,7 @@ static bool better(double exchanged, double now)
 
 static void report_exchanged(const Samples *s, int p, int q, CtsReport *report)
 {
-    cts_report_diagnostic(report, "order_conflict", CTS_WARNING,
+    cts_report_diagnostic(report, CTS_DIAGNOSTIC_ORDER_CONFLICT,
                           "%s and %s fit each other's place better than their own: their positions (0020,0032) may be "
                           "exchanged",
                           cts_slice_label(&s->slices[p]).text, cts_slice_label(&s->slices[q]).text);
@@ -266,7 +266,7 @@ static void report_hu(const Samples *s, uint32_t *level, int rim, CtsReport *rep
     const bool none_below_0 = count_between(level, 0, 1024) * 1000 < n,
                bone = count_between(level, rim + 500, N_GREY) * 100 > n;
     if ((body * 100 > n && body > between) || (none_below_0 && bone))
-        cts_report_diagnostic(report, "hu_implausible", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_HU_IMPLAUSIBLE,
                               "no air: what surrounds the body has %d HU, and the body far more "
                               "(RescaleIntercept (0028,1052) may be lost)",
                               rim - 1024);
@@ -341,7 +341,7 @@ static void report_spacing(const Samples *s, int rim, CtsReport *report)
     else if (body_mm > 0 && rim >= 0 && rim < AIR_BELOW && field_mm <= 50 && longer > 1.5)
         lengths = "lengths may be in centimetres";
     if (lengths && s->n > 1)
-        cts_report_diagnostic(report, "spacing_implausible", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SPACING_IMPLAUSIBLE,
                               "the body is %.3g mm wide and %.3g mm high, its slices %.3g mm apart: %s", size_mm[0],
                               size_mm[1], gap_mm, lengths);
 }

@@ -136,7 +136,7 @@ static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
     size_t n_refused = 0;
     const CtsStatus st = cts_slice_read_directory(path, add_named, &s->files, &n_refused, err);
     if (n_refused)
-        cts_diagnostics_add(&s->list->diagnostics, "directory_escapes", CTS_WARNING,
+        cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_DIRECTORY_ESCAPES,
                             "%s: %zu of its files do not lie in its folder; left out", path, n_refused);
     return st;
 }
@@ -198,7 +198,7 @@ static CtsStatus count_others(const Search *s, CtsError *err)
             continue;
         if (h->file == CTS_FILE_UNREADABLE) {
             list->n_unreadable++;
-            cts_diagnostics_add(&list->diagnostics, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
+            cts_diagnostics_add(&list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, "%s: %s", s->files.items[i].path,
                                 h->why ? h->why : "cannot be read");
             continue;
         }
@@ -268,7 +268,7 @@ static void number_parts(CtsSeriesList *list)
         for (int p = 0; n > 1 && p < n; p++) {
             CtsSeries *s = &list->items[first + (size_t)p];
             s->part = p + 1;
-            cts_diagnostics_add(&s->diagnostics, "several_volumes", CTS_WARNING,
+            cts_diagnostics_add(&s->diagnostics, CTS_DIAGNOSTIC_SEVERAL_VOLUMES,
                                 "the series holds %d volumes; this is volume %d (`series` UID#%d picks another)", n,
                                 p + 1, p == 0 ? 2 : 1);
         }

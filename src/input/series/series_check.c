@@ -18,8 +18,8 @@ static void end(CtsSeries *series, CtsStatus status, const char *format, va_list
     vsnprintf(series->reason, sizeof series->reason, format, args);
     cts_text_clean(series->reason);
     series->refusal = status;
-    cts_diagnostics_add(&series->diagnostics, series->passed ? "passed" : "refused",
-                        series->passed ? CTS_NOTE : CTS_REFUSAL, "%s", series->reason);
+    cts_diagnostics_add(&series->diagnostics, series->passed ? CTS_DIAGNOSTIC_PASSED : CTS_DIAGNOSTIC_REFUSED, "%s",
+                        series->reason);
 }
 
 static void __attribute__((format(printf, 3, 4))) refuse(CtsSeries *series, CtsStatus status, const char *format, ...)
@@ -85,10 +85,10 @@ static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *ke
     else if (set->n == 1 && (!set->items[0]->fault || set->items[0]->fault == CTS_ERR_GEOMETRY))
         pass(series, "has 1 slice; a volume needs 2 or more");
     if (n_localizers && !series->refusal)
-        cts_diagnostics_add(&series->diagnostics, "localizers_dropped", CTS_WARNING, "%d localizer image%s left out",
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_LOCALIZERS_DROPPED, "%d localizer image%s left out",
                             n_localizers, plural(n_localizers));
     if (n_pages && !series->refusal)
-        cts_diagnostics_add(&series->diagnostics, "pages_dropped", CTS_WARNING,
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_PAGES_DROPPED,
                             "%d page%s (dose report, screen capture) left out", n_pages, plural(n_pages));
     return CTS_OK;
 }
@@ -117,7 +117,7 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
     else
         for (int i = 0; i < set->n; i++)
             if (!keep[i])
-                cts_diagnostics_add(&series->diagnostics, "bad_slices", CTS_WARNING, "%s: %s (left out)",
+                cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_BAD_SLICES, "%s: %s (left out)",
                                     cts_slice_label(set->items[i]).text,
                                     set->items[i]->fault_text ? set->items[i]->fault_text : "cannot be used");
     return CTS_OK;
@@ -135,7 +135,7 @@ static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSerie
     if (n == *n_kept || !cts_slice_set_settle(set, keep))
         return;
     *n_kept = n;
-    cts_diagnostics_add(&series->diagnostics, "orientation_jitter", CTS_NOTE,
+    cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_ORIENTATION_JITTER,
                         "ImageOrientationPatient (0020,0037) jitters from slice to slice; their mean moves no voxel by "
                         "more than a tenth of a pixel, and is used");
 }
@@ -170,7 +170,7 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
             "its %d slices differ in size, orientation or pixel spacing; the largest group has %d (split the series)",
             set->n, n_best);
     else
-        cts_diagnostics_add(&series->diagnostics, "other_slices_dropped", CTS_WARNING,
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_OTHER_SLICES_DROPPED,
                             "%d image%s of another size, orientation or pixel spacing left out", n_left,
                             plural(n_left));
     return CTS_OK;
@@ -276,7 +276,7 @@ static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
         }
     }
     if (known && n_empty)
-        cts_diagnostics_add(&series->diagnostics, "identity_incomplete", CTS_WARNING,
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_IDENTITY_INCOMPLETE,
                             "%s is empty in %d of %d slices, and has one value in the others", identities[part].name,
                             n_empty, set->n);
 }
@@ -315,23 +315,26 @@ static void describe_odd(CtsSeries *series)
 {
     static const struct {
         unsigned odd;
-        const char *code, *text;
+        CtsDiagnosticId id;
+        const char *text;
     } kinds[] = {
-        {CTS_ODD_NO_PREAMBLE, "no_preamble", "have no DICOM preamble; read as bare data sets"},
-        {CTS_ODD_NO_SYNTAX, "no_transfer_syntax", "name no transfer syntax; it was detected from the data"},
-        {CTS_ODD_ORIENTATION, "rough_orientation",
+        {CTS_ODD_NO_PREAMBLE, CTS_DIAGNOSTIC_NO_PREAMBLE, "have no DICOM preamble; read as bare data sets"},
+        {CTS_ODD_NO_SYNTAX, CTS_DIAGNOSTIC_NO_TRANSFER_SYNTAX,
+         "name no transfer syntax; it was detected from the data"},
+        {CTS_ODD_ORIENTATION, CTS_DIAGNOSTIC_ROUGH_ORIENTATION,
          "have an orientation that is not orthonormal by more than 0.001; corrected"},
-        {CTS_ODD_MONOCHROME1, "monochrome1", "are MONOCHROME1; Hounsfield units are taken as they are"},
-        {CTS_ODD_LOSSY, "lossy", "hold lossy compressed pixels (0028,2110)"},
-        {CTS_ODD_LONG_PIXELS, "long_pixels", "have more PixelData (7FE0,0010) than they need; the rest is not read"},
-        {CTS_ODD_UNSPECIFIED, "rescale_unspecified",
+        {CTS_ODD_MONOCHROME1, CTS_DIAGNOSTIC_MONOCHROME1, "are MONOCHROME1; Hounsfield units are taken as they are"},
+        {CTS_ODD_LOSSY, CTS_DIAGNOSTIC_LOSSY, "hold lossy compressed pixels (0028,2110)"},
+        {CTS_ODD_LONG_PIXELS, CTS_DIAGNOSTIC_LONG_PIXELS,
+         "have more PixelData (7FE0,0010) than they need; the rest is not read"},
+        {CTS_ODD_UNSPECIFIED, CTS_DIAGNOSTIC_RESCALE_UNSPECIFIED,
          "have the RescaleType (0028,1054) US or UNSPECIFIED; taken for Hounsfield units"},
-        {CTS_ODD_FALLING, "negative_slope",
+        {CTS_ODD_FALLING, CTS_DIAGNOSTIC_NEGATIVE_SLOPE,
          "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
-        {CTS_ODD_NOT_HU, "not_hu",
+        {CTS_ODD_NOT_HU, CTS_DIAGNOSTIC_NOT_HU,
          "say by ImageType (0008,0008) or RescaleType (0028,1054) that they show another quantity than Hounsfield "
          "units, in which a preset means nothing"},
-        {CTS_ODD_BURNED_IN, "burned_in_annotation",
+        {CTS_ODD_BURNED_IN, CTS_DIAGNOSTIC_BURNED_IN_ANNOTATION,
          "say that text is burned into their pixels (0028,0301); it may show in the picture"},
     };
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
@@ -339,8 +342,8 @@ static void describe_odd(CtsSeries *series)
         for (int i = 0; i < series->n_slices; i++)
             n += (series->slices[i]->odd & kinds[k].odd) != 0;
         if (n)
-            cts_diagnostics_add(&series->diagnostics, kinds[k].code, CTS_WARNING, "%d of %d slices %s", n,
-                                series->n_slices, kinds[k].text);
+            cts_diagnostics_add(&series->diagnostics, kinds[k].id, "%d of %d slices %s", n, series->n_slices,
+                                kinds[k].text);
     }
 }
 
@@ -412,7 +415,7 @@ static void check_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers
     if (!is_thinned && !series->rules.allow_missing_slices && cts_slice_stack_lacks_many(missing.n, set->n))
         refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", what);
     else if (missing.n > n_in_gaps)
-        cts_diagnostics_add(&series->diagnostics, "missing_slices", CTS_WARNING,
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_MISSING_SLICES,
                             "%s; what lies between is interpolated", what);
 }
 
@@ -427,7 +430,7 @@ static const char *check_parts(const CtsSliceSet *set, CtsSeries *series)
     if (cts_slice_stack_lacks_many(lacking->n_lacking, set->n) && !series->rules.allow_missing_slices)
         refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", lacking->lacks);
     else
-        cts_diagnostics_add(&series->diagnostics, "concatenation_incomplete", CTS_WARNING, "%s", lacking->lacks);
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_CONCATENATION_INCOMPLETE, "%s", lacking->lacks);
     return lacking->lacks;
 }
 
@@ -448,7 +451,7 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
                identities[CTS_FRAME_UID].name);
     else if (series->frames_differ)
         cts_diagnostics_add(
-            &series->diagnostics, "frames_of_reference", CTS_WARNING,
+            &series->diagnostics, CTS_DIAGNOSTIC_FRAMES_OF_REFERENCE,
             "each of its %d slices has a FrameOfReferenceUID (0020,0052) of its own, as some anonymisers "
             "write; taken for one, as one scanner made them and they lie evenly",
             set->n);
@@ -458,7 +461,7 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
         return CTS_OK;
     }
     if (set->n == 2)
-        cts_diagnostics_add(&series->diagnostics, "two_slices", CTS_WARNING, "only 2 slices: a very thin volume");
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_TWO_SLICES, "only 2 slices: a very thin volume");
     cts_slice_stack_diagnostics(&stack, slices, set->n, &series->diagnostics);
     check_numbers(set, numbers, stack.n_missing, series);
     cts_slice_stack_free(&stack);
@@ -487,7 +490,7 @@ static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError
     }
     if (n == set->n && !cts_slice_set_in_order(set, 0, n) && !cts_slice_set_each_in_order(set) && distinct(numbers, n))
         cts_diagnostics_add(
-            &series->diagnostics, "order_conflict", CTS_WARNING,
+            &series->diagnostics, CTS_DIAGNOSTIC_ORDER_CONFLICT,
             "InstanceNumber (0020,0013) neither rises nor falls with the slices' positions (0020,0032), "
             "by which they are ordered");
     free(numbers);
@@ -505,7 +508,7 @@ static void note_first_number(const CtsSliceSet *set, CtsSeries *series)
             return;
     if (least > 1)
         cts_diagnostics_add(
-            &series->diagnostics, "late_first_number", CTS_NOTE,
+            &series->diagnostics, CTS_DIAGNOSTIC_LATE_FIRST_NUMBER,
             "the instance numbers (0020,0013) of its slices begin at %d: up to %d slices may be missing at "
             "one end",
             least, least - 1);
@@ -591,7 +594,7 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
     if (st || (st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err)))
         return st;
     if (n_dropped)
-        cts_diagnostics_add(&series->diagnostics, "copies_dropped", CTS_WARNING,
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_COPIES_DROPPED,
                             "%d slice%s left out as duplicate%s (same position, same pixels)", n_dropped,
                             plural(n_dropped), plural(n_dropped));
     if (set->n == 1)
@@ -603,7 +606,7 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
                "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
     else if (!(st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, &by, err))) {
         if (*n_parts)
-            cts_diagnostics_add(&series->diagnostics, "acquisitions_parted", CTS_WARNING,
+            cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_ACQUISITIONS_PARTED,
                                 "%s separates %d volumes, whose slices lie at the same positions or alternate", by,
                                 *n_parts);
         else if (by)
@@ -629,7 +632,7 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
 static void copy_diagnostics(CtsDiagnostics *to, const CtsDiagnostics *from)
 {
     for (size_t i = 0; i < from->n; i++)
-        cts_diagnostics_add(to, from->items[i].code, from->items[i].severity, "%s", from->items[i].text);
+        cts_diagnostics_add(to, from->items[i].id, "%s", from->items[i].text);
 }
 
 CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,

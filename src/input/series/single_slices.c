@@ -176,7 +176,7 @@ static CtsStatus report_study(CtsSeriesList *list, const Single *singles, size_t
             n_slices += stack[i] == k;
         }
         if (first)
-            cts_diagnostics_add(&list->diagnostics, CTS_SINGLE_SLICES, CTS_NOTE, CTS_SINGLE_SLICES_TEXT, first->uid,
+            cts_diagnostics_add(&list->diagnostics, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, first->uid,
                                 n_slices - 1, n_slices);
     }
     free(places);

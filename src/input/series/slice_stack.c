@@ -199,13 +199,13 @@ void cts_slice_stack_diagnostics(const CtsSliceStack *s, const CtsSlice *const *
         const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
         const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
         cts_diagnostics_add(
-            diagnostics, "missing_slices", CTS_WARNING,
+            diagnostics, CTS_DIAGNOSTIC_MISSING_SLICES,
             "%d of %d slices missing and interpolated: the first gap is %.3f mm, from position %.3f to %.3f "
             "mm along the slice normal, elsewhere %.3f mm",
             s->n_missing, s->n_layers, next - at, at, next, s->spacing_mm);
     } else if (s->kind == CTS_STACK_UNEQUAL) {
         cts_diagnostics_add(
-            diagnostics, "unequal_spacing", CTS_WARNING,
+            diagnostics, CTS_DIAGNOSTIC_UNEQUAL_SPACING,
             "slice spacing varies from %.3f to %.3f mm (median %.3f): %d slices resampled to %d layers of "
             "%.3f mm",
             s->smallest_gap_mm, s->largest_gap_mm, s->spacing_mm, n, s->n_layers,
@@ -213,10 +213,10 @@ void cts_slice_stack_diagnostics(const CtsSliceStack *s, const CtsSlice *const *
     }
     const double height_mm = fabs(cts_dot3(s->step_lps, middle->normal_lps)) * (s->n_layers - 1);
     if (s->tilt_deg > 0.1 && height_mm * tan(s->tilt_deg * (3.14159265358979323846 / 180)) > JITTER_MM)
-        cts_diagnostics_add(diagnostics, "gantry_tilt", CTS_NOTE,
+        cts_diagnostics_add(diagnostics, CTS_DIAGNOSTIC_GANTRY_TILT,
                             "the stack is sheared by %.2f degrees (gantry tilt); the picture keeps its true shape",
                             s->tilt_deg);
     if (s->sideways_mm > fmax(JITTER_MM, 0.1 * fmin(middle->row_spacing_mm, middle->column_spacing_mm)))
-        cts_diagnostics_add(diagnostics, "sideways_shift", CTS_WARNING,
+        cts_diagnostics_add(diagnostics, CTS_DIAGNOSTIC_SIDEWAYS_SHIFT,
                             "slice positions deviate by up to %.3f mm from a straight line", s->sideways_mm);
 }

@@ -87,7 +87,7 @@ static const CtsSlice *lossy_slice(const CtsSeries *source)
 static void warn(const CtsExportJob *job, bool recognizable)
 {
     if (recognizable && job->settings.deidentify)
-        cts_report_diagnostic(job->report, "recognizable_features", CTS_WARNING,
+        cts_report_diagnostic(job->report, CTS_DIAGNOSTIC_RECOGNIZABLE_FEATURES,
                               "skin may be visible: a face can identify the patient, whatever the header says");
 }
 

@@ -148,11 +148,11 @@ static CtsStatus fill_labels(const CtsStateScene *scene, CtsDcmState *s, CtsLabe
     s->label_crop = *crop;
     if (unsaid)
         cts_report_diagnostic(
-            scene->report, "state_left_out", CTS_WARNING,
+            scene->report, CTS_DIAGNOSTIC_STATE_LEFT_OUT,
             "the presentation state has no information for other programs on which labels are hidden: %s", unsaid);
     if (scene->choice->n_appearances || scene->choice->own_colours)
         cts_report_diagnostic(
-            scene->report, "state_left_out", CTS_WARNING,
+            scene->report, CTS_DIAGNOSTIC_STATE_LEFT_OUT,
             "the presentation state has no information for other programs on the appearance of labels: "
             "the standard has no place for it");
     return CTS_OK;
@@ -162,7 +162,7 @@ static void report_occlusion(const CtsStateScene *scene)
 {
     if (scene->shaded && scene->preset->occlusion > 0)
         cts_report_diagnostic(
-            scene->report, "state_left_out", CTS_WARNING,
+            scene->report, CTS_DIAGNOSTIC_STATE_LEFT_OUT,
             "the presentation state has no information for other programs on `occlusion` %g: the standard "
             "has no place for it",
             scene->preset->occlusion);

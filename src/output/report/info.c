@@ -98,8 +98,7 @@ void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume)
 bool cts_diagnostics_have(const CtsDiagnostics *diagnostics, const CtsDiagnostic *diagnostic)
 {
     for (size_t i = 0; i < diagnostics->n; i++)
-        if (!strcmp(diagnostics->items[i].code, diagnostic->code) &&
-            !strcmp(diagnostics->items[i].text, diagnostic->text))
+        if (diagnostics->items[i].id == diagnostic->id && !strcmp(diagnostics->items[i].text, diagnostic->text))
             return true;
     return false;
 }

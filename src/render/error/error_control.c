@@ -594,7 +594,10 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     char list[CTS_ENGINE_LIST_MAX];
     const bool is_note = kept || rmse <= warned_from(&c->scene);
     if (!kept || !by_default)
-        cts_report_diagnostic(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
+        cts_report_diagnostic(report,
+                              kept      ? CTS_DIAGNOSTIC_MAX_ERROR
+                              : is_note ? CTS_DIAGNOSTIC_ERROR_BOUND_NEAR
+                                        : CTS_DIAGNOSTIC_ERROR_BOUND,
                               "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
                               by_default ? "default target" : "requested", 255 * requested, kept ? "" : " (exact: ",
                               kept ? "" : cts_engines_with(offsetof(CtsEngine, is_reference), CTS_ENGINE_FLAG, list),

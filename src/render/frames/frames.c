@@ -288,7 +288,7 @@ static void report_no_key(const CtsEngine *engine, CtsReport *report)
     char list[CTS_ENGINE_LIST_MAX];
     const char *const why = engine->skips_void ? "skips only what is provably invisible" : "skips no void";
     cts_report_skip(report, "void key", "engine %s %s", engine->name, why);
-    cts_report_diagnostic(report, "void_key_unused", CTS_WARNING,
+    cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY_UNUSED,
                           "`void_key`: engine %s %s, so nothing is lost (%s take the key)", engine->name, why,
                           cts_engines_with(offsetof(CtsEngine, uses_void_key), CTS_ENGINE_FLAG, list));
 }
@@ -347,7 +347,7 @@ static void report_framing(const CtsRenderSettings *s, CtsReport *report)
 {
     if (!s->centre_given)
         cts_report_diagnostic(
-            report, "nothing_visible", CTS_WARNING, "%s",
+            report, CTS_DIAGNOSTIC_NOTHING_VISIBLE, "%s",
             s->slab_mm > 0 ? "nothing that this preset shows lies in the slab (see `slab_at`)"
                            : "nothing of this volume is visible with this preset (see what HU it shows, the range "
                              "of the series' HU, and what a crop leaves)");
@@ -572,7 +572,7 @@ static CtsStatus trace_pixel(const CtsFrame *frame, CtsReport *report, CtsError 
     if (control->scene.preset->mode == CTS_MODE_COMPOSITE && s->kernel == CTS_KERNEL_TENT)
         return control->march->trace_pixel(&control->scene, s->trace_x, s->trace_y, report, err);
     cts_report_diagnostic(
-        report, "trace_left_out", CTS_WARNING,
+        report, CTS_DIAGNOSTIC_TRACE_LEFT_OUT,
         "`trace_pixel`: nothing to trace, since the exact march has mode composite and kernel tent alone");
     return CTS_OK;
 }

@@ -20,7 +20,7 @@ static void report_key(const CtsVoidKey *key, const CtsPreset *preset, CtsReport
         static const char why[] = "shows every tissue of the mixture, or none";
         cts_report_skip(report, "void key", "preset %s %s: only what is provably invisible is skipped", preset->name,
                         why);
-        cts_report_diagnostic(report, "void_key_unused", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY_UNUSED,
                               "`void_key`: preset %s %s, so only what is provably invisible is skipped", preset->name,
                               why);
         return;
@@ -35,10 +35,10 @@ static void report_key(const CtsVoidKey *key, const CtsPreset *preset, CtsReport
                     "the opacity",
                     text, of_visible, 100 * key->opacity_dropped);
     if (key->dropped == 0)
-        cts_report_diagnostic(report, "void_key", CTS_NOTE, "`void_key` loses nothing: the preset shows nothing %s",
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY, "`void_key` loses nothing: the preset shows nothing %s",
                               text);
     else
-        cts_report_diagnostic(report, "void_key", CTS_WARNING,
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY_LOSES,
                               "`void_key`: %s counts as void: %.4g %% of the voxels that would be visible, and with "
                               "them %.4g %% of the opacity, are lost",
                               text, of_visible, 100 * key->opacity_dropped);
