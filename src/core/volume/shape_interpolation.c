@@ -53,8 +53,10 @@ enum { EIGHT = 8 };
 typedef struct Scratch {
     Field field[2];
     ShapeGap gap;
-    uint16_t *grey, *row;  /* of both fields; two rows of blocks, and two blocks */
-    uint8_t *moves, *near; /* for one gap: blocks that move, and those that do or whose neighbours in the row do */
+    uint16_t *grey, *row; /* of both fields; two rows of blocks, and two blocks */
+    /* For one gap: blocks that move, as bytes and as bits, and those that do or whose neighbours in the row do. */
+    uint8_t *moves;
+    uint64_t *bits, *near;
     float *move;
     int16_t *distance;
 } Scratch;
@@ -64,19 +66,22 @@ static size_t n_all_blocks(const Shaping *s)
     return (size_t)s->n_blocks[0] * (size_t)s->n_blocks[1];
 }
 
+/* Words of a row's flags as bits; the last one has room for a bit beyond the row. */
+static size_t n_words(const Shaping *s)
+{
+    return (size_t)s->n_blocks[0] / 64 + 1;
+}
+
 static void blocks_free(ShapeBlocks *b)
 {
     cts_free(&b->at);
     cts_free(&b->row);
-    cts_free(&b->borders);
 }
 
 static CtsStatus blocks_new(ShapeBlocks *b, size_t n, CtsError *err)
 {
     CtsStatus st;
-    (void)((st = cts_alloc_array(&b->at, n + SHAPE_LANES, err)) ||
-           (st = cts_alloc_array(&b->row, n + SHAPE_LANES, err)) ||
-           (st = cts_alloc_array(&b->borders, n + SHAPE_LANES, err)));
+    (void)((st = cts_alloc_array(&b->at, n, err)) || (st = cts_alloc_array(&b->row, n, err)));
     return st;
 }
 
@@ -89,20 +94,23 @@ static void scratch_free(Scratch *c)
     cts_free(&c->row);
     cts_free(&c->move);
     cts_free(&c->moves);
+    cts_free(&c->bits);
     cts_free(&c->near);
 }
 
 static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
 {
-    const size_t n = n_all_blocks(s), n_moves = shape_place(0, (size_t)s->n_blocks[1]) + n;
+    const size_t n = n_all_blocks(s), n_bits = (size_t)s->n_blocks[1] * n_words(s);
+    const size_t n_moves = shape_place(0, (size_t)s->n_blocks[1]) + n;
     CtsStatus st;
     *c = (Scratch){.gap = {.stack = s->stack, .n_blocks = {s->n_blocks[0], s->n_blocks[1]}, .edges = s->edges}};
-    if ((st = cts_alloc_array(&c->distance, 2 * N_SURFACES * n + 1, err)) ||
+    if ((st = cts_alloc_array(&c->distance, 2 * N_SURFACES * n + SHAPE_LANES + 1, err)) ||
         (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
         (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0] + 2, err)) ||
         (st = cts_alloc_zeroed(&c->move, SHAPE_NUMBERS * n_moves + SHAPE_LANES, err)) ||
-        (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->near, n, err)) ||
-        (st = blocks_new(&c->gap.moving, n, err)) || (st = blocks_new(&c->gap.written, n, err))) {
+        (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->bits, n_bits, err)) ||
+        (st = cts_alloc_array(&c->near, n_bits, err)) || (st = blocks_new(&c->gap.moving, n, err)) ||
+        (st = blocks_new(&c->gap.written, n, err))) {
         scratch_free(c);
         return st;
     }
@@ -364,58 +372,75 @@ CTS_TARGET_AVX512 static void find_moves_avx512(const Shaping *s, Scratch *c)
     find_any_moves(s, c);
 }
 
-/* Lists the flagged blocks. */
-static void list_flagged(const Shaping *s, const uint8_t *flags, ShapeBlocks *list)
+/* Flags of a row as bits: of eight bytes at once where any is set. */
+static void pack_row(const uint8_t *flags, int n, uint64_t *bits)
 {
-    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
-    list->n = 0;
-    for (int j = 0; j < ny; j++) {
-        const size_t row = (size_t)j * (size_t)nx;
-        const int32_t ends = (j == 0 ? SHAPE_AT_TOP : 0) | (j + 1 == ny ? SHAPE_AT_BOTTOM : 0);
-        for (int i = 0; i < nx; i++) {
-            uint64_t eight = 0;
-            if (i + (int)sizeof eight <= nx && memcpy(&eight, flags + row + i, sizeof eight) && !eight) {
-                i += (int)sizeof eight - 1;
-            } else if (flags[row + (size_t)i]) {
-                list->at[list->n] = (uint32_t)(row + (size_t)i);
-                list->row[list->n] = (uint32_t)j;
-                list->borders[list->n++] = ends | (i == 0 ? SHAPE_AT_LEFT : 0) | (i + 1 == nx ? SHAPE_AT_RIGHT : 0);
-            }
-        }
+    memset(bits, 0, ((size_t)n / 64 + 1) * sizeof *bits);
+    int i = 0;
+    for (; i + EIGHT <= n; i += EIGHT) {
+        uint64_t eight;
+        memcpy(&eight, flags + i, sizeof eight);
+        if (eight)
+            for (int k = 0; k < EIGHT; k++)
+                bits[i / 64] |= (uint64_t)flags[i + k] << (i + k) % 64;
     }
+    for (; i < n; i++)
+        bits[i / 64] |= (uint64_t)flags[i] << i % 64;
+}
+
+/* Lists the blocks whose bit is set. */
+static void list_flagged(const Shaping *s, const uint64_t *bits, ShapeBlocks *list)
+{
+    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_words(s);
+    list->n = 0;
+    for (size_t j = 0; j < ny; j++)
+        for (size_t w = 0; w < n; w++)
+            for (uint64_t left = bits[j * n + w]; left; left &= left - 1) {
+                list->at[list->n] = (uint32_t)(j * nx + 64 * w + (size_t)__builtin_ctzll(left));
+                list->row[list->n++] = (uint32_t)j;
+            }
+}
+
+/* Bits that are set in a row or beside one that is. */
+static void widen_row(const uint64_t *own, int n_blocks, uint64_t *to)
+{
+    const int n = n_blocks / 64 + 1;
+    for (int w = 0; w < n; w++)
+        to[w] =
+            own[w] | own[w] << 1 | own[w] >> 1 | (w > 0 ? own[w - 1] >> 63 : 0) | (w + 1 < n ? own[w + 1] << 63 : 0);
+    to[n - 1] &= (UINT64_C(1) << n_blocks % 64) - 1;
 }
 
 /* Lists the blocks processed in every layer of a gap: most blocks are not displaced, or similar. Displacements of
  * adjacent blocks affect a pixel, too. */
 static void list_blocks(const Shaping *s, Scratch *c)
 {
-    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1];
+    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_words(s);
     CTS_CPU_CHOICE(cts_cpu_flags(), find_moves)(s, c);
-    list_flagged(s, c->moves, &c->gap.moving);
     for (size_t j = 0; j < ny; j++) {
-        const uint8_t *const own = c->moves + j * nx;
-        uint8_t *const near = c->near + j * nx;
-        memcpy(near, own, nx);
-        for (size_t i = 1; i < nx; i++)
-            near[i] |= own[i - 1];
-        for (size_t i = 0; i + 1 < nx; i++)
-            near[i] |= own[i + 1];
+        pack_row(c->moves + j * nx, (int)nx, c->bits + j * n);
+        widen_row(c->bits + j * n, (int)nx, c->near + j * n);
     }
+    list_flagged(s, c->bits, &c->gap.moving);
     for (size_t j = 0; j < ny; j++) {
-        const uint8_t *const own = c->near + j * nx, *const above = j > 0 ? own - nx : own;
-        const uint8_t *const below = j + 1 < ny ? own + nx : own;
-        uint8_t *const written = c->moves + j * nx; /* moves are listed */
-        for (size_t i = 0; i < nx; i++)
-            written[i] = above[i] | own[i] | below[i];
+        const uint64_t *const own = c->near + j * n, *const above = j > 0 ? own - n : own;
+        const uint64_t *const below = j + 1 < ny ? own + n : own;
+        for (size_t w = 0; w < n; w++)
+            c->bits[j * n + w] = above[w] | own[w] | below[w];
     }
-    list_flagged(s, c->moves, &c->gap.written);
+    list_flagged(s, c->bits, &c->gap.written);
 }
 
-static void forget_moves(const ShapeGap *g)
+/* Clears the displacements of listed blocks and of their neighbours in the row, run by run. */
+static void clear_moves(const ShapeGap *g)
 {
-    for (size_t n = 0; n < g->moving.n; n++)
+    const ShapeBlocks *const b = &g->moving;
+    for (size_t first = 0, end; first < b->n; first = end) {
+        for (end = first + 1; end < b->n && b->at[end] == b->at[end - 1] + 1 && b->row[end] == b->row[first];)
+            end++;
         for (int k = 0; k < SHAPE_NUMBERS; k++)
-            memset(g->move[k] + shape_place(g->moving.at[n], g->moving.row[n]) - 1, 0, 3 * sizeof(float));
+            memset(g->move[k] + shape_place(b->at[first], b->row[first]) - 1, 0, (end - first + 2) * sizeof(float));
+    }
 }
 
 static double place_of(const CtsShapeStack *t, int slice)
@@ -439,7 +464,7 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap, ShapeSums *sums)
         s->find(&c->gap, made.part);
         s->write(&c->gap, &made, sums);
     }
-    forget_moves(&c->gap);
+    clear_moves(&c->gap);
 }
 
 /* Gaps between slices; a field is read once for the two gaps at a slice. */

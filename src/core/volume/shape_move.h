@@ -17,17 +17,14 @@ enum { SHAPE_MOVES_FROM = SHAPE_SIDE / 4, SHAPE_GOES_WITH = 3 };
 /* Numbers of a displacement: x and y in the slice before, x and y in the slice behind, in pixels, and its weight. */
 enum { SHAPE_NUMBERS = 5, SHAPE_SHARE = 4 };
 
-/* Lanes of the widest vector. Kernels may read as many numbers beyond the last one of an array; in arrays of uint16_t
- * and int16_t one beyond. */
+/* Lanes of the widest vector. Kernels may read as many numbers beyond the last one of an array, of distances one
+ * more. */
 enum { SHAPE_LANES = 16 };
 
-/* A listed block: its place in arrays of all blocks, and the borders of the picture at which it lies. */
-enum { SHAPE_AT_LEFT = 1, SHAPE_AT_RIGHT = 2, SHAPE_AT_TOP = 4, SHAPE_AT_BOTTOM = 8 };
+/* Listed blocks, in order: the place of each in arrays of all blocks, and which row of blocks it is in. */
 typedef struct ShapeBlocks {
     size_t n;
-    uint32_t *at;
-    uint32_t *row; /* which row of blocks it is in */
-    int32_t *borders;
+    uint32_t *at, *row;
 } ShapeBlocks;
 
 /* A gap between two slices. */

@@ -16,32 +16,55 @@ INLINE vf within(vf x, float low, float high)
     return vf_min(vf_max(x, vf_of(low)), vf_of(high));
 }
 
-/* Distances at these places of an array. */
-INLINE vi distances(const int16_t *d, vi at)
+typedef int16_t Shorts __attribute__((vector_size(LANES * sizeof(int16_t))));
+
+INLINE vi distances(const int16_t *d)
 {
-    const vmask all = mask_of_bits((1U << LANES) - 1);
-    return (vi)((vu)vi_gather_pairs(d, at, all) << 16) >> 16;
+    Shorts shorts;
+    memcpy(&shorts, d, sizeof shorts);
+    return __builtin_convertvector(shorts, vi);
 }
 
-/* Places of LANES blocks and of their neighbours. */
+/* LANES blocks of a row side by side, from block x on, and what lies beside them. */
 typedef struct Places {
-    vi own, left, right, above, below;
+    size_t at;              /* place of the first one */
+    ptrdiff_t above, below; /* to the neighbours; 0 at the borders of the picture */
+    bool is_first;          /* the first one is the row's first */
+    vmask last;             /* the row's last one */
 } Places;
 
-INLINE Places places_of(const ShapeGap *g, vi own, vi borders)
+INLINE Places places_of(const ShapeGap *g, int x, int row)
 {
-    const vi row = vi_of(g->n_blocks[0]), none = vi_of(0);
-    return (Places){own, own - vi_select(vi_test(borders, vi_of(SHAPE_AT_LEFT)), none, vi_of(1)),
-                    own + vi_select(vi_test(borders, vi_of(SHAPE_AT_RIGHT)), none, vi_of(1)),
-                    own - vi_select(vi_test(borders, vi_of(SHAPE_AT_TOP)), none, row),
-                    own + vi_select(vi_test(borders, vi_of(SHAPE_AT_BOTTOM)), none, row)};
+    const int nx = g->n_blocks[0], ny = g->n_blocks[1], to_last = nx - 1 - x;
+    return (Places){.at = (size_t)row * (size_t)nx + (size_t)x,
+                    .above = row > 0 ? -nx : 0,
+                    .below = row + 1 < ny ? nx : 0,
+                    .is_first = x == 0,
+                    .last = mask_of_bits(to_last < LANES ? 1U << to_last : 0)};
+}
+
+/* Distances of the neighbours to the left; the row's first block is its own. */
+INLINE vi to_left(const int16_t *d, const Places *p)
+{
+    if (!p->is_first)
+        return distances(d + p->at - 1);
+    vi own = distances(d + p->at), left;
+    left[0] = own[0];
+    for (int l = 1; l < LANES; l++)
+        left[l] = own[l - 1];
+    return left;
+}
+
+INLINE vi to_right(const int16_t *d, const Places *p)
+{
+    return vi_select(p->last, distances(d + p->at), distances(d + p->at + 1));
 }
 
 /* Adds a displacement of so many blocks, along the gradient of the distances, to x and y. */
 INLINE void go(const int16_t *d, const Places *p, vf blocks, vf *x, vf *y)
 {
-    const vf along_x = to_float(distances(d, p->right) - distances(d, p->left));
-    const vf along_y = to_float(distances(d, p->below) - distances(d, p->above));
+    const vf along_x = to_float(to_right(d, p) - to_left(d, p));
+    const vf along_y = to_float(distances(d + p->at + p->below) - distances(d + p->at + p->above));
     const vf length = vf_sqrt(along_x * along_x + along_y * along_y), pixels = (float)SHAPE_BLOCK * blocks;
     const vmask leads = vf_gt(length, vf_of(SHORTEST));
     *x += vf_select(leads, pixels * along_x / length, vf_of(0));
@@ -56,7 +79,7 @@ INLINE void find_some(const ShapeGap *g, const Places *p, vf part, vf move[SHAPE
         move[number] = vf_of(0);
     for (int s = 0; s < SHAPE_SURFACES; s++) {
         const int16_t *const first = g->distance[0][s], *const second = g->distance[1][s];
-        const vi d = distances(first, p->own), e = distances(second, p->own), far = vi_of(SHAPE_FAR / 2);
+        const vi d = distances(first + p->at), e = distances(second + p->at), far = vi_of(SHAPE_FAR / 2);
         const vmask known = vi_lt(vi_max(d, -d), far) & vi_lt(vi_max(e, -e), far);
         const vf before = to_float(d) * BLOCK_OF_UNIT, difference = to_float(e - d) * BLOCK_OF_UNIT;
         const vf moved = vf_abs(difference), off = vf_abs(before + part * difference);
@@ -71,31 +94,35 @@ INLINE void find_some(const ShapeGap *g, const Places *p, vf part, vf move[SHAPE
     move[SHAPE_SHARE] = within(4 * move[SHAPE_SHARE], 0, 1);
 }
 
+/* Stores the numbers of the blocks in the mask, and copies beyond the row's ends. */
+INLINE void store_moves(const ShapeGap *g, int x, int row, vmask moving, const vf move[SHAPE_NUMBERS])
+{
+    const int to_last = g->n_blocks[0] - 1 - x;
+    const unsigned bits = mask_bits(moving);
+    for (int k = 0; k < SHAPE_NUMBERS; k++) {
+        float *const to = g->move[k] + shape_place((size_t)row * (size_t)g->n_blocks[0] + (size_t)x, (size_t)row);
+        vf_store(to, vf_select(moving, move[k], vf_load(to)));
+        if (x == 0 && bits & 1)
+            to[-1] = to[0];
+        if (to_last < LANES && bits >> to_last & 1)
+            to[to_last + 1] = to[to_last];
+    }
+}
+
+/* Each vector begins with the next listed block; blocks between listed ones have none. */
 INLINE void find_moves(const ShapeGap *g, float part)
 {
-    const ShapeBlocks *const blocks = &g->moving;
-    for (size_t first = 0; first < blocks->n; first += LANES) {
-        const size_t rest = blocks->n - first, n = rest < LANES ? rest : LANES;
-        const vmask some = mask_of_bits((1U << n) - 1);
-        const vi own = vi_select(some, vi_load((const int32_t *)blocks->at + first), vi_of(0));
-        const vi borders = vi_select(some, vi_load(blocks->borders + first), vi_of(0xf));
-        const Places places = places_of(g, own, borders);
+    const ShapeBlocks *const b = &g->moving;
+    for (size_t k = 0; k < b->n;) {
+        const uint32_t row = b->row[k], first = b->at[k];
+        const int x = (int)(first - row * (uint32_t)g->n_blocks[0]);
+        unsigned moving = 0;
+        for (; k < b->n && b->row[k] == row && b->at[k] - first < LANES; k++)
+            moving |= 1U << (b->at[k] - first);
+        const Places places = places_of(g, x, (int)row);
         vf move[SHAPE_NUMBERS];
-        float number[SHAPE_NUMBERS][LANES];
         find_some(g, &places, vf_of(part), move);
-        for (int k = 0; k < SHAPE_NUMBERS; k++)
-            vf_store(number[k], move[k]);
-        for (size_t l = 0; l < n; l++) {
-            const size_t to = shape_place(blocks->at[first + l], blocks->row[first + l]);
-            const int32_t at = blocks->borders[first + l];
-            for (int k = 0; k < SHAPE_NUMBERS; k++) {
-                g->move[k][to] = number[k][l];
-                if (at & SHAPE_AT_LEFT)
-                    g->move[k][to - 1] = number[k][l];
-                if (at & SHAPE_AT_RIGHT)
-                    g->move[k][to + 1] = number[k][l];
-            }
-        }
+        store_moves(g, x, (int)row, mask_of_bits(moving), move);
     }
 }
 
