@@ -38,8 +38,11 @@ try:
             'study': ['--from', dimse, '--study-uid', study],
             'move': ['--from', dimse, '--study-uid', study, '--move-port', str(pacs.listener)],
             'wado': ['--from', web, '--study-uid', study, '--series-uid', series]}
+    took = {}
     for name, way in ways.items():
+        start = time.monotonic()
         run(*way, *look, '-o', name + '.png', '-o', name + '.dcm')
+        took[name] = time.monotonic() - start
         assert open(name + '.png', 'rb').read() == truth, name
 
     # Other connections to our port while the PACS sends block nothing, and add nothing.
@@ -60,7 +63,8 @@ try:
     run(*ways['move'], *look, '-o', 'visited.png')
     visitor.join()
     assert visited == [True]
-    assert open('visited.png', 'rb').read() == truth and time.monotonic() - start < 25
+    # Nothing waits for the end of a held connection; on a busy machine the move itself takes long.
+    assert open('visited.png', 'rb').read() == truth and time.monotonic() - start < 25 + 2 * took['move']
 
     # Its series are found by each query; a batch fetches each once, and renders new ones.
     def ask(*words, code=0):

@@ -63,7 +63,7 @@ class Receiver:
 
     def end(self):
         self.process.terminate()
-        assert self.process.wait(10) == 0, self.process.stderr.read()
+        assert self.process.wait(120) == 0, self.process.stderr.read()
         left = [f for f in os.listdir(self.folder) if f.endswith('.tmp')]
         assert not left, left
 
