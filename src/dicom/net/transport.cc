@@ -69,13 +69,29 @@ class TlsLayer final : public DcmTLSTransportLayer, public LastSocket
     }
 };
 
+constexpr DcmTLSSecurityProfile PROFILE = TSP_Profile_BCP195;
+
+/* Newer versions of DCMTK (3.6.9) check the length of the certificate's key by the profile; the int prefers them. */
+template <class Layer>
+auto set_certificate(Layer &tls, const char *file, int)
+    -> decltype(tls.setCertificateFile(file, DCF_Filetype_PEM, PROFILE))
+{
+    return tls.setCertificateFile(file, DCF_Filetype_PEM, PROFILE);
+}
+
+template <class Layer>
+auto set_certificate(Layer &tls, const char *file, long) -> decltype(tls.setCertificateFile(file, DCF_Filetype_PEM))
+{
+    return tls.setCertificateFile(file, DCF_Filetype_PEM);
+}
+
 CtsStatus take_files(DcmTLSTransportLayer &tls, const CtsNet &net, CtsError *err)
 {
     OFCondition state = EC_Normal;
     if (net.tls_key && (state = tls.setPrivateKeyFile(net.tls_key, DCF_Filetype_PEM)).bad())
         return cts_fail(err, CTS_ERR_READ, "%s: is no private key in PEM: %s", net.tls_key,
                         cts_one_line(state).c_str());
-    if (net.tls_certificate && (state = tls.setCertificateFile(net.tls_certificate, DCF_Filetype_PEM)).bad())
+    if (net.tls_certificate && (state = set_certificate(tls, net.tls_certificate, 0)).bad())
         return cts_fail(err, CTS_ERR_READ, "%s: is no certificate in PEM: %s", net.tls_certificate,
                         cts_one_line(state).c_str());
     if (net.tls_key && !tls.checkPrivateKeyMatchesCertificate())
@@ -107,7 +123,7 @@ CtsStatus cts_transport_make(const CtsNet &net, T_ASC_NetworkRole role, const ch
     TlsLayer *const tls = new TlsLayer(role, nullptr, OFFalse);
     transport.reset(tls);
     tls->setPrivateKeyPasswd("");
-    OFCondition state = tls->setTLSProfile(TSP_Profile_BCP195);
+    OFCondition state = tls->setTLSProfile(PROFILE);
     if (state.good())
         state = tls->activateCipherSuites();
     if (state.bad() || (host && !expect_host(*tls, host)))
