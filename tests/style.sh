@@ -59,6 +59,10 @@ violations()
         # File names are unique, so that a name identifies a file.
         grep -E '^\./(src|include|tests)/' "$work/list" | grep -vE '/(meson\.build|README\.md)$' | sed 's|.*/||' | sort | uniq -d |
             sed 's|$| <- the name of several files|'
+        # Types have names of their own too; each engine has a March.
+        grep -E '^\./src/.*\.(c|cc|h)$' "$work/list" | tr '\n' '\0' |
+            xargs -0 sed -nE 's/^typedef (struct|enum|union) ([A-Za-z0-9_]+) \{.*/\2/p' /dev/null | sort | uniq -d | grep -vx March |
+            sed 's|$| <- the name of several types|'
         # src/README.md lists every folder.
         for room in $(sed -n 's|^\./src/\(.*\)/[^/]*\.[ch]c*$|\1|p' "$work/list" | sort -u); do
             [ ! -e src/README.md ] || grep -q "^| .$room. |" src/README.md || echo "src/README.md: no folder $room"
@@ -129,8 +133,9 @@ breach '/* as no_such_function() does */\n'
 breach "/* $(printf '%0120d' 0) */\\n"
 mkdir -p "$work/src/x" "$work/src/y"
 touch "$work/src/x/same.c" "$work/src/y/same.c"
+printf 'typedef struct Twice {\n' | tee "$work/src/x/one.c" >"$work/src/y/two.c"
 found=$(violations "$work")
-for breach in $(seq -f 'breach-%.0f-' $n) same.c; do
+for breach in $(seq -f 'breach-%.0f-' $n) same.c Twice; do
     case $found in
         *"$breach"*) ;;
         *)

@@ -103,14 +103,14 @@ uint64_t cts_bits_count(const CtsBits *bits)
     return count;
 }
 
-typedef struct Common {
+typedef struct CommonCount {
     const CtsBits *a, *b;
     _Atomic uint64_t count;
-} Common;
+} CommonCount;
 
 static void count_common(void *context, int worker, size_t first, size_t end)
 {
-    Common *const c = context;
+    CommonCount *const c = context;
     uint64_t count = 0;
     (void)worker;
     for (size_t w = first; w < end; w++)
@@ -120,7 +120,7 @@ static void count_common(void *context, int worker, size_t first, size_t end)
 
 uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads)
 {
-    Common common = {.a = a, .b = b};
+    CommonCount common = {.a = a, .b = b};
     cts_parallel(n_threads, cts_bits_n_words(a), 0, count_common, &common);
     return atomic_load(&common.count);
 }

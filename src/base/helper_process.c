@@ -17,10 +17,10 @@
 enum { QUIET_MS = 20000, TRIES = 3 };
 
 /* To the helper, with a socket where a process is to be forked; and back. */
-typedef struct Request {
+typedef struct HelperRequest {
     CtsHelperOrder order;
     pid_t end; /* the process that is to be ended; 0: fork one */
-} Request;
+} HelperRequest;
 
 typedef struct Reply {
     CtsStatus status;
@@ -45,7 +45,7 @@ static bool receive_reply(int socket, Reply *reply)
            recv(socket, reply, sizeof *reply, 0) == (ssize_t)sizeof *reply;
 }
 
-static bool transmit_request(int socket, Request *request, int fd)
+static bool transmit_request(int socket, HelperRequest *request, int fd)
 {
     char control[CMSG_SPACE(sizeof fd)] = {0};
     struct iovec bytes = {request, sizeof *request};
@@ -62,7 +62,7 @@ static bool transmit_request(int socket, Request *request, int fd)
     return TEMP_FAILURE_RETRY(sendmsg(socket, &message, MSG_NOSIGNAL)) == (ssize_t)sizeof *request;
 }
 
-static bool receive_request(int socket, Request *request, int *fd)
+static bool receive_request(int socket, HelperRequest *request, int *fd)
 {
     char control[CMSG_SPACE(sizeof *fd)];
     struct iovec bytes = {request, sizeof *request};
@@ -106,7 +106,7 @@ static void end_one(pid_t pid, Reply *reply)
 
 static _Noreturn void help(int socket)
 {
-    Request request;
+    HelperRequest request;
     Reply reply = {.pid = getpid()};
     int fd;
     if (cts_isolation_leave_all(socket))
@@ -199,7 +199,7 @@ CtsStatus cts_helper_start(CtsError *err)
 
 /* One try, with a socket of its own: where the reply is lost, a process may exist nevertheless until the helper dies,
  * and must not answer on a socket that another one has. */
-static bool try_fork(Request *request, Reply *reply, int *socket, CtsStatus *st, CtsError *err)
+static bool try_fork(HelperRequest *request, Reply *reply, int *socket, CtsStatus *st, CtsError *err)
 {
     int ends[2];
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends)) {
@@ -220,7 +220,7 @@ static bool try_fork(Request *request, Reply *reply, int *socket, CtsStatus *st,
 
 CtsStatus cts_helper_fork(const CtsHelperOrder *order, pid_t *pid, int *socket, CtsError *err)
 {
-    Request request = {.order = *order};
+    HelperRequest request = {.order = *order};
     Reply reply;
     CtsStatus st = CTS_OK;
     bool done = false;
@@ -236,7 +236,7 @@ CtsStatus cts_helper_fork(const CtsHelperOrder *order, pid_t *pid, int *socket, 
 
 int cts_helper_end(pid_t pid)
 {
-    Request request = {.end = pid};
+    HelperRequest request = {.end = pid};
     Reply reply = {.how = SIGKILL};
     pthread_mutex_lock(&lock);
     if (way >= 0 && transmit_request(way, &request, -1) && receive_reply(way, &reply)) {

@@ -32,10 +32,10 @@ typedef struct Home {
 } Home;
 
 /* Files met one after the other of a series that may have a single slice. */
-typedef struct Single {
+typedef struct SingleFile {
     uint64_t study, series, sop; /* by their keys */
     uint64_t offset; /* of the first file's place and series UID in the list; SEVERAL: more than one slice */
-} Single;
+} SingleFile;
 
 static const uint64_t SEVERAL = UINT64_MAX;
 
@@ -51,7 +51,7 @@ typedef struct PlaceRecord {
     char series_uid[80];
 } PlaceRecord;
 
-struct CtsPlan {
+struct CtsBatchPlan {
     const CtsBatchSettings *settings;
     const CtsOptions *options;
     const CtsKey *key;
@@ -66,7 +66,7 @@ struct CtsPlan {
     Entry *lost; /* files that cannot be read, by their folder's key */
     size_t n_lost, n_homes, n_singles, n_stacked;
     Home *homes;
-    Single *singles;
+    SingleFile *singles;
     Stacked *stacked; /* in order of series */
     CtsBatchLabelFile *label_files;
     size_t n_label_files;
@@ -76,11 +76,11 @@ struct CtsPlan {
 };
 
 /* A record: these numbers, then path, series UID and SOP UID with their zeros. */
-typedef struct Record {
+typedef struct FileRecord {
     uint64_t bytes, n_voxels;
     int64_t mtime_ns;
     bool lost; /* it cannot be read; its name is that of its folder */
-} Record;
+} FileRecord;
 
 /* The first 64 bits of the SHA-256 of a UID, for the assignment to shards and the 16 hex digits of names. */
 static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
@@ -140,9 +140,9 @@ static CtsStatus add_entry(Entry **entries, size_t *n, Entry entry, CtsError *er
     return st;
 }
 
-static CtsStatus keep_record(CtsPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
+static CtsStatus keep_record(CtsBatchPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
 {
-    const Record record = {file->bytes, file->n_voxels, file->mtime_ns, file->why};
+    const FileRecord record = {file->bytes, file->n_voxels, file->mtime_ns, file->why};
     const size_t n_path = strlen(file->path) + 1, n_name = strlen(name) + 1, n_sop = strlen(file->sop_uid) + 1;
     const size_t size = sizeof record + n_path + n_name + n_sop;
     if (size > LONGEST_RECORD)
@@ -156,7 +156,7 @@ static CtsStatus keep_record(CtsPlan *p, const CtsArchiveFile *file, const char 
     return file->why ? add_entry(&p->lost, &p->n_lost, entry, err) : add_entry(&p->entries, &p->n_entries, entry, err);
 }
 
-static CtsStatus add_home(CtsPlan *p, Home home, CtsError *err)
+static CtsStatus add_home(CtsBatchPlan *p, Home home, CtsError *err)
 {
     if (p->n_homes && !memcmp(&p->homes[p->n_homes - 1], &home, sizeof home))
         return CTS_OK;
@@ -167,9 +167,9 @@ static CtsStatus add_home(CtsPlan *p, Home home, CtsError *err)
 }
 
 /* Counts a slice of a series: one of one place and SOP UID stays single. */
-static CtsStatus add_single(CtsPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
+static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
 {
-    Single *const last = p->n_singles ? &p->singles[p->n_singles - 1] : NULL;
+    SingleFile *const last = p->n_singles ? &p->singles[p->n_singles - 1] : NULL;
     const uint64_t sop = text_key(file->sop_uid, strlen(file->sop_uid));
     if (last && last->series == key) {
         if (last->sop != sop)
@@ -180,7 +180,7 @@ static CtsStatus add_single(CtsPlan *p, const CtsArchiveFile *file, const char *
     if (st)
         return st;
     const char *const study = file->study_uid ? file->study_uid : "";
-    Single single = {text_key(study, strlen(study)), key, sop, SEVERAL};
+    SingleFile single = {text_key(study, strlen(study)), key, sop, SEVERAL};
     if (file->place && study[0] && file->series_uid[0]) {
         PlaceRecord record = {.place = *file->place};
         snprintf(record.series_uid, sizeof record.series_uid, "%s", name);
@@ -195,7 +195,7 @@ static CtsStatus add_single(CtsPlan *p, const CtsArchiveFile *file, const char *
 }
 
 /* Records an unreadable file, which may be a slice of the series in its folder and is reported with it. */
-static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err)
+static CtsStatus take_lost(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError *err)
 {
     CtsArchiveFile lost = *file;
     char name[80];
@@ -216,7 +216,7 @@ static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err
     return keep_record(p, &lost, name, folder_key(file->path), err);
 }
 
-static CtsStatus take_labels(CtsPlan *p, const CtsArchiveFile *file, CtsError *err)
+static CtsStatus take_labels(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError *err)
 {
     const CtsStatus st = cts_grow(&p->label_files, p->n_label_files, err);
     if (st)
@@ -227,14 +227,14 @@ static CtsStatus take_labels(CtsPlan *p, const CtsArchiveFile *file, CtsError *e
                                            : cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of label files");
 }
 
-static bool is_mine(const CtsPlan *p, uint64_t key)
+static bool is_mine(const CtsBatchPlan *p, uint64_t key)
 {
     return key % (uint64_t)p->options->shard.n == (uint64_t)p->options->shard.i;
 }
 
 static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *err)
 {
-    CtsPlan *const p = context;
+    CtsBatchPlan *const p = context;
     CtsStatus st = CTS_OK;
     char name[80];
     uint64_t key = p->last_key;
@@ -281,7 +281,7 @@ static int by_home(const void *a, const void *b)
 
 /* The series that unreadable files are reported with: the one in their folder; where the folder has none or several, a
  * series named after the folder. */
-static CtsStatus owner_of(const CtsPlan *p, const Entry *lost, uint64_t *key, bool *homeless, CtsError *err)
+static CtsStatus owner_of(const CtsBatchPlan *p, const Entry *lost, uint64_t *key, bool *homeless, CtsError *err)
 {
     size_t first = 0, end = p->n_homes;
     while (first < end) {
@@ -304,12 +304,12 @@ static CtsStatus owner_of(const CtsPlan *p, const Entry *lost, uint64_t *key, bo
         st =
             cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir, strerror(errno));
     if (!st)
-        st = plan_key(text + sizeof(Record) + strlen(text + sizeof(Record)) + 1, key, err);
+        st = plan_key(text + sizeof(FileRecord) + strlen(text + sizeof(FileRecord)) + 1, key, err);
     free(text);
     return st;
 }
 
-static CtsStatus place_lost(CtsPlan *p, CtsError *err)
+static CtsStatus place_lost(CtsBatchPlan *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     uint64_t asked_for = 0;
@@ -329,7 +329,7 @@ static CtsStatus place_lost(CtsPlan *p, CtsError *err)
     return st;
 }
 
-static CtsStatus make_units(CtsPlan *p, CtsError *err)
+static CtsStatus make_units(CtsBatchPlan *p, CtsError *err)
 {
     size_t n = 0;
     if (p->n_entries)
@@ -350,7 +350,7 @@ static CtsStatus make_units(CtsPlan *p, CtsError *err)
 
 static int by_study_and_series(const void *a, const void *b)
 {
-    const Single *x = a, *y = b;
+    const SingleFile *x = a, *y = b;
     if (x->study != y->study)
         return x->study < y->study ? -1 : 1;
     if (x->series != y->series)
@@ -359,13 +359,13 @@ static int by_study_and_series(const void *a, const void *b)
 }
 
 /* Keeps series of one slice, once each, in order of study and series. */
-static void filter_singles(CtsPlan *p)
+static void filter_singles(CtsBatchPlan *p)
 {
     size_t n = 0;
     if (p->n_singles)
         qsort(p->singles, p->n_singles, sizeof *p->singles, by_study_and_series);
     for (size_t first = 0, end; first < p->n_singles; first = end) {
-        const Single single = p->singles[first];
+        const SingleFile single = p->singles[first];
         bool several = single.offset == SEVERAL;
         for (end = first + 1;
              end < p->n_singles && p->singles[end].study == single.study && p->singles[end].series == single.series;
@@ -378,7 +378,7 @@ static void filter_singles(CtsPlan *p)
 }
 
 /* Names a stack by the first of its series, in the shard that has this series. */
-static CtsStatus note_stack(CtsPlan *p, const Single *first, int n, CtsError *err)
+static CtsStatus note_stack(CtsBatchPlan *p, const SingleFile *first, int n, CtsError *err)
 {
     PlaceRecord record;
     CtsStatus st = CTS_OK;
@@ -397,7 +397,7 @@ static CtsStatus note_stack(CtsPlan *p, const Single *first, int n, CtsError *er
 }
 
 /* Finds the stacks among n single slices of one study. */
-static CtsStatus stack_study(CtsPlan *p, const Single *singles, size_t n, CtsError *err)
+static CtsStatus stack_study(CtsBatchPlan *p, const SingleFile *singles, size_t n, CtsError *err)
 {
     CtsSlicePlace *places = malloc(n * sizeof *places);
     int *stack = malloc(n * sizeof *stack), n_stacks = 0;
@@ -410,7 +410,7 @@ static CtsStatus stack_study(CtsPlan *p, const Single *singles, size_t n, CtsErr
     if (!st)
         st = cts_single_slices_find(places, n, stack, &n_stacks, err);
     for (int k = 1; k <= n_stacks && !st; k++) {
-        const Single *first = NULL;
+        const SingleFile *first = NULL;
         int n_slices = 0;
         for (size_t i = 0; i < n; i++) {
             first = !first && stack[i] == k ? &singles[i] : first;
@@ -433,7 +433,7 @@ static int by_stacked_series(const void *a, const void *b)
     return (x->series > y->series) - (x->series < y->series);
 }
 
-static CtsStatus find_stacks(CtsPlan *p, CtsError *err)
+static CtsStatus find_stacks(CtsBatchPlan *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     filter_singles(p);
@@ -463,12 +463,12 @@ static FILE *nameless_file(const char *folder)
     return fd < 0 ? NULL : fdopen(fd, "w+");
 }
 
-CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,
+CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,
                        CtsError *err)
 {
     CtsStatus st;
     const CtsOptions *const o = settings->options;
-    CtsPlan *p = *plan = calloc(1, sizeof *p);
+    CtsBatchPlan *p = *plan = calloc(1, sizeof *p);
     if (!p)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     p->settings = settings;
@@ -505,9 +505,9 @@ end:
     return st;
 }
 
-void cts_plan_free(CtsPlan **plan)
+void cts_plan_free(CtsBatchPlan **plan)
 {
-    CtsPlan *p = *plan;
+    CtsBatchPlan *p = *plan;
     if (!p)
         return;
     if (p->list)
@@ -531,7 +531,7 @@ void cts_plan_free(CtsPlan **plan)
 
 /* A record in memory. */
 typedef struct File {
-    Record record;
+    FileRecord record;
     const char *path, *name, *sop_uid;
 } File;
 
@@ -554,7 +554,7 @@ static int by_path(const void *a, const void *b)
 }
 
 /* All records of a unit, which lie in order of offset, into text. */
-static CtsStatus read_files(const CtsPlan *p, const Unit *unit, char *text, File *files, CtsError *err)
+static CtsStatus read_files(const CtsBatchPlan *p, const Unit *unit, char *text, File *files, CtsError *err)
 {
     for (size_t i = 0; i < unit->n; i++) {
         const Entry *e = &p->entries[unit->first + i];
@@ -572,7 +572,7 @@ static CtsStatus read_files(const CtsPlan *p, const Unit *unit, char *text, File
 }
 
 /* The label files of a series are its input, too. */
-static CtsStatus hash_labels(const CtsPlan *p, CtsHash *hash, const char *uid, const char *ct, CtsError *err)
+static CtsStatus hash_labels(const CtsBatchPlan *p, CtsHash *hash, const char *uid, const char *ct, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (int i = 0; !st && i < p->options->labels.n; i++) {
@@ -585,7 +585,7 @@ static CtsStatus hash_labels(const CtsPlan *p, CtsHash *hash, const char *uid, c
 }
 
 /* n_stacked: of the stack, which the series' record names. */
-static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *uid, int n_stacked, char hex[65],
+static CtsStatus hash_files(const CtsBatchPlan *p, File *files, int n, const char *uid, int n_stacked, char hex[65],
                             CtsError *err)
 {
     CtsHash *hash;
@@ -611,7 +611,7 @@ static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *ui
     return st ? st : ended;
 }
 
-CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err)
+CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err)
 {
     const Unit *unit = &plan->units[i];
     CtsStatus st = CTS_OK;

@@ -5,7 +5,7 @@
 #include "app/batch/batch.h"
 #include "base/hash.h"
 
-typedef struct CtsPlan CtsPlan;
+typedef struct CtsBatchPlan CtsBatchPlan;
 
 /* A segmentation or a structure set that the search has met, and the study that it is of. */
 typedef struct CtsBatchLabelFile {
@@ -39,12 +39,12 @@ typedef struct CtsPlanFound {
  * stack of single slices causes a note. Unreadable
  * files are reported with the only series in their folder; where it has none or several, they form one of their own.
  * Each folder that cannot be searched causes a warning, up to a dozen. */
-CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,
+CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,
                        CtsError *err);
-void cts_plan_free(CtsPlan **plan);
+void cts_plan_free(CtsBatchPlan **plan);
 
 /* Series i in the order in which their first files were met. Free with cts_plan_series_free(). */
-CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err);
+CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err);
 void cts_plan_series_free(CtsPlanSeries *series);
 
 #endif

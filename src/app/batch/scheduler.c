@@ -27,7 +27,7 @@ static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
 typedef struct Run {
     const CtsBatchSettings *settings;
     CtsBatchResult *result;
-    CtsPlan *plan;
+    CtsBatchPlan *plan;
     CtsPlanFound found;
     CtsJournal *journal;
     CtsWorker *workers; /* the first one sends */

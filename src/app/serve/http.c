@@ -18,13 +18,13 @@ struct CtsHttpServer {
     atomic_int n_requests; /* requests without a complete answer */
 };
 
-typedef struct Request {
+typedef struct HttpRequest {
     CtsHttpRequest shown; /* first, so that the one is the other */
     struct MHD_Connection *connection;
     struct MHD_Response *response;
     int status;
     bool render_query, waits;
-} Request;
+} HttpRequest;
 
 typedef struct Taker {
     void (*take)(void *context, const char *name, const char *value);
@@ -43,12 +43,12 @@ static void query_of(const CtsHttpRequest *request, void (*take)(void *context, 
                      void *context)
 {
     Taker taker = {take, context};
-    MHD_get_connection_values(((const Request *)request)->connection, MHD_GET_ARGUMENT_KIND, take_part, &taker);
+    MHD_get_connection_values(((const HttpRequest *)request)->connection, MHD_GET_ARGUMENT_KIND, take_part, &taker);
 }
 
 static void wait_for(CtsHttpRequest *request)
 {
-    Request *const r = (Request *)request;
+    HttpRequest *const r = (HttpRequest *)request;
     r->waits = true;
     MHD_suspend_connection(r->connection);
 }
@@ -71,7 +71,7 @@ static struct MHD_Response *response_of(CtsHttpAnswer *a)
 
 static void answer(CtsHttpRequest *request, CtsHttpAnswer *a)
 {
-    Request *const r = (Request *)request;
+    HttpRequest *const r = (HttpRequest *)request;
     r->status = a->status;
     r->response = response_of(a);
     for (int i = 0; r->response && i < a->n_headers; i++)
@@ -107,7 +107,7 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
                               const char *version, const char *body, size_t *n_body, void **kept)
 {
     CtsHttpServer *const server = context;
-    Request *r = *kept;
+    HttpRequest *r = *kept;
     (void)version, (void)body;
     if (!r) {
         if (!(r = *kept = calloc(1, sizeof *r)))
@@ -141,7 +141,7 @@ static void completed(void *context, struct MHD_Connection *connection, void **k
                       enum MHD_RequestTerminationCode why)
 {
     CtsHttpServer *const server = context;
-    Request *const r = *kept;
+    HttpRequest *const r = *kept;
     (void)connection, (void)why;
     if (r)
         atomic_fetch_sub(&server->n_requests, 1);

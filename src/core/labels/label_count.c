@@ -94,10 +94,10 @@ static void count_voxels(CtsLabel *l, const CtsLabelGrid *g)
     }
 }
 
-typedef enum Pass { MARK, COUNT } Pass;
+typedef enum CountPass { MARK, COUNT } CountPass;
 
 /* One label's runs in one slice, from its cursor on: marked as held once or more often, or those counted. */
-static void pass_over(CtsLabel *l, size_t *at, uint32_t slice, const CtsLabelGrid *g, uint8_t *held, Pass pass)
+static void pass_over(CtsLabel *l, size_t *at, uint32_t slice, const CtsLabelGrid *g, uint8_t *held, CountPass pass)
 {
     const uint32_t rows = (uint32_t)g->rows, end = (slice + 1) * rows;
     size_t i = *at;
@@ -125,7 +125,7 @@ static CtsStatus count_overlap(CtsLabels *labels, CtsError *err)
         st = cts_alloc_zeroed(&at, labels->n, err);
     for (uint32_t k = 0; !st && k < (uint32_t)g->n_slices; k++) {
         memset(held, 0, n);
-        for (Pass pass = MARK; pass <= COUNT; pass++)
+        for (CountPass pass = MARK; pass <= COUNT; pass++)
             for (size_t i = 0; i < labels->n; i++)
                 pass_over(&labels->items[i], &at[i], k, g, held, pass);
     }

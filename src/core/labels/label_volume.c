@@ -23,15 +23,15 @@ static CtsStatus place_slice(const CtsLabelGrid *g, const CtsVolume *v, int slic
 }
 
 /* A voxel with fractions of labels, while they are assigned. */
-typedef struct Sharing {
+typedef struct VoxelSharing {
     CtsFractionalVoxel voxel;
     uint16_t left;
     uint32_t last; /* index + 1 of the last label assigned */
-} Sharing;
+} VoxelSharing;
 
 /* Of one plane. */
 typedef struct Sharings {
-    Sharing *items; /* n */
+    VoxelSharing *items; /* n */
     size_t n;
     uint32_t *number; /* index + 1 of the voxel's entry, 0: none; NULL where the plane has none */
 } Sharings;
@@ -47,7 +47,7 @@ typedef struct Painting {
 } Painting;
 
 /* Labels get the remaining fraction, in order of priority. Only the largest ones are kept, equal ones by number. */
-static void take(Sharing *s, size_t voxel_label, uint16_t share)
+static void take(VoxelSharing *s, size_t voxel_label, uint16_t share)
 {
     CtsFractionalVoxel *const v = &s->voxel;
     const uint16_t taken = share < s->left ? share : s->left;
@@ -101,7 +101,7 @@ static CtsStatus share_out(const Painting *p, size_t plane, size_t voxel_label, 
         if (!st && known)
             take(&all->items[all->number[at] - 1], voxel_label, s.share);
         else if (!st && !all->number[at] && !(st = cts_grow(&all->items, all->n, NULL))) {
-            all->items[all->n] = (Sharing){.voxel.at = (uint32_t)at, .left = CTS_WHOLE_SHARE};
+            all->items[all->n] = (VoxelSharing){.voxel.at = (uint32_t)at, .left = CTS_WHOLE_SHARE};
             all->number[at] = (uint32_t)++all->n;
         }
     }
@@ -140,7 +140,7 @@ static CtsStatus end_plane(const Painting *p, size_t plane, Sharings *all)
     CtsFractionalPlane *const shared = &o->shared[plane];
     const CtsStatus st = all->n ? cts_alloc_array(&shared->items, all->n, NULL) : CTS_OK;
     for (; !st && shared->n < all->n; shared->n++) {
-        Sharing *const s = &all->items[shared->n];
+        VoxelSharing *const s = &all->items[shared->n];
         take(s, p->n, CTS_WHOLE_SHARE);
         shared->items[shared->n] = s->voxel;
         o->voxel_label[plane * (size_t)o->dims[0] * (size_t)o->dims[1] + s->voxel.at] = s->voxel.voxel_label[0];

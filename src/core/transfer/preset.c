@@ -11,10 +11,10 @@ CTS_ENUM_TABLE(char *const, cts_mode_names, CTS_N_MODES, [CTS_MODE_COMPOSITE] = 
 
 /* Position of hu among the points: between lower and upper at fraction 0..1 (lower == upper outside them). The HU are
  * the first member of each point, stride bytes apart. Of two points at one HU the later one applies. */
-typedef struct Place {
+typedef struct PointPlace {
     int lower, upper;
     double fraction;
-} Place;
+} PointPlace;
 
 static double point_hu(const void *points, size_t stride, int i)
 {
@@ -23,7 +23,7 @@ static double point_hu(const void *points, size_t stride, int i)
     return hu;
 }
 
-static Place find_place(const void *points, size_t stride, int n, double hu)
+static PointPlace find_place(const void *points, size_t stride, int n, double hu)
 {
     int low = 0, high = n; /* the number of points at or below hu lies in low..high */
     while (low < high) {
@@ -35,11 +35,11 @@ static Place find_place(const void *points, size_t stride, int n, double hu)
             high = middle;
     }
     if (low == 0)
-        return (Place){0, 0, 0};
+        return (PointPlace){0, 0, 0};
     if (low == n)
-        return (Place){n - 1, n - 1, 0};
+        return (PointPlace){n - 1, n - 1, 0};
     const double a = point_hu(points, stride, low - 1), b = point_hu(points, stride, low);
-    return (Place){low - 1, low, (hu - a) / (b - a)};
+    return (PointPlace){low - 1, low, (hu - a) / (b - a)};
 }
 
 static double mix(double a, double b, double fraction)
@@ -51,7 +51,7 @@ double cts_preset_opacity(const CtsPreset *preset, double hu)
 {
     if (preset->n_opacity < 1)
         return 0;
-    const Place p = find_place(preset->opacity, sizeof *preset->opacity, preset->n_opacity, hu);
+    const PointPlace p = find_place(preset->opacity, sizeof *preset->opacity, preset->n_opacity, hu);
     return mix(preset->opacity[p.lower].opacity, preset->opacity[p.upper].opacity, p.fraction);
 }
 
@@ -72,7 +72,7 @@ void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3])
         rgb[0] = rgb[1] = rgb[2] = 1;
         return;
     }
-    const Place p = find_place(preset->colour, sizeof *preset->colour, preset->n_colour, hu);
+    const PointPlace p = find_place(preset->colour, sizeof *preset->colour, preset->n_colour, hu);
     for (int c = 0; c < 3; c++)
         rgb[c] = mix(preset->colour[p.lower].rgb[c], preset->colour[p.upper].rgb[c], p.fraction);
 }

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <strings.h>
 
-typedef struct Search {
+typedef struct XmlSearch {
     XML_Parser parser;
     const char *which; /* NULL: the only one */
     char *texts[CTS_VTK_N];
@@ -17,7 +17,7 @@ typedef struct Search {
     char names[500]; /* of all found, for the message */
     bool failed;     /* out of memory, or a document type */
     const char *why;
-} Search;
+} XmlSearch;
 
 static const char *attribute(const char *const *attributes, const char *name)
 {
@@ -27,7 +27,7 @@ static const char *attribute(const char *const *attributes, const char *name)
     return NULL;
 }
 
-static void give_up(Search *search, const char *why)
+static void give_up(XmlSearch *search, const char *why)
 {
     search->failed = true;
     search->why = why;
@@ -46,7 +46,7 @@ static int line_of(XML_Parser parser)
 
 static void on_element(void *user, const char *element, const char **attributes)
 {
-    Search *search = user;
+    XmlSearch *search = user;
     if (strcmp(element, "VolumeProperty"))
         return;
     const char *name = attribute(attributes, "name");
@@ -77,7 +77,7 @@ CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, c
                               CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    Search search = {.which = which};
+    XmlSearch search = {.which = which};
     CtsVtkText values[CTS_VTK_N];
     search.parser = XML_ParserCreate(NULL);
     if (!search.parser)

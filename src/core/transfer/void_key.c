@@ -12,21 +12,21 @@ static const double MIN_PROBABILITY = 0.5, STEP = 0.01;
 static const double LARGEST_LOSS = 1e-3;
 
 /* Grey levels with their HU, how probably each is void, and how opaque the preset makes it. */
-typedef struct Levels {
+typedef struct KeyLevels {
     const uint64_t *count;
     double hu_offset, hu_step;
     double *probability, *opacity;
     double opacity_sum; /* over all voxels */
-} Levels;
+} KeyLevels;
 
-static double hu_of(const Levels *levels, int g)
+static double hu_of(const KeyLevels *levels, int g)
 {
     return levels->hu_offset + levels->hu_step * g;
 }
 
 /* True if the preset shows a tissue: only HU within a standard deviation of its mean count, as the tails of its
  * distribution are noise and partial volume. */
-static bool shows(const Levels *levels, const CtsTissue *t)
+static bool shows(const KeyLevels *levels, const CtsTissue *t)
 {
     const double low = (t->mean_hu - t->sd_hu - levels->hu_offset) / levels->hu_step;
     const double high = (t->mean_hu + t->sd_hu - levels->hu_offset) / levels->hu_step;
@@ -38,7 +38,7 @@ static bool shows(const Levels *levels, const CtsTissue *t)
 }
 
 /* The share of all opacity that belongs to visible tissue, and is expected to be skipped with this key. */
-static double loss(const Levels *levels, double probability)
+static double loss(const KeyLevels *levels, double probability)
 {
     double lost = 0;
     for (int g = 0; g < N_GREY; g++)
@@ -47,7 +47,7 @@ static double loss(const Levels *levels, double probability)
     return levels->opacity_sum > 0 ? lost / levels->opacity_sum : 0;
 }
 
-static double least_probability(const Levels *levels)
+static double least_probability(const KeyLevels *levels)
 {
     const int n_steps = (int)floor((1 - MIN_PROBABILITY) / STEP + 0.5);
     for (int i = 0; i < n_steps; i++)
@@ -56,7 +56,7 @@ static double least_probability(const Levels *levels)
     return 1;
 }
 
-static void find_ranges(const Levels *levels, CtsVoidKey *key)
+static void find_ranges(const KeyLevels *levels, CtsVoidKey *key)
 {
     bool drops = false;
     for (int g = 0; g < N_GREY; g++) {
@@ -73,7 +73,7 @@ static void find_ranges(const Levels *levels, CtsVoidKey *key)
     }
 }
 
-static void count_loss(const Levels *levels, CtsVoidKey *key)
+static void count_loss(const KeyLevels *levels, CtsVoidKey *key)
 {
     double dropped = 0;
     for (int g = 0; g < N_GREY; g++) {
@@ -92,7 +92,7 @@ static void count_loss(const Levels *levels, CtsVoidKey *key)
 CtsStatus cts_void_key_propose(const CtsMixture *mixture, const CtsPreset *preset, const uint64_t *count,
                                double hu_offset, double hu_step, CtsVoidKey *key, CtsError *err)
 {
-    Levels levels = {.count = count, .hu_offset = hu_offset, .hu_step = hu_step};
+    KeyLevels levels = {.count = count, .hu_offset = hu_offset, .hu_step = hu_step};
     int n_void = 0;
     CtsStatus st;
     *key = (CtsVoidKey){.useful = false};

@@ -37,16 +37,16 @@ static void row_run(const CtsVolume *v, int j, int k, const double lo[3], const 
 }
 
 /* Voxels lo[] to hi[], inclusive; lo > hi: none. */
-typedef struct Box {
+typedef struct VoxelBox {
     int lo[3], hi[3];
-} Box;
+} VoxelBox;
 
-static const Box EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
+static const VoxelBox EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
 
 /* The bounding box of the voxels that the rows keep. */
-static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
+static VoxelBox find_box(const CtsVolume *v, const double lo[3], const double hi[3])
 {
-    Box box = EMPTY;
+    VoxelBox box = EMPTY;
     for (int k = 0; k < v->dims[2]; k++)
         for (int j = 0; j < v->dims[1]; j++) {
             int first, last;
@@ -63,7 +63,7 @@ static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
 }
 
 /* Moves rows of the box to the front; voxels outside first and last of a row become air. */
-static void move_rows(CtsVolume *v, const Box *box, const double lo[3], const double hi[3])
+static void move_rows(CtsVolume *v, const VoxelBox *box, const double lo[3], const double hi[3])
 {
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box->hi[0] - box->lo[0] + 1);
     uint16_t *to = v->grey;
@@ -85,7 +85,7 @@ static void move_rows(CtsVolume *v, const Box *box, const double lo[3], const do
 
 CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], CtsError *err)
 {
-    const Box box = find_box(v, lo_lps, hi_lps);
+    const VoxelBox box = find_box(v, lo_lps, hi_lps);
     if (box.hi[0] < 0) {
         double low[3], high[3];
         cts_volume_box_lps(v, low, high);

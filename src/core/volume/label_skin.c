@@ -16,16 +16,16 @@ static const double skin_mm = 3, thin_mm = 5;
 /* Every second line along either axis: skin that few lines meet is no face. */
 enum { EVERY = 2 };
 
-typedef struct Search {
+typedef struct SkinSearch {
     const CtsVoxelLabels *voxel_labels;
     const CtsVolume *volume;
     uint16_t tissue; /* grey level from which on a voxel is tissue */
     int axis[3];     /* across the body twice, and along it */
     bool *on_skin;   /* of each worker, for each label */
-} Search;
+} SkinSearch;
 
 /* Follows one line from its first voxel, at `at`, in the direction of sign. */
-static void follow(const Search *s, const int at[3], int axis, int sign, bool *on_skin)
+static void follow(const SkinSearch *s, const int at[3], int axis, int sign, bool *on_skin)
 {
     const CtsVolume *const v = s->volume;
     const ptrdiff_t strides[3] = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}, stride = sign * strides[axis];
@@ -50,7 +50,7 @@ static void follow(const Search *s, const int at[3], int axis, int sign, bool *o
 
 static void search_layers(void *context, int worker, size_t begin, size_t end)
 {
-    const Search *const s = context;
+    const SkinSearch *const s = context;
     const int *const dims = s->volume->dims;
     bool *const on_skin = s->on_skin + (size_t)worker * (size_t)s->voxel_labels->n;
     for (size_t k = EVERY * begin; k < EVERY * end && k < (size_t)dims[s->axis[2]]; k += EVERY)
@@ -86,7 +86,7 @@ static void find_axes(const CtsVolume *v, int axis[3])
 CtsStatus cts_voxel_labels_find_skin(CtsVoxelLabels *o, const CtsVolume *v, int n_threads, CtsError *err)
 {
     const int n_workers = cts_threads(n_threads);
-    Search s = {.voxel_labels = o, .volume = v};
+    SkinSearch s = {.voxel_labels = o, .volume = v};
     const double tissue = ceil((tissue_hu - v->hu_offset) / v->hu_step);
     s.tissue = (uint16_t)fmin(fmax(tissue, 1), UINT16_MAX); /* level 0 is air or padding */
     find_axes(v, s.axis);

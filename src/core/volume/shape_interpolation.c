@@ -30,10 +30,10 @@ static const double ALIKE_HU = 100, EDGES_HU = 300;
 #define INLINE __attribute__((always_inline)) static inline
 
 /* One slice as blocks: grey levels, then for each surface how far it lies off, positive inside. */
-typedef struct Field {
+typedef struct SliceField {
     uint16_t *grey;
     int16_t *distance[N_SURFACES];
-} Field;
+} SliceField;
 
 typedef struct Shaping {
     const CtsShapeStack *stack;
@@ -51,7 +51,7 @@ enum { EIGHT = 8 };
 
 /* Scratch memory of one thread. */
 typedef struct Scratch {
-    Field field[2];
+    SliceField field[2];
     ShapeGap gap;
     uint16_t *grey, *row; /* of both fields; two rows of blocks, and two blocks */
     /* For one gap: blocks that move, as bytes and as bits, and those that do or whose neighbours in the row do. */
@@ -316,24 +316,24 @@ INLINE void find_distances(const Shaping *s, const uint16_t *grey, uint16_t leve
         d[i] = (int16_t)(grey[i] < level ? -d[i] : d[i]);
 }
 
-INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, Field *field)
+INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, SliceField *field)
 {
     read_blocks(s, s->stack->slices + (size_t)slice * s->stack->slice_step, c->row, field->grey);
     for (int l = 0; l < N_SURFACES; l++)
         find_distances(s, field->grey, s->level[l], field->distance[l]);
 }
 
-static void read_field_plain(const Shaping *s, int slice, Scratch *c, Field *field)
+static void read_field_plain(const Shaping *s, int slice, Scratch *c, SliceField *field)
 {
     read_any_field(s, slice, c, field);
 }
 
-CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch *c, Field *field)
+CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch *c, SliceField *field)
 {
     read_any_field(s, slice, c, field);
 }
 
-CTS_TARGET_AVX512 static void read_field_avx512(const Shaping *s, int slice, Scratch *c, Field *field)
+CTS_TARGET_AVX512 static void read_field_avx512(const Shaping *s, int slice, Scratch *c, SliceField *field)
 {
     read_any_field(s, slice, c, field);
 }
@@ -483,7 +483,7 @@ static void shape_gaps(void *context, int worker, size_t first, size_t end)
     for (size_t gap = first; gap < end; gap++) {
         CTS_CPU_CHOICE(cpu, read_field)(s, (int)gap + 1, &c, &c.field[1]);
         shape_gap(s, &c, (int)gap, &sums);
-        const Field t = c.field[0];
+        const SliceField t = c.field[0];
         c.field[0] = c.field[1];
         c.field[1] = t;
     }

@@ -11,7 +11,7 @@
 enum { LANES = 16 }; /* lines smoothed side by side */
 
 /* The lines along one axis: line (o, i) begins at o * outer_step + i * lane_step. */
-typedef struct Lines {
+typedef struct VoxelLines {
     uint16_t *grey;
     int n;       /* voxels of a line */
     size_t step; /* from one of them to the next */
@@ -20,20 +20,20 @@ typedef struct Lines {
     float *weight;  /* reach + 1 of them, from the centre outwards */
     float *scratch; /* scratch_size for each worker: LANES lines with padding at their ends */
     size_t scratch_size;
-} Lines;
+} VoxelLines;
 
-static Lines lines_along(const CtsVolume *v, int axis)
+static VoxelLines lines_along(const CtsVolume *v, int axis)
 {
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], nz = (size_t)v->dims[2];
     if (axis == 0)
-        return (Lines){.step = 1, .n_lanes = ny * nz, .lane_step = nx, .n_outer = 1};
+        return (VoxelLines){.step = 1, .n_lanes = ny * nz, .lane_step = nx, .n_outer = 1};
     if (axis == 1)
-        return (Lines){.step = nx, .n_lanes = nx, .lane_step = 1, .n_outer = nz, .outer_step = nx * ny};
-    return (Lines){.step = nx * ny, .n_lanes = nx * ny, .lane_step = 1, .n_outer = 1};
+        return (VoxelLines){.step = nx, .n_lanes = nx, .lane_step = 1, .n_outer = nz, .outer_step = nx * ny};
+    return (VoxelLines){.step = nx * ny, .n_lanes = nx * ny, .lane_step = 1, .n_outer = 1};
 }
 
 /* Lines are continued with their end voxels, so that constants are preserved. */
-static void smooth_lines(const Lines *s, uint16_t *at, int n_lanes, float *line)
+static void smooth_lines(const VoxelLines *s, uint16_t *at, int n_lanes, float *line)
 {
     const int reach = s->reach;
     for (int i = -reach; i < s->n + reach; i++) {
@@ -57,7 +57,7 @@ static void smooth_lines(const Lines *s, uint16_t *at, int n_lanes, float *line)
 
 static void smooth_some(void *context, int worker, size_t first, size_t end)
 {
-    const Lines *const s = context;
+    const VoxelLines *const s = context;
     const size_t n_groups = (s->n_lanes + LANES - 1) / LANES;
     for (size_t item = first; item < end; item++) {
         const size_t lane = item % n_groups * LANES, left = s->n_lanes - lane;
@@ -66,7 +66,7 @@ static void smooth_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static void find_weights(Lines *s, double sd_voxels)
+static void find_weights(VoxelLines *s, double sd_voxels)
 {
     double sum = 0;
     for (int r = 0; r <= s->reach; r++)
@@ -78,7 +78,7 @@ static void find_weights(Lines *s, double sd_voxels)
 static CtsStatus smooth_axis(CtsVolume *v, int axis, double sd_voxels, int n_threads, CtsError *err)
 {
     CtsStatus st;
-    Lines s = lines_along(v, axis);
+    VoxelLines s = lines_along(v, axis);
     s.grey = v->grey;
     s.n = v->dims[axis];
     s.reach = (int)ceil(REACH_SD * sd_voxels);

@@ -161,28 +161,28 @@ bool cts_scan_notes(uint32_t tag)
     return false;
 }
 
-typedef struct Frame {
+typedef struct OpenElement {
     uint64_t end; /* UNDEFINED: until its delimiter */
     bool item;    /* else a sequence */
     bool implicit_vr;
     bool fragments; /* its items are raw bytes */
-} Frame;
+} OpenElement;
 
-typedef struct Walk {
+typedef struct TagWalk {
     const uint8_t *bytes;
     uint64_t n, total, pos;
     bool explicit_vr, big;
-    int height;   /* of the stack */
-    Frame *stack; /* 2 * CTS_MAX_NESTING */
+    int height;         /* of the stack */
+    OpenElement *stack; /* 2 * CTS_MAX_NESTING */
     /* An implicit VR element that begins like a sequence may be one. If it turns out not to be, it is skipped. */
     int maybe_height;
     uint64_t maybe_end;
     size_t start, most;
     int next_tag; /* of header_tags, the first that is not below the last element's */
     CtsDataScan *scan;
-} Walk;
+} TagWalk;
 
-static CtsScanResult bad(Walk *w, const char *what)
+static CtsScanResult bad(TagWalk *w, const char *what)
 {
     if (w->maybe_end) {
         w->height = w->maybe_height;
@@ -194,13 +194,13 @@ static CtsScanResult bad(Walk *w, const char *what)
     return CTS_SCAN_BAD;
 }
 
-static CtsScanResult more(Walk *w, uint64_t need)
+static CtsScanResult more(TagWalk *w, uint64_t need)
 {
     w->scan->need = need;
     return CTS_SCAN_MORE;
 }
 
-static CtsScanResult push(Walk *w, bool item, uint64_t end, bool implicit_vr, bool fragments)
+static CtsScanResult push(TagWalk *w, bool item, uint64_t end, bool implicit_vr, bool fragments)
 {
     /* Sequences and items alternate on the stack, beginning with a sequence. */
     const int nesting = w->height / 2 + 1;
@@ -208,16 +208,16 @@ static CtsScanResult push(Walk *w, bool item, uint64_t end, bool implicit_vr, bo
         w->maybe_end = 0;
         return bad(w, "sequences are nested more than 64 deep");
     }
-    w->stack[w->height++] = (Frame){end, item, implicit_vr, fragments};
+    w->stack[w->height++] = (OpenElement){end, item, implicit_vr, fragments};
     if (nesting > w->scan->depth)
         w->scan->depth = nesting;
     return CTS_SCAN_DONE;
 }
 
 /* A sequence may contain only items and its end. */
-static CtsScanResult sequence_step(Walk *w, const CtsRawElement *e)
+static CtsScanResult sequence_step(TagWalk *w, const CtsRawElement *e)
 {
-    Frame *top = &w->stack[w->height - 1];
+    OpenElement *top = &w->stack[w->height - 1];
     if (e->tag == TAG_SEQUENCE_END) {
         w->pos += 8;
         if (top->end == UNDEFINED)
@@ -247,7 +247,7 @@ static const CtsTagValue *find_value(const CtsDataScan *scan, uint32_t tag)
 }
 
 /* Records the offset of a header's value; it must be in the file, for comparison with a second one. */
-static CtsScanResult note_value(Walk *w, const CtsRawElement *e)
+static CtsScanResult note_value(TagWalk *w, const CtsRawElement *e)
 {
     while (w->next_tag > 0 && header_tags[w->next_tag - 1].tag >= e->tag)
         w->next_tag--;
@@ -282,7 +282,7 @@ static CtsScanResult note_value(Walk *w, const CtsRawElement *e)
     return CTS_SCAN_DONE;
 }
 
-static CtsScanResult element_step(Walk *w, const CtsRawElement *e, bool implicit_vr)
+static CtsScanResult element_step(TagWalk *w, const CtsRawElement *e, bool implicit_vr)
 {
     const bool undefined = e->length == UINT32_MAX;
     const uint64_t value = w->pos + e->n_bytes;
@@ -316,7 +316,7 @@ static CtsScanResult element_step(Walk *w, const CtsRawElement *e, bool implicit
     return CTS_SCAN_DONE;
 }
 
-static void found_pixels(Walk *w, const CtsRawElement *e)
+static void found_pixels(TagWalk *w, const CtsRawElement *e)
 {
     CtsDataScan *scan = w->scan;
     scan->has_pixels = true;
@@ -327,7 +327,7 @@ static void found_pixels(Walk *w, const CtsRawElement *e)
 }
 
 /* The top level: records the header's values and stops at the pixels. *stop: the walk is over. */
-static CtsScanResult top_step(Walk *w, const CtsRawElement *e, bool *stop)
+static CtsScanResult top_step(TagWalk *w, const CtsRawElement *e, bool *stop)
 {
     w->maybe_end = 0;
     if (e->tag >= TAG_PIXELS && e->tag < 0xFFFE0000) {
@@ -347,9 +347,9 @@ static CtsScanResult top_step(Walk *w, const CtsRawElement *e, bool *stop)
     return result == CTS_SCAN_DONE ? element_step(w, e, !w->explicit_vr) : result;
 }
 
-static CtsScanResult step(Walk *w, bool *stop)
+static CtsScanResult step(TagWalk *w, bool *stop)
 {
-    Frame *top = w->height ? &w->stack[w->height - 1] : NULL;
+    OpenElement *top = w->height ? &w->stack[w->height - 1] : NULL;
     if (top && top->end != UNDEFINED && w->pos >= top->end) {
         if (w->pos > top->end)
             return bad(w, "an element reaches past the end of its sequence");
@@ -390,18 +390,18 @@ static CtsScanResult step(Walk *w, bool *stop)
 CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
                             size_t most, CtsDataScan *scan)
 {
-    Frame stack[2 * CTS_MAX_NESTING];
+    OpenElement stack[2 * CTS_MAX_NESTING];
     *scan = (CtsDataScan){0};
-    Walk w = {.bytes = bytes,
-              .stack = stack,
-              .n = n,
-              .total = total,
-              .pos = start,
-              .explicit_vr = syntax->explicit_vr,
-              .big = syntax->big_endian,
-              .start = start,
-              .most = most,
-              .scan = scan};
+    TagWalk w = {.bytes = bytes,
+                 .stack = stack,
+                 .n = n,
+                 .total = total,
+                 .pos = start,
+                 .explicit_vr = syntax->explicit_vr,
+                 .big = syntax->big_endian,
+                 .start = start,
+                 .most = most,
+                 .scan = scan};
     if (start + 8 <= n && known_vr(bytes + start + 4) != syntax->explicit_vr) {
         snprintf(scan->why, sizeof scan->why, "the data set is not in the %s VR that its transfer syntax promises",
                  syntax->explicit_vr ? "explicit" : "implicit");
@@ -422,10 +422,10 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
 
 size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool big, bool is_item, bool is_raw)
 {
-    Frame stack[2 * CTS_MAX_NESTING];
+    OpenElement stack[2 * CTS_MAX_NESTING];
     CtsDataScan scan = {.depth = 0};
     bool stop = false;
-    Walk w = {
+    TagWalk w = {
         .bytes = bytes, .stack = stack, .n = n, .total = n, .explicit_vr = explicit_vr, .big = big, .scan = &scan};
     push(&w, is_item, UNDEFINED, !explicit_vr, is_raw);
     while (w.height && step(&w, &stop) == CTS_SCAN_DONE)

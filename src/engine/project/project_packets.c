@@ -7,22 +7,22 @@
 #include <math.h>
 
 /* Eight neighbouring pixels of one row. */
-typedef struct Packet {
+typedef struct ProjectionPacket {
     vf start[3], t0, t1;
     vmask inside;           /* rays with some length in the box */
     int first, last;        /* macro-cells along axes[2] that they cross */
     double low[2], high[2]; /* extent of the rays' intersections with layer 0, along axes[0] and [1] */
-} Packet;
+} ProjectionPacket;
 
 /* Parameters common to all rays. */
-typedef struct Way {
+typedef struct RaySlopes {
     double step[3], per_step[3];
     double slope[2]; /* along axes[0] and [1] for a layer of axes[2] */
-} Way;
+} RaySlopes;
 
-static Way way_of(const CtsProjection *p)
+static RaySlopes way_of(const CtsProjection *p)
 {
-    Way w;
+    RaySlopes w;
     const double *forward = p->projector.view->forward_vox;
     for (int a = 0; a < 3; a++) {
         w.step[a] = forward[a];
@@ -39,9 +39,9 @@ static int clamp_macrocell(double at_vox, int n)
     return at < 0 ? 0 : at < n - 1 ? (int)at : n - 1;
 }
 
-static Packet packet_of(const CtsProjection *p, const Way *w, int x, int y, int width, double *grey)
+static ProjectionPacket packet_of(const CtsProjection *p, const RaySlopes *w, int x, int y, int width, double *grey)
 {
-    Packet r = {.t0 = vf_of(1), .first = INT32_MAX, .last = -1};
+    ProjectionPacket r = {.t0 = vf_of(1), .first = INT32_MAX, .last = -1};
     const int k = p->axes[2], n = p->projector.macrocells->n_fine[k];
     for (int l = 0; l < LANES; l++) {
         CtsProjectedRay ray;
@@ -72,13 +72,13 @@ static Packet packet_of(const CtsProjection *p, const Way *w, int x, int y, int 
 }
 
 /* The macro-cells of one layer that rays may cross: from low to high along axes[0] and [1]. */
-typedef struct Box {
+typedef struct LayerBox {
     int low[2], high[2];
-} Box;
+} LayerBox;
 
-static Box box_of(const CtsProjection *p, const Way *w, const double low[2], const double high[2], int layer)
+static LayerBox box_of(const CtsProjection *p, const RaySlopes *w, const double low[2], const double high[2], int layer)
 {
-    Box box;
+    LayerBox box;
     for (int n = 0; n < 2; n++) {
         const double near = layer * CTS_FINE_MACROCELL * w->slope[n];
         const double far = (layer + 1) * CTS_FINE_MACROCELL * w->slope[n];
@@ -90,17 +90,17 @@ static Box box_of(const CtsProjection *p, const Way *w, const double low[2], con
 }
 
 /* Properties common to the macro-cells of a box. */
-typedef struct Common {
+typedef struct BoxContents {
     CtsRange range;
     bool sees_some, sees_all;
-} Common;
+} BoxContents;
 
-INLINE Common common_of(const CtsProjection *p, const Box *box, int layer)
+INLINE BoxContents common_of(const CtsProjection *p, const LayerBox *box, int layer)
 {
     const CtsMacrocells *m = p->projector.macrocells;
     const size_t stride[3] = {1, (size_t)m->n_fine[0], (size_t)m->n_fine[0] * (size_t)m->n_fine[1]};
     const size_t su = stride[p->axes[0]], sv = stride[p->axes[1]], at = (size_t)layer * stride[p->axes[2]];
-    Common c = {{65535, 0}, false, true};
+    BoxContents c = {{65535, 0}, false, true};
     for (int v = box->low[1]; v <= box->high[1]; v++)
         for (int u = box->low[0]; u <= box->high[0]; u++) {
             const size_t i = at + (size_t)u * su + (size_t)v * sv;
@@ -124,7 +124,7 @@ INLINE vn cell_at(const CtsProjection *p, int a, vf place)
 
 /* Splits the rays within layer k of cells where they cross from cell to cell: t[0] to t[1] in the first, to t[2] in the
  * second, to t[3] in the third. No ray moves by more than a cell along the other axes. */
-INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, vf t[4])
+INLINE void cut_layer(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int k, vf t[4])
 {
     const int axis = p->axes[2];
     const vf in = (vf_of(k) - r->start[axis]) * w->per_step[axis];
@@ -148,7 +148,7 @@ INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int
 }
 
 /* The cells in which the rays are at time t, of layer k. */
-INLINE void cells_at(const CtsProjection *p, const Way *w, const Packet *r, vf t, int k, vn cell[3])
+INLINE void cells_at(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, vf t, int k, vn cell[3])
 {
     for (int n = 0; n < 2; n++)
         cell[p->axes[n]] = cell_at(p, p->axes[n], r->start[p->axes[n]] + t * w->step[p->axes[n]]);
@@ -183,7 +183,7 @@ INLINE void load_corners(const CtsProjection *p, const vn cell[3], vf value[8])
     }
 }
 
-INLINE vf field_at(const Way *w, const Packet *r, const vn cell[3], const vf v[8], vf t)
+INLINE vf field_at(const RaySlopes *w, const ProjectionPacket *r, const vn cell[3], const vf v[8], vf t)
 {
     vf f[3];
     for (int a = 0; a < 3; a++)
@@ -193,7 +193,7 @@ INLINE vf field_at(const Way *w, const Packet *r, const vn cell[3], const vf v[8
     return y0 + f[2] * (y1 - y0);
 }
 
-static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
+static CtsProjectedRay ray_of(const RaySlopes *w, const ProjectionPacket *r, int lane)
 {
     CtsProjectedRay ray = {.t0 = r->t0[lane], .t1 = r->t1[lane]};
     for (int a = 0; a < 3; a++) {
@@ -225,8 +225,8 @@ static CtsVisibleCells visible_cells_of(const CtsProjection *p, const int cell[3
 }
 
 /* Of the lanes in the mask, between two times. */
-static void find_visible_values(const CtsProjection *p, const Way *w, const Packet *r, vmask mask, const vn cell[3],
-                                const vf t[2], bool sees_all, VisibleInterval *seen)
+static void find_visible_values(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, vmask mask,
+                                const vn cell[3], const vf t[2], bool sees_all, VisibleInterval *seen)
 {
     seen->n = 1;
     seen->first[0] = t[0];
@@ -256,7 +256,8 @@ static void find_visible_values(const CtsProjection *p, const Way *w, const Pack
 
 /* Inside a cell the field is a cubic in t, here c0 + c1 s + c2 s^2 + c3 s^3 through four of its values: the largest
  * between two times is that at an end or, where the derivative vanishes, at a turning point. */
-INLINE vf largest_between(const Way *w, const Packet *r, const vn cell[3], const vf v[8], vf from, vf to)
+INLINE vf largest_between(const RaySlopes *w, const ProjectionPacket *r, const vn cell[3], const vf v[8], vf from,
+                          vf to)
 {
     const vf d = to - from;
     const vf a = field_at(w, r, cell, v, from), b = field_at(w, r, cell, v, from + d / 3);
@@ -279,14 +280,15 @@ INLINE vf largest_between(const Way *w, const Packet *r, const vn cell[3], const
 }
 
 /* Results of a packet. */
-typedef struct Found {
+typedef struct PacketResult {
     vf best; /* times sign */
     vmask seen;
-} Found;
+} PacketResult;
 
 /* Updates the results in layer k of cells; with sees_all false only whether rays without any visible interval so far
  * have one. */
-static void march_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
+static void march_layer(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int k, bool sees_all,
+                        PacketResult *found)
 {
     vf t[4];
     VisibleInterval seen;
@@ -324,20 +326,20 @@ static int layer_end(const CtsProjection *p, int layer)
     return end < n ? end : n;
 }
 
-static void march_macrocells(const CtsProjection *p, const Way *w, const Packet *r, int layer, bool sees_all,
-                             Found *found)
+static void march_macrocells(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer,
+                             bool sees_all, PacketResult *found)
 {
     for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
         march_layer(p, w, r, k, sees_all, found);
 }
 
-static int32_t bound_of(const CtsProjection *p, const Common *c)
+static int32_t bound_of(const CtsProjection *p, const BoxContents *c)
 {
     return !c->sees_some ? INT32_MIN : p->sign > 0 ? c->range.high : -(int32_t)c->range.low;
 }
 
 /* The smallest result of the rays that could still change; infinite when none could. */
-INLINE double least_found(const CtsProjection *p, const Packet *r, const Found *found)
+INLINE double least_found(const CtsProjection *p, const ProjectionPacket *r, const PacketResult *found)
 {
     const vf open = vf_select(r->inside & (found->best < p->enough), found->best, vf_of(INFINITY));
     double least = INFINITY;
@@ -368,19 +370,21 @@ static int layer_of_rank(Layers *layers, int rank)
 }
 
 /* Determines for each ray whether it has a visible interval, where its result does not show it. */
-static void find_visible_rays(const CtsProjection *p, const Way *w, const Packet *r, Found *found)
+static void find_visible_rays(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r,
+                              PacketResult *found)
 {
     for (int layer = r->first; layer <= r->last && mask_any(r->inside & ~found->seen); layer++) {
-        const Box box = box_of(p, w, r->low, r->high, layer);
-        const Common c = common_of(p, &box, layer);
+        const LayerBox box = box_of(p, w, r->low, r->high, layer);
+        const BoxContents c = common_of(p, &box, layer);
         if (c.sees_some)
             march_macrocells(p, w, r, layer, c.sees_all, found);
     }
 }
 
-static void find_extremes(const CtsProjection *p, const Way *w, const Packet *r, Layers *layers, double *grey)
+static void find_extremes(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, Layers *layers,
+                          double *grey)
 {
-    Found found = {.best = vf_of(p->least), .seen = p->sees ? r->inside & 0 : r->inside};
+    PacketResult found = {.best = vf_of(p->least), .seen = p->sees ? r->inside & 0 : r->inside};
     for (int rank = 0; rank <= layers->last - layers->first; rank++) {
         const int layer = layer_of_rank(layers, rank);
         const double least = least_found(p, r, &found);
@@ -388,8 +392,8 @@ static void find_extremes(const CtsProjection *p, const Way *w, const Packet *r,
             break;
         if (layer < r->first || layer > r->last)
             continue;
-        const Box box = box_of(p, w, r->low, r->high, layer);
-        const Common c = common_of(p, &box, layer);
+        const LayerBox box = box_of(p, w, r->low, r->high, layer);
+        const BoxContents c = common_of(p, &box, layer);
         if (c.sees_some && bound_of(p, &c) > least)
             march_macrocells(p, w, r, layer, c.sees_all, &found);
     }
@@ -405,7 +409,8 @@ typedef struct Summed {
 } Summed;
 
 /* Two points of Gauss's rule are exact for a cubic. */
-INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Summed *s)
+INLINE void sum_layer(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int k, bool sees_all,
+                      Summed *s)
 {
     const double apart = 0.57735026918962576451; /* 1 / sqrt(3) */
     vf t[4];
@@ -430,7 +435,8 @@ INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int
     }
 }
 
-static void sum_even(const CtsProjection *p, const Way *w, const Packet *r, int layer, uint16_t level, Summed *s)
+static void sum_even(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer, uint16_t level,
+                     Summed *s)
 {
     const int axis = p->axes[2];
     const vf in = (vf_of(layer * CTS_FINE_MACROCELL) - r->start[axis]) * w->per_step[axis];
@@ -441,12 +447,12 @@ static void sum_even(const CtsProjection *p, const Way *w, const Packet *r, int 
     s->length += length;
 }
 
-static void find_means(const CtsProjection *p, const Way *w, const Packet *r, double *grey)
+static void find_means(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, double *grey)
 {
     Summed s = {vf_of(0), vf_of(0)};
     for (int layer = r->first; layer <= r->last; layer++) {
-        const Box box = box_of(p, w, r->low, r->high, layer);
-        const Common c = common_of(p, &box, layer);
+        const LayerBox box = box_of(p, w, r->low, r->high, layer);
+        const BoxContents c = common_of(p, &box, layer);
         if (!c.sees_some)
             continue;
         if (c.sees_all && c.range.low == c.range.high)
@@ -461,7 +467,7 @@ static void find_means(const CtsProjection *p, const Way *w, const Packet *r, do
 }
 
 /* Upper limits of the tile's rays in each layer. */
-static Layers bound_layers(const CtsProjection *p, const Way *w, const Packet *packets, int n,
+static Layers bound_layers(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *packets, int n,
                            const CtsProjectScratch *scratch)
 {
     Layers layers = {.scratch = scratch, .first = INT32_MAX, .last = -1};
@@ -475,8 +481,8 @@ static Layers bound_layers(const CtsProjection *p, const Way *w, const Packet *p
         layers.last = packets[i].last > layers.last ? packets[i].last : layers.last;
     }
     for (int layer = layers.first; layer <= layers.last; layer++) {
-        const Box box = box_of(p, w, low, high, layer);
-        const Common c = common_of(p, &box, layer);
+        const LayerBox box = box_of(p, w, low, high, layer);
+        const BoxContents c = common_of(p, &box, layer);
         scratch->bound[layer] = bound_of(p, &c);
         scratch->order[layer - layers.first] = layer;
     }
@@ -486,8 +492,8 @@ static Layers bound_layers(const CtsProjection *p, const Way *w, const Packet *p
 void cts_project_tile(const CtsProjection *p, const CtsProjectScratch *scratch, int x, int y, int width, int height,
                       double *grey)
 {
-    const Way w = way_of(p);
-    Packet packets[CTS_PROJECT_TILE];
+    const RaySlopes w = way_of(p);
+    ProjectionPacket packets[CTS_PROJECT_TILE];
     for (int row = 0; row < height && row < CTS_PROJECT_TILE; row++)
         packets[row] = packet_of(p, &w, x, y + row, width, grey + LANES * row);
     if (p->projector.mode == CTS_MODE_AVERAGE) {

@@ -150,16 +150,16 @@ void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba
         *depth_mm = surface_mm + caster->camera_mm;
 }
 
-typedef struct Rays {
+typedef struct RayList {
     const CtsScene *scene;
     const CtsRaycaster *caster;
     const int (*xy)[2];
     double (*rgba)[4];
-} Rays;
+} RayList;
 
 static void cast_rays(void *context, int worker, size_t first, size_t end)
 {
-    const Rays *const r = context;
+    const RayList *const r = context;
     (void)worker;
     for (size_t i = first; i < end && !cts_scene_stopped(r->scene); i++)
         cts_raycast_ray(r->caster, r->xy[i][0], r->xy[i][1], r->rgba[i], NULL);
@@ -171,7 +171,7 @@ CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n
     const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, err);
     if (st)
         return st;
-    Rays rays = {scene, caster, xy, rgba};
+    RayList rays = {scene, caster, xy, rgba};
     cts_parallel(scene->settings->n_threads, n, 16, cast_rays, &rays);
     cts_raycaster_free(&caster);
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
@@ -199,15 +199,15 @@ static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
     }
 }
 
-typedef struct Rows {
+typedef struct PictureRows {
     const CtsScene *scene;
     const CtsRaycaster *caster;
     CtsPicture *picture;
-} Rows;
+} PictureRows;
 
 static void render_rows(void *context, int worker, size_t first, size_t end)
 {
-    const Rows *const r = context;
+    const PictureRows *const r = context;
     (void)worker;
     for (size_t y = first; y < end && !cts_scene_stopped(r->scene); y++)
         render_row(r->caster, r->picture, (int)y);
@@ -227,7 +227,7 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsErrorMap 
     const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, err);
     if (st)
         return st;
-    Rows rows = {scene, caster, picture};
+    PictureRows rows = {scene, caster, picture};
     cts_parallel(scene->settings->n_threads, (size_t)picture->height, 1, render_rows, &rows);
     cts_raycaster_free(&caster);
     cts_report_stage(report, CTS_STAGE_COMPOSITE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n, 0);

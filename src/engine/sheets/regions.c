@@ -9,17 +9,17 @@
 _Static_assert(CTS_BAND_ROWS % SHEETS_REGION == 0, "a band is whole regions, or the picture would depend on it");
 _Static_assert(SHEETS_REGION % SHEETS_TILE_X == 0 && SHEETS_REGION % SHEETS_TILE_Y == 0, "regions are whole tiles");
 
-typedef struct Worker {
+typedef struct SheetsWorker {
     SheetsCounts counts;
     uint64_t *region, *tile; /* bits of visible layers of blocks */
     float *extremes;         /* of rows of pixels: SheetsExtremes */
-} Worker;
+} SheetsWorker;
 
 typedef struct Picturing {
     const SheetsJob *job;
     const SheetsKernels *kernels;
     const CtsScene *scene;
-    Worker *workers;
+    SheetsWorker *workers;
     SheetsPatch pixels, lattice;
 } Picturing;
 
@@ -39,7 +39,7 @@ static void store_group(SheetsPatch *to, const SheetsPixels *g, int x0, int y0)
     }
 }
 
-static void march_group(const Picturing *p, Worker *w, SheetsPatch *patch, int i, int j, const uint64_t *visible)
+static void march_group(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i, int j, const uint64_t *visible)
 {
     SheetsPixels pixels;
     p->kernels->march(p->job, patch->grid, patch->x0 + i * patch->grid->pitch, patch->y0 + j * patch->grid->pitch,
@@ -64,7 +64,7 @@ static bool find_visible(const Picturing *p, const SheetsPatch *patch, int i, in
 }
 
 /* At level lattice pixels are interpolated where its points allow it. */
-static void run_group(const Picturing *p, Worker *w, SheetsPatch *patch, int i, int j)
+static void run_group(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i, int j)
 {
     const bool refines = p->job->lattice && patch->grid == &p->job->grid[0];
     if (!refines ||
@@ -72,7 +72,7 @@ static void run_group(const Picturing *p, Worker *w, SheetsPatch *patch, int i, 
         march_group(p, w, patch, i, j, w->tile);
 }
 
-static void run_tile(const Picturing *p, Worker *w, SheetsPatch *patch, int i0, int j0)
+static void run_tile(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
 {
     w->counts.tiles++;
     if (!find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile)) {
@@ -84,7 +84,7 @@ static void run_tile(const Picturing *p, Worker *w, SheetsPatch *patch, int i0, 
             run_group(p, w, patch, i, j);
 }
 
-static void run_region(const Picturing *p, Worker *w, SheetsPatch *patch, int i0, int j0)
+static void run_region(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
 {
     const int i1 = sheets_at_most(i0 + SHEETS_REGION, patch->width),
               j1 = sheets_at_most(j0 + SHEETS_REGION, patch->height);
@@ -175,22 +175,22 @@ static void add_contrast(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static CtsStatus start_workers(Worker **workers, const SheetsJob *job, int width, int n_threads, CtsError *err)
+static CtsStatus start_workers(SheetsWorker **workers, const SheetsJob *job, int width, int n_threads, CtsError *err)
 {
     const size_t words = (size_t)cts_sheets_words(job->blocks->n_layers);
     CtsStatus st = cts_alloc_zeroed(workers, (size_t)n_threads, err);
     for (int i = 0; i < n_threads && !st; i++) {
-        Worker *const w = &(*workers)[i];
+        SheetsWorker *const w = &(*workers)[i];
         if (!(st = cts_alloc_array(&w->region, words, err)) && !(st = cts_alloc_array(&w->tile, words, err)))
             st = cts_alloc_array(&w->extremes, 12 * ((size_t)width + 2), err);
     }
     return st;
 }
 
-static void end_workers(Worker **workers, int n_threads, SheetsCounts *total)
+static void end_workers(SheetsWorker **workers, int n_threads, SheetsCounts *total)
 {
     for (int i = 0; i < n_threads && *workers; i++) {
-        Worker *const w = &(*workers)[i];
+        SheetsWorker *const w = &(*workers)[i];
         const SheetsCounts *const c = &w->counts;
         total->groups += c->groups;
         total->sheets += c->sheets;
@@ -238,18 +238,18 @@ CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, con
 }
 
 /* Tiles of their own. A group looks at the blocks that it sees itself, whatever tile or region it is part of. */
-typedef struct Probing {
+typedef struct TileProbing {
     Picturing picturing;
     const int (*corner)[2];
     float (*rgba)[4], *indicator;
     CtsStatus *status;
     CtsError *err;
-} Probing;
+} TileProbing;
 
-static CtsStatus probe_tile(const Probing *probing, int worker, size_t tile, CtsError *err)
+static CtsStatus probe_tile(const TileProbing *probing, int worker, size_t tile, CtsError *err)
 {
     Picturing p = probing->picturing;
-    Worker *const w = &p.workers[worker];
+    SheetsWorker *const w = &p.workers[worker];
     const size_t first = tile * SHEETS_TILE_X * SHEETS_TILE_Y;
     CtsStatus st = CTS_OK;
     p.pixels = (SheetsPatch){.grid = &p.job->grid[0],
@@ -274,7 +274,7 @@ static CtsStatus probe_tile(const Probing *probing, int worker, size_t tile, Cts
 
 static void probe_some(void *context, int worker, size_t first, size_t end)
 {
-    const Probing *const p = context;
+    const TileProbing *const p = context;
     for (size_t tile = first; tile < end && !cts_scene_stopped(p->picturing.scene); tile++)
         if (!p->status[worker])
             p->status[worker] = probe_tile(p, worker, tile, &p->err[worker]);
@@ -284,10 +284,10 @@ CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, c
                            const int (*corner)[2], size_t n, float (*rgba)[4], float *indicator, CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
-    Probing p = {.picturing = {.job = job, .kernels = kernels, .scene = scene},
-                 .corner = corner,
-                 .rgba = rgba,
-                 .indicator = indicator};
+    TileProbing p = {.picturing = {.job = job, .kernels = kernels, .scene = scene},
+                     .corner = corner,
+                     .rgba = rgba,
+                     .indicator = indicator};
     SheetsCounts counts = {0};
     CtsStatus st = start_workers(&p.picturing.workers, job, SHEETS_TILE_X, n_threads, err);
     if (!st && !(st = cts_alloc_zeroed(&p.status, (size_t)n_threads, err)) &&

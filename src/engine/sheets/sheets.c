@@ -8,18 +8,18 @@
 #include <stdlib.h>
 
 /* Data that depend on volume and preset only: computed for the first frame that needs them, and cached. */
-typedef struct Cache {
+typedef struct SheetsCache {
     CtsMacrocells *own_macrocells; /* where the volume has none */
     SheetsTransfer transfer;
     SheetsOpacity opacity[3]; /* of half a slab, a slab, two slabs */
     SheetsVoid blocks[3];     /* by principal axis */
     int blocks_frame[3];      /* frame that they were made for */
     uint16_t *transposed;     /* for views along x */
-} Cache;
+} SheetsCache;
 
 static void free_cache(void *cache)
 {
-    Cache *const k = cache;
+    SheetsCache *const k = cache;
     if (!k)
         return;
     cts_macrocells_free(&k->own_macrocells);
@@ -33,7 +33,7 @@ static void free_cache(void *cache)
 }
 
 /* Slabs are cut in two where the level asks for it; the coarser table is what a slab's error is estimated by. */
-static CtsStatus find_tables(Cache *k, const CtsScene *scene, bool half, const SheetsKernels *kernels,
+static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, bool half, const SheetsKernels *kernels,
                              const CtsMacrocells *m, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -52,7 +52,8 @@ static CtsStatus find_tables(Cache *k, const CtsScene *scene, bool half, const S
     return CTS_OK;
 }
 
-static CtsStatus find_blocks(Cache *k, const CtsScene *scene, const CtsMacrocells *m, CtsReport *report, CtsError *err)
+static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const CtsMacrocells *m, CtsReport *report,
+                             CtsError *err)
 {
     const int p = scene->view.axis;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -72,7 +73,7 @@ static CtsStatus find_blocks(Cache *k, const CtsScene *scene, const CtsMacrocell
 /* A ray ends when less of its light is left than a step of eight bits; the rest counts as what it has met. */
 #define MIN_TRANSMITTANCE (1.0F / 256)
 
-static void init_job(SheetsJob *j, const CtsScene *scene, const Cache *k, bool half, const CtsShade *shade)
+static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, bool half, const CtsShade *shade)
 {
     *j = (SheetsJob){.levels = k->transfer.levels,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
@@ -127,7 +128,7 @@ static CtsStatus refuse(const CtsScene *scene, CtsError *err)
 
 /* Everything that a picture's threads need. */
 typedef struct Session {
-    Cache *cache;
+    SheetsCache *cache;
     CtsShade shade;
     SheetsJob job;
     const SheetsKernels *kernels;

@@ -10,28 +10,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct Worker {
+typedef struct PaperWorker {
     CtsCompositor compositor;
     CtsSwathWork work;
     CtsPaperStore own; /* by swaths */
     double busy_ms[CTS_N_STAGES];
-} Worker;
+} PaperWorker;
 
-struct Walk;
+struct LayerWalk;
 /* The work of a step for one swath. */
-typedef void Part(struct Walk *walk, Worker *w, int swath);
+typedef void Part(struct LayerWalk *walk, PaperWorker *w, int swath);
 
 /* A walk through the layers: of all swaths by all threads, or of one by one. */
-typedef struct Walk {
+typedef struct LayerWalk {
     CtsPaperPlan *plan;
-    Worker *workers;
+    PaperWorker *workers;
     int worker, swath;   /* by swaths */
     int s, chunk;        /* the step, and the chunk of layers that is loaded */
     int open_until;      /* the step up to which open patches hold */
     _Atomic bool needed; /* any work in the step */
     Part *part;
     CtsStage stage; /* the stage that the part counts for */
-} Walk;
+} LayerWalk;
 
 /* The first and the last plane represent half a length of ray. */
 static bool at_end(const CtsPaperPlan *p, int s, int sub)
@@ -40,7 +40,7 @@ static bool at_end(const CtsPaperPlan *p, int s, int sub)
     return (sub == 0 && s == 1) || (sub == p->samples && (s == 0 || s == last));
 }
 
-static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, int y0, int y1)
+static void composite_plane(const CtsPaperPlan *p, PaperWorker *w, int s, int sub, int y0, int y1)
 {
     /* Sub-plane 0 is the layer before; sub-plane `samples` (the only one where there is one) is this layer. */
     const int front = sub < p->samples ? s - 1 : s;
@@ -70,7 +70,7 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, in
 }
 
 /* The planes that can be sampled once step s has its sheet, front to back, in rows y0 to y1 - 1 of the picture. */
-static void composite_step(const CtsPaperPlan *p, Worker *w, int s, int y0, int y1)
+static void composite_step(const CtsPaperPlan *p, PaperWorker *w, int s, int y0, int y1)
 {
     const int last = p->stack.n_layers - 1;
     const int first_sub = p->samples == 1 || s == 0 ? p->samples : 0;
@@ -133,13 +133,13 @@ static bool loads_partly(const CtsPaperPlan *p)
     return p->skip_void && !p->reuse;
 }
 
-static void find_wanted(Walk *walk, Worker *w, int swath)
+static void find_wanted(LayerWalk *walk, PaperWorker *w, int swath)
 {
     for (int r = swath * CTS_SWATH; r < (swath + 1) * CTS_SWATH && r < walk->plan->patches.n[1]; r++)
         cts_paper_find_wanted(walk->plan, w->work.store, walk->chunk, r);
 }
 
-static void load(Walk *walk, Worker *w, int swath)
+static void load(LayerWalk *walk, PaperWorker *w, int swath)
 {
     const CtsPaperPlan *p = walk->plan;
     int first, past;
@@ -152,7 +152,7 @@ static void load(Walk *walk, Worker *w, int swath)
 }
 
 /* Rows as splatted under a tolerance: voxels that changed too little since the step before keep their value. */
-static void settle(Walk *walk, Worker *w, int swath)
+static void settle(LayerWalk *walk, PaperWorker *w, int swath)
 {
     const CtsPaperPlan *p = walk->plan;
     const CtsPaperStore *store = w->work.store;
@@ -167,24 +167,24 @@ static void settle(Walk *walk, Worker *w, int swath)
     }
 }
 
-static void find_open(Walk *walk, Worker *w, int swath)
+static void find_open(LayerWalk *walk, PaperWorker *w, int swath)
 {
     (void)w;
     cts_paper_find_open(walk->plan, walk->s, swath);
 }
 
-static void splat(Walk *walk, Worker *w, int swath)
+static void splat(LayerWalk *walk, PaperWorker *w, int swath)
 {
     if (cts_swath_splat(walk->plan, &w->work, walk->s, swath))
         walk->needed = true;
 }
 
-static void shade(Walk *walk, Worker *w, int swath)
+static void shade(LayerWalk *walk, PaperWorker *w, int swath)
 {
     cts_swath_gradients(walk->plan, &w->work, walk->s, swath);
 }
 
-static void composite(Walk *walk, Worker *w, int swath)
+static void composite(LayerWalk *walk, PaperWorker *w, int swath)
 {
     int y0, y1;
     picture_rows(walk->plan, swath, &y0, &y1);
@@ -192,7 +192,7 @@ static void composite(Walk *walk, Worker *w, int swath)
 }
 
 /* Between blends a pixel's fourth value is transmittance: 1 at first, alpha at last. */
-static void flip_alpha(Walk *walk, Worker *w, int swath)
+static void flip_alpha(LayerWalk *walk, PaperWorker *w, int swath)
 {
     CtsPicture *picture = walk->plan->picture;
     const size_t width = (size_t)picture->width;
@@ -205,21 +205,21 @@ static void flip_alpha(Walk *walk, Worker *w, int swath)
 
 static void do_part(void *context, int worker, size_t first, size_t end)
 {
-    Walk *const walk = context;
+    LayerWalk *const walk = context;
     for (size_t swath = first; swath < end; swath++)
         walk->part(walk, &walk->workers[worker], (int)swath);
 }
 
 static void do_timed_part(void *context, int worker, size_t first, size_t end)
 {
-    Walk *const walk = context;
+    LayerWalk *const walk = context;
     const double start_ms = cts_wall_ms();
     do_part(walk, worker, first, end);
     walk->workers[worker].busy_ms[walk->stage] += cts_wall_ms() - start_ms;
 }
 
 /* Steps are similar, so only a sample of the parts is timed. */
-static void each(Walk *walk, CtsStage stage, Part *part)
+static void each(LayerWalk *walk, CtsStage stage, Part *part)
 {
     const bool timed = walk->s % 4 == 0;
     walk->part = part;
@@ -232,7 +232,7 @@ static void each(Walk *walk, CtsStage stage, Part *part)
 }
 
 /* Load the chunks that the layers of steps s - 1 to s + 1 lie in. */
-static void load_chunks(Walk *walk, CtsPaperStore *store)
+static void load_chunks(LayerWalk *walk, CtsPaperStore *store)
 {
     const CtsPaperPlan *const p = walk->plan;
     for (int s = walk->s - 1; s <= walk->s + 1; s++) {
@@ -246,7 +246,7 @@ static void load_chunks(Walk *walk, CtsPaperStore *store)
     }
 }
 
-static void take_step(Walk *walk)
+static void take_step(LayerWalk *walk)
 {
     const CtsPaperPlan *const p = walk->plan;
     const bool needed = cts_paper_step_needed(p, walk->s);
@@ -270,7 +270,7 @@ static void take_step(Walk *walk)
         each(walk, CTS_STAGE_COMPOSITE, composite);
 }
 
-static void take_steps(Walk *walk)
+static void take_steps(LayerWalk *walk)
 {
     CtsPaperPlan *const p = walk->plan;
     each(walk, CTS_STAGE_COMPOSITE, flip_alpha);
@@ -281,9 +281,9 @@ static void take_steps(Walk *walk)
 
 static void take_swaths(void *context, int worker, size_t first, size_t end)
 {
-    const Walk *const all = context;
+    const LayerWalk *const all = context;
     for (size_t swath = first; swath < end; swath++) {
-        Walk walk = {.plan = all->plan, .workers = all->workers, .worker = worker, .swath = (int)swath};
+        LayerWalk walk = {.plan = all->plan, .workers = all->workers, .worker = worker, .swath = (int)swath};
         int first_row, past;
         cts_paper_voxel_rows(all->plan, (int)swath, &first_row, &past);
         cts_stack_begin(&all->workers[worker].own.stack, first_row);
@@ -291,7 +291,8 @@ static void take_swaths(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static void report_run(const CtsPaperPlan *p, const Worker *workers, double wall_ms, double cpu_ms, CtsReport *report)
+static void report_run(const CtsPaperPlan *p, const PaperWorker *workers, double wall_ms, double cpu_ms,
+                       CtsReport *report)
 {
     double busy[CTS_N_STAGES] = {0}, timed_ms = 0, timed_blend_ms = 0;
     uint64_t items[CTS_N_STAGES] = {0}, splatted = 0, reused = 0, samples = 0;
@@ -322,7 +323,7 @@ static void report_run(const CtsPaperPlan *p, const Worker *workers, double wall
     }
 }
 
-static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
+static CtsStatus worker_init(PaperWorker *w, CtsPaperPlan *p, CtsError *err)
 {
     CtsStatus st;
     if ((st = cts_compositor_init(&w->compositor, &p->simd, &p->patches, &p->raster, p->scene, p->picture, err)) ||
@@ -333,7 +334,7 @@ static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
     return cts_swath_work_init(&w->work, p, err);
 }
 
-static void worker_free(Worker *w)
+static void worker_free(PaperWorker *w)
 {
     cts_compositor_free(&w->compositor);
     cts_swath_work_free(&w->work);
@@ -344,7 +345,7 @@ static CtsStatus run(CtsPaperPlan *p, CtsReport *report, CtsError *err)
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     CtsStatus st = CTS_OK;
-    Walk walk = {.plan = p, .workers = calloc((size_t)p->n_threads, sizeof *walk.workers)};
+    LayerWalk walk = {.plan = p, .workers = calloc((size_t)p->n_threads, sizeof *walk.workers)};
     if (!walk.workers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int t = 0; t < p->n_threads && !st; t++)

@@ -43,14 +43,14 @@ static void widen(CtsRange *range, CtsRange other)
 
 /* The volume's fine macro-cells as the stack has them: a line of them runs along the volume's x axis, which is along u,
  * or where the layers lie across x from layer to layer. */
-typedef struct Lines {
+typedef struct MacrocellLines {
     const CtsRange *fine;
     const CtsRangeRule *rule;
     int n;       /* macro-cells in a line */
     bool across; /* lines run from layer to layer */
     size_t u_step, v_step, k_step;
     CtsRange *wide, *row; /* scratch: lines of n + 2 macro-cells for each thread */
-} Lines;
+} MacrocellLines;
 
 static void widen_line(CtsRange *line, const CtsRange *other, int n)
 {
@@ -65,7 +65,7 @@ static bool reached_from_outside(const CtsPatches *patches, const CtsRangeRule *
 }
 
 /* Ranges of a line's macro-cells and of those around them that reach in. */
-static const CtsRange *line_ranges(const CtsVoidMap *map, const Lines *l, int k, int patch_v, int patch_u,
+static const CtsRange *line_ranges(const CtsVoidMap *map, const MacrocellLines *l, int k, int patch_v, int patch_u,
                                    CtsRange *row, CtsRange *wide)
 {
     const CtsPatches *patches = &map->patches;
@@ -98,7 +98,7 @@ static uint64_t *shows_row(const CtsVoidMap *map, int macrocell, int patch_v)
 }
 
 /* Set the bits of one line; returns how many. */
-static uint64_t map_line(const CtsVoidMap *map, const Lines *l, int worker, int k, int patch_v, int patch_u)
+static uint64_t map_line(const CtsVoidMap *map, const MacrocellLines *l, int worker, int k, int patch_v, int patch_u)
 {
     const size_t scratch = (size_t)worker * (size_t)l->n;
     const CtsRange *range = line_ranges(map, l, k, patch_v, patch_u, l->row + scratch, l->wide + scratch);
@@ -150,17 +150,17 @@ static void find_active(CtsVoidMap *map)
     }
 }
 
-typedef struct Mapping {
+typedef struct VoidMapping {
     const CtsVoidMap *map;
-    const Lines *lines;
+    const MacrocellLines *lines;
     int n_other;
     _Atomic uint64_t n_shown;
-} Mapping;
+} VoidMapping;
 
 /* Lines of one row of patches share words of bits, so they belong to one thread. */
 static void map_rows(void *context, int worker, size_t first, size_t end)
 {
-    Mapping *const m = context;
+    VoidMapping *const m = context;
     const bool across = m->lines->across;
     for (size_t v = first; v < end; v++)
         for (int i = 0; i < m->n_other; i++)
@@ -174,13 +174,13 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatc
                             (size_t)macrocells->n_fine[0] * (size_t)macrocells->n_fine[1]};
     const int n_macrocells = macrocells->n_fine[stack->axis], n_v = patches->n[1];
     const size_t n_rows = (size_t)n_macrocells * (size_t)n_v;
-    Lines lines = {.fine = macrocells->fine,
-                   .rule = rule,
-                   .n = macrocells->n_fine[0],
-                   .across = stack->axis == 0,
-                   .u_step = step[stack->u_axis],
-                   .v_step = step[stack->v_axis],
-                   .k_step = step[stack->axis]};
+    MacrocellLines lines = {.fine = macrocells->fine,
+                            .rule = rule,
+                            .n = macrocells->n_fine[0],
+                            .across = stack->axis == 0,
+                            .u_step = step[stack->u_axis],
+                            .v_step = step[stack->v_axis],
+                            .k_step = step[stack->axis]};
     CtsStatus st;
     *map = (CtsVoidMap){.patches = *patches, .n_layers = stack->n_layers, .n_macrocells = n_macrocells};
     if ((st = cts_alloc_zeroed(&map->shows, n_rows * (size_t)patches->n_words, err)) ||
@@ -188,7 +188,7 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatc
         (st = cts_alloc_array(&lines.row, (size_t)lines.n * (size_t)n_threads, err)) ||
         (st = cts_alloc_array(&lines.wide, (size_t)lines.n * (size_t)n_threads, err)))
         goto end;
-    Mapping mapping = {.map = map, .lines = &lines, .n_other = lines.across ? patches->n[0] : n_macrocells};
+    VoidMapping mapping = {.map = map, .lines = &lines, .n_other = lines.across ? patches->n[0] : n_macrocells};
     cts_parallel(n_threads, (size_t)n_v, 1, map_rows, &mapping);
     map->n_shown = atomic_load(&mapping.n_shown);
     map->n_patches = n_rows * (size_t)patches->n[0];

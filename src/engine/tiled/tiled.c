@@ -17,7 +17,7 @@
 #include <string.h>
 
 /* Data that depend on volume and preset only: computed for the first frame, and cached for the following ones. */
-typedef struct Cache {
+typedef struct TiledCache {
     CtsMacrocells *own_macrocells; /* if the volume has none */
     int macrocells_frame;
     TiledMask mask;
@@ -25,11 +25,11 @@ typedef struct Cache {
     TiledAppearances appearances; /* of the scale that they were made for */
     double appearances_scale;
     CtsVisibleBlocks *seen; /* by mip and its kin */
-} Cache;
+} TiledCache;
 
 static void free_cache(void *cache)
 {
-    Cache *const k = cache;
+    TiledCache *const k = cache;
     if (!k)
         return;
     cts_macrocells_free(&k->own_macrocells);
@@ -46,10 +46,10 @@ static void report_cached(const CtsScene *scene, const char *what, int made_for,
 }
 
 /* Sets *cache too. */
-static CtsStatus find_macrocells(const CtsScene *scene, Cache **cache, const CtsMacrocells **macrocells,
+static CtsStatus find_macrocells(const CtsScene *scene, TiledCache **cache, const CtsMacrocells **macrocells,
                                  CtsReport *report, CtsError *err)
 {
-    Cache *const k = *cache = cts_scene_cache(scene, sizeof *k, err);
+    TiledCache *const k = *cache = cts_scene_cache(scene, sizeof *k, err);
     if (!k)
         return CTS_ERR_MEMORY;
     if (k->own_macrocells)
@@ -60,7 +60,7 @@ static CtsStatus find_macrocells(const CtsScene *scene, Cache **cache, const Cts
 }
 
 /* For a volume with labels; they depend on the view only with opacity per voxel. */
-static CtsStatus find_appearances(Cache *k, const CtsScene *scene, CtsError *err)
+static CtsStatus find_appearances(TiledCache *k, const CtsScene *scene, CtsError *err)
 {
     if (!scene->volume->voxel_labels || (k->appearances.transfer && k->appearances_scale == scene->extinction_scale))
         return CTS_OK;
@@ -69,7 +69,7 @@ static CtsStatus find_appearances(Cache *k, const CtsScene *scene, CtsError *err
     return cts_tiled_appearances_init(&k->appearances, scene, err);
 }
 
-static CtsStatus find_mask(Cache *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
+static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
                            CtsError *err)
 {
     CtsStatus st;
@@ -111,7 +111,8 @@ static bool is_preview(const CtsScene *scene)
 }
 
 /* requested: rms error of a picture, over 0..1. */
-static void init_job(TiledJob *j, const CtsScene *scene, const Cache *cache, const Tolerances *may, double requested)
+static void init_job(TiledJob *j, const CtsScene *scene, const TiledCache *cache, const Tolerances *may,
+                     double requested)
 {
     const CtsVolume *const v = scene->volume;
     ptrdiff_t stride = 1;
@@ -140,8 +141,8 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Cache *cache, con
 }
 
 /* Job and lighting of a march; free shade with cts_shade_free(), also after a failure. */
-static CtsStatus begin(TiledJob *j, CtsShade *shade, const CtsScene *scene, const Cache *cache, const Tolerances *may,
-                       double requested, CtsError *err)
+static CtsStatus begin(TiledJob *j, CtsShade *shade, const CtsScene *scene, const TiledCache *cache,
+                       const Tolerances *may, double requested, CtsError *err)
 {
     init_job(j, scene, cache, may, requested);
     if (!scene->preset->shade)
@@ -217,8 +218,8 @@ static void report_counts(const TiledCounts *c, const CtsScene *scene, const Til
     }
 }
 
-static CtsStatus composite(const CtsScene *scene, Cache *cache, const CtsMacrocells *macrocells, CtsPicture *picture,
-                           CtsErrorMap *errors, CtsReport *report, CtsError *err)
+static CtsStatus composite(const CtsScene *scene, TiledCache *cache, const CtsMacrocells *macrocells,
+                           CtsPicture *picture, CtsErrorMap *errors, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     CtsShade shade = {0};
@@ -290,7 +291,7 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     CtsStatus st;
     CtsShade shade = {0};
     TiledJob job;
-    Cache *cache;
+    TiledCache *cache;
     const CtsMacrocells *macrocells;
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
     if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
@@ -314,7 +315,7 @@ static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *rep
 {
     CtsStatus st;
     TiledJob job;
-    Cache *cache;
+    TiledCache *cache;
     const CtsMacrocells *macrocells;
     if (!(st = find_macrocells(scene, &cache, &macrocells, NULL, err)))
         st = find_mask(cache, scene, macrocells, NULL, err);
@@ -332,7 +333,7 @@ static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *rep
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                               CtsError *err)
 {
-    Cache *cache;
+    TiledCache *cache;
     const CtsMacrocells *macrocells;
     const CtsStatus st = find_macrocells(scene, &cache, &macrocells, report, err);
     if (st)

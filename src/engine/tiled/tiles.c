@@ -86,7 +86,7 @@ static void find_reach(Tile *t)
 }
 
 /* Pixels of a pixel block that have rays: its vertices and the random one, every second of every second row, or all. */
-typedef enum Rays { FEW, HALF, ALL } Rays;
+typedef enum BlockRays { FEW, HALF, ALL } BlockRays;
 
 /* A pixel block of BLOCK x BLOCK pixels; it shares its vertices with its neighbours; the last pixels of a tile end
  * its last blocks. */
@@ -94,8 +94,8 @@ typedef struct PixelBlock {
     int x[2], y[2];
     int sample[2]; /* a random one of its other pixels, since thin regular structures may lie between all vertices */
     bool empty, empty_vertices;
-    float plane_error, off;         /* estimated interpolation error: by the vertices, and including the random pixel */
-    Rays rays, rays_without_sample; /* rays_without_sample: those without the random pixel's information */
+    float plane_error, off; /* estimated interpolation error: by the vertices, and including the random pixel */
+    BlockRays rays, rays_without_sample; /* rays_without_sample: those without the random pixel's information */
 } PixelBlock;
 
 static int corner(int square, int n)
@@ -122,20 +122,20 @@ static float part_of(int at, const int ends[2])
 }
 
 /* The vertices of a rectangle of pixels, for interpolation between them. */
-typedef struct Corners {
+typedef struct BlockCorners {
     const float *at[4];
     int x[2], y[2];
-} Corners;
+} BlockCorners;
 
-static Corners corners_of(const Tile *t, const int x[2], const int y[2])
+static BlockCorners corners_of(const Tile *t, const int x[2], const int y[2])
 {
-    Corners k = {.x = {x[0], x[1]}, .y = {y[0], y[1]}};
+    BlockCorners k = {.x = {x[0], x[1]}, .y = {y[0], y[1]}};
     for (int i = 0; i < 4; i++)
         k.at[i] = t->tiles->picture->pixels + 4 * place_of(t, x[i & 1], y[i >> 1]);
     return k;
 }
 
-static float interpolate(const Corners *k, int x, int y, size_t c)
+static float interpolate(const BlockCorners *k, int x, int y, size_t c)
 {
     const float u = part_of(x, k->x), v = part_of(y, k->y);
     const float ab = k->at[0][c] + u * (k->at[1][c] - k->at[0][c]), de = k->at[2][c] + u * (k->at[3][c] - k->at[2][c]);
@@ -150,7 +150,7 @@ static const float *random_pixel(const Tile *t, const PixelBlock *s)
 /* Estimates the interpolation error by the random pixel, and by the distance of the vertices from one plane. */
 static void measure_block(const Tile *t, PixelBlock *s)
 {
-    const Corners k = corners_of(t, s->x, s->y);
+    const BlockCorners k = corners_of(t, s->x, s->y);
     const float *const sample = random_pixel(t, s);
     float off = 0, largest = 0, corner = 0;
     for (size_t c = 0; c < 4; c++) {
@@ -180,7 +180,7 @@ static float worst_beside(const PixelBlock *blocks, int number)
 
 /* Empty blocks are marched completely: isolated thin structures would be most visible there, and rays through empty
  * space are cheap. */
-static Rays rays_of(const Tile *t, bool empty, float off)
+static BlockRays rays_of(const Tile *t, bool empty, float off)
 {
     const float alike = t->tiles->job->interpolation_tolerance;
     return empty || off > HALF_FROM * alike ? ALL : off > alike ? HALF : FEW;
@@ -219,7 +219,7 @@ static void queue_half_resolution(Tile *t, const PixelBlock *s)
 }
 
 /* Bilinear; if a vertex has no surface, the nearest vertex's depth. */
-static float interpolate_depth(const Tile *t, const Corners *k, int x, int y)
+static float interpolate_depth(const Tile *t, const BlockCorners *k, int x, int y)
 {
     const float u = part_of(x, k->x), v = part_of(y, k->y);
     float mm[4];
@@ -237,7 +237,7 @@ static void interpolate_block(Tile *t, const int x[2], const int y[2])
 {
     CtsPicture *const p = t->tiles->picture;
     CtsErrorMap *const errors = t->tiles->errors;
-    const Corners k = corners_of(t, x, y);
+    const BlockCorners k = corners_of(t, x, y);
     for (int j = y[0]; j <= y[1]; j++)
         for (int i = x[0]; i <= x[1]; i++) {
             if (t->known[j][i])
@@ -282,7 +282,7 @@ static void estimate_interpolation_error(const Tile *t, const PixelBlock *s)
         halve(s->x, s->sample[0] > middle(s->x), x);
         halve(s->y, s->sample[1] > middle(s->y), y);
     }
-    const Corners k = corners_of(t, x, y);
+    const BlockCorners k = corners_of(t, x, y);
     float interpolated[4];
     for (size_t c = 0; c < 4; c++)
         interpolated[c] = interpolate(&k, s->sample[0], s->sample[1], c);

@@ -43,9 +43,9 @@ static void list_control_points(const CtsPreset *p, ControlPoints *k)
 }
 
 /* A linear segment: opacity and colours, at its begin and per level. */
-typedef struct Line {
+typedef struct LinearSegment {
     double begin, value[4], slope[4];
-} Line;
+} LinearSegment;
 
 /* Opacity, at most that of the largest extinction, and colour. */
 static void sample_preset(const CtsPreset *p, double hu, double value[4])
@@ -55,9 +55,9 @@ static void sample_preset(const CtsPreset *p, double hu, double value[4])
 }
 
 /* Between two HU, from two places inside it: at its very ends a step may have its other side. */
-static Line find_line(const CtsPreset *p, const CtsVolume *v, double low, double high)
+static LinearSegment find_line(const CtsPreset *p, const CtsVolume *v, double low, double high)
 {
-    Line l = {.begin = (low - v->hu_offset) / v->hu_step};
+    LinearSegment l = {.begin = (low - v->hu_offset) / v->hu_step};
     double a[4], b[4];
     const double first = low + 0.25 * (high - low), second = low + 0.75 * (high - low);
     sample_preset(p, first, a);
@@ -77,13 +77,13 @@ static double extinction(const TiledTransfer *t, double opacity)
 }
 
 /* The change at a level between two linear segments: extinction, and colours weighted with it. */
-static bool find_change(const TiledTransfer *t, const Line *below, const Line *above, double level,
+static bool find_change(const TiledTransfer *t, const LinearSegment *below, const LinearSegment *above, double level,
                         double *discontinuity, double *slope_change)
 {
-    const Line *const sides[2] = {below, above};
+    const LinearSegment *const sides[2] = {below, above};
     double side[2], slope[2], colour[2][3];
     for (int i = 0; i < 2; i++) {
-        const Line *const l = sides[i];
+        const LinearSegment *const l = sides[i];
         const double away = level - l->begin, opacity = l->value[0] + l->slope[0] * away;
         /* The mean slope over a level, as that at opacity 1 has no end. */
         side[i] = extinction(t, opacity);
@@ -128,7 +128,7 @@ static void set_end(TiledTransfer *t, int end, int segment, double level, double
     t->slope_change[end][segment] = (float)slope_change;
 }
 
-static void set_line(TiledTransfer *t, int segment, const Line *l)
+static void set_line(TiledTransfer *t, int segment, const LinearSegment *l)
 {
     for (int c = 0; c < 4; c++) {
         t->value[c][segment] = (float)l->value[c];
@@ -141,14 +141,14 @@ static void set_line(TiledTransfer *t, int segment, const Line *l)
 static void set_segments(TiledTransfer *t, const CtsPreset *p, const CtsVolume *v, const ControlPoints *control_points)
 {
     const double first = control_points->n > 0 ? control_points->hu[0] : 0;
-    Line below = find_line(p, v, first - 2, first);
+    LinearSegment below = find_line(p, v, first - 2, first);
     memset(below.slope, 0, sizeof below.slope);
     set_end(t, 0, 0, -(double)NEVER, 0, 0);
     set_line(t, 0, &below);
     for (int k = 0; k < control_points->n; k++) {
         const double hu = control_points->hu[k], level = (hu - v->hu_offset) / v->hu_step;
         const bool last = k + 1 == control_points->n;
-        Line above = find_line(p, v, hu, last ? hu + 2 : control_points->hu[k + 1]);
+        LinearSegment above = find_line(p, v, hu, last ? hu + 2 : control_points->hu[k + 1]);
         double discontinuity, slope_change;
         if (last)
             memset(above.slope, 0, sizeof above.slope);

@@ -19,11 +19,11 @@ enum {
 
 /* Format of the unpacker's output, repeated: this record, the name with its NUL, the bytes. The last record has no
  * name. */
-typedef struct Record {
+typedef struct MemberRecord {
     uint64_t n_bytes;
     uint32_t n_name;
     uint32_t is_bad;
-} Record;
+} MemberRecord;
 
 bool cts_archive_is_zip(const char *path)
 {
@@ -51,8 +51,8 @@ static size_t aligned(size_t n)
 /* Unpack one member behind its name; a text instead where that fails. False when there is no room. */
 static bool unpack(Writer *w, zip_t *zip, zip_uint64_t index, const char *name)
 {
-    const size_t n_name = strnlen(name, MAX_NAME), start = w->pos + sizeof(Record) + n_name + 1;
-    Record r = {0, (uint32_t)n_name, 0};
+    const size_t n_name = strnlen(name, MAX_NAME), start = w->pos + sizeof(MemberRecord) + n_name + 1;
+    MemberRecord r = {0, (uint32_t)n_name, 0};
     if (start + LOOK > w->n)
         return false;
     memcpy(w->bytes + w->pos + sizeof r, name, n_name);
@@ -105,7 +105,7 @@ static CtsStatus unpack_members(Writer *w, zip_t *zip, CtsError *err)
             return cts_fail(err, CTS_ERR_PIXELS, "holds more than %zu MiB (unpack it, and name the folder)",
                             w->n >> 20);
     }
-    const Record end = {0};
+    const MemberRecord end = {0};
     memcpy(w->bytes + w->pos, &end, sizeof end);
     return CTS_OK;
 }
@@ -114,7 +114,7 @@ CtsStatus cts_archive_unpack(const void *order, const uint8_t *stream, size_t n,
                              CtsError *err)
 {
     (void)order;
-    Writer w = {room, n_room - sizeof(Record) - ALIGNMENT, 0};
+    Writer w = {room, n_room - sizeof(MemberRecord) - ALIGNMENT, 0};
     zip_error_t why;
     zip_error_init(&why);
     zip_source_t *source = zip_source_buffer_create(stream, n, 0, &why);
@@ -139,7 +139,7 @@ int cts_member_by_name(const void *a, const void *b)
 static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
 {
     for (size_t pos = 0;;) {
-        Record r;
+        MemberRecord r;
         if (pos > n || n - pos < sizeof r)
             break;
         memcpy(&r, bytes + pos, sizeof r);

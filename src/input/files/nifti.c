@@ -99,20 +99,20 @@ static double real_at(const CtsNifti *f, const uint8_t *p, int n)
 }
 
 /* Offsets and sizes of fields in both versions. */
-typedef struct Layout {
+typedef struct NiftiLayout {
     int datatype, dim, dim_bytes, pixdim, real_bytes, offset, slope, forms, form_bytes, quatern, rows, units;
-} Layout;
+} NiftiLayout;
 
-static const Layout layouts[2] = {{70, 40, 2, 76, 4, 108, 112, 252, 2, 256, 280, 123},
-                                  {12, 16, 8, 104, 8, 168, 176, 344, 4, 352, 400, 500}};
+static const NiftiLayout layouts[2] = {{70, 40, 2, 76, 4, 108, 112, 252, 2, 256, 280, 123},
+                                       {12, 16, 8, 104, 8, 168, 176, 344, 4, 352, 400, 500}};
 
-static double real_of(const CtsNifti *f, const uint8_t *h, const Layout *l, int at, int i)
+static double real_of(const CtsNifti *f, const uint8_t *h, const NiftiLayout *l, int at, int i)
 {
     return real_at(f, h + at + i * l->real_bytes, l->real_bytes);
 }
 
 /* Rotation by the quaternion (a, b, c, d), a found from the others. */
-static void from_quaternion(const CtsNifti *f, const uint8_t *h, const Layout *l, double m[3][4])
+static void from_quaternion(const CtsNifti *f, const uint8_t *h, const NiftiLayout *l, double m[3][4])
 {
     const double b = real_of(f, h, l, l->quatern, 0), c = real_of(f, h, l, l->quatern, 1),
                  d = real_of(f, h, l, l->quatern, 2), left = 1 - (b * b + c * c + d * d);
@@ -153,7 +153,7 @@ static void set_place(CtsNiftiPlace *p, const double m[3][4], double mm)
     p->given = fabs(spanned(p)) > 1e-3 * sides && isfinite(sides + cts_norm3(p->origin_lps));
 }
 
-static CtsStatus read_place(CtsNifti *f, const uint8_t *h, const Layout *l, CtsError *err)
+static CtsStatus read_place(CtsNifti *f, const uint8_t *h, const NiftiLayout *l, CtsError *err)
 {
     double m[3][4];
     const int64_t q_code = signed_at(f, h + l->forms, l->form_bytes),
@@ -245,7 +245,7 @@ CtsNiftiForms cts_nifti_compare_forms(const CtsNifti *f, char text[CTS_NIFTI_FOR
                                     : CTS_NIFTI_FORMS_AGREE;
 }
 
-static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const Layout *l, CtsError *err)
+static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const NiftiLayout *l, CtsError *err)
 {
     const int64_t n_dims = signed_at(f, h + l->dim, l->dim_bytes);
     for (int i = 1; i <= 7; i++) {
@@ -331,7 +331,7 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
         return cts_fail(err, CTS_ERR_READ, "is half of a NIfTI pair .hdr/.img (convert it to one .nii file)");
     if (strncmp(form_magic, second ? "n+2" : "n+1", 3))
         return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (Analyze headers contain no position)");
-    const Layout *const l = &layouts[second];
+    const NiftiLayout *const l = &layouts[second];
     const double offset = second ? (double)signed_at(f, h + l->offset, 8) : real_at(f, h + l->offset, 4);
     if ((st = read_shape(f, h, l, err)) || (st = read_place(f, h, l, err)))
         return st;

@@ -63,7 +63,7 @@ static CtsStatus open_label(const CtsFile *file, Opened *o, CtsError *err)
 }
 
 /* The label files of one series. */
-typedef struct Search {
+typedef struct LabelSearch {
     const CtsLabelRequest *request;
     CtsLabelReading reading;
     char (*seen)[65]; /* instance UIDs read so far: a copy of an object counts once */
@@ -71,9 +71,9 @@ typedef struct Search {
     bool only_referring; /* of the files beside the series */
     bool in_folder;      /* files of other kinds are passed over */
     int n_read;
-} Search;
+} LabelSearch;
 
-static CtsStatus seen_before(Search *s, const CtsLabelDicom *object, bool *seen, CtsError *err)
+static CtsStatus seen_before(LabelSearch *s, const CtsLabelDicom *object, bool *seen, CtsError *err)
 {
     char uid[65];
     *seen = false;
@@ -87,7 +87,7 @@ static CtsStatus seen_before(Search *s, const CtsLabelDicom *object, bool *seen,
     return st;
 }
 
-static CtsStatus keep_object(Search *s, const CtsLabelDicom *object, CtsError *err)
+static CtsStatus keep_object(LabelSearch *s, const CtsLabelDicom *object, CtsError *err)
 {
     CtsLabelObject kept = {.class_uid = ""};
     memcpy(kept.class_uid, object->class_uid, sizeof kept.class_uid);
@@ -97,7 +97,7 @@ static CtsStatus keep_object(Search *s, const CtsLabelDicom *object, CtsError *e
     return cts_labels_add_object(s->reading.labels, &kept, err);
 }
 
-static CtsStatus read_object(Search *s, const CtsFile *file, CtsError *err)
+static CtsStatus read_object(LabelSearch *s, const CtsFile *file, CtsError *err)
 {
     CtsLabelDicom object;
     bool seen = false;
@@ -122,7 +122,7 @@ static CtsStatus read_object(Search *s, const CtsFile *file, CtsError *err)
     return st;
 }
 
-static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
+static CtsStatus read_file(LabelSearch *s, const CtsFile *file, CtsError *err)
 {
     Opened o;
     CtsStatus st = open_label(file, &o, err);
@@ -154,7 +154,7 @@ static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
     return st;
 }
 
-static CtsStatus read_folder(Search *s, const char *const *paths, int n_paths, CtsError *err)
+static CtsStatus read_folder(LabelSearch *s, const char *const *paths, int n_paths, CtsError *err)
 {
     CtsFileList list = {0};
     CtsStatus st = cts_scan_paths(s->request->archives, paths, n_paths, &list, err);
@@ -168,7 +168,7 @@ static CtsStatus read_folder(Search *s, const char *const *paths, int n_paths, C
 }
 
 /* Reads label files from the folders of the series' slices and of its search paths. */
-static CtsStatus read_beside(Search *s, CtsError *err)
+static CtsStatus read_beside(LabelSearch *s, CtsError *err)
 {
     const CtsSeries *const series = s->reading.series;
     CtsStringPool texts = {0};
@@ -201,7 +201,7 @@ static CtsStatus read_beside(Search *s, CtsError *err)
     return st;
 }
 
-static CtsStatus read_named(Search *s, const char *path, CtsError *err)
+static CtsStatus read_named(LabelSearch *s, const char *path, CtsError *err)
 {
     struct stat info;
     const int n_before = s->n_read;
@@ -214,7 +214,7 @@ static CtsStatus read_named(Search *s, const char *path, CtsError *err)
     return st;
 }
 
-static CtsStatus read_pattern(Search *s, const char *pattern, CtsError *err)
+static CtsStatus read_pattern(LabelSearch *s, const char *pattern, CtsError *err)
 {
     const CtsSeries *const series = s->reading.series;
     const bool is_nifti = series->no_patient;
@@ -236,7 +236,7 @@ CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *serie
 {
     CtsLabelGrid grid;
     CtsLabelNames names = {0};
-    Search s = {.request = request, .reading = {.series = series, .names = &names, .report = report}};
+    LabelSearch s = {.request = request, .reading = {.series = series, .names = &names, .report = report}};
     *labels = NULL;
     CtsStatus st = request->names ? cts_label_names_read(request->names, &names, err) : CTS_OK;
     if (!st && !(st = cts_label_grid_of(&grid, series, err)))

@@ -15,22 +15,22 @@ typedef struct Affine {
     double at[2], by[2][2];
 } Affine;
 
-typedef struct Place {
+typedef struct PlanePlace {
     double at_mm;
     int plane;
-} Place;
+} PlanePlace;
 
-typedef struct Placing {
+typedef struct MaskPlacing {
     const CtsMask *mask;
     const CtsLabelReading *reading;
     const CtsLabelGrid *grid;
     double normal_lps[3], inverse[2][3]; /* of the mask; pixel = inverse * (point - position) */
     double *at_mm, *slice_mm;            /* of planes and of slices along the mask's normal */
-    Place *sorted;                       /* the planes by rising place */
+    PlanePlace *sorted;                  /* the planes by rising place */
     double same_mm;                      /* planes no further apart lie in one place */
     double reach_mm;                     /* distance up to which a plane covers the space before and behind it */
     uint64_t *n_mask;                    /* by value: pixels in the mask */
-} Placing;
+} MaskPlacing;
 
 bool cts_mask_axes(const double step_lps[2][3], double inverse[2][3])
 {
@@ -43,12 +43,12 @@ bool cts_mask_axes(const double step_lps[2][3], double inverse[2][3])
     return det > 1e-6 * uu * vv;
 }
 
-static double gap_of(const Placing *p)
+static double gap_of(const MaskPlacing *p)
 {
     return 2 * p->reach_mm / 1.001;
 }
 
-static Affine affine_of(const Placing *p, int slice, int plane)
+static Affine affine_of(const MaskPlacing *p, int slice, int plane)
 {
     Affine a;
     double offset[3];
@@ -63,7 +63,7 @@ static Affine affine_of(const Placing *p, int slice, int plane)
 }
 
 /* Makes it whole numbers of pixels, in the same or in the opposite order, where it is; false where it is not. */
-static bool make_whole(const Placing *p, Affine *a)
+static bool make_whole(const MaskPlacing *p, Affine *a)
 {
     const Affine r = {{rint(a->at[0]), rint(a->at[1])}, {{rint(a->by[0][0]), 0}, {0, rint(a->by[1][1])}}};
     bool whole = fabs(r.by[0][0]) == 1 && fabs(r.by[1][1]) == 1;
@@ -77,7 +77,7 @@ static bool make_whole(const Placing *p, Affine *a)
     return whole;
 }
 
-static CtsStatus add(const Placing *p, int slice, int row, int value, int first, int end, CtsError *err)
+static CtsStatus add(const MaskPlacing *p, int slice, int row, int value, int first, int end, CtsError *err)
 {
     const int32_t label = p->mask->label_of[value];
     first = first < 0 ? 0 : first;
@@ -89,7 +89,7 @@ static CtsStatus add(const Placing *p, int slice, int row, int value, int first,
 }
 
 /* A share that is neither nothing nor all. */
-static CtsStatus add_share(const Placing *p, int slice, int row, int column, int value, double share, CtsError *err)
+static CtsStatus add_share(const MaskPlacing *p, int slice, int row, int column, int value, double share, CtsError *err)
 {
     const int32_t label = p->mask->label_of[value];
     const int of_whole = (int)lround(share * CTS_WHOLE_SHARE);
@@ -113,7 +113,8 @@ static bool next_run(const uint16_t *row, int n, int *i, int *end)
     return *i < n;
 }
 
-static CtsStatus place_shares(const Placing *p, int slice, const Affine *a, const CtsMaskPlane *plane, CtsError *err)
+static CtsStatus place_shares(const MaskPlacing *p, int slice, const Affine *a, const CtsMaskPlane *plane,
+                              CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (int j = 0; j < p->grid->rows && !st; j++)
@@ -128,7 +129,7 @@ static CtsStatus place_shares(const Placing *p, int slice, const Affine *a, cons
 }
 
 /* A plane whose pixels are the slice's own, in the same or in the opposite order. */
-static CtsStatus place_whole(const Placing *p, int slice, const Affine *a, const CtsMaskPlane *plane, CtsError *err)
+static CtsStatus place_whole(const MaskPlacing *p, int slice, const Affine *a, const CtsMaskPlane *plane, CtsError *err)
 {
     CtsStatus st = plane->shares ? place_shares(p, slice, a, plane, err) : CTS_OK;
     const int right = (int)a->by[0][0], down = (int)a->by[1][1], n = p->mask->columns;
@@ -147,7 +148,7 @@ static CtsStatus place_whole(const Placing *p, int slice, const Affine *a, const
 }
 
 /* The first of the sorted planes at or behind a place along the normal. */
-static int plane_behind(const Placing *p, double at_mm)
+static int plane_behind(const MaskPlacing *p, double at_mm)
 {
     int low = 0, high = p->mask->n_planes;
     while (low < high) {
@@ -162,7 +163,7 @@ static int plane_behind(const Placing *p, double at_mm)
 
 /* The planes before and behind a position along the normal, -1 for none, and their weights: linear from plane to plane,
  * and falling to 0 where the next plane is missing. Returns the nearest; -1: no plane covers the position. */
-static int planes_about(const Placing *p, double at_mm, int plane[2], double weight[2])
+static int planes_about(const MaskPlacing *p, double at_mm, int plane[2], double weight[2])
 {
     const int behind = plane_behind(p, at_mm);
     const double gap = gap_of(p);
@@ -182,7 +183,7 @@ static int planes_about(const Placing *p, double at_mm, int plane[2], double wei
     return away[nearest] <= p->reach_mm ? plane[nearest] : -1;
 }
 
-static CtsStatus read_plane(const Placing *p, int number, CtsMaskPlane *plane, CtsError *err)
+static CtsStatus read_plane(const MaskPlacing *p, int number, CtsMaskPlane *plane, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     *plane = (CtsMaskPlane){.values = NULL};
@@ -195,7 +196,7 @@ static CtsStatus read_plane(const Placing *p, int number, CtsMaskPlane *plane, C
     return st;
 }
 
-static CtsStatus place_on_grid(const Placing *p, CtsError *err)
+static CtsStatus place_on_grid(const MaskPlacing *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (int q = 0; !st && q < p->mask->n_planes; q++) {
@@ -214,12 +215,12 @@ static CtsStatus place_on_grid(const Placing *p, CtsError *err)
 }
 
 /* All planes, for a mask that is not on the grid: the field of each label is trilinear between its pixels. */
-typedef struct Field {
-    const Placing *placing;
+typedef struct LabelField {
+    const MaskPlacing *placing;
     uint16_t *values, *shares; /* shares NULL: a value means a whole pixel */
     uint16_t sharer;
     double (*origin)[2]; /* of each plane: inverse * position */
-} Field;
+} LabelField;
 
 /* Weights of values at a point. */
 typedef struct Mix {
@@ -227,7 +228,7 @@ typedef struct Mix {
     double share[8];
 } Mix;
 
-static void mix_pixel(const Field *f, size_t at, double weight, Mix *mix)
+static void mix_pixel(const LabelField *f, size_t at, double weight, Mix *mix)
 {
     const int value = f->shares ? f->sharer : f->values[at];
     const double share = f->shares ? weight * f->shares[at] / CTS_WHOLE_SHARE : weight;
@@ -249,7 +250,7 @@ static double snapped(double x)
 }
 
 /* Adds a plane's contribution at its pixel (x, y). */
-static void mix_plane(const Field *f, int plane, double weight, double x, double y, Mix *mix)
+static void mix_plane(const LabelField *f, int plane, double weight, double x, double y, Mix *mix)
 {
     const CtsMask *const m = f->placing->mask;
     const double left = floor(x), top = floor(y), right_of = x - left, below = y - top;
@@ -263,7 +264,7 @@ static void mix_plane(const Field *f, int plane, double weight, double x, double
 }
 
 /* The value of the pixel nearest to a point: ties are resolved in one direction independent of rounding. */
-static int nearest_value(const Field *f, int plane, double u, double v)
+static int nearest_value(const LabelField *f, int plane, double u, double v)
 {
     const CtsMask *const m = f->placing->mask;
     if (plane < 0)
@@ -274,9 +275,9 @@ static int nearest_value(const Field *f, int plane, double u, double v)
     return f->values[((size_t)plane * (size_t)m->rows + (size_t)y) * (size_t)m->columns + (size_t)x];
 }
 
-static CtsStatus resample_row(const Field *f, int slice, int row, CtsError *err)
+static CtsStatus resample_row(const LabelField *f, int slice, int row, CtsError *err)
 {
-    const Placing *const p = f->placing;
+    const MaskPlacing *const p = f->placing;
     const CtsLabelGrid *const g = p->grid;
     double first_lps[3];
     CtsStatus st = CTS_OK;
@@ -311,7 +312,7 @@ static CtsStatus resample_row(const Field *f, int slice, int row, CtsError *err)
     return st;
 }
 
-static CtsStatus load_planes(const Placing *p, Field *f, CtsError *err)
+static CtsStatus load_planes(const MaskPlacing *p, LabelField *f, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     const size_t n_pixels = (size_t)m->columns * (size_t)m->rows;
@@ -338,9 +339,9 @@ static CtsStatus load_planes(const Placing *p, Field *f, CtsError *err)
     return st;
 }
 
-static CtsStatus resample(const Placing *p, CtsError *err)
+static CtsStatus resample(const MaskPlacing *p, CtsError *err)
 {
-    Field f = {.placing = p};
+    LabelField f = {.placing = p};
     CtsStatus st = load_planes(p, &f, err);
     for (int k = 0; !st && k < p->grid->n_slices; k++)
         for (int j = 0; !st && j < p->grid->rows; j++)
@@ -353,13 +354,13 @@ static CtsStatus resample(const Placing *p, CtsError *err)
 
 static int by_place(const void *a, const void *b)
 {
-    const Place *x = a, *y = b;
+    const PlanePlace *x = a, *y = b;
     return x->at_mm != y->at_mm ? (x->at_mm < y->at_mm ? -1 : 1) : x->plane - y->plane;
 }
 
 /* Half the gap between planes. Where the file does not give the gap and every plane is a slice, slices without a plane
  * get nothing from their neighbours: empty planes are omitted from such files. */
-static void find_reach(Placing *p)
+static void find_reach(MaskPlacing *p)
 {
     double gap = INFINITY, scanned_gap = INFINITY, farthest = 0;
     const int n = p->mask->n_planes;
@@ -393,7 +394,7 @@ void cts_label_report_share(const CtsLabelReading *reading, const CtsLabel *labe
 }
 
 /* Compares each label's volume in the mask with its volume in the scan. */
-static CtsStatus check_volumes(const Placing *p, double *held_mm3, CtsError *err)
+static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     CtsLabels *const labels = p->reading->labels;
@@ -424,7 +425,7 @@ static CtsStatus check_volumes(const Placing *p, double *held_mm3, CtsError *err
     return CTS_OK;
 }
 
-static void end(Placing *p)
+static void end(MaskPlacing *p)
 {
     cts_free(&p->at_mm);
     cts_free(&p->slice_mm);
@@ -432,7 +433,7 @@ static void end(Placing *p)
     cts_free(&p->n_mask);
 }
 
-static CtsStatus begin(Placing *p, CtsError *err)
+static CtsStatus begin(MaskPlacing *p, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     CtsStatus st;
@@ -450,13 +451,13 @@ static CtsStatus begin(Placing *p, CtsError *err)
     for (int k = 0; k < p->grid->n_slices; k++)
         p->slice_mm[k] = cts_dot3(p->grid->position_lps[k], p->normal_lps);
     for (int q = 0; q < m->n_planes; q++)
-        p->sorted[q] = (Place){p->at_mm[q] = cts_dot3(m->position_lps[q], p->normal_lps), q};
+        p->sorted[q] = (PlanePlace){p->at_mm[q] = cts_dot3(m->position_lps[q], p->normal_lps), q};
     find_reach(p);
     return CTS_OK;
 }
 
 /* Planes lie in slices, pixel on voxel, or away from all. */
-static bool is_on_grid(const Placing *p)
+static bool is_on_grid(const MaskPlacing *p)
 {
     const CtsLabelGrid *const g = p->grid;
     const double leaning_mm = fabs(cts_dot3(p->normal_lps, g->step_lps[0])) * g->columns +
@@ -483,7 +484,7 @@ static bool is_on_grid(const Placing *p)
 
 CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, bool *on_grid, CtsError *err)
 {
-    Placing p = {.mask = mask, .grid = grid};
+    MaskPlacing p = {.mask = mask, .grid = grid};
     const CtsStatus st = begin(&p, err);
     *on_grid = !st && is_on_grid(&p);
     end(&p);
@@ -492,7 +493,7 @@ CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, boo
 
 CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, double *held_mm3, CtsError *err)
 {
-    Placing p = {.mask = mask, .reading = reading, .grid = &reading->labels->grid};
+    MaskPlacing p = {.mask = mask, .reading = reading, .grid = &reading->labels->grid};
     CtsStatus st = begin(&p, err);
     if (!st)
         st = is_on_grid(&p) ? place_on_grid(&p, err) : resample(&p, err);

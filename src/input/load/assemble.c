@@ -121,24 +121,24 @@ static void note_failure(Assembly *a, int k, const CtsError *why)
 }
 
 /* One thread's. */
-typedef struct Reader {
+typedef struct SliceReader {
     CtsSandbox *decoder; /* sandbox for compressed pixels, started at the first one */
     double busy[CTS_N_STAGES];
     int held; /* a slice that is being decoded, or -1 */
-} Reader;
+} SliceReader;
 
-typedef struct Reading {
+typedef struct SliceReading {
     Assembly *assembly;
-    Reader *readers;
+    SliceReader *readers;
     pthread_mutex_t lock; /* of the assembly's failures */
-} Reading;
+} SliceReading;
 
 static bool is_stopped(const CtsWordWatch *watch)
 {
     return watch && watch->stop && *watch->stop;
 }
 
-static void read_one(Reading *r, Reader *reader, int k)
+static void read_one(SliceReading *r, SliceReader *reader, int k)
 {
     CtsError why = {0};
     if (k > atomic_load(&r->assembly->stop) || is_stopped(r->assembly->watch) ||
@@ -149,7 +149,7 @@ static void read_one(Reading *r, Reader *reader, int k)
     pthread_mutex_unlock(&r->lock);
 }
 
-static void read_held(Reading *r, Reader *reader)
+static void read_held(SliceReading *r, SliceReader *reader)
 {
     if (reader->held >= 0)
         read_one(r, reader, reader->held);
@@ -159,8 +159,8 @@ static void read_held(Reading *r, Reader *reader)
 /* Pipelined: while a worker takes a slice from its decoder, the next one is decoded. */
 static void read_some(void *context, int worker, size_t first, size_t end)
 {
-    Reading *const r = context;
-    Reader *const reader = &r->readers[worker];
+    SliceReading *const r = context;
+    SliceReader *const reader = &r->readers[worker];
     const Assembly *const a = r->assembly;
     for (int k = (int)first; k < (int)end; k++) {
         const bool begun =
@@ -175,10 +175,10 @@ static void read_some(void *context, int worker, size_t first, size_t end)
 
 static CtsStatus read_each(Assembly *a, CtsError *err)
 {
-    Reader *readers = calloc((size_t)a->n_threads, sizeof *readers);
+    SliceReader *readers = calloc((size_t)a->n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    Reading reading = {.assembly = a, .readers = readers, .lock = PTHREAD_MUTEX_INITIALIZER};
+    SliceReading reading = {.assembly = a, .readers = readers, .lock = PTHREAD_MUTEX_INITIALIZER};
     for (int t = 0; t < a->n_threads; t++)
         readers[t].held = -1;
     cts_parallel(a->n_threads, (size_t)a->n_slices, 1, read_some, &reading);

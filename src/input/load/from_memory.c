@@ -42,15 +42,15 @@ typedef struct Range {
     uint64_t n_lost;
 } Range;
 
-typedef struct Pass {
+typedef struct ArrayPass {
     const HuArray *array;
     CtsVolume *volume;
     Range *ranges; /* by slice */
     void **rows;   /* by worker: room for numbers of a row */
-} Pass;
+} ArrayPass;
 
 /* Numbers of row (j, k): where they lie, or gathered. */
-static inline const void *row_of(const Pass *p, int j, int k, void *gathered)
+static inline const void *row_of(const ArrayPass *p, int j, int k, void *gathered)
 {
     const CtsBox *const b = &p->array->box;
     const uint8_t *const at = p->array->bytes + b->first + j * b->stride[1] + k * b->stride[2];
@@ -62,7 +62,7 @@ static inline const void *row_of(const Pass *p, int j, int k, void *gathered)
     return gathered;
 }
 
-static inline uint16_t *grey_of(const Pass *p, int j, int k)
+static inline uint16_t *grey_of(const ArrayPass *p, int j, int k)
 {
     const int *const dims = p->volume->dims;
     return p->volume->grey + ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0];
@@ -133,7 +133,7 @@ static Range join(Range a, Range b)
     }
 
 /* Finds the range of a slice, or converts it to grey levels. */
-static inline __attribute__((always_inline)) void any_slice(const Pass *p, int k, bool looks, void *gathered)
+static inline __attribute__((always_inline)) void any_slice(const ArrayPass *p, int k, bool looks, void *gathered)
 {
     const size_t n = (size_t)p->array->box.dims[0];
     const double scale = 1 / p->volume->hu_step;
@@ -158,12 +158,12 @@ static inline __attribute__((always_inline)) void any_slice(const Pass *p, int k
 }
 #undef GREY_OF
 
-CTS_TARGET_AVX2 static void slice_avx2(const Pass *p, int k, bool looks, void *gathered)
+CTS_TARGET_AVX2 static void slice_avx2(const ArrayPass *p, int k, bool looks, void *gathered)
 {
     any_slice(p, k, looks, gathered);
 }
 
-static void slice(const Pass *p, int k, bool looks, void *gathered)
+static void slice(const ArrayPass *p, int k, bool looks, void *gathered)
 {
     if (cts_cpu_flags() & CTS_CPU_AVX2)
         slice_avx2(p, k, looks, gathered);
@@ -177,7 +177,7 @@ static bool has_words(const HuArray *g)
 }
 
 /* Numbers of 16 bits are converted directly, like a slice's stored words. */
-static Range convert_slice(const Pass *p, int k, void *gathered)
+static Range convert_slice(const ArrayPass *p, int k, void *gathered)
 {
     const CtsStored stored = {
         .bits = 16, .is_signed = p->array->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
@@ -191,7 +191,7 @@ static Range convert_slice(const Pass *p, int k, void *gathered)
 
 static void find_ranges(void *context, int worker, size_t first, size_t end)
 {
-    const Pass *const p = context;
+    const ArrayPass *const p = context;
     for (int k = (int)first; k < (int)end; k++)
         if (has_words(p->array))
             p->ranges[k] = convert_slice(p, k, p->rows[worker]);
@@ -201,7 +201,7 @@ static void find_ranges(void *context, int worker, size_t first, size_t end)
 
 static void make_slices(void *context, int worker, size_t first, size_t end)
 {
-    const Pass *const p = context;
+    const ArrayPass *const p = context;
     for (int k = (int)first; k < (int)end; k++)
         slice(p, k, false, p->rows[worker]);
 }
@@ -224,7 +224,7 @@ static CtsStatus check(const CtsHuArray *g, CtsError *err)
                : cts_fail(err, CTS_ERR_USAGE, "numbers of kind %d", (int)g->number);
 }
 
-static double number_at(const Pass *p, const void *row, int i)
+static double number_at(const ArrayPass *p, const void *row, int i)
 {
     return p->array->number == CTS_FLOAT64   ? ((const double *)row)[i]
            : p->array->number == CTS_FLOAT32 ? (double)((const float *)row)[i]
@@ -232,7 +232,8 @@ static double number_at(const Pass *p, const void *row, int i)
 }
 
 /* The range without isolated values that no scanner measures, which are listed. */
-static CtsStatus leave_outliers_out(const Pass *p, Range *all, CtsOutliers *outliers, CtsReport *report, CtsError *err)
+static CtsStatus leave_outliers_out(const ArrayPass *p, Range *all, CtsOutliers *outliers, CtsReport *report,
+                                    CtsError *err)
 {
     const int *const dims = p->array->box.dims;
     CtsStatus st = CTS_OK;
@@ -260,7 +261,7 @@ static void mend_outliers(const CtsOutliers *outliers, CtsVolume *v)
     }
 }
 
-static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsOutliers *outliers, CtsReport *report, CtsError *err)
+static CtsStatus settle_range(const ArrayPass *p, CtsVolume *v, CtsOutliers *outliers, CtsReport *report, CtsError *err)
 {
     Range all = {INFINITY, -INFINITY, true, 0};
     CtsStatus st;
@@ -283,7 +284,7 @@ static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsOutliers *outliers
     return CTS_OK;
 }
 
-static CtsStatus fill(const Pass *p, CtsVolume *v, int n_threads, CtsReport *report, CtsError *err)
+static CtsStatus fill(const ArrayPass *p, CtsVolume *v, int n_threads, CtsReport *report, CtsError *err)
 {
     const size_t n = (size_t)p->array->box.dims[2];
     cts_parallel(n_threads, n, 0, find_ranges, (void *)p);
@@ -323,7 +324,7 @@ CtsStatus cts_scanned_of_hu(const CtsHuArray *array, int n_threads, CtsScanned *
     n_threads = cts_threads(n_threads);
     const HuArray as_scanned = stored(array);
     const CtsBox *const box = &as_scanned.box;
-    Pass pass = {.array = &as_scanned};
+    ArrayPass pass = {.array = &as_scanned};
     if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)

@@ -14,44 +14,44 @@
 /* Headers that are read together before any is handed on. */
 enum { GROUP = 256 };
 
-typedef struct Found {
+typedef struct FoundFile {
     CtsFile file;
     char *path;
     char *archive; /* path of the zip file that it is a member of, or NULL */
     CtsFileKind kind;
     CtsObject object;
     CtsError why;
-} Found;
+} FoundFile;
 
-typedef struct Search {
+typedef struct ArchiveSearch {
     const CtsArchiveSearch *asked;
     CtsArchiveCounts *counts;
     CtsScan scan;
-    Found group[GROUP];
+    FoundFile group[GROUP];
     int n;
     int n_threads;
     CtsScratch *scratch; /* of each thread */
     bool in_directory;   /* files come from a DICOMDIR, which must not refer to another */
-} Search;
+} ArchiveSearch;
 
 static void read_headers(void *context, int worker, size_t first, size_t end)
 {
-    Search *const s = context;
+    ArchiveSearch *const s = context;
     for (size_t i = first; i < end; i++) {
-        Found *const f = &s->group[i];
+        FoundFile *const f = &s->group[i];
         uint64_t bytes_read = 0;
         f->kind =
             cts_file_read_header(&f->file, CTS_NIFTI_FORM_AUTO, &s->scratch[worker], &f->object, &bytes_read, &f->why);
     }
 }
 
-static CtsStatus flush(Search *s, CtsError *err);
+static CtsStatus flush(ArchiveSearch *s, CtsError *err);
 
 static CtsStatus add_file(void *context, const CtsFile *file, const char *archive, CtsError *err)
 {
-    Search *const s = context;
-    Found *const f = &s->group[s->n];
-    *f = (Found){.file = *file, .archive = archive ? strdup(archive) : NULL};
+    ArchiveSearch *const s = context;
+    FoundFile *const f = &s->group[s->n];
+    *f = (FoundFile){.file = *file, .archive = archive ? strdup(archive) : NULL};
     f->file.named &= !s->in_directory;
     f->file.path = f->path = strdup(file->path);
     s->n++;
@@ -60,7 +60,7 @@ static CtsStatus add_file(void *context, const CtsFile *file, const char *archiv
     return s->n == GROUP ? flush(s, err) : CTS_OK;
 }
 
-static void free_found(Found *f)
+static void free_found(FoundFile *f)
 {
     cts_object_free(&f->object);
     free(f->path);
@@ -68,7 +68,7 @@ static void free_found(Found *f)
 }
 
 /* An archive changes as a whole. */
-static void report_archive(const Found *f, CtsArchiveFile *file)
+static void report_archive(const FoundFile *f, CtsArchiveFile *file)
 {
     struct stat info;
     if (f->archive && !stat(f->archive, &info))
@@ -81,7 +81,7 @@ static CtsStatus add_named(void *context, const char *path, CtsError *err)
 }
 
 /* The files that a DICOMDIR names, into the next group. */
-static CtsStatus follow(Search *s, const char *path, CtsError *err)
+static CtsStatus follow(ArchiveSearch *s, const char *path, CtsError *err)
 {
     size_t n_refused;
     s->in_directory = true;
@@ -90,7 +90,7 @@ static CtsStatus follow(Search *s, const char *path, CtsError *err)
     return st;
 }
 
-static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *err)
+static CtsStatus hand_on(ArchiveSearch *s, const FoundFile *f, char **directory, CtsError *err)
 {
     CtsArchiveFile file = {.path = f->file.path, .series_uid = "", .sop_uid = ""};
     CtsSlicePlace place;
@@ -132,7 +132,7 @@ static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *
 }
 
 /* Reads the queued files and passes them on in order. */
-static CtsStatus flush(Search *s, CtsError *err)
+static CtsStatus flush(ArchiveSearch *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     char *directory = NULL;
@@ -156,7 +156,7 @@ static CtsStatus flush(Search *s, CtsError *err)
 }
 
 /* A folder that cannot be listed counts like a file that cannot be read. */
-static CtsStatus report_folders(const Search *s, CtsError *err)
+static CtsStatus report_folders(const ArchiveSearch *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (size_t i = 0; i < s->scan.diagnostics.n && !st; i++) {
@@ -170,7 +170,7 @@ static CtsStatus report_folders(const Search *s, CtsError *err)
 CtsStatus cts_archive_search(const CtsArchiveSearch *asked, CtsArchiveCounts *counts, CtsError *err)
 {
     *counts = (CtsArchiveCounts){0};
-    Search *s = calloc(1, sizeof *s);
+    ArchiveSearch *s = calloc(1, sizeof *s);
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     s->asked = asked;

@@ -49,7 +49,7 @@ typedef struct Header {
     char *why; /* it could not be read */
 } Header;
 
-typedef struct Search {
+typedef struct HeaderSearch {
     CtsFileList files;
     Header *headers; /* files.n of them, once read */
     size_t n_headers;
@@ -57,7 +57,7 @@ typedef struct Search {
     CtsSeriesList *list;
     const CtsSeriesSearch *asked;
     CtsStudyNumbers numbers; /* of all objects; used where asked has none */
-} Search;
+} HeaderSearch;
 
 static bool read_one(const CtsFile *file, CtsNiftiForm form, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
 {
@@ -69,22 +69,22 @@ static bool read_one(const CtsFile *file, CtsNiftiForm form, CtsScratch *scratch
 }
 
 /* One thread's. */
-typedef struct Reader {
+typedef struct HeaderReader {
     CtsScratch scratch;
     uint64_t bytes_read;
     bool failed;
-} Reader;
+} HeaderReader;
 
-typedef struct Reading {
-    Search *search;
+typedef struct HeaderReading {
+    HeaderSearch *search;
     size_t first_file;
-    Reader *readers;
-} Reading;
+    HeaderReader *readers;
+} HeaderReading;
 
 static void read_some(void *context, int worker, size_t first, size_t end)
 {
-    const Reading *const r = context;
-    Reader *const reader = &r->readers[worker];
+    const HeaderReading *const r = context;
+    HeaderReader *const reader = &r->readers[worker];
     for (size_t i = r->first_file + first; i < r->first_file + end; i++)
         reader->failed |= !read_one(&r->search->files.items[i], r->search->asked->rules.nifti_form, &reader->scratch,
                                     &r->search->headers[i], &reader->bytes_read);
@@ -101,7 +101,7 @@ static bool take_texts(CtsSeriesList *list, CtsStringPool *texts)
 }
 
 /* Reads the headers not yet read. */
-static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
+static CtsStatus read_headers(HeaderSearch *s, int n_threads, CtsError *err)
 {
     const size_t first = s->n_headers, n = s->files.n;
     Header *headers = realloc(s->headers, (n ? n : 1) * sizeof *headers);
@@ -110,10 +110,10 @@ static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
     memset(headers + first, 0, (n - first) * sizeof *headers);
     s->headers = headers;
     s->n_headers = n;
-    Reader *readers = calloc((size_t)n_threads, sizeof *readers);
+    HeaderReader *readers = calloc((size_t)n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    Reading reading = {s, first, readers};
+    HeaderReading reading = {s, first, readers};
     cts_parallel(n_threads, n - first, 8, read_some, &reading);
     bool failed = false;
     for (int t = 0; t < n_threads; t++) {
@@ -131,7 +131,7 @@ static CtsStatus add_named(void *context, const char *path, CtsError *err)
 }
 
 /* Add the files that one DICOMDIR names. */
-static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
+static CtsStatus follow_directory(HeaderSearch *s, const char *path, CtsError *err)
 {
     size_t n_refused = 0;
     const CtsStatus st = cts_slice_read_directory(path, add_named, &s->files, &n_refused, err);
@@ -141,7 +141,7 @@ static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
     return st;
 }
 
-static CtsStatus follow_directories(Search *s, int n_threads, CtsError *err)
+static CtsStatus follow_directories(HeaderSearch *s, int n_threads, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const size_t n = s->n_headers;
@@ -183,7 +183,7 @@ static int by_series_and_path(const void *a, const void *b)
 }
 
 /* Counts files that are not slices, and names unreadable ones. */
-static CtsStatus count_others(const Search *s, CtsError *err)
+static CtsStatus count_others(const HeaderSearch *s, CtsError *err)
 {
     CtsSeriesList *list = s->list;
     list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
@@ -210,7 +210,7 @@ static CtsStatus count_others(const Search *s, CtsError *err)
     return st;
 }
 
-static CtsStatus number_objects(Search *s, CtsError *err)
+static CtsStatus number_objects(HeaderSearch *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (size_t i = 0; !st && !s->asked->numbers && i < s->n_headers; i++) {
@@ -223,7 +223,7 @@ static CtsStatus number_objects(Search *s, CtsError *err)
 }
 
 /* The slices of all objects move to *slices. */
-static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
     size_t n = 0;
     for (size_t i = 0; i < s->n_headers; i++)
@@ -241,7 +241,7 @@ static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsErr
     return CTS_OK;
 }
 
-static CtsStatus add_series(const Search *s, CtsSliceSet *set, CtsError *err)
+static CtsStatus add_series(const HeaderSearch *s, CtsSliceSet *set, CtsError *err)
 {
     CtsSeriesList *const list = s->list;
     int n = 0;
@@ -284,7 +284,7 @@ static int by_size(const void *a, const void *b)
     return order ? order : x->part - y->part;
 }
 
-static CtsStatus group(const Search *s, CtsSlice **slices, size_t n, CtsError *err)
+static CtsStatus group(const HeaderSearch *s, CtsSlice **slices, size_t n, CtsError *err)
 {
     CtsSeriesList *const list = s->list;
     CtsStringPool texts = {0};
@@ -316,7 +316,7 @@ static CtsStatus group(const Search *s, CtsSlice **slices, size_t n, CtsError *e
     return st ? st : cts_single_slices_report(list, err);
 }
 
-static CtsStatus list_paths(const Search *s, CtsError *err)
+static CtsStatus list_paths(const HeaderSearch *s, CtsError *err)
 {
     if (!(s->list->paths = malloc((s->files.n + 1) * sizeof *s->list->paths)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -326,7 +326,7 @@ static CtsStatus list_paths(const Search *s, CtsError *err)
 }
 
 /* The slices of all files below the paths, and the counts of other files. */
-static CtsStatus find_slices(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+static CtsStatus find_slices(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
     const CtsSeriesSearch *const asked = s->asked;
     const int n_threads = cts_threads(asked->n_threads);
@@ -346,7 +346,7 @@ static CtsStatus find_slices(Search *s, CtsSlice ***slices, size_t *n_slices, Ct
                : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
-static CtsStatus nothing_found(const Search *s, CtsError *err)
+static CtsStatus nothing_found(const HeaderSearch *s, CtsError *err)
 {
     const CtsSeriesList *list = s->list;
     const char *first = "";
@@ -361,7 +361,7 @@ static CtsStatus nothing_found(const Search *s, CtsError *err)
                     list->n_files, list->n_files == 1 ? "" : "s", others[0] ? ": " : "", others);
 }
 
-static void free_search(Search *s)
+static void free_search(HeaderSearch *s)
 {
     for (size_t i = 0; i < s->n_headers; i++) {
         cts_object_free(&s->headers[i].object);
@@ -383,7 +383,7 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
 CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    Search s = {.asked = search};
+    HeaderSearch s = {.asked = search};
     CtsSlice **slices = NULL;
     size_t n_slices = 0;
     *list = NULL;

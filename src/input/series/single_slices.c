@@ -146,19 +146,19 @@ CtsStatus cts_single_slices_find(const CtsSlicePlace *places, size_t n, int *sta
 }
 
 /* A series of a single slice in a list. */
-typedef struct Single {
+typedef struct SingleSlice {
     const CtsSeries *series;
     CtsSlicePlace place;
-} Single;
+} SingleSlice;
 
 static int by_study_and_uid(const void *a, const void *b)
 {
-    const CtsSeries *x = ((const Single *)a)->series, *y = ((const Single *)b)->series;
+    const CtsSeries *x = ((const SingleSlice *)a)->series, *y = ((const SingleSlice *)b)->series;
     const int order = strcmp(x->study_uid, y->study_uid);
     return order ? order : strcmp(x->uid, y->uid);
 }
 
-static CtsStatus report_study(CtsSeriesList *list, const Single *singles, size_t n, CtsError *err)
+static CtsStatus report_study(CtsSeriesList *list, const SingleSlice *singles, size_t n, CtsError *err)
 {
     int n_stacks = 0;
     CtsSlicePlace *places = malloc(n * sizeof *places);
@@ -188,7 +188,7 @@ CtsStatus cts_single_slices_report(CtsSeriesList *list, CtsError *err)
 {
     size_t n = 0;
     CtsStatus st = CTS_OK;
-    Single *const singles = malloc((list->n + 1) * sizeof *singles);
+    SingleSlice *const singles = malloc((list->n + 1) * sizeof *singles);
     if (!singles)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (size_t i = 0; i < list->n; i++) {

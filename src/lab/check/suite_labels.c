@@ -9,7 +9,7 @@
 enum { NX = 13, NY = 12, NZ = 10, MAX_LABELS = 3 };
 
 /* Labels by formula. */
-typedef struct Scene {
+typedef struct LabelScene {
     int n_labels;
     bool (*holds)(int label, int i, int j, int k);
     double (*share)(int label, int i, int j, int k); /* fraction of a voxel that a label fills in part; NULL: none */
@@ -19,7 +19,7 @@ typedef struct Scene {
     bool lit;
     double azimuth_deg, elevation_deg;
     double bound[CHECK_N_FAMILIES];
-} Scene;
+} LabelScene;
 
 typedef struct Labels {
     CtsLabels set;
@@ -30,13 +30,13 @@ typedef struct Labels {
 } Labels;
 
 /* Rounded as stored. */
-static double share_of(const Scene *s, int label, int i, int j, int k)
+static double share_of(const LabelScene *s, int label, int i, int j, int k)
 {
     const double share = s->share ? fmin(fmax(s->share(label, i, j, k), 0), 1) : s->holds(label, i, j, k);
     return rint(share * CTS_WHOLE_SHARE) / CTS_WHOLE_SHARE;
 }
 
-static void fill(Labels *l, const Scene *s, const CtsVolume *v, int layers)
+static void fill(Labels *l, const LabelScene *s, const CtsVolume *v, int layers)
 {
     static char names[MAX_LABELS][2] = {"a", "b", "c"};
     l->set = (CtsLabels){.items = l->items, .n = (size_t)s->n_labels, .counted = true};
@@ -67,7 +67,7 @@ static void fill(Labels *l, const Scene *s, const CtsVolume *v, int layers)
 }
 
 typedef struct Truth {
-    const Scene *scene;
+    const LabelScene *scene;
     const CtsVolume *volume;
     CtsPreset appearances[MAX_LABELS + 1];
     int layers;
@@ -163,7 +163,7 @@ static CtsPreset appearance_of(const char *colour)
 
 static const CtsCheckPoint shown[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.1, {0.9, 0.5, 0.2}}};
 
-static CtsStatus make(const CtsCheckRun *run, const Scene *s, CtsRenderedScene *m, CtsError *err)
+static CtsStatus make(const CtsCheckRun *run, const LabelScene *s, CtsRenderedScene *m, CtsError *err)
 {
     const int layers = s->layers ? s->layers : 1;
     const CtsFormulaScene scene = {.dims = {NX, NY, (NZ - 1) * layers + 1},
@@ -176,7 +176,7 @@ static CtsStatus make(const CtsCheckRun *run, const Scene *s, CtsRenderedScene *
     return cts_check_make(run, &scene, m, err);
 }
 
-static CtsStatus make_labelled(const CtsCheckRun *run, const Scene *s, CtsRenderedScene *m, Labels **labels,
+static CtsStatus make_labelled(const CtsCheckRun *run, const LabelScene *s, CtsRenderedScene *m, Labels **labels,
                                CtsError *err)
 {
     const CtsLabelChoice choice = {.show = s->show,
@@ -194,7 +194,7 @@ static CtsStatus make_labelled(const CtsCheckRun *run, const Scene *s, CtsRender
 
 static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    const Scene *const s = data;
+    const LabelScene *const s = data;
     CtsRenderedScene m;
     Labels *labels = NULL;
     CtsStatus st = make_labelled(run, s, &m, &labels, err);
@@ -215,7 +215,7 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 /* For engines without label boundaries a hidden voxel is air. */
 static CtsStatus air(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    const Scene *const s = data;
+    const LabelScene *const s = data;
     CtsRenderedScene hidden, cut = {.volume = NULL};
     CtsPicture *a = NULL, *b = NULL;
     Labels *labels = NULL;
@@ -284,7 +284,7 @@ static double part_balls(int label, int i, int j, int k)
     return 0.5 + ((label ? 2.4 : 4.6) - r) / 3;
 }
 
-#define SCENE(NAME, RUN, ENGINES, ...) CHECK_ROW(NAME, ENGINES, RUN, Scene, __VA_ARGS__)
+#define SCENE(NAME, RUN, ENGINES, ...) CHECK_ROW(NAME, ENGINES, RUN, LabelScene, __VA_ARGS__)
 #define BOUND .bound = {CHECK_NONE, CHECK_PROMISED, 1e-6}
 
 static const CtsCheckCase cases[] = {

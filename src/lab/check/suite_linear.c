@@ -3,14 +3,14 @@
 
 #include <math.h>
 
-typedef struct Scene {
+typedef struct LinearScene {
     const CtsFormulaScene *linear;
     const CtsVolume *volume;
     const CtsPreset *preset;
     double scale, gradient_mm[3], gradient_length;
-} Scene;
+} LinearScene;
 
-static double hu_at(const Scene *s, const CtsTruthRay *ray, double t_mm)
+static double hu_at(const LinearScene *s, const CtsTruthRay *ray, double t_mm)
 {
     double vox[3];
     cts_truth_ray_voxel(s->volume, ray, t_mm, vox);
@@ -19,7 +19,7 @@ static double hu_at(const Scene *s, const CtsTruthRay *ray, double t_mm)
 
 static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
-    const Scene *s = data;
+    const LinearScene *s = data;
     CtsTruthInterval interval = {hu_at(s, ray, ray->from_mm), hu_at(s, ray, ray->to_mm), ray->to_mm - ray->from_mm, -1};
     const CtsPreset *p = s->preset;
     if (p->mode != CTS_MODE_COMPOSITE) {
@@ -41,7 +41,7 @@ static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 }
 
 /* The field's gradient in mm: differences of HU over a millimetre along each patient axis. */
-static void find_gradient(Scene *s)
+static void find_gradient(LinearScene *s)
 {
     double length2 = 0;
     for (int c = 0; c < 3; c++) {
@@ -78,7 +78,7 @@ CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *data, CtsError *e
     CtsStatus st = cts_check_make(run, l, &m, err);
     if (st)
         return st;
-    Scene scene = {.linear = l, .volume = m.volume, .preset = &m.preset, .scale = 1};
+    LinearScene scene = {.linear = l, .volume = m.volume, .preset = &m.preset, .scale = 1};
     if (l->per_voxel)
         scene.scale = voxels_per_mm(m.volume, l);
     find_gradient(&scene);

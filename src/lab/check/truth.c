@@ -28,12 +28,12 @@ double cts_truth_integral(double (*f)(double, const void *), const void *data, d
 }
 
 /* Between two control points: opacity is linear per mm, so that depth has a closed form. */
-typedef struct Line {
+typedef struct LinearOpacity {
     double a0, slope, unit_mm, scale;
     bool capped;
-} Line;
+} LinearOpacity;
 
-static double line_depth(const Line *l, double t)
+static double line_depth(const LinearOpacity *l, double t)
 {
     if (l->capped)
         return CTS_MAX_EXTINCTION_PER_MM * l->scale * t;
@@ -56,7 +56,7 @@ static double line_alpha(double t, const void *data)
 
 /* Integral of line_alpha over the line. Short segments of low opacity are nearly parabolas, for which three points
  * suffice. */
-static double alpha_integral(const Line *l, double mm, double a1)
+static double alpha_integral(const LinearOpacity *l, double mm, double a1)
 {
     if (line_depth(l, mm) < 0.02 && (l->capped || fabs(a1 - l->a0) < 0.02 * (1 - fmax(l->a0, a1))))
         return mm / 18 *
@@ -116,11 +116,11 @@ static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, d
             return;
         }
     }
-    const Line line = {.a0 = a0,
-                       .slope = mm > 0 ? (a1 - a0) / mm : 0,
-                       .unit_mm = p->unit_distance_mm,
-                       .scale = scale,
-                       .capped = 0.5 * (a0 + a1) >= cap};
+    const LinearOpacity line = {.a0 = a0,
+                                .slope = mm > 0 ? (a1 - a0) / mm : 0,
+                                .unit_mm = p->unit_distance_mm,
+                                .scale = scale,
+                                .capped = 0.5 * (a0 + a1) >= cap};
     const double left = exp(-sum->depth), alpha = line_alpha(mm, &line);
     double area = NAN;
     for (int c = 0; c < 3; c++) {

@@ -119,11 +119,11 @@ static double facing(const CtsVolume *v, const Cell *cell, const double part[3],
     return length2 > 0 ? fabs(along) / sqrt(length2) : 0;
 }
 
-typedef struct Line {
+typedef struct VoxelLine {
     double vox[3], per_mm[3]; /* voxel coordinates at t = 0, and their change */
-} Line;
+} VoxelLine;
 
-static double hu_at(const Cell *cell, const Line *line, const int first[3], double t_mm, double part[3])
+static double hu_at(const Cell *cell, const VoxelLine *line, const int first[3], double t_mm, double part[3])
 {
     double hu = 0;
     for (int a = 0; a < 3; a++)
@@ -133,7 +133,7 @@ static double hu_at(const Cell *cell, const Line *line, const int first[3], doub
     return hu;
 }
 
-static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, const Line *line,
+static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, const VoxelLine *line,
                      const int first[3], double from_mm, double to_mm, CtsTruthSum *light)
 {
     Cell cell;
@@ -160,7 +160,7 @@ void cts_truth_volume(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay 
 {
     const double opaque = 30;
     CtsTruthSum light = {{0, 0, 0}, 0};
-    Line line;
+    VoxelLine line;
     cts_truth_ray_voxel(v, ray, 0, line.vox);
     cts_truth_ray_voxel(v, ray, 1, line.per_mm);
     for (int c = 0; c < 3; c++)

@@ -34,13 +34,13 @@ typedef struct Packer {
 } Packer;
 
 /* A compressed strip that is not yet written. */
-typedef struct Strip {
+typedef struct PngStrip {
     uint8_t *bytes; /* owned */
     size_t n_bytes;
     uint32_t adler; /* of its n_rows filtered rows */
     size_t n_filtered;
     CtsStatus status;
-} Strip;
+} PngStrip;
 
 /* State for libpng's callbacks. */
 typedef struct PngWriter {
@@ -225,7 +225,7 @@ static void filter_paeth(const uint8_t *restrict row, const uint8_t *restrict ab
 /* Rows y <= r < end of a band. The first is filtered as if the row above were zeros, where Paeth equals Sub, so that
  * strips are independent. */
 static CtsStatus pack_strip(const PngWriter *w, Packer *p, const CtsPicture *band, int y, int end, bool last,
-                            Strip *strip)
+                            PngStrip *strip)
 {
     const size_t n = w->row_bytes, bpp = pixel_bytes(w);
     const CtsStatus st = p->strip ? CTS_OK : make_packer(w, p);
@@ -257,7 +257,7 @@ static CtsStatus pack_strip(const PngWriter *w, Packer *p, const CtsPicture *ban
 typedef struct Packing {
     const PngWriter *writer;
     const CtsPicture *band;
-    Strip *strips;
+    PngStrip *strips;
 } Packing;
 
 static void pack_strips(void *context, int worker, size_t first, size_t end)
@@ -267,7 +267,7 @@ static void pack_strips(void *context, int worker, size_t first, size_t end)
     const bool last_band = p->band->first_row + height == p->band->whole_height;
     for (size_t i = first; i < end; i++) {
         const int y = (int)i * per_strip, y_end = y + per_strip < height ? y + per_strip : height;
-        Strip *const strip = &p->strips[i];
+        PngStrip *const strip = &p->strips[i];
         strip->status =
             pack_strip(p->writer, &p->writer->packers[worker], p->band, y, y_end, last_band && y_end == height, strip);
     }
@@ -277,7 +277,7 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
 {
     PngWriter *w = job->state;
     const size_t n = (size_t)((band->height + w->rows_per_strip - 1) / w->rows_per_strip);
-    Strip *strips;
+    PngStrip *strips;
     w->err = err;
     CtsStatus st = cts_alloc_zeroed(&strips, n, err);
     if (st)

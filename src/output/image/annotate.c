@@ -21,10 +21,10 @@ typedef struct Mark {
 } Mark;
 
 /* A mark's box in pixels: strokes and outline. pen: half the stroke width. */
-typedef struct Box {
+typedef struct MarkBox {
     double text_width, text_height, above, below, bar_height, pen, rim; /* above, below: room for accents */
     int width, height;
-} Box;
+} MarkBox;
 
 static int advance_of(const CtsLetter *letter)
 {
@@ -109,9 +109,9 @@ static double to_bar(double x, double y, double width, double height)
     return dx > 0 && dy > 0 ? hypot(dx, dy) : fmax(dx, dy);
 }
 
-static Box measure(const Mark *mark)
+static MarkBox measure(const Mark *mark)
 {
-    Box box = {.pen = mark->font_px / 18, .rim = fmax(1, mark->font_px / 10)};
+    MarkBox box = {.pen = mark->font_px / 18, .rim = fmax(1, mark->font_px / 10)};
     int advance = -CTS_LETTER_GAP;
     for (int i = 0; i < mark->text.n; i++)
         advance += advance_of(&mark->text.items[i]);
@@ -128,7 +128,7 @@ static Box measure(const Mark *mark)
 }
 
 /* Signed distance from the box's point to the mark's strokes; negative inside. */
-static double to_ink(const Mark *mark, const Box *box, double x, double y)
+static double to_ink(const Mark *mark, const MarkBox *box, double x, double y)
 {
     const double unit = box->text_height / CTS_CAPITAL;
     const double left = (box->width - box->text_width) / 2, top = 2 * box->rim + box->pen + box->above;
@@ -148,15 +148,15 @@ static double covered(double distance_px)
 /* A mark and the position of its box in the whole picture. */
 typedef struct Placed {
     Mark mark;
-    Box box;
+    MarkBox box;
     int left, top;
 } Placed;
 
-typedef struct Layout {
+typedef struct MarkLayout {
     int width, height; /* of the whole picture */
     Placed placed[5];
     int n, n_left_out;
-} Layout;
+} MarkLayout;
 
 static bool overlap(const Placed *a, const Placed *b)
 {
@@ -165,7 +165,7 @@ static bool overlap(const Placed *a, const Placed *b)
 }
 
 /* Skips marks that would overlap another one or leave the picture. */
-static void place(Layout *layout, const Mark *mark)
+static void place(MarkLayout *layout, const Mark *mark)
 {
     Placed *p = &layout->placed[layout->n];
     p->mark = *mark;
@@ -222,7 +222,7 @@ static double round_length_mm(double length_mm)
     return best;
 }
 
-static void place_letters(Layout *layout, const CtsPictureInfo *info, double font_px, double margin_px)
+static void place_letters(MarkLayout *layout, const CtsPictureInfo *info, double font_px, double margin_px)
 {
     const struct {
         const double *direction_lps;
@@ -242,7 +242,7 @@ static void place_letters(Layout *layout, const CtsPictureInfo *info, double fon
     }
 }
 
-static void place_scale(Layout *layout, double mm_per_pixel, double font_px, double margin_px)
+static void place_scale(MarkLayout *layout, double mm_per_pixel, double font_px, double margin_px)
 {
     const double length_mm = round_length_mm(0.2 * layout->width * mm_per_pixel);
     char number[32], text[48];
@@ -259,7 +259,7 @@ static void place_scale(Layout *layout, double mm_per_pixel, double font_px, dou
 CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n_left_out, CtsError *err)
 {
     const CtsPictureInfo *info = &picture->info;
-    Layout layout = {.width = picture->width, .height = picture->whole_height};
+    MarkLayout layout = {.width = picture->width, .height = picture->whole_height};
     const int side = layout.width < layout.height ? layout.width : layout.height;
     const double font_px = fmax(MIN_FONT_PX, side / 30.0), margin_px = font_px / 4;
     const double mm_per_pixel = info->mm_per_pixel;

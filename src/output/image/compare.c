@@ -112,14 +112,14 @@ static CtsStatus percentile(const CtsPicture *a, const CtsPicture *b, double *p9
 
 /* Windows of one direction: weights, and the positions evaluated: those that fit, or, in a picture smaller than a
  * window, all, truncated at the border. */
-typedef struct Windows {
+typedef struct ComparedWindows {
     double weights[2 * RADIUS + 1];
     int size, first, last;
-} Windows;
+} ComparedWindows;
 
-static Windows windows_of(int size)
+static ComparedWindows windows_of(int size)
 {
-    Windows w = {.size = size, .first = 0, .last = size - 1};
+    ComparedWindows w = {.size = size, .first = 0, .last = size - 1};
     double sum = 0;
     for (int k = -RADIUS; k <= RADIUS; k++)
         sum += w.weights[k + RADIUS] = exp(-0.5 * k * k / (1.5 * 1.5));
@@ -132,7 +132,7 @@ static Windows windows_of(int size)
     return w;
 }
 
-static int window_start(const Windows *w, int at, int *end, double *norm)
+static int window_start(const ComparedWindows *w, int at, int *end, double *norm)
 {
     const int start = at < RADIUS ? 0 : at - RADIUS;
     *end = at + RADIUS >= w->size ? w->size - 1 : at + RADIUS;
@@ -151,7 +151,8 @@ static double similarity(const double m[N_MOMENTS])
 }
 
 /* Moments of a and b along the columns of the windows centred on row y; N_MOMENTS a column. */
-static void column_moments(const CtsPicture *a, const CtsPicture *b, int c, const Windows *rows, int y, double *columns)
+static void column_moments(const CtsPicture *a, const CtsPicture *b, int c, const ComparedWindows *rows, int y,
+                           double *columns)
 {
     int end;
     double norm;
@@ -172,7 +173,7 @@ static void column_moments(const CtsPicture *a, const CtsPicture *b, int c, cons
     }
 }
 
-static double row_similarity(const Windows *across, const double *columns)
+static double row_similarity(const ComparedWindows *across, const double *columns)
 {
     double sum = 0;
     for (int x = across->first; x <= across->last; x++) {
@@ -187,16 +188,16 @@ static double row_similarity(const Windows *across, const double *columns)
     return sum;
 }
 
-typedef struct Rows {
+typedef struct ComparedRows {
     const CtsPicture *a, *b;
-    const Windows *across, *rows;
+    const ComparedWindows *across, *rows;
     int n_channels;
     double *columns, *sums; /* of each worker; of each row */
-} Rows;
+} ComparedRows;
 
 static void compare_rows(void *context, int worker, size_t first, size_t end)
 {
-    const Rows *const r = context;
+    const ComparedRows *const r = context;
     double *mine = r->columns + (size_t)worker * r->a->width * N_MOMENTS;
     for (size_t k = first; k < end; k++)
         for (int c = 0; c < r->n_channels; c++) {
@@ -207,14 +208,14 @@ static void compare_rows(void *context, int worker, size_t first, size_t end)
 
 static CtsStatus structural_similarity(const CtsPicture *a, const CtsPicture *b, double *ssim, CtsError *err)
 {
-    const Windows across = windows_of(a->width), rows = windows_of(a->height);
+    const ComparedWindows across = windows_of(a->width), rows = windows_of(a->height);
     const int n_channels = a->n_channels == 1 && b->n_channels == 1 ? 1 : 3;
     const int n_rows = rows.last - rows.first + 1, n_threads = cts_threads(0);
     double *columns = NULL, *row_sums = NULL;
     CtsStatus st = cts_alloc_array(&columns, (size_t)n_threads * a->width * N_MOMENTS, err);
     if (st || (st = cts_alloc_zeroed(&row_sums, (size_t)n_rows, err)))
         goto end;
-    Rows job = {a, b, &across, &rows, n_channels, columns, row_sums};
+    ComparedRows job = {a, b, &across, &rows, n_channels, columns, row_sums};
     cts_parallel(n_threads, (size_t)n_rows, 0, compare_rows, &job);
     double sum = 0; /* in the order of the rows, for any number of threads */
     for (int k = 0; k < n_rows; k++)

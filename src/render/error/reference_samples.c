@@ -27,15 +27,15 @@ uint64_t cts_reference_seed(const CtsScene *scene)
     return mix(hash, scene->preset->name, strlen(scene->preset->name));
 }
 
-typedef struct Placing {
+typedef struct SamplePlacing {
     uint64_t random;
     double picture_area;
     int (*xy)[2];
     double *weight;
-} Placing;
+} SamplePlacing;
 
 /* Place n pixels, one or two different ones, at random in a box. */
-static void place_in(Placing *p, const int box[4], size_t n)
+static void place_in(SamplePlacing *p, const int box[4], size_t n)
 {
     const uint64_t width = (uint64_t)box[2], area = width * (uint64_t)box[3];
     const uint64_t first = cts_reference_random(&p->random) % area;
@@ -53,7 +53,7 @@ static void place_in(Placing *p, const int box[4], size_t n)
 }
 
 /* n pixels in box x, y, width, height: halves share them by area. */
-static void place(Placing *p, const int box[4], size_t n)
+static void place(SamplePlacing *p, const int box[4], size_t n)
 {
     if (n == 0)
         return;
@@ -119,7 +119,7 @@ CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, s
         return st;
     CtsReference *r = *reference;
     const int box[4] = {0, 0, r->width, r->height};
-    Placing p = {cts_reference_seed(scene), (double)r->width * r->height, r->xy, r->weight};
+    SamplePlacing p = {cts_reference_seed(scene), (double)r->width * r->height, r->xy, r->weight};
     place(&p, box, n);
     return CTS_OK;
 }

@@ -71,11 +71,11 @@ static CtsStatus draw(ProbeRendering *l, const double from[2], double apart, con
 }
 
 /* Rays of a probe rendering: from low to high, inclusive. */
-typedef struct Box {
+typedef struct RayBox {
     int low[2], high[2];
-} Box;
+} RayBox;
 
-static void widen(Box *box, const Box *by)
+static void widen(RayBox *box, const RayBox *by)
 {
     for (int i = 0; i < 2; i++) {
         box->low[i] = by->low[i] < box->low[i] ? by->low[i] : box->low[i];
@@ -85,7 +85,7 @@ static void widen(Box *box, const Box *by)
 
 /* An 8-connected part of the visible rays. */
 typedef struct Part {
-    Box box;
+    RayBox box;
     int n_rays, weight; /* weight: sum of what the rays show */
 } Part;
 
@@ -100,7 +100,7 @@ static void take_part(ProbeRendering *l, int x, int y, Part *part)
     while (n_open > 0) {
         const int at = open[--n_open];
         const int px = at % LOOK, py = at / LOOK;
-        widen(&part->box, &(Box){{px, py}, {px, py}});
+        widen(&part->box, &(RayBox){{px, py}, {px, py}});
         part->n_rays++;
         for (int j = py > 0 ? py - 1 : 0; j <= py + 1 && j < LOOK; j++)
             for (int i = px > 0 ? px - 1 : 0; i <= px + 1 && i < LOOK; i++)
@@ -112,14 +112,14 @@ static void take_part(ProbeRendering *l, int x, int y, Part *part)
     }
 }
 
-static bool reaches_past(const Box *part, const Box *box)
+static bool reaches_past(const RayBox *part, const RayBox *box)
 {
     return part->low[0] < box->low[0] || part->low[1] < box->low[1] || part->high[0] > box->high[0] ||
            part->high[1] > box->high[1];
 }
 
 /* The weight of the heaviest part within a box extended by a ray, as if of the probe rendering's rays. */
-static CtsStatus closer_weight(const ProbeRendering *l, const Box *box, double *weight, CtsError *err)
+static CtsStatus closer_weight(const ProbeRendering *l, const RayBox *box, double *weight, CtsError *err)
 {
     const int n[2] = {(box->high[0] - box->low[0] + 3) * FINER, (box->high[1] - box->low[1] + 3) * FINER};
     const double from[2] = {box->low[0] - 1.5 + 0.5 / FINER, box->low[1] - 1.5 + 0.5 / FINER};
@@ -137,12 +137,12 @@ static CtsStatus closer_weight(const ProbeRendering *l, const Box *box, double *
 }
 
 /* The box of the visible rays without specks; high[0] < 0 if there are none. */
-static CtsStatus take_box(ProbeRendering *l, Box *box, CtsError *err)
+static CtsStatus take_box(ProbeRendering *l, RayBox *box, CtsError *err)
 {
-    Box unsure[LOOK * LOOK / 4]; /* parts are at least a ray apart */
+    RayBox unsure[LOOK * LOOK / 4]; /* parts are at least a ray apart */
     int all = 0, n_unsure = 0;
     CtsStatus st = CTS_OK;
-    *box = (Box){{LOOK, LOOK}, {-1, -1}};
+    *box = (RayBox){{LOOK, LOOK}, {-1, -1}};
     for (int i = 0; i < LOOK * LOOK; i++)
         all += l->shown[i / LOOK][i % LOOK];
     for (int i = 0; i < LOOK * LOOK; i++) {
@@ -214,8 +214,8 @@ static CtsStatus find_lut(Probing *l, CtsScene *scene, CtsError *err)
 
 /* Probe rendering between the spans to the right and up, with separate spacings, so that a thin volume is not missed;
  * one more ray beyond either end. */
-static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, double least, const Span span[2], Box *box,
-                              CtsError *err)
+static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, double least, const Span span[2],
+                              RayBox *box, CtsError *err)
 {
     ProbeRendering l = {.least = least};
     CtsRenderSettings small = *s;
@@ -258,7 +258,7 @@ static CtsStatus find_by(Probing *probing, const CtsRenderSettings *s, double le
 {
     CtsViewAxes axes;
     CtsStatus st;
-    Box box;
+    RayBox box;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     const Span whole[2] = {span_of_box(probing->what->volume, axes.right_lps),
                            span_of_box(probing->what->volume, axes.up_lps)};
