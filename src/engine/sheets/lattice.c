@@ -1,6 +1,7 @@
 #include "engine/sheets/lattice.h"
 
 #include "base/mem.h"
+#include "base/simd_fixed.h"
 #include <math.h>
 
 /* Points of a lattice that hold n pixels between them, with one point beyond the last pixel. */
@@ -16,37 +17,36 @@ static int lattice_points(int n)
 /* Error of an interpolated pixel as a share of the difference of the marched ones around it. */
 #define INTERPOLATED_SHARE 0.25F
 
-static float range_of(const float *const corner[], int n)
+static f32x4 select4(i32x4 mask, f32x4 yes, f32x4 no)
 {
-    float most = 0;
-    for (int c = 0; c < 4; c++) {
-        float low = corner[0][c], high = corner[0][c];
-        for (int i = 1; i < n; i++) {
-            low = sheets_smaller(low, corner[i][c]);
-            high = sheets_larger(high, corner[i][c]);
-        }
-        most = sheets_larger(most, high - low);
+    return (f32x4)((mask & (i32x4)yes) | (~mask & (i32x4)no));
+}
+
+/* The largest range of a channel. */
+static float range_of(const f32x4 rgba[], int n)
+{
+    f32x4 low = rgba[0], high = rgba[0];
+    for (int i = 1; i < n; i++) {
+        low = select4(rgba[i] < low, rgba[i], low);
+        high = select4(rgba[i] > high, rgba[i], high);
     }
-    return most;
+    const f32x4 range = high - low;
+    return sheets_larger(sheets_larger(range[0], range[1]), sheets_larger(range[2], range[3]));
 }
 
 /* Pixel of a patch as the mean of n (1, 2 or 4) marched ones. Where these see nothing, or lie far apart in depth, the
  * first one's depth stands for them. */
 static void interpolate(SheetsPatch *to, size_t at, const SheetsPatch *from, const size_t corner[], int n)
 {
-    const float *rgba[4];
+    f32x4 rgba[4], sum = {0};
     const float share = 1 / (float)n;
     float indicator = 0, depth_mm = 0;
     for (int i = 0; i < n; i++) {
-        rgba[i] = from->rgba + 4 * corner[i];
+        rgba[i] = *(const f32x4 *)(from->rgba + 4 * corner[i]);
+        sum += rgba[i];
         indicator += from->indicator[corner[i]] * share;
     }
-    for (int c = 0; c < 4; c++) {
-        float sum = 0;
-        for (int i = 0; i < n; i++)
-            sum += rgba[i][c];
-        to->rgba[4 * at + (size_t)c] = sum * share;
-    }
+    *(f32x4 *)(to->rgba + 4 * at) = sum * share;
     to->indicator[at] = indicator + INTERPOLATED_SHARE * range_of(rgba, n);
     if (!to->depth_mm)
         return;
@@ -55,20 +55,23 @@ static void interpolate(SheetsPatch *to, size_t at, const SheetsPatch *from, con
     to->depth_mm[at] = depth_mm < SHEETS_FAR / 8 ? depth_mm : from->depth_mm[corner[0]];
 }
 
-/* The 4 x 4 pixels of a group between 3 x 3 points of the lattice. */
+/* The 4 x 4 pixels of a group between 3 x 3 points of the lattice, two by two. */
 static void interpolate_group(SheetsPatch *to, const SheetsPatch *from, int x0, int y0)
 {
-    const size_t across = (size_t)from->width;
-    for (int j = 0; j < SHEETS_SIDE && y0 + j < to->height; j++)
-        for (int i = 0; i < SHEETS_SIDE && x0 + i < to->width; i++) {
-            const size_t at = (size_t)((y0 + j) / 2) * across + (size_t)((x0 + i) / 2);
-            const size_t corner[3][4] = {{at, at + 1}, {at, at + across}, {at, at + 1, at + across, at + across + 1}};
-            const bool right = i & 1, below = j & 1;
-            interpolate(to, (size_t)(y0 + j) * (size_t)to->width + (size_t)(x0 + i), from,
-                        corner[right && below ? 2 : below],
-                        right && below   ? 4
-                        : right || below ? 2
-                                         : 1);
+    const size_t across = (size_t)from->width, width = (size_t)to->width;
+    for (int j = 0; j < SHEETS_SIDE && y0 + j < to->height; j += 2)
+        for (int i = 0; i < SHEETS_SIDE && x0 + i < to->width; i += 2) {
+            const size_t first = (size_t)((y0 + j) / 2) * across + (size_t)((x0 + i) / 2);
+            const size_t beside[4] = {first, first + 1, first + across, first + across + 1};
+            const size_t above[2] = {first, first + across}, at = (size_t)(y0 + j) * width + (size_t)(x0 + i);
+            const bool right = x0 + i + 1 < to->width, below = y0 + j + 1 < to->height;
+            interpolate(to, at, from, beside, 1);
+            if (right)
+                interpolate(to, at + 1, from, beside, 2);
+            if (below)
+                interpolate(to, at + width, from, above, 2);
+            if (right && below)
+                interpolate(to, at + width + 1, from, beside, 4);
         }
 }
 
@@ -119,14 +122,14 @@ CtsStatus cts_sheets_lattice_init(SheetsPatch *l, const SheetsJob *job, const Sh
 bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, int y0, float refined_from,
                             double slab_mm)
 {
-    const float *corner[9];
+    f32x4 corner[9];
     bool any = false;
     for (int j = 0; j < 3; j++)
         for (int i = 0; i < 3; i++) {
             const int x = sheets_at_most(x0 / 2 + i, from->width - 1), y = sheets_at_most(y0 / 2 + j, from->height - 1);
             const size_t at = (size_t)y * (size_t)from->width + (size_t)x;
-            corner[3 * j + i] = from->rgba + 4 * at;
-            any |= from->rgba[4 * at + 3] > 0 || from->indicator[at] > 0;
+            corner[3 * j + i] = *(const f32x4 *)(from->rgba + 4 * at);
+            any |= corner[3 * j + i][3] > 0 || from->indicator[at] > 0;
         }
     const size_t at = (size_t)(y0 / 2) * (size_t)from->width + (size_t)(x0 / 2);
     const bool has_nine = x0 / 2 + 2 < from->width && y0 / 2 + 2 < from->height;
