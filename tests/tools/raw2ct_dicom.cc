@@ -252,7 +252,8 @@ void put_jpeg2000(DcmDataset &d, const Options &o, const Stack &s, const Pixels 
         throw std::runtime_error("the pixels cannot be encoded as JPEG 2000");
     std::vector<Uint8> bytes(stream.data, stream.data + stream.n);
     free(stream.data);
-    bytes.resize(bytes.size() + bytes.size() % 2);
+    if (bytes.size() % 2)
+        bytes.push_back(0);
     DcmPixelSequence *sequence = new DcmPixelSequence(DcmTag(DCM_PixelData, EVR_OB));
     const size_t ends[] = {0, 0, bytes.size() / 4 * 2, bytes.size()};
     for (int i = 0; i < 3; i++) {
