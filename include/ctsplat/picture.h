@@ -24,6 +24,7 @@ typedef struct CtsPictureInfo {
     bool shows_skin;   /* skin may be visible: a face may be recognised */
     bool annotated;    /* marks are drawn on it */
     double camera_mm;  /* distance of the camera plane, where depth is 0, in front of centre_lps */
+    double occlusion;  /* darkening of folds, 0 to 1; 0 where the picture is not lit */
 } CtsPictureInfo;
 
 /* n_channels 4: premultiplied red, green, blue and alpha; 1: grey without alpha (mip, minip, average).

@@ -185,6 +185,7 @@ static void test_png_metadata(void **state)
     make_folder(folder);
     snprintf(path, sizeof path, "%s/a.png", folder);
     CtsPicture *p = make_picture(20, 10, 1, false);
+    p->info.occlusion = 0.45;
     write_one(p, path);
     FILE *file = fopen(path, "rb");
     png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
@@ -207,6 +208,7 @@ static void test_png_metadata(void **state)
     assert_string_equal(text_of(png, info, "ctsplat:view"), "-30,20");
     assert_string_equal(text_of(png, info, "ctsplat:mm_per_pixel"), "0.5");
     assert_string_equal(text_of(png, info, "ctsplat:window"), "-100,900.5");
+    assert_string_equal(text_of(png, info, "ctsplat:occlusion"), "0.45");
     png_destroy_read_struct(&png, &info, NULL);
     fclose(file);
     cts_picture_free(&p);
@@ -321,11 +323,13 @@ static void test_exr_camera(void **state)
     memcpy(info->up_lps, up, sizeof up);
     cts_cross3(up, right, info->forward_lps);
     info->camera_mm = 150;
+    info->occlusion = 0.5;
     write_one(p, path);
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     exr_context_t file;
     exr_attr_m44f_t camera, ndc;
     exr_attr_chromaticities_t colours;
+    float occlusion;
     int32_t length;
     const char *text;
     assert_int_equal(exr_start_read(&file, path, &setup), EXR_ERR_SUCCESS);
@@ -334,6 +338,8 @@ static void test_exr_camera(void **state)
     assert_int_equal(exr_attr_get_chromaticities(file, 0, "chromaticities", &colours), EXR_ERR_SUCCESS);
     assert_int_equal(exr_attr_get_string(file, 0, "ctsplat.preset", &length, &text), EXR_ERR_SUCCESS);
     assert_string_equal(text, "bone");
+    assert_int_equal(exr_attr_get_float(file, 0, "ctsplat.occlusion", &occlusion), EXR_ERR_SUCCESS);
+    assert_true(occlusion == 0.5f);
     /* Pixel (150, 20) at depth 60, by the picture geometry of the contract. */
     double world[4] = {0, 0, 0, 1}, found[4] = {0}, place[4] = {0};
     const double x_mm = (150.5 - 100) * 0.5, y_mm = (50 - 20 - 0.5) * 0.5;

@@ -148,6 +148,7 @@ static void test_single(void **state)
     const CtsExportSettings settings = {.source = source->series};
     CtsPicture *p = view_of(33, 21, 4, 0);
     p->info.shows_skin = true;
+    p->info.occlusion = 0.45;
     write_sc(p, "single.dcm", &settings);
     const Attribute wanted[] = {
         {0x0008, 0x0008, "CS", "DERIVED\\SECONDARY\\VOLUME_RENDER"},
@@ -176,6 +177,7 @@ static void test_single(void **state)
         {0x0018, 0x0060, "DS", ""},
     };
     check_attributes("single.dcm", wanted, sizeof wanted / sizeof *wanted);
+    assert_int_equal(occurrences("single.dcm", "preset bone, occlusion 0.45, orthographic, view "), 1);
     for (int i = 0; i < 3; i++) {
         char from[100];
         size_t n;

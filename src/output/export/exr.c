@@ -123,6 +123,7 @@ static exr_result_t set_texts(exr_context_t file, const CtsPictureInfo *info)
         (rv = exr_attr_set_string(file, 0, "comments", "not for diagnostic use")) ||
         (rv = exr_attr_set_string(file, 0, "ctsplat.view", view)) ||
         (info->preset[0] && (rv = exr_attr_set_string(file, 0, "ctsplat.preset", info->preset))) ||
+        (info->occlusion > 0 && (rv = exr_attr_set_float(file, 0, "ctsplat.occlusion", (float)info->occlusion))) ||
         (cts_describe_window(info, window, sizeof window) &&
          (rv = exr_attr_set_string(file, 0, "ctsplat.window", window))))
         return rv;

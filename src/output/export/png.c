@@ -94,10 +94,11 @@ static bool is_ascii(const char *text)
 /* Software, source and disclaimer. No dates: the same picture gives the same bytes. */
 static void put_texts(png_structp png, png_infop info, const CtsPictureInfo *about)
 {
-    char preset[sizeof about->preset], view[80], scale[32], window[80];
+    char preset[sizeof about->preset], view[80], scale[32], window[80], occlusion[32];
     snprintf(preset, sizeof preset, "%s", about->preset);
     cts_describe_view(about, view, sizeof view);
     cts_describe_number(about->mm_per_pixel, 9, scale, sizeof scale);
+    cts_describe_number(about->occlusion, 6, occlusion, sizeof occlusion);
     const bool has_window = cts_describe_window(about, window, sizeof window);
     const struct {
         const char *key;
@@ -110,6 +111,7 @@ static void put_texts(png_structp png, png_infop info, const CtsPictureInfo *abo
         {"ctsplat:view", view, true},
         {"ctsplat:mm_per_pixel", scale, about->mm_per_pixel > 0},
         {"ctsplat:window", window, has_window},
+        {"ctsplat:occlusion", occlusion, about->occlusion > 0},
     };
     for (size_t i = 0; i < sizeof lines / sizeof *lines; i++) {
         png_text text = {.key = (char[80]){0}, .text = lines[i].text};

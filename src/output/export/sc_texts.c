@@ -111,6 +111,16 @@ static void ascii_copy(char *to, size_t size, const char *from)
     to[n] = 0;
 }
 
+static void describe_occlusion(const CtsPictureInfo *info, char *text, size_t size)
+{
+    char number[32];
+    *text = 0;
+    if (info->occlusion <= 0)
+        return;
+    cts_describe_number(info->occlusion, 6, number, sizeof number);
+    snprintf(text, size, ", occlusion %s", number);
+}
+
 /* The picture's error as known when the object is written. */
 static void describe_error(const CtsExportJob *job, char *text, size_t size)
 {
@@ -129,8 +139,8 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
 {
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
-    char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32], step[100] = "",
-                                                                                                       error[120];
+    char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32];
+    char step[100] = "", occlusion[48], error[120];
     memset(words, 0, sizeof *words);
     words->image_type = mode_terms[info->mode].image_type;
     words->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
@@ -140,6 +150,7 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
     cts_describe_number(info->mm_per_pixel, 6, scale, sizeof scale);
     cts_describe_number(info->azimuth_deg, 9, angles[0], sizeof angles[0]);
     cts_describe_number(info->elevation_deg, 9, angles[1], sizeof angles[1]);
+    describe_occlusion(info, occlusion, sizeof occlusion);
     describe_error(job, error, sizeof error);
     if (n_frames > 1) {
         char degrees[32];
@@ -155,9 +166,10 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
              preset, view);
     snprintf(
         words->derivation, sizeof words->derivation,
-        "%s by engine %s, preset %s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "
+        "%s by engine %s, preset %s%s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "
         "ctsplat %s, not for diagnostic use",
-        mode_terms[info->mode].long_name, engine, preset, step, view, angles[0], angles[1], scale, error, CTS_VERSION);
+        mode_terms[info->mode].long_name, engine, preset, occlusion, step, view, angles[0], angles[1], scale, error,
+        CTS_VERSION);
     words->view = view_codes[place_of_view(info)].code;
     if (n_frames == 1) {
         char right[4], down[4];

@@ -271,6 +271,7 @@ static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScen
     info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->voxel_labels);
     info->grey = cts_scene_is_grey(scene->preset, frame->frames->voxel_labels);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
+    info->occlusion = cts_openness_counts(scene->preset) ? scene->preset->occlusion : 0;
 }
 
 /* The void key for the transfer function's table; the mixture is that of the volume as loaded. */
