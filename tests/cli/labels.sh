@@ -107,7 +107,7 @@ done
 segmentation=1.2.840.10008.5.1.4.1.1.66.4
 shared=$root/../shared/data/labels/liver
 [ -d "$shared" ] || exit 77
-liver="$shared --labels $shared/liver.dcm --size 32x32 -p muscle --view head"
+liver="$shared --labels $shared/liver.dcm --size 32x32 -p muscle --occlusion 0 --view head"
 ok render $liver --show liver -o seen.dcm
 grep -aq $segmentation seen.dcm || fail "a capture does not refer to the segmentation that it shows"
 for asked in '' '--show liver --deidentify'; do

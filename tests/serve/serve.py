@@ -72,7 +72,7 @@ def words(server, series):
     server.refused(404, 'format', f'/series/{series}/picture.gif')
     server.refused(404, 'no such address', '/nothing')
     shades = {p['name']: p['shade'] for p in json.loads(server.get('/presets'))}
-    assert shades['bone'] == {'occlusion': 0} and shades['bone-window'] is None, shades
+    assert shades['bone'] == {'occlusion': 0.45} and shades['ct-bone'] == {'occlusion': 0} and shades['bone-window'] is None, shades
 
 
 def guarded(server, series):
