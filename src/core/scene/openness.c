@@ -22,8 +22,13 @@
 
 enum {
     N_LEVELS = UINT16_MAX + 1,
+    MAX_EDGE = 256,                   /* voxels of a block's edge: sums over a block's rows stay below 2^32 */
     N_AXES = OPENNESS_DIRECTIONS / 2, /* directions of which none is another's opposite */
-    TILE_ROWS = 16
+    /* Blocks of a tile along y and z, and along x. The steps of a tile's rows along a direction are rows of the next
+     * ones, so that the first cache has them. */
+    TILE_ROWS = 8,
+    TILE_LAYERS = 16,
+    TILE_WIDTH = 128
 };
 
 /* A direction and its opposite. */
@@ -39,13 +44,18 @@ typedef struct Making {
     const CtsMacrocells *macrocells; /* of shown; NULL: unknown */
     uint16_t *extinction;            /* by appearance and grey level, in EXTINCTION_UNIT */
     uint32_t *visible_below; /* by grey level: lower ones that have an extinction; NULL where appearances differ */
+    uint8_t *visible_cell;   /* by fine macro-cell: 1 where a voxel may have an extinction; NULL: unknown */
+    uint32_t *row_sums;      /* by worker and voxel of a row: sum of extinctions over a block's rows */
+    uint16_t *row_means;     /* by worker and block of a row: mean extinction */
+    uint8_t *row_cells; /* by worker and macro-cell of a row: 1 where one of the block's rows of cells is visible */
     Axis axis[N_AXES];
     int n_lengths;
     double length_mm[N_AXES];
-    uint16_t *passed[N_AXES];        /* transmittance of a mean extinction for each length, in 2^-16 */
-    uint16_t *transmittance[N_AXES]; /* of blocks, rows of them with a margin on both sides where nothing absorbs */
-    int margin, row;                 /* blocks of it; of a row with both */
-    uint8_t *openness;               /* by block */
+    uint16_t *passed[N_AXES]; /* transmittance of a mean extinction for each length, in 2^-16 */
+    /* Transmittance of blocks, rows of them, each with a margin where nothing absorbs between it and the next. */
+    uint16_t *transmittance[N_AXES];
+    int margin, row;   /* blocks of it; of a row with it */
+    uint8_t *openness; /* by block */
 } Making;
 
 static void size_blocks(CtsOpenness *o, const CtsVolume *v)
@@ -56,7 +66,8 @@ static void size_blocks(CtsOpenness *o, const CtsVolume *v)
     const double edge_mm = fmax(BLOCK_MM, cbrt(mm3 / MAX_BLOCKS));
     for (int a = 0; a < 3; a++) {
         const double voxels = floor(edge_mm / cts_volume_spacing_mm(v, a) + 0.5);
-        o->size[a] = voxels < 1 ? 1 : voxels > v->dims[a] ? v->dims[a] : (int)voxels;
+        const int most = v->dims[a] < MAX_EDGE ? v->dims[a] : MAX_EDGE;
+        o->size[a] = voxels < 1 ? 1 : voxels > most ? most : (int)voxels;
         o->n[a] = (v->dims[a] - 1) / o->size[a] + 1;
         o->scale[a] = 1.0 / o->size[a];
         o->shift[a] = CTS_MUTATED(OPEN_PLACE) ? 0 : -0.5 * (o->size[a] - 1) / o->size[a];
@@ -99,7 +110,7 @@ static void find_axes(Making *m)
         axis->length = find_length(m, mm);
         m->margin = axis->n_steps > m->margin ? axis->n_steps : m->margin;
     }
-    m->row = m->open->n[0] + OPENNESS_CHUNK + 2 * m->margin;
+    m->row = m->open->n[0] + m->margin;
 }
 
 static void fill_extinction(uint16_t *extinction, const CtsPreset *preset, const CtsVolume *v)
@@ -147,92 +158,146 @@ static CtsStatus fill_tables(Making *m, const CtsPreset *preset, CtsError *err)
     return CTS_OK;
 }
 
-/* True where no voxel of the block has an extinction, as macro-cells have it. */
-static bool is_void(const Making *m, const int first[3], const int end[3])
+/* Rows of fine macro-cells. */
+static void find_visible_cells(void *context, int worker, size_t first, size_t end)
+{
+    const Making *const m = context;
+    const size_t n = (size_t)m->macrocells->n_fine[0];
+    (void)worker;
+    for (size_t c = first * n; c < end * n; c++) {
+        const CtsRange r = m->macrocells->fine[c];
+        m->visible_cell[c] = m->visible_below[r.high + 1] > m->visible_below[r.low];
+    }
+}
+
+/* Voxels of a block from first on, along an axis. */
+static int voxels_of(const Making *m, int axis, int first)
+{
+    const int left = m->volume->dims[axis] - first;
+    return m->open->size[axis] < left ? m->open->size[axis] : left;
+}
+
+/* Sets row_cells of the worker for the voxel rows (first + 0..n - 1 along y and z). */
+static const uint8_t *visible_cells_of(const Making *m, int worker, const int first[3], const int n[3])
 {
     const CtsMacrocells *const c = m->macrocells;
-    if (!c || !m->visible_below)
-        return false;
+    const size_t n_cells = (size_t)c->n_fine[0];
+    uint8_t *const cells = m->row_cells + (size_t)worker * n_cells;
     int low[3], high[3];
-    for (int a = 0; a < 3; a++) {
+    for (int a = 1; a < 3; a++) {
         low[a] = first[a] / CTS_FINE_MACROCELL;
-        high[a] = (end[a] - 1) / CTS_FINE_MACROCELL;
+        high[a] = (first[a] + n[a] - 1) / CTS_FINE_MACROCELL;
         low[a] = low[a] < c->n_fine[a] ? low[a] : c->n_fine[a] - 1;
         high[a] = high[a] < c->n_fine[a] ? high[a] : c->n_fine[a] - 1;
     }
+    memset(cells, 0, n_cells);
     for (int k = low[2]; k <= high[2]; k++)
-        for (int j = low[1]; j <= high[1]; j++)
-            for (int i = low[0]; i <= high[0]; i++) {
-                const CtsRange r =
-                    c->fine[((size_t)k * (size_t)c->n_fine[1] + (size_t)j) * (size_t)c->n_fine[0] + (size_t)i];
-                if (m->visible_below[r.high + 1] > m->visible_below[r.low])
-                    return false;
-            }
-    return true;
+        for (int j = low[1]; j <= high[1]; j++) {
+            const uint8_t *const of_row = m->visible_cell + ((size_t)k * (size_t)c->n_fine[1] + (size_t)j) * n_cells;
+            for (size_t i = 0; i < n_cells; i++)
+                cells[i] |= of_row[i];
+        }
+    return cells;
 }
 
-/* Sum of the voxels' extinctions, each by its own appearance. */
-static uint64_t sum_labelled(const Making *m, const int first[3], const int end[3])
-{
-    const int *const d = m->volume->dims;
-    uint64_t sum = 0;
-    for (int k = first[2]; k < end[2]; k++)
-        for (int j = first[1]; j < end[1]; j++)
-            for (int i = first[0]; i < end[0]; i++) {
-                const int follow_beams = cts_appearance_of_voxel(m->volume->voxel_labels, i, j, k);
-                const uint16_t g = m->volume->grey[((size_t)k * (size_t)d[1] + (size_t)j) * (size_t)d[0] + (size_t)i];
-                sum += m->extinction[(size_t)follow_beams * N_LEVELS + g];
-            }
-    return sum;
-}
-
-static uint64_t sum_block(const Making *m, const int first[3], const int end[3])
+/* Adds the extinctions of voxels begin to end - 1 of each row of a row of blocks. */
+static void sum_voxels(const Making *m, const int first[3], const int n[3], int begin, int end, uint32_t *sums)
 {
     const uint16_t *const extinction = m->extinction + (size_t)CTS_APPEARANCE_PRESET * N_LEVELS;
     const size_t nx = (size_t)m->volume->dims[0], ny = (size_t)m->volume->dims[1];
-    uint64_t sum = 0;
-    for (int k = first[2]; k < end[2]; k++)
-        for (int j = first[1]; j < end[1]; j++) {
+    for (int k = first[2]; k < first[2] + n[2]; k++)
+        for (int j = first[1]; j < first[1] + n[1]; j++) {
             const uint16_t *const row = m->shown->grey + ((size_t)k * ny + (size_t)j) * nx;
-            uint32_t of_row = 0;
-            for (int i = first[0]; i < end[0]; i++)
-                of_row += extinction[row[i]];
-            sum += of_row;
+            for (int i = begin; i < end; i++)
+                sums[i] += extinction[row[i]];
         }
-    return sum;
 }
 
-static uint16_t mean_extinction(const Making *m, const int block[3])
+/* The same, each voxel by its own appearance. */
+static void sum_labelled_voxels(const Making *m, const int first[3], const int n[3], uint32_t *sums)
 {
-    int first[3], end[3];
-    uint64_t n = 1;
-    for (int a = 0; a < 3; a++) {
-        first[a] = block[a] * m->open->size[a];
-        end[a] = first[a] + m->open->size[a];
-        end[a] = end[a] < m->volume->dims[a] ? end[a] : m->volume->dims[a];
-        n *= (uint64_t)(end[a] - first[a]);
+    const int *const d = m->volume->dims;
+    for (int k = first[2]; k < first[2] + n[2]; k++)
+        for (int j = first[1]; j < first[1] + n[1]; j++)
+            for (int i = 0; i < d[0]; i++) {
+                const int appearance = cts_appearance_of_voxel(m->volume->voxel_labels, i, j, k);
+                const uint16_t g = m->volume->grey[((size_t)k * (size_t)d[1] + (size_t)j) * (size_t)d[0] + (size_t)i];
+                sums[i] += m->extinction[(size_t)appearance * N_LEVELS + g];
+            }
+}
+
+/* Sums of extinctions of the voxels of a row of blocks over y and z; false where all are 0. A macro-cell contains the
+ * voxels of its lower faces, and those at the volume's last face. */
+static bool sum_rows(const Making *m, int worker, const int first[3], const int n[3], uint32_t *sums)
+{
+    const int nx = m->volume->dims[0];
+    if (!m->visible_below || !m->visible_cell) {
+        memset(sums, 0, (size_t)nx * sizeof *sums);
+        if (m->visible_below)
+            sum_voxels(m, first, n, 0, nx, sums);
+        else
+            sum_labelled_voxels(m, first, n, sums);
+        return true;
     }
-    if (is_void(m, first, end))
-        return 0;
-    const uint64_t sum = m->visible_below ? sum_block(m, first, end) : sum_labelled(m, first, end);
-    return (uint16_t)((sum + n / 2) / n);
+    const uint8_t *const cells = visible_cells_of(m, worker, first, n);
+    const int n_cells = m->macrocells->n_fine[0];
+    if (!memchr(cells, 1, (size_t)n_cells))
+        return false;
+    memset(sums, 0, (size_t)nx * sizeof *sums);
+    for (int c = 0; c < n_cells; c++) {
+        const int begin = c;
+        while (c < n_cells && cells[c])
+            c++;
+        if (c > begin)
+            sum_voxels(m, first, n, begin * CTS_FINE_MACROCELL, c < n_cells ? c * CTS_FINE_MACROCELL : nx, sums);
+    }
+    return true;
+}
+
+/* Mean extinctions of a row of blocks, whose voxels along y and z are n; false where all are 0. */
+static bool find_means(const Making *m, int worker, const int first[3], const int n[3], uint16_t *means)
+{
+    uint32_t *const sums = m->row_sums + (size_t)worker * (size_t)m->volume->dims[0];
+    if (!sum_rows(m, worker, first, n, sums))
+        return false;
+    const int size = m->open->size[0];
+    for (int i = 0; i < m->open->n[0]; i++) {
+        const int n_voxels = voxels_of(m, 0, i * size);
+        uint64_t sum = 0;
+        for (int x = 0; x < n_voxels; x++)
+            sum += sums[i * size + x];
+        means[i] = sum == 0 ? 0 : (uint16_t)((double)sum / ((double)n_voxels * n[1] * n[2]) + 0.5);
+    }
+    return true;
 }
 
 /* Rows of blocks. */
 static void fill_rows(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
-    (void)worker;
+    const int *const n = m->open->n, *const size = m->open->size;
+    uint16_t *const means = m->row_means + (size_t)worker * (size_t)n[0];
     for (size_t r = first; r < end; r++) {
-        const int j = (int)(r % (size_t)m->open->n[1]), k = (int)(r / (size_t)m->open->n[1]);
-        const size_t at = r * (size_t)m->row;
-        for (int l = 0; l < m->n_lengths; l++)
-            memset(m->transmittance[l] + at, 255, (size_t)m->row * sizeof **m->transmittance);
-        for (int i = 0; i < m->open->n[0]; i++) {
-            const uint16_t mean = mean_extinction(m, (const int[]){i, j, k});
-            for (int l = 0; l < m->n_lengths && mean > 0; l++)
-                m->transmittance[l][at + (size_t)(m->margin + i)] = m->passed[l][mean];
+        const int at[3] = {0, (int)(r % (size_t)n[1]) * size[1], (int)(r / (size_t)n[1]) * size[2]};
+        const int voxels[3] = {size[0], voxels_of(m, 1, at[1]), voxels_of(m, 2, at[2])};
+        const bool absorbs = find_means(m, worker, at, voxels, means);
+        for (int l = 0; l < m->n_lengths; l++) {
+            uint16_t *const row = m->transmittance[l] + (size_t)m->margin + r * (size_t)m->row;
+            for (int i = 0; i < n[0] && absorbs; i++)
+                row[i] = m->passed[l][means[i]];
+            const int filled = absorbs ? n[0] : 0;
+            memset(row + filled, 255, (size_t)(m->row - filled) * sizeof *row);
         }
+    }
+}
+
+/* The margin before the first row, and what vectors read beyond the last one. */
+static void fill_ends(const Making *m, size_t n_rows)
+{
+    for (int l = 0; l < m->n_lengths; l++) {
+        memset(m->transmittance[l], 255, (size_t)m->margin * sizeof **m->transmittance);
+        memset(m->transmittance[l] + (size_t)m->margin + n_rows * (size_t)m->row, 255,
+               OPENNESS_LANES * sizeof **m->transmittance);
     }
 }
 
@@ -245,42 +310,83 @@ static OpennessBeams beams_of(const Making *m, const Axis *axis, int sign, int j
         n_inside = step && room < n_inside ? room : n_inside;
     }
     const unsigned mean = (1u << 16) / (unsigned)(axis->n_steps + 1);
-    return (OpennessBeams){.from = m->transmittance[axis->length] +
-                                   ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)m->row + m->margin,
+    return (OpennessBeams){.from = m->transmittance[axis->length] + (size_t)m->margin +
+                                   ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)m->row,
                            .step = sign * (((ptrdiff_t)axis->step[2] * n[1] + axis->step[1]) * m->row + axis->step[0]),
                            .n_inside = n_inside,
                            .n_beyond = CTS_MUTATED(OPEN_BEYOND) ? 0 : (uint16_t)(axis->n_steps - n_inside),
                            .mean = (uint16_t)(mean < UINT16_MAX ? mean : UINT16_MAX)};
 }
 
-static cts_openness_beams_fn choose_beams(void)
+static const OpennessKernels *choose_kernels(void)
 {
     const unsigned cpu = cts_cpu_flags();
-    return cpu & CTS_CPU_AVX512 ? cts_openness_beams_avx512
-           : cpu & CTS_CPU_AVX2 ? cts_openness_beams_avx2
-                                : cts_openness_beams_c;
+    return cpu & CTS_CPU_AVX512 ? &cts_openness_kernels_avx512
+           : cpu & CTS_CPU_AVX2 ? &cts_openness_kernels_avx2
+                                : &cts_openness_kernels_c;
 }
 
-/* Tiles of TILE_ROWS rows, a chunk wide, through all layers of blocks, so that what a tile sees stays in the cache. */
+typedef struct OpenTile {
+    int first[3], end[3];
+    int n_lanes;
+    uint16_t sums[TILE_LAYERS][TILE_ROWS][TILE_WIDTH];
+} OpenTile;
+
+static bool is_in_tile(const OpenTile *t, int j, int k)
+{
+    return j >= t->first[1] && j < t->end[1] && k >= t->first[2] && k < t->end[2];
+}
+
+/* Adds a direction, row after row along it. */
+static void add_direction(const Making *m, const OpennessKernels *kernels, const Axis *axis, int sign, OpenTile *t)
+{
+    const int dj = sign * axis->step[1], dk = sign * axis->step[2];
+    for (int k = t->first[2]; k < t->end[2]; k++)
+        for (int j = t->first[1]; j < t->end[1]; j++) {
+            if ((dj || dk) && is_in_tile(t, j - dj, k - dk))
+                continue;
+            for (int step = 0; is_in_tile(t, j + step * dj, k + step * dk) && (step == 0 || dj || dk); step++) {
+                const int at_j = j + step * dj, at_k = k + step * dk;
+                OpennessBeams beams = beams_of(m, axis, sign, at_j, at_k);
+                beams.from += t->first[0];
+                kernels->add_beams(&beams, t->n_lanes, t->sums[at_k - t->first[2]][at_j - t->first[1]]);
+            }
+        }
+}
+
+static void find_openness_of_tile(const Making *m, const OpennessKernels *kernels, OpenTile *t)
+{
+    const size_t width = (size_t)(t->end[0] - t->first[0]);
+    t->n_lanes = ((int)width + OPENNESS_LANES - 1) / OPENNESS_LANES * OPENNESS_LANES;
+    memset(t->sums, 0, sizeof t->sums);
+    for (int d = 0; d < OPENNESS_DIRECTIONS; d++)
+        add_direction(m, kernels, &m->axis[d / 2], d % 2 ? -1 : 1, t);
+    for (int k = t->first[2]; k < t->end[2]; k++)
+        for (int j = t->first[1]; j < t->end[1]; j++) {
+            uint8_t found[TILE_WIDTH];
+            kernels->scale(t->sums[k - t->first[2]][j - t->first[1]], t->n_lanes, found);
+            memcpy(m->openness + ((size_t)k * (size_t)m->open->n[1] + (size_t)j) * (size_t)m->open->n[0] + t->first[0],
+                   found, width);
+        }
+}
+
+static const int tile_size[3] = {TILE_WIDTH, TILE_ROWS, TILE_LAYERS};
+
 static void follow_beams_from_tiles(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
-    const int *const n = m->open->n;
-    const int n_chunks = (n[0] - 1) / OPENNESS_CHUNK + 1;
-    const cts_openness_beams_fn follow_beams = choose_beams();
+    const OpennessKernels *const kernels = choose_kernels();
     (void)worker;
-    for (size_t t = first; t < end; t++) {
-        const int i = (int)(t % (size_t)n_chunks) * OPENNESS_CHUNK, j0 = (int)(t / (size_t)n_chunks) * TILE_ROWS;
-        const int left = n[0] - i < OPENNESS_CHUNK ? n[0] - i : OPENNESS_CHUNK;
-        for (int k = 0; k < n[2]; k++)
-            for (int j = j0; j < j0 + TILE_ROWS && j < n[1]; j++) {
-                OpennessBeams beams[OPENNESS_DIRECTIONS];
-                uint8_t found[OPENNESS_CHUNK];
-                for (int d = 0; d < OPENNESS_DIRECTIONS; d++)
-                    beams[d] = beams_of(m, &m->axis[d / 2], d % 2 ? -1 : 1, j, k);
-                follow_beams(beams, i, found);
-                memcpy(m->openness + ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)n[0] + i, found, (size_t)left);
-            }
+    for (size_t at = first; at < end; at++) {
+        OpenTile t;
+        size_t rest = at;
+        for (int a = 0; a < 3; a++) {
+            const int n_tiles = (m->open->n[a] - 1) / tile_size[a] + 1;
+            t.first[a] = (int)(rest % (size_t)n_tiles) * tile_size[a];
+            t.end[a] = t.first[a] + tile_size[a] < m->open->n[a] ? t.first[a] + tile_size[a] : m->open->n[a];
+            rest /= (size_t)n_tiles;
+        }
+        find_openness_of_tile(m, kernels, &t);
     }
 }
 
@@ -299,21 +405,42 @@ static void pack_rows(void *context, int worker, size_t first, size_t end)
     }
 }
 
+static CtsStatus alloc(Making *m, int n_threads, CtsError *err)
+{
+    const size_t n_rows = (size_t)m->open->n[1] * (size_t)m->open->n[2], n_blocks = n_rows * (size_t)m->open->n[0];
+    CtsStatus st;
+    if ((st = cts_alloc_array(&m->openness, n_blocks, err)) ||
+        (st = cts_alloc_array(&m->open->square, n_blocks, err)) ||
+        (st = cts_alloc_array(&m->row_sums, (size_t)n_threads * (size_t)m->volume->dims[0], err)) ||
+        (st = cts_alloc_array(&m->row_means, (size_t)n_threads * (size_t)m->open->n[0], err)))
+        return st;
+    for (int l = 0; l < m->n_lengths && !st; l++)
+        st = cts_alloc_array(&m->transmittance[l], (size_t)m->margin + n_rows * (size_t)m->row + OPENNESS_LANES, err);
+    if (st || !m->macrocells || !m->visible_below)
+        return st;
+    const int *const n_cells = m->macrocells->n_fine;
+    st = cts_alloc_array(&m->row_cells, (size_t)n_threads * (size_t)n_cells[0], err);
+    return st ? st
+              : cts_alloc_array(&m->visible_cell, (size_t)n_cells[0] * (size_t)n_cells[1] * (size_t)n_cells[2], err);
+}
+
 static CtsStatus make(Making *m, const CtsPreset *preset, int n_threads, CtsError *err)
 {
     CtsStatus st;
     const int *const n = m->open->n;
     const size_t n_rows = (size_t)n[1] * (size_t)n[2];
+    size_t n_tiles = 1;
+    n_threads = cts_threads(n_threads);
     find_axes(m);
-    if ((st = fill_tables(m, preset, err)) || (st = cts_alloc_array(&m->openness, n_rows * (size_t)n[0], err)) ||
-        (st = cts_alloc_array(&m->open->square, n_rows * (size_t)n[0], err)))
+    if ((st = fill_tables(m, preset, err)) || (st = alloc(m, n_threads, err)))
         return st;
-    for (int l = 0; l < m->n_lengths && !st; l++)
-        st = cts_alloc_array(&m->transmittance[l], n_rows * (size_t)m->row, err);
-    if (st)
-        return st;
+    if (m->visible_cell)
+        cts_parallel(n_threads, (size_t)m->macrocells->n_fine[1] * (size_t)m->macrocells->n_fine[2], 0,
+                     find_visible_cells, m);
+    fill_ends(m, n_rows);
     cts_parallel(n_threads, n_rows, 0, fill_rows, m);
-    const size_t n_tiles = ((size_t)(n[0] - 1) / OPENNESS_CHUNK + 1) * ((size_t)(n[1] - 1) / TILE_ROWS + 1);
+    for (int a = 0; a < 3; a++)
+        n_tiles *= (size_t)((n[a] - 1) / tile_size[a] + 1);
     cts_parallel(n_threads, n_tiles, 1, follow_beams_from_tiles, m);
     cts_parallel(n_threads, n_rows, 0, pack_rows, m);
     return CTS_OK;
@@ -332,6 +459,10 @@ CtsStatus cts_openness_new(CtsOpenness **openness, const CtsVolume *volume, cons
     st = make(&m, preset, n_threads, err);
     cts_free(&m.extinction);
     cts_free(&m.visible_below);
+    cts_free(&m.visible_cell);
+    cts_free(&m.row_sums);
+    cts_free(&m.row_means);
+    cts_free(&m.row_cells);
     for (int l = 0; l < N_AXES; l++) {
         cts_free(&m.passed[l]);
         cts_free(&m.transmittance[l]);

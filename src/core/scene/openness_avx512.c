@@ -1,3 +1,3 @@
 /* The same for processors that have it; plain C where the compiler lacks the flags. */
-#define cts_openness_beams_c cts_openness_beams_avx512
+#define cts_openness_kernels_c cts_openness_kernels_avx512
 #include "core/scene/openness_c.c"

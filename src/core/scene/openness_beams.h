@@ -1,4 +1,4 @@
-/* The kernel of openness: transmittances along directions, in whole numbers, which no order of sums changes. */
+/* The kernels of openness: transmittances along directions, in whole numbers. */
 #ifndef CTS_SCENE_OPENNESS_BEAMS_H
 #define CTS_SCENE_OPENNESS_BEAMS_H
 
@@ -6,26 +6,29 @@
 #include <stdint.h>
 
 enum {
-    OPENNESS_CHUNK = 64, /* blocks along x that are looked from together */
+    OPENNESS_LANES = 32, /* blocks along x are processed in multiples of this */
     OPENNESS_DIRECTIONS = 26,
-    OPENNESS_MAX_STEPS = 31, /* so that a direction's sum stays below 2^16 */
-    OPENNESS_BITS = 11,      /* of a transmittance in sums */
-    OPENNESS_OPEN = (1 << OPENNESS_BITS) - 1
+    OPENNESS_MAX_STEPS = 31,      /* so that a direction's sum stays below 2^16 */
+    OPENNESS_OPEN = (1 << 11) - 1 /* transmittance 1 in sums; 26 of them stay below 2^16 */
 };
 
-/* Steps in a direction. */
+/* Steps in a direction from a row of blocks. */
 typedef struct OpennessBeams {
-    const uint16_t *from; /* transmittance of blocks, in 2^-16, where the steps begin: at block 0 of the row */
-    ptrdiff_t step;       /* entries from one to the next */
+    const uint16_t *from; /* transmittance of the first block of the row, in 2^-16 */
+    ptrdiff_t step;       /* entries from one step to the next */
     int n_inside;         /* steps before the volume ends along y or z */
     uint16_t n_beyond;    /* those that follow, where nothing absorbs */
     uint16_t mean;        /* 2^16 / (number of all steps + 1), at most 2^16 - 1 */
 } OpennessBeams;
 
-/* Openness of OPENNESS_CHUNK blocks of a row from block i on, in 1/255. */
-typedef void (*cts_openness_beams_fn)(const OpennessBeams beams[OPENNESS_DIRECTIONS], int i, uint8_t *openness);
-void cts_openness_beams_c(const OpennessBeams beams[OPENNESS_DIRECTIONS], int i, uint8_t *openness);
-void cts_openness_beams_avx2(const OpennessBeams beams[OPENNESS_DIRECTIONS], int i, uint8_t *openness);
-void cts_openness_beams_avx512(const OpennessBeams beams[OPENNESS_DIRECTIONS], int i, uint8_t *openness);
+/* The loops that base/cpu.h chooses; n is a multiple of OPENNESS_LANES, and all give the same bytes. */
+typedef struct OpennessKernels {
+    /* Adds the openness of a direction, in OPENNESS_OPEN, for n blocks of a row. */
+    void (*add_beams)(const OpennessBeams *beams, int n, uint16_t *sums);
+    /* Openness in 1/255 from the sums over all directions. */
+    void (*scale)(const uint16_t *sums, int n, uint8_t *openness);
+} OpennessKernels;
+
+extern const OpennessKernels cts_openness_kernels_c, cts_openness_kernels_avx2, cts_openness_kernels_avx512;
 
 #endif
