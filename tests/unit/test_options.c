@@ -1,6 +1,7 @@
 /* Options become a job: the promises of each row of the option table, and the single call that returns the picture
  * which it writes. */
 #include "app/options/options.h"
+#include "core/scene/settings.h"
 #include "ctsplat/ctsplat.h"
 #include "unit.h"
 #include <stdio.h>
@@ -14,14 +15,14 @@ static CtsStatus take(CtsOptions *options, CtsCommand command, const char *name,
 }
 
 /* The text of one option, or of none. */
-static char *text_of(const char *name, const char *value, CtsRerenders rerenders)
+static char *text_of(const char *name, const char *value, bool of_objects)
 {
     CtsOptions options;
     CtsError err;
     cts_options_begin(&options);
     if (name && take(&options, CTS_FOR_BATCH, name, value, &err))
         fail_msg("%s", err.text);
-    char *text = cts_options_text(&options, rerenders);
+    char *text = cts_options_text(&options, of_objects);
     assert_non_null(text);
     cts_options_free(&options);
     return text;
@@ -55,16 +56,56 @@ static void test_batch_gets_all_options(void **state)
 {
     (void)state;
     for (const CtsOption *o = cts_options; o->name; o++) {
-        if (!cts_option_is_of(o, CTS_FOR_BATCH) || o->rerenders == CTS_RERENDERS_NOTHING)
+        const bool of_objects = o->remakes == CTS_REMAKES_OBJECT;
+        if (!cts_option_is_of(o, CTS_FOR_BATCH) || !(of_objects || cts_option_is_of_pictures(o)))
             continue;
-        if (o->rerenders == CTS_RERENDERS_PRESET) /* the preset itself is compared */
-            continue;
-        char *without = text_of(NULL, NULL, o->rerenders), *with = text_of(o->name, sample_of(o), o->rerenders);
+        char *without = text_of(NULL, NULL, of_objects), *with = text_of(o->name, sample_of(o), of_objects);
         if (!strcmp(without, with))
             fail_msg("--%s %s is not seen", o->name, sample_of(o));
         free(without);
         free(with);
     }
+}
+
+/* The text that identifies the volume of a job with this option. */
+static char *choice_of(const char *name, const char *value)
+{
+    CtsOptions options;
+    CtsError err;
+    cts_options_begin(&options);
+    if (name && take(&options, CTS_FOR_BATCH, name, value, &err))
+        fail_msg("%s", err.text);
+    const CtsSource source = cts_options_source(&options);
+    char *text = cts_source_choice(&source);
+    assert_non_null(text);
+    cts_options_free(&options);
+    return text;
+}
+
+/* The tables of options, of settings and of a source's fields agree on the first stage that is remade. */
+static void test_stages(void **state)
+{
+    (void)state;
+    char *const none = choice_of(NULL, NULL);
+    int n_volume = 0, n_render = 0;
+    for (const CtsOption *o = cts_options; o->name; o++) {
+        if (!cts_option_is_of(o, CTS_FOR_BATCH) || !cts_option_is_of_pictures(o))
+            continue;
+        char *const given = choice_of(o->name, sample_of(o));
+        if ((strcmp(given, none) != 0) != (o->remakes == CTS_REMAKES_VOLUME))
+            fail_msg("--%s %s: expected stage %d, but the volume is %s", o->name, sample_of(o), (int)o->remakes,
+                     strcmp(given, none) ? "remade" : "kept");
+        free(given);
+        n_volume += o->remakes == CTS_REMAKES_VOLUME;
+        for (const CtsSettingRow *row = cts_setting_rows; row < cts_setting_rows + CTS_N_SETTING_ROWS; row++)
+            if (o->size > 0 && o->field == offsetof(CtsOptions, render) + row->at) {
+                if (o->remakes != row->remakes)
+                    fail_msg("--%s: stage %d, of its setting %d", o->name, (int)o->remakes, (int)row->remakes);
+                n_render++;
+            }
+    }
+    assert_true(n_volume >= 9 && n_render >= 8);
+    free(none);
 }
 
 /* A default that is written as an argument is the default. */
@@ -75,7 +116,7 @@ static void test_defaults(void **state)
     for (const CtsOption *o = cts_options; o->name; o++) {
         CtsOptions none, given;
         CtsError err;
-        if (!o->fallback || !cts_option_is_of(o, CTS_FOR_BATCH) || o->rerenders == CTS_RERENDERS_NOTHING)
+        if (!o->fallback || !cts_option_is_of(o, CTS_FOR_BATCH) || o->remakes == CTS_REMAKES_NOTHING)
             continue;
         cts_options_begin(&none);
         cts_options_begin(&given);
@@ -227,9 +268,10 @@ static void test_memory(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rows),     cmocka_unit_test(test_batch_gets_all_options),
-        cmocka_unit_test(test_defaults), cmocka_unit_test(test_near),
-        cmocka_unit_test(test_memory),   cmocka_unit_test(test_sizes),
+        cmocka_unit_test(test_rows),   cmocka_unit_test(test_batch_gets_all_options),
+        cmocka_unit_test(test_stages), cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_near),   cmocka_unit_test(test_memory),
+        cmocka_unit_test(test_sizes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -167,7 +167,7 @@ static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
 static CtsStatus put_options(const CtsOptions *options, CtsBatchLists *lists, CtsError *err)
 {
     size_t size;
-    char *const words = cts_options_text(options, CTS_RERENDERS_PICTURES);
+    char *const words = cts_options_text(options, false);
     FILE *const out = words ? open_memstream(&lists->options, &size) : NULL;
     CtsStatus st = CTS_OK;
     if (out) {
@@ -175,7 +175,7 @@ static CtsStatus put_options(const CtsOptions *options, CtsBatchLists *lists, Ct
         st = put_files(options, out, err);
     }
     free(words);
-    lists->dcm_options = cts_options_text(options, CTS_RERENDERS_DCM);
+    lists->dcm_options = cts_options_text(options, true);
     const bool made = out && !fclose(out) && lists->dcm_options;
     return st || made ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }

@@ -175,29 +175,6 @@ static CtsStatus take_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepo
     return st;
 }
 
-char *cts_source_choice(const CtsSource *source)
-{
-    const CtsLabelChoice *const c = &source->choice;
-    const char *const lists[] = {c->show, c->hide, c->order};
-    char *text = NULL;
-    size_t size = 0;
-    FILE *out = open_memstream(&text, &size);
-    if (out)
-        fprintf(out, "%d %d %a %d %d %a\n", source->remove_table, source->interpolation, source->smooth_mm,
-                source->crop.given, source->fill.given, source->fill.hu);
-    for (int i = 0; out && source->crop.given && i < 3; i++)
-        fprintf(out, "%a %a\n", source->crop.low_lps[i], source->crop.high_lps[i]);
-    for (int i = 0; out && i < 3; i++)
-        fprintf(out, "%c%s\n", lists[i] ? '+' : '-', lists[i] ? lists[i] : "");
-    for (int i = 0; out && i < c->n_appearances; i++)
-        fprintf(out, "%s\n", c->appearances[i]);
-    if (!out || fputc(c->own_colours ? '+' : '-', out) == EOF || fclose(out)) {
-        free(text);
-        return NULL;
-    }
-    return text;
-}
-
 CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     const CtsLabelRequest request = {.paths = source->labels,

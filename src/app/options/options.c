@@ -148,7 +148,7 @@ static bool is_of_recipe(const CtsOption *o)
 {
     if (!strcmp(o->name, "labels") || !strcmp(o->name, "label-names"))
         return false;
-    return o->rerenders == CTS_RERENDERS_PICTURES || o->rerenders == CTS_RERENDERS_PRESET || !strcmp(o->name, "view");
+    return cts_option_is_of_pictures(o) || o->remakes == CTS_REMAKES_TRANSFER || !strcmp(o->name, "view");
 }
 
 /* Takes the options of the presentation state that are not given. */
@@ -263,15 +263,21 @@ static void print_value(FILE *file, const CtsOption *o, const char *text)
         fprintf(file, "%s=%s\n", o->name, text);
 }
 
+bool cts_option_is_of_pictures(const CtsOption *o)
+{
+    return o->remakes <= CTS_REMAKES_FILE && o->remakes != CTS_REMAKES_TRANSFER;
+}
+
 /* Options that are not given appear with their defaults, so that giving the default changes nothing. */
-char *cts_options_text(const CtsOptions *options, CtsRerenders rerenders)
+char *cts_options_text(const CtsOptions *options, bool of_objects)
 {
     char *text = NULL;
     size_t size = 0;
     FILE *file = open_memstream(&text, &size);
     for (const CtsOption *o = cts_options; file && o->name; o++) {
         const int last = last_of(options, o->name);
-        if (o->rerenders != rerenders || !cts_option_is_of(o, CTS_FOR_BATCH))
+        if (!(of_objects ? o->remakes == CTS_REMAKES_OBJECT : cts_option_is_of_pictures(o)) ||
+            !cts_option_is_of(o, CTS_FOR_BATCH))
             continue;
         if (last < 0)
             print_value(file, o, o->fallback ? o->fallback : "none");

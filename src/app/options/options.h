@@ -4,6 +4,7 @@
 #define CTS_OPTIONS_OPTIONS_H
 
 #include "app/job/render_job.h"
+#include "base/remakes.h"
 #include "ctsplat/bounds.h"
 #include "ctsplat/job.h"
 #include "ctsplat/state.h"
@@ -116,20 +117,12 @@ typedef enum CtsOptionKind {
 /* Parses an option's argument. */
 typedef CtsStatus CtsOptionParser(CtsOptions *options, const char *text, CtsError *err);
 
-/* Outputs that a batch must render again when the option's value changes. */
-typedef enum CtsRerenders {
-    CTS_RERENDERS_PICTURES,
-    CTS_RERENDERS_PRESET, /* pictures too: the option replaces a value of the preset */
-    CTS_RERENDERS_DCM,
-    CTS_RERENDERS_NOTHING
-} CtsRerenders;
-
 typedef struct CtsOption {
     char letter; /* 0: none */
     const char *name;
     const char *argument; /* as printed by the help; NULL for a flag */
     unsigned commands;    /* bits 1 << CtsCommand */
-    CtsRerenders rerenders;
+    CtsRemakes remakes;   /* first stage that depends on it; a batch makes it again when the value changes */
     const char *help;
     const char *fallback; /* default, for the help; NULL: none */
     CtsOptionKind kind;
@@ -166,9 +159,12 @@ void cts_options_free(CtsOptions *options);
 /* The argument that counts, "" for a flag; NULL where it was not given. */
 const char *cts_options_given(const CtsOptions *options, const char *name);
 
-/* The values of all options that touch this kind of output, given or not: NAME=VALUE, one per line. Free with free();
- * NULL without memory. */
-char *cts_options_text(const CtsOptions *options, CtsRerenders rerenders);
+/* The options of every picture: from CTS_REMAKES_SCAN to CTS_REMAKES_FILE, except those of the preset, which is
+ * compared itself. */
+bool cts_option_is_of_pictures(const CtsOption *option);
+/* The values of all options of pictures, or those of DICOM objects alone, given or not: NAME=VALUE, one per line. Free
+ * with free(); NULL without memory. */
+char *cts_options_text(const CtsOptions *options, bool of_objects);
 
 /* The options without names of files and patients, for the log. */
 void cts_options_command(const CtsOptions *options, char *text, size_t size);

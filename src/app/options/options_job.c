@@ -95,7 +95,7 @@ void cts_options_report_objects(const CtsOptions *options, bool any_object, cons
 {
     char endings[CTS_VALUE_LISTS_MAX];
     for (const CtsOption *o = cts_options; o->name && !any_object; o++)
-        if (o->rerenders == CTS_RERENDERS_DCM && cts_options_given(options, o->name) && strcmp(o->name, but))
+        if (o->remakes == CTS_REMAKES_OBJECT && cts_options_given(options, o->name) && strcmp(o->name, but))
             cts_report_diagnostic(report, CTS_DIAGNOSTIC_NO_OBJECT_OUTPUT, "`%s` acts on %s outputs, and there is none",
                                   o->name, cts_value_lists("{objects}", endings));
 }

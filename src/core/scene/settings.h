@@ -1,18 +1,14 @@
-/* Table of the fields of CtsRenderSettings: default, bounds, and state to be recreated when the value changes. A field
- * without a row does not compile. */
+/* Table of the fields of CtsRenderSettings: default, bounds, and the first stage to be remade when the value
+ * changes. A field without a row does not compile. */
 #ifndef CTS_SCENE_SETTINGS_H
 #define CTS_SCENE_SETTINGS_H
 
+#include "base/remakes.h"
 #include "ctsplat/bounds.h"
 #include "ctsplat/render.h"
 #include <stddef.h>
 
-typedef enum CtsRemakes {
-    CTS_REMAKES_RENDERER, /* the renderer's cached state, or its volume */
-    CTS_REMAKES_PICTURE,  /* the picture alone, at most */
-} CtsRemakes;
-
-/* row(field, default, bounds or 0, state to be recreated), in the order of the fields. */
+/* row(field, default, bounds or 0, first stage to be remade), in the order of the fields. */
 /* clang-format off */
 #define CTS_RENDER_SETTINGS(row)                                                                                       \
     row(width, 1024, CTS_SETTING_WIDTH, PICTURE)                                                                       \
@@ -41,14 +37,14 @@ typedef enum CtsRemakes {
     row(slab_at_mm, 0, 0, PICTURE)                                                                                     \
     row(shade, CTS_AS_PRESET, 0, RENDERER)                                                                             \
     row(occlusion, CTS_OCCLUSION_AS_PRESET, 0, PICTURE)                                                                \
-    row(verify, 0, CTS_SETTING_VERIFY, PICTURE)                                                                        \
-    row(n_threads, 0, CTS_SETTING_THREADS, PICTURE)                                                                    \
-    row(explain, false, 0, PICTURE)                                                                                    \
-    row(want_depth, false, 0, PICTURE)                                                                                 \
-    row(trace, false, 0, PICTURE)                                                                                      \
-    row(trace_x, 0, 0, PICTURE)                                                                                        \
-    row(trace_y, 0, 0, PICTURE)                                                                                        \
-    row(stop, NULL, 0, PICTURE)
+    row(verify, 0, CTS_SETTING_VERIFY, NOTHING)                                                                        \
+    row(n_threads, 0, CTS_SETTING_THREADS, NOTHING)                                                                    \
+    row(explain, false, 0, NOTHING)                                                                                    \
+    row(want_depth, false, 0, NOTHING)                                                                                 \
+    row(trace, false, 0, NOTHING)                                                                                      \
+    row(trace_x, 0, 0, NOTHING)                                                                                        \
+    row(trace_y, 0, 0, NOTHING)                                                                                        \
+    row(stop, NULL, 0, NOTHING)
 /* clang-format on */
 
 typedef struct CtsSettingRow {
