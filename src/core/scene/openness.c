@@ -254,20 +254,31 @@ static bool sum_rows(const Making *m, int worker, const int first[3], const int 
     return true;
 }
 
+/* n_area: voxels that each of the sums has. */
+static inline void divide_sums(const uint32_t *sums, int n_blocks, int size, int n_area, uint16_t *means)
+{
+    const double scale = 1 / ((double)size * n_area);
+    for (int i = 0; i < n_blocks; i++) {
+        uint64_t sum = 0;
+        for (int x = 0; x < size; x++)
+            sum += sums[i * size + x];
+        means[i] = (uint16_t)((double)(int64_t)sum * scale + 0.5);
+    }
+}
+
 /* Mean extinctions of a row of blocks, whose voxels along y and z are n; false where all are 0. */
 static bool find_means(const Making *m, int worker, const int first[3], const int n[3], uint16_t *means)
 {
-    uint32_t *const sums = m->row_sums + (size_t)worker * (size_t)m->volume->dims[0];
+    const int nx = m->volume->dims[0], size = m->open->size[0], n_whole = nx / size, n_area = n[1] * n[2];
+    uint32_t *const sums = m->row_sums + (size_t)worker * (size_t)nx;
     if (!sum_rows(m, worker, first, n, sums))
         return false;
-    const int size = m->open->size[0];
-    for (int i = 0; i < m->open->n[0]; i++) {
-        const int n_voxels = voxels_of(m, 0, i * size);
-        uint64_t sum = 0;
-        for (int x = 0; x < n_voxels; x++)
-            sum += sums[i * size + x];
-        means[i] = sum == 0 ? 0 : (uint16_t)((double)sum / ((double)n_voxels * n[1] * n[2]) + 0.5);
-    }
+    if (size == 3) /* the size of most blocks: unrolled */
+        divide_sums(sums, n_whole, 3, n_area, means);
+    else
+        divide_sums(sums, n_whole, size, n_area, means);
+    if (n_whole < m->open->n[0])
+        divide_sums(sums + n_whole * size, 1, nx - n_whole * size, n_area, means + n_whole);
     return true;
 }
 
@@ -301,21 +312,10 @@ static void fill_ends(const Making *m, size_t n_rows)
     }
 }
 
-static OpennessBeams beams_of(const Making *m, const Axis *axis, int sign, int j, int k)
+/* Blocks from a place to the end of the volume along an axis, in the direction of a step. */
+static int room(const Making *m, int axis, int step, int at)
 {
-    const int *const n = m->open->n, at[3] = {0, j, k};
-    int n_inside = axis->n_steps;
-    for (int a = 1; a < 3; a++) {
-        const int step = sign * axis->step[a], room = step > 0 ? n[a] - 1 - at[a] : at[a];
-        n_inside = step && room < n_inside ? room : n_inside;
-    }
-    const unsigned mean = (1u << 16) / (unsigned)(axis->n_steps + 1);
-    return (OpennessBeams){.from = m->transmittance[axis->length] + (size_t)m->margin +
-                                   ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)m->row,
-                           .step = sign * (((ptrdiff_t)axis->step[2] * n[1] + axis->step[1]) * m->row + axis->step[0]),
-                           .n_inside = n_inside,
-                           .n_beyond = CTS_MUTATED(OPEN_BEYOND) ? 0 : (uint16_t)(axis->n_steps - n_inside),
-                           .mean = (uint16_t)(mean < UINT16_MAX ? mean : UINT16_MAX)};
+    return step > 0 ? m->open->n[axis] - 1 - at : step < 0 ? at : OPENNESS_MAX_STEPS;
 }
 
 static const OpennessKernels *choose_kernels(void)
@@ -341,15 +341,24 @@ static bool is_in_tile(const OpenTile *t, int j, int k)
 static void add_direction(const Making *m, const OpennessKernels *kernels, const Axis *axis, int sign, OpenTile *t)
 {
     const int dj = sign * axis->step[1], dk = sign * axis->step[2];
+    const uint16_t *const rows = m->transmittance[axis->length] + m->margin + t->first[0];
+    const unsigned mean = (1u << 16) / (unsigned)(axis->n_steps + 1);
+    OpennessBeams beams = {
+        .step = sign * (((ptrdiff_t)axis->step[2] * m->open->n[1] + axis->step[1]) * m->row + axis->step[0]),
+        .mean = (uint16_t)(mean < UINT16_MAX ? mean : UINT16_MAX)};
     for (int k = t->first[2]; k < t->end[2]; k++)
         for (int j = t->first[1]; j < t->end[1]; j++) {
             if ((dj || dk) && is_in_tile(t, j - dj, k - dk))
                 continue;
-            for (int step = 0; is_in_tile(t, j + step * dj, k + step * dk) && (step == 0 || dj || dk); step++) {
-                const int at_j = j + step * dj, at_k = k + step * dk;
-                OpennessBeams beams = beams_of(m, axis, sign, at_j, at_k);
-                beams.from += t->first[0];
+            for (int at_j = j, at_k = k; is_in_tile(t, at_j, at_k); at_j += dj, at_k += dk) {
+                const int room_j = room(m, 1, dj, at_j), room_k = room(m, 2, dk, at_k);
+                const int inside = room_j < room_k ? room_j : room_k;
+                beams.n_inside = inside < axis->n_steps ? inside : axis->n_steps;
+                beams.n_beyond = CTS_MUTATED(OPEN_BEYOND) ? 0 : (uint16_t)(axis->n_steps - beams.n_inside);
+                beams.from = rows + ((size_t)at_k * (size_t)m->open->n[1] + (size_t)at_j) * (size_t)m->row;
                 kernels->add_beams(&beams, t->n_lanes, t->sums[at_k - t->first[2]][at_j - t->first[1]]);
+                if (!dj && !dk)
+                    break;
             }
         }
 }
