@@ -33,6 +33,8 @@ def equal_bytes(server, series):
     """The same bytes as `render` writes, in any order and number of requests."""
     asked = [('png', 'preset=skin&view=left', '--preset skin --view left --png-bits 8'),
              ('png', 'preset=skin&view=left&png-bits=16', '--preset skin --view left'),
+             ('png', 'preset=skin&view=left&occlusion=0', '--preset skin --view left --occlusion 0 --png-bits 8'),
+             ('png', 'preset=skin&view=left&occlusion=0.8', '--preset skin --view left --occlusion 0.8 --png-bits 8'),
              ('png', 'view=-30,20&max-error=8', '--view -30,20 --max-error 8 --png-bits 8'),
              ('png', 'mode=mip', '--mode mip --png-bits 8'),
              ('png', 'centre=5,6,7&mm-per-pixel=2', '--centre 5,6,7 --mm-per-pixel 2 --png-bits 8'),
@@ -46,7 +48,7 @@ def equal_bytes(server, series):
     with ThreadPoolExecutor(8) as pool:
         for k, body in enumerate(pool.map(server.get, paths * 3)):
             assert body == own[k % len(own)], paths[k % len(own)]
-    assert own[4] != own[5], 'the scale is another'
+    assert own[6] != own[7], 'the scale is another'
 
 
 def warned(server, series):

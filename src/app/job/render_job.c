@@ -312,6 +312,8 @@ static CtsRenderSettings settings_of(const CtsJob *job)
     CtsRenderSettings render = job->render;
     render.want_depth = job->render.want_depth || cts_outputs_hold_depth(&job->outputs);
     render.rotation_frames = n_frames_of(job);
+    if (render.occlusion == CTS_OCCLUSION_AS_PRESET)
+        render.occlusion = job->preset->occlusion; /* which may differ from that of the renderer's preset */
     return render;
 }
 
@@ -336,7 +338,10 @@ CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepare
 bool cts_job_change_settings(const CtsJob *job, CtsPrepared *prepared)
 {
     const CtsRenderSettings render = settings_of(job);
-    return cts_render_change_settings(prepared->renderer, &render);
+    if (!cts_render_change_settings(prepared->renderer, &render))
+        return false;
+    prepared->preset.occlusion = render.occlusion;
+    return true;
 }
 
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,

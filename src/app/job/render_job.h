@@ -42,7 +42,8 @@ typedef struct CtsPrepared {
 /* Free prepared->renderer with cts_render_end(), also after a failure. */
 CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err);
-/* True if *prepared can be used for this job of the same volume and preset, whose window is set. */
+/* True if *prepared can be used for this job of the same volume and preset, whose window is set; its occlusion may be
+ * another. */
 bool cts_job_change_settings(const CtsJob *job, CtsPrepared *prepared);
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
                            const CtsWatch *watch, CtsReport *report, CtsError *err);

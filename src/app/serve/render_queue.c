@@ -73,7 +73,9 @@ static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcess
         cts_auto_window(processed->volume, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
     if (st)
         return st;
-    char *const json = cts_preset_to_json(&e->render_query.preset);
+    CtsPreset kept = e->render_query.preset;
+    kept.occlusion = 0; /* a setting of each picture */
+    char *const json = cts_preset_to_json(&kept);
     bool is_new = false;
     pthread_mutex_lock(&server->lock);
     CtsCachedRenderer *const renderer =

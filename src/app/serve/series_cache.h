@@ -98,7 +98,7 @@ CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
 void cts_series_cache_drop(CtsSeriesCache *cache, CtsCachedSeries *cached);
 
 /* A renderer for the job, whose preset's window is set: an idle one, else a new one that the caller prepares without
- * the lock. NULL without memory. */
+ * the lock. NULL without memory. preset_json: the preset with occlusion 0. */
 CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job, const char *preset_json,
                                            bool *is_new);
 /* failed: it is of no use. */
