@@ -48,8 +48,8 @@ INLINE vi to_left(const int16_t *d, const Places *p)
 {
     if (!p->is_first)
         return distances(d + p->at - 1);
-    vi own = distances(d + p->at), left;
-    left[0] = own[0];
+    const vi own = distances(d + p->at);
+    vi left = own;
     for (int l = 1; l < LANES; l++)
         left[l] = own[l - 1];
     return left;
