@@ -36,6 +36,25 @@ static inline __attribute__((always_inline)) void widen_columns(uint16_t *restri
     }
 }
 
+/* Each element's extreme value and those of the four behind it, for n elements. */
+static inline __attribute__((always_inline)) void least_of_five(uint16_t *restrict a, int n)
+{
+    uint16_t two[COLUMNS + 2];
+    for (int i = 0; i < n + 2; i++)
+        two[i] = min16(a[i], a[i + 1]);
+    for (int i = 0; i < n; i++)
+        a[i] = min16(a[i + REACH - 1], min16(two[i], two[i + 2]));
+}
+
+static inline __attribute__((always_inline)) void most_of_five(uint16_t *restrict a, int n)
+{
+    uint16_t two[COLUMNS + 2];
+    for (int i = 0; i < n + 2; i++)
+        two[i] = max16(a[i], a[i + 1]);
+    for (int i = 0; i < n; i++)
+        a[i] = max16(a[i + REACH - 1], max16(two[i], two[i + 2]));
+}
+
 /* The fine macro-cells along a row of them, by columns of voxels first: these are most of the work, and vectors'. */
 static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocells *b, const uint16_t *grey, int bj,
                                                                int bk)
@@ -43,10 +62,10 @@ static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocel
     const int nx = b->dims[0], ny = b->dims[1];
     CtsRange *to = b->fine + ((size_t)bk * (size_t)b->n_fine[1] + (size_t)bj) * (size_t)b->n_fine[0];
     for (int first = 0; first == 0 || first < nx - 1; first += COLUMNS) {
-        uint16_t low[COLUMNS + 1], high[COLUMNS + 1];
+        uint16_t low[COLUMNS + 2 * REACH], high[COLUMNS + 2 * REACH]; /* beyond the last column nothing */
         const int n = nx - first < COLUMNS + 1 ? nx - first : COLUMNS + 1;
-        memset(low, 0xff, sizeof low);
-        memset(high, 0, sizeof high);
+        memset(low, 0xff, (size_t)(n + REACH) * sizeof *low);
+        memset(high, 0, (size_t)(n + REACH) * sizeof *high);
         for (int k = bk * CTS_FINE_MACROCELL; k < bk * CTS_FINE_MACROCELL + REACH && k < b->dims[2]; k++) {
             const uint16_t *row[REACH];
             for (int r = 0; r < REACH; r++) {
@@ -55,11 +74,11 @@ static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocel
             }
             widen_columns(low, high, row, n);
         }
-        for (int i = 0; i == 0 || i < n - 1; i += CTS_FINE_MACROCELL, to++) {
-            *to = (CtsRange){low[i], high[i]};
-            for (int c = i + 1; c < i + REACH && c < n; c++)
-                widen(to, (CtsRange){low[c], high[c]});
-        }
+        const int n_cells = n > 1 ? n - 1 : 1;
+        least_of_five(low, n_cells);
+        most_of_five(high, n_cells);
+        for (int i = 0; i < n_cells; i += CTS_FINE_MACROCELL)
+            *to++ = (CtsRange){low[i], high[i]};
     }
 }
 

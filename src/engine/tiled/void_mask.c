@@ -119,7 +119,8 @@ CTS_TARGET_AVX2 static void block_bits_avx2(const BlockTest *l, const Bracket *b
 static bool test_uniform_block(const BlockTest *l, const CtsLut *lut, const Bracket *b, const int block[3], CtsRange r,
                                uint32_t cells[2])
 {
-    const bool visible = lut && cts_lut_visible(lut, r.low, CTS_MUTATED(SKIP_RANGE) ? r.low : r.high);
+    const bool visible = lut && r.high > b->low && r.low < b->high &&
+                         cts_lut_visible(lut, r.low, CTS_MUTATED(SKIP_RANGE) ? r.low : r.high);
     cells[0] = cells[1] = visible ? UINT32_MAX : 0;
     if (visible && (r.low <= b->low || r.high >= b->high))
         (cts_cpu_flags() & CTS_CPU_AVX2 ? block_bits_avx2 : block_bits)(l, b, block, cells);
@@ -205,17 +206,20 @@ static void test_rows(void *context, int worker, size_t first, size_t end)
     TiledMask *const m = l->mask;
     int64_t n_visible = 0;
     (void)worker;
-    for (size_t row = first; row < end; row++)
-        for (int i = 0; i < m->n[0]; i++) {
-            const size_t at = row * (size_t)m->n[0] + (size_t)i;
-            const int block[3] = {i, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])};
+    for (size_t row = first; row < end; row++) {
+        int block[3] = {0, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])};
+        for (; block[0] < m->n[0]; block[0]++) {
+            const size_t at = row * (size_t)m->n[0] + (size_t)block[0];
             uint32_t cells[2];
             const bool visible = test_block(l, at, block, cells);
+            l->distance[at] = visible ? 0 : CTS_CELL_FAR;
+            if (!visible) /* its words are its distance */
+                continue;
             for (int half = 0; half < 2; half++)
                 m->words[2 * at + (size_t)half] = distinct_from_distance(cells[half]);
-            l->distance[at] = visible ? 0 : CTS_CELL_FAR;
-            n_visible += visible;
+            n_visible++;
         }
+    }
     atomic_fetch_add(&l->n_visible, n_visible);
 }
 
