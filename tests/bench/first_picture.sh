@@ -1,15 +1,15 @@
 #!/bin/bash
 # Cost of the first picture of a series: first_picture.sh CTSPLAT SOURCE_ROOT, or with BEFORE=CTSPLAT in the environment
 # two builds in turn. A preview of 512 x 512 pixels of each real series with bone and skin, one thread, the run with the
-# least processor time of 5: milliseconds by stage, peak memory relative to the scanned volume, and finally the time of
-# six previews of a batch (2 presets, 3 views) relative to one.
+# least processor time of 5: milliseconds by stage, MiB at the peak and those aimed at, twice the scanned volume and 64;
+# then the time of six previews of a batch (2 presets, 3 views) relative to one.
 set -euo pipefail
 ctsplat=$1 data=$2/../shared/data
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 [ -d "$data" ] || { echo "skipped: no $data"; exit 0; }
 
-# fields LOG: processor time in all and by stage, the peak over what was decoded
+# fields LOG: processor time in all and by stage, the peak, and the peak aimed at by what was decoded
 fields()
 {
     awk -F'[:,}]' '
@@ -19,10 +19,10 @@ fields()
         /"event":"done"/ { all = value["\"cpu_ms\""]; peak = value["\"peak_rss_bytes\""] }
         END {
             printf "%.0f", all
-            n = split("scan decode grey classify composite shade export", stage, " ")
+            n = split("scan decode grey classify splat composite shade export", stage, " ")
             for (i = 1; i <= n; i++)
                 printf " %.0f", cpu["\"" stage[i] "\""]
-            printf " %.2f\n", peak / bytes
+            printf " %.0f %.0f\n", peak / 1048576, 2 * bytes / 1048576 + 64
         }' "$1"
 }
 
@@ -47,7 +47,7 @@ processor_ms()
     { time "$@" >"$work/said" 2>&1; } 2>&1 | awk '{ print 1000 * ($1 + $2) }'
 }
 
-echo "build series preset cpu_ms scan decode grey classify composite shade export peak/scanned"
+echo "build series preset cpu_ms scan decode grey classify splat composite shade export peak_mib aim_mib"
 for series in chest-ge head-tilt-ge head-phantom/S2020 body-j2k; do
     [ -d "$data/$series" ] || { echo "skipped: no $data/$series"; continue; }
     for preset in bone skin; do
@@ -55,20 +55,22 @@ for series in chest-ge head-tilt-ge head-phantom/S2020 body-j2k; do
     done
 done
 
-for series in chest-ge head-phantom/S2020; do
+for series in chest-ge head-tilt-ge head-phantom/S2020; do
     [ -d "$data/$series" ] || continue
     mkdir "$work/archive"
     cp -rL "$data/$series" "$work/archive/series"
     for run in 1 2 3; do
-        for pictures in "bone anterior" "bone,skin anterior,left,posterior"; do
-            rm -rf "$work/out"
-            processor_ms "$ctsplat" batch "$work/archive" --presets "${pictures% *}" --views "${pictures#* }" --size 512x512 \
-                --max-error 8 --formats jpg --threads 1 --output-dir "$work/out"
-            ls "$work"/out/*/*.jpg >"$work/files" || { cat "$work/said" >&2; exit 1; }
-        done | paste -sd' '
+        for which in ${BEFORE:+"$BEFORE"} "$ctsplat"; do
+            for pictures in "bone anterior" "bone,skin anterior,left,posterior"; do
+                rm -rf "$work/out"
+                processor_ms "$which" batch "$work/archive" --presets "${pictures% *}" --views "${pictures#* }" \
+                    --size 512x512 --max-error 8 --formats jpg --threads 1 --output-dir "$work/out"
+                ls "$work"/out/*/*.jpg >"$work/files" || { cat "$work/said" >&2; exit 1; }
+            done | paste -sd' ' | sed "s|^|$which |; s|^${BEFORE:-none} |before |; s|^$ctsplat |now |"
+        done
     done | awk -v series="$series" '
-        NR == 1 || $1 < one { one = $1 }
-        NR == 1 || $2 < six { six = $2 }
-        END { printf "six previews of %s: %.2f times one\n", series, six / one }'
+        !($1 in one) || $2 < one[$1] { one[$1] = $2 }
+        !($1 in six) || $3 < six[$1] { six[$1] = $3 }
+        END { for (build in one) printf "%s six previews of %s: %.2f times one\n", build, series, six[build] / one[build] }'
     rm -r "$work/archive"
 done
