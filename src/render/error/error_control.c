@@ -381,6 +381,38 @@ static CtsStatus march_groups(Round *r, CtsError *err)
     return st;
 }
 
+/* Renders this round's pixels again at reference precision where the march's own error may be more than the requested
+ * one: at a grazing contact the march in single precision may miss what a sheet has found. */
+static CtsStatus rerender_doubtful(Round *r, CtsError *err)
+{
+    const CtsErrorControl *const c = r->control;
+    const double requested = cts_scene_requested_error(&c->scene);
+    CtsStatus st = CTS_OK;
+    uint32_t *place = NULL;
+    size_t n = 0;
+    float(*rgba)[4] = NULL, *off = NULL;
+    for (size_t i = 0; i < r->n_sampled; i++)
+        n += WORTH * (double)r->off[i] > requested;
+    if (n == 0 || (st = cts_alloc_array(&place, n, err)) || (st = cts_alloc_array(&rgba, n, err)) ||
+        (st = cts_alloc_array(&off, n, err)))
+        goto end;
+    n = 0;
+    for (size_t i = 0; i < r->n_sampled; i++)
+        if (WORTH * (double)r->off[i] > requested)
+            place[n++] = r->place[i];
+    if ((st = c->march->render_pixels(&c->scene, r->band, place, n, 0, rgba, off, err)))
+        goto end;
+    n = 0;
+    for (size_t i = 0; i < r->n_sampled; i++)
+        if (WORTH * (double)r->off[i] > requested)
+            memcpy(r->rgba[i], rgba[n++], sizeof r->rgba[i]);
+end:
+    cts_free(&place);
+    cts_free(&rgba);
+    cts_free(&off);
+    return st;
+}
+
 static CtsStatus run_round(Round *r, CtsError *err)
 {
     const CtsErrorControl *const c = r->control;
@@ -410,6 +442,8 @@ static CtsStatus run_round(Round *r, CtsError *err)
                    r->strips[i].n_sampled * sizeof *r->place);
     if (r->n_sampled > 0 &&
         (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_sampled, r->error, r->rgba, r->off, err)))
+        return st;
+    if (r->error > 0 && (st = rerender_doubtful(r, err)))
         return st;
     cts_parallel(n_threads, r->n_strips, 1, estimate_some, r);
     return CTS_OK;
