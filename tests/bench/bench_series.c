@@ -1,5 +1,6 @@
 #include "bench_series.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 static int by_value(const void *a, const void *b)
@@ -14,13 +15,7 @@ double bench_median(double *values, int n)
     return values[n / 2];
 }
 
-int bench_rounds(const char *text, int by_default)
-{
-    const int asked = text ? atoi(text) : by_default;
-    return asked < 1 ? 1 : asked > BENCH_MAX_ROUNDS ? BENCH_MAX_ROUNDS : asked;
-}
-
-CtsStatus bench_load(const char *folder, CtsVolume **volume, CtsError *err)
+static CtsStatus load(const char *folder, CtsVolume **volume, CtsError *err)
 {
     CtsSeriesList *list = NULL;
     const CtsSeries *series;
@@ -33,4 +28,23 @@ CtsStatus bench_load(const char *folder, CtsVolume **volume, CtsError *err)
         cts_volume_free(volume);
     cts_series_list_free(&list);
     return st;
+}
+
+int bench_main(int argc, char **argv, const char *name, int (*measure)(const CtsVolume *volume, int rounds))
+{
+    CtsVolume *volume = NULL;
+    CtsError err = {0};
+    if (argc < 2 || argc > 3) {
+        fprintf(stderr, "usage: %s FOLDER [ROUNDS]\n", name);
+        return 2;
+    }
+    if (load(argv[1], &volume, &err)) {
+        fprintf(stderr, "%s: %s\n", name, err.text);
+        return 1;
+    }
+    const int rounds = argc > 2 ? atoi(argv[2]) : 5;
+    printf("%d x %d x %d voxels\n", volume->dims[0], volume->dims[1], volume->dims[2]);
+    const int result = measure(volume, rounds < 1 ? 1 : rounds > BENCH_MAX_ROUNDS ? BENCH_MAX_ROUNDS : rounds);
+    cts_volume_free(&volume);
+    return result;
 }

@@ -9,10 +9,8 @@ enum { BENCH_MAX_ROUNDS = 99 };
 /* Sorts values. */
 double bench_median(double *values, int n);
 
-/* The number of rounds in text, or by_default where that is NULL; 1 to BENCH_MAX_ROUNDS. */
-int bench_rounds(const char *text, int by_default);
-
-/* The CT series in a folder, macro-cells made. Free with cts_volume_free(). */
-CtsStatus bench_load(const char *folder, CtsVolume **volume, CtsError *err);
+/* A benchmark's main(): NAME FOLDER [ROUNDS], 5 rounds by default. Loads the CT series in a folder, with its
+ * macro-cells, and returns what measure() returns. */
+int bench_main(int argc, char **argv, const char *name, int (*measure)(const CtsVolume *volume, int rounds));
 
 #endif

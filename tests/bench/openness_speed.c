@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static int measure(const CtsVolume *volume, const char *name, int rounds)
+static int measure_preset(const CtsVolume *volume, const char *name, int rounds)
 {
     static const struct {
         unsigned cpu;
@@ -54,23 +54,15 @@ static int measure(const CtsVolume *volume, const char *name, int rounds)
     return 0;
 }
 
+static int measure(const CtsVolume *volume, int rounds)
+{
+    int result = 0;
+    for (int p = 0; p < 3 && !result; p++)
+        result = measure_preset(volume, (const char *const[]){"bone", "skin", "muscle"}[p], rounds);
+    return result;
+}
+
 int main(int argc, char **argv)
 {
-    CtsVolume *volume = NULL;
-    CtsError err = {0};
-    int result = 0;
-    if (argc < 2 || argc > 3) {
-        fprintf(stderr, "usage: openness_speed FOLDER [ROUNDS]\n");
-        return 2;
-    }
-    if (bench_load(argv[1], &volume, &err)) {
-        fprintf(stderr, "openness_speed: %s\n", err.text);
-        return 1;
-    }
-    printf("%d x %d x %d voxels\n", volume->dims[0], volume->dims[1], volume->dims[2]);
-    for (int p = 0; p < 3 && !result; p++)
-        result = measure(volume, (const char *const[]){"bone", "skin", "muscle"}[p],
-                         bench_rounds(argc > 2 ? argv[2] : NULL, 5));
-    cts_volume_free(&volume);
-    return result;
+    return bench_main(argc, argv, "openness_speed", measure);
 }

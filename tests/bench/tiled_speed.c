@@ -47,7 +47,7 @@ static double read_bytes_per_ms(const CtsVolume *v)
     return (double)n * 8 / best;
 }
 
-static int measure(const CtsVolume *volume, const Row *row, int n_threads, int rounds, double bytes_per_ms)
+static int measure_row(const CtsVolume *volume, const Row *row, int n_threads, int rounds, double bytes_per_ms)
 {
     double tiled_ms[BENCH_MAX_ROUNDS], classic_ms[BENCH_MAX_ROUNDS];
     CtsPreset preset;
@@ -98,26 +98,20 @@ static int measure(const CtsVolume *volume, const Row *row, int n_threads, int r
     return 0;
 }
 
+static int measure(const CtsVolume *volume, int rounds)
+{
+    int result = 0;
+    const double bytes_per_ms = read_bytes_per_ms(volume);
+    printf("1024 x 1024 pixels, medians of %d rounds\n", rounds);
+    for (int r = 0; r < N_ROWS && !result; r++) {
+        result = measure_row(volume, &rows[r], cts_threads(0), rounds, bytes_per_ms);
+        if (!result && cts_threads(0) > 1)
+            result = measure_row(volume, &rows[r], 1, rounds, bytes_per_ms);
+    }
+    return result;
+}
+
 int main(int argc, char **argv)
 {
-    CtsVolume *volume = NULL;
-    CtsError err = {0};
-    int result = 0;
-    if (argc < 2 || argc > 3) {
-        fprintf(stderr, "usage: tiled_speed FOLDER [ROUNDS]\n");
-        return 2;
-    }
-    const int rounds = bench_rounds(argc > 2 ? argv[2] : NULL, 5);
-    if (bench_load(argv[1], &volume, &err))
-        return fail(&err);
-    const double bytes_per_ms = read_bytes_per_ms(volume);
-    printf("%d x %d x %d voxels, 1024 x 1024 pixels, medians of %d rounds\n", volume->dims[0], volume->dims[1],
-           volume->dims[2], rounds);
-    for (int r = 0; r < N_ROWS && !result; r++) {
-        result = measure(volume, &rows[r], cts_threads(0), rounds, bytes_per_ms);
-        if (!result && cts_threads(0) > 1)
-            result = measure(volume, &rows[r], 1, rounds, bytes_per_ms);
-    }
-    cts_volume_free(&volume);
-    return result;
+    return bench_main(argc, argv, "tiled_speed", measure);
 }

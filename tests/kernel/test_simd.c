@@ -2,26 +2,12 @@
  * output. A failure prints the parameters that reproduce it. */
 #include "base/cpu.h"
 #include "engine/splat/loops.h"
+#include "random_input.h"
 #include "unit.h"
 #include <stdio.h>
 #include <string.h>
 
 enum { N = 75, EDGE = 64, ROWS = 40, WIDTH = 4 * N + 4 * CTS_MAX_TAPS, TRIALS = 400 };
-
-static uint64_t state;
-
-static uint32_t random_u32(void)
-{
-    uint64_t z = state += 0x9e3779b97f4a7c15u; /* SplitMix64 (Steele, Lea, Flood 2014) */
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (uint32_t)(z >> 32);
-}
-
-static int below(int n)
-{
-    return (int)(random_u32() % (uint32_t)n);
-}
 
 static float unit_float(void)
 {

@@ -1,5 +1,6 @@
 /* Operations of base/simd.h: every SIMD path against scalar C, to the bit, on ugly input. */
 #include "base/cpu.h"
+#include "random_input.h"
 #include "simd_operations.h"
 #include "unit.h"
 #include <math.h>
@@ -7,21 +8,6 @@
 #include <string.h>
 
 enum { TRIALS = 2000 };
-
-static uint64_t state;
-
-static uint32_t random_u32(void)
-{
-    uint64_t z = state += 0x9e3779b97f4a7c15u; /* SplitMix64 (Steele, Lea, Flood 2014) */
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (uint32_t)(z >> 32);
-}
-
-static int below(int n)
-{
-    return (int)(random_u32() % (uint32_t)n);
-}
 
 /* Special values, random bits, and ordinary numbers. */
 static float ugly_float(void)

@@ -224,6 +224,14 @@ static inline Slice stack_slice(StackTexts *t, int k, double x, double y, double
     return s;
 }
 
+/* Writes a slice as the file of this number. */
+static inline void write_numbered(const char *folder, int k, const Slice *s)
+{
+    char name[16];
+    snprintf(name, sizeof name, "IM%03d", k);
+    write_slice(folder, name, s);
+}
+
 /* n slices at z[k], named so that the order of names is not the order of positions. */
 static inline void write_stack(const char *folder, const double *z, int n)
 {

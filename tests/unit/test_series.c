@@ -89,11 +89,9 @@ static void test_normal_down(void **state)
     make_folder(f.folder);
     for (int k = 0; k < 4; k++) {
         StackTexts t;
-        char name[16];
         Slice s = stack_slice(&t, k, 0, 0, 3 * k);
         s.orientation = "1\\0\\0\\0\\-1\\0";
-        snprintf(name, sizeof name, "%d", k);
-        write_slice(f.folder, name, &s);
+        write_numbered(f.folder, k, &s);
     }
     find(&f);
     assert_int_equal(f.status, CTS_OK);
@@ -323,11 +321,9 @@ static void test_cases(void **state)
         make_folder(f.folder);
         for (int k = 0; k < 20; k++) {
             StackTexts t;
-            char name[16];
             Slice s = stack_slice(&t, k, 0, 0, 2 * k);
             cases[c].change(&s, k);
-            snprintf(name, sizeof name, "IM%02d", k);
-            write_slice(f.folder, name, &s);
+            write_numbered(f.folder, k, &s);
         }
         find(&f);
         if (f.status)
@@ -422,13 +418,11 @@ static void test_wrong_sign(void **state)
         make_folder(f.folder);
         for (int k = 0; k < 4; k++) {
             StackTexts t;
-            char name[16];
             Slice s = stack_slice(&t, k, 0, 0, 2 * k);
             s.base = 65500;
             s.intercept = "0";
             s.is_signed = is_signed;
-            snprintf(name, sizeof name, "IM%02d", k);
-            write_slice(f.folder, name, &s);
+            write_numbered(f.folder, k, &s);
         }
         find(&f);
         CtsVolume *v = NULL;
@@ -461,13 +455,12 @@ static void test_first_number(void **state)
         make_folder(f.folder);
         for (int k = 0; k < 5; k++) {
             StackTexts t;
-            char name[16], instance[16];
+            char instance[16];
             Slice s = stack_slice(&t, k, 0, 0, 2 * k);
             snprintf(instance, sizeof instance, "%d",
                      numberings[c].first + k * numberings[c].step + (k == 2 ? numberings[c].odd : 0));
             s.instance = instance;
-            snprintf(name, sizeof name, "IM%d", k);
-            write_slice(f.folder, name, &s);
+            write_numbered(f.folder, k, &s);
         }
         find(&f);
         const CtsDiagnostic *diagnostic_expected =
@@ -783,11 +776,9 @@ static void test_description(void **state)
     make_folder(f.folder);
     for (int k = 0; k < 2; k++) {
         StackTexts t;
-        char name[16];
         Slice s = stack_slice(&t, k, 0, 0, k);
         s.description = "Head \x1b[2J";
-        snprintf(name, sizeof name, "%d", k);
-        write_slice(f.folder, name, &s);
+        write_numbered(f.folder, k, &s);
     }
     find(&f);
     assert_string_equal(f.list->items[0].description, "Head ?[2J");
