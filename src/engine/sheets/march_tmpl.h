@@ -367,10 +367,13 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
         off = wf_max(off, wf_abs(wf_sub(plain, s->coarse_rgb[c])));
         wf_store(out->rgba[c], wf_mul(s->rgb[c], scale));
     }
-    if (lit)
+    if (CTS_MUTATED(INDICATOR_LEVELS))
+        off = wf_of(0);
+    if (lit && !CTS_MUTATED(INDICATOR_LIGHT))
         off = wf_add(off, wf_mul(light->bend, wf_inverse_root(wf_max(light->bend, wf_of(1e-12f)))));
     wf_store(out->rgba[3], wf_select(ended, wf_of(1), wf_sub(wf_of(1), s->left)));
-    off = wf_add(off, wf_scale(s->missed, MISSED_SHARE, 0));
+    if (!CTS_MUTATED(INDICATOR_MISSED))
+        off = wf_add(off, wf_scale(s->missed, MISSED_SHARE, 0));
     wf_store(out->indicator, wf_min(off, wf_of(1)));
     wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));
 }

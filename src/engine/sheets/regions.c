@@ -2,6 +2,7 @@
 #include "engine/sheets/lattice.h"
 
 #include "base/mem.h"
+#include "base/mutation.h"
 #include "base/parallel.h"
 #include <math.h>
 #include <string.h>
@@ -157,7 +158,7 @@ static void add_row_contrast(const SheetsPatch *p, int y, int first, int end, fl
         const float down = here[i] - sheets_smaller(sheets_smaller((low - 4)[i], low[i + 4]), low[i]);
         spread[i] = sheets_larger(up, down);
     }
-    for (size_t x = 0; x < (size_t)p->width; x++) {
+    for (size_t x = 0; x < (size_t)p->width && !CTS_MUTATED(INDICATOR_CONTRAST); x++) {
         const float *const s = spread + 4 * x;
         indicator[x] += CONTRAST_SHARE * sheets_larger(sheets_larger(s[0], s[1]), sheets_larger(s[2], s[3]));
     }
