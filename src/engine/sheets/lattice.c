@@ -22,13 +22,23 @@ static f32x4 select4(i32x4 mask, f32x4 yes, f32x4 no)
     return (f32x4)((mask & (i32x4)yes) | (~mask & (i32x4)no));
 }
 
+static f32x4 smaller4(f32x4 a, f32x4 b)
+{
+    return select4(a < b, a, b);
+}
+
+static f32x4 larger4(f32x4 a, f32x4 b)
+{
+    return select4(a > b, a, b);
+}
+
 /* The largest range of a channel. */
 static float range_of(const f32x4 rgba[], int n)
 {
     f32x4 low = rgba[0], high = rgba[0];
     for (int i = 1; i < n; i++) {
-        low = select4(rgba[i] < low, rgba[i], low);
-        high = select4(rgba[i] > high, rgba[i], high);
+        low = smaller4(rgba[i], low);
+        high = larger4(rgba[i], high);
     }
     const f32x4 range = high - low;
     return sheets_larger(sheets_larger(range[0], range[1]), sheets_larger(range[2], range[3]));
@@ -55,6 +65,37 @@ static void interpolate(SheetsPatch *to, size_t at, const SheetsPatch *from, con
     to->depth_mm[at] = depth_mm < SHEETS_FAR / 8 ? depth_mm : from->depth_mm[corner[0]];
 }
 
+/* interpolate() for the pixels whose first of two by two is pixel `at`, without depth: `row` is the number of pixels in
+ * a row, `corner` points to the marched one, `across` is the number of points in a row. */
+static void interpolate_four(SheetsPatch *to, size_t at, size_t row, const SheetsPatch *from, size_t corner,
+                             size_t across)
+{
+    const f32x4 *const upper = (const f32x4 *)(from->rgba + 4 * corner), *const lower =
+                                                                             (const f32x4 *)(from->rgba +
+                                                                                             4 * (corner + across));
+    const float *const above = from->indicator + corner, *const below = above + across;
+    const f32x4 beside = upper[0] + upper[1], under = upper[0] + lower[0], all = beside + lower[0] + lower[1];
+    const f32x4 low[2] = {smaller4(upper[0], upper[1]), smaller4(lower[0], lower[1])},
+                high[2] = {larger4(upper[0], upper[1]), larger4(lower[0], lower[1])};
+    const f32x4 range[3] = {high[0] - low[0], larger4(upper[0], lower[0]) - smaller4(upper[0], lower[0]),
+                            larger4(high[0], high[1]) - smaller4(low[0], low[1])};
+    /* The largest of each range's channels: a transposition, level by level. */
+    const f32x4 first = larger4(SHUFFLE(range[0], range[1], 0, 4, 1, 5), SHUFFLE(range[0], range[1], 2, 6, 3, 7)),
+                last = larger4(SHUFFLE(range[2], range[2], 0, 4, 1, 5), SHUFFLE(range[2], range[2], 2, 6, 3, 7));
+    const f32x4 most = larger4(SHUFFLE(first, last, 0, 1, 4, 5), SHUFFLE(first, last, 2, 3, 6, 7));
+    f32x4 *const rgba = (f32x4 *)(to->rgba + 4 * at), *const next = (f32x4 *)(to->rgba + 4 * (at + row));
+    float *const indicator = to->indicator + at;
+    rgba[0] = upper[0];
+    rgba[1] = beside * 0.5F;
+    next[0] = under * 0.5F;
+    next[1] = all * 0.25F;
+    indicator[0] = above[0];
+    indicator[1] = above[0] * 0.5F + above[1] * 0.5F + INTERPOLATED_SHARE * most[0];
+    indicator[row] = above[0] * 0.5F + below[0] * 0.5F + INTERPOLATED_SHARE * most[1];
+    indicator[row + 1] =
+        above[0] * 0.25F + above[1] * 0.25F + below[0] * 0.25F + below[1] * 0.25F + INTERPOLATED_SHARE * most[2];
+}
+
 /* The 4 x 4 pixels of a group between 3 x 3 points of the lattice, two by two. */
 static void interpolate_group(SheetsPatch *to, const SheetsPatch *from, int x0, int y0)
 {
@@ -65,6 +106,10 @@ static void interpolate_group(SheetsPatch *to, const SheetsPatch *from, int x0, 
             const size_t beside[4] = {first, first + 1, first + across, first + across + 1};
             const size_t above[2] = {first, first + across}, at = (size_t)(y0 + j) * width + (size_t)(x0 + i);
             const bool right = x0 + i + 1 < to->width, below = y0 + j + 1 < to->height;
+            if (right && below && !to->depth_mm) {
+                interpolate_four(to, at, width, from, first, across);
+                continue;
+            }
             interpolate(to, at, from, beside, 1);
             if (right)
                 interpolate(to, at + 1, from, beside, 2);

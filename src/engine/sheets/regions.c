@@ -64,25 +64,37 @@ static bool find_visible(const Picturing *p, const SheetsPatch *patch, int i, in
     return cts_sheets_visible(p->job, x, y, of, bits);
 }
 
-/* At level lattice pixels are interpolated where its points allow it. */
-static void run_group(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i, int j)
+/* True if a point of the lattice within a tile of pixels sees anything, so that the tile is not void. */
+static bool sees(const SheetsPatch *lattice, int i0, int j0)
 {
-    const bool refines = p->job->lattice && patch->grid == &p->job->grid[0];
-    if (!refines ||
-        !cts_sheets_interpolate(patch, &p->lattice, i, j, cts_sheets_refined_from(p->scene), p->job->view.slab_mm))
-        march_group(p, w, patch, i, j, w->tile);
+    for (int j = j0 / 2; j < (j0 + SHEETS_TILE_Y) / 2 && j < lattice->height; j++)
+        for (int i = i0 / 2; i < (i0 + SHEETS_TILE_X) / 2 && i < lattice->width; i++)
+            if (lattice->rgba[4 * ((size_t)j * (size_t)lattice->width + (size_t)i) + 3] > 0)
+                return true;
+    return false;
 }
 
+/* At level lattice pixels are interpolated where its points allow it: of a tile that they see, visible blocks are found
+ * for the first group that has to be marched. */
 static void run_tile(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
 {
+    const bool refines = p->job->lattice && patch->grid == &p->job->grid[0];
+    bool found = !refines || !sees(&p->lattice, i0, j0);
     w->counts.tiles++;
-    if (!find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile)) {
+    if (found && !find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile)) {
         w->counts.void_tiles++;
         return;
     }
     for (int j = j0; j < j0 + SHEETS_TILE_Y && j < patch->height; j += SHEETS_SIDE)
-        for (int i = i0; i < i0 + SHEETS_TILE_X && i < patch->width; i += SHEETS_SIDE)
-            run_group(p, w, patch, i, j);
+        for (int i = i0; i < i0 + SHEETS_TILE_X && i < patch->width; i += SHEETS_SIDE) {
+            if (refines && cts_sheets_interpolate(patch, &p->lattice, i, j, cts_sheets_refined_from(p->scene),
+                                                  p->job->view.slab_mm))
+                continue;
+            if (!found)
+                find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile);
+            found = true;
+            march_group(p, w, patch, i, j, w->tile);
+        }
 }
 
 static void run_region(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
