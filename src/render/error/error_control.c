@@ -6,6 +6,7 @@
 #include "base/mutation.h"
 #include "base/parallel.h"
 #include "base/random.h"
+#include "base/simd_fixed.h"
 #include "render/engines/engines.h"
 #include "render/error/marched_groups.h"
 #include <math.h>
@@ -142,30 +143,61 @@ static double probability_at(const Round *r, const Strip *s, size_t at)
     return at_most_1(s->probability * square_at(r, s, at));
 }
 
+/* Pixels that share a random number where their probabilities sum to 1 at most: then one of them is drawn, or none. */
+enum { DRAWN_TOGETHER = 16 };
+
+/* True where DRAWN_TOGETHER pixels from `first` on are all as the engine rendered them, as most are in a first round.
+ */
+static bool all_rendered(const Round *r, const Strip *s, size_t first)
+{
+    static const uint8_t rendered[DRAWN_TOGETHER] = {CTS_PIXEL_RENDERED};
+    _Static_assert(CTS_PIXEL_RENDERED == 0, "the table of origins is zeros");
+    return s->end - first >= DRAWN_TOGETHER && memcmp(r->errors->origin + first, rendered, sizeof rendered) == 0;
+}
+
+/* b^2 of four pixels that are all sampled. */
+static f64x4 four_squares(const Round *r, size_t at)
+{
+    const f64x4 b = WORTH * CONVERT(*(const f32x4 *)(r->errors->indicator + at), f64x4);
+    return b * b;
+}
+
+static double sum_of_four(f64x4 v)
+{
+    return (v[0] + v[1]) + (v[2] + v[3]);
+}
+
 /* Sum of b^2 over a strip's pixels that may be sampled, whose number is *n. */
 static double sum_squares(const Round *r, const Strip *s, size_t *n)
 {
-    const float *const indicator = r->errors->indicator;
     double sum = 0;
+    f64x4 sums = {0};
     *n = 0;
-    for (size_t i = s->first; i < s->end; i++) {
-        const bool open = is_open(r->errors, i);
-        const double b = open ? WORTH * (double)indicator[i] : 0;
-        sum += b * b;
-        *n += open;
+    for (size_t first = s->first; first < s->end; first += DRAWN_TOGETHER) {
+        if (all_rendered(r, s, first)) {
+            for (size_t i = 0; i < DRAWN_TOGETHER; i += 4)
+                sums += four_squares(r, first + i);
+            *n += DRAWN_TOGETHER;
+            continue;
+        }
+        for (size_t i = first; i < s->end && i < first + DRAWN_TOGETHER; i++) {
+            const bool open = is_open(r->errors, i);
+            const double b = open ? WORTH * (double)r->errors->indicator[i] : 0;
+            sum += b * b;
+            *n += open;
+        }
     }
-    return sum;
+    return sum + sum_of_four(sums);
 }
 
 static double share_of(const Round *r, Strip *s)
 {
     size_t n_visible = 0;
-    for (size_t i = s->first; i < s->end; i++) {
-        const bool interpolated = r->errors->origin[i] == CTS_PIXEL_INTERPOLATED;
-        s->n_interpolated += interpolated;
-        n_visible += !interpolated && r->band->pixels[4 * i + 3] > 0;
-    }
-    return n_visible > 0 && s->n_interpolated > 0 ? 1 + (double)s->n_interpolated / (double)n_visible : 1;
+    for (size_t i = s->first; i < s->end; i++)
+        s->n_interpolated += r->errors->origin[i] == CTS_PIXEL_INTERPOLATED;
+    for (size_t i = s->first; i < s->end && s->n_interpolated > 0; i++)
+        n_visible += r->errors->origin[i] != CTS_PIXEL_INTERPOLATED && r->band->pixels[4 * i + 3] > 0;
+    return n_visible > 0 ? 1 + (double)s->n_interpolated / (double)n_visible : 1;
 }
 
 /* A number that is uniform over 0 to 1, another for each pixel of the view and each round. */
@@ -189,31 +221,48 @@ static CtsStatus add_place(Strip *s, size_t at, CtsError *err)
     return CTS_OK;
 }
 
-/* Pixels that share a random number where their probabilities sum to 1 at most: then one of them is drawn, or none. */
-enum { DRAWN_TOGETHER = 16 };
+/* Probabilities of up to DRAWN_TOGETHER pixels from `first` on, and their sum. */
+static double find_probabilities(const Round *r, const Strip *s, size_t first, double probability[DRAWN_TOGETHER])
+{
+    double sum = 0;
+    if (all_rendered(r, s, first)) {
+        f64x4 sums = {0};
+        for (size_t i = 0; i < DRAWN_TOGETHER; i += 4) {
+            f64x4 p = s->probability * (four_squares(r, first + i) + s->floor);
+            for (int k = 0; k < 4; k++)
+                p[k] = at_most_1(p[k]);
+            memcpy(probability + i, &p, sizeof p);
+            sums += p;
+        }
+        return sum_of_four(sums);
+    }
+    for (size_t i = 0; i < DRAWN_TOGETHER && first + i < s->end; i++)
+        sum += probability[i] = probability_at(r, s, first + i);
+    return sum;
+}
 
 static CtsStatus draw(const Round *r, Strip *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (size_t first = s->first; first < s->end && !st; first += DRAWN_TOGETHER) {
         const size_t n = s->end - first < DRAWN_TOGETHER ? s->end - first : DRAWN_TOGETHER;
-        double until[DRAWN_TOGETHER], sum = 0;
-        for (size_t i = 0; i < n; i++)
-            until[i] = sum += probability_at(r, s, first + i);
+        double probability[DRAWN_TOGETHER];
+        const double sum = find_probabilities(r, s, first, probability);
         if (sum == 0)
             continue;
-        if (sum <= 1) {
-            const double number = uniform_at(r, first);
-            for (size_t i = 0; number < sum && i < n && !st; i++)
-                if (number < until[i]) {
+        if (sum > 1) {
+            for (size_t i = 0; i < n && !st; i++)
+                if (uniform_at(r, first + i) < probability[i])
                     st = add_place(s, first + i, err);
-                    break;
-                }
             continue;
         }
-        for (size_t i = first; i < first + n && !st; i++)
-            if (uniform_at(r, i) < probability_at(r, s, i))
-                st = add_place(s, i, err);
+        const double number = uniform_at(r, first);
+        double until = 0;
+        for (size_t i = 0; number < sum && i < n; i++)
+            if (number < (until += probability[i])) {
+                st = add_place(s, first + i, err);
+                break;
+            }
     }
     return st;
 }
