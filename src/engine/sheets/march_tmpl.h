@@ -166,6 +166,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
     }
     const wf before = s->left;
     blend(s->rgb, &s->left, &slab, visible);
+    CTS_INVARIANT(!wmask_any(wf_lt(s->left, wf_of(0))) && !wmask_any(wf_gt(s->left, before))); /* from 1 on */
     if (j->want_depth)
         note_depth(m, b, t, before, visible, x, y, s);
     s->alive = wmask_and(s->alive, wf_gt(s->left, wf_of(j->min_transmittance)));
@@ -374,6 +375,7 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
     wf_store(out->rgba[3], wf_select(ended, wf_of(1), wf_sub(wf_of(1), s->left)));
     if (!CTS_MUTATED(INDICATOR_MISSED))
         off = wf_add(off, wf_scale(s->missed, MISSED_SHARE, 0));
+    CTS_INVARIANT(!wmask_any(wf_lt(off, wf_of(0))));
     wf_store(out->indicator, wf_min(off, wf_of(1)));
     wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));
 }

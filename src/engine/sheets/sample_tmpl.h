@@ -1,6 +1,7 @@
 /* Samples of sheets by the lanes of a group, and classified slabs: the words that the other templates are made of. */
 #include "engine/sheets/sheets.h"
 
+#include "base/invariant.h"
 #include "base/mutation.h"
 #include "base/simd.h"
 
@@ -64,6 +65,7 @@ INLINE Footprint footprint_of(const March *m, Corner corner, bool window)
         at[c] = wi_add(wi_load(m->grid->lane[c]), wi_of((int32_t)(corner.at[c] >> 16 & 0xffff)));
     const wi column = wi_shr(at[0], 16), row = wi_shr(at[1], 16);
     const wi second = wi_and(wi_shr(at[0], 16 - SHEETS_WEIGHT_BITS), wi_of((1 << SHEETS_WEIGHT_BITS) - 1));
+    CTS_INVARIANT(!wmask_any(wi_lt(second, wi_of(0))) && !wmask_any(wi_gt(second, wi_of(1 << SHEETS_WEIGHT_BITS))));
     f.along_a = wi_as_short(wi_add(wi_sub(wi_shl(second, 16), second), wi_of(1 << SHEETS_WEIGHT_BITS)));
     f.along_b = wf_mul(wi_to_float(wi_lower_half(at[1])), wf_of(0x1p-16f));
     if (window) {
@@ -240,6 +242,7 @@ INLINE wf sample_at(const March *m, const Lanes *front, const Lanes *back, wf sh
         const wf at = wf_clamp(wf_lerp(front->at[c], back->at[c], share), 0, (float)(v->n[c] - 1));
         cell[c] = wi_min(wf_to_int(at), wi_of(v->n[c] - 2));
         part[c] = wf_sub(at, wi_to_float(cell[c]));
+        CTS_INVARIANT(!wmask_any(wf_lt(part[c], wf_of(0))) && !wmask_any(wf_gt(part[c], wf_of(1))));
     }
     const wi second = wf_to_int(wf_scale(part[0], 1 << SHEETS_WEIGHT_BITS, 0));
     /* Two weights of 16 bits; the second may be 2^14, the first then is 0. */
