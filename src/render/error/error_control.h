@@ -14,7 +14,16 @@
  *
  * Strips of CTS_BAND_ROWS rows are processed one by one, so that a picture is the same in bands of any size. Where a
  * strip's error is larger than requested, more of its pixels are re-rendered, round by round; and all of them where the
- * engine was not the caller's choice. */
+ * engine was not the caller's choice.
+ *
+ * 999 of 1000 holds for one limit of one sample. Each round draws a sample of its own, whose estimate stands in for the
+ * last one's, and a strip's rounds end when the estimate is small (optional stopping), so that low estimates are a
+ * little likelier to stay. For a picture of one strip the union bound over its at most five limits still gives 995 of
+ * 1000; for more strips, which stop by themselves, no bound is derived. A limit for each round, as the levels that are
+ * tried have one each (CtsPlan.n_tried), would raise the largest term's part of all limits by ln 5000 / ln 1000 = 1.23;
+ * it is left out since limits are wide by more. Measured: 195 pictures of 192 x 192 pixels of a noisy shell from random
+ * views (bone, skin, muscle; engines tiled and sheets; requests of 0.25 to 2 of 255; up to half of the pixels
+ * re-rendered) had errors of at most 0.72 of their limits, against the march at 0.02 of 255. */
 #ifndef CTS_RENDER_ERROR_CONTROL_H
 #define CTS_RENDER_ERROR_CONTROL_H
 
