@@ -293,7 +293,8 @@ def starts():
     """A failure to start is one line and the right exit code; a socket needs no token."""
     for code, text, args in [(2, 'nothing to serve', []), (3, 'no such|cannot be', ['nowhere']),
                              (2, 'need TLS', [data, '--listen', '0.0.0.0:0']), (2, 'HOST:PORT', [data, '--listen', 'x']),
-                             (2, 'not a size', [data, '--memory', '1k']), (3, '16 characters', [data, '--token-file', 'short']),
+                             (2, 'not a size', [data, '--memory', '1k']),
+                             (3, '16 characters', [data, '--token-file', 'short', '--listen', '127.0.0.1:0']),
                              (2, 'not an option of serve', [data, '--preset', 'bone'])]:
         with open('short', 'w') as f:
             f.write('short\n')
