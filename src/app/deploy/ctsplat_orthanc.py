@@ -184,7 +184,10 @@ def answer(output, status, headers, body):
     else:
         if 'Retry-After' in headers or status == 503:
             output.SetHttpHeader('Retry-After', headers.get('Retry-After', '1'))
-        output.SendHttpStatus(status, body.decode(), len(body))
+        try:
+            output.SendHttpStatus(status, body.decode(), len(body))
+        except TypeError:  # without the length from version 5 of the Python plug-in on
+            output.SendHttpStatus(status, body.decode())
 
 
 def refuse(output, refused):
