@@ -1,7 +1,6 @@
 #include "engine/sheets/lattice.h"
 
 #include "base/mem.h"
-#include "base/simd_fixed.h"
 #include <math.h>
 
 /* Points of a lattice that hold n pixels between them, with one point beyond the last pixel. */
@@ -17,28 +16,13 @@ static int lattice_points(int n)
 /* Error of an interpolated pixel as a share of the difference of the marched ones around it. */
 #define INTERPOLATED_SHARE 0.25F
 
-static f32x4 select4(i32x4 mask, f32x4 yes, f32x4 no)
-{
-    return (f32x4)((mask & (i32x4)yes) | (~mask & (i32x4)no));
-}
-
-static f32x4 smaller4(f32x4 a, f32x4 b)
-{
-    return select4(a < b, a, b);
-}
-
-static f32x4 larger4(f32x4 a, f32x4 b)
-{
-    return select4(a > b, a, b);
-}
-
 /* The largest range of a channel. */
 static float range_of(const f32x4 rgba[], int n)
 {
     f32x4 low = rgba[0], high = rgba[0];
     for (int i = 1; i < n; i++) {
-        low = smaller4(rgba[i], low);
-        high = larger4(rgba[i], high);
+        low = sheets_smaller4(rgba[i], low);
+        high = sheets_larger4(rgba[i], high);
     }
     const f32x4 range = high - low;
     return sheets_larger(sheets_larger(range[0], range[1]), sheets_larger(range[2], range[3]));
@@ -75,14 +59,11 @@ static void interpolate_four(SheetsPatch *to, size_t at, size_t row, const Sheet
                                                                                              4 * (corner + across));
     const float *const above = from->indicator + corner, *const below = above + across;
     const f32x4 beside = upper[0] + upper[1], under = upper[0] + lower[0], all = beside + lower[0] + lower[1];
-    const f32x4 low[2] = {smaller4(upper[0], upper[1]), smaller4(lower[0], lower[1])},
-                high[2] = {larger4(upper[0], upper[1]), larger4(lower[0], lower[1])};
-    const f32x4 range[3] = {high[0] - low[0], larger4(upper[0], lower[0]) - smaller4(upper[0], lower[0]),
-                            larger4(high[0], high[1]) - smaller4(low[0], low[1])};
-    /* The largest of each range's channels: a transposition, level by level. */
-    const f32x4 first = larger4(SHUFFLE(range[0], range[1], 0, 4, 1, 5), SHUFFLE(range[0], range[1], 2, 6, 3, 7)),
-                last = larger4(SHUFFLE(range[2], range[2], 0, 4, 1, 5), SHUFFLE(range[2], range[2], 2, 6, 3, 7));
-    const f32x4 most = larger4(SHUFFLE(first, last, 0, 1, 4, 5), SHUFFLE(first, last, 2, 3, 6, 7));
+    const f32x4 low[2] = {sheets_smaller4(upper[0], upper[1]), sheets_smaller4(lower[0], lower[1])},
+                high[2] = {sheets_larger4(upper[0], upper[1]), sheets_larger4(lower[0], lower[1])};
+    const f32x4 range[3] = {high[0] - low[0], sheets_larger4(upper[0], lower[0]) - sheets_smaller4(upper[0], lower[0]),
+                            sheets_larger4(high[0], high[1]) - sheets_smaller4(low[0], low[1])};
+    const f32x4 most = sheets_largest_channels(range[0], range[1], range[2], range[2]);
     f32x4 *const rgba = (f32x4 *)(to->rgba + 4 * at), *const next = (f32x4 *)(to->rgba + 4 * (at + row));
     float *const indicator = to->indicator + at;
     rgba[0] = upper[0];

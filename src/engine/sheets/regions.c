@@ -147,14 +147,39 @@ static void run_lattice(void *context, int worker, size_t first, size_t end)
  */
 #define CONTRAST_SHARE (1.0F / 16)
 
-/* Largest difference of each pixel of row y to one of its eight neighbours, over channels. extremes: room for 12
- * (width + 2) numbers. */
-static void add_row_contrast(const SheetsPatch *p, int y, int first, int end, float *extremes, float *indicator)
+/* First pixel of a row that shows anything, and one past the last. */
+static void visible_extent(const SheetsPatch *p, int y, int extent[2])
 {
-    const size_t n = 4 * (size_t)p->width;
-    const float *const here = p->rgba + n * (size_t)y;
-    const float *const above = y > first ? here - n : here, *const below = y + 1 < end ? here + n : here;
+    const float *const alpha = p->rgba + 4 * (size_t)p->width * (size_t)y + 3;
+    extent[0] = 0;
+    extent[1] = p->width;
+    while (extent[0] < extent[1] && !(alpha[4 * (size_t)extent[0]] > 0))
+        extent[0]++;
+    while (extent[1] > extent[0] && !(alpha[4 * (size_t)(extent[1] - 1)] > 0))
+        extent[1]--;
+}
+
+/* Largest difference of each pixel of row y to one of its eight neighbours, over channels. extremes: room for 12
+ * (width + 2) numbers. extent: of the rows above, here, and below; no other pixel has a neighbour that differs. */
+static void add_row_contrast(const SheetsPatch *p, int y, int first, int end, const int extent[3][2], float *extremes,
+                             float *indicator)
+{
+    int from = p->width, to = 0;
+    for (int i = 0; i < 3; i++) {
+        if (extent[i][0] == extent[i][1])
+            continue;
+        from = sheets_at_most(from, extent[i][0]);
+        to = extent[i][1] > to ? extent[i][1] : to;
+    }
+    if (from >= to)
+        return;
+    from = from > 0 ? from - 1 : 0;
+    to = sheets_at_most(to + 1, p->width);
+    const size_t row = 4 * (size_t)p->width, n = 4 * (size_t)(to - from);
+    const float *const here = p->rgba + row * (size_t)y + 4 * (size_t)from;
+    const float *const above = y > first ? here - row : here, *const below = y + 1 < end ? here + row : here;
     float *const low = extremes + 4, *const high = extremes + n + 12, *const spread = extremes + 2 * n + 16;
+    indicator += from;
     for (size_t i = 0; i < n; i++) {
         low[i] = sheets_smaller(sheets_smaller(above[i], below[i]), here[i]);
         high[i] = sheets_larger(sheets_larger(above[i], below[i]), here[i]);
@@ -170,21 +195,38 @@ static void add_row_contrast(const SheetsPatch *p, int y, int first, int end, fl
         const float down = here[i] - sheets_smaller(sheets_smaller((low - 4)[i], low[i + 4]), low[i]);
         spread[i] = sheets_larger(up, down);
     }
-    for (size_t x = 0; x < (size_t)p->width && !CTS_MUTATED(INDICATOR_CONTRAST); x++) {
-        const float *const s = spread + 4 * x;
-        indicator[x] += CONTRAST_SHARE * sheets_larger(sheets_larger(s[0], s[1]), sheets_larger(s[2], s[3]));
+    const f32x4 *const pixel = (const f32x4 *)spread;
+    size_t x = 0;
+    for (; x + 4 <= n / 4 && !CTS_MUTATED(INDICATOR_CONTRAST); x += 4)
+        *(f32x4 *)(indicator + x) +=
+            CONTRAST_SHARE * sheets_largest_channels(pixel[x], pixel[x + 1], pixel[x + 2], pixel[x + 3]);
+    for (; x < n / 4 && !CTS_MUTATED(INDICATOR_CONTRAST); x++)
+        indicator[x] += CONTRAST_SHARE * sheets_largest_channels(pixel[x], pixel[x], pixel[x], pixel[x])[0];
+}
+
+/* Rows y0 to y1 - 1 of a patch, whose neighbours beyond these are not looked at. */
+static void add_contrast(const SheetsPatch *p, int y0, int y1, float *extremes)
+{
+    int extent[3][2] = {{0, 0}, {0, 0}, {0, 0}};
+    visible_extent(p, y0, extent[2]);
+    for (int y = y0; y < y1; y++) {
+        memmove(extent[0], extent[1], 2 * sizeof *extent);
+        if (y + 1 < y1)
+            visible_extent(p, y + 1, extent[2]);
+        else
+            extent[2][0] = extent[2][1] = 0;
+        add_row_contrast(p, y, y0, y1, (const int(*)[2])extent, extremes, p->indicator + (size_t)y * (size_t)p->width);
     }
 }
 
 /* Strip by strip, so that no band sees another's pixels. */
-static void add_contrast(void *context, int worker, size_t first, size_t end)
+static void add_contrasts(void *context, int worker, size_t first, size_t end)
 {
     const Picturing *const p = context;
     const SheetsPatch *const to = &p->pixels;
     for (size_t strip = first; strip < end; strip++) {
         const int y0 = (int)strip * SHEETS_REGION, y1 = sheets_at_most(y0 + SHEETS_REGION, to->height);
-        for (int y = y0; y < y1; y++)
-            add_row_contrast(to, y, y0, y1, p->workers[worker].extremes, to->indicator + (size_t)y * (size_t)to->width);
+        add_contrast(to, y0, y1, p->workers[worker].extremes);
     }
 }
 
@@ -241,7 +283,7 @@ CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, con
         cts_parallel(n_threads, n_regions(&p.lattice), 1, run_lattice, &p);
     if (!st) {
         cts_parallel(n_threads, n_regions(&p.pixels), 1, run_pixels, &p);
-        cts_parallel(n_threads, down, 1, add_contrast, &p);
+        cts_parallel(n_threads, down, 1, add_contrasts, &p);
         finish_depth(&p.pixels, job->camera_mm);
         st = cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
     }
@@ -280,8 +322,8 @@ static CtsStatus probe_tile(const TileProbing *probing, int worker, size_t tile,
         run_region(&p, w, &p.pixels, 0, 0);
     cts_sheets_lattice_free(&p.lattice);
     /* Neighbours outside the tile are not rendered: at its border contrast may be larger in the picture. */
-    for (int y = 0; y < SHEETS_TILE_Y && !st; y++)
-        add_row_contrast(&p.pixels, y, 0, SHEETS_TILE_Y, w->extremes, p.pixels.indicator + y * SHEETS_TILE_X);
+    if (!st)
+        add_contrast(&p.pixels, 0, SHEETS_TILE_Y, w->extremes);
     return st;
 }
 
