@@ -13,6 +13,9 @@ static int lattice_points(int n)
  * is off by an eighth of the change of slope, so that a difference of eight requested errors is off by about one; such
  * pixels are few. */
 #define REFINED_FROM 8.0
+/* Opacity from which a point sees anything: a step of eight bits. Of what passes faint borders alone, nothing says what
+ * lies between. */
+#define SEEN_FROM (1.0F / 256)
 /* Error of an interpolated pixel as a share of the difference of the marched ones around it. */
 #define INTERPOLATED_SHARE 0.25F
 
@@ -155,7 +158,7 @@ bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, in
             const int x = sheets_at_most(x0 / 2 + i, from->width - 1), y = sheets_at_most(y0 / 2 + j, from->height - 1);
             const size_t at = (size_t)y * (size_t)from->width + (size_t)x;
             corner[3 * j + i] = *(const f32x4 *)(from->rgba + 4 * at);
-            any |= corner[3 * j + i][3] > 0 || from->indicator[at] > 0;
+            any |= corner[3 * j + i][3] > SEEN_FROM;
         }
     const size_t at = (size_t)(y0 / 2) * (size_t)from->width + (size_t)(x0 / 2);
     const bool has_nine = x0 / 2 + 2 < from->width && y0 / 2 + 2 < from->height;
