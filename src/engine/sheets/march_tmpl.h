@@ -122,6 +122,7 @@ INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf bef
     s->depth_mm = wf_select(passes, at_half, s->depth_mm);
 }
 
+/* Returns the lanes that see something. */
 INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart *t, const bool lit, int x, int y,
                                  State *s, SlabShading *light, SheetsCounts *counts)
 {
@@ -164,13 +165,13 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
                 slab.rgb[c] = wf_mul(slab.rgb[c], colour);
         }
     }
-    const wf before = s->left;
+    const wf before = s->left, alpha = slab.alpha;
     blend(s->rgb, &s->left, &slab, visible);
     CTS_INVARIANT(!wmask_any(wf_lt(s->left, wf_of(0))) && !wmask_any(wf_gt(s->left, before))); /* from 1 on */
     if (j->want_depth)
         note_depth(m, b, t, before, visible, x, y, s);
     s->alive = wmask_and(s->alive, wf_gt(s->left, wf_of(j->min_transmittance)));
-    return visible;
+    return wmask_and(visible, wf_gt(alpha, sheets_unpack(wi_of(0)))); /* a table's 0 is not quite 0 */
 }
 
 INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *opacity, wmask lanes, State *s)
@@ -193,31 +194,51 @@ INLINE wmask may_show(const SheetsLevels *l, ws highest, ws lowest)
     return may;
 }
 
-/* Opacity of a slab by a level that its field may reach between samples, of lanes none of whose samples is visible. A
- * parabola through three samples passes the highest of them by an eighth of their second difference at most; the field
- * is a cubic, and a quarter is taken. */
-INLINE wf near_miss(const SheetsJob *j, const Block *b, int slab, const bool half, wmask lanes)
+/* Opacity of a slab whose field goes from level `end` to `extreme` and may stay there. */
+INLINE wf opacity_towards(const SheetsJob *j, wf end, wf extreme, const bool half, wmask lanes)
 {
-    const int at = 2 * slab;
-    if (!wmask_any(lanes))
-        return wf_of(0);
-    const wf front = b->sample[at], back = b->sample[at + 2], both = wf_add(front, back);
-    wf highest = wf_max(front, back), bend;
-    if (half) {
-        const wf middle = b->sample[at + 1];
-        bend = wf_sub(wf_add(middle, middle), both);
-        highest = wf_max(highest, middle);
-    } else {
-        const wf before = b->sample[slab > 0 ? at - 2 : at],
-                 after = b->sample[slab < SHEETS_BLOCK - 1 ? at + 4 : at + 2];
-        bend = wf_max(wf_sub(wf_sub(front, before), wf_sub(back, front)),
-                      wf_sub(wf_sub(back, front), wf_sub(after, back)));
-    }
-    const wi level = level_of(&j->levels, wf_mul_add(wf_max(bend, wf_of(0)), wf_of(0.25f), highest));
-    const wmask near = wmask_and(lanes, visible_between(&j->levels, level, level));
+    const wi from = level_of(&j->levels, end), to = level_of(&j->levels, extreme);
+    const wmask near = wmask_and(lanes, visible_between(&j->levels, from, to));
     if (!wmask_any(near))
         return wf_of(0);
-    return wf_select(near, look_up_slab(j->opacity[half ? 0 : 1], level, level, near).alpha, wf_of(0));
+    const uint64_t *const opacity = j->opacity[half ? 0 : 1];
+    return wf_select(
+        near, wf_max(look_up_slab(opacity, from, to, near).alpha, look_up_slab(opacity, to, to, near).alpha), wf_of(0));
+}
+
+/* Opacity of a slab by levels that its field may pass between samples, of which `highest` and `lowest` are known and
+ * whose second differences are `bend`; of lanes none of whose samples sees anything. A parabola through three samples
+ * passes the highest of them by an eighth of their second difference at most, and the lowest likewise; the field is a
+ * cubic, and a quarter is taken. Below the lowest there is something to see where a preset shows nothing of its highest
+ * levels. */
+INLINE wf near_miss(const SheetsJob *j, wf highest, wf lowest, const wf bend[2], const bool half, wmask lanes)
+{
+    if (!wmask_any(lanes))
+        return wf_of(0);
+    const wf above = wf_max(wf_max(bend[0], bend[1]), wf_of(0)), below = wf_min(wf_min(bend[0], bend[1]), wf_of(0));
+    const wf over = opacity_towards(j, highest, wf_mul_add(above, wf_of(0.25f), highest), half, lanes);
+    return j->levels.last == SHEETS_LEVELS - 1
+               ? over
+               : wf_max(over, opacity_towards(j, lowest, wf_mul_add(below, wf_of(0.25f), lowest), half, lanes));
+}
+
+/* By samples in front, in the middle and at the back. */
+INLINE wf near_miss_of_three(const SheetsJob *j, wf front, wf middle, wf back, const bool half, wmask lanes)
+{
+    const wf bend = wf_sub(wf_add(middle, middle), wf_add(front, back));
+    return near_miss(j, wf_max(wf_max(front, back), middle), wf_min(wf_min(front, back), middle), (wf[]){bend, bend},
+                     half, lanes);
+}
+
+/* By samples of sheets, of a slab and beside it. */
+INLINE wf near_miss_of_sheets(const SheetsJob *j, const Block *b, int slab, wmask lanes)
+{
+    const int at = 2 * slab;
+    const wf before = b->sample[slab > 0 ? at - 2 : at], front = b->sample[at], back = b->sample[at + 2],
+             after = b->sample[slab < SHEETS_BLOCK - 1 ? at + 4 : at + 2];
+    const wf rise = wf_sub(back, front),
+             bend[2] = {wf_sub(wf_sub(front, before), rise), wf_sub(rise, wf_sub(after, back))};
+    return near_miss(j, wf_max(front, back), wf_min(front, back), bend, false, lanes);
 }
 
 INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit, const bool window, int x, int y,
@@ -269,7 +290,10 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
             composite_coarse(m, b->level[2 * i], b->level[2 * i + 2], j->opacity[1], before, s);
         else if (i % 2 == 1)
             composite_coarse(m, b->level[2 * i - 2], b->level[2 * i + 2], j->opacity[2], before, s);
-        advance_missed(s, near_miss(j, b, i, half, wmask_and(may, wmask_not(visible))));
+        const wmask unseen = wmask_and(may, wmask_not(visible));
+        advance_missed(
+            s, half ? near_miss_of_three(j, b->sample[2 * i], b->sample[2 * i + 1], b->sample[2 * i + 2], true, unseen)
+                    : near_miss_of_sheets(j, b, i, unseen));
     }
 }
 
@@ -284,6 +308,7 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
         if (!wmask_any(lanes))
             continue;
         const PartialSlab p = sample_partial(m, b, i);
+        wmask visible = wmask_of_bits(0);
         counts->sheets += 3;
         for (int k = 0; k <= half; k++) {
             const int front = k, back = half ? k + 1 : 2;
@@ -301,13 +326,14 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
                                 half ? slab_mm / 2 : slab_mm,
                                 j->opacity[half ? 0 : 1],
                                 j->light};
-            composite_slab_part(m, b, &t, lit, x, y, s, light, counts);
+            visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
         }
         Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2], lanes);
         take_share(j, p.level[0], p.level[2], slab_mm, b->share[i], lanes, &coarse);
         blend(s->coarse_rgb, &s->coarse_left, &coarse,
               wmask_and(lanes, visible_between(&j->levels, p.level[0], p.level[2])));
-        advance_missed(s, wf_of(0));
+        advance_missed(s, near_miss_of_three(j, p.sample[0], p.sample[1], p.sample[2], half,
+                                             wmask_and(lanes, wmask_not(visible))));
     }
     light->back_sheet = light->open_sheet = light->middle_sheet = NO_SHEET;
 }
