@@ -122,7 +122,7 @@ INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf bef
     s->depth_mm = wf_select(passes, at_half, s->depth_mm);
 }
 
-/* Returns the lanes that see something. */
+/* Result: the lanes that see something. */
 INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart *t, const bool lit, int x, int y,
                                  State *s, SlabShading *light, SheetsCounts *counts)
 {
@@ -222,7 +222,7 @@ INLINE wf near_miss(const SheetsJob *j, wf highest, wf lowest, const wf bend[2],
                : wf_max(over, opacity_towards(j, lowest, wf_mul_add(below, wf_of(0.25f), lowest), half, lanes));
 }
 
-/* By samples in front, in the middle and at the back. */
+/* A near miss by samples in front, in the middle and at the back. */
 INLINE wf near_miss_of_three(const SheetsJob *j, wf front, wf middle, wf back, const bool half, wmask lanes)
 {
     const wf bend = wf_sub(wf_add(middle, middle), wf_add(front, back));
@@ -230,7 +230,7 @@ INLINE wf near_miss_of_three(const SheetsJob *j, wf front, wf middle, wf back, c
                      half, lanes);
 }
 
-/* By samples of sheets, of a slab and beside it. */
+/* A near miss by samples of the sheets of a slab and of those beside it. */
 INLINE wf near_miss_of_sheets(const SheetsJob *j, const Block *b, int slab, wmask lanes)
 {
     const int at = 2 * slab;
