@@ -183,24 +183,47 @@ def replace_table(page, table):
         f.write("\n".join(lines))
 
 
+# Places of labels in the plot, where it is not above and to the right of the point.
+PLACES = {"sheets": "right offset -0.9,-0.3", "march": "right offset -0.9,-0.6"}
+# Points of one group that are closer than these ratios share a label: 14 pixels of the plot, a label's height.
+SAME_PLACE = {"ms": 1.1, "rmse": 1.25}
+
+
+def joined_labels(points):
+    """Labels of a group's points, which are sorted by time; "" where the label before it has the name too."""
+    labels = []
+    last = None  # index of the last point with a label
+    for i, r in enumerate(points):
+        if last is not None and all(
+                max(r[key], points[last][key]) < limit * min(r[key], points[last][key])
+                for key, limit in SAME_PLACE.items()):
+            labels[last] += ", " + short(r)
+            labels.append("")
+        else:
+            labels.append(short(r))
+            last = i
+    return labels
+
+
 def plot(rows, unit):
-    script = ["set terminal svg noenhanced size 900,560 font 'sans,13' background 'white'", "set logscale xy", "set grid",
+    script = ["set terminal svg noenhanced size 900,600 font 'sans,15' background 'white'", "set logscale xy", "set grid",
               "set xlabel 'processor time of one picture (default of ctsplat = 1, %.2f s)'" % (unit / 1000),
-              "set ylabel 'error, rms, of 255 levels'", "set key bottom left",
-              "set yrange [0.01:20]", "set offsets graph 0.02, graph 0.16, 0, 0"]
+              "set ylabel 'error, rms, of 255 levels'", "set key bottom left reverse Left samplen 2",
+              "set yrange [0.01:20]", "set offsets graph 0.02, graph 0.2, 0, 0"]
     looks = {"ctsplat": (7, "#b3123f", True), "ctsplat, a further frame": (7, "#e07b39", True),
              "sheets": (5, "#7a3ea8", False), "march": (9, "#1a6f9c", True),
              "splatting": (11, "#666666", False)}
     parts = []
     for i, group in enumerate(dict.fromkeys(r["group"] for r in rows)):
         points = sorted((r for r in rows if r["group"] == group), key=lambda r: r["ms"])
-        script += ["$d%d << END" % i] + ['%g %g "%s"' % (r["ms"] / unit, 255 * r["rmse"], short(r)) for r in points] + ["END"]
+        script += ["$d%d << END" % i] + ['%g %g "%s"' % (r["ms"] / unit, 255 * r["rmse"], label)
+                                         for r, label in zip(points, joined_labels(points))] + ["END"]
         shape, colour, lines = looks.get(group, (13 if "VTK" in group else 15, "#8a6d00" if "VTK" in group else "#2c7a3f", False))
         style = "linespoints" if lines else "points"
-        # Levels lie beside the settings that chose them: their names are on the other side.
-        place = "right offset -0.9,-0.3" if group == "sheets" else "left rotate by 25 offset 0.8,0.4"
+        # Levels and the march lie beside the settings that chose them: their labels are on the other side.
+        place = PLACES.get(group, "left rotate by 35 offset 0.6,0.5")
         parts += ["$d%d using 1:2 with %s pt %d ps 1.1 lc rgb '%s' title '%s'" % (i, style, shape, colour, name_of(group)),
-                  "$d%d using 1:2:3 with labels %s font ',10' tc rgb '%s' notitle" % (i, place, colour)]
+                  "$d%d using 1:2:3 with labels %s font ',12' tc rgb '%s' notitle" % (i, place, colour)]
     script.append("plot " + ", ".join(parts))
     with open(svg, "wb") as out:
         out.write(subprocess.run(["gnuplot", "-"], input="\n".join(script).encode(), check=True, stdout=subprocess.PIPE).stdout)
