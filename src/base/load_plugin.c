@@ -67,14 +67,16 @@ static void mind_forks(void)
 static CtsStatus load_table(const char *file, const char *name, const void **table, CtsError *err)
 {
     void *plugin;
-    CtsStatus (*get_table)(const void **table, CtsError *err);
+    const void *(*get_table)(void);
     const CtsStatus st = open_plugin(file, &plugin, err);
     void *const symbol = st ? NULL : dlsym(plugin, name);
     memcpy(&get_table, &symbol, sizeof get_table);
     if (st)
         return st;
-    return get_table ? get_table(table, err)
-                     : cts_fail(err, CTS_ERR_INTERNAL, "%s belongs to another version of ctsplat (reinstall it)", file);
+    if (!get_table)
+        return cts_fail(err, CTS_ERR_INTERNAL, "%s belongs to another version of ctsplat (reinstall it)", file);
+    *table = get_table();
+    return CTS_OK;
 }
 
 CtsStatus cts_plugin_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err)

@@ -16,17 +16,22 @@ CtsStatus cts_plugin_table(const char *file, const char *name, const void **kept
     {                                                                                                                  \
         static const void *kept;                                                                                       \
         const void *table = NULL;                                                                                      \
-        const CtsStatus st = cts_plugin_table(file, #name, &kept, &table, err);                                        \
+        const CtsStatus st = cts_plugin_table(file, #name "_table", &kept, &table, err);                               \
         *found = table;                                                                                                \
         return st;                                                                                                     \
     }
-/* The same on the other side. */
+/* The same on the other side: `name` for callers there, and NAME_table, of one type for all tables, for the loader. */
 #define CTS_PLUGIN_TABLE(Table, name, ...)                                                                             \
-    __attribute__((visibility("default"))) CtsStatus name(const Table **found, CtsError *err)                          \
+    __attribute__((visibility("default"))) const void *name##_table(void);                                             \
+    const void *name##_table(void)                                                                                     \
     {                                                                                                                  \
         static const Table here = {__VA_ARGS__};                                                                       \
+        return &here;                                                                                                  \
+    }                                                                                                                  \
+    CtsStatus name(const Table **found, CtsError *err)                                                                 \
+    {                                                                                                                  \
         (void)err;                                                                                                     \
-        *found = &here;                                                                                                \
+        *found = (const Table *)name##_table();                                                                        \
         return CTS_OK;                                                                                                 \
     }
 

@@ -45,7 +45,7 @@ CtsStatus cts_protocol_find(const CtsPeer *peer, const CtsProtocol **protocol, C
     static const void *kept;
     const void *table;
     const CtsDcmReaders *dcm = NULL;
-    CtsStatus st = cts_plugin_table(CTS_NET_PLUGIN, "cts_net_plugin", &kept, &table, err);
+    CtsStatus st = cts_plugin_table(CTS_NET_PLUGIN, "cts_net_plugin_table", &kept, &table, err);
     if (st)
         return cts_context(err, "what talks to a PACS");
     const CtsNetPlugin *const protocols = table;

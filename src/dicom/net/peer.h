@@ -78,7 +78,7 @@ typedef struct CtsProtocol {
 } CtsProtocol;
 
 /* The protocols are in a plug-in library, CTS_NET_PLUGIN, with all network dependencies, since loading it takes longer
- * than the rest of the program's start. It exports cts_net_plugin() only, and uses no state of the program. */
+ * than the rest of the program's start. It exports cts_net_plugin_table() only, and uses no state of the program. */
 extern const CtsProtocol cts_protocol_dimse, cts_protocol_web;
 typedef struct CtsNetPlugin {
     const CtsProtocol *dimse, *web;
