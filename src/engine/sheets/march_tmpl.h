@@ -110,7 +110,7 @@ INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf bef
     const wf start = mm_at(v, m->grid, x, y, b->sheet + t->slab * v->step), length = wf_sub(t->to, t->from);
     /* Within the visible part light goes down exponentially. */
     const wf least = wf_of(1e-30f), depth = wf_log2(wf_div(wf_max(before, least), wf_max(s->left, least)));
-    const wf until_half = wf_log2(wf_max(wf_scale(before, 2, 0), least));
+    const wf until_half = wf_log2(wf_max(wf_times(before, 2), least));
     const wf half = wf_clamp(wf_div(until_half, wf_max(depth, wf_of(1e-6f))), 0, 1);
     const wf per = wf_of((float)v->slab_mm);
     const wf first = wf_mul_add(wf_mul_add(from, length, t->from), per, start);
@@ -312,7 +312,7 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
         counts->sheets += 3;
         for (int k = 0; k <= half; k++) {
             const int front = k, back = half ? k + 1 : 2;
-            const wf length = wf_scale(b->share[i], half ? 0.5f : 1, 0);
+            const wf length = wf_times(b->share[i], half ? 0.5f : 1);
             const wf from = wf_mul_add(length, wf_of((float)k), b->from[i]);
             const SlabPart t = {i,
                                 p.sample[front],
@@ -400,7 +400,7 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
         off = wf_add(off, wf_mul(light->bend, wf_inverse_root(wf_max(light->bend, wf_of(1e-12f)))));
     wf_store(out->rgba[3], wf_select(ended, wf_of(1), wf_sub(wf_of(1), s->left)));
     if (!CTS_MUTATED(INDICATOR_MISSED))
-        off = wf_add(off, wf_scale(s->missed, MISSED_SHARE, 0));
+        off = wf_add(off, wf_times(s->missed, MISSED_SHARE));
     CTS_INVARIANT(!wmask_any(wf_lt(off, wf_of(0))));
     wf_store(out->indicator, wf_min(off, wf_of(1)));
     wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));

@@ -4,24 +4,72 @@
 #include <stdlib.h>
 
 /* Differences of grey levels along a, b and p at a sheet, 2^14 times. */
-typedef struct Gradient {
+typedef struct Differences {
     wf along[3];
+} Differences;
+
+/* A gradient by the picture's axes: to the right, up and along the viewing direction; and its squared length. */
+typedef struct Gradient {
+    wf in_view[3], square;
 } Gradient;
+
+INLINE wf dot_product(const wf a[3], const wf b[3])
+{
+    return wf_mul_add(a[2], b[2], wf_mul_add(a[1], b[1], wf_mul(a[0], b[0])));
+}
+
+INLINE Gradient gradient_in_view(const CtsShade *s, const Differences *d)
+{
+    Gradient g;
+    for (int i = 0; i < 3; i++)
+        g.in_view[i] = wf_add(wf_add(wf_times(d->along[0], s->frame[i][0]), wf_times(d->along[1], s->frame[i][1])),
+                              wf_times(d->along[2], s->frame[i][2]));
+    g.square = dot_product(g.in_view, g.in_view);
+    return g;
+}
+
+/* More - less, of 16 bits without a sign, at most 32767 either way: no more than half of the scale of grey levels lies
+ * between two voxels but where a fractional rescale slope spreads metal and air over all of it. */
+INLINE ws ws_difference(ws more, ws less)
+{
+    const ws most = ws_of(INT16_MAX);
+    return ws_sub(ws_min(ws_excess(more, less), most), ws_min(ws_excess(less, more), most));
+}
+
+/* Rows of a window at `more` less those at `less`. */
+INLINE ws difference_of_rows(const uint16_t *more, const uint16_t *less, ptrdiff_t row, int n)
+{
+    return ws_difference(ws_load_rows((const int16_t *)more, row, n), ws_load_rows((const int16_t *)less, row, n));
+}
 
 INLINE wf difference_of(const March *m, const Footprint *f, const uint16_t *sheet, ptrdiff_t apart, bool window)
 {
-    const Rows more = sample_rows(m, f, sheet + apart, window), less = sample_rows(m, f, sheet - apart, window);
-    return across_rows((Rows){wi_sub(more.upper, less.upper), wi_sub(more.lower, less.lower)}, f->along_b);
+    const uint16_t *const more = sheet + f->first + apart, *const less = sheet + f->first - apart;
+    const ptrdiff_t row = m->job->view.row;
+    ws pairs[2];
+    if (window) {
+        const int rows = m->window_rows;
+        const ws first = difference_of_rows(more, less, row, 4);
+        pick_pairs(f, first, rows > 4 ? difference_of_rows(more + 4 * row, less + 4 * row, row, rows - 4) : first, rows,
+                   pairs);
+    } else {
+        ws of_less[2];
+        gather_pairs(m, f, more, pairs);
+        gather_pairs(m, f, less, of_less);
+        for (int i = 0; i < 2; i++)
+            pairs[i] = ws_difference(pairs[i], of_less[i]);
+    }
+    return across_rows((Rows){ws_madd(pairs[0], f->along_a), ws_madd(pairs[1], f->along_a)}, f->along_b);
 }
 
 /* Inside, where all neighbours exist. */
-INLINE Gradient gradient_inside(const March *m, const Footprint *f, const uint16_t *sheet, bool window)
+INLINE Differences differences_inside(const March *m, const Footprint *f, const uint16_t *sheet, bool window)
 {
     const SheetsView *const v = &m->job->view;
     const int *const step = m->job->shade->step;
-    return (Gradient){{difference_of(m, f, sheet, step[0], window),
-                       difference_of(m, f, sheet, step[1] * v->row, window),
-                       difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window)}};
+    return (Differences){
+        {difference_of(m, f, sheet, step[0], window), difference_of(m, f, sheet, step[1] * v->row, window),
+         difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window)}};
 }
 
 /* Grey levels of the lanes' voxels. Each is loaded with the voxel before it, so that no load passes the volume's end.
@@ -43,17 +91,17 @@ INLINE wf voxel_differences(const SheetsJob *job, const wi at[3], wi index, int 
     const wi high = wi_select(after, voxels_at(job, wi_add(index, by), wmask_and(lanes, after)), beyond);
     const wf difference = wi_to_float(wi_sub(high, low));
     const wmask one = wmask_or(wmask_and(before, wmask_not(after)), wmask_and(after, wmask_not(before)));
-    return job->shade->air_beyond ? difference : wf_select(one, wf_scale(difference, 2, 0), difference);
+    return job->shade->air_beyond ? difference : wf_select(one, wf_times(difference, 2), difference);
 }
 
 /* At points near the volume's faces or at the ends of rays; in voxels along a, b and p. Those outside the volume count
  * as on its faces. */
-OUTLINE Gradient gradient_at(const March *m, const wf at[3], wmask lanes)
+OUTLINE Differences differences_at(const March *m, const wf at[3], wmask lanes)
 {
     const SheetsView *const v = &m->job->view;
     wi cell[3];
     wf part[3];
-    Gradient g;
+    Differences d;
     for (int c = 0; c < 3; c++) {
         const wf place = wf_clamp(at[c], 0, (float)(v->n[c] - 1));
         cell[c] = wi_min(wf_to_int(place), wi_of(v->n[c] - 2));
@@ -75,58 +123,67 @@ OUTLINE Gradient gradient_at(const March *m, const wf at[3], wmask lanes)
             }
             plane[k] = wf_lerp(row[0], row[1], part[1]);
         }
-        g.along[axis] = wf_scale(wf_lerp(plane[0], plane[1], part[2]), 1 << SHEETS_WEIGHT_BITS, 0);
+        d.along[axis] = wf_times(wf_lerp(plane[0], plane[1], part[2]), 1 << SHEETS_WEIGHT_BITS);
     }
-    return g;
+    return d;
 }
 
-/* |n.v| of a gradient; 0 without one. */
-INLINE wf facing_of(const SheetsJob *j, const Gradient *g)
+/* Place of a lit point in a slab part, the middle of a quarter, on the line between the gradients at its ends. */
+INLINE float lit_at(int point)
 {
-    const float *const q = j->shade_square, *const f = j->shade->frame[2];
-    const wf *const d = g->along;
-    const wf towards = wf_add(wf_add(wf_scale(d[0], f[0], 0), wf_scale(d[1], f[1], 0)), wf_scale(d[2], f[2], 0));
-    const wf a = wf_add(wf_scale(d[0], q[0], 0), wf_add(wf_scale(d[1], q[3], 0), wf_scale(d[2], q[4], 0)));
-    const wf b = wf_add(wf_scale(d[1], q[1], 0), wf_scale(d[2], q[5], 0)), c = wf_scale(d[2], q[2], 0);
-    const wf square = wf_add(wf_add(wf_mul(d[0], a), wf_mul(d[1], b)), wf_mul(d[2], c));
-    const wf least = wf_of(1e-12f);
-    const wf facing = wf_mul(wf_abs(towards), wf_inverse_root(wf_max(square, least)));
-    return wf_select(wf_gt(square, least), wf_min(facing, wf_of(1)), wf_of(0));
+    return ((float)point + 0.5f) / SHEETS_LIT;
 }
 
-/* |n.v|^power. */
-INLINE wf highlight_of(const CtsShade *s, wf facing)
+/* |n.v| at the lit points; 0 without a gradient. The square of a gradient that changes linearly is a quadratic form, in
+ * Bernstein's form of the squares at both ends and their dot product. */
+INLINE void facings_of(const Gradient *front, const Gradient *back, wf facing[SHEETS_LIT])
 {
+    const wf both = dot_product(front->in_view, back->in_view), least = wf_of(1e-12f);
+    for (int i = 0; i < SHEETS_LIT; i++) {
+        const float at = lit_at(i), before = 1 - at;
+        const wf square = wf_add(wf_add(wf_times(front->square, before * before), wf_times(both, 2 * at * before)),
+                                 wf_times(back->square, at * at));
+        const wf towards = wf_lerp(front->in_view[2], back->in_view[2], wf_of(at));
+        const wf one = wf_min(wf_mul(wf_abs(towards), wf_inverse_root(wf_max(square, least))), wf_of(1));
+        facing[i] = wf_select(wf_gt(square, least), one, wf_of(0));
+    }
+}
+
+/* |n.v|^power at the lit points; side by side, since each is a chain of multiplications. */
+INLINE void highlights_of(const CtsShade *s, const wf facing[SHEETS_LIT], wf highlight[SHEETS_LIT])
+{
+    wf square[SHEETS_LIT];
     if (s->whole_power > 0) {
-        wf power = wf_of(1), square = wf_max(facing, wf_of(s->least_power));
-        for (int n = s->whole_power; n > 0; n >>= 1) {
-            if (n & 1)
-                power = wf_mul(power, square);
-            square = n > 1 ? wf_mul(square, square) : square;
+        for (int i = 0; i < SHEETS_LIT; i++) {
+            highlight[i] = wf_of(1);
+            square[i] = wf_max(facing[i], wf_of(s->least_power));
         }
-        return wf_select(wf_gt(facing, wf_of(0)), power, wf_of(0));
+        for (int n = s->whole_power; n > 0; n >>= 1) {
+            for (int i = 0; i < SHEETS_LIT && n & 1; i++)
+                highlight[i] = wf_mul(highlight[i], square[i]);
+            for (int i = 0; i < SHEETS_LIT && n > 1; i++)
+                square[i] = wf_mul(square[i], square[i]);
+        }
+    } else {
+        for (int i = 0; i < SHEETS_LIT; i++) {
+            const wf at = wf_mul(facing[i], wf_of((float)s->n_power));
+            const wi entry = wi_min(wf_to_int(at), wi_of(s->n_power - 1));
+            const wf low = wf_look_up(s->power, s->n_power + 1, entry),
+                     high = wf_look_up(s->power + 1, s->n_power, entry);
+            highlight[i] = wf_lerp(low, high, wf_sub(at, wi_to_float(entry)));
+        }
     }
-    const wf at = wf_mul(facing, wf_of((float)s->n_power));
-    const wi i = wi_min(wf_to_int(at), wi_of(s->n_power - 1));
-    const wf low = wf_look_up(s->power, s->n_power + 1, i), high = wf_look_up(s->power + 1, s->n_power, i);
-    return wf_select(wf_gt(facing, wf_of(0)), wf_lerp(low, high, wf_sub(at, wi_to_float(i))), wf_of(0));
-}
-
-INLINE Gradient gradient_between(const Gradient *front, const Gradient *back, wf at)
-{
-    Gradient g;
-    for (int c = 0; c < 3; c++)
-        g.along[c] = wf_lerp(front->along[c], back->along[c], at);
-    return g;
+    for (int i = 0; i < SHEETS_LIT; i++)
+        highlight[i] = wf_select(wf_gt(facing[i], wf_of(0)), highlight[i], wf_of(0));
 }
 
 /* Factor of the colour and added white for a facing, a highlight and an openness. */
 INLINE void dim(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour, wf *white)
 {
     const wf dark = wf_scale(open, -s->occlusion, s->occlusion), left = wf_sub(wf_of(1), dark);
-    const wf diffuse = wf_mul(wf_scale(facing, s->diffuse, 0), wf_scale(dark, -s->occlusion, 1));
-    *colour = wf_add(wf_scale(left, s->ambient, 0), diffuse);
-    *white = wf_mul(wf_scale(highlight, s->specular, 0), left);
+    const wf diffuse = wf_mul(wf_times(facing, s->diffuse), wf_scale(dark, -s->occlusion, 1));
+    *colour = wf_add(wf_times(left, s->ambient), diffuse);
+    *white = wf_mul(wf_times(highlight, s->specular), left);
 }
 
 /* Shares of a slab part's absorbed light that its quarters take; it is lit in the middle of each. */
@@ -139,7 +196,7 @@ INLINE LitShares lit_shares(const uint32_t *light, wi front, wi back, wmask lane
     const wi packed = wi_gather(light, wi_add(wi_shl(front, 8), back), lanes);
     LitShares s;
     for (int i = 0; i < SHEETS_LIT; i++)
-        s.of[i] = wf_scale(wi_to_float(wi_and(wi_shr(packed, 8 * i), wi_of(255))), 1 / 255.0f, 0);
+        s.of[i] = wf_times(wi_to_float(wi_and(wi_shr(packed, 8 * i), wi_of(255))), 1 / 255.0f);
     return s;
 }
 
@@ -158,19 +215,19 @@ INLINE void shade_slab(const SheetsJob *j, const Gradient *const end[2], const L
 {
     const CtsShade *const shade = j->shade;
     wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], faint = wf_of(shade->ambient + 0.5f * shade->diffuse);
+    wf facing[SHEETS_LIT], highlight[SHEETS_LIT];
+    facings_of(end[0], end[1], facing);
+    highlights_of(shade, facing, highlight);
     for (int i = 0; i < SHEETS_LIT; i++) {
-        const wf at = wf_of(((float)i + 0.5f) / SHEETS_LIT);
-        const Gradient g = gradient_between(end[0], end[1], at);
-        const wf facing = facing_of(j, &g), highlight = highlight_of(shade, facing);
         wf one_colour, one_white, none;
         if (j->open) {
-            const wf reached = wf_lerp(open[0], open[1], at);
-            dim(shade, facing, highlight, reached, &one_colour, &one_white);
+            const wf reached = wf_lerp(open[0], open[1], wf_of(lit_at(i)));
+            dim(shade, facing[i], highlight[i], reached, &one_colour, &one_white);
             if (i == 0)
                 dim(shade, wf_of(0.5f), wf_of(0), reached, &faint, &none);
         } else {
-            one_colour = wf_scale(facing, shade->diffuse, shade->ambient);
-            one_white = wf_scale(highlight, shade->specular, 0);
+            one_colour = wf_scale(facing[i], shade->diffuse, shade->ambient);
+            one_white = wf_times(highlight[i], shade->specular);
         }
         colour = wf_mul_add(shares->of[i], one_colour, colour);
         white = wf_mul_add(shares->of[i], one_white, white);
@@ -196,16 +253,22 @@ typedef struct SlabShading {
 } SlabShading;
 enum { NO_SHEET = -9 };
 
-/* Gradient of a sheet where the rays are at `corner`. */
-INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)
+/* At a sheet where the rays are at `corner`. */
+INLINE Differences differences_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)
 {
     if (!b->lit_inside) {
         const Lanes l = lanes_at(m, corner);
-        return gradient_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)}, lanes);
+        return differences_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)}, lanes);
     }
     const Footprint f = footprint_of(m, corner, b->window);
-    return b->window ? gradient_inside(m, &f, sheet_at(m, sheet), true)
-                     : gradient_inside(m, &f, sheet_at(m, sheet), false);
+    return b->window ? differences_inside(m, &f, sheet_at(m, sheet), true)
+                     : differences_inside(m, &f, sheet_at(m, sheet), false);
+}
+
+INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)
+{
+    const Differences d = differences_of(m, b, corner, sheet, lanes);
+    return gradient_in_view(m->job->shade, &d);
 }
 
 /* In the middle of a slab: the mean of both sheets where the ray is half way. */
@@ -215,8 +278,11 @@ OUTLINE Gradient gradient_in_middle(const March *m, const Block *b, int slab, wm
     Corner corner = corner_at(m, b, slab);
     for (int c = 0; c < 2; c++)
         corner.at[c] += m->shear[c] / 2;
-    const Gradient front = gradient_of(m, b, corner, sheet, lanes), back = gradient_of(m, b, corner, next, lanes);
-    return gradient_between(&front, &back, wf_of(0.5f));
+    Differences d = differences_of(m, b, corner, sheet, lanes);
+    const Differences back = differences_of(m, b, corner, next, lanes);
+    for (int c = 0; c < 3; c++)
+        d.along[c] = wf_lerp(d.along[c], back.along[c], wf_of(0.5f));
+    return gradient_in_view(m->job->shade, &d);
 }
 
 /* At a share of the way through a slab that is each ray's own. */
@@ -227,7 +293,8 @@ OUTLINE Gradient gradient_of_part(const March *m, const Block *b, int slab, wf s
     for (int c = 0; c < 2; c++)
         at[c] = wf_lerp(front.at[c], back.at[c], share);
     at[2] = wf_scale(share, (float)m->job->view.step, (float)(b->sheet + slab * m->job->view.step));
-    return gradient_at(m, at, lanes);
+    const Differences d = differences_at(m, at, lanes);
+    return gradient_in_view(m->job->shade, &d);
 }
 
 /* Openness at a sheet, between the middles of 2 x 2 x 2 blocks. */
@@ -259,7 +326,7 @@ OUTLINE wf openness_of(const March *m, const Block *b, int slab, wmask lanes)
         plane[k] =
             wf_lerp(wf_lerp(corners[0], corners[1], share[0]), wf_lerp(corners[2], corners[3], share[0]), share[1]);
     }
-    return wf_scale(wf_lerp(plane[0], plane[1], share[2]), 1 / 255.0f, 0);
+    return wf_times(wf_lerp(plane[0], plane[1], share[2]), 1 / 255.0f);
 }
 
 /* Openness at both sheets of a slab. Where the slab is faint, that of two sheets away will do. */

@@ -89,13 +89,6 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
     cts_sheets_view_init(&j->view, &scene->view, scene->view.axis == 0 ? k->transposed : scene->volume->grey);
     for (int i = 0; i < 2; i++)
         cts_sheets_grid_init(&j->grid[i], &j->view, i + 1);
-    for (int i = 0; i < 3 && shade; i++) {
-        const float *const f = shade->frame[i];
-        const float terms[6] = {f[0] * f[0],     f[1] * f[1],     f[2] * f[2],
-                                2 * f[0] * f[1], 2 * f[0] * f[2], 2 * f[1] * f[2]};
-        for (int t = 0; t < 6; t++)
-            j->shade_square[t] += terms[t];
-    }
 }
 
 static const SheetsKernels *choose_kernels(void)

@@ -110,7 +110,6 @@ typedef struct SheetsJob {
     float min_transmittance;
     const CtsShade *shade;   /* NULL: unlit. Its axes are a, b, p */
     const CtsOpenness *open; /* NULL: light reaches everywhere */
-    float shade_square[6];   /* squared length of a gradient: factors of aa, bb, pp, ab, ap, bp */
     bool want_depth;
     double camera_mm; /* from the camera plane to the plane through the view's centre */
 } SheetsJob;

@@ -8,7 +8,7 @@ INLINE void fill_opacity(const float (*mean)[4], float length_mm, size_t first, 
         lanes[l] = l;
     for (size_t i = first; i < end; i += SHEETS_LANES) {
         const wi at = wi_add(wi_load(lanes), wi_of((int32_t)i));
-        const wf alpha = wf_taken(wf_scale(mean_of(mean, at, 0), length_mm, 0));
+        const wf alpha = wf_taken(wf_times(mean_of(mean, at, 0), length_mm));
         int32_t number[4][SHEETS_LANES];
         for (int c = 0; c < 3; c++)
             wi_store(number[c], sheets_pack(wf_mul(alpha, mean_of(mean, at, 1 + c))));
@@ -30,7 +30,7 @@ INLINE void fill_light(const float (*quarter)[SHEETS_LIT], float length_mm, size
         for (int q = 0; q < SHEETS_LIT; q++) {
             const wf extinction =
                 wf_look_up((const float *)quarter + q, SHEETS_LIT * SHEETS_LEVELS * SHEETS_LEVELS, at);
-            taken[q] = wf_mul(left, wf_taken(wf_scale(extinction, length_mm / SHEETS_LIT, 0)));
+            taken[q] = wf_mul(left, wf_taken(wf_times(extinction, length_mm / SHEETS_LIT)));
             left = wf_sub(left, taken[q]);
             sum = wf_add(sum, taken[q]);
         }
