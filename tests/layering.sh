@@ -12,10 +12,11 @@ table='
 include/ctsplat | ctsplat/ |
 src/base          | | immintrin.h openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h zlib.h
 src/core/volume   | | emmintrin.h
-src/core/labels   | core/volume/ |
-src/core/couch    | core/volume/ |
+src/core/model    | core/volume/ |
+src/core/labels   | core/volume/ core/model/ |
+src/core/couch    | core/volume/ core/model/ |
 src/core/transfer | | expat.h
-src/core/scene    | core/volume/ core/transfer/lut.h |
+src/core/scene    | core/model/ core/transfer/lut.h |
 src/dicom/parser  | |
 src/dicom/header  | core/volume/stored.h dicom/parser/ | iconv.h
 src/dicom/codec   | dicom/parser/ dicom/header/ | openjpeg.h
@@ -25,15 +26,15 @@ src/input/files   | core/volume/box.h dicom/parser/ dicom/header/ | zlib.h zip.h
 src/input/series  | dicom/header/ dicom/codec/ input/files/ |
 src/input/load    | core/volume/ dicom/header/slice.h dicom/codec/ input/files/ input/series/ |
 src/input/labels  | core/labels/ dicom/parser/ dicom/header/ dicom/codec/ input/files/ | expat.h
-src/engine/project | core/volume/ core/scene/ |
-src/engine/tiled  | core/volume/ core/scene/ engine/project/project.h |
-src/engine/sheets | core/volume/ core/scene/ |
-src/engine/splat  | core/volume/ core/transfer/ core/scene/ |
-src/engine/raycast | core/volume/ core/scene/ |
+src/engine/project | core/model/ core/scene/ |
+src/engine/tiled  | core/model/ core/scene/ engine/project/project.h |
+src/engine/sheets | core/model/ core/scene/ |
+src/engine/splat  | core/model/ core/transfer/ core/scene/ |
+src/engine/raycast | core/model/ core/scene/ |
 src/render/engines | core/scene/ |
 src/render/framing | core/scene/ render/engines/ |
 src/render/error  | core/scene/ engine/raycast/ render/engines/ render/framing/ |
-src/render/frames | core/volume/voxel_labels.h core/scene/ render/engines/ render/framing/ render/error/ |
+src/render/frames | core/model/ core/scene/ render/engines/ render/framing/ render/error/ |
 src/output/image  | |
 src/output/export | dicom/objects/ output/image/ | png.h openexr.h zlib.h jpeglib.h webp/
 src/output/report | | jansson.h
@@ -50,7 +51,7 @@ src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h 
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.
 public='
 base | api status bounds diagnostic report helper | base
-core | mixture preset volume labels table picture render | base core
+core | mixture preset volume model labels table picture render | base core
 dicom | series net | base core dicom
 input | label_files | base core dicom input
 engine | | base core
@@ -179,6 +180,7 @@ breach src/engine/splat/a.c '"dicom/header/slice.h"'
 breach src/engine/splat/a.c '"ctsplat/series.h"'
 breach src/core/volume/a.c '"ctsplat/export.h"'
 breach src/core/volume/a.c '"core/couch/body.h"'
+breach src/core/volume/a.c '"core/model/macrocells.h"'
 breach src/engine/raycast/a.c '"engine/splat/sheet.h"'
 breach src/engine/raycast/a.c '"core/transfer/lut.h"'
 breach src/cli/a.c '"core/scene/engine.h"'

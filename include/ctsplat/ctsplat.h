@@ -9,6 +9,7 @@
 #include "ctsplat/export.h"
 #include "ctsplat/job.h"
 #include "ctsplat/mixture.h"
+#include "ctsplat/model.h"
 #include "ctsplat/net.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"

@@ -2,9 +2,9 @@
 #ifndef CTSPLAT_LABELS_H
 #define CTSPLAT_LABELS_H
 
+#include "ctsplat/model.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "ctsplat/volume.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -105,11 +105,11 @@ typedef struct CtsLabelChoice {
  * exist. */
 CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **lacking, bool *any, CtsError *err);
 
-/* Assigns the volume's voxels to labels, as the last step of its processing: labels with statistics, of the slices that
- * the volume was made of. Skipped where no label is hidden or has an appearance of its own. CTS_ERR_USAGE for an
- * unknown label. */
-CtsStatus cts_volume_take_labels(CtsVolume *volume, const CtsLabels *labels, const CtsLabelChoice *choice,
-                                 int n_threads, CtsReport *report, CtsError *err);
+/* Assigns the model's voxels to labels, which replace earlier ones: labels with statistics, of the slices that the
+ * volume was made of. Skipped where no label is hidden or has an appearance of its own. CTS_ERR_USAGE for an unknown
+ * label. */
+CtsStatus cts_model_take_labels(CtsModel *model, const CtsLabels *labels, const CtsLabelChoice *choice, int n_threads,
+                                CtsReport *report, CtsError *err);
 
 /* The part of a choice that cropping by whole segments can express (PS3.3 C.11.24): only the included ones, without the
  * excluded ones. Only for labels of BINARY segmentations of that study, if the result equals the picture's. crop[i], of
@@ -118,9 +118,9 @@ typedef enum CtsLabelCrop { CTS_CROP_NONE, CTS_CROP_INCLUDE, CTS_CROP_EXCLUDE } 
 CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice, const char *study_uid,
                           CtsLabelCrop *crop, const char **unsaid, CtsError *err);
 
-/* The legend of a volume's labels: the colour of the i-th, in rgb; returns its name, owned by the volume, and its
+/* The legend of a model's labels: the colour of the i-th, in rgb; returns its name, owned by the model, and its
  * number in its file; NULL past the last. */
-const char *cts_volume_label_colour(const CtsVolume *volume, size_t i, double rgb[3], int *number);
+const char *cts_model_label_colour(const CtsModel *model, size_t i, double rgb[3], int *number);
 
 CTS_API_END
 #endif

@@ -2,12 +2,12 @@
 #ifndef CTSPLAT_REFERENCE_H
 #define CTSPLAT_REFERENCE_H
 
+#include "ctsplat/model.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "ctsplat/volume.h"
 #include <stddef.h>
 
 CTS_API_BEGIN
@@ -18,7 +18,7 @@ typedef struct CtsReference CtsReference;
 /* n random pixels (at most all) of the picture that cts_render() would render with these settings, whatever the engine;
  * kernel, mode and lighting as in the settings. Stratified sampling: the picture is halved repeatedly into equal parts,
  * with two pixels in each part. The same scene gets the same pixels. */
-CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_reference_new(CtsReference **reference, const CtsModel *model, const CtsPreset *preset,
                             const CtsRenderSettings *settings, size_t n, CtsError *err);
 void cts_reference_free(CtsReference **reference);
 

@@ -2,11 +2,11 @@
 #ifndef CTSPLAT_RENDER_H
 #define CTSPLAT_RENDER_H
 
+#include "ctsplat/model.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "ctsplat/volume.h"
 #include <signal.h>
 #include <stdbool.h>
 
@@ -110,17 +110,17 @@ CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *set
 
 /* One picture, premultiplied, not yet blended over a background. Threads never change a bit of it.
  * With settings->explain *picture stays NULL and report->plan holds the plan. */
-CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+CtsStatus cts_render(const CtsModel *model, const CtsPreset *preset, const CtsRenderSettings *settings,
                      CtsPicture **picture, CtsReport *report, CtsError *err);
 
-/* Several pictures of one volume with one preset from different views, as a rotation: state that does not change from
+/* Several pictures of one model with one preset from different views, as a rotation: state that does not change from
  * frame to frame (the transfer function's tables, the macro-cells, distances to visible voxels, the transposed copy of
  * the volume) is computed once, and the report says what a frame could reuse. Each frame is the picture that
  * cts_render() renders, bit by bit. */
 typedef struct CtsRenderer CtsRenderer;
 
-/* Checks all settings. The volume must stay as it is until the end; preset and settings are copied. */
-CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, const CtsPreset *preset,
+/* Checks all settings. The model's parts must stay as they are until the end; the rest is copied. */
+CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsModel *model, const CtsPreset *preset,
                            const CtsRenderSettings *settings, CtsError *err);
 /* One picture from this view. A frame that failed may be tried again. */
 CtsStatus cts_render_frame(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, CtsPicture **picture,
@@ -139,7 +139,7 @@ typedef struct CtsBandSink {
  * is always measured: without settings->verify with 256 pixels. */
 CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, const CtsBandSink *sink,
                            CtsReport *report, CtsError *err);
-/* Changes the renderer's settings for pictures of the same volume and preset. False, and nothing has changed, where
+/* Changes the renderer's settings for pictures of the same model and preset. False, and nothing has changed, where
  * they differ in more than size, scale, fit, centre, slab, view, error, threads and the outputs beside the picture. */
 bool cts_render_change_settings(CtsRenderer *renderer, const CtsRenderSettings *settings);
 void cts_render_end(CtsRenderer **renderer);

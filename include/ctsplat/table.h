@@ -2,9 +2,9 @@
 #ifndef CTSPLAT_TABLE_H
 #define CTSPLAT_TABLE_H
 
+#include "ctsplat/model.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "ctsplat/volume.h"
 #include <stdbool.h>
 
 CTS_API_BEGIN
@@ -26,7 +26,7 @@ CTS_API_BEGIN
  * -930 HU, or 70 HU above room air where the scanner's level for that is higher. Such room air is the darkest large
  * peak of the air at the border; additionally a table stands in it, or it is one sharp level that is also the darkest.
  *
- * finds_inside: volume->body becomes the inside of the patient, 3 mm under the skin, with the enclosed air, for the
+ * finds_inside: model->body becomes the inside of the patient, 3 mm under the skin, with the enclosed air, for the
  * modes minip and average.
  *
  * The sections lie across the volume axis nearest to z, so axial, tilted, coronal and sagittal stacks, supine and
@@ -39,10 +39,10 @@ CTS_API_BEGIN
  * time counts as stage classify. Memory: about an eighth of the volume. n_threads 0: all cores; threads never change
  * the result. Fails with CTS_ERR_MEMORY only.
  *
- * seen: the volume in which the table is searched: volume itself (NULL), or where its layers were interpolated along
+ * seen: the volume in which the table is searched: model->volume (NULL), or where its layers were interpolated along
  * shapes the same layers with linear interpolation, in which plates keep their position. */
-CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, bool finds_inside, int n_threads,
-                                  CtsReport *report, CtsError *err);
+CtsStatus cts_model_remove_table(CtsModel *model, const CtsVolume *seen, bool finds_inside, int n_threads,
+                                 CtsReport *report, CtsError *err);
 
 CTS_API_END
 #endif

@@ -9,10 +9,6 @@
 
 CTS_API_BEGIN
 
-struct CtsMacrocells;  /* src/core/volume/macrocells.h */
-struct CtsBodyMask;    /* src/core/volume/body_mask.h */
-struct CtsVoxelLabels; /* src/core/volume/voxel_labels.h */
-
 /* Plain data; created by cts_volume_new() or cts_series_load(), freed by cts_volume_free(). Voxel (i, j, k) is grey[(k
  * * dims[1] + j) * dims[0] + i]; its centre lies at origin_lps + i * step_lps[0] + j * step_lps[1] + k * step_lps[2]
  * (patient coordinates, LPS, mm). The steps need not be orthogonal: a stack with gantry tilt keeps its true shear. */
@@ -28,24 +24,11 @@ typedef struct CtsVolume {
      * the slice axis are taken over this distance, since interpolated layers contain no measured detail. */
     int slice_layers;
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
-    /* Ranges of grey levels by macro-cell, for engines with empty-space skipping; NULL where not computed. To be
-     * invalidated with cts_volume_changed() after changing grey. */
-    struct CtsMacrocells *macrocells;
-    /* The inside of the patient's body, for minip and average; NULL: everything. Set by cts_volume_remove_table(). */
-    struct CtsBodyMask *body;
-    /* Assignment of voxels to labels, with their appearances; NULL: one appearance for all. Set by
-     * cts_volume_take_labels(), after all changes of the volume; owned. */
-    struct CtsVoxelLabels *voxel_labels;
 } CtsVolume;
 
 /* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */
 CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
 void cts_volume_free(CtsVolume **volume);
-
-/* Make the macro-cells once, before several pictures of one volume; n_threads 0: all cores. */
-CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err);
-/* Frees data derived from the grey levels. */
-void cts_volume_changed(CtsVolume *volume);
 
 size_t cts_volume_n_voxels(const CtsVolume *volume);
 static inline double cts_volume_hu(const CtsVolume *v, uint16_t grey)
@@ -65,8 +48,9 @@ void cts_volume_box_lps(const CtsVolume *volume, double low_lps[3], double high_
 int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
 
 /* Keeps the voxels whose centres lie in [lo, hi] (LPS mm); others become air, and the volume shrinks to the box.
- * CTS_ERR_USAGE when it is empty. */
-CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], CtsError *err);
+ * first: the voxel that becomes voxel (0, 0, 0); may be NULL. CTS_ERR_USAGE when it is empty. */
+CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], int first[3],
+                          CtsError *err);
 
 /* Number of layers per slice distance that makes voxels nearly cubes: 1 where slices lie no further apart than one and
  * a half pixels, at most 8. */

@@ -65,11 +65,11 @@ static CtsStatus run_paper(const CtsBenchSettings *bench, CtsError *err)
 {
     CtsPaperTable table;
     const CtsPaperSettings settings = {
-        .volume = bench->volume, .preset = bench->preset, .render = bench->render, .progress = bench->progress};
+        .volume = bench->model->volume, .preset = bench->preset, .render = bench->render, .progress = bench->progress};
     const CtsStatus st = cts_paper_table(&settings, &table, err);
     cli_progress_clear();
     if (!st)
-        print_paper(&table, bench->volume);
+        print_paper(&table, bench->model->volume);
     return st;
 }
 
@@ -100,7 +100,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     cli_interrupt_sets_stop();
     if (st)
         goto end;
-    CtsBenchSettings settings = {.volume = loaded.volume,
+    CtsBenchSettings settings = {.model = &loaded.model,
                                  .preset = preset,
                                  .render = options->render,
                                  .full = options->full,

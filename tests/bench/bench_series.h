@@ -11,6 +11,6 @@ double bench_median(double *values, int n);
 
 /* A benchmark's main(): NAME FOLDER [ROUNDS], 5 rounds by default. Loads the CT series in a folder, with its
  * macro-cells, and returns what measure() returns. */
-int bench_main(int argc, char **argv, const char *name, int (*measure)(const CtsVolume *volume, int rounds));
+int bench_main(int argc, char **argv, const char *name, int (*measure)(const CtsModel *model, int rounds));
 
 #endif

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static int measure_preset(const CtsVolume *volume, const char *name, int rounds)
+static int measure_preset(const CtsModel *model, const char *name, int rounds)
 {
     static const struct {
         unsigned cpu;
@@ -31,7 +31,7 @@ static int measure_preset(const CtsVolume *volume, const char *name, int rounds)
         for (int r = 0; r < rounds; r++) {
             CtsOpenness *o;
             const double start = cts_cpu_ms();
-            if (cts_openness_new(&o, volume, &preset, ways[w].n_threads, &err)) {
+            if (cts_openness_new(&o, model, &preset, ways[w].n_threads, &err)) {
                 fprintf(stderr, "openness_speed: %s\n", err.text);
                 return 1;
             }
@@ -54,11 +54,11 @@ static int measure_preset(const CtsVolume *volume, const char *name, int rounds)
     return 0;
 }
 
-static int measure(const CtsVolume *volume, int rounds)
+static int measure(const CtsModel *model, int rounds)
 {
     int result = 0;
     for (int p = 0; p < 3 && !result; p++)
-        result = measure_preset(volume, (const char *const[]){"bone", "skin", "muscle"}[p], rounds);
+        result = measure_preset(model, (const char *const[]){"bone", "skin", "muscle"}[p], rounds);
     return result;
 }
 

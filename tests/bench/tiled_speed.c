@@ -47,7 +47,7 @@ static double read_bytes_per_ms(const CtsVolume *v)
     return (double)n * 8 / best;
 }
 
-static int measure_row(const CtsVolume *volume, const Row *row, int n_threads, int rounds, double bytes_per_ms)
+static int measure_row(const CtsModel *model, const Row *row, int n_threads, int rounds, double bytes_per_ms)
 {
     double tiled_ms[BENCH_MAX_ROUNDS], classic_ms[BENCH_MAX_ROUNDS];
     CtsPreset preset;
@@ -69,7 +69,7 @@ static int measure_row(const CtsVolume *volume, const Row *row, int n_threads, i
             if (!classic)
                 cts_report_free(&report);
             const double start = cts_wall_ms();
-            if (cts_render(volume, &preset, &s, &picture, classic ? &unused : &report, &err))
+            if (cts_render(model, &preset, &s, &picture, classic ? &unused : &report, &err))
                 return fail(&err);
             (classic ? classic_ms : tiled_ms)[r] = cts_wall_ms() - start;
             cts_picture_free(&picture);
@@ -98,15 +98,15 @@ static int measure_row(const CtsVolume *volume, const Row *row, int n_threads, i
     return 0;
 }
 
-static int measure(const CtsVolume *volume, int rounds)
+static int measure(const CtsModel *model, int rounds)
 {
     int result = 0;
-    const double bytes_per_ms = read_bytes_per_ms(volume);
+    const double bytes_per_ms = read_bytes_per_ms(model->volume);
     printf("1024 x 1024 pixels, medians of %d rounds\n", rounds);
     for (int r = 0; r < N_ROWS && !result; r++) {
-        result = measure_row(volume, &rows[r], cts_threads(0), rounds, bytes_per_ms);
+        result = measure_row(model, &rows[r], cts_threads(0), rounds, bytes_per_ms);
         if (!result && cts_threads(0) > 1)
-            result = measure_row(volume, &rows[r], 1, rounds, bytes_per_ms);
+            result = measure_row(model, &rows[r], 1, rounds, bytes_per_ms);
     }
     return result;
 }

@@ -11,6 +11,7 @@
 
 typedef struct Rays {
     CtsVolume *volume;
+    CtsModel model; /* of volume alone */
     CtsPreset preset;
     CtsRenderSettings settings;
     CtsScene scene;
@@ -29,7 +30,9 @@ static inline void rays_aim(Rays *r, double azimuth_deg, double elevation_deg, d
     r->settings.azimuth_deg = azimuth_deg;
     r->settings.elevation_deg = elevation_deg;
     r->settings.mm_per_pixel = mm_per_pixel;
-    r->scene = (CtsScene){.volume = r->volume, .preset = &r->preset, .settings = &r->settings, .extinction_scale = 1};
+    r->model = (CtsModel){.volume = r->volume};
+    r->scene = (CtsScene){
+        .model = &r->model, .volume = r->volume, .preset = &r->preset, .settings = &r->settings, .extinction_scale = 1};
     assert_int_equal(cts_view_init(&r->scene.view, r->volume, &r->settings, &err), CTS_OK);
     assert_int_equal(cts_raycaster_new(&r->caster, &r->scene, field, &err), CTS_OK);
 }

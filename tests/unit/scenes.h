@@ -97,14 +97,23 @@ static inline CtsPreset preset_named(const char *name)
     abort();
 }
 
-static inline CtsPicture *render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
-                                 CtsReport *report)
+/* A model of a volume alone. */
+#define MODEL_OF(v) (&(CtsModel){.volume = (CtsVolume *)(v)})
+
+static inline CtsPicture *render_model(const CtsModel *model, const CtsPreset *preset,
+                                       const CtsRenderSettings *settings, CtsReport *report)
 {
     CtsPicture *picture = NULL;
     CtsError err = {0};
-    if (cts_render(volume, preset, settings, &picture, report, &err))
+    if (cts_render(model, preset, settings, &picture, report, &err))
         fail_msg("%s", err.text);
     return picture;
+}
+
+static inline CtsPicture *render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                                 CtsReport *report)
+{
+    return render_model(MODEL_OF(volume), preset, settings, report);
 }
 
 /* Compares n values of a plane of pixels, each of so many channels; fails at the first that differs. */

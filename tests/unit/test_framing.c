@@ -51,7 +51,7 @@ static CtsRenderSettings framed(const CtsVolume *v, const CtsPreset *p, const Ct
 {
     CtsRenderSettings s = *settings;
     CtsError err;
-    assert_int_equal(cts_framing_settle(v, p, &s, &err), CTS_OK);
+    assert_int_equal(cts_framing_settle(MODEL_OF(v), p, &s, &err), CTS_OK);
     return s;
 }
 
@@ -291,7 +291,7 @@ static void test_pictures(void **state)
         int box[4];
         s.verify = 1000;
         CtsReport report = {0};
-        assert_int_equal(cts_render(v, &p, &s, &picture, &report, &err), CTS_OK);
+        assert_int_equal(cts_render(MODEL_OF(v), &p, &s, &picture, &report, &err), CTS_OK);
         bounds_of(picture, box);
         assert_in_range(box[1] - box[0] + 1, 160, 182);
         assert_in_range(box[0] + box[1], 195, 203);
@@ -314,7 +314,7 @@ static void test_rotation(void **state)
     CtsError err;
     double mm_per_pixel = 0;
     s.rotation_frames = 5;
-    assert_int_equal(cts_render_begin(&renderer, v, &p, &s, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &p, &s, &err), CTS_OK);
     for (int i = 0; i < 5; i++) {
         CtsPicture *picture = NULL;
         int box[4];
@@ -335,7 +335,7 @@ static double scale_of(const CtsVolume *v, const CtsPreset *p, const CtsRenderSe
 {
     CtsPicture *picture = NULL;
     CtsError err;
-    assert_int_equal(cts_render(v, p, s, &picture, report, &err), CTS_OK);
+    assert_int_equal(cts_render(MODEL_OF(v), p, s, &picture, report, &err), CTS_OK);
     const double mm = picture->info.mm_per_pixel;
     cts_picture_free(&picture);
     return mm;

@@ -452,7 +452,7 @@ static void test_frames(void **state)
     CtsReport report = {0};
     CtsRenderer *renderer;
     CtsError err;
-    assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &bone, &s, &err), CTS_OK);
     for (int frame = 0; frame < 3; frame++) {
         CtsPicture *p;
         s.azimuth_deg = 40.0 * frame;

@@ -127,8 +127,8 @@ static double uncovered(size_t part, int fault)
     s.shade = parts[part].lit ? CTS_ON : CTS_OFF;
     s.occlusion = 0;
     cts_cpu_set_mask(0);
-    assert_int_equal(cts_framing_settle(v, &preset, &s, &err), CTS_OK);
-    assert_int_equal(cts_scene_init(&store, v, &preset, &s, &err), CTS_OK);
+    assert_int_equal(cts_framing_settle(MODEL_OF(v), &preset, &s, &err), CTS_OK);
+    assert_int_equal(cts_scene_init(&store, MODEL_OF(v), &preset, &s, &err), CTS_OK);
     CtsLut *lut = NULL;
     assert_int_equal(cts_lut_new(&lut, &store.preset, v, NULL, store.scene.extinction_scale, &err), CTS_OK);
     store.scene.lut = lut;

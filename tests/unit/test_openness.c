@@ -1,8 +1,8 @@
 /* Openness: the field against a sum in double precision, the same bytes on every path, and every engine against the
  * reference ray caster with it. */
 #include "base/cpu.h"
+#include "core/model/voxel_labels.h"
 #include "core/scene/openness.h"
-#include "core/volume/voxel_labels.h"
 #include "scenes.h"
 #include <math.h>
 
@@ -78,7 +78,7 @@ static void test_field_is_the_formula(void **state)
             for (int a = 0; a < 3; a++)
                 v->step_lps[a][a] = shapes[s].mm[a];
             v->step_lps[2][1] = shapes[s].lean * shapes[s].mm[2];
-            assert_int_equal(cts_openness_new(&o, v, &preset, 1, &err), CTS_OK);
+            assert_int_equal(cts_openness_new(&o, MODEL_OF(v), &preset, 1, &err), CTS_OK);
             double *const extinction = mean_extinctions(v, &preset, o);
             for (int k = 0; k < o->n[2]; k++)
                 for (int j = 0; j < o->n[1]; j++)
@@ -116,24 +116,24 @@ static void test_field_has_the_same_bytes(void **state)
         int n_threads;
     } ways[] = {{"plain C, 3 threads", 0, 3}, {"AVX2, 1 thread", CTS_CPU_AVX2, 1}, {"all paths, 2 threads", ~0u, 2}};
     const CtsPreset preset = preset_named("bone");
-    CtsVolume *v = phantom_head(90, 80, 70, 40);
+    CtsModel model = {.volume = phantom_head(90, 80, 70, 40)};
     CtsOpenness *first, *o;
     CtsError err = {0};
     cts_cpu_set_mask(0);
-    assert_int_equal(cts_openness_new(&first, v, &preset, 1, &err), CTS_OK);
+    assert_int_equal(cts_openness_new(&first, &model, &preset, 1, &err), CTS_OK);
     for (size_t w = 0; w < sizeof ways / sizeof *ways; w++) {
         cts_cpu_set_mask(ways[w].cpu);
-        assert_int_equal(cts_openness_new(&o, v, &preset, ways[w].n_threads, &err), CTS_OK);
+        assert_int_equal(cts_openness_new(&o, &model, &preset, ways[w].n_threads, &err), CTS_OK);
         assert_same_field(first, o, ways[w].what);
         cts_openness_free(&o);
     }
     cts_cpu_set_mask(~0u);
-    assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
-    assert_int_equal(cts_openness_new(&o, v, &preset, 1, &err), CTS_OK);
+    assert_int_equal(cts_model_prepare(&model, 1, &err), CTS_OK);
+    assert_int_equal(cts_openness_new(&o, &model, &preset, 1, &err), CTS_OK);
     assert_same_field(first, o, "with macro-cells");
     cts_openness_free(&o);
     cts_openness_free(&first);
-    cts_volume_free(&v);
+    cts_model_free(&model);
 }
 
 /* Hidden voxels are air. */
@@ -146,12 +146,11 @@ static void test_hidden_labels_let_light_through(void **state)
     CtsError err = {0};
     for (size_t i = 0; i < cts_volume_n_voxels(shown) / 2; i++)
         shown->grey[i] = 0;
-    CtsVoxelLabels voxel_labels = {.shown = shown};
-    v->voxel_labels = &voxel_labels;
-    assert_int_equal(cts_openness_new(&hidden, v, &preset, 1, &err), CTS_OK);
-    assert_int_equal(cts_openness_new(&cut, shown, &preset, 1, &err), CTS_OK);
+    CtsVoxelLabels voxel_labels = {.shown = {.volume = shown}};
+    const CtsModel model = {.volume = v, .voxel_labels = &voxel_labels};
+    assert_int_equal(cts_openness_new(&hidden, &model, &preset, 1, &err), CTS_OK);
+    assert_int_equal(cts_openness_new(&cut, MODEL_OF(shown), &preset, 1, &err), CTS_OK);
     assert_same_field(hidden, cut, "half of the head hidden");
-    v->voxel_labels = NULL;
     cts_openness_free(&hidden);
     cts_openness_free(&cut);
     cts_volume_free(&v);
@@ -184,7 +183,7 @@ static void test_engines_agree(void **state)
         s.occlusion = scenes[i].occlusion;
         s.shade = CTS_ON;
         CtsPicture *p = render(v, &preset, &s, NULL);
-        assert_int_equal(cts_reference_new(&reference, v, &preset, &s, 40 * 40, &err), CTS_OK);
+        assert_int_equal(cts_reference_new(&reference, MODEL_OF(v), &preset, &s, 40 * 40, &err), CTS_OK);
         assert_int_equal(cts_reference_compare(reference, p, &found, &err), CTS_OK);
         if (!(255 * found.rmse <= scenes[i].rmse_255))
             fail_msg("engine %s, preset %s, occlusion %g: error of %.3g/255 rms, at most %g/255 expected",
@@ -208,7 +207,7 @@ static void test_occlusion_changes_from_picture_to_picture(void **state)
     preset.occlusion = 0.5;
     without.occlusion = 0;
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 32, 20, 10);
-    assert_int_equal(cts_render_begin(&renderer, v, &preset, &s, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &preset, &s, &err), CTS_OK);
     for (size_t i = 0; i < sizeof occlusions / sizeof *occlusions; i++) {
         CtsPicture *kept, *alone;
         s.occlusion = occlusions[i];

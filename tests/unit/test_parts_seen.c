@@ -70,16 +70,21 @@ static CtsPreset preset_of(CtsMode mode)
     return p;
 }
 
-static CtsPicture *render(const CtsVolume *v, const CtsPreset *p, CtsRenderSettings s, CtsEngineId engine)
+static CtsPicture *render_model(const CtsModel *model, const CtsPreset *p, CtsRenderSettings s, CtsEngineId engine)
 {
     CtsPicture *picture = NULL;
     CtsError err = {0};
     s.engine = engine;
     s.width = s.height = SIZE;
     s.mm_per_pixel = 2;
-    if (cts_render(v, p, &s, &picture, NULL, &err))
+    if (cts_render(model, p, &s, &picture, NULL, &err))
         fail_msg("%s", err.text);
     return picture;
+}
+
+static CtsPicture *render(CtsVolume *v, const CtsPreset *p, CtsRenderSettings s, CtsEngineId engine)
+{
+    return render_model(&(CtsModel){.volume = v}, p, s, engine);
 }
 
 static CtsRenderSettings settings(double azimuth_deg, double elevation_deg)
@@ -100,11 +105,13 @@ static double hu_at(const CtsPicture *p, double right_mm, float *alpha)
     return -1000 + 2000 * (double)at[0];
 }
 
-static void check_body(const CtsVolume *v, CtsMode mode, double at_lung, double bound, double around)
+static void check_body(const CtsModel *model, int grey_bits, CtsMode mode, double at_lung, double bound, double around)
 {
     const CtsPreset p = preset_of(mode);
     for (int e = 0; e < 2; e++) {
-        CtsPicture *picture = render(v, &p, settings(0, 0), engines[e]);
+        CtsRenderSettings s = settings(0, 0);
+        s.grey_bits = grey_bits;
+        CtsPicture *picture = render_model(model, &p, s, engines[e]);
         float alpha;
         assert_true(fabs(hu_at(picture, 1, &alpha) - at_lung) < bound && alpha == 1);
         assert_true(fabs(hu_at(picture, 35, &alpha) - (at_lung < -950 ? at_lung : 40)) < 1 && alpha == 1);
@@ -119,22 +126,20 @@ static void check_body(const CtsVolume *v, CtsMode mode, double at_lung, double 
 static void test_body(void **state)
 {
     (void)state;
-    CtsVolume *v = make(trunk), *q = NULL;
+    CtsModel model = {.volume = make(trunk)};
     CtsError err;
-    check_body(v, CTS_MODE_MINIP, -1000, 1, -1000);
-    assert_int_equal(cts_volume_remove_table(v, NULL, true, 2, NULL, &err), CTS_OK);
-    assert_non_null(v->body);
-    check_body(v, CTS_MODE_MINIP, -900, 2, NAN);
+    check_body(&model, 16, CTS_MODE_MINIP, -1000, 1, -1000);
+    assert_int_equal(cts_model_remove_table(&model, NULL, true, 2, NULL, &err), CTS_OK);
+    assert_non_null(model.body);
+    check_body(&model, 16, CTS_MODE_MINIP, -900, 2, NAN);
     /* A ray through the middle has 20 mm of lung on either side, and flesh to 3 mm under the skin at 45 mm. */
-    check_body(v, CTS_MODE_AVERAGE, 40 - 940 * 20.0 / 42, 15, NAN);
-    check_body(v, CTS_MODE_MIP, 40, 1, -1000);
-    assert_int_equal(cts_volume_quantise(v, 12, -1024, 1000, 2, &q, &err), CTS_OK);
-    check_body(q, CTS_MODE_MINIP, -900, 2, NAN);
-    cts_volume_free(&q);
+    check_body(&model, 16, CTS_MODE_AVERAGE, 40 - 940 * 20.0 / 42, 15, NAN);
+    check_body(&model, 16, CTS_MODE_MIP, 40, 1, -1000);
+    check_body(&model, 12, CTS_MODE_MINIP, -900, 2, NAN);
     const double lo[3] = {0, 0, MIDDLE_MM - 30}, hi[3] = {2 * MIDDLE_MM, 2 * MIDDLE_MM, MIDDLE_MM + 30};
-    assert_int_equal(cts_volume_crop(v, lo, hi, &err), CTS_OK);
-    check_body(v, CTS_MODE_MINIP, -900, 2, NAN);
-    cts_volume_free(&v);
+    assert_int_equal(cts_model_crop(&model, lo, hi, &err), CTS_OK);
+    check_body(&model, 16, CTS_MODE_MINIP, -900, 2, NAN);
+    cts_model_free(&model);
 }
 
 /* A slab's largest, smallest and mean value on a ramp along the view. */
@@ -222,17 +227,18 @@ static void test_refused(void **state)
         s.engine = (CtsEngineId)e;
         s.slab_mm = 10;
         const bool cuts = e == CTS_ENGINE_SHEETS || e == CTS_ENGINE_TILED || e == CTS_ENGINE_RAYCAST;
-        assert_int_equal(cts_render(v, &p, &s, &picture, NULL, &err), cuts ? CTS_OK : CTS_ERR_USAGE);
+        assert_int_equal(cts_render(&(CtsModel){.volume = v}, &p, &s, &picture, NULL, &err),
+                         cuts ? CTS_OK : CTS_ERR_USAGE);
         if (cuts)
             cts_picture_free(&picture);
     }
     CtsRenderSettings s = settings(0, 0);
     s.slab_at_mm = 3;
-    assert_int_equal(cts_render(v, &p, &s, &picture, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_render(&(CtsModel){.volume = v}, &p, &s, &picture, NULL, &err), CTS_ERR_USAGE);
     s.slab_mm = -1;
-    assert_int_equal(cts_render(v, &p, &s, &picture, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_render(&(CtsModel){.volume = v}, &p, &s, &picture, NULL, &err), CTS_ERR_USAGE);
     s.slab_mm = NAN;
-    assert_int_equal(cts_render(v, &p, &s, &picture, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_render(&(CtsModel){.volume = v}, &p, &s, &picture, NULL, &err), CTS_ERR_USAGE);
     cts_volume_free(&v);
 }
 

@@ -135,7 +135,8 @@ static void test_whole_way(void **state)
     settings.verify = 100;
     for (int mode = 0; mode < CTS_N_MODES; mode++) {
         settings.mode = mode;
-        assert_int_equal(cts_render(volume, &preset, &settings, &picture, &report, &err), CTS_OK);
+        assert_int_equal(cts_render(&(CtsModel){.volume = volume}, &preset, &settings, &picture, &report, &err),
+                         CTS_OK);
         assert_int_equal(report.verified.pixels, 100);
         assert_true(report.verified.rmse < 1e-7 && report.verified.max < 1e-6);
         cts_picture_free(&picture);
@@ -149,7 +150,8 @@ static void test_whole_way(void **state)
     for (int none = 0; none < 2; none++) {
         preset.background[0] = 0.5;
         preset.background_none = none;
-        assert_int_equal(cts_reference_new(&reference, volume, &preset, &settings, 1600, &err), CTS_OK);
+        assert_int_equal(cts_reference_new(&reference, &(CtsModel){.volume = volume}, &preset, &settings, 1600, &err),
+                         CTS_OK);
         assert_int_equal(cts_picture_new(&picture, 40, 40, 4, &err), CTS_OK);
         for (size_t i = 0; i < 1600; i++)
             for (int c = 0; c < 4; c++)
@@ -167,7 +169,7 @@ static void test_whole_way(void **state)
     }
     settings.verify = 1000000; /* more than there are: all */
     settings.mode = 0;
-    assert_int_equal(cts_render(volume, &preset, &settings, &picture, &report, &err), CTS_OK);
+    assert_int_equal(cts_render(&(CtsModel){.volume = volume}, &preset, &settings, &picture, &report, &err), CTS_OK);
     assert_int_equal(report.verified.pixels, 1600);
     assert_true(report.verified.rmse_low == report.verified.rmse && report.verified.rmse_high == report.verified.rmse);
     cts_picture_free(&picture);

@@ -16,17 +16,17 @@ static const double views[][2] = {{0, 0},  {60, 0},  {120, 0},  {180, 0},    {24
                                   {20, 0}, {30, 70}, {100, 80}, {-100, -65}, {0, 0}};
 enum { N_VIEWS = sizeof views / sizeof views[0] };
 
-static void check_frames(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings)
+static void check_frames(const CtsModel *model, const CtsPreset *preset, const CtsRenderSettings *settings)
 {
     CtsRenderer *renderer;
     CtsError err = {0};
-    assert_int_equal(cts_render_begin(&renderer, volume, preset, settings, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, model, preset, settings, &err), CTS_OK);
     for (int view = 0; view < N_VIEWS; view++) {
         CtsPicture *frame;
         CtsRenderSettings s = *settings;
         s.azimuth_deg = views[view][0];
         s.elevation_deg = views[view][1];
-        CtsPicture *alone = render(volume, preset, &s, NULL);
+        CtsPicture *alone = render_model(model, preset, &s, NULL);
         assert_int_equal(cts_render_frame(renderer, s.azimuth_deg, s.elevation_deg, &frame, NULL, &err), CTS_OK);
         assert_same_picture(alone, frame, "engine %s, view %g,%g, frame %d", cts_engine_names[s.engine], s.azimuth_deg,
                             s.elevation_deg, view);
@@ -42,7 +42,7 @@ static void check_frames(const CtsVolume *volume, const CtsPreset *preset, const
 static void test_same_pictures(void **state)
 {
     (void)state;
-    CtsVolume *v = phantom_head(40, 44, 36, 20);
+    CtsModel model = {.volume = phantom_head(40, 44, 36, 20)};
     static const CtsEngineId engines[] = {CTS_ENGINE_TILED, CTS_ENGINE_CLASSIC, CTS_ENGINE_LAYERS, CTS_ENGINE_VOID,
                                           CTS_ENGINE_COMBINED};
     static const char *const presets[] = {"bone", "skin"};
@@ -53,20 +53,20 @@ static void test_same_pictures(void **state)
             CtsRenderSettings s = settings_for(engines[e], 48, 0, 0);
             s.shade = n ? CTS_ON : CTS_OFF;
             s.opacity_per_voxel = n;
-            check_frames(v, &preset, &s);
+            check_frames(&model, &preset, &s);
             s.max_error = 0.25;
             if (engines[e] == CTS_ENGINE_TILED)
-                check_frames(v, &preset, &s);
+                check_frames(&model, &preset, &s);
         }
     /* With macro-cells of the volume's own. */
-    assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
+    assert_int_equal(cts_model_prepare(&model, 1, &err), CTS_OK);
     const CtsPreset bone = preset_named("bone");
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 48, 0, 0);
     s.want_depth = true;
-    check_frames(v, &bone, &s);
+    check_frames(&model, &bone, &s);
     s.mode = CTS_MODE_MIP;
-    check_frames(v, &bone, &s);
-    cts_volume_free(&v);
+    check_frames(&model, &bone, &s);
+    cts_model_free(&model);
 }
 
 /* A small ball in a large box of dim noise: side views copy only the surroundings of the ball, and agree with a ray
@@ -92,7 +92,7 @@ static void test_sparse_copy(void **state)
     s.n_threads = 2;
     s.shade = CTS_OFF;
     CtsRenderer *renderer;
-    assert_int_equal(cts_render_begin(&renderer, v, &preset, &s, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &preset, &s, &err), CTS_OK);
     static const double sides[][2] = {{90, 0}, {75, 5}, {60, 20}, {-90, 0}, {-80, -30}};
     for (size_t i = 0; i < sizeof sides / sizeof *sides; i++) {
         CtsPicture *frame;
@@ -153,7 +153,7 @@ static void check_bands(const CtsVolume *volume, const CtsPreset *preset, const 
     CtsReport in_bands = {0}, at_once = {0};
     Whole whole = {0};
     CtsPicture *frame;
-    assert_int_equal(cts_render_begin(&renderer, volume, preset, settings, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(volume), preset, settings, &err), CTS_OK);
     assert_int_equal(cts_render_frame(renderer, settings->azimuth_deg, settings->elevation_deg, &frame, &at_once, &err),
                      CTS_OK);
     assert_int_equal(cts_render_bands(renderer, settings->azimuth_deg, settings->elevation_deg,
@@ -224,7 +224,7 @@ static void test_report(void **state)
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 48, 0, 0);
     CtsRenderer *renderer;
     CtsError err = {0};
-    assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &bone, &s, &err), CTS_OK);
     static const struct {
         double azimuth_deg;
         bool made; /* before */
@@ -259,7 +259,7 @@ static void test_first_frame(void **state)
         CtsError err = {0};
         Whole whole = {0};
         const CtsBandSink sink = {take_band, &whole, .max_rows = 64};
-        assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_OK);
+        assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &bone, &s, &err), CTS_OK);
         assert_int_equal(cts_render_bands(renderer, 60, 0, &sink, &report, &err), CTS_OK);
         assert_int_equal(whole.n_bands, 4);
         for (size_t i = 0; i < report.n_skips; i++)
@@ -283,10 +283,10 @@ static void test_refusals(void **state)
     CtsPicture *frame;
     CtsError err = {0};
     s.width = 0;
-    assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &bone, &s, &err), CTS_ERR_USAGE);
     assert_null(renderer);
     s.width = 16;
-    assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_OK);
+    assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &bone, &s, &err), CTS_OK);
     assert_int_equal(cts_render_frame(renderer, 0, 91, &frame, NULL, &err), CTS_ERR_USAGE);
     assert_null(frame);
     assert_int_equal(cts_render_frame(renderer, 0, 0, &frame, NULL, &err), CTS_OK);

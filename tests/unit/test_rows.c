@@ -42,7 +42,7 @@ static CtsPicture *picture_of(const CtsVolume *volume, CtsEngineId engine, CtsKe
     s.kernel = kernel;
     s.samples = samples;
     s.shade = CTS_OFF;
-    if (cts_render(volume, &preset, &s, &picture, NULL, &err))
+    if (cts_render(MODEL_OF(volume), &preset, &s, &picture, NULL, &err))
         fail_msg("engine %s, kernel %s: %s", cts_engine_names[engine], cts_kernel_names[kernel], err.text);
     return picture;
 }
@@ -208,7 +208,7 @@ static void test_radius(void **state)
                 s.engine = engine ? CTS_ENGINE_RAYCAST : CTS_ENGINE_CLASSIC;
                 s.kernel = (CtsKernelId)k;
                 s.kernel_radius = radii[r];
-                assert_int_equal(cts_render(volume, cts_preset_builtin(0), &s, &p, NULL, &err),
+                assert_int_equal(cts_render(MODEL_OF(volume), cts_preset_builtin(0), &s, &p, NULL, &err),
                                  r == 0 || r == 3 ? CTS_ERR_USAGE : CTS_OK);
                 cts_picture_free(&p);
             }

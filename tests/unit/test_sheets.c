@@ -95,7 +95,7 @@ static void levels_against_reference(void **state)
         low[a] += third;
         high[a] -= a == 1 ? 0 : third / 4;
     }
-    assert_int_equal(cts_volume_crop(v, low, high, &err), CTS_OK);
+    assert_int_equal(cts_volume_crop(v, low, high, NULL, &err), CTS_OK);
     const CtsPreset preset = preset_named("bone");
     static const double from[][2] = {{0, 0}, {30, 20}, {75, -15}, {-40, 70}};
     for (size_t i = 0; i < sizeof from / sizeof *from; i++)
@@ -204,7 +204,7 @@ static void bands_and_rotations(void **state)
             const CtsBandSink sink = {take_rows, &rows, .max_rows = 64};
             CtsRenderer *renderer = NULL;
             CtsError err = {0};
-            assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_OK);
+            assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &bone, &s, &err), CTS_OK);
             for (int turn = 0; turn < 2; turn++) { /* first another side, then this one */
                 rows.n = 0;
                 assert_int_equal(cts_render_bands(renderer, turn ? 30 : 120, 20, &sink, NULL, &err), CTS_OK);
@@ -336,19 +336,19 @@ static void thin_volumes(void **state)
     CtsRenderSettings s = settings_for(CTS_ENGINE_SHEETS, 16, 0, 0);
     CtsPicture *p = NULL;
     CtsError err = {0};
-    assert_int_equal(cts_render(v, &bone, &s, &p, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_render(MODEL_OF(v), &bone, &s, &p, NULL, &err), CTS_ERR_USAGE);
     assert_non_null(strstr(err.text, "engine tiled"));
     assert_null(p);
     s.engine = CTS_ENGINE_AUTO;
-    assert_int_equal(cts_render(v, &bone, &s, &p, NULL, &err), CTS_OK);
+    assert_int_equal(cts_render(MODEL_OF(v), &bone, &s, &p, NULL, &err), CTS_OK);
     cts_picture_free(&p);
     cts_volume_free(&v);
     v = random_volume(9, 7, 8, 5); /* and pixels of 1000 voxels */
     s.mm_per_pixel = 1000;
-    assert_int_equal(cts_render(v, &bone, &s, &p, NULL, &err), CTS_OK);
+    assert_int_equal(cts_render(MODEL_OF(v), &bone, &s, &p, NULL, &err), CTS_OK);
     cts_picture_free(&p);
     s.engine = CTS_ENGINE_SHEETS;
-    assert_int_equal(cts_render(v, &bone, &s, &p, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_render(MODEL_OF(v), &bone, &s, &p, NULL, &err), CTS_ERR_USAGE);
     assert_non_null(strstr(err.text, "too coarse"));
     cts_volume_free(&v);
 }

@@ -126,8 +126,6 @@ static CtsVolume *copy(const CtsVolume *v)
     uint16_t *grey = w->grey;
     *w = *v;
     w->grey = grey;
-    w->macrocells = NULL;
-    w->body = NULL;
     memcpy(grey, v->grey, cts_volume_n_voxels(v) * sizeof *grey);
     return w;
 }
@@ -176,18 +174,26 @@ static bool is_skipped(const CtsReport *report)
     return report->n_skips == 1 && !strcmp(report->skips[0].what, "table removal") && report->skips[0].why[0];
 }
 
-static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
+static void remove_table_of(CtsModel *model, int n_threads, CtsReport *report)
 {
     CtsError err;
     *report = (CtsReport){0};
-    assert_int_equal(cts_volume_remove_table(v, NULL, true, n_threads, report, &err), CTS_OK);
+    assert_int_equal(cts_model_remove_table(model, NULL, true, n_threads, report, &err), CTS_OK);
     assert_true(report->stages[CTS_STAGE_CLASSIFY].ran);
+}
+
+static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
+{
+    CtsModel model = {.volume = v};
+    remove_table_of(&model, n_threads, report);
+    model.volume = NULL;
+    cts_model_free(&model);
 }
 
 /* The table is removed, the patient is kept to the bit, and any number of threads gives the same bytes. */
 static void check_removal(const Scene *s)
 {
-    CtsVolume *before = make(s), *after = copy(before), *again;
+    CtsVolume *before = make(s), *after = copy(before);
     CtsReport report;
     remove_table(after, 1, &report);
     const Tally t = tally(s, before, after, 0.5);
@@ -203,14 +209,14 @@ static void check_removal(const Scene *s)
     cts_report_free(&report);
     const int threads[] = {2, 7};
     for (int n = 0; n < 2; n++) {
-        again = copy(before);
+        CtsModel again = {.volume = copy(before)};
         CtsError err;
-        assert_int_equal(cts_volume_prepare(again, 2, &err), CTS_OK);
-        remove_table(again, threads[n], &report);
-        assert_null(again->macrocells); /* data derived before are invalid */
-        assert_memory_equal(again->grey, after->grey, cts_volume_n_voxels(after) * sizeof *after->grey);
+        assert_int_equal(cts_model_prepare(&again, 2, &err), CTS_OK);
+        remove_table_of(&again, threads[n], &report);
+        assert_null(again.macrocells); /* data derived before are invalid */
+        assert_memory_equal(again.volume->grey, after->grey, cts_volume_n_voxels(after) * sizeof *after->grey);
         cts_report_free(&report);
-        cts_volume_free(&again);
+        cts_model_free(&again);
     }
     cts_volume_free(&before);
     cts_volume_free(&after);
@@ -380,13 +386,13 @@ static void test_raised_air(void **state)
         cts_volume_free(&before);
         cts_volume_free(&after);
         /* Without a table only minip and average have a mask: the air is outside the body. */
-        after = make(&alone);
-        raise_air(after, levels[n]);
-        remove_table(after, 2, &report);
+        CtsModel model = {.volume = make(&alone)};
+        raise_air(model.volume, levels[n]);
+        remove_table_of(&model, 2, &report);
         assert_true(is_skipped(&report) && report.diagnostics.n == 0);
-        assert_int_equal(*after->body->share, 0);
+        assert_int_equal(*model.body->share, 0);
         cts_report_free(&report);
-        cts_volume_free(&after);
+        cts_model_free(&model);
     }
 }
 
@@ -727,10 +733,11 @@ static void test_odd(void **state)
     cts_report_free(&report);
     memset(v->step_lps[1], 0, sizeof v->step_lps[1]);
     CtsReport flat = {0};
-    assert_int_equal(cts_volume_remove_table(v, NULL, true, 2, &flat, &err), CTS_OK);
+    CtsModel model = {.volume = v};
+    assert_int_equal(cts_model_remove_table(&model, NULL, true, 2, &flat, &err), CTS_OK);
     assert_true(is_skipped(&flat));
     cts_report_free(&flat);
-    assert_int_equal(cts_volume_remove_table(v, NULL, true, 0, NULL, NULL), CTS_OK);
+    assert_int_equal(cts_model_remove_table(&model, NULL, true, 0, NULL, NULL), CTS_OK);
     cts_volume_free(&before);
     cts_volume_free(&v);
 }

@@ -4,7 +4,7 @@
 #include "base/mem.h"
 #include "base/random.h"
 #include "base/sanitized.h"
-#include "core/volume/body_mask.h"
+#include "core/model/body_mask.h"
 #include "ctsplat/reference.h"
 #include "scenes.h"
 
@@ -554,21 +554,21 @@ static void modes_exact(void **state)
 }
 
 /* A body of random shares, with nodes further apart along one axis, that begins before the volume. */
-static void give_body(CtsVolume *v, int across, unsigned seed)
+static void give_body(CtsModel *model, int across, unsigned seed)
 {
     int n[3], step[3], first[3];
     for (int a = 0; a < 3; a++) {
         step[a] = a == across ? 4 : 3;
         first[a] = 2 + a;
-        n[a] = (v->dims[a] - 1 + first[a] + step[a] - 1) / step[a] + 1;
+        n[a] = (model->volume->dims[a] - 1 + first[a] + step[a] - 1) / step[a] + 1;
     }
-    assert_int_equal(cts_body_mask_new(&v->body, n, step, NULL), CTS_OK);
-    memcpy(v->body->first, first, sizeof first);
+    assert_int_equal(cts_body_mask_new(&model->body, n, step, NULL), CTS_OK);
+    memcpy(model->body->first, first, sizeof first);
     for (int at = 0; at < n[0] * n[1] * n[2]; at++) {
         seed = seed * 1664525 + 1013904223;
         /* Whole stretches with and without, and a ragged one between. */
         const int i = at % n[0];
-        v->body->share[at] = i > 3 * n[0] / 5 ? 255 : i > n[0] / 4 ? (uint8_t)(seed >> 24) : 0;
+        model->body->share[at] = i > 3 * n[0] / 5 ? 255 : i > n[0] / 4 ? (uint8_t)(seed >> 24) : 0;
     }
 }
 
@@ -578,9 +578,9 @@ static void modes_by_packets(void **state)
     (void)state;
     CtsPreset preset = preset_named("bone");
     for (int i = 0; i < 8; i++) {
-        CtsVolume *v = i % 4 == 0 ? random_volume(37, 19, 26, 5 + i) : phantom_head(70, 36, 30, 30 * i);
+        CtsModel model = {.volume = i % 4 == 0 ? random_volume(37, 19, 26, 5 + i) : phantom_head(70, 36, 30, 30 * i)};
         if (i % 4)
-            give_body(v, i % 4 - 1, (unsigned)i);
+            give_body(&model, i % 4 - 1, (unsigned)i);
         preset.window_low_hu = i < 4 ? -1024 : 100;
         preset.window_high_hu = i < 4 ? 64511 : 900;
         enum { STEP = CTS_SANITIZED ? 8 : 4 }; /* each view with some of the volumes */
@@ -595,19 +595,19 @@ static void modes_by_packets(void **state)
                 for (int run = 0; run < 3; run++) {
                     cts_cpu_set_mask(cpu[run]);
                     s.n_threads = 1 + run;
-                    pictures[run] = render(v, &preset, &s, NULL);
+                    pictures[run] = render_model(&model, &preset, &s, NULL);
                     assert_same_picture(pictures[0], pictures[run], "volume %d, view %g,%g, mode %s, run %d", i,
                                         views[view][0], views[view][1], cts_mode_names[mode], run);
                 }
                 s.engine = CTS_ENGINE_RAYCAST;
-                CtsPicture *reference = render(v, &preset, &s, NULL);
+                CtsPicture *reference = render_model(&model, &preset, &s, NULL);
                 for (int at = 0; at < 4 * 61 * 61; at++)
                     assert_true(fabs(pictures[0]->pixels[at] - reference->pixels[at]) < 1e-5);
                 cts_picture_free(&reference);
                 for (int run = 0; run < 3; run++)
                     cts_picture_free(&pictures[run]);
             }
-        cts_volume_free(&v);
+        cts_model_free(&model);
     }
 }
 

@@ -140,7 +140,7 @@ static void refused(void **state)
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 0);
     s.trace = true;
     s.trace_x = SIZE;
-    assert_int_equal(cts_render(v, &bone, &s, &picture, &report, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_render(MODEL_OF(v), &bone, &s, &picture, &report, &err), CTS_ERR_USAGE);
     assert_non_null(strstr(err.text, "48 x 48"));
     s.trace_x = 0;
     s.mode = CTS_MODE_MIP;

@@ -29,7 +29,7 @@ static void make_case(Case *c, const CtsVolume *v, CtsPreset preset, double azim
     assert_int_equal(cts_picture_compare(c->picture, c->truth, &d, &err), CTS_OK);
     c->rmse = d.rmse;
     c->share = d.share;
-    assert_int_equal(cts_scene_init(&c->store, v, &preset, &s, &err), CTS_OK);
+    assert_int_equal(cts_scene_init(&c->store, MODEL_OF(v), &preset, &s, &err), CTS_OK);
 }
 
 /* The true values of the chosen pixels, from the whole picture of them. */
@@ -140,7 +140,7 @@ static void test_coverage_of_lost_dots(void **state)
         assert_int_equal(
             cts_check_volume(&v, (const int[3]){3, 3, 3}, (const double[3]){1, 1, 1}, 1, cts_hu_constant, &hu, &err),
             CTS_OK);
-        assert_int_equal(cts_scene_init(&c.store, v, &preset, &s, &err), CTS_OK);
+        assert_int_equal(cts_scene_init(&c.store, MODEL_OF(v), &preset, &s, &err), CTS_OK);
         assert_int_equal(cts_picture_new(&c.picture, SIZE, SIZE, 4, &err), CTS_OK);
         assert_int_equal(cts_picture_new(&c.truth, SIZE, SIZE, 4, &err), CTS_OK);
         int n = 0;

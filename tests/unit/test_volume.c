@@ -1,8 +1,8 @@
 /* Positions of voxels in the patient, and cropping. */
 #include "base/cpu.h"
 #include "base/vec3.h"
-#include "core/volume/macrocells.h"
-#include "ctsplat/volume.h"
+#include "core/model/macrocells.h"
+#include "ctsplat/model.h"
 #include "unit.h"
 #include <limits.h>
 #include <stdbool.h>
@@ -131,7 +131,7 @@ static void check_crop(const double steps[3][3], const double lo[3], const doubl
                 position(before, i, j, k, p);
                 n_inside += in_box(p, lo, hi);
             }
-    const CtsStatus st = cts_volume_crop(v, lo, hi, NULL);
+    const CtsStatus st = cts_volume_crop(v, lo, hi, NULL, NULL);
     if (n_inside == 0) {
         assert_int_equal(st, CTS_ERR_USAGE);
         goto end;
@@ -190,16 +190,16 @@ static void test_crop_borders(void **state)
     (void)state;
     CtsVolume *v = make_volume(straight);
     const double lo[3] = {11, 22, 33}, hi[3] = {13, 28, 42};
-    assert_int_equal(cts_volume_crop(v, lo, hi, NULL), CTS_OK);
+    assert_int_equal(cts_volume_crop(v, lo, hi, NULL, NULL), CTS_OK);
     assert_true(v->dims[0] == 3 && v->dims[1] == 4 && v->dims[2] == 4);
     assert_true(v->origin_lps[0] == 11 && v->origin_lps[1] == 22 && v->origin_lps[2] == 33);
     assert_int_equal(v->grey[0], 112);
     assert_int_equal(v->grey[3 * 4 * 4 - 1], 1 + 3 + 40 + 400);
     const double low[3] = {-INFINITY, -1e300, 0}, high[3] = {INFINITY, 1e300, 100};
-    assert_int_equal(cts_volume_crop(v, low, high, NULL), CTS_OK);
+    assert_int_equal(cts_volume_crop(v, low, high, NULL, NULL), CTS_OK);
     assert_int_equal(cts_volume_n_voxels(v), 48);
     const double turned_lo[3] = {13, 28, 42}, turned_hi[3] = {11, 22, 33};
-    assert_int_equal(cts_volume_crop(v, turned_lo, turned_hi, NULL), CTS_ERR_USAGE);
+    assert_int_equal(cts_volume_crop(v, turned_lo, turned_hi, NULL, NULL), CTS_ERR_USAGE);
     cts_volume_free(&v);
 }
 
@@ -232,10 +232,12 @@ static void test_macrocells(void **state)
         assert_int_equal(cts_volume_new(&v, n[0], n[1], n[2], NULL), CTS_OK);
         for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
             v->grey[i] = (uint16_t)((uint32_t)i * 2654435761u >> 11);
-        assert_int_equal(cts_volume_prepare(v, 1 + (int)d % 3, NULL), CTS_OK);
-        check_ranges(v, v->macrocells->range, v->macrocells->n, CTS_MACROCELL);
-        check_ranges(v, v->macrocells->fine, v->macrocells->n_fine, CTS_FINE_MACROCELL);
-        check_ranges(v, &v->macrocells->all, (const int[]){1, 1, 1}, 4096);
+        CtsMacrocells *m;
+        assert_int_equal(cts_macrocells_new(&m, v, 1 + (int)d % 3, NULL), CTS_OK);
+        check_ranges(v, m->range, m->n, CTS_MACROCELL);
+        check_ranges(v, m->fine, m->n_fine, CTS_FINE_MACROCELL);
+        check_ranges(v, &m->all, (const int[]){1, 1, 1}, 4096);
+        cts_macrocells_free(&m);
         cts_volume_free(&v);
     }
 }
@@ -252,17 +254,18 @@ static void test_crop_slices(void **state)
             const int slice = 8 * rows[n];
             for (int i = 0; i < 9 * slice; i++)
                 v->grey[i] = (uint16_t)i;
-            assert_int_equal(cts_volume_prepare(v, 1, NULL), CTS_OK);
+            CtsModel model = {.volume = v};
+            assert_int_equal(cts_model_prepare(&model, 1, NULL), CTS_OK);
             const double lo[3] = {-1, -1, first - 0.5}, hi[3] = {20, 20, 7};
-            assert_int_equal(cts_volume_crop(v, lo, hi, NULL), CTS_OK);
-            assert_null(v->macrocells);
+            assert_int_equal(cts_model_crop(&model, lo, hi, NULL), CTS_OK);
+            assert_null(model.macrocells);
             assert_true(v->dims[0] == 8 && v->dims[1] == rows[n] && v->dims[2] == 8 - first);
             assert_true(v->origin_lps[2] == first);
             for (int i = 0; i < (8 - first) * slice; i++)
                 assert_int_equal(v->grey[i], first * slice + i);
             /* A second crop finds the volume as the first has left it. */
             const double again[3] = {-1, -1, 5};
-            assert_int_equal(cts_volume_crop(v, again, hi, NULL), CTS_OK);
+            assert_int_equal(cts_volume_crop(v, again, hi, NULL, NULL), CTS_OK);
             assert_int_equal(v->dims[2], 3);
             assert_int_equal(v->grey[0], 5 * slice);
             cts_volume_free(&v);
@@ -293,37 +296,12 @@ static void quantised(void **state)
     cts_volume_free(&v);
 }
 
-/* A quantised volume's macro-cells follow from the volume's own. */
-static void quantised_macrocells(void **state)
-{
-    (void)state;
-    CtsVolume *v = NULL, *q = NULL;
-    CtsMacrocells *expected = NULL;
-    CtsError err;
-    uint32_t random = 1;
-    assert_int_equal(cts_volume_new(&v, 19, 10, 13, &err), CTS_OK);
-    for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
-        v->grey[i] = (uint16_t)((random = random * 1664525 + 1013904223) >> 20);
-    assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
-    assert_int_equal(cts_volume_quantise(v, 8, 100, 2100, 1, &q, &err), CTS_OK);
-    assert_non_null(q->macrocells);
-    assert_int_equal(cts_macrocells_new(&expected, q, 1, &err), CTS_OK);
-    const int *n = expected->n, *n_fine = expected->n_fine;
-    assert_memory_equal(q->macrocells->range, expected->range, sizeof(CtsRange) * (size_t)(n[0] * n[1] * n[2]));
-    assert_memory_equal(q->macrocells->fine, expected->fine,
-                        sizeof(CtsRange) * (size_t)(n_fine[0] * n_fine[1] * n_fine[2]));
-    assert_memory_equal(&q->macrocells->all, &expected->all, sizeof(CtsRange));
-    cts_macrocells_free(&expected);
-    cts_volume_free(&q);
-    cts_volume_free(&v);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_macrocells), cmocka_unit_test(test_new),
-        cmocka_unit_test(test_geometry),     cmocka_unit_test(test_inverse),         cmocka_unit_test(test_crop),
-        cmocka_unit_test(test_crop_borders), cmocka_unit_test(test_crop_slices),     cmocka_unit_test(test_macrocells),
+        cmocka_unit_test(quantised),        cmocka_unit_test(test_new),        cmocka_unit_test(test_geometry),
+        cmocka_unit_test(test_inverse),     cmocka_unit_test(test_crop),       cmocka_unit_test(test_crop_borders),
+        cmocka_unit_test(test_crop_slices), cmocka_unit_test(test_macrocells),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,7 +2,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "core/labels/label_set.h"
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 #include "scenes.h"
 
 enum { NX = 30, NY = 28, NZ = 26, N_LABELS = 5 };
@@ -38,55 +38,55 @@ static CtsLabels *some_labels(const CtsVolume *v)
     return labels;
 }
 
-static CtsStatus take(CtsVolume *v, const CtsLabelChoice *choice, CtsError *err)
+static CtsStatus take(CtsModel *model, const CtsLabelChoice *choice, CtsError *err)
 {
-    CtsLabels *labels = some_labels(v);
-    const CtsStatus st = cts_volume_take_labels(v, labels, choice, 2, NULL, err);
+    CtsLabels *labels = some_labels(model->volume);
+    const CtsStatus st = cts_model_take_labels(model, labels, choice, 2, NULL, err);
     cts_labels_free(&labels);
     return st;
 }
 
-static CtsVolume *owned_head(int layers, const CtsLabelChoice *choice)
+static CtsModel owned_head(int layers, const CtsLabelChoice *choice)
 {
-    CtsVolume *v = phantom_head(NX, NY, NZ, 20);
+    CtsModel model = {.volume = phantom_head(NX, NY, NZ, 20)};
     CtsError err = {0};
-    v->slice_layers = layers;
-    if (take(v, choice, &err))
+    model.volume->slice_layers = layers;
+    if (take(&model, choice, &err))
         fail_msg("%s", err.text);
-    return v;
+    return model;
 }
 
-static int look_at(const CtsVolume *v, int i, int j, int k)
+static int look_at(const CtsModel *model, int i, int j, int k)
 {
-    return cts_appearance_of_voxel(v->voxel_labels, i, j, k);
+    return cts_appearance_of_voxel(model->voxel_labels, i, j, k);
 }
 
 static void lists(void **state)
 {
     (void)state;
-    CtsVolume *v = owned_head(1, &(CtsLabelChoice){.hide = "BONE*"});
-    assert_int_equal(look_at(v, 5, 14, 13), CTS_APPEARANCE_HIDDEN);
-    assert_int_equal(look_at(v, 24, 14, 13), CTS_APPEARANCE_HIDDEN);
-    assert_int_equal(look_at(v, 14, 12, 14), CTS_APPEARANCE_PRESET); /* the lesion's, which is smaller */
-    assert_int_equal(v->voxel_labels->shown->grey[(13 * NY + 14) * NX + 5], 0);
-    cts_volume_free(&v);
-    v = owned_head(1, &(CtsLabelChoice){.show = "1:brain,rest", .hide = "4"});
-    assert_int_equal(look_at(v, 14, 12, 14), CTS_APPEARANCE_HIDDEN);
-    assert_int_equal(look_at(v, 14, 12, 6), CTS_APPEARANCE_PRESET);
-    assert_int_equal(look_at(v, 3, 3, 3), CTS_APPEARANCE_PRESET); /* the other brain counts as rest */
-    cts_volume_free(&v);
-    v = owned_head(1, &(CtsLabelChoice){.hide = "lesion", .order = "bone right,3"});
-    assert_int_equal(look_at(v, 14, 12, 14), CTS_APPEARANCE_PRESET);
-    cts_volume_free(&v);
+    CtsModel model = owned_head(1, &(CtsLabelChoice){.hide = "BONE*"});
+    assert_int_equal(look_at(&model, 5, 14, 13), CTS_APPEARANCE_HIDDEN);
+    assert_int_equal(look_at(&model, 24, 14, 13), CTS_APPEARANCE_HIDDEN);
+    assert_int_equal(look_at(&model, 14, 12, 14), CTS_APPEARANCE_PRESET); /* the lesion's, which is smaller */
+    assert_int_equal(model.voxel_labels->shown.volume->grey[(13 * NY + 14) * NX + 5], 0);
+    cts_model_free(&model);
+    model = owned_head(1, &(CtsLabelChoice){.show = "1:brain,rest", .hide = "4"});
+    assert_int_equal(look_at(&model, 14, 12, 14), CTS_APPEARANCE_HIDDEN);
+    assert_int_equal(look_at(&model, 14, 12, 6), CTS_APPEARANCE_PRESET);
+    assert_int_equal(look_at(&model, 3, 3, 3), CTS_APPEARANCE_PRESET); /* the other brain counts as rest */
+    cts_model_free(&model);
+    model = owned_head(1, &(CtsLabelChoice){.hide = "lesion", .order = "bone right,3"});
+    assert_int_equal(look_at(&model, 14, 12, 14), CTS_APPEARANCE_PRESET);
+    cts_model_free(&model);
     static const char *const appearances[] = {"all=#ff0000", "lesion=#00FF00:0.5", "rest=skin"};
-    v = owned_head(1, &(CtsLabelChoice){.appearances = appearances, .n_appearances = 3});
-    assert_int_equal(look_at(v, 14, 12, 14), CTS_APPEARANCE_OWN + 1);
-    assert_int_equal(look_at(v, 14, 12, 6), CTS_APPEARANCE_OWN);
-    assert_string_equal(v->voxel_labels->appearances[look_at(v, 29, 27, 25)].preset->name, "skin");
-    cts_volume_free(&v);
-    v = owned_head(1, &(CtsLabelChoice){.order = "lesion", .show = "all,rest"});
-    assert_null(v->voxel_labels); /* nothing is hidden, and all have one appearance */
-    cts_volume_free(&v);
+    model = owned_head(1, &(CtsLabelChoice){.appearances = appearances, .n_appearances = 3});
+    assert_int_equal(look_at(&model, 14, 12, 14), CTS_APPEARANCE_OWN + 1);
+    assert_int_equal(look_at(&model, 14, 12, 6), CTS_APPEARANCE_OWN);
+    assert_string_equal(model.voxel_labels->appearances[look_at(&model, 29, 27, 25)].preset->name, "skin");
+    cts_model_free(&model);
+    model = owned_head(1, &(CtsLabelChoice){.order = "lesion", .show = "all,rest"});
+    assert_null(model.voxel_labels); /* nothing is hidden, and all have one appearance */
+    cts_model_free(&model);
 }
 
 static void refused(void **state)
@@ -105,21 +105,21 @@ static void refused(void **state)
         {{.hide = "3:brain"}, "no label has this name or number"},
         {{.order = "zz*"}, "`label-order` zz*"},
     };
-    CtsVolume *v = phantom_head(NX, NY, NZ, 0);
+    CtsModel model = {.volume = phantom_head(NX, NY, NZ, 0)};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         CtsError err = {0};
-        assert_int_equal(take(v, &cases[i].choice, &err), CTS_ERR_USAGE);
+        assert_int_equal(take(&model, &cases[i].choice, &err), CTS_ERR_USAGE);
         if (!strstr(err.text, cases[i].why))
             fail_msg("%s", err.text);
     }
     for (size_t i = 0; i < sizeof appearances / sizeof *appearances; i++) {
         CtsError err = {0};
-        assert_int_not_equal(take(v, &(CtsLabelChoice){.appearances = &appearances[i], .n_appearances = 1}, &err),
+        assert_int_not_equal(take(&model, &(CtsLabelChoice){.appearances = &appearances[i], .n_appearances = 1}, &err),
                              CTS_OK);
         assert_non_null(strstr(err.text, "`label`"));
-        assert_null(v->voxel_labels);
+        assert_null(model.voxel_labels);
     }
-    cts_volume_free(&v);
+    cts_model_free(&model);
 }
 
 /* Several appearances, hidden labels, layers between slices; lit and in every mode. */
@@ -132,8 +132,8 @@ static void same_bytes_and_near_reference(void **state)
     static const unsigned cpu[] = {~0u, 0, CTS_CPU_AVX2};
     (void)state;
     for (int variant = 0; variant < 6; variant++) {
-        CtsVolume *v = owned_head(variant % 2 ? 2 : 1, &choices[variant % 3]);
-        const int n_modes = cts_voxel_labels_coloured(v->voxel_labels) ? 1 : CTS_N_MODES;
+        CtsModel model = owned_head(variant % 2 ? 2 : 1, &choices[variant % 3]);
+        const int n_modes = cts_voxel_labels_coloured(model.voxel_labels) ? 1 : CTS_N_MODES;
         for (int mode = 0; mode < n_modes; mode++) {
             CtsPreset preset = preset_named(variant < 3 ? "bone" : "muscle");
             CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 40, 35 * variant, 20 * variant - 50);
@@ -145,7 +145,7 @@ static void same_bytes_and_near_reference(void **state)
                 s.engine = run < 3 ? CTS_ENGINE_TILED : CTS_ENGINE_RAYCAST;
                 cts_cpu_set_mask(run < 3 ? cpu[run] : ~0u);
                 s.n_threads = 1 + run;
-                p[run] = render(v, &preset, &s, NULL);
+                p[run] = render_model(&model, &preset, &s, NULL);
             }
             const size_t n = 4 * (size_t)s.width * (size_t)s.height;
             for (int run = 1; run < 3; run++)
@@ -157,7 +157,7 @@ static void same_bytes_and_near_reference(void **state)
             for (int run = 0; run < 4; run++)
                 cts_picture_free(&p[run]);
         }
-        cts_volume_free(&v);
+        cts_model_free(&model);
     }
 }
 

@@ -202,7 +202,7 @@ static CtsStatus prepare(Work *w, const CtsJob *job, CtsError *err)
         return CTS_OK;
     cts_render_end(&w->prepared.renderer);
     w->prepared_preset = w->picture->preset;
-    return cts_job_prepare(job, w->loaded.volume, &w->prepared, &w->report, err);
+    return cts_job_prepare(job, &w->loaded.model, &w->prepared, &w->report, err);
 }
 
 static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)

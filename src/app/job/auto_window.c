@@ -17,9 +17,10 @@ static int by_value(const void *a, const void *b)
 
 /* Renders a small projection and appends its values, except air and empty pixels, to the n values; 0 is the low end of
  * wide's window, 1 the high end. */
-static CtsStatus render_probe(const CtsVolume *volume, const CtsPreset *wide, const CtsRenderSettings *settings,
+static CtsStatus render_probe(const CtsModel *model, const CtsPreset *wide, const CtsRenderSettings *settings,
                               double turn_deg, float *values, size_t *n, CtsError *err)
 {
+    const CtsVolume *const volume = model->volume;
     CtsRenderSettings s;
     CtsPicture *picture = NULL;
     cts_render_defaults(&s);
@@ -30,7 +31,7 @@ static CtsStatus render_probe(const CtsVolume *volume, const CtsPreset *wide, co
     s.slab_at_mm = settings->slab_at_mm;
     s.n_threads = settings->n_threads;
     s.stop = settings->stop;
-    const CtsStatus st = cts_render(volume, wide, &s, &picture, NULL, err);
+    const CtsStatus st = cts_render(model, wide, &s, &picture, NULL, err);
     const double air =
         (volume->hu_offset + volume->hu_step - wide->window_low_hu) / (wide->window_high_hu - wide->window_low_hu);
     for (int i = 0; !st && i < SIDE * SIDE; i++) {
@@ -52,10 +53,11 @@ static void set_window(CtsPreset *preset, const CtsPreset *wide, const float *va
     preset->window_high_hu = ROUND_HU * ceil((middle + half) / ROUND_HU);
 }
 
-CtsStatus cts_auto_window(const CtsVolume *volume, const CtsRenderSettings *settings, CtsPreset *preset,
+CtsStatus cts_auto_window(const CtsModel *model, const CtsRenderSettings *settings, CtsPreset *preset,
                           CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    const CtsVolume *const volume = model->volume;
     if (preset->mode == CTS_MODE_COMPOSITE || preset->window_low_hu < preset->window_high_hu)
         return CTS_OK;
     CtsPreset wide = *preset;
@@ -67,7 +69,7 @@ CtsStatus cts_auto_window(const CtsVolume *volume, const CtsRenderSettings *sett
     if (!values)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; i < n_views && !st; i++)
-        st = render_probe(volume, &wide, settings, 90.0 * i, values, &n, err);
+        st = render_probe(model, &wide, settings, 90.0 * i, values, &n, err);
     if (!st) {
         qsort(values, n, sizeof *values, by_value);
         set_window(preset, &wide, values, n);

@@ -8,7 +8,7 @@
 /* Sets an empty window of a preset for a projection: from the 5th percentile (rims of air are darker) to the 99th of
  * the values in a small picture of the same mode and view (and, for a rotation, of the view a quarter turn on). Leaves
  * a preset with a window, and mode composite, unchanged. The report's plan contains the window. */
-CtsStatus cts_auto_window(const CtsVolume *volume, const CtsRenderSettings *settings, CtsPreset *preset,
+CtsStatus cts_auto_window(const CtsModel *model, const CtsRenderSettings *settings, CtsPreset *preset,
                           CtsReport *report, CtsError *err);
 
 /* For a preset that needs contrast agent: if by the mixture model the volume's blood contains none (*missing), the

@@ -86,11 +86,12 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
 }
 
 /* The field between voxels: less noise, and no terraces between thick slices. */
-static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsInterpolationCounts *made, CtsReport *report,
+static CtsStatus interpolate(const CtsSource *source, CtsModel *model, CtsInterpolationCounts *made, CtsReport *report,
                              CtsError *err)
 {
     CtsStatus st;
-    if (source->smooth_mm > 0 && (st = cts_volume_smooth(v, source->smooth_mm, source->n_threads, err)))
+    const CtsVolume *const v = model->volume;
+    if (source->smooth_mm > 0 && (st = cts_model_smooth(model, source->smooth_mm, source->n_threads, err)))
         return st;
     if (source->smooth_mm > 0)
         cts_report_plan(report, "smoothing: a Gaussian of %g mm standard deviation", source->smooth_mm);
@@ -104,7 +105,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsInterpola
         return CTS_OK;
     }
     CtsError why = {0};
-    st = cts_volume_interpolate(v, n_parts, source->interpolation, source->n_threads, made, &why);
+    st = cts_model_interpolate(model, n_parts, source->interpolation, source->n_threads, made, &why);
     if (st == CTS_ERR_MEMORY) {
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_SLICES_LINEAR,
                               "slices %.3g mm apart are interpolated linearly, so terraces may be visible: %s",
@@ -125,26 +126,26 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsInterpola
 }
 
 /* seen: volume in which the table is searched, or NULL; freed. */
-static CtsStatus process_volume(const CtsSource *source, CtsVolume *volume, CtsVolume **seen,
-                                CtsInterpolationCounts *made, CtsReport *report, CtsError *err)
+static CtsStatus process_model(const CtsSource *source, CtsModel *model, CtsVolume **seen, CtsInterpolationCounts *made,
+                               CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     double low[3], high[3];
-    cts_volume_box_lps(volume, low, high);
+    cts_volume_box_lps(model->volume, low, high);
     cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
                     high[1], low[2], high[2]);
     /* Table removal needs the whole volume to distinguish table and patient, so it precedes the crop. */
     if (source->remove_table)
-        st = cts_volume_remove_table(volume, *seen, !source->inside_unseen, source->n_threads, report, err);
+        st = cts_model_remove_table(model, *seen, !source->inside_unseen, source->n_threads, report, err);
     else
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
     cts_volume_free(seen);
     if (!st && source->crop.given)
-        st = cts_volume_crop(volume, source->crop.low_lps, source->crop.high_lps, err);
-    if (st || (st = interpolate(source, volume, made, report, err)))
+        st = cts_model_crop(model, source->crop.low_lps, source->crop.high_lps, err);
+    if (st || (st = interpolate(source, model, made, report, err)))
         return st;
     const CtsStageTimer meter = cts_stage_timer_start(report);
-    st = cts_volume_prepare(volume, source->n_threads, err);
+    st = cts_model_prepare(model, source->n_threads, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
     return st;
 }
@@ -163,14 +164,14 @@ static CtsStatus need_labels(const CtsLabelChoice *c, CtsError *err)
                  : CTS_OK;
 }
 
-/* The last thing that is done to a volume. */
+/* After all changes of the volume, which would drop the labels. */
 static CtsStatus take_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     if (!loaded->labels || !loaded->labels->counted)
         return need_labels(&source->choice, err);
     const CtsStageTimer meter = cts_stage_timer_start(report);
     const CtsStatus st =
-        cts_volume_take_labels(loaded->volume, loaded->labels, &source->choice, source->n_threads, report, err);
+        cts_model_take_labels(&loaded->model, loaded->labels, &source->choice, source->n_threads, report, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_LABELS);
     return st;
 }
@@ -206,7 +207,7 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
 {
     CtsLabels *const labels = loaded->labels && !loaded->labels->counted ? loaded->labels : NULL;
     const CtsWordWatch watch = {labels ? take_words : NULL, labels, source->stop};
-    cts_volume_free(&loaded->volume);
+    cts_model_free(&loaded->model);
     cts_scanned_free(&loaded->scanned);
     CtsStatus st = labels ? cts_labels_begin(labels, err) : CTS_OK;
     if (!st)
@@ -266,11 +267,13 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
             "not enough memory to search linearly interpolated slices for the table, so ends of plates "
             "may remain (free some memory)");
     if (!last)
-        st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->volume, &made, NULL);
+        st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->model.volume, &made,
+                                NULL);
     if (st == CTS_ERR_MEMORY)
-        st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->volume, &made, err);
+        st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->model.volume, &made,
+                                err);
     if (!st)
-        st = process_volume(source, loaded->volume, &seen, &made, report, err);
+        st = process_model(source, &loaded->model, &seen, &made, report, err);
     cts_volume_free(&seen);
     return st ? st : take_labels(source, loaded, report, err);
 }
@@ -278,7 +281,7 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
 CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsScanned *cleared = NULL;
-    cts_volume_free(&loaded->volume);
+    cts_model_free(&loaded->model);
     cts_source_report_fill(source, loaded->scanned, report);
     if (!source->fill.given)
         return view(source, loaded->scanned, last, loaded, report, err);
@@ -331,7 +334,7 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
 
 void cts_loaded_free(CtsLoaded *loaded)
 {
-    cts_volume_free(&loaded->volume);
+    cts_model_free(&loaded->model);
     cts_scanned_free(&loaded->scanned);
     cts_labels_free(&loaded->labels);
     cts_series_list_free(&loaded->list);

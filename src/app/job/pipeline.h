@@ -4,9 +4,9 @@
 
 #include "app/job/watch.h"
 #include "ctsplat/label_files.h"
+#include "ctsplat/model.h"
 #include "ctsplat/net.h"
 #include "ctsplat/series.h"
-#include "ctsplat/volume.h"
 #include <stdbool.h>
 
 /* A box of patient coordinates, mm. */
@@ -53,7 +53,7 @@ typedef struct CtsLoaded {
     const CtsSeries *series; /* of the list */
     CtsLabels *labels;       /* of the scanned voxels; NULL: none were requested */
     CtsScanned *scanned;
-    CtsVolume *volume;  /* made of it */
+    CtsModel model;     /* made of it */
     CtsFetched fetched; /* the fetched files, freed with it */
 } CtsLoaded;
 
@@ -66,7 +66,7 @@ CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepor
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 /* The warning that slices hold a filling, where it is not the source's own. */
 void cts_source_report_fill(const CtsSource *source, const CtsScanned *scanned, CtsReport *report);
-/* Sets loaded->volume: the scanned volume after table removal, crop, smoothing and interpolation of layers between
+/* Sets loaded->model: the scanned volume after table removal, crop, smoothing and interpolation of layers between
  * thick slices. last: the slices are not needed again and become the volume. Where memory does not suffice for both
  * they become the volume in any case; loaded->scanned->even->grey is NULL then. */
 CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err);

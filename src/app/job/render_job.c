@@ -118,7 +118,7 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
 /* The frame being rendered. */
 typedef struct Frame {
     const CtsJob *job;
-    const CtsVolume *volume;
+    const CtsModel *model;
     CtsFiles *files;
     CtsReport *report;
     int number;
@@ -155,11 +155,11 @@ static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *
     double rgb[3];
     size_t n_named = 0;
     int number, n_in_part = 0;
-    while (cts_volume_label_colour(frame->volume, n_named, rgb, &number))
+    while (cts_model_label_colour(frame->model, n_named, rgb, &number))
         n_named++;
     CtsStatus st = cts_alloc_array(&entries, n_named, err);
     for (size_t i = 0; !st && i < n_named; i++)
-        entries[i].name = cts_volume_label_colour(frame->volume, i, entries[i].rgb, &entries[i].number);
+        entries[i].name = cts_model_label_colour(frame->model, i, entries[i].rgb, &entries[i].number);
     if (!st)
         st = cts_annotate_legend(band, entries, n_named, &n_in_part, n_left_out, err);
     if (!st && n_in_part > 0 && frame->number == 0 && band->first_row == 0)
@@ -255,12 +255,12 @@ static void add_verified(CtsVerified *all, const CtsVerified *frame)
     cts_error_limits(all);
 }
 
-static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRenderer *renderer, CtsFiles *files,
+static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRenderer *renderer, CtsFiles *files,
                                CtsReport *report, CtsError *err)
 {
     CtsVerified pooled = {0};
     CtsStatus st = CTS_OK;
-    Frame frame = {.job = job, .volume = volume, .files = files, .report = report};
+    Frame frame = {.job = job, .model = model, .files = files, .report = report};
     if (n_frames_of(job) > 1)
         cts_report_skip(report, "loading again", "%d frames share one volume; crop and table removal run once",
                         n_frames_of(job));
@@ -276,7 +276,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
     }
     report->verified = pooled;
     if (!st)
-        saturation_report(&frame.saturation, job, volume, &files->first, report);
+        saturation_report(&frame.saturation, job, model->volume, &files->first, report);
     cts_watch_diagnostics(files->watch, report);
     return st;
 }
@@ -295,7 +295,7 @@ static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const C
         .source = loaded->series,
         .options = job->options,
         .n_options = job->n_options,
-        .labels = loaded->volume->voxel_labels ? loaded->labels : NULL,
+        .labels = loaded->model.voxel_labels ? loaded->labels : NULL,
         .choice = &job->source.choice,
         .report = report,
     };
@@ -317,20 +317,20 @@ static CtsRenderSettings settings_of(const CtsJob *job)
     return render;
 }
 
-CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
+CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err)
 {
     CtsStageTimer meter = cts_stage_timer_start(report);
     const CtsRenderSettings render = settings_of(job);
     CtsStatus st;
     *prepared = (CtsPrepared){.preset = *job->preset};
-    if (!(st = cts_contrast_check(volume, cts_threads(job->render.n_threads), &prepared->preset, &prepared->no_contrast,
-                                  err)))
-        st = cts_auto_window(volume, &render, &prepared->preset, report, err);
+    if (!(st = cts_contrast_check(model->volume, cts_threads(job->render.n_threads), &prepared->preset,
+                                  &prepared->no_contrast, err)))
+        st = cts_auto_window(model, &render, &prepared->preset, report, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_CLASSIFY);
     meter = cts_stage_timer_start(report);
     if (!st)
-        st = cts_render_begin(&prepared->renderer, volume, &prepared->preset, &render, err);
+        st = cts_render_begin(&prepared->renderer, model, &prepared->preset, &render, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_GREY); /* --grey-bits makes a volume of other grey levels */
     return st;
 }
@@ -358,11 +358,11 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
     if (prepared->no_contrast)
         cts_contrast_report(&prepared->preset, report);
     settings.source = loaded->series;
-    settings.labels = loaded->volume->voxel_labels ? loaded->labels : NULL;
+    settings.labels = loaded->model.voxel_labels ? loaded->labels : NULL;
     settings.n_threads = cts_threads(job->render.n_threads);
     CtsStatus st = cts_files_begin(&files, err);
     if (!st)
-        st = render_frames(job, loaded->volume, prepared->renderer, &files, report, err);
+        st = render_frames(job, &loaded->model, prepared->renderer, &files, report, err);
     const CtsStageTimer meter = cts_stage_timer_start(report);
     if (!st && job->outputs.state && !job->render.explain)
         st = write_state(job, &prepared->preset, loaded, &files.first, report, err);
@@ -376,7 +376,7 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
                          CtsError *err)
 {
     CtsPrepared prepared;
-    CtsStatus st = cts_job_prepare(job, loaded->volume, &prepared, report, err);
+    CtsStatus st = cts_job_prepare(job, &loaded->model, &prepared, report, err);
     if (!st)
         st = cts_job_pictures(job, loaded, &prepared, watch, report, err);
     const CtsStageTimer meter = cts_stage_timer_start(report);

@@ -40,7 +40,7 @@ typedef struct CtsPrepared {
 } CtsPrepared;
 
 /* Free prepared->renderer with cts_render_end(), also after a failure. */
-CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
+CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err);
 /* True if *prepared can be used for this job of the same volume and preset, whose window is set; its occlusion may be
  * another. */

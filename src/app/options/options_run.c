@@ -74,7 +74,7 @@ static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, Cts
 /* A series that stays loaded, and the volume that the last picture of it was made of. */
 struct CtsSession {
     CtsLoaded loaded;
-    char *choice; /* identifies the processing of loaded.volume (cts_source_choice()) */
+    char *choice; /* identifies the processing of loaded.model (cts_source_choice()) */
 };
 
 static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWatch *watch, CtsReport *report,
@@ -88,13 +88,13 @@ static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWat
         if (cts_output_is_dicom(&job->outputs, i))
             st = cts_fail(err, CTS_ERR_USAGE, "%s: an array without a patient cannot become a DICOM object",
                           job->outputs.paths[i]);
-    if (!st && (!session->loaded.volume || !session->choice || strcmp(session->choice, choice) != 0)) {
+    if (!st && (!session->loaded.model.volume || !session->choice || strcmp(session->choice, choice) != 0)) {
         const CtsStageTimer meter = cts_stage_timer_start(report);
         free(session->choice);
         session->choice = strdup(choice);
         st = cts_source_view(&job->source, false, &session->loaded, report, err);
         if (st)
-            cts_volume_free(&session->loaded.volume);
+            cts_model_free(&session->loaded.model);
         cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
     }
     free(choice);

@@ -59,9 +59,9 @@ static CtsStatus render_with(CtsRenderRequest *e, const CtsProcessedVolume *proc
 {
     const CtsJob *job = &e->render_query.job;
     const CtsLoaded loaded = {
-        .series = e->cached->series, .volume = processed->volume, .labels = e->cached->loaded.labels};
+        .series = e->cached->series, .model = processed->model, .labels = e->cached->loaded.labels};
     const CtsWatch watch = {.context = e, .band = take_info};
-    CtsStatus st = is_new ? cts_job_prepare(job, processed->volume, &renderer->prepared, &e->report, err) : CTS_OK;
+    CtsStatus st = is_new ? cts_job_prepare(job, &processed->model, &renderer->prepared, &e->report, err) : CTS_OK;
     if (!st)
         st = cts_job_pictures(job, &loaded, &renderer->prepared, &watch, &e->report, err);
     return e->render_query.metadata && e->has_info ? CTS_OK : st;
@@ -70,7 +70,7 @@ static CtsStatus render_with(CtsRenderRequest *e, const CtsProcessedVolume *proc
 static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed, CtsError *err)
 {
     CtsStatus st =
-        cts_auto_window(processed->volume, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
+        cts_auto_window(&processed->model, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
     if (st)
         return st;
     CtsPreset kept = e->render_query.preset;

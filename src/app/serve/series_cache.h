@@ -23,7 +23,7 @@ typedef struct CtsCachedRenderer {
 /* A volume processed from the scanned slices. */
 typedef struct CtsProcessedVolume {
     char *choice; /* identifies the processing (cts_source_choice()) */
-    CtsVolume *volume;
+    CtsModel model;
     CtsCachedRenderer *renderers;
     uint64_t bytes;
     int n_users;

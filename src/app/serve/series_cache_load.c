@@ -22,7 +22,7 @@ static void free_processed(CtsProcessedVolume *processed)
         next = l->next;
         free_renderer(l);
     }
-    cts_volume_free(&processed->volume);
+    cts_model_free(&processed->model);
     free(processed->choice);
     free(processed);
 }
@@ -259,12 +259,12 @@ CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
         CtsLoaded part = {
             .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
         if ((st = cts_source_view(source, false, &part, report, err))) {
-            cts_volume_free(&part.volume);
+            cts_model_free(&part.model);
             give_up(cache, lock, expected);
         } else {
             pthread_mutex_lock(lock);
-            made->volume = part.volume;
-            made->bytes = bytes_of(part.volume);
+            made->model = part.model;
+            made->bytes = bytes_of(part.model.volume);
             cache->bytes += made->bytes - expected;
             made->next = s->processed_volumes;
             s->processed_volumes = made;

@@ -5,7 +5,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/couch/table_removal.h"
-#include "core/volume/macrocells.h"
+#include "core/model/macrocells.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdatomic.h>
@@ -219,7 +219,6 @@ static void clear(Removal *r, CtsVolume *v)
     Clearing clearing = {.removal = r, .volume = v};
     cts_parallel(r->n_threads, (size_t)v->dims[2], 0, clear_slices, &clearing);
     r->n_dense_gone = atomic_load(&clearing.n_dense);
-    cts_volume_changed(v);
 }
 
 /* The volume of removed parts that are thicker than tables. Overwrites the bits of gone. */
@@ -260,7 +259,7 @@ static void report_uncertain(const Removal *r, CtsReport *report)
                               kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 
-static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, bool finds_inside, CtsReport *report,
+static CtsStatus remove_table(Removal *r, CtsModel *model, const CtsVolume *seen, bool finds_inside, CtsReport *report,
                               CtsError *err)
 {
     CtsStatus st;
@@ -273,7 +272,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
         return st;
     if (!finds_inside)
         cts_report_skip(report, "inside of the body", "only modes minip and average use it");
-    else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
+    else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &model->body, err)))
         return st;
     report_air(r, report);
     report_uncertain(r, report);
@@ -284,7 +283,8 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
         return st;
     }
-    clear(r, v);
+    clear(r, model->volume);
+    cts_model_changed(model);
     const double gone_mm3 = (double)r->n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
     cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVED,
                           "table removal: %llu voxels above %g HU removed (%.1f cm3, %.1f %% of the body)",
@@ -296,16 +296,17 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
     return st;
 }
 
-CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, bool finds_inside, int n_threads,
-                                  CtsReport *report, CtsError *err)
+CtsStatus cts_model_remove_table(CtsModel *model, const CtsVolume *seen, bool finds_inside, int n_threads,
+                                 CtsReport *report, CtsError *err)
 {
+    const CtsVolume *const volume = model->volume;
     Removal r = {.n_threads = cts_threads(n_threads)};
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     if (!cts_section_plan(volume, SECTION_MM, &r.plan)) {
         cts_report_skip(report, WHAT, "the voxel steps do not span space");
         return CTS_OK;
     }
-    const CtsStatus st = remove_table(&r, volume, seen ? seen : volume, finds_inside, report, err);
+    const CtsStatus st = remove_table(&r, model, seen ? seen : volume, finds_inside, report, err);
     removal_free(&r);
     const uint64_t n = cts_volume_n_voxels(volume);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n,

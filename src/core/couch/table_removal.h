@@ -3,7 +3,7 @@
 #define CTS_COUCH_TABLE_REMOVAL_H
 
 #include "base/bits.h"
-#include "core/volume/body_mask.h"
+#include "core/model/body_mask.h"
 #include "ctsplat/volume.h"
 
 /* A volume as sections across the scanner's axis, from head to feet: voxels denser than air, one bit per voxel, several

@@ -1,6 +1,6 @@
 #include "base/text.h"
 #include "core/labels/label_set.h"
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "core/labels/label_set.h"
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -144,23 +144,23 @@ static void sort(const Deciding *d, size_t *order)
     }
 }
 
-static CtsStatus paint(const Deciding *d, CtsVolume *v, int n_threads, CtsError *err)
+static CtsStatus paint(const Deciding *d, CtsModel *model, int n_threads, CtsError *err)
 {
     size_t *order = NULL;
     CtsStatus st = cts_alloc_array(&order, d->n_voxel_labels + 1, err);
     if (!st) {
         sort(d, order);
-        st = cts_labels_to_volume(d->labels, d->voxel_labels, order, d->n_voxel_labels, v, n_threads, err);
+        st = cts_labels_to_volume(d->labels, d->voxel_labels, order, d->n_voxel_labels, model, n_threads, err);
     }
     for (size_t i = 0; !st && i < d->n_voxel_labels; i++)
-        v->voxel_labels->appearance[i] = appearance_of(d, d->voxel_labels[i]);
+        model->voxel_labels->appearance[i] = appearance_of(d, d->voxel_labels[i]);
     if (!st)
-        v->voxel_labels->appearance[d->n_voxel_labels] = appearance_of(d, d->labels->n);
+        model->voxel_labels->appearance[d->n_voxel_labels] = appearance_of(d, d->labels->n);
     cts_free(&order);
     return st;
 }
 
-/* Names are kept with the volume, which outlasts the labels. */
+/* Names are kept with the model, which outlasts the labels. */
 static CtsStatus name_colours(const Deciding *d, CtsVoxelLabels *o, CtsError *err)
 {
     for (size_t i = 0; i < d->n_voxel_labels; i++) {
@@ -174,9 +174,9 @@ static CtsStatus name_colours(const Deciding *d, CtsVoxelLabels *o, CtsError *er
     return CTS_OK;
 }
 
-const char *cts_volume_label_colour(const CtsVolume *v, size_t i, double rgb[3], int *number)
+const char *cts_model_label_colour(const CtsModel *model, size_t i, double rgb[3], int *number)
 {
-    const CtsVoxelLabels *const o = v->voxel_labels;
+    const CtsVoxelLabels *const o = model->voxel_labels;
     for (int n = 0; o && n < o->n; n++)
         if (o->name[n] && !i--) {
             memcpy(rgb, o->appearances[o->appearance[n]].rgb, sizeof o->appearances->rgb);
@@ -279,20 +279,21 @@ static void report_assignment(const Deciding *d, CtsReport *report)
                     d->n_appearances - CTS_APPEARANCE_OWN);
 }
 
-CtsStatus cts_volume_take_labels(CtsVolume *v, const CtsLabels *labels, const CtsLabelChoice *choice, int n_threads,
-                                 CtsReport *report, CtsError *err)
+CtsStatus cts_model_take_labels(CtsModel *model, const CtsLabels *labels, const CtsLabelChoice *choice, int n_threads,
+                                CtsReport *report, CtsError *err)
 {
     Deciding d = {.labels = labels, .choice = choice};
     CtsStatus st = choose_appearances(&d, err);
+    cts_voxel_labels_free(&model->voxel_labels);
     if (!st && all_equal(&d)) {
         cts_report_skip(report, "labels in the picture", "nothing is hidden and all have the preset's appearance");
-    } else if (!st && !(st = paint(&d, v, n_threads, err))) {
-        v->voxel_labels->appearances = d.appearances;
-        v->voxel_labels->n_appearances = d.n_appearances;
+    } else if (!st && !(st = paint(&d, model, n_threads, err))) {
+        model->voxel_labels->appearances = d.appearances;
+        model->voxel_labels->n_appearances = d.n_appearances;
         d.appearances = NULL;
         report_assignment(&d, report);
-        if (!(st = name_colours(&d, v->voxel_labels, err)))
-            st = cts_voxel_labels_finish(v->voxel_labels, v, n_threads, err);
+        if (!(st = name_colours(&d, model->voxel_labels, err)))
+            st = cts_voxel_labels_finish(model, n_threads, err);
     }
     free_deciding(&d);
     return st;

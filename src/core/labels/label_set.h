@@ -41,10 +41,10 @@ void cts_label_sums_free(CtsLabel *label);
 /* Of labels that are counted: adds the finding label_mirrored. */
 CtsStatus cts_label_report_laterality(const CtsLabels *labels, CtsReport *report, CtsError *err);
 
-/* Assigns the volume's voxels: voxel label i of n is assigned to the voxels of label[i], and the later one in `order`
+/* Assigns the model's voxels: voxel label i of n is assigned to the voxels of label[i], and the later one in `order`
  * wins; unlabelled voxels get number n. Sets no appearances; cts_voxel_labels_finish() must follow. */
 CtsStatus cts_labels_to_volume(const CtsLabels *labels, const size_t *label, const size_t *order, size_t n,
-                               CtsVolume *v, int n_threads, CtsError *err);
+                               CtsModel *model, int n_threads, CtsError *err);
 
 /* Selection of labels by name or number. */
 

@@ -4,7 +4,7 @@
 #include "base/parallel.h"
 #include "base/vec3.h"
 #include "core/labels/label_set.h"
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -204,21 +204,22 @@ static CtsStatus find_planes(const CtsLabelGrid *g, const CtsVolume *v, double (
 }
 
 CtsStatus cts_labels_to_volume(const CtsLabels *labels, const size_t *label, const size_t *order, size_t n,
-                               CtsVolume *v, int n_threads, CtsError *err)
+                               CtsModel *model, int n_threads, CtsError *err)
 {
     const size_t n_slices = (size_t)labels->grid.n_slices;
+    const CtsVolume *const v = model->volume;
     double(*at)[3] = NULL;
     Painting p = {.labels = labels, .label = label, .order = order, .n = n};
     int end = 0;
     CtsStatus st = cts_alloc_array(&at, n_slices, err);
     if (!st && !(st = cts_alloc_zeroed(&p.status, n_slices, err)) &&
         !(st = find_planes(&labels->grid, v, at, &p.first, &end, err)) &&
-        !(st = cts_voxel_labels_new(&v->voxel_labels, v, (int)n + 1, end - p.first, err))) {
-        p.voxel_labels = v->voxel_labels;
+        !(st = cts_voxel_labels_new(&model->voxel_labels, v, (int)n + 1, end - p.first, err))) {
+        p.voxel_labels = model->voxel_labels;
         p.at = at + p.first;
-        place_layers(v->voxel_labels, p.at);
-        cts_parallel(cts_threads(n_threads), (size_t)v->voxel_labels->n_planes, 1, paint_planes, &p);
-        for (int plane = 0; plane < v->voxel_labels->n_planes && !st; plane++)
+        place_layers(model->voxel_labels, p.at);
+        cts_parallel(cts_threads(n_threads), (size_t)model->voxel_labels->n_planes, 1, paint_planes, &p);
+        for (int plane = 0; plane < model->voxel_labels->n_planes && !st; plane++)
             st = p.status[plane] ? cts_fail(err, p.status[plane], "out of memory") : CTS_OK;
     }
     cts_free(&at);

@@ -4,11 +4,11 @@
 
 #include "core/scene/view.h"
 #include "core/transfer/lut.h"
+#include "ctsplat/model.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
-#include "ctsplat/volume.h"
 #include <math.h>
 
 /* Resolution and quality of an engine, by the settings or chosen to meet the requested error. */
@@ -45,7 +45,8 @@ typedef enum CtsIndicator {
 } CtsIndicator;
 
 typedef struct CtsScene {
-    const CtsVolume *volume;
+    const CtsModel *model;
+    const CtsVolume *volume;            /* the model's */
     const CtsPreset *preset;            /* mode, shade and occlusion are those of the settings */
     const CtsRenderSettings *settings;  /* n_threads and kernel_radius already resolved */
     const CtsLut *lut;                  /* NULL in mip, minip and average */

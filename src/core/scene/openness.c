@@ -5,9 +5,9 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
+#include "core/model/macrocells.h"
+#include "core/model/voxel_labels.h"
 #include "core/scene/openness_beams.h"
-#include "core/volume/macrocells.h"
-#include "core/volume/voxel_labels.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,6 +41,7 @@ typedef struct Axis {
 typedef struct Making {
     CtsOpenness *open;
     const CtsVolume *volume, *shown;
+    const CtsVoxelLabels *voxel_labels;
     const CtsMacrocells *macrocells; /* of shown; NULL: unknown */
     uint16_t *extinction;            /* by appearance and grey level, in EXTINCTION_UNIT */
     uint32_t *visible_below; /* by grey level: lower ones that have an extinction; NULL where appearances differ */
@@ -127,7 +128,7 @@ static void fill_extinction(uint16_t *extinction, const CtsPreset *preset, const
 
 static CtsStatus fill_tables(Making *m, const CtsPreset *preset, CtsError *err)
 {
-    const CtsVoxelLabels *const o = m->volume->voxel_labels;
+    const CtsVoxelLabels *const o = m->voxel_labels;
     const int n_appearances = cts_voxel_labels_coloured(o) ? o->n_appearances : CTS_APPEARANCE_PRESET + 1;
     CtsStatus st;
     if ((st = cts_alloc_zeroed(&m->extinction, (size_t)n_appearances * N_LEVELS, err)))
@@ -220,7 +221,7 @@ static void sum_labelled_voxels(const Making *m, const int first[3], const int n
     for (int k = first[2]; k < first[2] + n[2]; k++)
         for (int j = first[1]; j < first[1] + n[1]; j++)
             for (int i = 0; i < d[0]; i++) {
-                const int appearance = cts_appearance_of_voxel(m->volume->voxel_labels, i, j, k);
+                const int appearance = cts_appearance_of_voxel(m->voxel_labels, i, j, k);
                 const uint16_t g = m->volume->grey[((size_t)k * (size_t)d[1] + (size_t)j) * (size_t)d[0] + (size_t)i];
                 sums[i] += m->extinction[(size_t)appearance * N_LEVELS + g];
             }
@@ -455,16 +456,19 @@ static CtsStatus make(Making *m, const CtsPreset *preset, int n_threads, CtsErro
     return CTS_OK;
 }
 
-CtsStatus cts_openness_new(CtsOpenness **openness, const CtsVolume *volume, const CtsPreset *preset, int n_threads,
+CtsStatus cts_openness_new(CtsOpenness **openness, const CtsModel *model, const CtsPreset *preset, int n_threads,
                            CtsError *err)
 {
     CtsStatus st = cts_alloc_zeroed(openness, 1, err);
     if (st)
         return st;
-    const CtsVolume *const shown =
-        volume->voxel_labels && volume->voxel_labels->shown ? volume->voxel_labels->shown : volume;
-    Making m = {.open = *openness, .volume = volume, .shown = shown, .macrocells = shown->macrocells};
-    size_blocks(m.open, volume);
+    const CtsModel *const shown = cts_model_shown(model);
+    Making m = {.open = *openness,
+                .volume = model->volume,
+                .voxel_labels = model->voxel_labels,
+                .shown = shown->volume,
+                .macrocells = shown->macrocells};
+    size_blocks(m.open, model->volume);
     st = make(&m, preset, n_threads, err);
     cts_free(&m.extinction);
     cts_free(&m.visible_below);
@@ -490,14 +494,14 @@ void cts_openness_free(CtsOpenness **openness)
     cts_free(openness);
 }
 
-CtsStatus cts_openness_of_scene(CtsOpenness **openness, const CtsVolume *volume, const CtsPreset *preset, int n_threads,
+CtsStatus cts_openness_of_scene(CtsOpenness **openness, const CtsModel *model, const CtsPreset *preset, int n_threads,
                                 CtsReport *report, CtsError *err)
 {
     *openness = NULL;
     if (!cts_openness_counts(preset))
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    const CtsStatus st = cts_openness_new(openness, volume, preset, n_threads, err);
+    const CtsStatus st = cts_openness_new(openness, model, preset, n_threads, err);
     if (!st)
         cts_report_stage(report, CTS_STAGE_OCCLUSION, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
                          (uint64_t)(*openness)->n[0] * (uint64_t)(*openness)->n[1] * (uint64_t)(*openness)->n[2], 0);

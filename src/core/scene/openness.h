@@ -11,10 +11,10 @@
 #ifndef CTS_SCENE_OPENNESS_H
 #define CTS_SCENE_OPENNESS_H
 
+#include "ctsplat/model.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "ctsplat/volume.h"
 #include <stdint.h>
 
 typedef struct CtsOpenness {
@@ -29,7 +29,7 @@ typedef struct CtsOpenness {
 
 /* Makes the field for what the preset shows of the volume; hidden labels count as air, labels with a preset or an
  * opacity of their own have that. Only the preset's opacities matter. */
-CtsStatus cts_openness_new(CtsOpenness **openness, const CtsVolume *volume, const CtsPreset *preset, int n_threads,
+CtsStatus cts_openness_new(CtsOpenness **openness, const CtsModel *model, const CtsPreset *preset, int n_threads,
                            CtsError *err);
 void cts_openness_free(CtsOpenness **openness);
 
@@ -39,7 +39,7 @@ static inline bool cts_openness_counts(const CtsPreset *preset)
     return preset->mode == CTS_MODE_COMPOSITE && preset->shade && preset->occlusion > 0;
 }
 /* The same, reported as a stage; *openness stays NULL where it does not count. */
-CtsStatus cts_openness_of_scene(CtsOpenness **openness, const CtsVolume *volume, const CtsPreset *preset, int n_threads,
+CtsStatus cts_openness_of_scene(CtsOpenness **openness, const CtsModel *model, const CtsPreset *preset, int n_threads,
                                 CtsReport *report, CtsError *err);
 
 /* At a place in voxel coordinates. */

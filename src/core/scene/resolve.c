@@ -51,25 +51,27 @@ CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *set
     return p;
 }
 
-CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_scene_init(CtsSceneStore *store, const CtsModel *model, const CtsPreset *preset,
                          const CtsRenderSettings *requested, CtsError *err)
 {
     CtsStatus st;
     CtsPreset *p = &store->preset;
     CtsRenderSettings *s = &store->settings;
     *s = *requested;
+    store->model = *model;
     if ((st = cts_scene_check(s, err)))
         return st;
     s->n_threads = cts_threads(s->n_threads);
     s->kernel_radius = cts_kernel_radius(s->kernel, s->kernel_radius);
     *p = cts_scene_preset(preset, s);
     CtsScene *scene = &store->scene;
-    *scene = (CtsScene){.volume = volume, .preset = p, .settings = s, .extinction_scale = 1};
+    *scene =
+        (CtsScene){.model = &store->model, .volume = model->volume, .preset = p, .settings = s, .extinction_scale = 1};
     scene->plan = (CtsPlan){.samples = s->samples, .max_error = s->max_error, .level = s->level};
-    if ((st = cts_view_init(&scene->view, volume, s, err)))
+    if ((st = cts_view_init(&scene->view, model->volume, s, err)))
         return st;
     if (s->slab_mm > 0)
-        cts_view_set_slab(&scene->view, volume, s->slab_mm, s->slab_at_mm);
+        cts_view_set_slab(&scene->view, model->volume, s->slab_mm, s->slab_at_mm);
     if (s->centre_given)
         cts_view_aim(&scene->view, s->centre_lps);
     /* Slicer's GPU path hands its mapper voxels of unit spacing: a unit is then a voxel's length along the ray. */
@@ -89,7 +91,7 @@ void *cts_scene_cache(const CtsScene *scene, size_t size, CtsError *err)
 const struct CtsBodyMask *cts_scene_body(const CtsScene *scene)
 {
     const CtsMode mode = scene->preset->mode;
-    return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE ? scene->volume->body : NULL;
+    return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE ? scene->model->body : NULL;
 }
 
 void cts_scene_report_region(const CtsScene *scene, CtsReport *report)

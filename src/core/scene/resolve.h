@@ -6,6 +6,7 @@
 
 /* A scene with the data it points to; must not be copied. */
 typedef struct CtsSceneStore {
+    CtsModel model;
     CtsPreset preset;
     CtsRenderSettings settings;
     CtsScene scene;
@@ -18,7 +19,7 @@ CtsStatus cts_scene_check(const CtsRenderSettings *settings, CtsError *err);
 CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *settings);
 
 /* Checks and resolves the settings. The scene has no lut yet. */
-CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_scene_init(CtsSceneStore *store, const CtsModel *model, const CtsPreset *preset,
                          const CtsRenderSettings *requested, CtsError *err);
 
 #endif

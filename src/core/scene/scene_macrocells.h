@@ -2,8 +2,8 @@
 #ifndef CTS_SCENE_MACROCELLS_H
 #define CTS_SCENE_MACROCELLS_H
 
+#include "core/model/macrocells.h"
 #include "core/scene/engine.h"
-#include "core/volume/macrocells.h"
 
 /* The volume's own, or *own, created here if needed (the caller frees them). The report says which. */
 CtsStatus cts_scene_macrocells(const CtsScene *scene, CtsMacrocells **own, const CtsMacrocells **macrocells,

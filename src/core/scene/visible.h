@@ -2,7 +2,7 @@
 #ifndef CTS_SCENE_VISIBLE_H
 #define CTS_SCENE_VISIBLE_H
 
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 #include "ctsplat/preset.h"
 #include <stdbool.h>
 

@@ -1,7 +1,6 @@
 #include "ctsplat/volume.h"
 
 #include "base/vec3.h"
-#include "core/volume/body_mask.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <string.h>
@@ -83,7 +82,7 @@ static void move_rows(CtsVolume *v, const VoxelBox *box, const double lo[3], con
         }
 }
 
-CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], CtsError *err)
+CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], int first[3], CtsError *err)
 {
     const VoxelBox box = find_box(v, lo_lps, hi_lps);
     if (box.hi[0] < 0) {
@@ -99,9 +98,8 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
     for (int c = 0; c < 3; c++)
         for (int axis = 0; axis < 3; axis++)
             v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];
-    for (int axis = 0; v->body && axis < 3; axis++)
-        v->body->first[axis] += box.lo[axis];
     memcpy(v->dims, n, sizeof n);
-    cts_volume_changed(v);
+    if (first)
+        memcpy(first, box.lo, sizeof box.lo);
     return CTS_OK;
 }

@@ -3,7 +3,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/volume/body_mask.h"
 #include "core/volume/volume_new.h"
 #include <math.h>
 
@@ -42,13 +41,7 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
     q->hu_step = (high_hu - low_hu) / top;
     Mapping mapping = {volume->grey, level, q->grey};
     cts_parallel(cts_threads(n_threads), cts_volume_n_voxels(volume), 0, map_voxels, &mapping);
-    if (volume->body)
-        st = cts_body_mask_copy(&q->body, volume->body, err);
-    if (!st && volume->macrocells)
-        st = cts_volume_prepare(q, n_threads, err);
 end:
-    if (st)
-        cts_volume_free(&q);
     *quantised = q;
     cts_free(&level);
     return st;

@@ -3,7 +3,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/volume/body_mask.h"
 #include "core/volume/shape_interpolation.h"
 #include "ctsplat/volume.h"
 #include <math.h>
@@ -158,8 +157,5 @@ CtsStatus cts_volume_interpolate(CtsVolume *v, int n_parts, CtsInterpolation how
     for (int c = 0; c < 3; c++)
         v->step_lps[2][c] /= n_parts;
     v->slice_layers *= n_parts;
-    if (v->body)
-        cts_body_mask_refine(v->body, n_parts);
-    cts_volume_changed(v);
     return CTS_OK;
 }

@@ -105,6 +105,5 @@ CtsStatus cts_volume_smooth(CtsVolume *v, double sd_mm, int n_threads, CtsError 
         if (v->dims[axis] > 1 && sd_voxels > 0.1)
             st = smooth_axis(v, axis, sd_voxels, cts_threads(n_threads), err);
     }
-    cts_volume_changed(v);
     return st;
 }

@@ -1,11 +1,7 @@
 #include "ctsplat/volume.h"
 
-#include "base/cpu.h"
 #include "base/mem.h"
-#include "core/volume/body_mask.h"
-#include "core/volume/macrocells.h"
 #include "core/volume/volume_new.h"
-#include "core/volume/voxel_labels.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,9 +21,6 @@ CtsStatus cts_volume_new_like(CtsVolume **volume, const CtsVolume *like, int n_l
     uint16_t *const grey = (*volume)->grey;
     **volume = *like;
     (*volume)->grey = grey;
-    (*volume)->body = NULL;
-    (*volume)->macrocells = NULL;
-    (*volume)->voxel_labels = NULL;
     return CTS_OK;
 }
 
@@ -67,9 +60,6 @@ void cts_volume_free(CtsVolume **volume)
 {
     if (!*volume)
         return;
-    cts_volume_changed(*volume);
-    cts_voxel_labels_free(&(*volume)->voxel_labels);
-    cts_body_mask_free(&(*volume)->body);
     cts_free(&(*volume)->grey);
     free(*volume);
     *volume = NULL;
@@ -78,14 +68,4 @@ void cts_volume_free(CtsVolume **volume)
 size_t cts_volume_n_voxels(const CtsVolume *volume)
 {
     return (size_t)volume->dims[0] * (size_t)volume->dims[1] * (size_t)volume->dims[2];
-}
-
-CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err)
-{
-    return volume->macrocells ? CTS_OK : cts_macrocells_new(&volume->macrocells, volume, cts_threads(n_threads), err);
-}
-
-void cts_volume_changed(CtsVolume *volume)
-{
-    cts_macrocells_free(&volume->macrocells);
 }

@@ -234,16 +234,17 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
 {
     const CtsVolume *v = scene->volume;
     const int n_threads = scene->settings->n_threads;
-    Projecting pr = {.scene = scene,
-                     .picture = picture,
-                     .projection.projector = {
-                         .volume = v,
-                         .macrocells = macrocells,
-                         .view = &scene->view,
-                         .mode = scene->preset->mode,
-                         .body = cts_scene_body(scene),
-                         .voxel_labels = v->voxel_labels && v->voxel_labels->shown ? v->voxel_labels : NULL,
-                     }};
+    Projecting pr = {
+        .scene = scene,
+        .picture = picture,
+        .projection.projector = {
+            .volume = v,
+            .macrocells = macrocells,
+            .view = &scene->view,
+            .mode = scene->preset->mode,
+            .body = cts_scene_body(scene),
+            .voxel_labels = cts_model_shown(scene->model) != scene->model ? scene->model->voxel_labels : NULL,
+        }};
     const CtsMode mode = scene->preset->mode;
     ptrdiff_t stride = 1;
     for (int a = 0; a < 3; a++) {

@@ -3,8 +3,8 @@
 #ifndef CTS_TILED_PROJECT_H
 #define CTS_TILED_PROJECT_H
 
+#include "core/model/macrocells.h"
 #include "core/scene/engine.h"
-#include "core/volume/macrocells.h"
 
 /* Visible cells of a volume, where not all are. */
 typedef struct CtsVisibleBlocks CtsVisibleBlocks;

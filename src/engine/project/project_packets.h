@@ -2,10 +2,10 @@
 #ifndef CTS_TILED_PROJECT_PACKETS_H
 #define CTS_TILED_PROJECT_PACKETS_H
 
+#include "core/model/body_mask.h"
+#include "core/model/macrocells.h"
+#include "core/model/voxel_labels.h"
 #include "core/scene/engine.h"
-#include "core/volume/body_mask.h"
-#include "core/volume/macrocells.h"
-#include "core/volume/voxel_labels.h"
 #include <stdint.h>
 
 /* A ray of the modes mip, minip and average, and its visible intervals within one cell. */

@@ -67,7 +67,7 @@ struct CtsField {
 bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 
 /* Trilinear between voxel centres. The preset determines the gradients at the border. volume must outlive the field. */
-CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, CtsError *err);
+CtsStatus cts_field_trilinear(CtsField **field, const CtsModel *model, const CtsPreset *preset, CtsError *err);
 /* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
  * weights normalised at every position (except cone-paper) and voxels beyond the border counted as grey 0; between two
  * layers HU is linear. The limit of the splatting engines for ever finer tables and sub-sheets. The segments are cubics

@@ -1,6 +1,6 @@
 /* The largest, smallest and mean HU along a ray, exactly: extremes and means of cubics. */
 #include "base/mutation.h"
-#include "core/volume/body_mask.h"
+#include "core/model/body_mask.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
 #include <math.h>

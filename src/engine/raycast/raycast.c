@@ -14,7 +14,7 @@ static CtsStatus make_field(CtsField **field, const CtsScene *scene, CtsError *e
 {
     const CtsRenderSettings *s = scene->settings;
     if (s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1)
-        return cts_field_trilinear(field, scene->volume, scene->preset, err);
+        return cts_field_trilinear(field, scene->model, scene->preset, err);
     return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset, err);
 }
 
@@ -48,7 +48,7 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     r->view = scene->view;
     r->body = cts_scene_body(scene);
     r->openness = scene->openness;
-    r->voxel_labels = field ? NULL : scene->volume->voxel_labels;
+    r->voxel_labels = field ? NULL : scene->model->voxel_labels;
     r->field = field;
     cts_gauss_init(&r->coarse, CTS_GAUSS_COARSE);
     cts_gauss_init(&r->fine, CTS_GAUSS_FINE);

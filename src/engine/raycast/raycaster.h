@@ -2,8 +2,8 @@
 #ifndef CTS_RAYCAST_RAYCASTER_H
 #define CTS_RAYCAST_RAYCASTER_H
 
+#include "core/model/voxel_labels.h"
 #include "core/scene/engine.h"
-#include "core/volume/voxel_labels.h"
 #include "ctsplat/preset.h"
 #include "engine/raycast/field.h"
 

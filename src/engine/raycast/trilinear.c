@@ -1,9 +1,9 @@
 /* The trilinear field, cell by cell along the ray, without macro-cells, so as to be independent of the engines that it
  * validates. */
 #include "base/mutation.h"
+#include "core/model/macrocells.h"
+#include "core/model/voxel_labels.h"
 #include "core/scene/shade.h"
-#include "core/volume/macrocells.h"
-#include "core/volume/voxel_labels.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/field.h"
 #include <math.h>
@@ -147,19 +147,19 @@ static void trilinear_free(CtsField **field)
     *field = NULL;
 }
 
-CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, CtsError *err)
+CtsStatus cts_field_trilinear(CtsField **field, const CtsModel *model, const CtsPreset *preset, CtsError *err)
 {
     *field = NULL;
     Trilinear *t = calloc(1, sizeof *t);
     if (!t)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     t->field = (CtsField){.next = next, .gradient = gradient, .free = trilinear_free};
-    t->volume = volume;
-    t->shown = volume->voxel_labels && volume->voxel_labels->shown ? volume->voxel_labels->shown : volume;
+    t->volume = model->volume;
+    t->shown = cts_model_shown(model)->volume;
     t->air_beyond = cts_shade_air_beyond(preset) && !CTS_MUTATED(BORDER_DIFFERENCE);
     size_t stride = 1;
     for (int axis = 0; axis < 3; axis++) {
-        const int dim = volume->dims[axis];
+        const int dim = t->volume->dims[axis];
         t->n_cells[axis] = dim > 1 ? dim - 1 : 1;
         t->stride[axis] = dim > 1 ? stride : 0;
         stride *= (size_t)dim;

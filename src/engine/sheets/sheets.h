@@ -12,10 +12,10 @@
 #ifndef CTS_SHEETS_SHEETS_H
 #define CTS_SHEETS_SHEETS_H
 
+#include "core/model/macrocells.h"
 #include "core/scene/engine.h"
 #include "core/scene/openness.h"
 #include "core/scene/shade.h"
-#include "core/volume/macrocells.h"
 #include <stdbool.h>
 #include <stdint.h>
 

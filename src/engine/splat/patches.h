@@ -7,7 +7,7 @@
 #ifndef CTS_SPLAT_PATCHES_H
 #define CTS_SPLAT_PATCHES_H
 
-#include "core/volume/macrocells.h"
+#include "core/model/macrocells.h"
 #include "engine/splat/footprint.h"
 #include "engine/splat/stack.h"
 

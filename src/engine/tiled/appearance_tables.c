@@ -22,7 +22,7 @@ static CtsStatus init_appearance(TiledAppearances *appearances, const CtsScene *
 
 CtsStatus cts_tiled_appearances_init(TiledAppearances *appearances, const CtsScene *scene, CtsError *err)
 {
-    const CtsVoxelLabels *const voxel_labels = scene->volume->voxel_labels;
+    const CtsVoxelLabels *const voxel_labels = scene->model->voxel_labels;
     CtsStatus st;
     *appearances = (TiledAppearances){.voxel_labels = voxel_labels, .n = voxel_labels->n_appearances};
     if (!(st = cts_alloc_array(&appearances->transfer, (size_t)appearances->n, err)))

@@ -2,8 +2,8 @@
 #ifndef CTS_TILED_APPEARANCE_TABLES_H
 #define CTS_TILED_APPEARANCE_TABLES_H
 
+#include "core/model/voxel_labels.h"
 #include "core/scene/engine.h"
-#include "core/volume/voxel_labels.h"
 #include "engine/tiled/transfer_segments.h"
 
 typedef struct TiledAppearances {

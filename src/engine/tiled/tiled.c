@@ -62,7 +62,7 @@ static CtsStatus find_macrocells(const CtsScene *scene, TiledCache **cache, cons
 /* For a volume with labels; they depend on the view only with opacity per voxel. */
 static CtsStatus find_appearances(TiledCache *k, const CtsScene *scene, CtsError *err)
 {
-    if (!scene->volume->voxel_labels || (k->appearances.transfer && k->appearances_scale == scene->extinction_scale))
+    if (!scene->model->voxel_labels || (k->appearances.transfer && k->appearances_scale == scene->extinction_scale))
         return CTS_OK;
     cts_tiled_appearances_free(&k->appearances);
     k->appearances_scale = scene->extinction_scale;
@@ -80,7 +80,7 @@ static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacroc
         report_cached(scene, "mask of what is visible", k->mask_frame, report);
         return CTS_OK;
     }
-    if ((st = cts_tiled_mask_init(&k->mask, scene, scene->volume->voxel_labels ? &k->appearances : NULL, macrocells,
+    if ((st = cts_tiled_mask_init(&k->mask, scene, scene->model->voxel_labels ? &k->appearances : NULL, macrocells,
                                   err)))
         return st;
     k->mask_frame = scene->frame;
@@ -116,9 +116,8 @@ static void init_job(TiledJob *j, const CtsScene *scene, const TiledCache *cache
 {
     const CtsVolume *const v = scene->volume;
     ptrdiff_t stride = 1;
-    const bool hides = v->voxel_labels && v->voxel_labels->shown;
     *j = (TiledJob){.grey = v->grey,
-                    .shown = hides ? v->voxel_labels->shown->grey : v->grey,
+                    .shown = cts_model_shown(scene->model)->volume->grey,
                     .view = scene->view,
                     .mask = cache->mask};
     for (int a = 0; a < 3; a++) {
@@ -129,8 +128,9 @@ static void init_job(TiledJob *j, const CtsScene *scene, const TiledCache *cache
         stride *= v->dims[a];
     }
     cts_tiled_transfer_init(&j->transfer, scene);
-    j->appearances = v->voxel_labels ? &cache->appearances : NULL;
-    j->max_colour_difference = cts_voxel_labels_coloured(v->voxel_labels) ? 1 : j->transfer.max_colour_difference;
+    j->appearances = scene->model->voxel_labels ? &cache->appearances : NULL;
+    j->max_colour_difference =
+        cts_voxel_labels_coloured(scene->model->voxel_labels) ? 1 : j->transfer.max_colour_difference;
     j->tolerance = (float)(may->segment * requested);
     j->min_transmittance = (float)fmin(may->ray_end * requested, 1.0 / 16);
     j->min_shaded_weight = (float)(may->deferred * requested);

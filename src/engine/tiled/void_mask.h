@@ -2,8 +2,8 @@
 #ifndef CTS_TILED_VOID_MASK_H
 #define CTS_TILED_VOID_MASK_H
 
+#include "core/model/macrocells.h"
 #include "core/scene/engine.h"
-#include "core/volume/macrocells.h"
 #include "engine/tiled/appearance_tables.h"
 
 /* Cells are grouped in blocks of 4 x 4 x 4, the fine macro-cells. */

@@ -10,7 +10,7 @@
 
 static void describe(const CtsBenchSettings *settings, CtsBenchRows *rows)
 {
-    const CtsVolume *v = settings->volume;
+    const CtsVolume *v = settings->model->volume;
     const CtsRenderSettings *s = &settings->render;
     snprintf(rows->scene, sizeof rows->scene,
              "Volume of %d x %d x %d voxels, %.3g x %.3g x %.3g mm each; preset %s, mode %s, lighting %s; view %g,%g",
@@ -44,7 +44,7 @@ static CtsStatus integrate(const CtsBenchSettings *settings, CtsKernelId kernel,
     CtsRenderSettings s = settings->render;
     s.kernel = kernel;
     return own[kernel] ? CTS_OK
-                       : cts_reference_new(&own[kernel], settings->volume, settings->preset, &s,
+                       : cts_reference_new(&own[kernel], settings->model, settings->preset, &s,
                                            kernel == CTS_KERNEL_TENT ? PIXELS_TRILINEAR : PIXELS_KERNEL, err);
 }
 

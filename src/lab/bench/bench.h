@@ -2,16 +2,16 @@
 #ifndef CTS_BENCH_BENCH_H
 #define CTS_BENCH_BENCH_H
 
+#include "ctsplat/model.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/reference.h"
 #include "ctsplat/render.h"
-#include "ctsplat/volume.h"
 #include "output/report/bench_rows.h"
 
 /* `ctsplat bench`: error against run time, for each engine and setting on one volume. */
 
 typedef struct CtsBenchSettings {
-    const CtsVolume *volume;
+    const CtsModel *model;
     const CtsPreset *preset;
     /* size, view, threads, stop; engine, kernel and the varied settings are set by the bench */
     CtsRenderSettings render;

@@ -74,7 +74,7 @@ static CtsStatus render_runs(Child *c)
         CtsPicture *picture = NULL;
         CtsReport report = {0};
         const double start_ms = cts_wall_ms(), parallel_ms = cts_parallel_ms();
-        st = cts_render(c->settings->volume, c->settings->preset, &s, &picture, &report, &c->err);
+        st = cts_render(c->settings->model, c->settings->preset, &s, &picture, &report, &c->err);
         wall_ms[row->runs] = cts_wall_ms() - start_ms;
         serial_ms[row->runs] = fmax(wall_ms[row->runs] - (cts_parallel_ms() - parallel_ms), 0);
         spent_ms += wall_ms[row->runs];

@@ -46,7 +46,7 @@ static double busy_ms(int n_threads)
 }
 
 /* One picture by each row's settings; the first one's stays to be compared with. */
-static CtsStatus run_round(const CtsPaperSettings *settings, const CtsVolume *levels, int round, CtsPaperTable *table,
+static CtsStatus run_round(const CtsPaperSettings *settings, const CtsModel *levels, int round, CtsPaperTable *table,
                            CtsError *err)
 {
     CtsPicture *expected = NULL;
@@ -94,7 +94,7 @@ static void sum_up(CtsPaperTable *table)
 
 CtsStatus cts_paper_table(const CtsPaperSettings *settings, CtsPaperTable *table, CtsError *err)
 {
-    CtsVolume *levels = NULL;
+    CtsModel levels = {.volume = NULL};
     *table = (CtsPaperTable){.n_threads = cts_threads(settings->render.n_threads)};
     for (int i = 0; i < N_ROWS; i++) {
         table->rows[i] = plan[i];
@@ -102,12 +102,12 @@ CtsStatus cts_paper_table(const CtsPaperSettings *settings, CtsPaperTable *table
     }
     const CtsPreset *preset = settings->preset;
     CtsStatus st = cts_volume_quantise(settings->volume, CTS_PAPER_BITS, preset->window_low_hu, preset->window_high_hu,
-                                       table->n_threads, &levels, err);
+                                       table->n_threads, &levels.volume, err);
     if (!st)
-        st = cts_volume_prepare(levels, table->n_threads, err);
+        st = cts_model_prepare(&levels, table->n_threads, err);
     for (int round = 0; round < CTS_PAPER_ROUNDS && !st; round++)
-        st = run_round(settings, levels, round, table, err);
-    cts_volume_free(&levels);
+        st = run_round(settings, &levels, round, table, err);
+    cts_model_free(&levels);
     if (!st)
         sum_up(table);
     return st;

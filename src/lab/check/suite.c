@@ -52,7 +52,7 @@ static void name_points(const CtsPreset *p, char *text, size_t size)
         snprintf(text + at, size - at, " lit");
 }
 
-CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_check_render(CtsCheckRun *run, const CtsModel *model, const CtsPreset *preset,
                            const CtsRenderSettings *settings, CtsPicture **picture, CtsError *err)
 {
     run->scene = (CtsCheckScene){.width = settings->width, .height = settings->height, .x = -1, .y = -1};
@@ -61,7 +61,7 @@ CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsP
     run->scene.elevation_deg = settings->elevation_deg;
     run->scene.mm_per_pixel = settings->mm_per_pixel;
     CtsReport report = {0};
-    const CtsStatus st = cts_render(volume, preset, settings, picture, &report, err);
+    const CtsStatus st = cts_render(model, preset, settings, picture, &report, err);
     if (!st)
         run->scene.mm_per_pixel = (*picture)->info.mm_per_pixel;
     run->reported = report.bound;
@@ -151,11 +151,11 @@ CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *s, CtsRe
     for (int a = 0; a < 3; a++)
         spacing[a] = s->spacing_mm[a] > 0 ? s->spacing_mm[a] : 1;
     *made = (CtsRenderedScene){.preset = preset_of(s), .settings = settings_of(run, s)};
-    const CtsStatus st = cts_check_volume(&made->volume, s->dims, spacing, s->hu_step > 0 ? s->hu_step : 1,
+    const CtsStatus st = cts_check_volume(&made->model.volume, s->dims, spacing, s->hu_step > 0 ? s->hu_step : 1,
                                           s->formula ? s->formula : cts_hu_linear, s->hu, err);
     if (!st) {
-        made->volume->step_lps[2][1] = s->lean * spacing[2];
-        made->volume->slice_layers = s->layers > 0 ? s->layers : 1;
+        made->model.volume->step_lps[2][1] = s->lean * spacing[2];
+        made->model.volume->slice_layers = s->layers > 0 ? s->layers : 1;
     }
     return st;
 }
@@ -165,8 +165,8 @@ CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPict
     CtsRenderedScene m;
     CtsStatus st = cts_check_make(run, scene, &m, err);
     if (!st)
-        st = cts_check_render(run, m.volume, &m.preset, &m.settings, picture, err);
-    cts_volume_free(&m.volume);
+        st = cts_check_render(run, &m.model, &m.preset, &m.settings, picture, err);
+    cts_model_free(&m.model);
     return st;
 }
 
@@ -182,7 +182,7 @@ CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsRenderedScene *scene, 
     for (int y = 0; y < s->height && !st; y++)
         for (int x = 0; x < s->width; x++, rgba += 4) {
             CtsTruthRay ray;
-            if (cts_truth_ray(scene->volume, &camera, x, y, &ray))
+            if (cts_truth_ray(scene->model.volume, &camera, x, y, &ray))
                 truth(&ray, data, rgba);
         }
     return st;
@@ -193,7 +193,7 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsRenderedScene *scene, Cts
 {
     const int width = scene->settings.width, n = width * scene->settings.height;
     CtsPicture *picture = NULL;
-    CtsStatus st = cts_check_render(run, scene->volume, &scene->preset, &scene->settings, &picture, err);
+    CtsStatus st = cts_check_render(run, &scene->model, &scene->preset, &scene->settings, &picture, err);
     if (!st)
         st = cts_check_find_truth(run, scene, truth, data, err);
     CtsCheckWorst worst = {0};
@@ -216,7 +216,7 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsRenderedScene *scene, Cts
 void cts_check_volume_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     const CtsRenderedScene *m = data;
-    cts_truth_volume(m->volume, &m->preset, ray, rgba);
+    cts_truth_volume(m->model.volume, &m->preset, ray, rgba);
 }
 
 CtsStatus cts_check_against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPixelTruth truth, CtsError *err)
@@ -225,7 +225,7 @@ CtsStatus cts_check_against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsP
     CtsStatus st = cts_check_make(run, scene, &m, err);
     if (!st)
         st = cts_check_picture(run, &m, truth, &m, cts_check_bound(run, scene), err);
-    cts_volume_free(&m.volume);
+    cts_model_free(&m.model);
     return st;
 }
 

@@ -109,7 +109,7 @@ double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene);
 
 /* The scene as it is rendered. */
 typedef struct CtsRenderedScene {
-    CtsVolume *volume; /* to be freed */
+    CtsModel model; /* to be freed */
     CtsPreset preset;
     CtsRenderSettings settings;
 } CtsRenderedScene;
@@ -119,7 +119,7 @@ CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *scene, C
 CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPicture **picture, CtsError *err);
 
 /* cts_render(), noted for the result. */
-CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_check_render(CtsCheckRun *run, const CtsModel *model, const CtsPreset *preset,
                            const CtsRenderSettings *settings, CtsPicture **picture, CtsError *err);
 
 /* The value of pixels that is furthest from the truth. */

@@ -188,8 +188,8 @@ static CtsStatus make_labelled(const CtsCheckRun *run, const LabelScene *s, CtsR
         return st;
     if (!(*labels = calloc(1, sizeof **labels)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    fill(*labels, s, m->volume, m->volume->slice_layers);
-    return cts_volume_take_labels(m->volume, &(*labels)->set, &choice, 1, NULL, err);
+    fill(*labels, s, m->model.volume, m->model.volume->slice_layers);
+    return cts_model_take_labels(&m->model, &(*labels)->set, &choice, 1, NULL, err);
 }
 
 static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
@@ -200,14 +200,14 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
     CtsStatus st = make_labelled(run, s, &m, &labels, err);
     if (!st) {
         m.preset = appearance_of(s->colours[s->n_labels] ? s->colours[s->n_labels] : "c08040");
-        Truth t = {.scene = s, .volume = m.volume, .layers = m.volume->slice_layers};
+        Truth t = {.scene = s, .volume = m.model.volume, .layers = m.model.volume->slice_layers};
         for (int n = 0; n < s->n_labels; n++)
             t.voxels[n] = labels->items[n].fact.voxels;
         for (int n = 0; n <= s->n_labels; n++)
             t.appearances[n] = appearance_of(s->colours[n]);
         st = cts_check_picture(run, &m, truth, &t, s->bound[cts_check_family(run->engine)], err);
     }
-    cts_volume_free(&m.volume);
+    cts_model_free(&m.model);
     free(labels);
     return st;
 }
@@ -216,21 +216,21 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 static CtsStatus air(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const LabelScene *const s = data;
-    CtsRenderedScene hidden, cut = {.volume = NULL};
+    CtsRenderedScene hidden, cut = {.model = {.volume = NULL}};
     CtsPicture *a = NULL, *b = NULL;
     Labels *labels = NULL;
     CtsStatus st = make_labelled(run, s, &hidden, &labels, err);
     if (!st && !(st = make(run, s, &cut, err)))
         for (int at = 0; at < NX * NY * NZ; at++)
             if (s->holds(0, at % NX, at / NX % NY, at / NX / NY))
-                cut.volume->grey[at] = 0;
-    if (!st && !(st = cts_check_render(run, hidden.volume, &hidden.preset, &hidden.settings, &a, err)) &&
-        !(st = cts_check_render(run, cut.volume, &cut.preset, &cut.settings, &b, err)))
+                cut.model.volume->grey[at] = 0;
+    if (!st && !(st = cts_check_render(run, &hidden.model, &hidden.preset, &hidden.settings, &a, err)) &&
+        !(st = cts_check_render(run, &cut.model, &cut.preset, &cut.settings, &b, err)))
         cts_check_value(run, 0, cts_check_differing(a, b), 0);
     cts_picture_free(&a);
     cts_picture_free(&b);
-    cts_volume_free(&hidden.volume);
-    cts_volume_free(&cut.volume);
+    cts_model_free(&hidden.model);
+    cts_model_free(&cut.model);
     free(labels);
     return st;
 }

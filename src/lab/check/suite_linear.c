@@ -78,11 +78,11 @@ CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *data, CtsError *e
     CtsStatus st = cts_check_make(run, l, &m, err);
     if (st)
         return st;
-    LinearScene scene = {.linear = l, .volume = m.volume, .preset = &m.preset, .scale = 1};
+    LinearScene scene = {.linear = l, .volume = m.model.volume, .preset = &m.preset, .scale = 1};
     if (l->per_voxel)
-        scene.scale = voxels_per_mm(m.volume, l);
+        scene.scale = voxels_per_mm(m.model.volume, l);
     find_gradient(&scene);
     st = cts_check_picture(run, &m, truth, &scene, bound, err);
-    cts_volume_free(&m.volume);
+    cts_model_free(&m.model);
     return st;
 }

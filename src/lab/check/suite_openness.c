@@ -85,7 +85,7 @@ static CtsStatus run_case(CtsCheckRun *run, const void *data, CtsError *err)
     preset.occlusion = c->occlusion;
     CtsStatus st = cts_check_volume(&volume, dims, spacing_mm, 1, wall_hu, c, err);
     if (!st)
-        st = cts_check_render(run, volume, &preset, &s, &picture, err);
+        st = cts_check_render(run, &(CtsModel){.volume = volume}, &preset, &s, &picture, err);
     if (!st) {
         /* HU pass the step halfway between voxels, there between two blocks; light ends 1/50 mm behind on average. */
         const double before = openness_of(c, BACK - 1), behind = openness_of(c, BACK);

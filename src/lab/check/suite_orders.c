@@ -33,7 +33,7 @@ static CtsStatus add_squares(CtsCheckRun *run, const CtsRenderedScene *m, const 
                              CtsError *err)
 {
     CtsPicture *picture = NULL;
-    const CtsStatus st = cts_check_render(run, m->volume, &m->preset, &m->settings, &picture, err);
+    const CtsStatus st = cts_check_render(run, &m->model, &m->preset, &m->settings, &picture, err);
     for (int i = 0; i < 4 * SIZE * SIZE && !st; i++)
         *sum += pow((double)picture->pixels[i] - (double)reference->pixels[i], 2);
     cts_picture_free(&picture);
@@ -45,7 +45,7 @@ static CtsStatus add_view(CtsCheckRun *run, const OrderScene *o, CtsRenderedScen
 {
     CtsPicture *reference = NULL;
     m->settings.engine = CTS_ENGINE_RAYCAST;
-    CtsStatus st = cts_check_render(run, m->volume, &m->preset, &m->settings, &reference, err);
+    CtsStatus st = cts_check_render(run, &m->model, &m->preset, &m->settings, &reference, err);
     m->settings.engine = run->engine;
     for (int i = 0; i < MOST && o->samples[i] && !st; i++) {
         m->settings.samples = o->samples[i];
@@ -69,7 +69,7 @@ static CtsStatus find_rms(CtsCheckRun *run, const OrderScene *o, double rms[MOST
     }
     for (int i = 0; i < MOST; i++)
         rms[i] = sqrt(rms[i] / (VIEWS * 4.0 * SIZE * SIZE));
-    cts_volume_free(&m.volume);
+    cts_model_free(&m.model);
     return st;
 }
 

@@ -131,10 +131,10 @@ static CtsStatus render_both(CtsCheckRun *run, const CtsFormulaScene scene[2], b
         CtsRenderedScene m;
         st = cts_check_make(run, &scene[i], &m, err);
         if (!st && i == 1 && turned)
-            memcpy(m.volume->step_lps, steps, sizeof steps);
+            memcpy(m.model.volume->step_lps, steps, sizeof steps);
         if (!st)
-            st = cts_check_render(run, m.volume, &m.preset, &m.settings, &picture[i], err);
-        cts_volume_free(&m.volume);
+            st = cts_check_render(run, &m.model, &m.preset, &m.settings, &picture[i], err);
+        cts_model_free(&m.model);
     }
     if (!st)
         cts_check_value(run, 0, largest(picture[0], picture[1], mirrored), cts_check_bound(run, &scene[0]));
@@ -218,7 +218,8 @@ static void cell_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
     double most = -INFINITY;
     for (int i = 0; i < N; i++) {
         const double step = (ray->to_mm - ray->from_mm) * length, t = ray->from_mm + i * step;
-        interval[i] = (CtsTruthInterval){cell_hu(c->volume, ray, t), cell_hu(c->volume, ray, t + step), step, -1};
+        interval[i] =
+            (CtsTruthInterval){cell_hu(c->model.volume, ray, t), cell_hu(c->model.volume, ray, t + step), step, -1};
         most = fmax(most, interval[i].hu1);
     }
     if (c->preset.mode == CTS_MODE_COMPOSITE) {
@@ -258,14 +259,14 @@ static CtsStatus plane_depth(CtsCheckRun *run, const void *data, CtsError *err)
     CtsStatus st = cts_check_make(run, data, &m, err);
     m.settings.want_depth = true;
     if (!st)
-        st = cts_check_render(run, m.volume, &m.preset, &m.settings, &p, err);
+        st = cts_check_render(run, &m.model, &m.preset, &m.settings, &p, err);
     for (int i = 0; !st && i < p->width * p->height; i++)
         cts_check_worst(&worst, i % p->width, i / p->width, 8 * sqrt(3) - 8 + 7.7,
                         p->depth_mm ? (double)p->depth_mm[i] : NAN);
     if (!st)
         cts_check_worst_value(run, &worst, cts_check_bound(run, data));
     cts_picture_free(&p);
-    cts_volume_free(&m.volume);
+    cts_model_free(&m.model);
     return st;
 }
 
@@ -283,12 +284,12 @@ static CtsStatus sane(CtsCheckRun *run, const void *data, CtsError *err)
         m.preset.shade = v % 2;
         m.preset.ambient = m.preset.diffuse = 0.5;
         m.preset.specular = 0;
-        st = cts_check_render(run, m.volume, &m.preset, &m.settings, &p, err);
+        st = cts_check_render(run, &m.model, &m.preset, &m.settings, &p, err);
         for (int i = 0; !st && i < 4 * p->width * p->height; i++)
             bad += !(p->pixels[i] >= 0 && p->pixels[i] <= 1 + 1e-5f && p->pixels[i] <= p->pixels[i | 3] + 1e-5f);
         cts_picture_free(&p);
     }
-    cts_volume_free(&m.volume);
+    cts_model_free(&m.model);
     if (!st)
         cts_check_value(run, 0, bad, 0);
     return st;

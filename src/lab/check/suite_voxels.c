@@ -49,11 +49,11 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
     CtsPicture *picture = NULL;
     CtsStatus st = cts_check_make(run, s, &m, err);
     m.preset.diffuse = 0.8;
-    if (!st && !(st = cts_check_render(run, m.volume, &m.preset, &m.settings, &picture, err)) &&
+    if (!st && !(st = cts_check_render(run, &m.model, &m.preset, &m.settings, &picture, err)) &&
         !(st = cts_check_find_truth(run, &m, cts_check_volume_truth, &m, err)))
         check_picture(run, &m.settings, picture, bound);
     cts_picture_free(&picture);
-    cts_volume_free(&m.volume);
+    cts_model_free(&m.model);
     return st;
 }
 

@@ -276,7 +276,7 @@ CtsStatus cts_reference_cast(CtsReference *r, const CtsScene *scene, CtsError *e
     return cts_raycast_pixels(scene, (const int(*)[2])r->xy, r->n, r->rgba, err);
 }
 
-CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_reference_new(CtsReference **reference, const CtsModel *model, const CtsPreset *preset,
                             const CtsRenderSettings *settings, size_t n, CtsError *err)
 {
     CtsSceneStore store;
@@ -284,9 +284,9 @@ CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, c
     CtsOpenness *openness = NULL;
     *reference = NULL;
     CtsStatus st;
-    if ((st = cts_framing_settle(volume, preset, &framed, err)) ||
-        (st = cts_scene_init(&store, volume, preset, &framed, err)) ||
-        (st = cts_openness_of_scene(&openness, volume, &store.preset, store.settings.n_threads, NULL, err)))
+    if ((st = cts_framing_settle(model, preset, &framed, err)) ||
+        (st = cts_scene_init(&store, model, preset, &framed, err)) ||
+        (st = cts_openness_of_scene(&openness, model, &store.preset, store.settings.n_threads, NULL, err)))
         return st;
     store.scene.openness = openness;
     if ((st = place_most(reference, &store.scene, n, err)) || (st = cts_reference_cast(*reference, &store.scene, err)))

@@ -4,10 +4,10 @@
 #include "base/cpu.h"
 #include "base/invariant.h"
 #include "base/mem.h"
+#include "core/model/voxel_labels.h"
 #include "core/scene/openness.h"
 #include "core/scene/settings.h"
 #include "core/scene/visible.h"
-#include "core/volume/voxel_labels.h"
 #include "render/engines/engines.h"
 #include "render/frames/level_choice.h"
 #include "render/frames/void_key_report.h"
@@ -19,10 +19,10 @@
 #include <string.h>
 
 struct CtsFrames {
-    const CtsVolume *volume; /* volume for the engine: the caller's, or quantised */
-    const CtsVolume *original;
-    CtsVolume *quantised;
-    const CtsVoxelLabels *voxel_labels; /* of the caller's volume, or NULL */
+    CtsModel given;           /* copy of the caller's, who owns its parts */
+    const CtsModel *original; /* given; for engines without label boundaries the one with air for hidden voxels */
+    const CtsModel *model;    /* original, or quantised: for the engine */
+    CtsModel quantised;       /* its body mask is original's */
     CtsPreset preset;
     CtsRenderSettings settings;
     const CtsEngine *engine;
@@ -33,11 +33,10 @@ struct CtsFrames {
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFittedVoidKey key;
     bool key_found, key_reported;
-    void
-        *engine_cache[CTS_N_ENGINES]; /* by each engine that renders from volume: the chosen one, and the exact march */
-    void *original_cache;             /* cache of the engine of probe renderings, if volume is quantised */
-    int n_begun;                      /* frames */
-    CtsRenderSettings fitted;         /* settings of the last view that was fitted, if is_fitted */
+    void *engine_cache[CTS_N_ENGINES]; /* by each engine that renders from model: the chosen one, and the exact march */
+    void *original_cache;              /* cache of the engine of probe renderings, if model is quantised */
+    int n_begun;                       /* frames */
+    CtsRenderSettings fitted;          /* settings of the last view that was fitted, if is_fitted */
     bool is_fitted;
 };
 
@@ -60,10 +59,11 @@ static bool has_step(const CtsPreset *preset)
 }
 
 /* Reason why CTS_ENGINE_AUTO renders by the exact march, or NULL where an engine with levels may do it. */
-static const char *why_exact(const CtsVolume *volume, const CtsSceneStore *store, const CtsEngine *levels)
+static const char *why_exact(const CtsModel *model, const CtsSceneStore *store, const CtsEngine *levels)
 {
     const CtsRenderSettings *const s = &store->settings;
-    const CtsVoxelLabels *const o = volume->voxel_labels;
+    const CtsVolume *const volume = model->volume;
+    const CtsVoxelLabels *const o = model->voxel_labels;
     const bool plain = s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16 && s->samples == 0 &&
                        s->tolerance_hu == 0 && !s->void_key;
     bool thin = cts_volume_n_voxels(volume) > INT32_MAX;
@@ -71,20 +71,20 @@ static const char *why_exact(const CtsVolume *volume, const CtsSceneStore *store
         thin |= volume->dims[a] < 2;
     return !(levels->modes >> store->preset.mode & 1) ? "the mode is a projection"
            : !plain                                   ? "kernel, grey levels, samples, tolerance or void rule are given"
-           : cts_voxel_labels_coloured(o) || (o && o->shown) ? "labels are hidden or have colours"
-           : has_step(&store->preset)                        ? "the preset's opacity has a step"
-           : thin                                            ? "the volume is one voxel thin, or too large"
-                                                             : NULL;
+           : cts_voxel_labels_coloured(o) || cts_model_shown(model) != model ? "labels are hidden or have colours"
+           : has_step(&store->preset)                                        ? "the preset's opacity has a step"
+           : thin ? "the volume is one voxel thin, or too large"
+                  : NULL;
 }
 
 /* The engine for CTS_ENGINE_AUTO, as far as it does not depend on the view. */
-static CtsEngineId resolve_engine(const CtsVolume *volume, const CtsSceneStore *store, const char **why)
+static CtsEngineId resolve_engine(const CtsModel *model, const CtsSceneStore *store, const char **why)
 {
     const CtsEngineId levels = cts_engine_with_levels();
     *why = NULL;
     if (store->settings.engine != CTS_ENGINE_AUTO)
         return store->settings.engine;
-    *why = why_exact(volume, store, cts_engine(levels));
+    *why = why_exact(model, store, cts_engine(levels));
     return *why && !store->settings.level ? cts_engine_march(levels) : levels;
 }
 
@@ -116,17 +116,17 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
     return CTS_OK;
 }
 
-/* Engines with label boundaries get the volume with its labels; others one in which hidden voxels are air. */
-static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *store, const CtsEngine *engine,
-                               const CtsVolume **chosen, CtsError *err)
+/* Engines with label boundaries get the model with its labels; others one in which hidden voxels are air. */
+static CtsStatus choose_model(const CtsModel *model, const CtsSceneStore *store, const CtsEngine *engine,
+                              const CtsModel **chosen, CtsError *err)
 {
     const CtsRenderSettings *const s = &store->settings;
     const CtsMode mode = store->preset.mode;
-    const CtsVoxelLabels *const o = volume->voxel_labels;
+    const CtsVoxelLabels *const o = model->voxel_labels;
     const bool by_edges =
         engine->supports_labels && s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16;
     char list[CTS_ENGINE_LIST_MAX];
-    *chosen = volume;
+    *chosen = by_edges ? model : cts_model_shown(model);
     if (cts_voxel_labels_coloured(o) && mode != CTS_MODE_COMPOSITE)
         return cts_fail(err, CTS_ERR_USAGE,
                         "mode %s shows HU by the window, and labels have colours (mode composite "
@@ -136,11 +136,9 @@ static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *sto
         return cts_fail(err, CTS_ERR_USAGE,
                         "colours of labels: engines %s alone have them, with kernel tent and 16 grey bits",
                         cts_engines_with(offsetof(CtsEngine, supports_labels), CTS_ENGINE_FLAG, list));
-    if (o && o->shown && !by_edges && (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE))
+    if (*chosen != model && (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE))
         return cts_fail(err, CTS_ERR_USAGE, "hidden labels: mode %s knows them with kernel tent and 16 grey bits alone",
                         cts_mode_names[mode]);
-    if (o && o->shown && !by_edges)
-        *chosen = o->shown;
     return CTS_OK;
 }
 
@@ -151,38 +149,37 @@ CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *set
     return st ? st : choose_engine(settings, cts_scene_preset(preset, settings).mode, &engine, err);
 }
 
-CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_frames_new(CtsFrames **frames, const CtsModel *model, const CtsPreset *preset,
                          const CtsRenderSettings *settings, CtsError *err)
 {
     CtsStatus st;
     CtsSceneStore store;
     const CtsEngine *engine = NULL;
-    const CtsVoxelLabels *const voxel_labels = volume->voxel_labels;
     const char *why;
     *frames = NULL;
-    if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
+    if ((st = cts_scene_init(&store, model, preset, settings, err)) ||
         (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
         return st;
-    const CtsEngineId id = resolve_engine(volume, &store, &why);
-    engine = cts_engine(id);
-    if ((st = choose_volume(volume, &store, engine, &volume, err)))
-        return st;
+    const CtsEngineId id = resolve_engine(model, &store, &why);
     CtsFrames *f = calloc(1, sizeof *f);
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     *f = (CtsFrames){.engine_id = id,
                      .why_exact = why,
-                     .volume = volume,
-                     .original = volume,
-                     .voxel_labels = voxel_labels,
+                     .given = *model,
                      .preset = store.preset,
                      .settings = *settings,
-                     .engine = engine};
+                     .engine = cts_engine(id)};
     f->preset.occlusion = preset->occlusion; /* the settings may change from frame to frame */
-    if (settings->grey_bits < 16) {
-        st = cts_volume_quantise(volume, settings->grey_bits, preset->window_low_hu, preset->window_high_hu,
-                                 settings->n_threads, &f->quantised, err);
-        f->volume = f->quantised;
+    st = choose_model(&f->given, &store, f->engine, &f->original, err);
+    f->model = f->original;
+    if (!st && settings->grey_bits < 16) {
+        st = cts_volume_quantise(f->original->volume, settings->grey_bits, preset->window_low_hu,
+                                 preset->window_high_hu, settings->n_threads, &f->quantised.volume, err);
+        if (!st && f->original->macrocells)
+            st = cts_model_prepare(&f->quantised, settings->n_threads, err);
+        f->quantised.body = f->original->body;
+        f->model = &f->quantised;
     }
     *frames = f;
     if (st)
@@ -201,7 +198,8 @@ void cts_frames_free(CtsFrames **frames)
     cts_lut_free(&f->lut);
     cts_openness_free(&f->openness);
     cts_engine(cts_engine_for_probes())->free_cache(f->original_cache);
-    cts_volume_free(&f->quantised);
+    f->quantised.body = NULL;
+    cts_model_free(&f->quantised);
     free(f);
     *frames = NULL;
 }
@@ -239,7 +237,7 @@ const CtsPreset *cts_frames_preset(const CtsFrames *frames)
     return &frames->preset;
 }
 
-const CtsVolume *cts_frames_volume(const CtsFrames *frames)
+const CtsModel *cts_frames_model(const CtsFrames *frames)
 {
     return frames->original;
 }
@@ -268,8 +266,8 @@ static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScen
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->light_behind = is_light_behind(scene->preset);
-    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->voxel_labels);
-    info->grey = cts_scene_is_grey(scene->preset, frame->frames->voxel_labels);
+    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->given.voxel_labels);
+    info->grey = cts_scene_is_grey(scene->preset, frame->frames->given.voxel_labels);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
     info->occlusion = cts_openness_counts(scene->preset) ? scene->preset->occlusion : 0;
 }
@@ -279,7 +277,7 @@ static CtsStatus find_key(CtsFrames *f, const CtsScene *scene, CtsReport *report
 {
     CtsStatus st = CTS_OK;
     if (f->settings.void_key && f->engine->uses_void_key && !f->key_found &&
-        !(st = cts_void_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
+        !(st = cts_void_key_find(f->original->volume, scene->preset, scene->settings->n_threads, &f->key, report, err)))
         f->key_found = true;
     return st;
 }
@@ -320,8 +318,8 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
         cts_lut_free(&f->lut);
         CtsStatus st = find_key(f, scene, report, err);
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        if (st ||
-            (st = cts_lut_new(&f->lut, p, f->volume, f->key_found ? &f->key.key : NULL, scene->extinction_scale, err)))
+        if (st || (st = cts_lut_new(&f->lut, p, f->model->volume, f->key_found ? &f->key.key : NULL,
+                                    scene->extinction_scale, err)))
             return st;
         f->lut_scale = scene->extinction_scale;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)f->lut->n, 0);
@@ -377,7 +375,7 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
         return CTS_OK;
     if (!framed_already(f, s)) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        void **const kept = f->volume == f->original ? &f->engine_cache[cts_engine_for_probes()] : &f->original_cache;
+        void **const kept = f->model == f->original ? &f->engine_cache[cts_engine_for_probes()] : &f->original_cache;
         const CtsFramed what = {f->original, &f->preset, kept, f->n_begun};
         CtsRenderSettings fitted = *s;
         fitted.centre_given = false;
@@ -480,7 +478,7 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
     CtsRenderSettings settings;
     *frame = (CtsFrame){.frames = f, .want_depth = task->want_depth, .explain = task->explain};
     if ((st = cts_frames_view(f, (const double[]){task->azimuth_deg, task->elevation_deg}, &settings, report, err)) ||
-        (st = cts_scene_init(&frame->store, f->volume, &f->preset, &settings, err)))
+        (st = cts_scene_init(&frame->store, f->model, &f->preset, &settings, err)))
         return st;
     frame->store.scene.plan = task->plan;
     frame->store.scene.frame = f->n_begun++;
@@ -496,7 +494,8 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
     if (n == 0 || task->explain)
         return CTS_OK;
     frame->original = frame->store.scene;
-    frame->original.volume = f->original;
+    frame->original.model = f->original;
+    frame->original.volume = f->original->volume;
     return cts_verify_begin(&frame->verify, &frame->original, (size_t)n, err);
 }
 

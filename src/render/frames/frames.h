@@ -12,8 +12,8 @@
 
 typedef struct CtsFrames CtsFrames;
 
-/* Checks all settings. volume must stay as it is; preset and settings are copied. */
-CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsPreset *preset,
+/* Checks all settings. The model's parts must stay as they are; the rest is copied. */
+CtsStatus cts_frames_new(CtsFrames **frames, const CtsModel *model, const CtsPreset *preset,
                          const CtsRenderSettings *settings, CtsError *err);
 void cts_frames_free(CtsFrames **frames);
 
@@ -21,10 +21,10 @@ void cts_frames_free(CtsFrames **frames);
 bool cts_frames_change_settings(CtsFrames *frames, const CtsRenderSettings *settings);
 
 const CtsEngine *cts_frames_engine(const CtsFrames *frames);
-/* Settings, preset and volume as cts_frames_new() was given them. */
+/* Settings, preset and model as cts_frames_new() was given them. */
 const CtsRenderSettings *cts_frames_settings(const CtsFrames *frames);
 const CtsPreset *cts_frames_preset(const CtsFrames *frames);
-const CtsVolume *cts_frames_volume(const CtsFrames *frames);
+const CtsModel *cts_frames_model(const CtsFrames *frames);
 
 /* The settings of one view: its angles, and the scale and centre that the fit gives it. */
 CtsStatus cts_frames_view(CtsFrames *frames, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,

@@ -66,15 +66,15 @@ static CtsStatus plan_samples(const CtsFrames *frames, const CtsRenderSettings *
                               CtsReport *report, CtsError *err)
 {
     const CtsRenderSettings s = small_picture(requested);
-    const CtsVolume *volume = cts_frames_volume(frames);
+    const CtsModel *model = cts_frames_model(frames);
     const CtsPreset *preset = cts_frames_preset(frames);
     CtsReference *reference = NULL;
     CtsFrames *small = NULL;
     CtsFrameTask task = {.azimuth_deg = s.azimuth_deg, .elevation_deg = s.elevation_deg};
     double best = INFINITY, rms_255 = INFINITY;
-    CtsStatus st = cts_frames_new(&small, volume, preset, &s, err);
+    CtsStatus st = cts_frames_new(&small, model, preset, &s, err);
     if (!st)
-        st = cts_reference_new(&reference, volume, preset, &s, (size_t)s.width * (size_t)s.height, err);
+        st = cts_reference_new(&reference, model, preset, &s, (size_t)s.width * (size_t)s.height, err);
     for (int samples = 0; !st && rms_255 > requested->max_error && samples <= MAX_SAMPLES;
          samples = samples ? 2 * samples : 2) {
         task.plan.samples = samples;
@@ -103,7 +103,7 @@ CtsStatus cts_quality_search(CtsFrames *frames, const double view_deg[2], CtsPla
     *plan = (CtsPlan){.samples = requested.samples, .max_error = requested.max_error, .level = requested.level};
     if (!(requested.max_error > 0) || requested.samples > 0 || engine->is_reference || engine->indicator)
         return CTS_OK;
-    if ((st = cts_scene_init(&store, cts_frames_volume(frames), cts_frames_preset(frames), &requested, err)) ||
+    if ((st = cts_scene_init(&store, cts_frames_model(frames), cts_frames_preset(frames), &requested, err)) ||
         store.preset.mode != CTS_MODE_COMPOSITE)
         return st;
     requested.mm_per_pixel = store.scene.view.mm_per_pixel;

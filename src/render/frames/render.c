@@ -11,13 +11,13 @@ struct CtsRenderer {
     CtsPlan plan;
 };
 
-CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, const CtsPreset *preset,
+CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsModel *model, const CtsPreset *preset,
                            const CtsRenderSettings *settings, CtsError *err)
 {
     CtsRenderer *r = *renderer = calloc(1, sizeof *r);
     if (!r)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = cts_frames_new(&r->frames, volume, preset, settings, err);
+    const CtsStatus st = cts_frames_new(&r->frames, model, preset, settings, err);
     if (st)
         cts_render_end(renderer);
     return st;
@@ -123,12 +123,12 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
     return cts_frame_end(&frame, st, report, err);
 }
 
-CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+CtsStatus cts_render(const CtsModel *model, const CtsPreset *preset, const CtsRenderSettings *settings,
                      CtsPicture **picture, CtsReport *report, CtsError *err)
 {
     CtsRenderer *renderer;
     *picture = NULL;
-    CtsStatus st = cts_render_begin(&renderer, volume, preset, settings, err);
+    CtsStatus st = cts_render_begin(&renderer, model, preset, settings, err);
     if (!st)
         st = cts_render_frame(renderer, settings->azimuth_deg, settings->elevation_deg, picture, report, err);
     cts_render_end(&renderer);

@@ -228,7 +228,7 @@ static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, doub
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     for (int c = 0; c < 3; c++)
         small.centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
-    CtsStatus st = cts_scene_init(&l.store, probing->what->volume, probing->what->preset, &small, err);
+    CtsStatus st = cts_scene_init(&l.store, probing->what->model, probing->what->preset, &small, err);
     if (st)
         return st;
     CtsScene *const scene = &l.store.scene;
@@ -260,8 +260,8 @@ static CtsStatus find_by(Probing *probing, const CtsRenderSettings *s, double le
     CtsStatus st;
     RayBox box;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
-    const Span whole[2] = {span_of_box(probing->what->volume, axes.right_lps),
-                           span_of_box(probing->what->volume, axes.up_lps)};
+    const Span whole[2] = {span_of_box(probing->what->model->volume, axes.right_lps),
+                           span_of_box(probing->what->model->volume, axes.up_lps)};
     memcpy(span, whole, sizeof whole);
     for (int n = 1; !(st = render_probe(probing, s, least, span, &box, err)) && box.high[0] >= 0; n++) {
         const int n_found[2] = {box.high[0] - box.low[0], box.high[1] - box.low[1]};
@@ -361,12 +361,11 @@ CtsStatus cts_framing_find(const CtsFramed *what, CtsRenderSettings *settings, C
     return st;
 }
 
-CtsStatus cts_framing_settle(const CtsVolume *volume, const CtsPreset *preset, CtsRenderSettings *settings,
-                             CtsError *err)
+CtsStatus cts_framing_settle(const CtsModel *model, const CtsPreset *preset, CtsRenderSettings *settings, CtsError *err)
 {
     void *kept = NULL;
     const CtsPreset effective = cts_scene_preset(preset, settings);
-    const CtsFramed what = {volume, &effective, &kept, 0};
+    const CtsFramed what = {model, &effective, &kept, 0};
     if (settings->fit != CTS_FIT_VISIBLE || settings->mm_per_pixel != 0)
         return CTS_OK;
     const CtsStatus st = cts_framing_find(&what, settings, err);

@@ -2,14 +2,14 @@
 #ifndef CTS_FRAMING_FRAMING_H
 #define CTS_FRAMING_FRAMING_H
 
+#include "ctsplat/model.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
-#include "ctsplat/volume.h"
 
 /* Scene of the frames to be found. kept and frame: as in CtsScene, for the engine of probe renderings
  * (cts_engine_for_probes()). */
 typedef struct CtsFramed {
-    const CtsVolume *volume;
+    const CtsModel *model;
     const CtsPreset *preset; /* effective: cts_scene_preset() */
     void **cache;
     int frame;
@@ -22,7 +22,7 @@ typedef struct CtsFramed {
 CtsStatus cts_framing_find(const CtsFramed *what, CtsRenderSettings *settings, CtsError *err);
 
 /* The same for a single picture, if the settings request it and give no scale. */
-CtsStatus cts_framing_settle(const CtsVolume *volume, const CtsPreset *preset, CtsRenderSettings *settings,
+CtsStatus cts_framing_settle(const CtsModel *model, const CtsPreset *preset, CtsRenderSettings *settings,
                              CtsError *err);
 
 #endif

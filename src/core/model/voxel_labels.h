@@ -4,12 +4,12 @@
  * voxel; between two slices it is linear, and trilinear within a cell; the label with the largest field gets a point,
  * of equal ones that with the lower number (Feng, Ju, Warren: "Piecewise Tri-linear Contouring for Multi-Material
  * Volumes", 2010). */
-#ifndef CTS_VOLUME_VOXEL_LABELS_H
-#define CTS_VOLUME_VOXEL_LABELS_H
+#ifndef CTS_MODEL_VOXEL_LABELS_H
+#define CTS_MODEL_VOXEL_LABELS_H
 
 #include "ctsplat/labels.h"
+#include "ctsplat/model.h"
 #include "ctsplat/preset.h"
-#include "ctsplat/volume.h"
 #include <stdint.h>
 
 /* Appearances common to all pictures with labels; labels' own ones follow. */
@@ -56,19 +56,19 @@ typedef struct CtsVoxelLabels {
     uint8_t *appearance;        /* of each label */
     CtsAppearance *appearances;
     int n_appearances;
-    uint8_t *block;   /* of each fine macro-cell: the common appearance of its voxels, or CTS_APPEARANCES_DIFFER */
-    int n_block[3];   /* fine macro-cells along each axis */
-    char **name;      /* of each visible label with a colour of its own; else NULL */
-    int *number;      /* of each such label, in its file */
-    bool *on_skin;    /* of each label: it may contain skin, as unlabelled voxels always may */
-    CtsVolume *shown; /* the volume with air for hidden voxels; NULL where nothing is hidden */
+    uint8_t *block; /* of each fine macro-cell: the common appearance of its voxels, or CTS_APPEARANCES_DIFFER */
+    int n_block[3]; /* fine macro-cells along each axis */
+    char **name;    /* of each visible label with a colour of its own; else NULL */
+    int *number;    /* of each such label, in its file */
+    bool *on_skin;  /* of each label: it may contain skin, as unlabelled voxels always may */
+    CtsModel shown; /* the model with air for hidden voxels; its volume is NULL where nothing is hidden */
 } CtsVoxelLabels;
 
 /* With the fields volume and n, without planes, but with room for n_planes; free with cts_voxel_labels_free(). */
 CtsStatus cts_voxel_labels_new(CtsVoxelLabels **voxel_labels, const CtsVolume *volume, int n, int n_planes,
                                CtsError *err);
-/* To be called after assignment and appearances: computes blocks and visible ranges. */
-CtsStatus cts_voxel_labels_finish(CtsVoxelLabels *voxel_labels, const CtsVolume *volume, int n_threads, CtsError *err);
+/* To be called after assignment and appearances of model->voxel_labels: computes blocks and visible ranges. */
+CtsStatus cts_voxel_labels_finish(CtsModel *model, int n_threads, CtsError *err);
 /* A step of finishing that is a file of its own: fills on_skin. */
 CtsStatus cts_voxel_labels_find_skin(CtsVoxelLabels *voxel_labels, const CtsVolume *volume, int n_threads,
                                      CtsError *err);
@@ -78,6 +78,12 @@ void cts_voxel_labels_free(CtsVoxelLabels **voxel_labels);
 static inline bool cts_voxel_labels_coloured(const CtsVoxelLabels *voxel_labels)
 {
     return voxel_labels && voxel_labels->n_appearances > CTS_APPEARANCE_OWN;
+}
+
+/* The model with air for hidden voxels, or the model itself where nothing is hidden. */
+static inline const CtsModel *cts_model_shown(const CtsModel *model)
+{
+    return model->voxel_labels && model->voxel_labels->shown.volume ? &model->voxel_labels->shown : model;
 }
 
 /* The effective preset of an appearance, given the picture's. */

@@ -3,7 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 #include <math.h>
 #include <string.h>
 

@@ -1,10 +1,10 @@
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "core/volume/macrocells.h"
+#include "core/model/macrocells.h"
 #include "core/volume/volume_new.h"
 #include <stdlib.h>
 #include <string.h>
@@ -60,7 +60,7 @@ void cts_voxel_labels_free(CtsVoxelLabels **voxel_labels)
     cts_free(&o->appearance);
     cts_free(&o->on_skin);
     cts_free(&o->block);
-    cts_volume_free(&o->shown);
+    cts_model_free(&o->shown);
     cts_free(voxel_labels);
 }
 
@@ -137,18 +137,17 @@ static void show_layers(void *context, int worker, size_t begin, size_t end)
             const size_t at = (k * ny + j) * nx;
             for (size_t i = 0; i < nx; i++) {
                 const int appearance = cts_appearance_of_voxel(o, (int)i, (int)j, (int)k);
-                o->shown->grey[at + i] = appearance == CTS_APPEARANCE_HIDDEN ? 0 : f->volume->grey[at + i];
+                o->shown.volume->grey[at + i] = appearance == CTS_APPEARANCE_HIDDEN ? 0 : f->volume->grey[at + i];
             }
         }
 }
 
 /* Ranges of visible values, from the volume's: where appearances differ, air may be adjacent to any value. */
-static CtsStatus show_macrocells(CtsVoxelLabels *o, const CtsVolume *volume, int n_threads, CtsError *err)
+static CtsStatus show_macrocells(CtsVoxelLabels *o, const CtsMacrocells *all, int n_threads, CtsError *err)
 {
-    const CtsMacrocells *const all = volume->macrocells;
-    const CtsStatus st = cts_macrocells_new_unset(&o->shown->macrocells, volume->dims, err);
+    const CtsStatus st = cts_macrocells_new_unset(&o->shown.macrocells, o->dims, err);
     const size_t n = (size_t)o->n_block[0] * (size_t)o->n_block[1] * (size_t)o->n_block[2];
-    CtsMacrocells *const m = o->shown->macrocells;
+    CtsMacrocells *const m = o->shown.macrocells;
     for (size_t i = 0; !st && i < n; i++)
         m->fine[i] = o->block[i] == CTS_APPEARANCE_HIDDEN    ? (CtsRange){0, 0}
                      : o->block[i] == CTS_APPEARANCES_DIFFER ? (CtsRange){0, all->fine[i].high}
@@ -159,14 +158,15 @@ static CtsStatus show_macrocells(CtsVoxelLabels *o, const CtsVolume *volume, int
     return CTS_OK;
 }
 
-static CtsStatus show(CtsVoxelLabels *o, const CtsVolume *volume, int n_threads, CtsError *err)
+static CtsStatus show(const CtsModel *model, int n_threads, CtsError *err)
 {
-    const Finishing f = {o, volume};
-    const CtsStatus st = cts_volume_new_like(&o->shown, volume, o->dims[2], err);
+    CtsVoxelLabels *const o = model->voxel_labels;
+    const Finishing f = {o, model->volume};
+    const CtsStatus st = cts_volume_new_like(&o->shown.volume, model->volume, o->dims[2], err);
     if (st)
         return st;
     cts_parallel(n_threads, (size_t)o->dims[2], 1, show_layers, (void *)&f);
-    return volume->macrocells ? show_macrocells(o, volume, n_threads, err) : CTS_OK;
+    return model->macrocells ? show_macrocells(o, model->macrocells, n_threads, err) : CTS_OK;
 }
 
 static CtsStatus mark_shared(CtsVoxelLabels *o, CtsError *err)
@@ -184,15 +184,16 @@ static CtsStatus mark_shared(CtsVoxelLabels *o, CtsError *err)
     return st;
 }
 
-CtsStatus cts_voxel_labels_finish(CtsVoxelLabels *o, const CtsVolume *volume, int n_threads, CtsError *err)
+CtsStatus cts_voxel_labels_finish(CtsModel *model, int n_threads, CtsError *err)
 {
-    Finishing f = {o, volume};
+    CtsVoxelLabels *const o = model->voxel_labels;
+    Finishing f = {o, model->volume};
     bool hides = false;
     CtsStatus st = mark_shared(o, err);
-    if (st || (st = cts_voxel_labels_find_skin(o, volume, n_threads, err)))
+    if (st || (st = cts_voxel_labels_find_skin(o, model->volume, n_threads, err)))
         return st;
     cts_parallel(cts_threads(n_threads), (size_t)o->n_block[1] * (size_t)o->n_block[2], 16, find_blocks, &f);
     for (int i = 0; i < o->n; i++)
         hides |= o->appearance[i] == CTS_APPEARANCE_HIDDEN;
-    return hides && !CTS_MUTATED(HIDING) ? show(o, volume, cts_threads(n_threads), err) : CTS_OK;
+    return hides && !CTS_MUTATED(HIDING) ? show(model, cts_threads(n_threads), err) : CTS_OK;
 }

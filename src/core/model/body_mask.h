@@ -1,7 +1,7 @@
 /* Mask of the inside of the patient's body, for minip and average, which would otherwise show only the air around
  * it. */
-#ifndef CTS_VOLUME_BODY_MASK_H
-#define CTS_VOLUME_BODY_MASK_H
+#ifndef CTS_MODEL_BODY_MASK_H
+#define CTS_MODEL_BODY_MASK_H
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -23,7 +23,6 @@ typedef struct CtsBodyMask {
 CtsStatus cts_body_mask_new(CtsBodyMask **mask, const int n[3], const int step[3], CtsError *err);
 /* To be called when the volume's layers become n times as many. */
 void cts_body_mask_refine(CtsBodyMask *mask, int n);
-CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err);
 void cts_body_mask_free(CtsBodyMask **mask);
 
 typedef enum CtsMaskCover { CTS_COVER_NONE, CTS_COVER_SOME, CTS_COVER_ALL } CtsMaskCover;

@@ -1,4 +1,4 @@
-#include "core/volume/macrocells.h"
+#include "core/model/macrocells.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"

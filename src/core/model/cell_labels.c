@@ -1,6 +1,6 @@
 /* Labels within one cell. Along a line their fields are cubics; the Bernstein coefficients show where one exceeds
  * another; elsewhere the line is split, at the root where only two are left. */
-#include "core/volume/voxel_labels.h"
+#include "core/model/voxel_labels.h"
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,4 +1,4 @@
-#include "core/volume/body_mask.h"
+#include "core/model/body_mask.h"
 
 #include "base/mem.h"
 #include <string.h>
@@ -20,16 +20,6 @@ CtsStatus cts_body_mask_new(CtsBodyMask **mask, const int n[3], const int step[3
     if ((st = cts_alloc_array(&(*mask)->share, n_nodes(n), err)))
         cts_body_mask_free(mask);
     return st;
-}
-
-CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err)
-{
-    const CtsStatus st = cts_body_mask_new(copy, mask->n, mask->step, err);
-    if (st)
-        return st;
-    memcpy((*copy)->first, mask->first, sizeof mask->first);
-    memcpy((*copy)->share, mask->share, n_nodes(mask->n));
-    return CTS_OK;
 }
 
 void cts_body_mask_refine(CtsBodyMask *mask, int n)

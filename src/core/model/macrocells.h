@@ -1,8 +1,8 @@
 /* Macro-cells: smallest and largest grey level of 8 x 8 x 8 cells of the volume, or of 4 x 4 x 4 in the fine ones. A
  * cell lies between 2 x 2 x 2 voxels, so that any value interpolated inside a macro-cell lies within its range. For
  * engines with empty-space skipping. */
-#ifndef CTS_VOLUME_MACROCELLS_H
-#define CTS_VOLUME_MACROCELLS_H
+#ifndef CTS_MODEL_MACROCELLS_H
+#define CTS_MODEL_MACROCELLS_H
 
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
