@@ -1,6 +1,5 @@
 /* One bit a voxel: shapes, small enough to be swept many times. */
-#ifndef CTS_BASE_BITS_H
-#define CTS_BASE_BITS_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -89,5 +88,3 @@ bool cts_bits_any(const CtsBits *bits);
 uint64_t cts_bits_count(const CtsBits *bits);
 /* Number of bits set in both, which have the same dimensions. */
 uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads);
-
-#endif

@@ -1,17 +1,20 @@
 /* Numbers 0..1 as pictures hold them. */
-#ifndef CTS_BASE_CLAMP_H
-#define CTS_BASE_CLAMP_H
+#pragma once
 
 #include <math.h>
+
+/* v clamped to 0..1; NaN gives 0. */
+static inline double cts_clamp01(double v)
+{
+    return v > 0 ? v < 1 ? v : 1 : 0;
+}
 
 /* v clamped to 0..1 (NaN gives 0) as a float that rounds to the same of 65536 levels as v does: a float's own rounding
  * can cross the middle between two levels. */
 static inline float cts_clamp_to_level(double v)
 {
-    const double clamped = v > 0 ? v < 1 ? v : 1 : 0, level = floor(clamped * 65535 + 0.5);
+    const double clamped = cts_clamp01(v), level = floor(clamped * 65535 + 0.5);
     const float nearest = (float)clamped;
     const double found = floor((double)nearest * 65535 + 0.5);
     return found == level ? nearest : nextafterf(nearest, found < level ? 2.0f : -1.0f);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* Wall and CPU time in ms, and the peak memory of this process. */
-#ifndef CTS_BASE_CLOCK_H
-#define CTS_BASE_CLOCK_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stdint.h>
@@ -24,4 +23,3 @@ double cts_cpu_add_usage(const struct rusage *usage);
 void cts_cpu_add_ms(double ms);
 
 CTS_C_END
-#endif

@@ -1,6 +1,5 @@
 /* For qsort(): numbers, rising; and the extremes of many. */
-#ifndef CTS_BASE_COMPARE_H
-#define CTS_BASE_COMPARE_H
+#pragma once
 
 static inline int cts_compare_double(const void *a, const void *b)
 {
@@ -27,5 +26,3 @@ static inline void cts_lower_to(double *smallest, double v)
     if (v < *smallest)
         *smallest = v;
 }
-
-#endif

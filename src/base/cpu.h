@@ -1,6 +1,5 @@
 /* Features of the processor, and the number of cores this process may use. */
-#ifndef CTS_BASE_CPU_H
-#define CTS_BASE_CPU_H
+#pragma once
 
 #include "ctsplat/api.h"
 
@@ -27,7 +26,21 @@ enum CtsCpuFlag { CTS_CPU_PATHS(CTS_CPU_FLAG) };
 #define CTS_TARGET_AVX2
 #define CTS_TARGET_AVX512
 #endif
-/* Of name_plain, name_avx2 and name_avx512, the one for these flags. */
+/* Defines name_plain, name_avx2 and name_avx512: the statement, which calls an inlined function, for each SIMD path. */
+#define CTS_CPU_VARIANTS(type, name, parameters, statement)                                                            \
+    static type name##_plain parameters                                                                                \
+    {                                                                                                                  \
+        statement;                                                                                                     \
+    }                                                                                                                  \
+    CTS_TARGET_AVX2 static type name##_avx2 parameters                                                                 \
+    {                                                                                                                  \
+        statement;                                                                                                     \
+    }                                                                                                                  \
+    CTS_TARGET_AVX512 static type name##_avx512 parameters                                                             \
+    {                                                                                                                  \
+        statement;                                                                                                     \
+    }
+/* Of these, the one for these flags. */
 #define CTS_CPU_CHOICE(flags, name)                                                                                    \
     ((flags)&CTS_CPU_AVX512 ? name##_avx512 : (flags)&CTS_CPU_AVX2 ? name##_avx2 : name##_plain)
 
@@ -47,4 +60,3 @@ int cts_threads_why(int n, const char **why);
 int cts_threads(int n);
 
 CTS_C_END
-#endif

@@ -1,6 +1,5 @@
 /* Suggestions for misspelt words. */
-#ifndef CTS_BASE_DID_YOU_MEAN_H
-#define CTS_BASE_DID_YOU_MEAN_H
+#pragma once
 
 #include <stddef.h>
 
@@ -23,5 +22,3 @@ typedef struct CtsHint {
 CtsHint cts_did_you_mean_hint(const CtsDidYouMean *nearest_word);
 /* The most similar of n names. */
 CtsHint cts_did_you_mean(const char *written, size_t length, const char *const *names, int n);
-
-#endif

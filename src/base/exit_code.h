@@ -1,10 +1,7 @@
 /* Exit codes of statuses. */
-#ifndef CTS_BASE_EXIT_CODE_H
-#define CTS_BASE_EXIT_CODE_H
+#pragma once
 
 #include "ctsplat/status.h"
 
 /* 0, 1, 2, 3, 4, 5 or 130, as ctsplat(1) has them. */
 int cts_exit_code(CtsStatus status);
-
-#endif

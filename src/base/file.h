@@ -1,6 +1,5 @@
 /* Outputs that appear whole or not at all: a temporary file in the same folder, fsync, rename. */
-#ifndef CTS_BASE_FILE_H
-#define CTS_BASE_FILE_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -45,4 +44,3 @@ CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err);
 CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err);
 
 CTS_C_END
-#endif

@@ -1,6 +1,5 @@
 /* An input file and its bytes: opened without blocking, regular files alone, every read in full. */
-#ifndef CTS_BASE_FILE_BYTES_H
-#define CTS_BASE_FILE_BYTES_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -42,4 +41,3 @@ CtsStatus cts_inflate(const uint8_t *deflated, size_t n_deflated, uint64_t skip,
                       CtsError *err);
 
 CTS_C_END
-#endif

@@ -1,6 +1,5 @@
 /* SHA-256 through OpenSSL's libcrypto, and names made from it. */
-#ifndef CTS_BASE_HASH_H
-#define CTS_BASE_HASH_H
+#pragma once
 
 #include "base/site_key.h"
 #include "ctsplat/status.h"
@@ -25,4 +24,3 @@ CtsStatus cts_hash_finish(CtsHash **hash, uint8_t digest[CTS_DIGEST_BYTES], CtsE
 CtsStatus cts_hash_hex(CtsHash **hash, char hex[2 * CTS_DIGEST_BYTES + 1], CtsError *err);
 
 CTS_C_END
-#endif

@@ -1,7 +1,6 @@
 /* The helper process, which forks all others (ctsplat/helper.h). It has no threads and no volumes, so that forking it
  * is cheap and no lock is held; functions and constants have the same addresses as in the program. */
-#ifndef CTS_BASE_HELPER_PROCESS_H
-#define CTS_BASE_HELPER_PROCESS_H
+#pragma once
 
 #include "ctsplat/helper.h"
 #include <stdbool.h>
@@ -33,5 +32,3 @@ void cts_helper_renew(void);
  * CPU time of helpers counts as the program's. */
 void cts_helper_keep(void);
 void cts_helper_stop(void);
-
-#endif

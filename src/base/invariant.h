@@ -1,6 +1,5 @@
 /* Asserts of what loops keep true, in builds with a sanitizer or without optimisation; elsewhere they cost nothing. */
-#ifndef CTS_BASE_INVARIANT_H
-#define CTS_BASE_INVARIANT_H
+#pragma once
 
 #include "base/sanitized.h"
 
@@ -11,6 +10,4 @@
 #else
 #define CTS_INVARIANTS 0
 #define CTS_INVARIANT(condition) ((void)sizeof(!(condition)))
-#endif
-
 #endif

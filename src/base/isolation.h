@@ -1,6 +1,5 @@
 /* Isolation of a process that runs codecs on untrusted bytes. */
-#ifndef CTS_BASE_ISOLATION_H
-#define CTS_BASE_ISOLATION_H
+#pragma once
 
 #include "base/sanitized.h"
 #include <stddef.h>
@@ -16,5 +15,3 @@ int cts_isolation_leave_all(int keep_fd);
 
 /* For a process that serves a peer: it can start no program and open no connection. 0, or an errno. */
 int cts_isolation_stay_inside(void);
-
-#endif

@@ -2,8 +2,7 @@
  *
  * jansson gives positions for syntax errors only. A CtsJsonAt therefore records the path to a value, and for a message
  * the line is found by parsing the text again with jansson as the tokeniser. */
-#ifndef CTS_BASE_JSON_H
-#define CTS_BASE_JSON_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <jansson.h>
@@ -62,5 +61,3 @@ static inline const char *cts_json_text_of(const json_t *object, const char *key
 }
 /* A number as people write it: without a point when it is whole. */
 json_t *cts_json_new_number(double value);
-
-#endif

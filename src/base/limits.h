@@ -1,6 +1,5 @@
 /* Confidence limits of a picture's error, for any distribution of errors. */
-#ifndef CTS_BASE_LIMITS_H
-#define CTS_BASE_LIMITS_H
+#pragma once
 
 #include "ctsplat/report.h"
 
@@ -13,5 +12,3 @@ void cts_error_limits(CtsVerified *verified);
  * limits (0 counts as 1) that are computed so hold all together with that probability: each has its part of the chance
  * to fail (union bound). */
 double cts_mean_limit(double sum, double most, double n, int n_limits);
-
-#endif

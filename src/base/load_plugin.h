@@ -1,7 +1,6 @@
 /* Plug-ins: parts of the program in libraries of their own that are loaded on demand, since loading their dependencies
  * would slow down every run. */
-#ifndef CTS_BASE_LOAD_PLUGIN_H
-#define CTS_BASE_LOAD_PLUGIN_H
+#pragma once
 
 #include "ctsplat/status.h"
 
@@ -34,5 +33,3 @@ CtsStatus cts_plugin_table(const char *file, const char *name, const void **kept
         *found = (const Table *)name##_table();                                                                        \
         return CTS_OK;                                                                                                 \
     }
-
-#endif

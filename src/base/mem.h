@@ -1,6 +1,5 @@
 /* Allocation of large blocks: sizes checked for overflow, blocks aligned for vector code. */
-#ifndef CTS_BASE_MEM_H
-#define CTS_BASE_MEM_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stddef.h>
@@ -47,4 +46,3 @@ static inline int cts_mul_overflows(size_t a, size_t b, size_t *product)
 }
 
 CTS_C_END
-#endif

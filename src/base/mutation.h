@@ -1,7 +1,6 @@
 /* Mutation testing: known faults, enabled one at a time to prove that tests detect them. In a normal build every
  * CTS_MUTATED() is the constant 0; the library of tests/unit/test_mutation.c contains them. */
-#ifndef CTS_BASE_MUTATION_H
-#define CTS_BASE_MUTATION_H
+#pragma once
 
 #define CTS_MUTATIONS(fault)                                                                                           \
     fault(HALF_PIXEL)             /* view: pixels half a pixel off */                                                  \
@@ -70,6 +69,4 @@ extern int cts_mutation_now;
 #define CTS_MUTATED(name) (cts_mutation_now == CTS_MUTATION_##name)
 #else
 #define CTS_MUTATED(name) 0
-#endif
-
 #endif

@@ -1,6 +1,5 @@
 /* A thread pool for parallel loops. */
-#ifndef CTS_BASE_PARALLEL_H
-#define CTS_BASE_PARALLEL_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stddef.h>
@@ -25,4 +24,3 @@ void cts_parallel(int n_threads, size_t n, size_t chunk, cts_work_fn work, void 
 double cts_parallel_ms(void);
 
 CTS_C_END
-#endif

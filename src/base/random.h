@@ -1,6 +1,5 @@
 /* Counter-based pseudo-random numbers (MurmurHash3 finaliser). */
-#ifndef CTS_BASE_RANDOM_H
-#define CTS_BASE_RANDOM_H
+#pragma once
 
 #include <stdint.h>
 
@@ -10,5 +9,3 @@ static inline uint64_t cts_random_bits(uint64_t number)
     number = (number ^ number >> 33) * 0xff51afd7ed558ccdu;
     return (number ^ number >> 33) * 0xc4ceb9fe1a85ec53u;
 }
-
-#endif

@@ -2,8 +2,7 @@
  * value changes; the stages after it follow. Caches and batches derive from these tables what is up to date: settings
  * of rendering (core/scene/settings.h), of the volume (app/job/source_choice.c), and options
  * (app/options/option_table.c). */
-#ifndef CTS_BASE_REMAKES_H
-#define CTS_BASE_REMAKES_H
+#pragma once
 
 typedef enum CtsRemakes {
     CTS_REMAKES_SCAN,     /* the slices that are read, or labels */
@@ -15,5 +14,3 @@ typedef enum CtsRemakes {
     CTS_REMAKES_OBJECT,  /* files of DICOM objects alone */
     CTS_REMAKES_NOTHING, /* no byte of an output depends on it */
 } CtsRemakes;
-
-#endif

@@ -12,8 +12,7 @@
  * instead. A process that hangs at its start, on a lock that was held when the helper was forked, is abandoned together
  * with the helper; DCMTK's locks are free then (pthread_atfork() in dcm_start.cc), and the C library resets its own. A
  * process ends when its socket is closed, however the program ends. */
-#ifndef CTS_BASE_SANDBOX_H
-#define CTS_BASE_SANDBOX_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -81,5 +80,3 @@ void cts_sandbox_end(CtsSandbox *sandbox);
 
 /* Ends the process and frees the memory; the sandbox may be used again. */
 void cts_sandbox_stop(CtsSandbox *sandbox);
-
-#endif

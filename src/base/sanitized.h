@@ -1,6 +1,5 @@
 /* CTS_SANITIZED: defined in builds with a sanitizer, for gcc and clang. */
-#ifndef CTS_BASE_SANITIZED_H
-#define CTS_BASE_SANITIZED_H
+#pragma once
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define CTS_SANITIZED 1
@@ -11,6 +10,4 @@
 #endif
 #ifndef CTS_SANITIZED
 #define CTS_SANITIZED 0
-#endif
-
 #endif

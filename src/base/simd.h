@@ -21,8 +21,7 @@
  * path; vn has eight of int32_t; and there are no vectors of sixteen lanes.
  *
  * Vectors whose lanes do not depend on the path, such as the channels of a pixel: base/simd_fixed.h. */
-#ifndef CTS_BASE_SIMD_H
-#define CTS_BASE_SIMD_H
+#pragma once
 
 #include "base/sanitized.h"
 #include <math.h>
@@ -272,6 +271,4 @@ INLINE bool wmask_any(wmask mask)
 }
 
 SIMD_OP(bool, wmask_all, (wmask mask), wmask_bits(mask) == 0xffff)
-#endif
-
 #endif

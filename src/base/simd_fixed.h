@@ -1,7 +1,6 @@
 /* GCC vectors of a fixed number of lanes, such as pixels or runs of voxels. They may lie at any address of an element
  * and alias it, so that arrays are read and written through pointers to them. */
-#ifndef CTS_BASE_SIMD_FIXED_H
-#define CTS_BASE_SIMD_FIXED_H
+#pragma once
 
 #include <stdint.h>
 
@@ -21,5 +20,3 @@ SIMD_FIXED(i64x4, int64_t, 4);
 SIMD_FIXED(f32x4, float, 4);
 SIMD_FIXED(f32x8, float, 8);
 SIMD_FIXED(f64x4, double, 4);
-
-#endif

@@ -1,6 +1,5 @@
 /* Times around a call, so that no time of a run is lost between its stages. */
-#ifndef CTS_BASE_STAGE_TIMER_H
-#define CTS_BASE_STAGE_TIMER_H
+#pragma once
 
 #include "ctsplat/report.h"
 
@@ -10,5 +9,3 @@ typedef struct CtsStageTimer {
 } CtsStageTimer;
 CtsStageTimer cts_stage_timer_start(const CtsReport *report);
 void cts_stage_timer_stop(CtsStageTimer meter, CtsReport *report, CtsStage stage);
-
-#endif

@@ -4,7 +4,6 @@
 #include "base/text.h"
 #include <stdarg.h>
 #include <stdio.h>
-#include <string.h>
 
 CtsStatus cts_fail(CtsError *err, CtsStatus status, const char *format, ...)
 {

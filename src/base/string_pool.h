@@ -1,6 +1,5 @@
 /* A string pool for the texts of many slices: repeated texts are stored once, and all are freed together. */
-#ifndef CTS_BASE_STRING_POOL_H
-#define CTS_BASE_STRING_POOL_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stddef.h>
@@ -22,4 +21,3 @@ const char *cts_string_pool_share(CtsStringPool *texts, const char *text, size_t
 void cts_string_pool_free(CtsStringPool *texts);
 
 CTS_C_END
-#endif

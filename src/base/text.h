@@ -1,6 +1,5 @@
 /* Sanitising text from headers and file names for display. */
-#ifndef CTS_BASE_TEXT_H
-#define CTS_BASE_TEXT_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stdbool.h>
@@ -22,4 +21,3 @@ bool cts_uid_is_valid(const char *uid);
 bool cts_text_rgb(const char *text, double rgb[3]);
 
 CTS_C_END
-#endif

@@ -1,6 +1,5 @@
 /* Threads with large stacks, independent of the process's limit (ulimit -s). */
-#ifndef CTS_BASE_THREAD_H
-#define CTS_BASE_THREAD_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <pthread.h>
@@ -17,4 +16,3 @@ int cts_thread_start(pthread_t *thread, CtsThreadFn run, void *context);
 void *cts_thread_with_stack(CtsThreadFn run, void *context);
 
 CTS_C_END
-#endif

@@ -1,6 +1,5 @@
 /* 3-vectors in double. */
-#ifndef CTS_BASE_VEC3_H
-#define CTS_BASE_VEC3_H
+#pragma once
 
 #include <math.h>
 
@@ -30,5 +29,3 @@ static inline void cts_apply3(const double m[3][3], const double v[3], double ou
     out[1] = y;
     out[2] = z;
 }
-
-#endif

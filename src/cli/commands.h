@@ -1,6 +1,5 @@
 /* The commands: their help texts, their functions, and the parser of their arguments. */
-#ifndef CTS_CLI_COMMANDS_H
-#define CTS_CLI_COMMANDS_H
+#pragma once
 
 #include "app/options/options.h"
 
@@ -30,5 +29,3 @@ void cli_help(void);
 void cli_help_command(int command);
 /* This program and the libraries it runs with. */
 void cli_version(void);
-
-#endif

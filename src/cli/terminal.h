@@ -1,6 +1,5 @@
 /* The terminal: messages and a progress bar on stderr, output on stdout, signals. */
-#ifndef CTS_CLI_TERMINAL_H
-#define CTS_CLI_TERMINAL_H
+#pragma once
 
 #include "app/job/render_job.h"
 #include "app/options/options.h"
@@ -75,5 +74,3 @@ void cli_interrupt_sets_stop(void);
 void cli_interrupt_writes(int fd, const char *text, size_t size);
 /* An empty folder that such a signal removes; must stay valid. NULL: none. */
 void cli_interrupt_removes(const char *folder);
-
-#endif

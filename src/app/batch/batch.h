@@ -1,6 +1,5 @@
 /* Rendering of many series, each in a process of its own, with a journal from which a stopped run resumes. */
-#ifndef CTS_BATCH_BATCH_H
-#define CTS_BATCH_BATCH_H
+#pragma once
 
 #include "app/job/render_job.h"
 #include "app/options/options.h"
@@ -80,5 +79,3 @@ void cts_sweep(const char *folder, const char *prefix);
 /* All of them below -O; of a shard its journal's alone, as other shards are at work: the folder of a series is swept
  * when the series is made. */
 void cts_sweep_all(const char *folder, int shard, int n_shards);
-
-#endif

@@ -1,6 +1,5 @@
 /* The series of an archive, found in one search; the list of files is kept on disk. */
-#ifndef CTS_BATCH_BATCH_PLAN_H
-#define CTS_BATCH_BATCH_PLAN_H
+#pragma once
 
 #include "app/batch/batch.h"
 #include "base/hash.h"
@@ -46,5 +45,3 @@ void cts_plan_free(CtsBatchPlan **plan);
 /* Series i in the order in which their first files were met. Free with cts_plan_series_free(). */
 CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err);
 void cts_plan_series_free(CtsPlanSeries *series);
-
-#endif

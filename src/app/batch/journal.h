@@ -3,8 +3,7 @@
  * Records are appended as series end and synced periodically; the last record of a series is valid. A killed run leaves
  * at most an incomplete line at the end, which the next run truncates. cts_journal_finish() leaves one record per
  * series. */
-#ifndef CTS_BATCH_JOURNAL_H
-#define CTS_BATCH_JOURNAL_H
+#pragma once
 
 #include "app/batch/batch.h"
 #include <jansson.h>
@@ -80,5 +79,3 @@ void cts_journal_record_drop(json_t *record, const char *list, const CtsBatchSet
 
 /* Size, time and SHA-256 of the entry's file. */
 CtsStatus cts_journal_record_file_facts(const CtsBatchSettings *settings, json_t *entry, CtsError *err);
-
-#endif

@@ -1,7 +1,7 @@
 #include "app/batch/journal.h"
 
-#include "app/batch/batch_plan.h"
 #include "app/contact/journal_lines.h"
+#include "base/hash.h"
 #include "base/json.h"
 #include <ctype.h>
 #include <errno.h>

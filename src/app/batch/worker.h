@@ -1,6 +1,5 @@
 /* Worker process of a series, and its messages to the batch. */
-#ifndef CTS_BATCH_WORKER_H
-#define CTS_BATCH_WORKER_H
+#pragma once
 
 #include "app/batch/batch.h"
 #include "app/batch/batch_plan.h"
@@ -120,5 +119,3 @@ void cts_worker_stop(CtsWorker *worker, double now_ms);
 void cts_worker_kill(CtsWorker *worker, const char *why);
 /* After its process has ended. */
 void cts_worker_free(CtsWorker *worker);
-
-#endif

@@ -1,6 +1,5 @@
 /* The contact sheet: one page of all series in a batch's journals, that opens from disk in any browser. */
-#ifndef CTS_CONTACT_SHEET_H
-#define CTS_CONTACT_SHEET_H
+#pragma once
 
 #include "ctsplat/labels.h"
 #include "ctsplat/picture.h"
@@ -69,5 +68,3 @@ enum { CTS_LABEL_SLICES_SIDE = 240 };
  * soft-tissue window. The outline of label i has the hue i times the golden ratio, as in the sheet's list. scanned must
  * still have its grey levels, and its labels their statistics. */
 CtsStatus cts_label_slices(const CtsScanned *scanned, const CtsLabels *labels, CtsPicture **picture, CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* Journals of batches: one JSON object per line, found by its offset. The last record of a series is valid. */
-#ifndef CTS_CONTACT_JOURNAL_LINES_H
-#define CTS_CONTACT_JOURNAL_LINES_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <jansson.h>
@@ -46,5 +45,3 @@ json_t *cts_journal_lines_load(const CtsJournalLines *lines, const CtsJournalLin
 /* Sorts items by UID; cts_journal_lines_find() finds nothing afterwards. */
 void cts_journal_lines_sort(CtsJournalLines *lines);
 void cts_journal_lines_free(CtsJournalLines *lines);
-
-#endif

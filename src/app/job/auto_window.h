@@ -1,6 +1,5 @@
 /* Parts of a preset that depend on the volume: a projection's window, and colours of vessel presets. */
-#ifndef CTS_JOB_AUTO_WINDOW_H
-#define CTS_JOB_AUTO_WINDOW_H
+#pragma once
 
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
@@ -16,5 +15,3 @@ CtsStatus cts_auto_window(const CtsModel *model, const CtsRenderSettings *settin
 CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, bool *missing, CtsError *err);
 /* The warning `no_contrast`. */
 void cts_contrast_report(const CtsPreset *preset, CtsReport *report);
-
-#endif

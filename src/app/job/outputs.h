@@ -1,6 +1,5 @@
 /* The files that one job writes: names for each frame, checked before any work. */
-#ifndef CTS_JOB_OUTPUTS_H
-#define CTS_JOB_OUTPUTS_H
+#pragma once
 
 #include "app/job/watch.h"
 #include "ctsplat/export.h"
@@ -42,5 +41,3 @@ CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, Cts
 CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err);
 /* Discards incomplete files. */
 void cts_files_end(CtsFiles *files);
-
-#endif

@@ -4,7 +4,6 @@
 #include "base/stage_timer.h"
 #include "ctsplat/table.h"
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 typedef struct SeriesName {

@@ -1,6 +1,5 @@
 /* From PATH... to the volume that pictures are made of. */
-#ifndef CTS_JOB_PIPELINE_H
-#define CTS_JOB_PIPELINE_H
+#pragma once
 
 #include "app/job/watch.h"
 #include "ctsplat/label_files.h"
@@ -79,5 +78,3 @@ CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_
 CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
                           CtsReport *report, CtsError *err);
 void cts_loaded_free(CtsLoaded *loaded);
-
-#endif

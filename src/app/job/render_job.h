@@ -1,7 +1,6 @@
 /* A render job: one series, one preset, one view or a rotation, any number of files. `ctsplat render` runs one, a batch
  * many. It prints nothing: warnings are findings of the report. */
-#ifndef CTS_JOB_RENDER_JOB_H
-#define CTS_JOB_RENDER_JOB_H
+#pragma once
 
 #include "app/job/outputs.h"
 #include "app/job/pipeline.h"
@@ -58,5 +57,3 @@ bool cts_job_finds_body(const CtsJob *job);
 
 /* Check, load, render. */
 CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err);
-
-#endif

@@ -1,7 +1,6 @@
 /* The fields of CtsSource, each with the first stage that depends on it, and the text by which processed volumes are
  * found again. A field without a row does not compile. */
 #include "app/job/pipeline.h"
-#include "base/remakes.h"
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -1,6 +1,5 @@
 /* Callbacks for the progress of a job. Each may be NULL; none can fail the job. */
-#ifndef CTS_JOB_WATCH_H
-#define CTS_JOB_WATCH_H
+#pragma once
 
 #include "ctsplat/picture.h"
 #include "ctsplat/report.h"
@@ -35,5 +34,3 @@ static inline void cts_watch_diagnostics(const CtsWatch *watch, const CtsReport 
     if (watch->diagnostics)
         watch->diagnostics(watch->context, report);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* The receiver: listens on one address, and serves each peer that may send in a process of its own. */
-#ifndef CTS_NODE_NODE_H
-#define CTS_NODE_NODE_H
+#pragma once
 
 #include "app/options/options.h"
 #include "dicom/net/store_scp.h"
@@ -113,5 +112,3 @@ CtsStatus cts_record_rejections(const char *path, uint64_t n, const CtsAddress *
 /* Runs until options->net.stop is set: CTS_OK. Options are those of the command `receive`; on_text gets each line for
  * the user. */
 CtsStatus cts_receive(const CtsOptions *options, void (*on_text)(const char *text), CtsError *err);
-
-#endif

@@ -1,7 +1,6 @@
 /* The table of all options of all commands: it drives parsing, ranges, help, messages, the contents of presentation
  * states, and what a batch renders again. Messages write an option as `size`. */
-#ifndef CTS_OPTIONS_OPTIONS_H
-#define CTS_OPTIONS_OPTIONS_H
+#pragma once
 
 #include "app/job/render_job.h"
 #include "base/remakes.h"
@@ -218,5 +217,3 @@ void cts_options_report_objects(const CtsOptions *options, bool any_object, cons
 
 /* Sends every DICOM output once it is written; does nothing without `send`. */
 CtsStatus cts_options_send(const CtsOptions *options, CtsError *err);
-
-#endif

@@ -1,7 +1,6 @@
 /* The HTTP interface, free of libmicrohttpd's types. Its implementation is a plug-in (base/load_plugin.h), since no
  * other command needs it. */
-#ifndef CTS_SERVE_HTTP_H
-#define CTS_SERVE_HTTP_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -51,5 +50,3 @@ typedef struct CtsHttp {
 } CtsHttp;
 
 CtsStatus cts_http(const CtsHttp **http, CtsError *err);
-
-#endif

@@ -4,7 +4,6 @@
 #include "base/json.h"
 #include <jansson.h>
 #include <stdlib.h>
-#include <string.h>
 
 static char *text_of(json_t *json, size_t flags)
 {

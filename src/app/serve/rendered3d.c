@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 /* The standard's parameters; with a presentation state only those of camera, size and media type are allowed. */
 static const struct Parameter {

@@ -1,7 +1,6 @@
 /* The series cache: available series, and for loaded ones the scanned slices, processed volumes and renderers. The
  * least recently used is freed first. Not thread-safe: the caller holds its lock except where noted. */
-#ifndef CTS_SERVE_SERIES_CACHE_H
-#define CTS_SERVE_SERIES_CACHE_H
+#pragma once
 
 #include "app/job/render_job.h"
 #include "app/options/options.h"
@@ -103,5 +102,3 @@ CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const 
                                            bool *is_new);
 /* failed: it is of no use. */
 void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer, bool failed);
-
-#endif

@@ -2,7 +2,6 @@
 #include "app/serve/series_cache.h"
 
 #include "base/clock.h"
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,7 +1,6 @@
 /* Loaded volumes and pictures of them over HTTP: PS3.18 rendered3D, ctsplat's own URLs, and a page. Shared state of the
  * server's files. */
-#ifndef CTS_SERVE_SERVER_H
-#define CTS_SERVE_SERVER_H
+#pragma once
 
 #include "app/options/options.h"
 #include "app/serve/http.h"
@@ -151,5 +150,3 @@ char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *render_req
  * series found. */
 CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), void (*note)(const char *text),
                     CtsError *err);
-
-#endif

@@ -90,22 +90,9 @@ static inline __attribute__((always_inline)) void dilate_far_any_words(Way way, 
             out[i] = in[i] | in[(ptrdiff_t)i - rows] | in[(ptrdiff_t)i + rows];
 }
 
-static void dilate_far_words_plain(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
-{
-    dilate_far_any_words(way, in, out, n_words, n, rows);
-}
-
-CTS_TARGET_AVX2 static void dilate_far_words_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
-                                                  ptrdiff_t rows)
-{
-    dilate_far_any_words(way, in, out, n_words, n, rows);
-}
-
-CTS_TARGET_AVX512 static void dilate_far_words_avx512(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
-                                                      ptrdiff_t rows)
-{
-    dilate_far_any_words(way, in, out, n_words, n, rows);
-}
+CTS_CPU_VARIANTS(void, dilate_far_words,
+                 (Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows),
+                 dilate_far_any_words(way, in, out, n_words, n, rows))
 
 /* Dilates m->a by another step; `reach` rows outside the section on either side may be set afterwards. */
 static void dilate_far(CtsMorphology *m, Way way, int n, int reach)

@@ -2,10 +2,8 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
-#include "base/mem.h"
 #include "base/parallel.h"
 #include "core/couch/table_removal.h"
-#include "core/model/macrocells.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdatomic.h>

@@ -1,6 +1,5 @@
 /* The steps of table removal. */
-#ifndef CTS_COUCH_TABLE_REMOVAL_H
-#define CTS_COUCH_TABLE_REMOVAL_H
+#pragma once
 
 #include "base/bits.h"
 #include "core/model/body_mask.h"
@@ -157,5 +156,3 @@ void cts_body_free(CtsBody *body);
  * skin. */
 CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
                           CtsBodyMask **mask, CtsError *err);
-
-#endif

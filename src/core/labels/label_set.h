@@ -1,6 +1,5 @@
 /* Labels while they are made and chosen. */
-#ifndef CTS_LABELS_LABEL_SET_H
-#define CTS_LABELS_LABEL_SET_H
+#pragma once
 
 #include "ctsplat/labels.h"
 
@@ -71,5 +70,3 @@ struct CtsAppearance;
 CtsStatus cts_label_appearance_parse(const char *text, struct CtsAppearance *appearance, CtsError *err);
 /* The default colour of the n-th label: distinguishable with any kind of colour vision. */
 void cts_label_colour(size_t n, double rgb[3]);
-
-#endif

@@ -1,6 +1,5 @@
 /* Sums over the HU of labels while slices are read: of stored numbers, as integers, so that neither threads nor the
  * order of slices change them. */
-#include "base/mem.h"
 #include "core/labels/label_set.h"
 #include "core/volume/stored.h"
 #include <math.h>

@@ -7,7 +7,6 @@
 #include "core/model/voxel_labels.h"
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Position of a scanned slice in the volume: column and row of its first voxel, and its layer. */
 static CtsStatus place_slice(const CtsLabelGrid *g, const CtsVolume *v, int slice, double at[3], CtsError *err)

@@ -1,7 +1,6 @@
 /* Mask of the inside of the patient's body, for minip and average, which would otherwise show only the air around
  * it. */
-#ifndef CTS_MODEL_BODY_MASK_H
-#define CTS_MODEL_BODY_MASK_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -46,5 +45,3 @@ static inline double cts_body_mask_place(const CtsBodyMask *mask, int axis, int 
 
 /* The mask at a place within the volume, in voxels. */
 double cts_body_mask_at(const CtsBodyMask *mask, const double at[3]);
-
-#endif

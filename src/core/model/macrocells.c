@@ -19,12 +19,6 @@ static inline uint16_t max16(uint16_t a, uint16_t b)
     return a > b ? a : b;
 }
 
-static inline void widen(CtsRange *r, CtsRange other)
-{
-    r->low = min16(r->low, other.low);
-    r->high = max16(r->high, other.high);
-}
-
 /* Extends each column's range by five rows. */
 static inline __attribute__((always_inline)) void widen_columns(uint16_t *restrict low, uint16_t *restrict high,
                                                                 const uint16_t *const row[REACH], int n)
@@ -82,20 +76,8 @@ static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocel
     }
 }
 
-static void fold_row_plain(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
-{
-    fold_any_row(b, grey, bj, bk);
-}
-
-CTS_TARGET_AVX2 static void fold_row_avx2(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
-{
-    fold_any_row(b, grey, bj, bk);
-}
-
-CTS_TARGET_AVX512 static void fold_row_avx512(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
-{
-    fold_any_row(b, grey, bj, bk);
-}
+CTS_CPU_VARIANTS(void, fold_row, (const CtsMacrocells *b, const uint16_t *grey, int bj, int bk),
+                 fold_any_row(b, grey, bj, bk))
 
 static size_t product(const int n[3])
 {
@@ -132,7 +114,8 @@ static void sum_fine(CtsMacrocells *b, int bi, int bj, int bk)
     for (int k = 2 * bk; k < 2 * bk + 2 && k < nf[2]; k++)
         for (int j = 2 * bj; j < 2 * bj + 2 && j < nf[1]; j++)
             for (int i = 2 * bi; i < 2 * bi + 2 && i < nf[0]; i++)
-                widen(&sum, b->fine[((size_t)k * (size_t)nf[1] + (size_t)j) * (size_t)nf[0] + (size_t)i]);
+                sum =
+                    cts_range_union(sum, b->fine[((size_t)k * (size_t)nf[1] + (size_t)j) * (size_t)nf[0] + (size_t)i]);
     b->range[((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0] + (size_t)bi] = sum;
 }
 
@@ -151,7 +134,7 @@ void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
     cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, b);
     b->all = (CtsRange){65535, 0};
     for (size_t i = 0; i < product(b->n); i++)
-        widen(&b->all, b->range[i]);
+        b->all = cts_range_union(b->all, b->range[i]);
 }
 
 typedef struct Folding {

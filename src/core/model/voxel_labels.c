@@ -7,7 +7,6 @@
 #include "core/model/macrocells.h"
 #include "core/volume/volume_new.h"
 #include <stdlib.h>
-#include <string.h>
 
 CtsStatus cts_voxel_labels_new(CtsVoxelLabels **voxel_labels, const CtsVolume *volume, int n, int n_planes,
                                CtsError *err)

@@ -4,8 +4,7 @@
  * voxel; between two slices it is linear, and trilinear within a cell; the label with the largest field gets a point,
  * of equal ones that with the lower number (Feng, Ju, Warren: "Piecewise Tri-linear Contouring for Multi-Material
  * Volumes", 2010). */
-#ifndef CTS_MODEL_VOXEL_LABELS_H
-#define CTS_MODEL_VOXEL_LABELS_H
+#pragma once
 
 #include "ctsplat/labels.h"
 #include "ctsplat/model.h"
@@ -123,5 +122,3 @@ int cts_label_intervals(const CtsVoxelLabels *voxel_labels, const int cell[3], c
 /* The same for the trilinear field of eight vertices: hidden where it lies below the level, elsewhere as the preset. */
 int cts_level_intervals(const double corner[8], double level, const double from[3], const double to[3],
                         CtsLineInterval interval[CTS_MAX_CELL_INTERVALS]);
-
-#endif

@@ -1,6 +1,5 @@
 /* The row type of the engine table, and the scene that every engine gets: derived once per picture, read-only. */
-#ifndef CTS_SCENE_ENGINE_H
-#define CTS_SCENE_ENGINE_H
+#pragma once
 
 #include "core/scene/view.h"
 #include "core/transfer/lut.h"
@@ -136,5 +135,3 @@ static inline bool cts_scene_stopped(const CtsScene *scene)
 {
     return scene->settings->stop && *scene->settings->stop;
 }
-
-#endif

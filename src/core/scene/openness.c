@@ -9,7 +9,6 @@
 #include "core/model/voxel_labels.h"
 #include "core/scene/openness_beams.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Edge of a block, and the reach of openness. A block is larger where a volume would have more than MAX_BLOCKS. */

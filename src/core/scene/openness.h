@@ -8,8 +8,7 @@
  * to T_K: what absorbs at r mm weighs 1 - r / 35. The block's is the mean over the directions, in steps of 1/255, and
  * lies at the middle of its n x n x n voxels; between the middles it is trilinear, beyond the outermost it is constant.
  */
-#ifndef CTS_SCENE_OPENNESS_H
-#define CTS_SCENE_OPENNESS_H
+#pragma once
 
 #include "ctsplat/model.h"
 #include "ctsplat/preset.h"
@@ -44,5 +43,3 @@ CtsStatus cts_openness_of_scene(CtsOpenness **openness, const CtsModel *model, c
 
 /* At a place in voxel coordinates. */
 double cts_openness_at(const CtsOpenness *openness, const double vox[3]);
-
-#endif

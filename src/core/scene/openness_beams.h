@@ -1,6 +1,5 @@
 /* The kernels of openness: transmittances along directions, in whole numbers. */
-#ifndef CTS_SCENE_OPENNESS_BEAMS_H
-#define CTS_SCENE_OPENNESS_BEAMS_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -30,5 +29,3 @@ typedef struct OpennessKernels {
 } OpennessKernels;
 
 extern const OpennessKernels cts_openness_kernels_c, cts_openness_kernels_avx2, cts_openness_kernels_avx512;
-
-#endif

@@ -1,6 +1,5 @@
 /* From the caller's settings to the scene for engines. */
-#ifndef CTS_SCENE_RESOLVE_H
-#define CTS_SCENE_RESOLVE_H
+#pragma once
 
 #include "core/scene/engine.h"
 
@@ -21,5 +20,3 @@ CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *set
 /* Checks and resolves the settings. The scene has no lut yet. */
 CtsStatus cts_scene_init(CtsSceneStore *store, const CtsModel *model, const CtsPreset *preset,
                          const CtsRenderSettings *requested, CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* The volume's macro-cell ranges, for engines with empty-space skipping. */
-#ifndef CTS_SCENE_MACROCELLS_H
-#define CTS_SCENE_MACROCELLS_H
+#pragma once
 
 #include "core/model/macrocells.h"
 #include "core/scene/engine.h"
@@ -8,5 +7,3 @@
 /* The volume's own, or *own, created here if needed (the caller frees them). The report says which. */
 CtsStatus cts_scene_macrocells(const CtsScene *scene, CtsMacrocells **own, const CtsMacrocells **macrocells,
                                CtsReport *report, CtsError *err);
-
-#endif

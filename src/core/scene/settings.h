@@ -1,7 +1,6 @@
 /* Table of the fields of CtsRenderSettings: default, bounds, and the first stage to be remade when the value
  * changes. A field without a row does not compile. */
-#ifndef CTS_SCENE_SETTINGS_H
-#define CTS_SCENE_SETTINGS_H
+#pragma once
 
 #include "base/remakes.h"
 #include "ctsplat/bounds.h"
@@ -58,5 +57,3 @@ enum {
     CTS_RENDER_SETTINGS(CTS_ROW_NUMBER) CTS_N_SETTING_ROWS
 };
 extern const CtsSettingRow cts_setting_rows[CTS_N_SETTING_ROWS];
-
-#endif

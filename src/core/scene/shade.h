@@ -6,8 +6,7 @@
  * since layers between them contain no measured detail. The volume's steps may be sheared and of different length: the
  * components of the gradient in mm along the picture's right, its up and the viewing direction are dot products with
  * the voxels per mm of each of these directions. */
-#ifndef CTS_SCENE_SHADE_H
-#define CTS_SCENE_SHADE_H
+#pragma once
 
 #include "core/scene/view.h"
 #include "ctsplat/preset.h"
@@ -68,5 +67,3 @@ static inline void cts_shade_dim(const CtsShade *s, float facing, float openness
     *colour -= dark * (s->ambient + s->occlusion * s->diffuse * facing);
     *white -= dark * *white;
 }
-
-#endif

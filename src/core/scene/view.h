@@ -1,7 +1,6 @@
 /* The camera: where each pixel's ray runs, in patient and in voxel coordinates (ctsplat(1), PICTURES).
  * Shared with the reference ray caster, so it holds geometry only. */
-#ifndef CTS_SCENE_VIEW_H
-#define CTS_SCENE_VIEW_H
+#pragma once
 
 #include "ctsplat/render.h"
 #include "ctsplat/status.h"
@@ -43,5 +42,3 @@ void cts_view_aim(CtsView *view, const double centre_lps[3]);
 /* Voxel coordinates of the intersection of pixel (x, y)'s ray with the plane through the volume's centre across the
  * viewing direction; the ray advances by forward_vox per mm. Pixel centres, x from the left, y from the top. */
 void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3]);
-
-#endif

@@ -1,6 +1,5 @@
 /* Properties of a picture that follow from its scene, independent of its pixels, for all outputs. */
-#ifndef CTS_SCENE_VISIBLE_H
-#define CTS_SCENE_VISIBLE_H
+#pragma once
 
 #include "core/model/voxel_labels.h"
 #include "ctsplat/preset.h"
@@ -12,5 +11,3 @@ bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labe
 
 /* True when skin may be visible, so that a face may be recognised; in doubt too. extinction_scale as in CtsScene. */
 bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsVoxelLabels *voxel_labels);
-
-#endif

@@ -1,6 +1,5 @@
 /* The transfer function by grey level: colour and extinction per mm, and visibility. */
-#ifndef CTS_TRANSFER_LUT_H
-#define CTS_TRANSFER_LUT_H
+#pragma once
 
 #include "ctsplat/mixture.h"
 #include "ctsplat/preset.h"
@@ -39,5 +38,3 @@ static inline bool cts_lut_visible(const CtsLut *lut, uint16_t low, uint16_t hig
 /* The levels that enclose all visible ones, if any: nothing is visible at low or below, unless low is 0, nor at high or
  * above, unless high is the last level. */
 void cts_lut_visible_levels(const CtsLut *lut, int *low, int *high);
-
-#endif

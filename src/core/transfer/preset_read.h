@@ -1,6 +1,5 @@
 /* Readers of the preset formats; the names are the caller's for messages. */
-#ifndef CTS_TRANSFER_PRESET_READ_H
-#define CTS_TRANSFER_PRESET_READ_H
+#pragma once
 
 #include "base/json.h"
 #include "ctsplat/preset.h"
@@ -65,5 +64,3 @@ CtsStatus cts_preset_from_vtk(const char *name, const CtsVtkText values[CTS_VTK_
 CtsStatus cts_preset_from_vp(const char *text, const char *name, CtsPreset *preset, CtsError *err);
 CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
                               CtsError *err);
-
-#endif

@@ -2,7 +2,6 @@
  * not change a picture are passed over, as the schema allows any. */
 #include "core/transfer/preset_read.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>

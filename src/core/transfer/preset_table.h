@@ -1,6 +1,5 @@
 /* Macros for the tables of built-in presets. */
-#ifndef CTS_TRANSFER_PRESET_TABLE_H
-#define CTS_TRANSFER_PRESET_TABLE_H
+#pragma once
 
 #include "ctsplat/preset.h"
 
@@ -19,5 +18,3 @@
 
 enum { CTS_N_PRESETS_SLICER = 22 };
 extern const CtsPreset cts_presets_slicer[CTS_N_PRESETS_SLICER];
-
-#endif

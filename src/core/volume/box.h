@@ -1,6 +1,5 @@
 /* Voxels in memory, in any order of their axes. */
-#ifndef CTS_VOLUME_BOX_H
-#define CTS_VOLUME_BOX_H
+#pragma once
 
 #include <stddef.h>
 
@@ -18,5 +17,3 @@ enum { CTS_BOX_ANY = -1 };
  * rows to the left or the back, columns to the back or the feet. slice_axis is the box's axis from slice to slice;
  * CTS_BOX_ANY: the one with the longest step. No voxel moves. */
 CtsBox cts_box_as_scanned(const CtsBox *box, int slice_axis);
-
-#endif

@@ -1,7 +1,7 @@
 #include "ctsplat/volume.h"
 
-#include "base/vec3.h"
 #include <limits.h>
+#include <math.h>
 #include <stdbool.h>
 #include <string.h>
 

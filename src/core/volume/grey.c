@@ -55,7 +55,7 @@ CtsStoredRange cts_grey_whole_plain(uint16_t *to, const uint16_t *words, size_t 
 
 /* In place is a case of its own: compilers see that nothing overlaps. */
 static inline __attribute__((always_inline)) CtsStoredRange
-fast_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+whole_any(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
 {
     const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
     if (slope != 1 || rise < -65535 || rise > 65535)
@@ -63,23 +63,10 @@ fast_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored
     return to == words ? slope_one(to, to, n, stored, rise) : slope_one(to, words, n, stored, rise);
 }
 
-CTS_TARGET_AVX2 static CtsStoredRange whole_avx2(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
-                                                 int32_t slope, int32_t offset)
-{
-    return fast_body(to, words, n, stored, slope, offset);
-}
-
-CTS_TARGET_AVX512 static CtsStoredRange whole_avx512(uint16_t *to, const uint16_t *words, size_t n,
-                                                     const CtsStored *stored, int32_t slope, int32_t offset)
-{
-    return fast_body(to, words, n, stored, slope, offset);
-}
-
-static CtsStoredRange whole_plain(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
-                                  int32_t offset)
-{
-    return fast_body(to, words, n, stored, slope, offset);
-}
+CTS_CPU_VARIANTS(CtsStoredRange, whole,
+                 (uint16_t * to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
+                  int32_t offset),
+                 return whole_any(to, words, n, stored, slope, offset))
 
 CtsStoredRange cts_grey_whole(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
                               int32_t offset)

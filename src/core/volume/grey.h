@@ -1,6 +1,5 @@
 /* Conversion of stored words to grey levels (PS3.3 C.7.6.3, C.11.1; PS3.5 8.1.1). */
-#ifndef CTS_VOLUME_GREY_H
-#define CTS_VOLUME_GREY_H
+#pragma once
 
 #include "core/volume/stored.h"
 
@@ -19,5 +18,3 @@ CtsStoredRange cts_grey_whole_plain(uint16_t *grey, const uint16_t *words, size_
 void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,
                     double hu_step);
 void cts_grey_look_up(uint16_t *words, size_t n, const uint16_t table[65536]);
-
-#endif

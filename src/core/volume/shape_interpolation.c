@@ -323,20 +323,8 @@ INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, SliceField *
         find_distances(s, field->grey, s->level[l], field->distance[l]);
 }
 
-static void read_field_plain(const Shaping *s, int slice, Scratch *c, SliceField *field)
-{
-    read_any_field(s, slice, c, field);
-}
-
-CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch *c, SliceField *field)
-{
-    read_any_field(s, slice, c, field);
-}
-
-CTS_TARGET_AVX512 static void read_field_avx512(const Shaping *s, int slice, Scratch *c, SliceField *field)
-{
-    read_any_field(s, slice, c, field);
-}
+CTS_CPU_VARIANTS(void, read_field, (const Shaping *s, int slice, Scratch *c, SliceField *field),
+                 read_any_field(s, slice, c, field))
 
 /* Flags blocks that are displaced at any position between the slices and that differ by more than noise; displacements
  * of all others are 0. */
@@ -357,20 +345,7 @@ INLINE void find_any_moves(const Shaping *s, Scratch *c)
     }
 }
 
-static void find_moves_plain(const Shaping *s, Scratch *c)
-{
-    find_any_moves(s, c);
-}
-
-CTS_TARGET_AVX2 static void find_moves_avx2(const Shaping *s, Scratch *c)
-{
-    find_any_moves(s, c);
-}
-
-CTS_TARGET_AVX512 static void find_moves_avx512(const Shaping *s, Scratch *c)
-{
-    find_any_moves(s, c);
-}
+CTS_CPU_VARIANTS(void, find_moves, (const Shaping *s, Scratch *c), find_any_moves(s, c))
 
 /* Flags of a row as bits: of eight bytes at once where any is set. */
 static void pack_row(const uint8_t *flags, int n, uint64_t *bits)

@@ -2,8 +2,7 @@
  * blending gives terraces, two half surfaces in place of one. After Grevera and Udupa's shape-based interpolation of
  * grey levels (1996): signed distances to a surface are interpolated between the slices, and each grey level keeps its
  * distance from the surface. */
-#ifndef CTS_VOLUME_SHAPE_INTERPOLATION_H
-#define CTS_VOLUME_SHAPE_INTERPOLATION_H
+#pragma once
 
 #include "ctsplat/volume.h"
 
@@ -22,5 +21,3 @@ typedef struct CtsShapeStack {
  * are unchanged. Adds to *made, including where memory was too short. The result does not depend on the number of
  * threads. */
 void cts_shape_interpolate_layers(const CtsShapeStack *stack, int n_threads, CtsInterpolationCounts *made);
-
-#endif

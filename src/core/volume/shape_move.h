@@ -1,7 +1,6 @@
 /* The kernels of shape-based interpolation: displacements of blocks between two slices, and the pixels of a layer that
  * they affect. */
-#ifndef CTS_VOLUME_SHAPE_MOVE_H
-#define CTS_VOLUME_SHAPE_MOVE_H
+#pragma once
 
 #include "core/volume/shape_interpolation.h"
 
@@ -67,5 +66,3 @@ void cts_shape_find_moves_avx512(const ShapeGap *gap, float part);
 void cts_shape_write_layer_c(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
 void cts_shape_write_layer_avx2(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
 void cts_shape_write_layer_avx512(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
-
-#endif

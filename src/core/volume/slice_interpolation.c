@@ -50,22 +50,9 @@ static inline __attribute__((always_inline)) void interpolate_any(uint16_t *to, 
         interpolate_part(to, slices, n, w, first, last);
 }
 
-static void interpolate_plain(uint16_t *to, const uint16_t *const slices[4], int n, const CtsInterpolationWeights *w)
-{
-    interpolate_any(to, slices, n, w);
-}
-
-CTS_TARGET_AVX2 static void interpolate_avx2(uint16_t *to, const uint16_t *const slices[4], int n,
-                                             const CtsInterpolationWeights *w)
-{
-    interpolate_any(to, slices, n, w);
-}
-
-CTS_TARGET_AVX512 static void interpolate_avx512(uint16_t *to, const uint16_t *const slices[4], int n,
-                                                 const CtsInterpolationWeights *w)
-{
-    interpolate_any(to, slices, n, w);
-}
+CTS_CPU_VARIANTS(void, interpolate,
+                 (uint16_t * to, const uint16_t *const slices[4], int n, const CtsInterpolationWeights *w),
+                 interpolate_any(to, slices, n, w))
 
 void cts_slice_interpolation_row(uint16_t *to, const uint16_t *const slices[4], int n,
                                  const CtsInterpolationWeights *weights)

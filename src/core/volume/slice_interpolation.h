@@ -1,7 +1,6 @@
 /* Layers between slices by cubic interpolation through the slices (Catmull and Rom 1974): slopes of the parabola
  * through a slice and its neighbours, clamped to the range of the two adjacent slices. */
-#ifndef CTS_VOLUME_SLICE_INTERPOLATION_H
-#define CTS_VOLUME_SLICE_INTERPOLATION_H
+#pragma once
 
 #include <stdint.h>
 
@@ -16,5 +15,3 @@ CtsInterpolationWeights cts_slice_interpolation_weights(double t, const double d
 /* n voxels of one layer; a is b where the stack begins, d is c where it ends. */
 void cts_slice_interpolation_row(uint16_t *to, const uint16_t *const slices[4], int n,
                                  const CtsInterpolationWeights *weights);
-
-#endif

@@ -1,6 +1,5 @@
 /* Conversion of stored words to stored values (PS3.5 8.1.1): shifted, masked, sign-extended, padding separated. */
-#ifndef CTS_VOLUME_STORED_H
-#define CTS_VOLUME_STORED_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stdbool.h>
@@ -38,4 +37,3 @@ CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored
 CtsStoredRange cts_stored_range_join(CtsStoredRange a, CtsStoredRange b);
 
 CTS_C_END
-#endif

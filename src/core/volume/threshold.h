@@ -1,6 +1,5 @@
 /* Thresholding of voxels to bits. */
-#ifndef CTS_VOLUME_THRESHOLD_H
-#define CTS_VOLUME_THRESHOLD_H
+#pragma once
 
 #include "base/bits.h"
 #include "ctsplat/volume.h"
@@ -34,5 +33,3 @@ void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16
 /* The voxels whose level is at least grey_min; grey has the dimensions of bits. Returns how many runs their rows have.
  */
 uint64_t cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads);
-
-#endif

@@ -1,6 +1,5 @@
 /* Volumes whose grey levels the caller writes, every one: saves a pass over memory. */
-#ifndef CTS_VOLUME_VOLUME_NEW_H
-#define CTS_VOLUME_VOLUME_NEW_H
+#pragma once
 
 #include "ctsplat/volume.h"
 
@@ -10,5 +9,3 @@ CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsEr
 CtsStatus cts_volume_new_like(CtsVolume **volume, const CtsVolume *like, int n_layers, CtsError *err);
 /* Without grey levels, which stay NULL: a volume's place and range alone. */
 CtsStatus cts_volume_new_empty(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
-
-#endif

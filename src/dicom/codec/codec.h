@@ -1,7 +1,6 @@
 /* Decoders for one compressed frame. Untrusted bytes reach a codec only here, and only in a sandboxed process
  * (base/sandbox.h), since codecs crash, hang and overrun on damaged streams. */
-#ifndef CTS_DICOM_CODEC_H
-#define CTS_DICOM_CODEC_H
+#pragma once
 
 #include "base/sandbox.h"
 #include "ctsplat/status.h"
@@ -63,5 +62,3 @@ typedef struct CtsCodecFrame {
  * precision differ from the header's, or markers or offsets are damaged. */
 CtsStatus cts_codec_check_jpeg(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
 CtsStatus cts_codec_check_rle(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
-
-#endif

@@ -1,11 +1,7 @@
 #include "dicom/codec/codec.h"
 
+#include "base/bytes.h"
 #include <stdbool.h>
-
-static uint32_t little32(const uint8_t *p)
-{
-    return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-}
 
 static unsigned big16(const uint8_t *p)
 {
@@ -61,11 +57,11 @@ static size_t unpacked(const uint8_t *p, size_t n)
 CtsStatus cts_codec_check_rle(CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
 {
     const uint32_t segments = (uint32_t)(f->n_samples * f->bits_allocated / 8);
-    if (n < 64 || little32(p) != segments)
+    if (n < 64 || cts_little32(p) != segments)
         return cts_fail(err, CTS_ERR_PIXELS, "its RLE header does not have %u segments", segments);
     uint32_t last = 63;
     for (uint32_t i = 0; i < segments; i++) {
-        const uint32_t offset = little32(p + 4 + 4 * i);
+        const uint32_t offset = cts_little32(p + 4 + 4 * i);
         if (offset <= last || offset >= n)
             return cts_fail(err, CTS_ERR_PIXELS, "its RLE header has offsets that do not fit the stream");
         last = offset;
@@ -73,7 +69,8 @@ CtsStatus cts_codec_check_rle(CtsCodecFrame *f, const uint8_t *p, size_t n, CtsE
     /* Too few bytes are detected by the decoder; it ignores surplus rows. */
     const size_t wanted = (size_t)f->columns * (size_t)f->rows;
     for (uint32_t i = 0; i < segments; i++) {
-        const uint32_t offset = little32(p + 4 + 4 * i), end = i + 1 < segments ? little32(p + 8 + 4 * i) : (uint32_t)n;
+        const uint32_t offset = cts_little32(p + 4 + 4 * i),
+                       end = i + 1 < segments ? cts_little32(p + 8 + 4 * i) : (uint32_t)n;
         const size_t got = unpacked(p + offset, end - offset);
         if (got >= wanted + (size_t)f->columns)
             return cts_fail(err, CTS_ERR_PIXELS, "its RLE stream holds %zu pixels, the header says %d x %d", got,

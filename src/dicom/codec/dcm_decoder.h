@@ -1,6 +1,5 @@
 /* DCMTK's codecs, as dicom/header/dcm_readers.h. */
-#ifndef CTS_DICOM_DCM_DECODER_H
-#define CTS_DICOM_DCM_DECODER_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include "dicom/codec/codec.h"
@@ -15,4 +14,3 @@ typedef struct CtsDcmDecoder {
 CtsStatus cts_dcm_decoder(const CtsDcmDecoder **decoder, CtsError *err);
 
 CTS_C_END
-#endif

@@ -1,5 +1,6 @@
 #include "dicom/codec/pixels.h"
 
+#include "base/bytes.h"
 #include <string.h>
 
 /* Size of reads, small enough that the data are still in the L1 or L2 cache when they are processed. */
@@ -12,8 +13,7 @@ static CtsStatus join_fragments(uint8_t **stream, size_t *n, CtsError *err)
     uint8_t *const bytes = *stream;
     size_t n_joined = 0, pos = 0;
     while (*n - pos >= 8) {
-        const size_t length =
-            bytes[pos + 4] | (size_t)bytes[pos + 5] << 8 | (size_t)bytes[pos + 6] << 16 | (size_t)bytes[pos + 7] << 24;
+        const size_t length = cts_little32(bytes + pos + 4);
         pos += 8;
         if (length > *n - pos)
             break;

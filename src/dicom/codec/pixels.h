@@ -1,6 +1,5 @@
 /* Reading the stored words of a slice. */
-#ifndef CTS_DICOM_PIXELS_H
-#define CTS_DICOM_PIXELS_H
+#pragma once
 
 #include "base/file_bytes.h"
 #include "dicom/codec/codec.h"
@@ -27,5 +26,3 @@ bool cts_slice_begin(const CtsSlice *slice, CtsSandbox **decoder);
 /* Reads a frame's fragments, or a deflated data set whole, and hands the stream to a sandbox of cts_codec_work(). */
 CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, const CtsFileBytes *file, uint64_t offset,
                            uint64_t end, CtsError *err);
-
-#endif

@@ -1,7 +1,6 @@
 /* Values of DICOM headers, and the C interface to DCMTK for reading. No DCMTK type and no exception crosses it. All
  * calls are thread-safe. */
-#ifndef CTS_DICOM_DCM_READ_H
-#define CTS_DICOM_DCM_READ_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include "dicom/header/slice.h"
@@ -42,4 +41,3 @@ char *cts_dcm_utf8(const char *text, const char *charset);
 char *cts_dcm_convert(const char *text, const char *charset);
 
 CTS_C_END
-#endif

@@ -1,8 +1,7 @@
 /* DCMTK, and the code that calls it, is a plug-in library (base/load_plugin.h): linking it takes longer than the rest
  * of the program's start, and a plain series does not need it. Each folder that calls DCMTK exports a table of its
  * functions; the program loads the library and calls them through the table. Tests link the tables directly. */
-#ifndef CTS_DICOM_DCM_READERS_H
-#define CTS_DICOM_DCM_READERS_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include "dicom/header/dcm_read.h"
@@ -19,4 +18,3 @@ typedef struct CtsDcmReaders {
 CtsStatus cts_dcm_readers(const CtsDcmReaders **readers, CtsError *err);
 
 CTS_C_END
-#endif

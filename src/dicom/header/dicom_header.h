@@ -1,6 +1,5 @@
 /* Headers of DICOM files, and the slices and pixels that they describe. */
-#ifndef CTS_DICOM_DICOM_HEADER_H
-#define CTS_DICOM_DICOM_HEADER_H
+#pragma once
 
 #include "base/file_bytes.h"
 #include "ctsplat/api.h"
@@ -68,5 +67,3 @@ CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames,
 void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n);
 
 CTS_C_END
-
-#endif

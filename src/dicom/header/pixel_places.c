@@ -1,5 +1,6 @@
 #include "dicom/header/dicom_header.h"
 
+#include "base/bytes.h"
 #include "base/mem.h"
 #include <stdlib.h>
 #include <string.h>
@@ -15,11 +16,6 @@ typedef struct Fragments {
     uint32_t table_bytes;
 } Fragments;
 
-static uint32_t little32(const uint8_t *p)
-{
-    return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-}
-
 /* By their lengths, never by a search: the last one must be followed by the delimiter. */
 static CtsStatus walk(const CtsFileBytes *file, uint64_t pos, Fragments *f, CtsError *err)
 {
@@ -30,7 +26,7 @@ static CtsStatus walk(const CtsFileBytes *file, uint64_t pos, Fragments *f, CtsE
             return cts_fail(err, CTS_ERR_PIXELS, "truncated: its compressed pixels have no end");
         if (memcmp(item, "\xfe\xff\xdd\xe0", 4) == 0)
             break;
-        const uint32_t length = little32(item + 4);
+        const uint32_t length = cts_little32(item + 4);
         if (memcmp(item, "\xfe\xff\x00\xe0", 4) != 0 || length > file->n_bytes - pos - ITEM_BYTES)
             return cts_fail(err, CTS_ERR_PIXELS,
                             "truncated or damaged: a fragment of its compressed pixels does not fit");
@@ -60,7 +56,7 @@ static bool by_table(const CtsFileBytes *file, const Fragments *f, int *first, i
     for (int k = 0; k < n; k++) {
         if (cts_file_bytes_read(file, entry, 4, f->table_at + 4u * (uint64_t)k, NULL))
             return false;
-        const uint64_t at = f->at[0] + little32(entry);
+        const uint64_t at = f->at[0] + cts_little32(entry);
         while (fragment < f->n && f->at[fragment] < at)
             fragment++;
         if (fragment == f->n || f->at[fragment] != at || (k > 0 && first[k - 1] == fragment) || (k == 0 && fragment))

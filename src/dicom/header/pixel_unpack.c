@@ -2,7 +2,6 @@
 #include "dicom/header/slice.h"
 
 #include <math.h>
-#include <string.h>
 
 static void swap_pairs(uint8_t *bytes, size_t n)
 {

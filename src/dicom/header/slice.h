@@ -1,6 +1,5 @@
 /* One slice as its header describes it: tags as numbers, pixels as a place in a file. No DCMTK type. */
-#ifndef CTS_DICOM_SLICE_H
-#define CTS_DICOM_SLICE_H
+#pragma once
 
 #include "base/file_bytes.h"
 #include "base/string_pool.h"
@@ -190,4 +189,3 @@ CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, vo
                                    CtsError *err);
 
 CTS_C_END
-#endif

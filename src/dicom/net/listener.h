@@ -1,6 +1,5 @@
 /* A socket that listens on one address. */
-#ifndef CTS_DICOM_LISTENER_H
-#define CTS_DICOM_LISTENER_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include "dicom/net/peer.h"
@@ -14,5 +13,3 @@ CtsStatus cts_listen(const char *text, int *listener, CtsError *err);
 void cts_listener_name(int listener, char *text, size_t size);
 
 CTS_C_END
-
-#endif

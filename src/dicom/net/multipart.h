@@ -1,6 +1,5 @@
 /* A streaming parser of multipart/related bodies (RFC 2046). */
-#ifndef CTS_DICOM_MULTIPART_H
-#define CTS_DICOM_MULTIPART_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -31,5 +30,3 @@ CtsStatus cts_multipart_start(CtsMultipart *m, const char *content_type, const C
 CtsStatus cts_multipart_feed(CtsMultipart *m, const char *bytes, size_t n, CtsError *err);
 /* CTS_ERR_READ when the last delimiter is missing. */
 CtsStatus cts_multipart_finish(const CtsMultipart *m, CtsError *err);
-
-#endif

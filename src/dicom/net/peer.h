@@ -1,6 +1,5 @@
 /* Interface shared by DIMSE and DICOMweb. */
-#ifndef CTS_DICOM_PEER_H
-#define CTS_DICOM_PEER_H
+#pragma once
 
 #include "base/text.h"
 #include "ctsplat/net.h"
@@ -96,5 +95,3 @@ bool cts_net_stopped(const CtsNet *net);
 void cts_outgoing_file_is_sent(CtsOutgoingFile *outgoing, const CtsNet *net);
 
 CTS_C_END
-
-#endif

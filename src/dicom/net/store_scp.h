@@ -1,7 +1,6 @@
 /* Serves one incoming association on its socket: verification (C-ECHO) and storage of CT (C-STORE) into files,
  * unchanged. The caller decides on peers, limits and times. */
-#ifndef CTS_DICOM_STORE_SCP_H
-#define CTS_DICOM_STORE_SCP_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include "dicom/net/peer.h"
@@ -40,4 +39,3 @@ void cts_store_scp_serve(const CtsStoreScpRules *rules, int socket, CtsAssociati
 CtsStatus cts_store_scp_check(const CtsNet *net, CtsError *err);
 
 CTS_C_END
-#endif

@@ -5,7 +5,6 @@
 #include "base/sandbox.h"
 #include <openjpeg.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { EXTRA_BYTES = 1 << 16, SAMPLES_PER_CPU_S = 100000 };

@@ -1,8 +1,7 @@
 /* The C interface to DCMTK for writing and reading secondary captures and presentation states, loaded like
  * dicom/header/dcm_readers.h. No DCMTK type and no exception crosses it. The caller decides on the contents
  * (output/export), this code encodes them. */
-#ifndef CTS_DICOM_OBJECTS_H
-#define CTS_DICOM_OBJECTS_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include "ctsplat/labels.h"
@@ -136,5 +135,3 @@ typedef struct CtsDcmWriters {
 CtsStatus cts_dcm_writers(const CtsDcmWriters **writers, CtsError *err);
 
 CTS_C_END
-
-#endif

@@ -6,7 +6,6 @@
 #include "ctsplat/bounds.h"
 #include "dicom/codec/pixels.h"
 #include "dicom/header/dicom_header.h"
-#include <stdlib.h>
 #include <string.h>
 
 typedef struct ScHeader {

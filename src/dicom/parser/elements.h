@@ -1,7 +1,6 @@
 /* A DICOM data set parsed in place: elements and items as positions in memory. For objects with few values and many
  * items; elements that are not requested cost nothing. */
-#ifndef CTS_DICOM_ELEMENTS_H
-#define CTS_DICOM_ELEMENTS_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stdbool.h>
@@ -51,4 +50,3 @@ int cts_dcm_parse_ds(const char *text, size_t n_bytes, double *values, int n_val
 int cts_dcm_parse_is(const char *text, size_t n_bytes, int *value);
 
 CTS_C_END
-#endif

@@ -1,6 +1,5 @@
 /* The supported transfer syntaxes, and the encoding of pixels in each (PS3.5 Annex A). */
-#ifndef CTS_DICOM_SYNTAX_H
-#define CTS_DICOM_SYNTAX_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stdbool.h>
@@ -43,4 +42,3 @@ static inline bool cts_syntax_encapsulated(const CtsSyntax *syntax)
 }
 
 CTS_C_END
-#endif

@@ -4,8 +4,7 @@
  * PixelData without recursion, compares every length with the size of the file, and finds the offset of the pixels.
  * Data that pass it may be walked plainly, and given to DCMTK 3.6.7, which allocates whatever a length claims and
  * recurses once for each nested sequence. */
-#ifndef CTS_DICOM_TAG_SCAN_H
-#define CTS_DICOM_TAG_SCAN_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include "dicom/parser/syntax.h"
@@ -88,4 +87,3 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
 size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool big, bool is_item, bool is_raw);
 
 CTS_C_END
-#endif

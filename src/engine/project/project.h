@@ -1,7 +1,6 @@
 /* The modes mip, minip and average: extremes and means of the trilinear field along each ray, exactly, with macro-cells
  * that cannot change them passed over. */
-#ifndef CTS_TILED_PROJECT_H
-#define CTS_TILED_PROJECT_H
+#pragma once
 
 #include "core/model/macrocells.h"
 #include "core/scene/engine.h"
@@ -13,5 +12,3 @@ void cts_visible_blocks_free(CtsVisibleBlocks **seen);
 /* *seen: NULL, or the cache of an earlier picture of the volume; the caller frees it. picture NULL: only the plan. */
 CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **seen,
                       CtsPicture *picture, CtsReport *report, CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* Rays of the modes mip, minip and average, one by one and as packets. */
-#ifndef CTS_TILED_PROJECT_PACKETS_H
-#define CTS_TILED_PROJECT_PACKETS_H
+#pragma once
 
 #include "core/model/body_mask.h"
 #include "core/model/macrocells.h"
@@ -76,5 +75,3 @@ void cts_project_tile_avx2(const CtsProjection *projection, const CtsProjectScra
                            int height, double *grey);
 void cts_project_tile_avx512(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
                              int height, double *grey);
-
-#endif

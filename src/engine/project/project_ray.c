@@ -1,5 +1,6 @@
 #include "engine/project/project_packets.h"
 
+#include "base/clamp.h"
 #include <math.h>
 
 bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *ray)
@@ -28,17 +29,11 @@ bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *
     return ray->t1 >= ray->t0;
 }
 
-static inline double clamp01(double x)
-{
-    x = x > 0 ? x : 0;
-    return x < 1 ? x : 1;
-}
-
 /* Position of a ray in a cell, 0 to 1. */
 static void place_in(const CtsProjectedRay *ray, const int cell[3], double t, double place[3])
 {
     for (int a = 0; a < 3; a++)
-        place[a] = clamp01(ray->start[a] + t * ray->step[a] - cell[a]);
+        place[a] = cts_clamp01(ray->start[a] + t * ray->step[a] - cell[a]);
 }
 
 static int body_stretches(const CtsBodyMask *body, const int cell[3], const double enter[3], const double leave[3],

@@ -1,7 +1,6 @@
 /* Cubic polynomials on 0..1, the form of a trilinear field along a ray inside one cell: c[0] + c[1] u + c[2] u^2 + c[3]
  * u^3. */
-#ifndef CTS_RAYCAST_CUBIC_H
-#define CTS_RAYCAST_CUBIC_H
+#pragma once
 
 static inline double cts_cubic_at(const double c[4], double u)
 {
@@ -38,5 +37,3 @@ void cts_cubic_in_cell(const double corner[8], const double from[3], const doubl
 
 /* The cubic through value[i] at u = at[i]. */
 void cts_cubic_through(const double at[4], const double value[4], double c[4]);
-
-#endif

@@ -1,7 +1,6 @@
 /* Fields: HU along a ray as a sequence of cubic polynomials. The integration uses only this interface, and so serves
  * the trilinear volume, other kernels and formulas. */
-#ifndef CTS_RAYCAST_FIELD_H
-#define CTS_RAYCAST_FIELD_H
+#pragma once
 
 #include "core/scene/view.h"
 #include "ctsplat/preset.h"
@@ -80,5 +79,3 @@ static inline void cts_field_free(CtsField **field)
     if (*field)
         (*field)->free(field);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* The float64 reference: single pixels of a scene, to validate pictures. */
-#ifndef CTS_RAYCAST_RAYCAST_H
-#define CTS_RAYCAST_RAYCAST_H
+#pragma once
 
 #include "core/scene/engine.h"
 
@@ -8,5 +7,3 @@
  * background, not clamped. Each value is converged to 1e-7. Kernel, mode and lighting as in the scene. Any number of
  * threads gives the same bits. CTS_ERR_INTERRUPTED when a stop is requested. */
 CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* Compositing along rays; field.h has the fields. */
-#ifndef CTS_RAYCAST_RAYCASTER_H
-#define CTS_RAYCAST_RAYCASTER_H
+#pragma once
 
 #include "core/model/voxel_labels.h"
 #include "core/scene/engine.h"
@@ -111,5 +110,3 @@ void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba
 /* field is borrowed; NULL makes the one of the scene's volume and kernel, which cts_raycaster_free() frees. */
 CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, CtsError *err);
 void cts_raycaster_free(CtsRaycaster **caster);
-
-#endif

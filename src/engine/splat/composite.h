@@ -1,6 +1,5 @@
 /* Classified after splatting and composited front to back: one plane of samples under the picture's pixels. */
-#ifndef CTS_SPLAT_COMPOSITE_H
-#define CTS_SPLAT_COMPOSITE_H
+#pragma once
 
 #include "core/scene/engine.h"
 #include "core/transfer/lut.h"
@@ -45,5 +44,3 @@ void cts_compositor_free(CtsCompositor *c);
 
 /* Rows y0..y1-1 of the picture. */
 void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1);
-
-#endif

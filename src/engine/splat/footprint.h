@@ -4,8 +4,7 @@
  * point and one table serves the whole volume. A lattice point's phase is its position within a voxel; the weights
  * that meet at a phase sum to CTS_WEIGHT_ONE exactly (except for cone-paper), so that sheets are exact in 32 bits and a
  * constant volume gives a constant sheet. */
-#ifndef CTS_SPLAT_FOOTPRINT_H
-#define CTS_SPLAT_FOOTPRINT_H
+#pragma once
 
 #include "ctsplat/bounds.h"
 #include "ctsplat/render.h"
@@ -30,5 +29,3 @@ typedef struct CtsFootprint {
 /* CTS_ERR_USAGE when the radius leaves some lattice point without a tap, or is out of bounds. */
 CtsStatus cts_footprint_init(CtsFootprint *footprint, CtsKernelId kernel, double radius, const int density[2],
                              CtsError *err);
-
-#endif

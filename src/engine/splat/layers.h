@@ -1,6 +1,5 @@
 /* Inter-layer similarity: the test whether reuse pays, and the dead band of --tolerance. */
-#ifndef CTS_SPLAT_LAYERS_H
-#define CTS_SPLAT_LAYERS_H
+#pragma once
 
 #include "engine/splat/paper_plan.h"
 
@@ -18,5 +17,3 @@ bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool 
 /* The dead band: kept = fresh where they differ by more than tolerance, else the value splatted before, so that the
  * splatted value always stays within tolerance. */
 void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolerance, int n, uint16_t *kept);
-
-#endif

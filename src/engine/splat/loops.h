@@ -1,7 +1,6 @@
 /* The hot loops of the paper's engines, one instruction set a struct. All are exact: integers, or float32 in one fixed
  * order without fused operations, so that the choice never changes a bit of a picture. */
-#ifndef CTS_SPLAT_LOOPS_H
-#define CTS_SPLAT_LOOPS_H
+#pragma once
 
 #include "base/cpu.h"
 #include "core/scene/openness.h"
@@ -111,5 +110,3 @@ static inline void cts_simd_init(CtsSimd *simd, unsigned cpu)
 {
     (cpu & CTS_CPU_AVX2 ? cts_simd_init_avx2 : cts_simd_init_plain)(simd);
 }
-
-#endif

@@ -1,8 +1,7 @@
 /* Occlusion culling: a pixel whose transmittance is 0 is closed. Its further samples can be skipped, and patches that
  * only closed pixels sample need no sheet. Exact: the picture keeps its bytes. (FastSplats, Huang and others 2000, has
  * a similar occlusion map.) */
-#ifndef CTS_SPLAT_OCCLUSION_H
-#define CTS_SPLAT_OCCLUSION_H
+#pragma once
 
 #include "engine/splat/patches.h"
 #include "engine/splat/raster.h"
@@ -33,5 +32,3 @@ typedef struct CtsOcclusionQuery {
 /* Sets bits for the patches of a swath that an open pixel may sample. */
 void cts_occlusion_open_row(const CtsOcclusion *occlusion, const CtsRaster *raster, const CtsPatches *patches,
                             const CtsOcclusionQuery *query, int swath, uint64_t *row);
-
-#endif

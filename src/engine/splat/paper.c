@@ -1,7 +1,6 @@
 /* The paper's engines: sheets of exact integers, layer by layer, with its two savings switched on or off. */
 #include "base/bits.h"
 #include "base/clock.h"
-#include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
 #include "engine/splat/layers.h"

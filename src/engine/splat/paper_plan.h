@@ -1,6 +1,5 @@
 /* State of the paper's engines, derived once per picture. */
-#ifndef CTS_SPLAT_PAPER_PLAN_H
-#define CTS_SPLAT_PAPER_PLAN_H
+#pragma once
 
 #include "engine/splat/composite.h"
 #include "engine/splat/sheet.h"
@@ -122,5 +121,3 @@ static inline bool cts_paper_step_needed(const CtsPaperPlan *p, int step)
 {
     return !p->skip_void || p->map.active[cts_paper_layer(p, step)];
 }
-
-#endif

@@ -4,8 +4,7 @@
  * A cell's samples lie between its first and last lattice point, both included, so neighbours share an edge. The work
  * on a layer is divided into swaths of CTS_SWATH rows of patches; a swath owns the lattice rows from its first edge to
  * just before the next swath's, and the last swath its far edge too. */
-#ifndef CTS_SPLAT_PATCHES_H
-#define CTS_SPLAT_PATCHES_H
+#pragma once
 
 #include "core/model/macrocells.h"
 #include "engine/splat/footprint.h"
@@ -71,5 +70,3 @@ static inline bool cts_next_run(const uint64_t *bits, int n, int *from, int *pas
     *past = cts_next_bit(bits, *from, n, false);
     return *from < n;
 }
-
-#endif

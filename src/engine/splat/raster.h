@@ -2,8 +2,7 @@
  *
  * A position is (origin + by_layer * layer + by_y * y) + by_x * x in double, so that it depends neither on the start of
  * a row nor on vector width, and is monotone along a row. */
-#ifndef CTS_SPLAT_RASTER_H
-#define CTS_SPLAT_RASTER_H
+#pragma once
 
 #include "core/scene/view.h"
 #include "engine/splat/loops.h"
@@ -67,5 +66,3 @@ static inline void cts_raster_places(const CtsRasterRow *row, CtsPlaces *places)
 /* The first pixel of xa..xb whose position along axis has passed lattice point at: reached it where positions rise,
  * fallen below it where they fall; xb if none has. Exact: agrees with the cells of cts_raster_fill(). */
 int cts_raster_passes(const CtsRasterRow *row, int axis, double at, int xa, int xb);
-
-#endif

@@ -1,6 +1,5 @@
 /* A sheet: one layer reconstructed on its lattice in 32-bit integers, CTS_WEIGHT_ONE times the grey level. */
-#ifndef CTS_SPLAT_SHEET_H
-#define CTS_SPLAT_SHEET_H
+#pragma once
 
 #include "engine/splat/patches.h"
 
@@ -14,5 +13,3 @@ typedef struct CtsSheet {
 
 CtsStatus cts_sheet_init(CtsSheet *sheet, const CtsPatches *patches, CtsError *err);
 void cts_sheet_free(CtsSheet *sheet);
-
-#endif

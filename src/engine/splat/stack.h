@@ -2,8 +2,7 @@
  *
  * Across z and y the volume's own rows are used. Across x voxels of a layer are a row apart, so layers are transposed a
  * chunk at a time; two chunks are kept, and the caller must load those that it reads. */
-#ifndef CTS_SPLAT_STACK_H
-#define CTS_SPLAT_STACK_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
@@ -52,5 +51,3 @@ static inline const uint16_t *cts_stack_row(const CtsStack *stack, int k, int v)
            ((size_t)(k % CTS_STACK_CHUNK) * (size_t)stack->n_rows + (size_t)(v - stack->first_row)) *
                (size_t)stack->n[0];
 }
-
-#endif

@@ -3,7 +3,6 @@
 #include "base/bits.h"
 #include "base/mem.h"
 #include "base/mutation.h"
-#include "engine/splat/layers.h"
 #include <string.h>
 
 CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *err)

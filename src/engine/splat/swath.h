@@ -1,6 +1,5 @@
 /* One swath of patches at one step: update of its part of the sheet, gradients, and cells to composite. */
-#ifndef CTS_SPLAT_SWATH_H
-#define CTS_SPLAT_SWATH_H
+#pragma once
 
 #include "engine/splat/paper_plan.h"
 
@@ -22,5 +21,3 @@ void cts_swath_work_free(CtsSwathWork *work);
 bool cts_swath_splat(CtsPaperPlan *plan, CtsSwathWork *work, int step, int swath);
 /* Gradients at the voxels of needed patches. */
 void cts_swath_gradients(const CtsPaperPlan *plan, CtsSwathWork *work, int step, int swath);
-
-#endif

@@ -36,11 +36,6 @@ uint16_t cts_range_least(const CtsRangeRule *rule)
     return (uint16_t)least;
 }
 
-static void widen(CtsRange *range, CtsRange other)
-{
-    *range = cts_range_union(*range, other);
-}
-
 /* The volume's fine macro-cells as the stack has them: a line of them runs along the volume's x axis, which is along u,
  * or where the layers lie across x from layer to layer. */
 typedef struct MacrocellLines {
@@ -55,7 +50,7 @@ typedef struct MacrocellLines {
 static void widen_line(CtsRange *line, const CtsRange *other, int n)
 {
     for (int i = 0; i < n; i++)
-        widen(&line[i], other[i]);
+        line[i] = cts_range_union(line[i], other[i]);
 }
 
 /* True if voxels outside the volume reach into a patch. */
@@ -82,8 +77,8 @@ static const CtsRange *line_ranges(const CtsVoidMap *map, const MacrocellLines *
     for (int i = 0; i < l->n; i++) {
         wide[i] = row[i];
         if (!l->across) {
-            widen(&wide[i], row[i > 0 ? i - 1 : i]);
-            widen(&wide[i], row[i < l->n - 1 ? i + 1 : i]);
+            wide[i] = cts_range_union(wide[i], row[i > 0 ? i - 1 : i]);
+            wide[i] = cts_range_union(wide[i], row[i < l->n - 1 ? i + 1 : i]);
         }
         if (out || (!l->across && reached_from_outside(patches, l->rule, 0, i)))
             wide[i].low = 0;

@@ -4,8 +4,7 @@
  *
  * Ranges are those of the volume's fine macro-cells, so a patch is tested for all layers of a macro-cell at once; the
  * remainder is tested cell by cell with the voxels of its own layer, if planes coincide with layers (swath.c). */
-#ifndef CTS_SPLAT_VOID_H
-#define CTS_SPLAT_VOID_H
+#pragma once
 
 #include "core/transfer/lut.h"
 #include "engine/splat/patches.h"
@@ -24,11 +23,6 @@ bool cts_range_visible(const CtsRangeRule *rule, CtsRange range);
 /* Mixtures of levels below this are invisible. */
 uint16_t cts_range_least(const CtsRangeRule *rule);
 
-static inline CtsRange cts_range_union(CtsRange a, CtsRange b)
-{
-    return (CtsRange){a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high};
-}
-
 typedef struct CtsVoidMap {
     CtsPatches patches;
     int n_layers, n_macrocells;  /* macro-cells: one behind the other, across the layers */
@@ -46,5 +40,3 @@ void cts_void_map_free(CtsVoidMap *map);
 void cts_void_add_row(const CtsVoidMap *map, int a, int b, int patch_v, uint64_t *row);
 /* Clears bits of patches that are invisible from layer first to layer last. */
 void cts_void_keep_rows(const CtsVoidMap *map, int first, int last, int patch_v, uint64_t *row);
-
-#endif

@@ -1,6 +1,5 @@
 /* The transfer functions of a picture with labels: one for each appearance. */
-#ifndef CTS_TILED_APPEARANCE_TABLES_H
-#define CTS_TILED_APPEARANCE_TABLES_H
+#pragma once
 
 #include "core/model/voxel_labels.h"
 #include "core/scene/engine.h"
@@ -24,5 +23,3 @@ static inline const CtsLut *cts_tiled_appearance_lut(const TiledAppearances *app
            : appearances->own[appearance]      ? appearances->own[appearance]
                                                : picture;
 }
-
-#endif

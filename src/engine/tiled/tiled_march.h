@@ -27,8 +27,7 @@
  * SHADING is not polynomial. It adds to a ray without changing its depth, so that segments are queued until vectors are
  * full, and in further queues where they are shaded in steps (shading_tmpl.h). The results of each queue are summed
  * separately and added at the end, since the order in which queues are emptied depends on the number of lanes. */
-#ifndef CTS_TILED_TILED_MARCH_H
-#define CTS_TILED_TILED_MARCH_H
+#pragma once
 
 #include "base/clock.h"
 #include "core/scene/openness.h"
@@ -143,5 +142,3 @@ void cts_tiled_add_ray(const TiledJob *job, TiledRays *rays, int x, int y, doubl
 /* Distance before which no ray of the pixels from x[0], y[0] to x[1], y[1] reaches a visible cell, given that none does
  * before `from`; INFINITY: none reaches any. */
 double cts_tiled_reach_mm(const TiledJob *job, const int x[2], const int y[2], double from);
-
-#endif

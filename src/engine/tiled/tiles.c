@@ -7,7 +7,6 @@
 #include "base/parallel.h"
 #include "base/random.h"
 #include <math.h>
-#include <string.h>
 
 enum { TILE = 32, BLOCK = 4, BLOCKS = TILE / BLOCK, PART = TILE / 4, OTHERS = BLOCK * BLOCK - 1 };
 /* Pixel blocks with an interpolation error above this multiple of the tolerance are marched completely. */

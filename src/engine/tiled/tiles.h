@@ -1,6 +1,5 @@
 /* A picture of the tiled engine, tile by tile. */
-#ifndef CTS_TILED_TILES_H
-#define CTS_TILED_TILES_H
+#pragma once
 
 #include "core/scene/engine.h"
 #include "engine/tiled/tiled_march.h"
@@ -8,5 +7,3 @@
 /* Fills the zeroed picture, with depth where it has room for it, and errors unless it is NULL; adds to *total. */
 CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const CtsScene *scene, CtsPicture *picture,
                         CtsErrorMap *errors, TiledCounts *total, CtsError *err);
-
-#endif

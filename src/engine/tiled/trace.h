@@ -1,6 +1,5 @@
 /* The march of one ray, segment by segment, as JSON Lines in a report. */
-#ifndef CTS_TILED_TRACE_H
-#define CTS_TILED_TRACE_H
+#pragma once
 
 #include "engine/tiled/tiled_march.h"
 
@@ -8,5 +7,3 @@
  * adds its lines: the ray, each segment, the pixel. precision: the march's name in them. */
 CtsStatus cts_tiled_trace(const TiledJob *job, const CtsScene *scene, cts_tiled_march_fn march, const char *precision,
                           int x, int y, CtsReport *report, CtsError *err);
-
-#endif

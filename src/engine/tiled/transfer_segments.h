@@ -1,7 +1,6 @@
 /* The transfer function by grey level as linear segments between control points. Opacity and colour are linear in HU
  * between the preset's points, so that a level is evaluated by its segment. */
-#ifndef CTS_TILED_TRANSFER_SEGMENTS_H
-#define CTS_TILED_TRANSFER_SEGMENTS_H
+#pragma once
 
 #include "core/scene/engine.h"
 
@@ -27,5 +26,3 @@ typedef struct TiledTransfer {
 } TiledTransfer;
 
 void cts_tiled_transfer_init(TiledTransfer *transfer, const CtsScene *scene);
-
-#endif

@@ -1,6 +1,5 @@
 /* Empty-space skipping: potentially visible cells, and the distance to the nearest block that has one. */
-#ifndef CTS_TILED_VOID_MASK_H
-#define CTS_TILED_VOID_MASK_H
+#pragma once
 
 #include "core/model/macrocells.h"
 #include "core/scene/engine.h"
@@ -31,5 +30,3 @@ static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                               const CtsMacrocells *macrocells, CtsError *err);
 void cts_tiled_mask_free(TiledMask *mask);
-
-#endif

@@ -1,6 +1,5 @@
 /* Zip files, and a list of them. */
-#ifndef CTS_FILES_ARCHIVE_H
-#define CTS_FILES_ARCHIVE_H
+#pragma once
 
 #include "base/sandbox.h"
 #include "ctsplat/series.h"
@@ -52,5 +51,3 @@ CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive 
 
 /* The file of this path, which stays the caller's; false when no archive has it. archives may be NULL. */
 bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *file);
-
-#endif

@@ -1,6 +1,5 @@
 /* The header of an input file of any format: DICOM, or a NIfTI CT. */
-#ifndef CTS_FILES_FILE_HEADER_H
-#define CTS_FILES_FILE_HEADER_H
+#pragma once
 
 #include "core/volume/box.h"
 #include "dicom/header/slice.h"
@@ -24,5 +23,3 @@ CtsBox cts_nifti_box(const CtsNifti *nifti);
  * yet. */
 CtsStatus cts_nifti_slices(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form, CtsObject *object,
                            CtsError *err);
-
-#endif

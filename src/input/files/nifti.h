@@ -1,6 +1,5 @@
 /* The header of a NIfTI-1 or NIfTI-2 file (Cox et al. 2004; nifti.nimh.nih.gov), and its numbers one by one. */
-#ifndef CTS_FILES_NIFTI_H
-#define CTS_FILES_NIFTI_H
+#pragma once
 
 #include "base/file_bytes.h"
 #include "ctsplat/series.h"
@@ -57,5 +56,3 @@ void cts_nifti_take_form(CtsNifti *nifti, CtsNiftiForm form);
 CtsStatus cts_nifti_count(const CtsNifti *nifti, size_t bytes_each, size_t *n, CtsError *err);
 /* The next n numbers as values. */
 CtsStatus cts_nifti_read(CtsNifti *nifti, double *values, size_t n, CtsError *err);
-
-#endif

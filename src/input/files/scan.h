@@ -1,6 +1,5 @@
 /* Paths and folders -> files that may be slices. */
-#ifndef CTS_FILES_SCAN_H
-#define CTS_FILES_SCAN_H
+#pragma once
 
 #include "base/file_bytes.h"
 #include "base/string_pool.h"
@@ -45,5 +44,3 @@ CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *
 /* Add one file. */
 CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err);
 void cts_file_list_free(CtsFileList *list);
-
-#endif

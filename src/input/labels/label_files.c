@@ -6,7 +6,6 @@
 #include "input/files/nifti.h"
 #include "input/files/scan.h"
 #include "input/labels/label_reading.h"
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>

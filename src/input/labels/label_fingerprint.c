@@ -1,11 +1,9 @@
 /* A text that changes when label files change. */
-#include "base/mem.h"
 #include "ctsplat/label_files.h"
 #include "input/files/scan.h"
 #include "input/labels/label_reading.h"
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 
 static void put_file(FILE *out, const char *path)

@@ -1,6 +1,5 @@
 /* Shared functions of the label readers. */
-#ifndef CTS_LABELS_LABEL_READING_H
-#define CTS_LABELS_LABEL_READING_H
+#pragma once
 
 #include "base/file_bytes.h"
 #include "core/labels/label_set.h"
@@ -151,5 +150,3 @@ CtsStatus cts_label_check_meets(const CtsLabelReading *reading, double held, Cts
 
 /* Warns of a label of which so much, in any unit, lies outside. */
 void cts_label_report_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole);
-
-#endif

@@ -1,4 +1,5 @@
 /* NIfTI label maps, and masks of one label each. */
+#include "base/bytes.h"
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "input/files/nifti.h"
@@ -52,8 +53,7 @@ static CtsStatus find_names(Map *m, CtsError *err)
     CtsNifti *const f = &m->nifti;
     for (size_t at = 4; at + 8 <= f->n_extension;) {
         const uint8_t *const p = (const uint8_t *)f->extension + at;
-        const uint32_t size = f->big_endian ? (uint32_t)p[0] << 24 | (uint32_t)p[1] << 16 | (uint32_t)p[2] << 8 | p[3]
-                                            : (uint32_t)p[3] << 24 | (uint32_t)p[2] << 16 | (uint32_t)p[1] << 8 | p[0];
+        const uint32_t size = f->big_endian ? __builtin_bswap32(cts_little32(p)) : cts_little32(p);
         if (size < 8 || size > f->n_extension - at)
             break; /* contains nothing about positions */
         size_t n = size - 8;

@@ -5,7 +5,6 @@
 #include "dicom/header/dicom_header.h"
 #include "input/labels/label_reading.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum {

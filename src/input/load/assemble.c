@@ -344,16 +344,6 @@ static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers 
     return st ? st : cts_outliers_check(outliers, slices_dims, report, err);
 }
 
-/* Low ones are air already. */
-static void mend_outliers(const Assembly *a, const CtsOutliers *outliers, const CtsVolume *v)
-{
-    const double most = floor((outliers->rest_high - v->hu_offset) / v->hu_step + 0.5);
-    for (size_t n = 0; n < outliers->n; n++) {
-        uint16_t *const grey = &a->first[outliers->voxels[n]];
-        *grey = *grey ? (uint16_t)fmin(fmax(most, 0), GREY_MAX) : 0;
-    }
-}
-
 /* coarsest_hu: HU step between words, for slices whose words were rounded before. */
 static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, CtsReport *report)
 {
@@ -532,7 +522,7 @@ static CtsStatus fill(const Loading *in, int offset, CtsVolume *v, CtsReport *re
         st = convert_fractions(&a, v->hu_step, err);
     }
     if (!st) {
-        mend_outliers(&a, &outliers, v);
+        cts_outliers_mend(&outliers, v, a.first);
         report_range(v, whole_numbers, a.slices[0].kind == CTS_OBJECT_NIFTI ? a.slices[0].slope : 0, report);
         report_blank(&a, report);
         st = cts_slice_consistency_report(a.slices, a.n_slices, a.samples, report, err);

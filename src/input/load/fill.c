@@ -6,6 +6,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/volume/volume_new.h"
+#include "input/load/load.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,14 +19,9 @@ enum { EQUAL = 16, DEEP = 4 };
 /* Less between the darkest and the brightest voxel is no scan of a body, as in a label map. */
 static const double MIN_RANGE_HU = 100;
 
-static size_t layer_voxels(const CtsScanned *s)
-{
-    return (size_t)s->even->dims[0] * (size_t)s->even->dims[1];
-}
-
 static const uint16_t *slice_of(const CtsScanned *s, int k)
 {
-    return s->even->grey + (size_t)(s->offset + k) * layer_voxels(s);
+    return s->even->grey + (size_t)(s->offset + k) * cts_scanned_layer_voxels(s);
 }
 
 /* Number of voxels from `at` on, `step` apart, that equal the first, at most n. */
@@ -172,7 +168,7 @@ CtsStatus cts_scanned_clear_fill(CtsScanned *s, double hu, int n_threads, uint64
     if (!(st = cts_bits_new(&f.equal, dims, err)) && !(st = cts_bits_new_unset(&f.reached, dims, err))) {
         cts_parallel(cts_threads(n_threads), (size_t)s->n_slices, 0, find_equal, &f);
         flood(&f);
-        uint16_t *grey = v->grey + (size_t)s->offset * layer_voxels(s);
+        uint16_t *grey = v->grey + (size_t)s->offset * cts_scanned_layer_voxels(s);
         for (int k = 0; k < dims[2]; k++)
             for (int j = 0; j < dims[1]; j++, grey += dims[0]) {
                 const uint64_t *const row = cts_bits_row(&f.reached, j, k);
@@ -189,7 +185,8 @@ CtsStatus cts_scanned_clear_fill(CtsScanned *s, double hu, int n_threads, uint64
 
 CtsStatus cts_scanned_copy(const CtsScanned *s, CtsScanned **copy, CtsError *err)
 {
-    const size_t n = (size_t)s->n_slices, n_bytes = (size_t)s->n_slots * layer_voxels(s) * sizeof *s->even->grey;
+    const size_t n = (size_t)s->n_slices,
+                 n_bytes = (size_t)s->n_slots * cts_scanned_layer_voxels(s) * sizeof *s->even->grey;
     CtsStatus st;
     *copy = NULL;
     if (!cts_memory_allows((double)n_bytes, cts_memory_available()))
@@ -210,8 +207,8 @@ CtsStatus cts_scanned_copy(const CtsScanned *s, CtsScanned **copy, CtsError *err
         else
             st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    const size_t first = (size_t)s->offset * layer_voxels(s);
-    memcpy((*copy)->even->grey + first, s->even->grey + first, n * layer_voxels(s) * sizeof *s->even->grey);
+    const size_t first = (size_t)s->offset * cts_scanned_layer_voxels(s);
+    memcpy((*copy)->even->grey + first, s->even->grey + first, n * cts_scanned_layer_voxels(s) * sizeof *s->even->grey);
 end:
     if (st)
         cts_scanned_free(copy);

@@ -251,16 +251,6 @@ static CtsStatus leave_outliers_out(const ArrayPass *p, Range *all, CtsOutliers 
     return st ? st : cts_outliers_check(outliers, dims, report, err);
 }
 
-/* Low ones are air already. */
-static void mend_outliers(const CtsOutliers *outliers, CtsVolume *v)
-{
-    const double most = floor((outliers->rest_high - v->hu_offset) / v->hu_step + 0.5);
-    for (size_t n = 0; n < outliers->n; n++) {
-        uint16_t *const grey = &v->grey[outliers->voxels[n]];
-        *grey = *grey ? (uint16_t)fmin(fmax(most, 0), GREY_MAX) : 0;
-    }
-}
-
 static CtsStatus settle_range(const ArrayPass *p, CtsVolume *v, CtsOutliers *outliers, CtsReport *report, CtsError *err)
 {
     Range all = {INFINITY, -INFINITY, true, 0};
@@ -293,7 +283,7 @@ static CtsStatus fill(const ArrayPass *p, CtsVolume *v, int n_threads, CtsReport
     const CtsStatus st = settle_range(p, v, &outliers, report, err);
     if (!st && !has_words(p->array)) {
         cts_parallel(n_threads, n, 0, make_slices, (void *)p);
-        mend_outliers(&outliers, v);
+        cts_outliers_mend(&outliers, v, v->grey);
     }
     cts_outliers_free(&outliers);
     return st;

@@ -1,8 +1,8 @@
 /* Steps of loading a series. */
-#ifndef CTS_LOAD_LOAD_H
-#define CTS_LOAD_LOAD_H
+#pragma once
 
 #include "ctsplat/report.h"
+#include "ctsplat/series.h"
 #include "ctsplat/status.h"
 #include "dicom/header/slice.h"
 #include <signal.h>
@@ -25,6 +25,12 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const vola
 CtsStatus cts_slice_consistency_report(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report,
                                        CtsError *err);
 
+/* Voxels of a layer. */
+static inline size_t cts_scanned_layer_voxels(const CtsScanned *s)
+{
+    return (size_t)s->even->dims[0] * (size_t)s->even->dims[1];
+}
+
 /* An unevenly spaced stack becomes an evenly spaced one in its own memory, by cubics along the stack
  * (core/volume/slice_interpolation.h) or by straight lines. */
 
@@ -41,5 +47,3 @@ typedef struct CtsResampling {
 
 /* From slots offset ... offset + n_slices - 1 to slots 0 ... n_layers - 1, each of layer_voxels grey levels. */
 void cts_resample_stack(uint16_t *grey, const CtsResampling *resampling, int n_threads);
-
-#endif

@@ -2,7 +2,6 @@
 
 #include "base/mem.h"
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 
 /* Beyond these they are no accidents. */
@@ -107,6 +106,15 @@ CtsStatus cts_outliers_check(const CtsOutliers *o, const int dims[3], CtsReport 
                               o->n, o->n > 1 ? "s" : "", o->n > 1 ? "" : "s", o->low, o->high, o->n_low, o->n_high,
                               o->rest_high);
     return CTS_OK;
+}
+
+void cts_outliers_mend(const CtsOutliers *outliers, const CtsVolume *v, uint16_t *grey)
+{
+    const double most = floor((outliers->rest_high - v->hu_offset) / v->hu_step + 0.5);
+    const uint16_t level = (uint16_t)fmin(fmax(most, 0), UINT16_MAX);
+    for (size_t n = 0; n < outliers->n; n++)
+        if (grey[outliers->voxels[n]])
+            grey[outliers->voxels[n]] = level;
 }
 
 void cts_outliers_free(CtsOutliers *o)

@@ -1,9 +1,9 @@
 /* Isolated voxels outside a scanner's range, as a damaged byte, a cast or a division by 0 leaves them. */
-#ifndef CTS_LOAD_OUTLIERS_H
-#define CTS_LOAD_OUTLIERS_H
+#pragma once
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
+#include "ctsplat/volume.h"
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -29,6 +29,6 @@ CtsStatus cts_outliers_take(CtsOutliers *outliers, size_t voxel, double hu, CtsE
 /* CTS_OK, with a warning in the report, where they are isolated: at most 1 of 10,000 voxels, in 26-connected parts of
  * at most 8; else CTS_ERR_PIXELS. */
 CtsStatus cts_outliers_check(const CtsOutliers *outliers, const int dims[3], CtsReport *report, CtsError *err);
+/* Sets them, where they are not air, to the largest value of all other voxels. grey: of voxel 0; v: its scale. */
+void cts_outliers_mend(const CtsOutliers *outliers, const CtsVolume *v, uint16_t *grey);
 void cts_outliers_free(CtsOutliers *outliers);
-
-#endif

@@ -18,24 +18,20 @@ void cts_scanned_free(CtsScanned **scanned)
     cts_free(scanned);
 }
 
-static size_t layer_voxels(const CtsScanned *s)
-{
-    return (size_t)s->even->dims[0] * (size_t)s->even->dims[1];
-}
-
 /* A volume in the same place, with the slices in memory of its own. */
 static CtsStatus copy(CtsScanned *s, CtsVolume **volume, CtsError *err)
 {
     const CtsVolume *const even = s->even;
-    const size_t n_bytes = (size_t)s->n_slots * layer_voxels(s) * sizeof *even->grey;
+    const size_t n_bytes = (size_t)s->n_slots * cts_scanned_layer_voxels(s) * sizeof *even->grey;
     if (!cts_memory_allows((double)n_bytes, cts_memory_available()))
         return cts_fail(err, CTS_ERR_MEMORY, "another volume of one scan needs %.0f MiB more memory than is free",
                         (double)n_bytes / 1048576);
     const CtsStatus st = cts_volume_new_like(volume, even, s->n_slots, err);
     if (st)
         return st;
-    const size_t first = (size_t)s->offset * layer_voxels(s);
-    memcpy((*volume)->grey + first, even->grey + first, (size_t)s->n_slices * layer_voxels(s) * sizeof *even->grey);
+    const size_t first = (size_t)s->offset * cts_scanned_layer_voxels(s);
+    memcpy((*volume)->grey + first, even->grey + first,
+           (size_t)s->n_slices * cts_scanned_layer_voxels(s) * sizeof *even->grey);
     return CTS_OK;
 }
 
@@ -54,7 +50,8 @@ static CtsStatus take(CtsScanned *s, CtsVolume **volume, CtsError *err)
 static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, int n_threads,
                      CtsInterpolationCounts *made)
 {
-    const size_t first = (size_t)s->offset * layer_voxels(s), n = (size_t)s->n_slices * layer_voxels(s);
+    const size_t first = (size_t)s->offset * cts_scanned_layer_voxels(s),
+                 n = (size_t)s->n_slices * cts_scanned_layer_voxels(s);
     uint16_t *copied = NULL;
     const uint16_t *slices = s->even->grey ? s->even->grey + first : NULL;
     if (how == CTS_INTERPOLATION_SHAPE && !slices) {
@@ -65,7 +62,7 @@ static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, in
         slices = copied;
     }
     cts_resample_stack(v->grey,
-                       &(CtsResampling){.layer_voxels = layer_voxels(s),
+                       &(CtsResampling){.layer_voxels = cts_scanned_layer_voxels(s),
                                         .layer = s->layer,
                                         .n_slices = s->n_slices,
                                         .n_layers = s->even->dims[2],
@@ -74,7 +71,7 @@ static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, in
                        n_threads);
     if (how == CTS_INTERPOLATION_SHAPE && slices)
         cts_shape_interpolate_layers(&(CtsShapeStack){.slices = slices,
-                                                      .slice_step = layer_voxels(s),
+                                                      .slice_step = cts_scanned_layer_voxels(s),
                                                       .layers = v->grey,
                                                       .n_columns = v->dims[0],
                                                       .n_rows = v->dims[1],

@@ -3,7 +3,6 @@
 #include "base/cpu.h"
 #include "base/parallel.h"
 #include "dicom/header/slice.h"
-#include "input/files/archive.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
 #include "input/series/single_slices.h"

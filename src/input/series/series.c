@@ -5,7 +5,6 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/string_pool.h"
-#include "dicom/header/dcm_read.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
 #include "input/series/series_check.h"

@@ -1,6 +1,5 @@
 /* From slices and other files to series. */
-#ifndef CTS_SERIES_SERIES_CHECK_H
-#define CTS_SERIES_SERIES_CHECK_H
+#pragma once
 
 #include "ctsplat/series.h"
 #include "dicom/header/slice.h"
@@ -86,5 +85,3 @@ CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err);
 CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err);
 /* Once all are there: most frequent first, then by name. */
 void cts_others_sort(CtsSeriesList *list);
-
-#endif

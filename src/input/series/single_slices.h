@@ -1,6 +1,5 @@
 /* Slices that are each the only one of a series, and lie as one stack all the same. */
-#ifndef CTS_SERIES_SINGLE_SLICES_H
-#define CTS_SERIES_SINGLE_SLICES_H
+#pragma once
 
 #include "ctsplat/series.h"
 #include "dicom/header/slice.h"
@@ -10,5 +9,3 @@ bool cts_slice_place(const CtsSlice *slice, CtsSlicePlace *place);
 
 /* Adds a note for each stack of single slices in a complete list. */
 CtsStatus cts_single_slices_report(CtsSeriesList *list, CtsError *err);
-
-#endif

@@ -3,7 +3,6 @@
 #include "base/compare.h"
 #include "base/vec3.h"
 #include <stdlib.h>
-#include <string.h>
 
 double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice)
 {

@@ -1,6 +1,5 @@
 /* Positions of the slices of a sorted stack, and the even grid of layers for them. */
-#ifndef CTS_SERIES_SLICE_STACK_H
-#define CTS_SERIES_SLICE_STACK_H
+#pragma once
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
@@ -50,4 +49,3 @@ double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *sl
 double cts_slice_stack_tolerance_mm(double median_gap_mm);
 
 CTS_C_END
-#endif

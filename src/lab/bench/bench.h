@@ -1,6 +1,5 @@
 /* The bench, and its internal functions. */
-#ifndef CTS_BENCH_BENCH_H
-#define CTS_BENCH_BENCH_H
+#pragma once
 
 #include "ctsplat/model.h"
 #include "ctsplat/preset.h"
@@ -44,5 +43,3 @@ CtsStatus cts_bench_plan(bool full, CtsBenchRow **rows, int *n, CtsError *err);
  * rendered is recorded with the reason, which is no failure. */
 CtsStatus cts_bench_measure(const CtsBenchSettings *settings, CtsReference *const own[CTS_N_KERNELS], CtsBenchRow *row,
                             CtsError *err);
-
-#endif

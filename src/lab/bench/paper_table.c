@@ -4,7 +4,6 @@
 #include "base/clock.h"
 #include "base/compare.h"
 #include "base/cpu.h"
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

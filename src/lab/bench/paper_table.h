@@ -1,7 +1,6 @@
 /* `ctsplat bench --paper`: the paper's engines, configured as in the paper (cones from a table, 8 bits, unlit, one
  * picture of each in turn), and their times in per cent of plain splatting beside the published ones. */
-#ifndef CTS_BENCH_PAPER_TABLE_H
-#define CTS_BENCH_PAPER_TABLE_H
+#pragma once
 
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
@@ -35,5 +34,3 @@ typedef struct CtsPaperSettings {
 } CtsPaperSettings;
 
 CtsStatus cts_paper_table(const CtsPaperSettings *settings, CtsPaperTable *table, CtsError *err);
-
-#endif

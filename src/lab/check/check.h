@@ -1,7 +1,6 @@
 /* The numerical stability suite (`ctsplat check`): scenes with a closed form or an exact property, for every engine to
  * which they apply. Uses only the public interface, and so tests the library as users get it. */
-#ifndef CTS_CHECK_CHECK_H
-#define CTS_CHECK_CHECK_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <signal.h>
@@ -37,5 +36,3 @@ typedef struct CtsCheckSettings {
 /* Counts may be NULL. A case that cannot be rendered is a failure of the case (found NAN), not of the suite;
  * CTS_ERR_USAGE when no case has such a name; CTS_ERR_INTERRUPTED when a stop is requested. */
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* Volumes and presets made by formula, for the stability suite and the tests. */
-#ifndef CTS_CHECK_SCENE_H
-#define CTS_CHECK_SCENE_H
+#pragma once
 
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
@@ -27,5 +26,3 @@ CtsPreset cts_check_preset(const CtsCheckPoint *points, int n);
 
 /* One colour and opacity everywhere. */
 CtsPreset cts_check_even_preset(double opacity, double red, double green, double blue);
-
-#endif

@@ -1,6 +1,5 @@
 /* Shared declarations of the suite's case files: a row per case, and functions to report a result. */
-#ifndef CTS_CHECK_SUITE_H
-#define CTS_CHECK_SUITE_H
+#pragma once
 
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
@@ -158,5 +157,3 @@ double cts_check_differing(const CtsPicture *a, const CtsPicture *b);
 double cts_hu_noise(const double vox[3], const void *data);
 /* Alternating 16-bit extremes. */
 double cts_hu_checkers(const double vox[3], const void *data);
-
-#endif

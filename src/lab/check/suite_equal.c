@@ -4,7 +4,6 @@
 #include "lab/check/suite.h"
 
 #include <math.h>
-#include <string.h>
 
 /* Mostly air, and repeated layers: the input on which void voxels and similar layers save most. */
 static double hu_blocks(const double vox[3], const void *data)

@@ -1,6 +1,7 @@
 #include "lab/check/truth.h"
 
 #include "base/compare.h"
+#include "base/vec3.h"
 #include <math.h>
 #include <string.h>
 
@@ -179,11 +180,6 @@ void cts_truth_intervals(const CtsPreset *preset, double extinction_scale, const
     cts_truth_pixel(&light, rgba);
 }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static double default_scale(const CtsVolume *v, const CtsTruthCamera *camera)
 {
     /* The longest of the four diagonals of the box of voxel centres. */
@@ -193,7 +189,7 @@ static double default_scale(const CtsVolume *v, const CtsTruthCamera *camera)
         for (int c = 0; c < 3; c++)
             d[c] = (v->dims[0] - 1) * (s & 1 ? -1 : 1) * v->step_lps[0][c] +
                    (v->dims[1] - 1) * (s & 2 ? -1 : 1) * v->step_lps[1][c] + (v->dims[2] - 1) * v->step_lps[2][c];
-        cts_raise_to(&longest, sqrt(dot(d, d)));
+        cts_raise_to(&longest, sqrt(cts_dot3(d, d)));
     }
     return longest / (0.95 * fmin(camera->width, camera->height));
 }
@@ -204,7 +200,7 @@ static void voxels_along(const CtsVolume *volume, const double mm[3], double vox
     for (int a = 0; a < 3; a++) {
         const double *p = volume->step_lps[(a + 1) % 3], *q = volume->step_lps[(a + 2) % 3];
         const double normal[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
-        vox[a] = dot(mm, normal) / dot(volume->step_lps[a], normal);
+        vox[a] = cts_dot3(mm, normal) / cts_dot3(volume->step_lps[a], normal);
     }
 }
 

@@ -1,7 +1,6 @@
 /* True values of pixels from formulas: closed forms along linear segments of HU, and rays through a volume's box in
  * patient millimetres. Shares no code with the renderers, which it validates. */
-#ifndef CTS_CHECK_TRUTH_H
-#define CTS_CHECK_TRUTH_H
+#pragma once
 
 #include "ctsplat/preset.h"
 #include "ctsplat/volume.h"
@@ -51,5 +50,3 @@ void cts_truth_volume(const CtsVolume *volume, const CtsPreset *preset, const Ct
 void cts_truth_voxel(const CtsVolume *volume, const double point_lps[3], double vox[3]);
 void cts_truth_ray_point(const CtsTruthRay *ray, double t_mm, double point_lps[3]);
 void cts_truth_ray_voxel(const CtsVolume *volume, const CtsTruthRay *ray, double t_mm, double vox[3]);
-
-#endif

@@ -1,6 +1,5 @@
 /* Deflate (RFC 1951) for the filtered rows of a picture; its bytes depend on the input alone. */
-#ifndef CTS_EXPORT_DEFLATE_H
-#define CTS_EXPORT_DEFLATE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -25,5 +24,3 @@ static inline size_t cts_deflate_max_bytes(size_t n)
 /* Packs n bytes (less than 4 GiB) as one block, and returns how many bytes it has. A block that is not the last of its
  * stream ends on a byte, so that the next one can follow. runs is working memory. */
 size_t cts_deflate(const uint8_t *bytes, size_t n, bool last, CtsByteRun *runs, uint8_t *packed);
-
-#endif

@@ -11,8 +11,6 @@
 #include "output/image/samples.h"
 #include <math.h>
 #include <openexr.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 

@@ -1,6 +1,5 @@
 /* The interface of a file format: one row in its own file, listed in export.c. */
-#ifndef CTS_EXPORT_FORMAT_H
-#define CTS_EXPORT_FORMAT_H
+#pragma once
 
 #include "base/file.h"
 #include "ctsplat/api.h"
@@ -57,5 +56,3 @@ bool cts_date_now(struct tm *date);
 void cts_date_texts(char date[9], char time[7]);
 
 CTS_C_END
-
-#endif

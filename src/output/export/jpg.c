@@ -7,7 +7,6 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include <jpeglib.h> /* needs FILE and size_t */
 

@@ -7,7 +7,6 @@
 #include "output/export/sc_texts.h"
 #include "output/image/describe.h"
 #include "output/image/samples.h"
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 

@@ -4,7 +4,6 @@
 #include "dicom/objects/objects.h"
 #include <endian.h>
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 

@@ -1,6 +1,5 @@
 /* Texts, codes, numbers and UIDs of a secondary capture. */
-#ifndef CTS_EXPORT_SC_TEXTS_H
-#define CTS_EXPORT_SC_TEXTS_H
+#pragma once
 
 #include "base/hash.h"
 #include "dicom/objects/objects.h"
@@ -47,5 +46,3 @@ CtsStatus cts_sc_spool_write(CtsScSpool *spool, void *samples, size_t n_bytes, C
 /* The whole element PixelData (7FE0,0010), once all frames are there. */
 CtsStatus cts_sc_spool_copy(const CtsScSpool *spool, CtsTempFile *to, CtsError *err);
 void cts_sc_spool_close(CtsScSpool *spool);
-
-#endif

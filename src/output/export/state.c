@@ -1,6 +1,7 @@
 /* Presentation states: the standard's attributes for a picture. The encoding is in dicom/dcm_state. */
 #include "ctsplat/state.h"
 
+#include "base/clamp.h"
 #include "base/enum_table.h"
 #include "base/file.h"
 #include "base/hash.h"
@@ -21,11 +22,6 @@ static CTS_ENUM_TABLE(char *const, methods,
 
 /* Shininess is relative to an implementation's maximum: here this power of the highlight. */
 static const double max_power = 128;
-
-static double clamp01(double x)
-{
-    return fmin(fmax(x, 0), 1);
-}
 
 static void fill_geometry(const CtsStateScene *scene, CtsDcmState *s)
 {
@@ -68,8 +64,8 @@ static void fill_transfer(const CtsStateScene *scene, CtsDcmState *s)
             opacity = cts_preset_opacity(p, hu);
         }
         for (int c = 0; c < 3; c++)
-            s->tables[c][i] = (uint16_t)(clamp01(rgb[c]) * 65535 + 0.5);
-        s->tables[3][i] = (uint16_t)(clamp01(opacity) * 65535 + 0.5);
+            s->tables[c][i] = (uint16_t)(cts_clamp01(rgb[c]) * 65535 + 0.5);
+        s->tables[3][i] = (uint16_t)(cts_clamp01(opacity) * 65535 + 0.5);
     }
 }
 
@@ -180,10 +176,10 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScTexts *words, CtsDcmState
     s->method = methods[scene->info->mode];
     s->shaded = scene->shaded;
     report_occlusion(scene);
-    s->ambient = clamp01(p->ambient);
-    s->diffuse = clamp01(p->diffuse);
-    s->specular = clamp01(p->specular);
-    s->shininess = clamp01(p->power / max_power);
+    s->ambient = cts_clamp01(p->ambient);
+    s->diffuse = cts_clamp01(p->diffuse);
+    s->specular = cts_clamp01(p->specular);
+    s->shininess = cts_clamp01(p->power / max_power);
     fill_geometry(scene, s);
     fill_transfer(scene, s);
     if (scene->capture) {

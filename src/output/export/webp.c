@@ -3,7 +3,6 @@
 
 #include "base/mem.h"
 #include "output/image/samples.h"
-#include <stdlib.h>
 #include <webp/encode.h>
 #include <webp/mux.h>
 

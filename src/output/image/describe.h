@@ -1,6 +1,5 @@
 /* Description of a picture in words and numbers for files: without patient data, the same in every locale. */
-#ifndef CTS_IMAGE_DESCRIBE_H
-#define CTS_IMAGE_DESCRIBE_H
+#pragma once
 
 #include "ctsplat/picture.h"
 
@@ -16,5 +15,3 @@ void cts_describe_direction(const double direction_lps[3], char text[4]);
 
 /* The grey window as "low,high" in HU; false (and "") when the picture is composite. */
 bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size);
-
-#endif

@@ -1,8 +1,8 @@
 /* Letters as a pen draws them: capitals of Latin and Greek, with their accents, digits and signs. */
 #include "output/image/letters.h"
 
+#include <stddef.h>
 #include <stdint.h>
-#include <string.h>
 
 /* A pair of hexadecimal-like digits (0 to 9, a to g) is a point, right and down, and a blank lifts the pen. */
 static const CtsGlyph glyphs[] = {

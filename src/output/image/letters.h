@@ -1,6 +1,5 @@
 /* A stroke font for text in pictures. */
-#ifndef CTS_IMAGE_LETTERS_H
-#define CTS_IMAGE_LETTERS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -38,5 +37,3 @@ typedef struct CtsLetters {
 void cts_letters_plain(const char *text, CtsLetters *letters);
 /* Adds a text in UTF-8 in capitals; skips letters without a glyph, and joins several blanks to one. */
 void cts_letters_add(const char *text, CtsLetters *letters);
-
-#endif

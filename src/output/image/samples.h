@@ -1,6 +1,5 @@
 /* A picture's pixels as the integers of files, and display values (sRGB, IEC 61966-2-1) to and from linear light. */
-#ifndef CTS_IMAGE_SAMPLES_H
-#define CTS_IMAGE_SAMPLES_H
+#pragma once
 
 #include "ctsplat/picture.h"
 #include <math.h>
@@ -30,5 +29,3 @@ static inline uint8_t cts_round8(double v)
 {
     return v > 0 ? v < 1 ? (uint8_t)(v * 255 + 0.5) : 255 : 0;
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* Results of `ctsplat bench`, and their output formats. */
-#ifndef CTS_REPORT_BENCH_ROWS_H
-#define CTS_REPORT_BENCH_ROWS_H
+#pragma once
 
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
@@ -57,5 +56,3 @@ CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html,
 /* Runs gnuplot on a script that sets an SVG terminal and no output; *svg is its output, to be freed with free().
  * CTS_ERR_OUTPUT when gnuplot is missing or fails, with the beginning of its message. */
 CtsStatus cts_gnuplot(const char *script, char **svg, CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* Output of `ctsplat info`, as text and as JSON. */
-#ifndef CTS_REPORT_INFO_H
-#define CTS_REPORT_INFO_H
+#pragma once
 
 #include "ctsplat/series.h"
 #include "ctsplat/volume.h"
@@ -35,5 +34,3 @@ struct json_t *cts_info_json(const CtsSeries *series, const CtsPixelFacts *facts
 void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient);
 /* The caller's to release; NULL without memory. */
 struct json_t *cts_info_list_json(const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient);
-
-#endif

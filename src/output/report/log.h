@@ -1,6 +1,5 @@
 /* The timing log: JSON Lines from a CtsReport, appended to a file in one write. */
-#ifndef CTS_REPORT_LOG_H
-#define CTS_REPORT_LOG_H
+#pragma once
 
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
@@ -40,5 +39,3 @@ void cts_log_failed(CtsLog *log, int exit_code, const char *message);
 bool cts_log_last_words(const CtsLog *log, int *fd, const char **text, size_t *size);
 /* Append all lines and close. */
 CtsStatus cts_log_close(CtsLog **log, CtsError *err);
-
-#endif

@@ -1,7 +1,6 @@
 /* Redaction of messages for logs and journals: a UID identifies the patient in the archive, its hash does not; names of
  * files and folders often contain the patient's. */
-#ifndef CTS_REPORT_REDACT_H
-#define CTS_REPORT_REDACT_H
+#pragma once
 
 #include "base/site_key.h"
 #include <stddef.h>
@@ -25,5 +24,3 @@ void cts_names_free(CtsNames *names);
 /* The text without "NAME: " and "NAME, frame N: " for known files, and with other paths to them as "(path)"; NULL
  * without memory. *name, unless name is NULL: the first one removed, or NULL. Free both. */
 char *cts_redact_names(const char *text, const CtsNames *names, char **name);
-
-#endif

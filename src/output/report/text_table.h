@@ -1,6 +1,5 @@
 /* Tables, for stdout with columns as wide as their widest cell, and for pages. */
-#ifndef CTS_REPORT_TEXT_TABLE_H
-#define CTS_REPORT_TEXT_TABLE_H
+#pragma once
 
 #include <stdio.h>
 
@@ -16,5 +15,3 @@ void cts_table_print(const CtsTable *table, FILE *file);
 void cts_table_html(const CtsTable *table, FILE *file);
 void cts_html_text(FILE *file, const char *text);
 void cts_table_free(CtsTable **table);
-
-#endif

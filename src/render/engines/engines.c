@@ -2,7 +2,6 @@
 
 #include "base/enum_table.h"
 #include <stdio.h>
-#include <string.h>
 
 #define DECLARED(id, name) extern const CtsEngine cts_engine_##name;
 CTS_ENGINES(DECLARED)

@@ -1,6 +1,5 @@
 /* The table of engines. Its rows are those of CTS_ENGINES (ctsplat/render.h). */
-#ifndef CTS_RENDER_ENGINES_H
-#define CTS_RENDER_ENGINES_H
+#pragma once
 
 #include "core/scene/engine.h"
 #include <stddef.h>
@@ -18,5 +17,3 @@ enum { CTS_ENGINE_FLAG = -1, CTS_ENGINE_LIST_MAX = 128 };
 /* "a, b and c", for messages: the engines that have this bit in this column of their row (offsetof), or that have the
  * column true (CTS_ENGINE_FLAG). Returns list. */
 const char *cts_engines_with(size_t column, int bit, char list[CTS_ENGINE_LIST_MAX]);
-
-#endif

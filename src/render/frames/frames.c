@@ -1,7 +1,6 @@
 #include "render/frames/frames.h"
 
 #include "base/clock.h"
-#include "base/cpu.h"
 #include "base/invariant.h"
 #include "base/mem.h"
 #include "core/model/voxel_labels.h"
@@ -14,7 +13,6 @@
 #include "render/framing/framing.h"
 #include <math.h>
 #include <stddef.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

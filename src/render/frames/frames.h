@@ -1,7 +1,6 @@
 /* Rendering of frames of one volume with one preset, by the caller's plan. State that does not change from frame to
  * frame (the quantised copy, the transfer function's table, the void key, the engine's cache) is computed once. */
-#ifndef CTS_RENDER_FRAMES_H
-#define CTS_RENDER_FRAMES_H
+#pragma once
 
 #include "core/scene/engine.h"
 #include "core/scene/resolve.h"
@@ -59,5 +58,3 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
                          CtsError *err);
 /* Verifies the frame as requested, unless st is a failure. Returns st, or the verification's failure. */
 CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err);
-
-#endif

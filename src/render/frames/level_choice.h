@@ -4,8 +4,7 @@
  * The probe is up to PROBES x PROBES tiles spread over the picture, one at random in each cell of a grid, and one pixel
  * at random in each 4 x 4 of a tile. They are rendered by the exact march once, and at each level from the cheapest on.
  * The choice depends on scene and request alone: no clock, no earlier frame, no cache. */
-#ifndef CTS_RENDER_LEVEL_CHOICE_H
-#define CTS_RENDER_LEVEL_CHOICE_H
+#pragma once
 
 #include "core/scene/engine.h"
 
@@ -20,5 +19,3 @@ typedef struct CtsLevelChoice {
 /* scene: as the engine gets it; march_scene: as the exact march does. */
 CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, const CtsScene *scene,
                            const CtsEngine *march, const CtsScene *march_scene, CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* --max-error by trial: the cheapest plan whose error on some rays of the same view stays below it. */
-#ifndef CTS_RENDER_QUALITY_SEARCH_H
-#define CTS_RENDER_QUALITY_SEARCH_H
+#pragma once
 
 #include "render/frames/frames.h"
 
@@ -9,5 +8,3 @@
  * contains the error found, and a warning where no plan meets the request. */
 CtsStatus cts_quality_search(CtsFrames *frames, const double view_deg[2], CtsPlan *plan, CtsReport *report,
                              CtsError *err);
-
-#endif

@@ -1,6 +1,5 @@
 /* --void key: the mixture of a volume, its proposed key, and a report of the loss. */
-#ifndef CTS_RENDER_VOID_KEY_REPORT_H
-#define CTS_RENDER_VOID_KEY_REPORT_H
+#pragma once
 
 #include "ctsplat/mixture.h"
 #include "ctsplat/report.h"
@@ -15,5 +14,3 @@ CtsStatus cts_void_key_find(const CtsVolume *volume, const CtsPreset *preset, in
                             CtsReport *report, CtsError *err);
 /* Adds the plan and the loss to the report: a warning, and a skipped step. */
 void cts_void_key_report(const CtsFittedVoidKey *found, const CtsPreset *preset, CtsReport *report);
-
-#endif

@@ -1,6 +1,5 @@
 /* The picture's frame around the visible part of the volume. */
-#ifndef CTS_FRAMING_FRAMING_H
-#define CTS_FRAMING_FRAMING_H
+#pragma once
 
 #include "ctsplat/model.h"
 #include "ctsplat/preset.h"
@@ -24,5 +23,3 @@ CtsStatus cts_framing_find(const CtsFramed *what, CtsRenderSettings *settings, C
 /* The same for a single picture, if the settings request it and give no scale. */
 CtsStatus cts_framing_settle(const CtsModel *model, const CtsPreset *preset, CtsRenderSettings *settings,
                              CtsError *err);
-
-#endif
