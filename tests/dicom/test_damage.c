@@ -96,7 +96,6 @@ enum { N_ENCODINGS = sizeof encodings / sizeof *encodings };
 /* A slice with truncated pixels is left out, interpolated, and reported: never used in part, never silently. */
 static void test_cut_short(void **state)
 {
-    (void)state;
     for (int e = 0; e < N_ENCODINGS; e++) {
         Series s = {0};
         copy_series(&s, encodings[e]);
@@ -118,7 +117,6 @@ static void test_cut_short(void **state)
 
 static void test_wrong_bytes(void **state)
 {
-    (void)state;
     uint32_t random = 1;
     for (int e = 0; e < N_ENCODINGS; e++) {
         Series s = {0};
@@ -166,7 +164,6 @@ static void expect_left_out(Series *s, const char *part)
 /* Streams that DCMTK 3.6.7 loops on, overruns or decodes to half a picture. */
 static void test_jpeg_headers(void **state)
 {
-    (void)state;
     static const struct {
         const char *folder;
         uint8_t frame; /* marker of the frame header */
@@ -205,7 +202,6 @@ static void test_jpeg_headers(void **state)
 
 static void test_rle_headers(void **state)
 {
-    (void)state;
     Series s = {0};
     copy_series(&s, "syntax/rle");
     /* two segments, the first behind the header of 64 bytes */
@@ -235,7 +231,6 @@ static void test_rle_headers(void **state)
 /* The file changes between the reading of its header and of its pixels. */
 static void test_changed_meanwhile(void **state)
 {
-    (void)state;
     Series s = {0};
     CtsError err;
     CtsVolume *v = NULL;
@@ -260,7 +255,6 @@ static void test_changed_meanwhile(void **state)
 /* A small deflated file that would inflate to gigabytes is given up at the header limit. */
 static void test_deflate_bomb(void **state)
 {
-    (void)state;
     enum { ZEROS = 80 << 20 };
     Bytes plain = {0}, file = {0};
     Slice slice = sound_slice();
@@ -297,7 +291,6 @@ static void test_deflate_bomb(void **state)
 /* A DICOMDIR of four records: a file, one in lower case on disk, one that climbs out, one that is not there. */
 static void test_directory(void **state)
 {
-    (void)state;
     static const char *const ids[] = {"IM1", "IM2", "..\\IM3", "IM4"};
     Bytes file = {0}, items = {0};
     const Slice directory = {.sop_class = "1.2.840.10008.1.3.10", .syntax = "1.2.840.10008.1.2.1"};
@@ -344,7 +337,6 @@ static void test_directory(void **state)
 /* A pipe must not be opened, a link to the folder itself not be followed. */
 static void test_special_files(void **state)
 {
-    (void)state;
     Series s = {0};
     char path[400];
     CtsVolume *v;

@@ -2,8 +2,7 @@
  *
  * With clang and -Dfuzz=true each target becomes a libFuzzer program; in every build replay.c runs it over the files of
  * testdata/fuzz/TARGET, as a test. */
-#ifndef CTS_TESTS_FUZZ_H
-#define CTS_TESTS_FUZZ_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -16,5 +15,3 @@ extern "C"
 #endif
     int
     LLVMFuzzerTestOneInput(const uint8_t *data, size_t n);
-
-#endif

@@ -1,6 +1,5 @@
 /* One label file -> labels of a small series, counted; compressed frames have a process of their own and are left out.
  */
-#include "base/mem.h"
 #include "dicom/header/slice.h"
 #include "fuzz.h"
 #include "input/files/nifti.h"

@@ -1,7 +1,6 @@
 /* Series sorting on invented headers: 16 bytes a slice, positions, times and numbers all mixed up. */
 #include "fuzz.h"
 #include "input/series/series_check.h"
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,5 @@
 /* Random numbers for the input of kernels, from a seed in state. */
-#ifndef CTS_TESTS_RANDOM_INPUT_H
-#define CTS_TESTS_RANDOM_INPUT_H
+#pragma once
 
 #include <stdint.h>
 
@@ -18,5 +17,3 @@ static int below(int n)
 {
     return (int)(random_u32() % (uint32_t)n);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* Input and results of the operations of base/simd.h, for each SIMD path. */
-#ifndef CTS_TESTS_SIMD_OPERATIONS_H
-#define CTS_TESTS_SIMD_OPERATIONS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -32,5 +31,3 @@ typedef int (*simd_operations_fn)(const SimdInput *in, SimdRow row[MAX_ROWS]);
 int simd_operations_c(const SimdInput *in, SimdRow row[MAX_ROWS]);
 int simd_operations_avx2(const SimdInput *in, SimdRow row[MAX_ROWS]);
 int simd_operations_avx512(const SimdInput *in, SimdRow row[MAX_ROWS]);
-
-#endif

@@ -4,7 +4,6 @@
 #include "engine/splat/loops.h"
 #include "random_input.h"
 #include "unit.h"
-#include <stdio.h>
 #include <string.h>
 
 enum { N = 75, EDGE = 64, ROWS = 40, WIDTH = 4 * N + 4 * CTS_MAX_TAPS, TRIALS = 400 };
@@ -229,25 +228,21 @@ static void each_path(Loop loop)
 
 static void test_scatter(void **unused)
 {
-    (void)unused;
     each_path(scatter);
 }
 
 static void test_marks(void **unused)
 {
-    (void)unused;
     each_path(mark);
 }
 
 static void test_pixels(void **unused)
 {
-    (void)unused;
     each_path(pixels);
 }
 
 static void test_gradient(void **unused)
 {
-    (void)unused;
     each_path(gradient);
 }
 

@@ -147,7 +147,6 @@ static void test_operations(void **unused)
     } path[] = {{"plain C", simd_operations_c, 0},
                 {"AVX2", simd_operations_avx2, CTS_CPU_AVX2},
                 {"AVX-512", simd_operations_avx512, CTS_CPU_AVX512}};
-    (void)unused;
     for (size_t k = 0; k < sizeof path / sizeof *path; k++)
         for (uint64_t seed = 0; seed < TRIALS && !(path[k].needs & ~cts_cpu_flags()); seed++)
             compare(path[k].name, path[k].operations, seed);

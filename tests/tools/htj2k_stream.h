@@ -1,6 +1,5 @@
 /* An HTJ2K stream of one grey picture, by OpenJPH; for tests. */
-#ifndef CTS_TESTS_HTJ2K_STREAM_H
-#define CTS_TESTS_HTJ2K_STREAM_H
+#pragma once
 
 #include "jpeg2000_stream.h"
 
@@ -13,5 +12,4 @@ Jpeg2000Bytes htj2k_stream(const Jpeg2000 *p, bool lossy, const int32_t *samples
 
 #ifdef __cplusplus
 }
-#endif
 #endif

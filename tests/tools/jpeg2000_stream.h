@@ -1,6 +1,5 @@
 /* A lossless JPEG 2000 stream of one grey picture, by OpenJPEG; for raw2ct and for tests. */
-#ifndef CTS_TESTS_JPEG2000_STREAM_H
-#define CTS_TESTS_JPEG2000_STREAM_H
+#pragma once
 
 #include <openjpeg.h>
 #include <stdbool.h>
@@ -92,5 +91,4 @@ static inline Jpeg2000Bytes jpeg2000_stream(const Jpeg2000 *p, const int32_t *sa
 
 #ifdef __cplusplus
 }
-#endif
 #endif

@@ -1,6 +1,5 @@
 /* make_zip OUT FILE...: a zip file of these files, each under its last two path parts; the same bytes every time. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <zip.h>
 

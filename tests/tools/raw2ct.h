@@ -1,7 +1,6 @@
 /* The three parts of raw2ct: options (raw2ct.c), slices cut from the raw volume (raw2ct_slices.c), DICOM files
  * (raw2ct_dicom.cc). A test tool: errors go to stderr. */
-#ifndef CTS_TESTS_RAW2CT_H
-#define CTS_TESTS_RAW2CT_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -61,5 +60,4 @@ bool write_series(const Options *o, const Stack *stack);
 
 #ifdef __cplusplus
 }
-#endif
 #endif

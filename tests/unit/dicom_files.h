@@ -1,7 +1,6 @@
 /* DICOM files built byte by byte, with deliberate faults; without a library, so that the tests are independent of
  * one. */
-#ifndef CTS_TESTS_DICOM_FILES_H
-#define CTS_TESTS_DICOM_FILES_H
+#pragma once
 
 #include "folder.h"
 #include <stdbool.h>
@@ -243,5 +242,3 @@ static inline void write_stack(const char *folder, const double *z, int n)
         write_slice(folder, name, &s);
     }
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* A folder of its own for a test that writes files. */
-#ifndef CTS_TESTS_FOLDER_H
-#define CTS_TESTS_FOLDER_H
+#pragma once
 
 #include "unit.h"
 #include <dirent.h>
@@ -65,5 +64,3 @@ static inline void assert_same_bytes(const char *a, const char *b)
     free(pa);
     free(pb);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* Pictures made by formula, for the tests of image and export. */
-#ifndef CTS_TESTS_PICTURES_H
-#define CTS_TESTS_PICTURES_H
+#pragma once
 
 #include "ctsplat/export.h"
 #include "ctsplat/picture.h"
@@ -71,5 +70,3 @@ static inline void export_in_bands(const CtsPicture *const *frames, int n_frames
     assert_int_equal(cts_export_end(&export, NULL, &err), CTS_OK);
     assert_null(export);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* Single rays of the reference ray caster, for tests: a scene from volume, preset and view. */
-#ifndef CTS_TESTS_RAYS_H
-#define CTS_TESTS_RAYS_H
+#pragma once
 
 #include "engine/raycast/raycast.h"
 #include "engine/raycast/raycaster.h"
@@ -70,5 +69,3 @@ static inline void rays_shoot(const Rays *r, double x, double y, double rgba[4])
 {
     cts_raycast_ray(r->caster, x, y, rgba, NULL);
 }
-
-#endif

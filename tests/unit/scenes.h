@@ -1,6 +1,5 @@
 /* Volumes for the tests of whole pictures: a phantom head by formula, noise over the full range, a real head. */
-#ifndef CTS_TESTS_SCENES_H
-#define CTS_TESTS_SCENES_H
+#pragma once
 
 #include "ctsplat/ctsplat.h"
 #include "unit.h"
@@ -170,5 +169,3 @@ static inline CtsRenderSettings settings_for(CtsEngineId engine, int size, doubl
     s.n_threads = 1;
     return s;
 }
-
-#endif

@@ -29,7 +29,6 @@ static int marked(const CtsPicture *p, float v, int x0, int y0, int x1, int y1)
 
 static void test_directions(void **state)
 {
-    (void)state;
     const struct {
         double v[3];
         const char *text;
@@ -47,7 +46,6 @@ static void test_directions(void **state)
 /* Each edge has its letters in the middle, nothing else changes, and they are visible on black and white. */
 static void test_letters(void **state)
 {
-    (void)state;
     for (int k = 0; k < 2; k++) {
         const float v = (float)k;
         CtsError err;
@@ -67,7 +65,6 @@ static void test_letters(void **state)
 /* Marks on white are those on black, turned round: neither is the fainter. */
 static void test_white(void **state)
 {
-    (void)state;
     CtsError err;
     CtsPicture *black = flat(600, 400, 1, 0, 0.5), *white = flat(600, 400, 1, 1, 0.5);
     assert_int_equal(cts_annotate(black, true, true, NULL, &err), CTS_OK);
@@ -81,7 +78,6 @@ static void test_white(void **state)
 /* The bar's length agrees with its text, a round number near a fifth of the width. */
 static void test_scale(void **state)
 {
-    (void)state;
     const struct {
         int width;
         double mm_per_pixel, length_mm;
@@ -107,7 +103,6 @@ static void test_scale(void **state)
 
 static void test_edges(void **state)
 {
-    (void)state;
     CtsError err;
     const int sizes[][2] = {{1, 1}, {3, 90}, {90, 3}, {16, 16}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
@@ -138,7 +133,6 @@ static void test_edges(void **state)
 /* Drawn band by band it is the same. */
 static void test_bands(void **state)
 {
-    (void)state;
     CtsError err;
     CtsPicture *whole = flat(300, 500, 4, 0.4f, 0.5), *cut = flat(300, 500, 4, 0.4f, 0.5);
     assert_int_equal(cts_annotate(whole, true, true, NULL, &err), CTS_OK);
@@ -157,7 +151,6 @@ static void test_bands(void **state)
 /* Marks without room are left out and counted: none is drawn over another mark or cut off. */
 static void test_no_room(void **state)
 {
-    (void)state;
     const struct {
         int width, height, n_left_out;
     } cases[] = {{200, 200, 0}, {100, 100, 0}, {64, 64, 1}, {16384, 1, 5}, {1, 1, 5}, {1, 3000, 5}};
@@ -176,7 +169,6 @@ static void test_no_room(void **state)
 /* Names appear in their colours, by bands as in the whole picture; in a picture without room they are left out. */
 static void legend(void **state)
 {
-    (void)state;
     const CtsLegendEntry entries[] = {{"liver", 1, {1, 0, 0}}, {"a_b-c.1+2", 2, {0, 0, 1}}};
     CtsPicture *whole = NULL, *band = NULL;
     CtsError err;
@@ -217,7 +209,6 @@ static void check_drawn(const char *text, const char *alike, bool lacks)
 /* Latin with accents and Greek are drawn in capitals, composed or decomposed; names in other scripts are counted. */
 static void letters_of_names(void **state)
 {
-    (void)state;
     static const struct {
         const char *text, *alike;
         bool lacks;
@@ -269,7 +260,6 @@ static bool same_picture(const char *name, const CtsPicture *picture)
 /* Names that cannot be written whole have their number in front, and are counted. */
 static void names_in_part(void **state)
 {
-    (void)state;
     static const struct {
         const char *name, *alike;
         int n_in_part;

@@ -1,7 +1,6 @@
 /* Zip files as input: the same volume as the folder, and nothing that a bad one can do. */
 #include "ctsplat/series.h"
 #include "dicom_files.h"
-#include "input/files/archive.h"
 #include <zip.h>
 
 enum { N_SLICES = 6 };
@@ -65,7 +64,6 @@ static void expect_stack(const CtsSeries *series)
 
 static void test_sound(void **state)
 {
-    (void)state;
     static const char *const formats[] = {"IM%d", "study/series/IM%d.dcm", "../../../../tmp/IM%d", "/etc/IM%d",
                                           "C:\\IM%d"};
     static const int methods[] = {ZIP_CM_STORE, ZIP_CM_DEFLATE};
@@ -101,7 +99,6 @@ static void expect_refused(const char *path, CtsStatus status, const char *part)
 /* Zeros pack a thousand to one; a hundred and 64 MiB are let in. */
 static void test_bomb(void **state)
 {
-    (void)state;
     enum { ZEROS = 90 << 20 };
     char folder[64], path[80];
     uint8_t *zeros = calloc(1, ZEROS);
@@ -119,7 +116,6 @@ static void test_bomb(void **state)
 /* A byte changed or the end truncated anywhere: the right volume, a reported member, or a refusal. */
 static void test_damage(void **state)
 {
-    (void)state;
     char folder[64], path[80];
     size_t n;
     make_folder(folder);
@@ -150,7 +146,6 @@ static void test_damage(void **state)
 
 static void test_no_zip(void **state)
 {
-    (void)state;
     char folder[64], path[80];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/in.zip", folder);

@@ -7,12 +7,10 @@
 #include "ctsplat/status.h"
 #include "unit.h"
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 static void test_exit_codes(void **state)
 {
-    (void)state;
     const struct {
         CtsStatus status;
         int code;
@@ -27,7 +25,6 @@ static void test_exit_codes(void **state)
 
 static void test_fail(void **state)
 {
-    (void)state;
     CtsError err;
     assert_int_equal(cts_fail(NULL, CTS_ERR_READ, "no listener"), CTS_ERR_READ);
     assert_int_equal(cts_fail(&err, CTS_ERR_READ, "%s: slice %d", "a.dcm", 3), CTS_ERR_READ);
@@ -41,7 +38,6 @@ static void test_fail(void **state)
 /* A message is one line without control sequences, whatever a file name or a header contains. */
 static void test_fail_escapes(void **state)
 {
-    (void)state;
     CtsError err;
     cts_fail(&err, CTS_ERR_READ, "%s", "a\nb\x1b[31m\x7f\t");
     assert_string_equal(err.text, "a?b?[31m??");
@@ -56,7 +52,6 @@ static void test_fail_escapes(void **state)
 
 static void test_fail_long(void **state)
 {
-    (void)state;
     CtsError err;
     char text[4000];
     memset(text, 'x', sizeof text - 1);
@@ -75,7 +70,6 @@ static void test_fail_long(void **state)
 
 static void test_memory(void **state)
 {
-    (void)state;
     CtsError err;
     double *p = NULL;
     assert_int_equal(cts_alloc_array(&p, SIZE_MAX / 4, &err), CTS_ERR_MEMORY);
@@ -101,7 +95,6 @@ static void test_memory(void **state)
 /* Small blocks, which may change their alignment, and large ones, whose pages are moved: contents are kept. */
 static void test_resize(void **state)
 {
-    (void)state;
     static const size_t sizes[] = {1, 5, 63, 1000, 70000, 1300000, 5000000, 20};
     CtsError err;
     uint32_t *p = NULL;
@@ -124,7 +117,6 @@ static void test_resize(void **state)
 
 static void test_threads(void **state)
 {
-    (void)state;
     assert_true(cts_cpu_cores() >= 1);
     assert_true(cts_threads(0) >= 1 && cts_threads(0) <= cts_cpu_cores());
     assert_int_equal(cts_threads(7), 7);
@@ -133,7 +125,6 @@ static void test_threads(void **state)
 
 static void test_stages_add_up(void **state)
 {
-    (void)state;
     CtsReport r = {0};
     cts_report_stage(&r, CTS_STAGE_SCAN, 2, 3, 4, 5);
     cts_report_stage(&r, CTS_STAGE_SCAN, 20, 30, 40, 50);
@@ -148,7 +139,6 @@ static void test_stages_add_up(void **state)
 /* Concurrent activities share the time by CPU usage, and the sum is complete. */
 static void test_region(void **state)
 {
-    (void)state;
     CtsReport r = {0};
     double busy[CTS_N_STAGES] = {0};
     uint64_t items[CTS_N_STAGES] = {0};
@@ -173,7 +163,6 @@ static void test_region(void **state)
 
 static void test_lists(void **state)
 {
-    (void)state;
     CtsReport r = {0};
     char text[600];
     memset(text, 'z', sizeof text - 1);
@@ -204,7 +193,6 @@ static void test_lists(void **state)
 
 static void test_stage_names(void **state)
 {
-    (void)state;
     const char *const names[CTS_N_STAGES] = {"scan",      "labels", "decode",    "grey",  "classify", "occlusion",
                                              "footprint", "splat",  "composite", "shade", "warp",     "export"};
     for (int s = 0; s < CTS_N_STAGES; s++)
@@ -214,7 +202,6 @@ static void test_stage_names(void **state)
 /* Either side of each middle between two levels, where floats lie on both sides of it or on neither. */
 static void test_levels(void **state)
 {
-    (void)state;
     int crossed = 0;
     for (int level = 1; level < 65536; level++) {
         const double middle = (level - 0.5) / 65535, below = middle * (1 - 1e-15), above = middle * (1 + 1e-15);

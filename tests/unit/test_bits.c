@@ -6,7 +6,6 @@
 #include "ctsplat/volume.h"
 #include <stdbool.h>
 #include <stdlib.h>
-#include <string.h>
 
 static const int sizes[][3] = {{1, 1, 1},  {2, 1, 3},  {5, 5, 5},   {9, 4, 13},    {64, 8, 9}, {65, 9, 8},
                                {66, 5, 6}, {68, 3, 1}, {127, 7, 5}, {129, 12, 17}, {1, 70, 2}, {300, 6, 4}};
@@ -45,7 +44,6 @@ static CtsVolume *make(const int dims[3], uint32_t seed)
 
 static void test_threshold(void **state)
 {
-    (void)state;
     for (int s = 0; s < N_SIZES; s++) {
         CtsVolume *v = make(sizes[s], (uint32_t)s);
         CtsBits plain;
@@ -119,7 +117,6 @@ static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
 /* Some voxels far apart, made wider by up to more than a row of words: by the octagon's formula. */
 static void test_far_reach(void **state)
 {
-    (void)state;
     static const int shapes[][2] = {{100, 70}, {128, 64}, {64, 1}, {3, 130}, {191, 40}, {1, 1}};
     uint32_t seed = 7;
     for (int n = 0; n < 240; n++) {
@@ -160,7 +157,6 @@ static void test_far_reach(void **state)
 
 static void test_morphology(void **state)
 {
-    (void)state;
     const CtsReach reaches[] = {{1, {0, 0}}, {1, {1, 0}}, {2, {0, 3}}, {3, {2, 2}}, {7, {1, 5}}};
     for (int n = 0; n < 5; n++)
         for (int s = 0; s < N_SIZES; s++)

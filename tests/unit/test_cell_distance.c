@@ -18,7 +18,6 @@ static int by_definition(const uint8_t *marked, const int n[3], const int at[3])
 
 static void against_definition(void **state)
 {
-    (void)state;
     static const int sizes[][3] = {{1, 1, 1}, {5, 4, 3}, {63, 2, 2}, {64, 3, 1}, {65, 2, 3}, {130, 1, 2}, {300, 1, 1}};
     uint64_t seed = 9;
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++)

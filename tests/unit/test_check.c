@@ -25,7 +25,6 @@ static void see(const CtsCheckResult *r, void *context)
 
 static void test_counts(void **state)
 {
-    (void)state;
     Seen seen = {.part = "unit distance"};
     int n, n_failed;
     CtsError err;
@@ -38,7 +37,6 @@ static void test_counts(void **state)
 
 static void test_stops(void **state)
 {
-    (void)state;
     Seen seen = {.part = ""};
     const volatile sig_atomic_t stop = 1;
     int n, n_failed;
@@ -50,14 +48,12 @@ static void test_stops(void **state)
 
 static double square_root(double x, const void *data)
 {
-    (void)data;
     return sqrt(x) * log(x);
 }
 
 /* Truths that the truths are measured by. */
 static void test_truth(void **state)
 {
-    (void)state;
     double rgba[4];
     assert_true(fabs(cts_truth_integral(square_root, NULL, 0, 1) + 4.0 / 9) < 1e-12);
     CtsPreset p = cts_check_even_preset(0.5, 1, 0.5, 0);

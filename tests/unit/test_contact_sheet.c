@@ -9,14 +9,12 @@ static const CtsContactWanted wanted = {0};
 
 static int enter(void **state)
 {
-    (void)state;
     make_folder(folder);
     return 0;
 }
 
 static int leave(void **state)
 {
-    (void)state;
     remove_folder(folder);
     return 0;
 }
@@ -70,7 +68,6 @@ static const char *text_of(const json_t *object, const char *key)
 
 static void test_last_line_counts(void **state)
 {
-    (void)state;
     put("batch.jsonl", "{\"series_uid\":\"1.2\",\"status\":\"failed\",\"ended\":\"2026-11-22T06:00:09Z\"}\n"
                        "not JSON\n"
                        "{\"series_uid\":\"1.3\",\"status\":\"done\"}\n"
@@ -87,7 +84,6 @@ static void test_last_line_counts(void **state)
 
 static void test_shards(void **state)
 {
-    (void)state;
     put("batch-0-of-2.jsonl", "{\"series_uid\":\"1.2\",\"reason\":\"later\",\"ended\":\"2026-11-22T06:00:09Z\"}\n");
     put("batch-1-of-2.jsonl", "{\"series_uid\":\"1.2\",\"reason\":\"earlier\",\"ended\":\"2026-11-22T06:00:01Z\"}\n"
                               "{\"series_uid\":\"1.5\"}\n");
@@ -102,7 +98,6 @@ static void test_shards(void **state)
 /* Batches in folders of their own: one page, paths from its own folder. */
 static void test_folders(void **state)
 {
-    (void)state;
     char path[128], file[160];
     snprintf(path, sizeof path, "%s/ST_1", folder);
     assert_int_equal(mkdir(path, 0700), 0);
@@ -121,7 +116,6 @@ static void test_folders(void **state)
 /* A reason that looks like markup ends no script element, and paths stay below the folder. */
 static void test_hostile(void **state)
 {
-    (void)state;
     static const char evil[] = "</script><script>alert(1)</script><!--<script>";
     json_t *line =
         json_pack("{s:s, s:s, s:[{s:s,s:s,s:s,s:s},{s:s,s:s},{s:s,s:s},{s:s,s:s},{s:s,s:s},{s:s,s:s}]}", "series_uid",
@@ -145,7 +139,6 @@ static void test_hostile(void **state)
 
 static void test_pictures(void **state)
 {
-    (void)state;
     put("batch.jsonl",
         "{\"series_uid\":\"1.2\",\"input_sha256\":\"00\",\"outputs\":["
         "{\"path\":\"1.2/bone-left-000.png\",\"preset\":\"bone\",\"view\":\"left\",\"frame\":0,\"format\":\"png\"},"
@@ -177,7 +170,6 @@ static void test_pictures(void **state)
 
 static void test_nothing_to_show(void **state)
 {
-    (void)state;
     CtsError err = {0};
     assert_int_equal(cts_contact_sheet_write(folder, &wanted, &err), CTS_ERR_READ);
     assert_non_null(strstr(err.text, "holds no journal"));

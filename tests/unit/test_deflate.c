@@ -3,7 +3,6 @@
 #include "unit.h"
 #include <pthread.h>
 #include <stdbool.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -85,7 +84,6 @@ static void test_unpacked(void **state)
     static const size_t sizes[] = {0,   1,   2,   3,   4,   5,   6,   7,   8,    9,   257,
                                    258, 259, 260, 261, 262, 263, 264, 517, 4099, MOST};
     uint8_t *const bytes = malloc(MOST + 1), *const back = malloc(2 * MOST + 1);
-    (void)state;
     assert_true(bytes && back);
     for (int k = 0; k < N_INPUTS; k++)
         for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
@@ -129,7 +127,6 @@ static void test_sizes(void **state)
         size_t most;
     } cases[] = {{0, MOST / 258 / 4 + 256}, {1, MOST + MOST / 100}, {2, MOST / 2 + MOST / 8 + MOST / 50}};
     uint8_t *const bytes = malloc(MOST);
-    (void)state;
     assert_non_null(bytes);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         uint8_t *packed;
@@ -192,7 +189,6 @@ static void test_addresses(void **state)
     enum { N_KNOWN = 3, N_ADDRESSES = 9000 };
     uint8_t *const bytes = malloc(STRIP_BYTES), *expected;
     int n_tried = 0;
-    (void)state;
     assert_non_null(bytes);
     fill_rows(bytes, STRIP_BYTES);
     const size_t n_expected = pack(bytes, STRIP_BYTES, false, &expected);

@@ -79,7 +79,6 @@ static void check_file(const CtsPicture *p)
  * paper's engines sample the field on planes only: their surface lies up to one plane behind the true one. */
 static void test_ball(void **state)
 {
-    (void)state;
     static const double views[][2] = {{0, 0}, {90, 0}, {180, 0}, {0, 90}, {30, 20}, {-100, -50}};
     CtsVolume *v = ball();
     const CtsPreset preset = opaque();
@@ -104,7 +103,6 @@ static void test_ball(void **state)
 /* Depth is computed when requested, in the mode with surfaces, and the report says when it is left out. */
 static void test_left_out(void **state)
 {
-    (void)state;
     CtsVolume *v = ball();
     const CtsPreset preset = opaque();
     for (int wanted = 0; wanted < 2; wanted++)

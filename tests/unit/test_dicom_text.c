@@ -7,7 +7,6 @@
 
 static void test_decimal_strings(void **state)
 {
-    (void)state;
     static const struct {
         const char *text;
         int n;
@@ -59,7 +58,6 @@ static void test_decimal_strings(void **state)
 
 static void test_integer_strings(void **state)
 {
-    (void)state;
     int v = 0;
     assert_true(cts_dcm_parse_is("12", 2, &v) && v == 12);
     assert_true(cts_dcm_parse_is("-12 ", 4, &v) && v == -12);
@@ -79,7 +77,6 @@ static void expect_text(const char *text, const char *charset, const char *wante
 
 static void test_texts(void **state)
 {
-    (void)state;
     assert_int_equal(cts_dcm_start(NULL), CTS_OK);
     expect_text("Kopf nativ", NULL, "Kopf nativ");
     expect_text("Sch\xe4"

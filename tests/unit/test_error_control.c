@@ -10,8 +10,6 @@ static const float TRUTH = 0.25F, FAST = 0.5F, RENDERED = 0.3F;
 static CtsStatus march_pixels(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
                               double error, float (*rgba)[4], float *off, CtsError *err)
 {
-    (void)scene;
-    (void)err;
     for (size_t i = 0; i < n; i++) {
         const bool doubtful = place[i] < (uint32_t)band->width;
         for (int c = 0; c < 3; c++)
@@ -25,7 +23,6 @@ static CtsStatus march_pixels(const CtsScene *scene, const CtsPicture *band, con
 /* Pixels whose re-rendering is doubtful get the value of the reference, not of the fast march. */
 static void reference_where_doubtful(void **state)
 {
-    (void)state;
     const CtsEngine march = {.name = "march", .render_pixels = march_pixels, .indicator = CTS_INDICATOR_BOUND},
                     engine = {.name = "sheets", .indicator = CTS_INDICATOR_ESTIMATE};
     const CtsRenderSettings settings = {.n_threads = 1};

@@ -70,7 +70,6 @@ static void check_zlib_stream(const char *path, size_t n_expected)
  * picture gives twice the same bytes. */
 static void test_png_round_trip(void **state)
 {
-    (void)state;
     const struct {
         int width, height, n_channels;
         bool has_alpha;
@@ -117,7 +116,6 @@ static void test_png_round_trip(void **state)
  * a batch of strips is written at once. Rows in the wrong order are refused, without a remaining file. */
 static void test_bands(void **state)
 {
-    (void)state;
     const struct {
         int width, height, n_channels;
         bool has_alpha, depth;
@@ -180,7 +178,6 @@ static const char *text_of(png_structp png, png_infop info, const char *key)
 /* libpng, an independent reader, finds colour space, scale and texts in the file. */
 static void test_png_metadata(void **state)
 {
-    (void)state;
     char folder[64], path[100];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/a.png", folder);
@@ -218,7 +215,6 @@ static void test_png_metadata(void **state)
 /* PNG files of other makers: 8 bits, palettes, grey with alpha, interlaced. */
 static void test_png_foreign(void **state)
 {
-    (void)state;
     char folder[64], path[100];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/a.png", folder);
@@ -276,7 +272,6 @@ static void check_exr(const CtsPicture *p, const CtsPicture *q)
 
 static void test_exr_round_trip(void **state)
 {
-    (void)state;
     const struct {
         int width, height, n_channels;
         bool has_alpha, depth;
@@ -311,7 +306,6 @@ static void test_exr_round_trip(void **state)
 /* The matrices map points of the patient to their pixels. */
 static void test_exr_camera(void **state)
 {
-    (void)state;
     char folder[64], path[100];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/a.exr", folder);
@@ -362,7 +356,6 @@ static void test_exr_camera(void **state)
 /* exrheader reads the file and prints its main attributes. */
 static void test_exrheader(void **state)
 {
-    (void)state;
     if (system("command -v exrheader >/dev/null"))
         skip();
     char folder[64], path[100], command[300], out[4000];
@@ -418,19 +411,16 @@ static void refuse_every_cut(const char *ending)
 
 static void test_png_cut(void **state)
 {
-    (void)state;
     refuse_every_cut("png");
 }
 
 static void test_exr_cut(void **state)
 {
-    (void)state;
     refuse_every_cut("exr");
 }
 
 static void test_png_promises_too_much(void **state)
 {
-    (void)state;
     static const uint8_t head[] = {0x89, 'P',  'N',  'G',  13, 10, 26, 10,   0,   0,   0,   13,   'I',  'H',  'D',
                                    'R',  0,    0,    0x80, 0,  0,  0,  0x80, 0,   16,  6,   0,    0,    0,    0xb2,
                                    0x8b, 0xe0, 0x11, 0,    0,  0,  0,  'I',  'D', 'A', 'T', 0x35, 0xaf, 0x06, 0x1e};
@@ -452,7 +442,6 @@ static void test_png_promises_too_much(void **state)
 
 static void test_check(void **state)
 {
-    (void)state;
     char folder[64], path[200];
     CtsError err;
     make_folder(folder);
@@ -517,19 +506,16 @@ static void fail_when_full(const char *ending)
 
 static void test_png_full(void **state)
 {
-    (void)state;
     fail_when_full("png");
 }
 
 static void test_exr_full(void **state)
 {
-    (void)state;
     fail_when_full("exr");
 }
 
 static void test_no_picture(void **state)
 {
-    (void)state;
     char folder[64], path[100];
     CtsPicture *p;
     CtsError err;

@@ -9,7 +9,6 @@ static char folder[64], path[128];
 
 static int enter(void **state)
 {
-    (void)state;
     make_folder(folder);
     snprintf(path, sizeof path, "%s/out.bin", folder);
     return 0;
@@ -17,7 +16,6 @@ static int enter(void **state)
 
 static int leave(void **state)
 {
-    (void)state;
     remove_folder(folder);
     return 0;
 }
@@ -45,7 +43,6 @@ end:
 
 static void test_commit(void **state)
 {
-    (void)state;
     CtsError err;
     CtsTempFile *t = NULL;
     uint64_t bytes = 0;
@@ -70,7 +67,6 @@ static void test_commit(void **state)
 
 static void test_discard(void **state)
 {
-    (void)state;
     CtsError err;
     CtsTempFile *t = NULL;
     assert_int_equal(cts_temp_open(&t, path, &err), CTS_OK);
@@ -83,7 +79,6 @@ static void test_discard(void **state)
 
 static void test_no_overwrite(void **state)
 {
-    (void)state;
     CtsError err;
     assert_int_equal(write_file("first", false, NULL, &err), CTS_OK);
     assert_int_equal(cts_file_check_writable(path, false, &err), CTS_ERR_OUTPUT);
@@ -101,7 +96,6 @@ static void test_no_overwrite(void **state)
 /* A full disk, played by a limit on file size: an error, and nothing stays behind. */
 static void test_write_fails(void **state)
 {
-    (void)state;
     CtsError err;
     CtsTempFile *t = NULL;
     struct rlimit old, small;
@@ -123,7 +117,6 @@ static void test_write_fails(void **state)
 
 static void test_no_folder(void **state)
 {
-    (void)state;
     CtsError err;
     CtsTempFile *t = NULL;
     char far[200];
@@ -141,7 +134,6 @@ static void test_no_folder(void **state)
 /* A link that points nowhere is somebody's file all the same. */
 static void test_dangling_link(void **state)
 {
-    (void)state;
     CtsError err;
     assert_int_equal(symlink("nowhere", path), 0);
     assert_int_equal(cts_file_check_writable(path, false, &err), CTS_ERR_OUTPUT);

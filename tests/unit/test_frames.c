@@ -191,7 +191,6 @@ static void expect_volume(const CtsSeries *s, int n, int first, int slope)
 
 static void test_one_stack(void **state)
 {
-    (void)state;
     static const char *const classes[] = {"1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.2.2"};
     for (int c = 0; c < 2; c++) {
         Found f;
@@ -208,7 +207,6 @@ static void test_one_stack(void **state)
 /* A frame's own groups win over the shared ones. */
 static void test_own_groups(void **state)
 {
-    (void)state;
     Found f;
     Object o = sound_object(6);
     o.shared_slope = "3";
@@ -221,7 +219,6 @@ static void test_own_groups(void **state)
 
 static void test_stacks(void **state)
 {
-    (void)state;
     Found f;
     Object o = sound_object(7);
     for (int k = 0; k < 7; k++) {
@@ -251,7 +248,6 @@ static void test_stacks(void **state)
 /* Phases at the same places: by temporal position, by time. */
 static void test_phases(void **state)
 {
-    (void)state;
     for (int by_time = 0; by_time < 2; by_time++) {
         Found f;
         Object o = sound_object(6);
@@ -275,7 +271,6 @@ static void test_phases(void **state)
 
 static void test_scout_frame(void **state)
 {
-    (void)state;
     Found f;
     Object o = sound_object(6);
     o.frames[6] = (Frame){.position = "0\\0\\0",
@@ -305,7 +300,6 @@ CHANGE(more_frames, (o->count = "9", o->n_groups = 9))
 
 static void test_refused(void **state)
 {
-    (void)state;
     static const struct {
         change_fn change;
         CtsStatus status;
@@ -334,7 +328,6 @@ static void test_refused(void **state)
 /* Fewer pixels than frames: those that are there make the volume, when enough are. */
 static void test_truncated(void **state)
 {
-    (void)state;
     Found f;
     Object o = sound_object(21);
     Bytes b = object_bytes(&o);
@@ -385,7 +378,6 @@ static Bytes encapsulated(const Object *o, int pieces, Table table)
 
 static void test_fragments(void **state)
 {
-    (void)state;
     for (int pieces = 1; pieces <= 3; pieces++)
         for (int table = NO_TABLE; table <= WRONG_TABLE; table++) {
             Found f;
@@ -400,7 +392,6 @@ static void test_fragments(void **state)
 /* Streams without offsets, and no table. */
 static void test_frames_not_told(void **state)
 {
-    (void)state;
     Found f;
     Object o = sound_object(7);
     o.syntax = "1.2.840.10008.1.2.4.90";

@@ -70,7 +70,6 @@ static double width_framed_mm(const CtsVolume *v, const CtsPreset *p, const CtsR
  * off. */
 static void test_ends(void **state)
 {
-    (void)state;
     CtsVolume *v = make_ball();
     v->step_lps[1][2] = 0.3;
     v->step_lps[2][2] = 2;
@@ -104,7 +103,6 @@ static void test_ends(void **state)
  * everything from there on; without the ball it holds the haze. */
 static void test_haze(void **state)
 {
-    (void)state;
     const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
     for (int i = 0; i < 3; i++) {
         CtsVolume *v = make_ball();
@@ -128,7 +126,6 @@ static void test_haze(void **state)
  * the ball's voxels to its last are 27 mm, and a fifth of a voxel on either side is still visible. */
 static void test_specks(void **state)
 {
-    (void)state;
     const CtsPreset p = preset_above(200);
     const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
     for (int side = 1; side <= 5; side += 4) {
@@ -146,7 +143,6 @@ static void test_specks(void **state)
  * of a head holder beside a skull: a speck by its weight of 0.02 %. As opaque as the ball it is framed. */
 static void test_faint_specks(void **state)
 {
-    (void)state;
     const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
     static const uint16_t greys[] = {0, 1124, 1524};
     double width[3];
@@ -172,7 +168,6 @@ static void test_faint_specks(void **state)
  * block. */
 static void test_small_specks(void **state)
 {
-    (void)state;
     const CtsPreset p = preset_above(200);
     const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
     CtsVolume *v = make_ball();
@@ -189,7 +184,6 @@ static void test_small_specks(void **state)
  * position. */
 static void test_thin(void **state)
 {
-    (void)state;
     CtsVolume *v = make_ball();
     const CtsPreset p = preset_above(200);
     const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 90, 0);
@@ -203,7 +197,6 @@ static void test_thin(void **state)
 /* A small object in a large, potentially visible volume is probed again at a finer scale. */
 static void test_small(void **state)
 {
-    (void)state;
     CtsVolume *v = make_ball();
     CtsPreset p = preset_above(200);
     p.n_opacity = 4;
@@ -221,7 +214,6 @@ static void test_small(void **state)
  * rotation by the widest of them. */
 static void test_slab(void **state)
 {
-    (void)state;
     CtsVolume *v = make_ball();
     const CtsPreset p = preset_above(200);
     CtsRenderSettings s;
@@ -280,7 +272,6 @@ static void bounds_of(const CtsPicture *p, int box[4])
 /* In every engine the ball fills 90 % of the width, in the middle; the reference and the depth mean the same place. */
 static void test_pictures(void **state)
 {
-    (void)state;
     CtsVolume *v = make_ball();
     const CtsPreset p = preset_above(200);
     const CtsEngineId engines[] = {CTS_ENGINE_TILED, CTS_ENGINE_COMBINED, CTS_ENGINE_RAYCAST};
@@ -306,7 +297,6 @@ static void test_pictures(void **state)
 /* One scale for all frames, nothing cut, and the ball keeps its place: it is round, and on the axis. */
 static void test_rotation(void **state)
 {
-    (void)state;
     CtsVolume *v = make_ball();
     const CtsPreset p = preset_above(200);
     CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 10, 15);
@@ -344,7 +334,6 @@ static double scale_of(const CtsVolume *v, const CtsPreset *p, const CtsRenderSe
 /* Without any visible voxel the whole volume is framed, with a warning; a given scale is kept. */
 static void test_otherwise(void **state)
 {
-    (void)state;
     CtsVolume *v = make_ball();
     const CtsPreset nothing = preset_above(2000), p = preset_above(200);
     CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0), whole = s;

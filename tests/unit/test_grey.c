@@ -67,7 +67,6 @@ static void check_one(const CtsStored *s, int32_t slope, int32_t offset, size_t 
 
 static void test_whole(void **state)
 {
-    (void)state;
     static const CtsStored kinds[] = {
         {0, 16, false, 1, 0, -1},        {0, 16, true, 1, 0, -1},     {0, 16, true, -2000, -2000, -1},
         {0, 16, true, -3000, -1500, -1}, {0, 12, false, 1, 0, 63536}, {0, 12, true, -2048, -2048, -1},
@@ -87,7 +86,6 @@ static void test_whole(void **state)
 
 static void test_table(void **state)
 {
-    (void)state;
     uint16_t *table = malloc(N_WORDS * 2), words[4] = {0, 100, 0x8000, 0xFFFF};
     const CtsStored s = {0, 16, true, -5, -5, -1};
     cts_grey_table(table, &s, 0.5, -1000.25, -1024, 0.25);
@@ -108,7 +106,6 @@ static void test_table(void **state)
 
 static void test_all_padding(void **state)
 {
-    (void)state;
     uint16_t words[3] = {7, 7, 7};
     const CtsStored s = {0, 16, false, 7, 7, -1};
     CtsStoredRange r = cts_stored_range(words, 3, &s);
@@ -161,7 +158,6 @@ static void test_given(void **state)
 {
     static const double ugly[] = {-1024, -1024.5, -0.0, 3071, -32768, NAN, INFINITY, -INFINITY};
     double hu[37 * 3 * 5];
-    (void)state;
     for (int ugliness = 0; ugliness < 3; ugliness++)
         for (size_t gap = 1; gap <= 2; gap++) {
             for (size_t i = 0; i < sizeof hu / sizeof *hu; i++)

@@ -58,7 +58,6 @@ static size_t box(CtsLabelRun *runs)
 /* 32 mm are 240 pixels, 7.5 a mm: a voxel is 15 pixels wide, and 24 mm of rows leave 30 pixels above. */
 static void cut_through_the_label(void **state)
 {
-    (void)state;
     CtsLabelRun runs[3];
     CtsLabel label = {.fact.voxels = 12, .runs = runs, .n_runs = box(runs)};
     CtsPicture *p = draw(&label, 1);
@@ -79,7 +78,6 @@ static void cut_through_the_label(void **state)
 /* A small label is drawn over a large one, in any order. */
 static void small_over_large(void **state)
 {
-    (void)state;
     CtsLabelRun large[NY], small[3];
     for (uint32_t j = 0; j < NY; j++)
         large[j] = (CtsLabelRun){NY + j, 0, NX};
@@ -93,7 +91,6 @@ static void small_over_large(void **state)
 
 static void nothing_held(void **state)
 {
-    (void)state;
     CtsLabel label = {0};
     CtsPicture *p = draw(&label, 1);
     for (int i = 0; i < 3 * SIDE * SIDE; i++)

@@ -50,7 +50,6 @@ static void clear(CtsSeries *series)
 
 static void test_slices(void **state)
 {
-    (void)state;
     for (int n = 20000; n <= 20001; n++) {
         CtsSeries series[CTS_MAX_PARTS] = {0};
         CtsError err = {0};
@@ -67,7 +66,6 @@ static void test_slices(void **state)
 
 static void test_share(void **state)
 {
-    (void)state;
     const uint64_t free_bytes = 1000 * (uint64_t)(1 << 30);
     const double limit = 600.0 * (1 << 30);
     assert_true(cts_memory_allows(limit, free_bytes));
@@ -78,7 +76,6 @@ static void test_share(void **state)
 /* More than the available memory: refused by the headers, before a pixel is read (there are none). */
 static void test_volume(void **state)
 {
-    (void)state;
     CtsSeries series[CTS_MAX_PARTS] = {0};
     CtsError err = {0};
     CtsVolume *volume = NULL;
@@ -98,7 +95,6 @@ static void test_volume(void **state)
 /* 64 MiB before the pixels, and two bytes more: lengths are even. */
 static void test_header(void **state)
 {
-    (void)state;
     enum { LIMIT = 64 << 20, HEAD = 12 };
     uint8_t *bytes = calloc(1, LIMIT + 64);
     assert_non_null(bytes);
@@ -125,7 +121,6 @@ static void test_header(void **state)
 /* A deflated file of 16 MiB, and one byte more; data after the stream are ignored. */
 static void test_deflated(void **state)
 {
-    (void)state;
     enum { LIMIT = 16 << 20 };
     Slice s = sound_slice();
     s.syntax = "1.2.840.10008.1.2.1.99";
@@ -184,7 +179,6 @@ static CtsStatus read_header(Bytes bytes, char why[200])
 /* Numbers of the header: within their bounds, at them, and one beyond. */
 static void test_numbers(void **state)
 {
-    (void)state;
     static const struct {
         int rows, columns, allocated, stored, high, samples;
         const char *frames, *reason;
@@ -229,7 +223,6 @@ static void test_numbers(void **state)
 /* An Enhanced CT object of 20000 frames, empty groups for each, and one more; its frames lack all else. */
 static void test_frames(void **state)
 {
-    (void)state;
     for (int n = 20000; n <= 20001; n++) {
         Bytes b = {0}, items = {0};
         char count[16], why[200];
@@ -254,7 +247,6 @@ static void test_frames(void **state)
 /* The offset table and 2^20 fragments, and one more. */
 static void test_fragments(void **state)
 {
-    (void)state;
     enum { LIMIT = 1 << 20, ITEM = 8 };
     static const uint8_t item[ITEM] = {0xFE, 0xFF, 0, 0xE0}, end[ITEM] = {0xFE, 0xFF, 0xDD, 0xE0};
     uint8_t *bytes = malloc((size_t)ITEM * (LIMIT + 3));
@@ -279,7 +271,6 @@ static void test_fragments(void **state)
 /* RLE: 64 bytes of header, rising offsets inside the stream. JPEG: size, components, precision; no FF 01. */
 static void test_streams(void **state)
 {
-    (void)state;
     enum { RLE_BYTES = 64 + 8, COLUMNS = 4, ROWS = 1 };
     static const struct {
         uint32_t n_segments, first, second;
@@ -343,7 +334,6 @@ static void test_streams(void **state)
 /* Texts for display: 64 characters, however many bytes each has. */
 static void test_texts(void **state)
 {
-    (void)state;
     assert_int_equal(cts_dcm_start(NULL), CTS_OK);
     for (size_t n = 63; n <= 65; n++)
         for (size_t wide = 1; wide <= 2; wide++) {

@@ -102,7 +102,6 @@ static void expect_sane(const CtsMixture *m, double hu_offset, double hu_step)
 
 static void test_head(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     add_normal(count, 500e3, -998, 12);
     add_normal(count, 60e3, -95, 18);
@@ -124,7 +123,6 @@ static void test_head(void **state)
 /* A chest has lungs; where skin meets air there are none, though the HU are the same. */
 static void test_lung(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     add_normal(count, 300e3, -1000, 15);
     add_normal(count, 300e3, -840, 60);
@@ -149,7 +147,6 @@ static void test_lung(void **state)
 
 static void test_noise(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     add_normal(count, 500e3, 30, 70);
     add_normal(count, 500e3, 900, 150);
@@ -162,7 +159,6 @@ static void test_noise(void **state)
 /* Grey 0 is clipped air, with an unknown mean. */
 static void test_clipped_air(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     CtsError err;
     CtsMixture m;
@@ -182,7 +178,6 @@ static void test_clipped_air(void **state)
 
 static void test_degenerate(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     static const int levels[] = {1, 600, 1064, 1554, 4095, 65535};
     static const uint64_t voxels[] = {1, UINT64_C(1) << 40};
@@ -215,7 +210,6 @@ static void test_degenerate(void **state)
 /* Blood with contrast agent adds to what is as dense as spongy bone. */
 static void test_contrast(void **state)
 {
-    (void)state;
     for (int contrast = 0; contrast < 2; contrast++) {
         uint64_t *count = new_counts();
         add_normal(count, 4e5, -1000, 15);
@@ -234,7 +228,6 @@ static void test_contrast(void **state)
 /* A pin of a few voxels, and metal that the scanner clips at its largest value. */
 static void test_metal(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     add_normal(count, 700e3, -1000, 12);
     add_normal(count, 300e3, 40, 15);
@@ -253,7 +246,6 @@ static void test_metal(void **state)
 
 static void test_histogram(void **state)
 {
-    (void)state;
     static const int threads[] = {1, 2, 7, 200};
     CtsVolume *v = random_volume(31, 17, 5, 3);
     uint64_t *expected = new_counts(), *count;
@@ -288,7 +280,6 @@ static void add_noisy_head(uint64_t *count)
 
 static void test_key(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     add_noisy_head(count);
     const CtsMixture m = fit(count);
@@ -330,7 +321,6 @@ static void test_key(void **state)
 /* A band between two void tissues; and presets that show all tissues or none. */
 static void test_key_forms(void **state)
 {
-    (void)state;
     uint64_t *count = new_counts();
     char text[CTS_KEY_TEXT];
     add_normal(count, 300e3, -1000, 12);
@@ -392,7 +382,6 @@ static CtsVolume *noisy_head(int nx, int ny, int nz)
  * number of threads; the others leave the picture unchanged, and say so. */
 static void test_picture(void **state)
 {
-    (void)state;
     CtsVolume *v = noisy_head(44, 40, 36);
     CtsPreset bone = preset_named("bone");
     const size_t n_bytes = 64 * 64 * 4 * sizeof(float);
@@ -444,7 +433,6 @@ static void test_picture(void **state)
 /* Frames share the key; it is reported once. */
 static void test_frames(void **state)
 {
-    (void)state;
     CtsVolume *v = noisy_head(24, 24, 20);
     const CtsPreset bone = preset_named("bone");
     CtsRenderSettings s = settings_for(CTS_ENGINE_VOID, 32, 0, 0);

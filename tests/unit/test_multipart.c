@@ -3,7 +3,6 @@
 
 #include "dicom/net/multipart.h"
 #include "dicom/net/peer.h"
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,7 +14,6 @@ typedef struct Parts {
 static CtsStatus begin(void *context, CtsError *err)
 {
     Parts *p = context;
-    (void)err;
     p->text[p->n++] = '<';
     return CTS_OK;
 }
@@ -23,7 +21,6 @@ static CtsStatus begin(void *context, CtsError *err)
 static CtsStatus take(void *context, const void *bytes, size_t n, CtsError *err)
 {
     Parts *p = context;
-    (void)err;
     assert_true(p->n + n < sizeof p->text);
     memcpy(p->text + p->n, bytes, n);
     p->n += n;
@@ -33,7 +30,6 @@ static CtsStatus take(void *context, const void *bytes, size_t n, CtsError *err)
 static CtsStatus end(void *context, CtsError *err)
 {
     Parts *p = context;
-    (void)err;
     p->text[p->n++] = '>';
     return CTS_OK;
 }
@@ -63,7 +59,6 @@ static const char type[] = "multipart/related; type=\"application/dicom\"; bound
 
 static void test_pieces(void **state)
 {
-    (void)state;
     static const struct {
         const char *body, *parts;
     } cases[] = {
@@ -83,7 +78,6 @@ static void test_pieces(void **state)
 
 static void test_damage(void **state)
 {
-    (void)state;
     static const char body[] = "\r\n---b-\r\nA: b\r\n\r\none\r\n---b-\r\n\r\ntwo\r\n---b---";
     char long_header[CTS_MAX_PART_HEADER + 100] = "\r\n---b-\r\n";
     const size_t n_whole = strlen(body);
@@ -106,7 +100,6 @@ static void test_damage(void **state)
 
 static void test_peers(void **state)
 {
-    (void)state;
     CtsPeer peer;
     CtsError err;
     assert_int_equal(cts_peer_parse("MY PACS@pacs-1.example:104", &peer, &err), CTS_OK);

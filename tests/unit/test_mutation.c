@@ -165,7 +165,6 @@ static double uncovered(size_t part, int fault)
 /* Each part of the indicator covers errors that the others do not. */
 static void test_parts_of_the_indicator(void **state)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
         const double with = uncovered(i, CTS_MUTATION_NONE), without = uncovered(i, parts[i].fault);
         print_message("%-18s %.3f of the squared error beyond the indicator, %.3f without\n", parts[i].name, with,
@@ -177,7 +176,6 @@ static void test_parts_of_the_indicator(void **state)
 
 static void count(const CtsCheckResult *result, void *context)
 {
-    (void)result;
     ++*(int *)context;
 }
 
@@ -197,7 +195,6 @@ static int failures(int fault, const Proof *p, int *n)
 
 static void test_each_fault_has_a_proof(void **state)
 {
-    (void)state;
     const int n = (int)(sizeof proofs / sizeof *proofs), n_parts = (int)(sizeof parts / sizeof *parts);
     assert_int_equal(n + n_parts, CTS_N_MUTATIONS - 1);
     for (int i = 0; i < n; i++)
@@ -208,7 +205,6 @@ static void test_each_fault_has_a_proof(void **state)
 
 static void test_faults_are_caught(void **state)
 {
-    (void)state;
     int missed = 0;
     for (size_t i = 0; i < sizeof proofs / sizeof *proofs; i++) {
         int n;

@@ -59,7 +59,6 @@ static double *mean_extinctions(const CtsVolume *v, const CtsPreset *preset, con
 
 static void test_field_is_the_formula(void **state)
 {
-    (void)state;
     static const struct {
         int dims[3];
         double mm[3], lean;
@@ -109,7 +108,6 @@ static void assert_same_field(const CtsOpenness *a, const CtsOpenness *b, const 
 
 static void test_field_has_the_same_bytes(void **state)
 {
-    (void)state;
     static const struct {
         const char *what;
         unsigned cpu;
@@ -139,7 +137,6 @@ static void test_field_has_the_same_bytes(void **state)
 /* Hidden voxels are air. */
 static void test_hidden_labels_let_light_through(void **state)
 {
-    (void)state;
     const CtsPreset preset = preset_named("bone");
     CtsVolume *v = phantom_head(40, 40, 40, 20), *shown = phantom_head(40, 40, 40, 20);
     CtsOpenness *hidden, *cut;
@@ -160,7 +157,6 @@ static void test_hidden_labels_let_light_through(void **state)
 /* Error control keeps what was requested, and a picture of a reference's every pixel says whether it does. */
 static void test_engines_agree(void **state)
 {
-    (void)state;
     static const struct {
         CtsEngineId engine;
         const char *preset;
@@ -198,7 +194,6 @@ static void test_engines_agree(void **state)
 /* A renderer keeps the field when the occlusion changes; 0 is the picture without. */
 static void test_occlusion_changes_from_picture_to_picture(void **state)
 {
-    (void)state;
     static const double occlusions[] = {0.3, 0, 1, CTS_OCCLUSION_AS_PRESET, 0.6};
     CtsPreset preset = preset_named("bone"), without = preset;
     CtsVolume *v = phantom_head(48, 44, 40, 20);

@@ -3,7 +3,7 @@
 #include "app/options/options.h"
 #include "core/scene/settings.h"
 #include "ctsplat/ctsplat.h"
-#include "unit.h"
+#include "folder.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -54,7 +54,6 @@ static const char *sample_of(const CtsOption *o)
 /* A batch with another value renders again the outputs that the option changes. */
 static void test_batch_gets_all_options(void **state)
 {
-    (void)state;
     for (const CtsOption *o = cts_options; o->name; o++) {
         const bool of_objects = o->remakes == CTS_REMAKES_OBJECT;
         if (!cts_option_is_of(o, CTS_FOR_BATCH) || !(of_objects || cts_option_is_of_pictures(o)))
@@ -85,7 +84,6 @@ static char *choice_of(const char *name, const char *value)
 /* The tables of options, of settings and of a source's fields agree on the first stage that is remade. */
 static void test_stages(void **state)
 {
-    (void)state;
     char *const none = choice_of(NULL, NULL);
     int n_volume = 0, n_render = 0;
     for (const CtsOption *o = cts_options; o->name; o++) {
@@ -111,7 +109,6 @@ static void test_stages(void **state)
 /* A default that is written as an argument is the default. */
 static void test_defaults(void **state)
 {
-    (void)state;
     int n = 0;
     for (const CtsOption *o = cts_options; o->name; o++) {
         CtsOptions none, given;
@@ -137,7 +134,6 @@ static void test_defaults(void **state)
 /* One name and one letter each, a help text, and bounds for every number. */
 static void test_rows(void **state)
 {
-    (void)state;
     for (const CtsOption *o = cts_options; o->name; o++) {
         for (const CtsOption *p = cts_options; p < o; p++)
             assert_true(strcmp(o->name, p->name) && (!o->letter || o->letter != p->letter));
@@ -161,7 +157,6 @@ static void refused(const char *name, const char *value, const char *pattern)
 
 static void test_near(void **state)
 {
-    (void)state;
     refused("preest", "bone", "did you mean preset?");
     refused("engine", "tile", "did you mean tiled?");
     refused("engine", "clasisc", "did you mean classic?");
@@ -183,7 +178,6 @@ static void test_near(void **state)
 
 static void test_sizes(void **state)
 {
-    (void)state;
     static const struct {
         const char *text;
         double bytes; /* 0: refused */
@@ -215,20 +209,8 @@ static void test_sizes(void **state)
     }
 }
 
-static void *bytes_of(const char *path, size_t *n)
-{
-    FILE *file = fopen(path, "rb");
-    char *bytes = malloc(1 << 24);
-    assert_non_null(file);
-    assert_non_null(bytes);
-    *n = fread(bytes, 1, 1 << 24, file);
-    fclose(file);
-    return bytes;
-}
-
 static void test_memory(void **state)
 {
-    (void)state;
     char folder[] = "/tmp/words-XXXXXX", source[500], a[64], b[64];
     const char *root = getenv("CTS_TESTDATA");
     if (!root)
@@ -246,12 +228,7 @@ static void test_memory(void **state)
         fail_msg("%s", err.text);
     const CtsExportSettings plain = {0};
     assert_int_equal(cts_export(&(const CtsPicture *){picture}, 1, b, &plain, NULL, NULL, &err), CTS_OK);
-    size_t n_a, n_b;
-    void *bytes_a = bytes_of(a, &n_a), *bytes_b = bytes_of(b, &n_b);
-    assert_int_equal(n_a, n_b);
-    assert_memory_equal(bytes_a, bytes_b, n_a);
-    free(bytes_a);
-    free(bytes_b);
+    assert_same_bytes(a, b);
     cts_picture_free(&picture);
 
     /* Options without a place, and options that are not a job's. */

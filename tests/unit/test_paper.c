@@ -13,7 +13,6 @@ static const double *centre_pixel(const CtsPicture *p, double rgba[4])
 /* n layers of constant extinction are a slab of n - 1 layer distances, for every normalised kernel and any samples. */
 static void test_slab(void **state)
 {
-    (void)state;
     static const double opacities[] = {1e-6, 1e-3, 0.05, 0.5, 1};
     static const struct {
         double azimuth_deg, elevation_deg, length_mm;
@@ -49,7 +48,6 @@ static void test_slab(void **state)
 /* Outside the box nothing is visible: the front view of a box is a rectangle of its size in mm. */
 static void test_box_outline(void **state)
 {
-    (void)state;
     const int dims[3] = {11, 5, 7};
     const double spacing_mm[3] = {2, 1, 3}, hu = 1000;
     const CtsPreset preset = cts_check_even_preset(1, 1, 1, 1);
@@ -71,7 +69,6 @@ static void test_box_outline(void **state)
 /* With the tent kernel classic samples the field that raycast integrates: more planes come nearer to it. */
 static void test_raycast(void **state)
 {
-    (void)state;
     static const double views[][2] = {{0, 0}, {90, 0}, {0, 90}, {-30, 20}, {45, 35}, {200, -50}};
     CtsVolume *v = phantom_head(40, 44, 32, 0);
     const double black[3] = {0, 0, 0};

@@ -97,7 +97,6 @@ static void all_settings(const char *name, const CtsVolume *volume, int size)
 
 static void test_phantom(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(41, 37, 30, 0);
     all_settings("phantom", v, 61);
     cts_volume_free(&v);
@@ -105,7 +104,6 @@ static void test_phantom(void **state)
 
 static void test_noisy_phantom(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(35, 45, 26, 12);
     v->slice_layers = 6;
     all_settings("noisy phantom", v, 48);
@@ -114,7 +112,6 @@ static void test_noisy_phantom(void **state)
 
 static void test_random(void **state)
 {
-    (void)state;
     CtsVolume *v = random_volume(25, 18, 34, 11);
     all_settings("random", v, 52);
     cts_volume_free(&v);
@@ -123,7 +120,6 @@ static void test_random(void **state)
 /* Layers, rows and tiles of one voxel, and steps that are neither square nor at right angles. */
 static void test_odd_shapes(void **state)
 {
-    (void)state;
     static const int shapes[][3] = {{1, 20, 12}, {20, 1, 12}, {20, 12, 1}, {1, 1, 30},
                                     {2, 9, 17},  {8, 16, 3},  {1, 1, 1}};
     static const int threads[] = {1, 2};
@@ -146,7 +142,6 @@ static void test_odd_shapes(void **state)
 /* Enough rows for seven threads to process bands of them through all layers, in level and other views. */
 static void test_many_bands(void **state)
 {
-    (void)state;
     static const int threads[] = {1, 2, 7};
     static const double level[][2] = {{0, 0}, {90, 0}, {-90, 0}, {180, 0}, {30, 0}, {-75, 0}, {20, 10}};
     CtsVolume *volumes[] = {phantom_head(14, 40, 190, 6), random_volume(39, 12, 181, 4)};
@@ -169,7 +164,6 @@ static void test_many_bands(void **state)
 /* Everything or nothing to see. */
 static void test_extremes(void **state)
 {
-    (void)state;
     static const int threads[] = {2};
     CtsVolume *v = phantom_head(20, 20, 20, 0);
     for (int i = 0; i < 2; i++) {
@@ -185,7 +179,6 @@ static void test_extremes(void **state)
 /* A tolerance changes the picture, but the same way with and without void skipping. */
 static void test_tolerance(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(40, 36, 44, 2);
     for (int view = 0; view < N_VIEWS; view++)
         for (int samples = 1; samples < 3; samples++) {
@@ -210,7 +203,6 @@ static void test_tolerance(void **state)
 
 static void test_real_head(void **state)
 {
-    (void)state;
     static const int threads[] = {2};
     CtsVolume *v = real_head();
     if (!v) {

@@ -51,7 +51,6 @@ static void check_loop(int n_threads, size_t n, size_t chunk)
 
 static void test_each_item_once(void **state)
 {
-    (void)state;
     const size_t n[] = {0, 1, 2, 8, 100, 2999, MOST}, chunks[] = {0, 1, 3, 64, 5000};
     for (int n_threads = 0; n_threads <= MAX_THREADS; n_threads++)
         for (size_t i = 0; i < sizeof n / sizeof *n; i++)
@@ -62,7 +61,6 @@ static void test_each_item_once(void **state)
 /* An inner loop for each item of an outer one. */
 static void nest(void *context, int worker, size_t first, size_t end)
 {
-    (void)worker;
     for (size_t i = first; i < end; i++) {
         check_loop(3, 100 + i, 1);
         atomic_fetch_add((atomic_int *)context, 1);
@@ -71,7 +69,6 @@ static void nest(void *context, int worker, size_t first, size_t end)
 
 static void test_nested(void **state)
 {
-    (void)state;
     atomic_int n = 0;
     cts_parallel(4, 50, 1, nest, &n);
     assert_int_equal(n, 50);
@@ -81,7 +78,6 @@ static void test_nested(void **state)
 static void doze(void *context, int worker, size_t first, size_t end)
 {
     const size_t *inner = context;
-    (void)worker;
     for (size_t i = first; i < end; i++) {
         usleep(3000);
         if (inner)
@@ -92,7 +88,6 @@ static void doze(void *context, int worker, size_t first, size_t end)
 static void test_shared_time(void **state)
 {
     size_t inner = 2;
-    (void)state;
     double before = cts_parallel_ms();
     cts_parallel(2, 1, 0, doze, NULL);
     cts_parallel(1, 3, 3, doze, NULL);
@@ -118,7 +113,6 @@ static void *loop_often(void *unused)
 
 static void test_many_callers(void **state)
 {
-    (void)state;
     pthread_t threads[4];
     for (int i = 0; i < 4; i++)
         assert_int_equal(pthread_create(&threads[i], NULL, loop_often, NULL), 0);
@@ -153,7 +147,6 @@ static void count_threads(void)
 
 static void test_alone_at_fork(void **state)
 {
-    (void)state;
     for (int i = 0; i < 200; i++) {
         check_loop(4, 8, 1);
         const pid_t child = fork();
@@ -167,7 +160,6 @@ static void test_alone_at_fork(void **state)
 
 static void test_after_fork(void **state)
 {
-    (void)state;
     check_loop(4, 1000, 1);
     for (int i = 0; i < 20; i++) {
         const pid_t child = fork();
@@ -222,8 +214,6 @@ static void check_quota(const char *groups, const char *mount_line, const char *
 static void fork_late(void *context, int worker, size_t first, size_t end)
 {
     atomic_int *const begun = context;
-    (void)first;
-    (void)end;
     if (worker == 0) {
         while (!atomic_load(begun))
             sched_yield();
@@ -239,7 +229,6 @@ static void fork_late(void *context, int worker, size_t first, size_t end)
 
 static void test_fork_by_helper(void **state)
 {
-    (void)state;
     for (int i = 0; i < 5; i++) {
         atomic_int begun = 0;
         cts_parallel(2, 2, 1, fork_late, &begun);
@@ -249,7 +238,6 @@ static void test_fork_by_helper(void **state)
 
 static void test_quota(void **state)
 {
-    (void)state;
     const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
     const char *v1 = "33 24 0:29 / %s rw - cgroup cgroup rw,cpuacct,cpu\n";
     const char *const none[][2] = {{NULL, NULL}};
@@ -278,7 +266,6 @@ static void test_quota(void **state)
 /* A limit less what is in use, files in memory aside; groups around the process's own count too. */
 static void test_memory_quota(void **state)
 {
-    (void)state;
     const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
     const char *v1 = "33 24 0:29 / %s rw - cgroup cgroup rw,memory\n";
     const char *const none[][2] = {{"memory.current", "1000\n"}, {NULL, NULL}};
@@ -320,7 +307,6 @@ static void test_memory_quota(void **state)
 
 static void test_environment(void **state)
 {
-    (void)state;
     const char *why;
     cpu_set_t before, one;
     unsetenv("OMP_NUM_THREADS");

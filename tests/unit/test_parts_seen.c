@@ -6,7 +6,6 @@
 #include "ctsplat/table.h"
 #include <math.h>
 #include <stdbool.h>
-#include <string.h>
 
 enum { N = 96, SIZE = 64 };
 static const double STEP_MM = 1.5, MIDDLE_MM = STEP_MM * (N - 1) / 2;
@@ -42,16 +41,11 @@ static double trunk(double x, double y, double z)
 /* HU rises from front to back. */
 static double ramp(double x, double y, double z)
 {
-    (void)x;
-    (void)z;
     return 8 * y;
 }
 
 static double full(double x, double y, double z)
 {
-    (void)x;
-    (void)y;
-    (void)z;
     return 100;
 }
 
@@ -125,7 +119,6 @@ static void check_body(const CtsModel *model, int grey_bits, CtsMode mode, doubl
  * skin. The same after a crop that leaves the pixels where they are, and with fewer grey levels. */
 static void test_body(void **state)
 {
-    (void)state;
     CtsModel model = {.volume = make(trunk)};
     CtsError err;
     check_body(&model, 16, CTS_MODE_MINIP, -1000, 1, -1000);
@@ -145,7 +138,6 @@ static void test_body(void **state)
 /* A slab's largest, smallest and mean value on a ramp along the view. */
 static void test_slab_modes(void **state)
 {
-    (void)state;
     CtsVolume *v = make(ramp);
     const double thick = 11.3, at = 7.7;
     for (int e = 0; e < 2; e++)
@@ -166,7 +158,6 @@ static void test_slab_modes(void **state)
 /* A homogeneous medium absorbs 1 - exp(-k * thickness) of the light, in any view; a slab outside shows nothing. */
 static void test_slab_composite(void **state)
 {
-    (void)state;
     CtsVolume *v = make(full);
     const CtsPreset p = preset_of(CTS_MODE_COMPOSITE);
     const double views[][2] = {{0, 0}, {90, 0}, {33, 21}, {45, 45}, {0, 90}, {-120, -64}};
@@ -196,7 +187,6 @@ static void test_slab_composite(void **state)
 /* The tiled engine's slabs against the ray caster's, in inhomogeneous tissue. */
 static void test_slab_cut(void **state)
 {
-    (void)state;
     CtsVolume *v = make(trunk);
     CtsPreset p = preset_of(CTS_MODE_COMPOSITE);
     p.opacity[1].opacity = 0.2;
@@ -216,7 +206,6 @@ static void test_slab_cut(void **state)
 
 static void test_refused(void **state)
 {
-    (void)state;
     CtsVolume *v = make(full);
     const CtsPreset p = preset_of(CTS_MODE_COMPOSITE);
     CtsPicture *picture;

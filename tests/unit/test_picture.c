@@ -6,7 +6,6 @@
 
 static void test_rounding(void **state)
 {
-    (void)state;
     const struct {
         double v;
         int v16, v8;
@@ -37,7 +36,6 @@ static void test_rounding(void **state)
 /* Values of the curve worked out by hand from IEC 61966-2-1. */
 static void test_curves(void **state)
 {
-    (void)state;
     const double pairs[][2] = {{0, 0},
                                {1, 1},
                                {0.04045, 0.0031308},
@@ -57,7 +55,6 @@ static void test_curves(void **state)
 
 static void test_new(void **state)
 {
-    (void)state;
     CtsPicture *p = NULL;
     CtsError err;
     const int bad[][3] = {{0, 5, 4}, {5, 0, 4}, {-1, 5, 4}, {32769, 1, 4}, {1, 32769, 1}};
@@ -77,7 +74,6 @@ static void test_new(void **state)
 
 static void test_over(void **state)
 {
-    (void)state;
     CtsPicture *p = NULL;
     CtsError err;
     assert_int_equal(cts_picture_new(&p, 3, 1, 4, &err), CTS_OK);
@@ -92,7 +88,6 @@ static void test_over(void **state)
 
 static void test_grey(void **state)
 {
-    (void)state;
     CtsPicture *colour = make_picture(8, 6, 4, false), *grey = make_picture(8, 6, 1, false);
     assert_false(cts_picture_is_grey(colour));
     assert_true(cts_picture_is_grey(grey));
@@ -107,7 +102,6 @@ static void test_grey(void **state)
 
 static void test_samples(void **state)
 {
-    (void)state;
     CtsPicture *p = NULL;
     CtsError err;
     assert_int_equal(cts_picture_new(&p, 3, 1, 4, &err), CTS_OK);
@@ -129,7 +123,6 @@ static void test_samples(void **state)
 
 static void test_describe(void **state)
 {
-    (void)state;
     const struct {
         double azimuth_deg, elevation_deg;
         const char *text;
@@ -172,7 +165,6 @@ static CtsDifference compared(const CtsPicture *a, const CtsPicture *b)
 
 static void test_compare_equal(void **state)
 {
-    (void)state;
     CtsPicture *a = make_picture(61, 47, 4, true), *b = make_picture(61, 47, 4, true);
     CtsDifference d = compared(a, b);
     assert_true(d.equal && d.rmse == 0 && isinf(d.psnr_db) && d.psnr_db > 0 && d.max == 0 && d.p999 == 0);
@@ -198,7 +190,6 @@ static void test_compare_equal(void **state)
 /* Grey against the same grey as colour with and without alpha is equal. */
 static void test_compare_kinds(void **state)
 {
-    (void)state;
     CtsPicture *grey = make_picture(20, 30, 1, false), *colour = make_picture(20, 30, 4, true);
     for (int i = 0; i < 600; i++)
         for (int c = 0; c < 4; c++)
@@ -219,7 +210,6 @@ static void test_compare_kinds(void **state)
 /* Differences chosen, figures worked out: of 4000 pixels 3 differ by 0.5, 5 by 0.25, 40 by 1/256. */
 static void test_compare_figures(void **state)
 {
-    (void)state;
     CtsPicture *a = constant(80, 50, 0.25f), *b = constant(80, 50, 0.25f);
     for (int i = 0; i < 48; i++)
         b->pixels[(i * 1237) % 4000] += i < 3 ? 0.5f : i < 8 ? 0.25f : 1.0f / 256;
@@ -240,7 +230,6 @@ static void test_compare_figures(void **state)
 /* Two constant pictures leave only SSIM's luminance term; a sign flip about the mean turns the structure round. */
 static void test_compare_ssim(void **state)
 {
-    (void)state;
     const int sizes[][2] = {{40, 30}, {11, 11}, {3, 7}, {1, 1}, {50, 4}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         CtsPicture *a = constant(sizes[i][0], sizes[i][1], 0.5f), *b = constant(sizes[i][0], sizes[i][1], 0.75f);

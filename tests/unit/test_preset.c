@@ -1,13 +1,8 @@
 /* Presets at any HU: formulas, published numbers, and the sanity of every built-in one. */
 #include "ctsplat/preset.h"
+#include "unit.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <string.h>
 
 static const CtsPreset *named(const char *name)
@@ -27,7 +22,6 @@ static void near(double found, double expected, double bound)
 
 static void lines_and_steps(void **state)
 {
-    (void)state;
     CtsPreset p = {.unit_distance_mm = 1, .n_opacity = 5, .n_colour = 2};
     const CtsOpacityPoint points[] = {{0, 0.25}, {100, 0.5}, {200, 0.1}, {200, 0.9}, {300, 0.2}};
     memcpy(p.opacity, points, sizeof points);
@@ -51,7 +45,6 @@ static void lines_and_steps(void **state)
 
 static void extinction(void **state)
 {
-    (void)state;
     CtsPreset p = {.unit_distance_mm = 1, .n_opacity = 1};
     const double opacities[] = {0, 1e-9, 0.5, 0.999, 1};
     const double units[] = {0.25, 1, 3};
@@ -74,7 +67,6 @@ static void extinction(void **state)
 /* 3D Slicer's control points as VTK interprets them. */
 static void slicer_numbers(void **state)
 {
-    (void)state;
     const struct {
         const char *preset;
         double hu, opacity;
@@ -106,7 +98,6 @@ static void slicer_numbers(void **state)
  * the second, class of lighting. */
 static void slicer_presets(void **state)
 {
-    (void)state;
     const struct {
         const char *name;
         char light; /* A: glossy, B: matt, C: none */
@@ -155,7 +146,6 @@ static void slicer_presets(void **state)
 
 static void slicer_lighting(void **state)
 {
-    (void)state;
     const CtsPreset *glossy = named("ct-bone"), *matt = named("ct-bones"), *unlit = named("ct-soft-tissue");
     assert_true(glossy->shade && matt->shade && !unlit->shade);
     near(glossy->ambient, 0.1, 0);
@@ -177,7 +167,6 @@ static void slicer_lighting(void **state)
 
 static void builtin_are_valid(void **state)
 {
-    (void)state;
     size_t n = 0;
     for (const CtsPreset *p; (p = cts_preset_builtin(n)); n++) {
         for (size_t other = 0; other < n; other++)
@@ -206,7 +195,6 @@ static void builtin_are_valid(void **state)
 /* Nothing below bone in bone; skin opaque from its surface on. */
 static void own_looks(void **state)
 {
-    (void)state;
     near(cts_preset_opacity(named("bone"), 149), 0, 0);
     assert_true(cts_preset_opacity(named("bone"), 700) > 0.8);
     near(cts_preset_opacity(named("skin"), -500), 0, 0);

@@ -1,15 +1,8 @@
 /* Preset files: accepted ones, errors with their line, and readers that no bytes can break. */
 #include "ctsplat/preset.h"
+#include "unit.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-
-#include <cmocka.h>
 #include <string.h>
 
 static CtsStatus parse(const char *text, CtsPreset *preset, CtsError *err)
@@ -35,7 +28,6 @@ static void refused(const char *text, int line, const char *part)
 
 static void json_read(void **state)
 {
-    (void)state;
     CtsPreset p;
     assert_int_equal(parse("{\"name\": \"a\", \"points\": [" POINT "]}", &p, NULL), CTS_OK);
     assert_string_equal(p.name, "a");
@@ -61,7 +53,6 @@ static void json_read(void **state)
 /* Without a window it is the range of all points. */
 static void json_window(void **state)
 {
-    (void)state;
     CtsPreset p;
     assert_int_equal(parse("{\"name\": \"a\", \"points\": [{\"hu\": -5, \"opacity\": 1}, {\"hu\": 7, \"opacity\": 1}],"
                            "\"colour_points\": [{\"hu\": -3, \"rgb\": [0,0,0]}, {\"hu\": 90, \"rgb\": [0,0,0]}]}",
@@ -72,7 +63,6 @@ static void json_window(void **state)
 
 static void json_refused(void **state)
 {
-    (void)state;
     refused("", 1, "empty");
     refused(" \n\n ", 1, "empty");
     refused("[]", 1, "not an object");
@@ -121,7 +111,6 @@ static void json_refused(void **state)
 /* The line is right where keys, texts and nesting try to confuse it. */
 static void json_lines(void **state)
 {
-    (void)state;
     refused("{\"name\": \"a\\\"}\\u00e8{\\u00e9\", \"points\":\n[\n {\"rgb\" : [ 1 , 1 ,\n1 ] ,\n \"hu\"\n"
             ":\n2, \"opacity\"\n:"
             "\n3}]}",
@@ -161,7 +150,6 @@ static void same(const CtsPreset *a, const CtsPreset *b)
 
 static void json_round_trip(void **state)
 {
-    (void)state;
     const CtsPreset *p;
     for (size_t i = 0; (p = cts_preset_builtin(i)); i++) {
         CtsPreset again;
@@ -195,7 +183,6 @@ static const CtsPreset *slicer_bone(void)
  * contain. */
 static void slicer_text(void **state)
 {
-    (void)state;
     CtsPreset p, expected = *slicer_bone();
     CtsError err = {0};
     expected.remove_table = false;
@@ -217,7 +204,6 @@ static void slicer_text(void **state)
 
 static void slicer_text_refused(void **state)
 {
-    (void)state;
     refused("1\n1\n", 3, "scalarOpacity is missing");
     refused("1\n1\nx\n", 3, "diffuse is not a number");
     refused("1\n1\n0.9\n0.1\n0.2\n10\n7 0 1 2\n", 7, "scalarOpacity does not begin with the count");
@@ -253,7 +239,6 @@ static void slicer_text_refused(void **state)
 
 static void slicer_json(void **state)
 {
-    (void)state;
     CtsPreset p;
     CtsError err = {0};
     const char *text = SLICER_JSON(SLICER_COMPONENT);
@@ -306,7 +291,6 @@ static uint32_t next_random(uint32_t *seed)
 /* Bytes changed, cut out, doubled and swapped in texts that are right. */
 static void mutations(void **state)
 {
-    (void)state;
     const char *const seeds[] = {
         "{\"name\": \"a\", \"window\": [-1e3, 300.5], \"points\": [{\"hu\": -10, \"rgb\": [0, 0.5, 1], \"opacity\": "
         "0.25},"
@@ -367,7 +351,6 @@ static void mutations(void **state)
 
 static void sizes(void **state)
 {
-    (void)state;
     const size_t n = (1 << 20) + 1;
     char *text = malloc(n);
     CtsPreset preset;

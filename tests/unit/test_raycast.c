@@ -2,7 +2,6 @@
 #include "base/compare.h"
 #include "engine/raycast/cubic.h"
 #include "rays.h"
-#include <stdlib.h>
 #include <string.h>
 
 static const CtsCheckPoint hard_points[] = {
@@ -60,7 +59,6 @@ static void expect_linear(const Rays *r, const double c[4], double x, double y, 
 
 static void test_slab(void **state)
 {
-    (void)state;
     Rays r = {0};
     const double spacing[3] = {1, 0.7, 2}, hu = 500;
     make(&r, 21, 31, 11, spacing, cts_hu_constant, &hu);
@@ -87,7 +85,6 @@ static void test_slab(void **state)
 /* Any view, any spacing, sheared steps, hard transfer function: a linear field is exact in trilinear interpolation. */
 static void test_linear(void **state)
 {
-    (void)state;
     uint64_t seed = 1;
     const double steps[4][3][3] = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
                                    {{0.5, 0, 0}, {0, 0.5, 0}, {0, 0, 5}},
@@ -117,7 +114,6 @@ static void test_linear(void **state)
 
 static void test_linear_lit(void **state)
 {
-    (void)state;
     uint64_t seed = 2;
     Rays r = {0};
     const double spacing[3] = {1, 1, 1}, c[4] = {100, 20, -30, 25};
@@ -157,7 +153,6 @@ static void test_linear_lit(void **state)
 /* No gradient: ambient light alone, even with power 0. */
 static void test_lit_without_gradient(void **state)
 {
-    (void)state;
     Rays r = {0};
     const double spacing[3] = {1, 1, 1}, hu = 500;
     make(&r, 5, 5, 5, spacing, cts_hu_constant, &hu);
@@ -177,7 +172,6 @@ static void test_lit_without_gradient(void **state)
 /* An opaque step on a linear field: the entry depth is exact, so that the light behind is correct to the last digit. */
 static void test_step_entry(void **state)
 {
-    (void)state;
     const CtsCheckPoint points[] = {{0, 0.1, {1, 0, 0}}, {500.25, 0.1, {1, 0, 0}}, {500.25, 1, {0, 1, 0}}};
     Rays r = {0};
     const double spacing[3] = {1, 1, 1}, c[4] = {0, 0, 100, 0};
@@ -199,7 +193,6 @@ static void test_step_entry(void **state)
 /* Exactly on a step the later point holds. */
 static void test_on_the_step(void **state)
 {
-    (void)state;
     const CtsCheckPoint points[] = {{500, 0, {1, 0, 0}}, {500, 0.5, {0, 1, 0}}};
     Rays r = {0};
     const double spacing[3] = {1, 1, 1}, hu[2] = {500, 499};
@@ -250,7 +243,6 @@ static bool sphere_next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *
 /* A ball by a formula: HU falls from the centre, the preset shows radii below R. L = 2 sqrt(R^2 - b^2). */
 static void test_sphere_formula(void **state)
 {
-    (void)state;
     const CtsCheckPoint points[] = {{0, 0, {0, 0, 0}}, {0, 0.2, {1, 0.6, 0.2}}};
     const SphereField s = {{.next = sphere_next}, {20, 20, 20}, 100, 1000, 0.02}; /* HU 0 at R = 10 */
     Rays r = {0};
@@ -272,7 +264,6 @@ static void test_sphere_formula(void **state)
  * error. */
 static void test_sphere_voxels(void **state)
 {
-    (void)state;
     const CtsCheckPoint points[] = {{6200, 0, {0, 0, 0}}, {6200, 0.2, {1, 1, 1}}};
     double error[3];
     for (int level = 0; level < 3; level++) {
@@ -319,7 +310,6 @@ static double shoot_grey(Rays *r, CtsMode mode, double x, double y)
 /* xyz is its own trilinear interpolation: along a ray a cubic with extremes inside the cells. */
 static void test_modes_cubic(void **state)
 {
-    (void)state;
     uint64_t seed = 3;
     const double scale = 7, spacing[3] = {1, 1.5, 0.8};
     Rays r = {0};
@@ -414,7 +404,6 @@ static double mix_at(const CtsVolume *v, const double vox[3], int difference_axi
  * preset shows no air, or, in the second half, a little: then there is none beyond the border. */
 static void test_noise_midpoint(void **state)
 {
-    (void)state;
     uint64_t seed = 4;
     const double spacing[3] = {1, 1, 1}, steps[3][3] = {{1, 0, 0.2}, {0, 0.8, 0}, {0.3, 0.1, 1.3}};
     const CtsCheckPoint points[] = {
@@ -477,7 +466,6 @@ static void test_noise_midpoint(void **state)
 /* The number of threads may not change a picture. */
 static void test_threads(void **state)
 {
-    (void)state;
     uint64_t seed = 5;
     const double spacing[3] = {1, 1, 1};
     const CtsCheckPoint points[] = {{1060, 0, {1, 0.5, 0}}, {1080, 0.8, {0.5, 1, 0.2}}};
@@ -510,7 +498,6 @@ static void test_threads(void **state)
 /* An axis of one voxel is a box without thickness. */
 static void test_thin(void **state)
 {
-    (void)state;
     Rays r = {0};
     const double spacing[3] = {1, 1, 1}, c[4] = {100, 50, 0, 0};
     double rgba[4];
@@ -549,7 +536,6 @@ static void test_thin(void **state)
 /* A millionth of a degree and 1e-9 degrees off an axis or a diagonal give the same picture as on it. */
 static void test_nearly_on_axis(void **state)
 {
-    (void)state;
     uint64_t seed = 6;
     const double spacing[3] = {1, 1, 1};
     Rays r = {0};
@@ -572,7 +558,6 @@ static void test_nearly_on_axis(void **state)
 /* Turning the data by a quarter about z and the camera with it changes nothing. */
 static void test_rotated_together(void **state)
 {
-    (void)state;
     uint64_t seed = 7;
     const double spacing[3] = {1, 1.2, 0.9}, turned[3][3] = {{0, 1, 0}, {-1.2, 0, 0}, {0, 0, 0.9}};
     Rays a = {0}, b = {0};
@@ -603,7 +588,6 @@ static double marker_hu(const double vox[3], const void *data)
 /* One bright voxel: its position in the patient determines its pixel in each view. */
 static void test_marker(void **state)
 {
-    (void)state;
     const double spacing[3] = {1, 1, 1}, at[3] = {9, 1, 8}; /* left, front, head */
     const struct {
         double az, el;
@@ -631,7 +615,6 @@ static void test_marker(void **state)
 /* Extinction times spacing from 1e-8 to 1e6, opacity 1, ramps that end at 1: alpha and colour from the closed form. */
 static void test_stiff(void **state)
 {
-    (void)state;
     const double c[4] = {0, 0, 100, 0};
     for (int i = 0; i < 15; i++) {
         const double target = pow(10, i - 8); /* extinction * spacing at the far end */
@@ -669,7 +652,6 @@ static double field_value(const CtsField *field, const CtsRay *ray, double t_mm)
 /* The field of any kernel: a tent is the trilinear field, B-splines keep lines straight, a constant stays constant. */
 static void test_kernel_fields(void **state)
 {
-    (void)state;
     uint64_t seed = 9;
     const double spacing[3] = {1, 1.1, 0.9}, c[4] = {100, 20, 9, 25}, hu = 333;
     Rays r = {0};
@@ -723,7 +705,6 @@ static void test_kernel_fields(void **state)
 
 static void test_cubic(void **state)
 {
-    (void)state;
     const double line[4] = {-0.25, 1, 0, 0}, bump[4] = {0, 4, -4, 0}, wave[4] = {-0.096, 1.04, -2.4, 1.6};
     double u[3], low, high;
     assert_int_equal(cts_cubic_turns(line, u), 0);
@@ -749,7 +730,6 @@ static void test_cubic(void **state)
 
 static void test_gauss(void **state)
 {
-    (void)state;
     for (int n = 1; n <= CTS_GAUSS_FINE; n++) {
         CtsGauss g;
         cts_gauss_init(&g, n);
@@ -772,7 +752,6 @@ static void test_gauss(void **state)
 /* The spans must agree with the preset, cap included. */
 static void test_transfer(void **state)
 {
-    (void)state;
     uint64_t seed = 8;
     CtsPreset p = cts_check_preset(hard_points, 7);
     p.unit_distance_mm = 0.05; /* the cap lies at opacity 0.918 */

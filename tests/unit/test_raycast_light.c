@@ -26,7 +26,6 @@ static void aim(Rays *r, const int dims[3], CtsHuFormula hu, const void *data, d
  * variance is 1 / (p - 3) / slope^2; transmittance is exp(-depth u). */
 static void test_narrow_highlights(void **state)
 {
-    (void)state;
     static const double powers[] = {20, 200, 1000}, slopes[] = {300, 1e4, 1e6, 1e9}, depths[] = {0.01, 1, 6};
     const double hu = 100;
     for (int k = 0; k < 3 * 4 * 3; k++) {
@@ -62,7 +61,6 @@ static int noise_at(int x, int y, int z)
 
 static double noise_hu(const double vox[3], const void *data)
 {
-    (void)data;
     return noise_at((int)vox[0], (int)vox[1], (int)vox[2]);
 }
 
@@ -97,7 +95,6 @@ static double facing_at(const double vox[3], const double forward[3])
 /* Noise, whose normals vary in every cell, against a plain sum over very short steps. */
 static void test_noise(void **state)
 {
-    (void)state;
     enum { STEPS = 60000 };
     const double opacity = 0.2, power = 1000;
     Rays r = {.preset = shining(opacity, power)};

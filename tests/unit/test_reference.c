@@ -3,7 +3,6 @@
 #include "rays.h"
 #include "render/error/reference_samples.h"
 #include <stdlib.h>
-#include <string.h>
 
 static void places(int width, int height, int n)
 {
@@ -39,7 +38,6 @@ static void places(int width, int height, int n)
 
 static void test_places(void **state)
 {
-    (void)state;
     places(512, 512, 1000);
     places(1024, 700, 512);
     places(640, 480, 1);
@@ -62,7 +60,6 @@ static double even_error(int x, unsigned random)
 /* A few pixels make most of the error, as where rays graze a surface. */
 static double rare_error(int x, unsigned random)
 {
-    (void)x;
     return 0.0005 * pow((random >> 8) / 16777216.0 + 1e-5, -0.42);
 }
 
@@ -111,7 +108,6 @@ static void estimate(double (*law)(int x, unsigned random), int least_inside)
 
 static void test_estimate(void **state)
 {
-    (void)state;
     estimate(even_error, 53);
     estimate(rare_error, 46);
 }
@@ -119,7 +115,6 @@ static void test_estimate(void **state)
 /* End to end: raycast verified by itself is correct, and a corrupted background counts only where it is visible. */
 static void test_whole_way(void **state)
 {
-    (void)state;
     const int dims[3] = {9, 9, 9};
     const double spacing[3] = {1, 1, 1}, slopes[4] = {0, 100, 10, 20};
     CtsVolume *volume = NULL;

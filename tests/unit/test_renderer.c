@@ -41,7 +41,6 @@ static void check_frames(const CtsModel *model, const CtsPreset *preset, const C
 
 static void test_same_pictures(void **state)
 {
-    (void)state;
     CtsModel model = {.volume = phantom_head(40, 44, 36, 20)};
     static const CtsEngineId engines[] = {CTS_ENGINE_TILED, CTS_ENGINE_CLASSIC, CTS_ENGINE_LAYERS, CTS_ENGINE_VOID,
                                           CTS_ENGINE_COMBINED};
@@ -73,7 +72,6 @@ static void test_same_pictures(void **state)
  * caster that reads the volume itself. */
 static void test_sparse_copy(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err = {0};
     uint64_t random = 11;
@@ -178,7 +176,6 @@ static void check_bands(const CtsVolume *volume, const CtsPreset *preset, const 
  * contents. */
 static void test_bands(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(40, 44, 36, 20);
     for (int engine = 0; engine < CTS_N_ENGINES; engine++)
         for (int n = 0; n < 2; n++) {
@@ -217,7 +214,6 @@ static void test_bands(void **state)
 /* A rotation uses one transposed copy and one set of tables, and reports it. */
 static void test_report(void **state)
 {
-    (void)state;
     static const char earlier[] = "made for an earlier frame";
     CtsVolume *v = phantom_head(40, 44, 36, 0);
     const CtsPreset bone = preset_named("bone");
@@ -247,7 +243,6 @@ static void test_report(void **state)
  * frame. */
 static void test_first_frame(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(40, 44, 36, 0);
     const CtsPreset bone = preset_named("bone");
     for (int engine = 0; engine < CTS_N_ENGINES; engine++) {
@@ -275,7 +270,6 @@ static void test_first_frame(void **state)
 /* Bad settings are reported at the beginning, a bad view at its frame; later frames are unaffected. */
 static void test_refusals(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(20, 20, 20, 0);
     const CtsPreset bone = preset_named("bone");
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 16, 0, 0);

@@ -43,7 +43,6 @@ static void check_stack(const double *layer, int n_slices, int n_layers, size_t 
 
 static void test_linear_field(void **state)
 {
-    (void)state;
     const double whole[] = {0, 1, 2, 4, 5, 6, 9};
     const double finer[] = {0, 1.5, 2.75, 4, 7.9, 9};
     const double two[] = {0, 9};
@@ -85,7 +84,6 @@ static void check_range(const double *layer, int n_slices, int n_layers)
 
 static void test_random_stacks(void **state)
 {
-    (void)state;
     srand(5);
     for (int round = 0; round < 200; round++) {
         double layer[12];
@@ -104,7 +102,6 @@ static void test_random_stacks(void **state)
 /* Slices on whole layers keep every bit. */
 static void test_kept_slices(void **state)
 {
-    (void)state;
     const double layer[] = {0, 1, 3};
     uint16_t grey[6 * 3];
     const int offset = cts_resample_offset(layer, 3, 4);

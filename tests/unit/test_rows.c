@@ -51,7 +51,6 @@ static CtsPicture *picture_of(const CtsVolume *volume, CtsEngineId engine, CtsKe
  * with a kernel is nearer to the ray cast of that kernel than to that of any other. */
 static void test_kernels(void **state)
 {
-    (void)state;
     CtsVolume *volume = make_dots();
     CtsPicture *cast[CTS_N_KERNELS];
     for (int k = 0; k < CTS_N_KERNELS; k++)
@@ -77,7 +76,6 @@ static void test_kernels(void **state)
 
 static void test_engines(void **state)
 {
-    (void)state;
     CtsVolume *volume = phantom_head(16, 17, 15, 20);
     CtsPicture *truth = picture_of(volume, CTS_ENGINE_RAYCAST, CTS_KERNEL_TENT, 0);
     for (int e = 0; e < CTS_N_ENGINES; e++) {
@@ -145,7 +143,6 @@ static void check_alpha(const CtsFormatInfo *format, const char *folder, const C
 
 static void test_formats(void **state)
 {
-    (void)state;
     char folder[64], file[500];
     const char *root = getenv("CTS_TESTDATA"), *path = file;
     CtsSeriesList *list = NULL;
@@ -170,7 +167,6 @@ static void test_formats(void **state)
 
 static void test_settings(void **state)
 {
-    (void)state;
     for (int i = 1; i < CTS_N_SETTINGS; i++) {
         const CtsBounds *b = cts_setting_bounds((CtsSetting)i);
         CtsError err = {0};
@@ -193,7 +189,6 @@ static void test_settings(void **state)
 /* Every engine with the kernel accepts the radii within the bounds, and none a radius beyond. */
 static void test_radius(void **state)
 {
-    (void)state;
     const CtsBounds *b = cts_setting_bounds(CTS_SETTING_KERNEL_RADIUS);
     const double radii[] = {b->low - 0.01, b->low, b->high, b->high + 0.01};
     CtsVolume *volume = phantom_head(9, 9, 9, 20);

@@ -137,7 +137,6 @@ static int open_files(void)
 /* Each ends its frame with a reason; the next frame is decoded by another process. */
 static void test_deaths(void **state)
 {
-    (void)state;
     static const struct {
         const char *what, *reason, *relaxed; /* relaxed: under sanitizers, "" for "not to be tried" */
     } deaths[] = {
@@ -186,7 +185,6 @@ static void test_deaths(void **state)
 /* Killed between frames, and in the middle of one: the frame is decoded by another process, but not without limit. */
 static void test_killed(void **state)
 {
-    (void)state;
     CtsSandbox d = cts_sandbox_make(act, "decoder");
     const void *pixels;
     CtsError err;
@@ -232,7 +230,6 @@ static void take(CtsSandbox *d, const char *stream, const char *reason)
 /* Two in progress: each has its own answer, independent of the other. */
 static void test_two_frames(void **state)
 {
-    (void)state;
     const CtsFrameFormat small = format_16(20, 10), large = format_16(1200, 1000);
     CtsError err;
     CtsSandbox *d = NULL;
@@ -301,7 +298,6 @@ static atomic_int n_signals;
 
 static void count_signal(int number)
 {
-    (void)number;
     n_signals++;
 }
 
@@ -309,7 +305,6 @@ static void count_signal(int number)
  * unaffected, and their deaths are reported. */
 static void test_children_taken(void **state)
 {
-    (void)state;
     void (*const ways[])(int) = {SIG_IGN, SIG_DFL, count_signal};
     CtsSandbox d = cts_sandbox_make(act, "decoder");
     const void *pixels;
@@ -335,7 +330,6 @@ static void test_children_taken(void **state)
 /* One helper for all; when it is killed its processes end, and another one continues the streams in progress. */
 static void test_helper(void **state)
 {
-    (void)state;
     CtsSandbox d = cts_sandbox_make(act, "decoder"), e = d;
     expect_decoded(&d);
     expect_decoded(&e);
@@ -371,7 +365,6 @@ static void die_after_fork(void)
 
 static CtsStatus lose_reply(CtsError *err)
 {
-    (void)err;
     if (!lost->n_forked)
         pthread_atfork(NULL, die_after_fork, NULL);
     return CTS_OK;
@@ -380,7 +373,6 @@ static CtsStatus lose_reply(CtsError *err)
 /* The first one outlives its helper and is the first to answer. */
 static void live(const void *order, int socket)
 {
-    (void)order;
     prctl(PR_SET_PDEATHSIG, 0);
     const int number = ++lost->n_forked;
     wait_for(number == 1 ? &lost->n_forked : &lost->first_answered, number == 1 ? 2 : 1);
@@ -391,7 +383,6 @@ static void live(const void *order, int socket)
 /* After a retry the answer comes from the process that was reported, and no other. */
 static void test_lost_reply(void **state)
 {
-    (void)state;
     const CtsHelperOrder order = {.prepare = lose_reply, .live = live};
     int socket, number = 0;
     pid_t pid;
@@ -411,7 +402,6 @@ static void test_lost_reply(void **state)
 /* A fork of the program has a helper of its own, and no process is left when it ends, however it does. */
 static void test_forked(void **state)
 {
-    (void)state;
     CtsSandbox d = cts_sandbox_make(act, "decoder");
     expect_decoded(&d);
     for (int how = 0; how < 2; how++) {
@@ -445,7 +435,6 @@ static void test_forked(void **state)
 /* CPU time of the processes counts as the program's, once: also where the helper is its child process. */
 static void test_computing_counts(void **state)
 {
-    (void)state;
     const void *pixels;
     CtsError err;
     for (int keep = 0; keep < 2; keep++) {
@@ -474,7 +463,6 @@ static void test_computing_counts(void **state)
 /* Larger frames get more room; the process with the smaller room is replaced. */
 static void test_room(void **state)
 {
-    (void)state;
     CtsSandbox d = cts_sandbox_make(act, "decoder");
     CtsError err;
     const void *pixels;
@@ -519,7 +507,6 @@ static void *be_busy(void *stop)
 
 static void test_many_threads(void **state)
 {
-    (void)state;
     /* A sanitizer's malloc is not reset after a fork: there the helper must be forked before threads start, else its
      * processes may wait for a lock that a thread held. */
     const int n_busy = CTS_SANITIZED ? 0 : 1;
@@ -546,7 +533,6 @@ static void test_many_threads(void **state)
 /* Three runs for each of two segments; a row more than in the header is an error. */
 static void test_rle_length(void **state)
 {
-    (void)state;
     uint8_t stream[64 + 2 * 8] = {2, 0, 0, 0, 64, 0, 0, 0, 72};
     static const uint8_t segment[8] = {3, 1, 2, 3, 4, 0xFD, 7, 0}; /* 4 bytes, 4 times 7, padding */
     CtsError err;
@@ -581,7 +567,6 @@ static CtsStatus decode_2000(const Jpeg2000 *stream, bool high_throughput, const
 /* Every combination of the stream's own bits and sign with the header's: the samples themselves, or a refusal. */
 static void test_jpeg2000(void **state)
 {
-    (void)state;
     static const struct {
         Jpeg2000 stream;
         int low, high; /* of the samples */
@@ -647,7 +632,6 @@ static void expect_decoder_takes(const CtsFrameFormat *format, const Jpeg2000Byt
 /* High-throughput streams as OpenJPH writes them: larger pictures, several blocks and levels, noise and edges. */
 static void test_htj2k(void **state)
 {
-    (void)state;
     enum { SIDE = 201 };
     static int32_t samples[SIDE * SIDE];
     static uint16_t pixels[SIDE * SIDE];
@@ -706,7 +690,6 @@ static void damage_2000(bool high_throughput)
 
 static void test_jpeg2000_damage(void **state)
 {
-    (void)state;
     damage_2000(false);
     damage_2000(true);
 }

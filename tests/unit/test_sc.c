@@ -464,7 +464,6 @@ static uint32_t big32(const uint8_t *p)
 /* The profile is framed as ICC.1:2010 has it, and its white is D50: the primaries add up to it. */
 static void test_icc(void **state)
 {
-    (void)state;
     uint8_t profile[CTS_ICC_BYTES];
     const size_t n = cts_icc_srgb(profile);
     double white[3] = {0};
@@ -492,7 +491,6 @@ static void test_icc(void **state)
 /* dciodvfy, an independent validator of DICOM objects, reports nothing except the object's name. */
 static void test_dciodvfy(void **state)
 {
-    (void)state;
     if (system("command -v dciodvfy >/dev/null"))
         skip();
     char folder[500];

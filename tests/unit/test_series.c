@@ -2,7 +2,6 @@
 #include "ctsplat/series.h"
 #include "dicom/header/slice.h"
 #include "dicom_files.h"
-#include <math.h>
 #include <sys/stat.h>
 
 typedef struct Found {
@@ -17,6 +16,14 @@ static void find(Found *f)
     const char *path = f->folder;
     f->status = cts_series_find(&path, 1, 2, &f->list, NULL, &f->err);
     assert_true((f->status == CTS_OK) == (f->list != NULL));
+}
+
+/* In a folder of its own. */
+static void find_stack(Found *f, const double *z, int n)
+{
+    make_folder(f->folder);
+    write_stack(f->folder, z, n);
+    find(f);
 }
 
 static void done(Found *f)
@@ -52,7 +59,6 @@ static const double five[] = {0, 2, 4, 6, 8};
 
 static void test_sorted(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     write_stack(f.folder, five, 5);
@@ -84,7 +90,6 @@ static void test_sorted(void **state)
 /* Slices head first and feet first: the same voxels at the same places. */
 static void test_normal_down(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     for (int k = 0; k < 4; k++) {
@@ -105,12 +110,9 @@ static void test_normal_down(void **state)
 
 static void test_resampled(void **state)
 {
-    (void)state;
     Found f;
     const double z[] = {0, 1, 2, 2.5, 3, 5, 7};
-    make_folder(f.folder);
-    write_stack(f.folder, z, 7);
-    find(&f);
+    find_stack(&f, z, 7);
     const CtsSeries *s = &f.list->items[0];
     assert_true(s->renderable && s->n_slices == 7 && s->spacing_mm[2] == 1);
     assert_int_equal(cts_diagnostics_find(&s->diagnostics, CTS_DIAGNOSTIC_UNEQUAL_SPACING)->severity, CTS_WARNING);
@@ -135,12 +137,9 @@ static void test_resampled(void **state)
 /* The scanned slices are unchanged by the volumes made from them. */
 static void test_scanned(void **state)
 {
-    (void)state;
     Found f;
     const double z[] = {0, 1, 2, 2.5, 3, 5, 7};
-    make_folder(f.folder);
-    write_stack(f.folder, z, 7);
-    find(&f);
+    find_stack(&f, z, 7);
     const CtsSeries *s = &f.list->items[0];
     CtsVolume *alone = load(s, 2), *first = NULL, *last = NULL;
     CtsScanned *scanned = NULL;
@@ -315,7 +314,6 @@ static const Case cases[] = {
 
 static void test_cases(void **state)
 {
-    (void)state;
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         Found f;
         make_folder(f.folder);
@@ -357,7 +355,6 @@ static void test_cases(void **state)
 /* One object of many frames is no single slice, which would only be passed. */
 static void test_many_frames(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     Slice s = sound_slice();
@@ -374,7 +371,6 @@ static void test_many_frames(void **state)
 /* A data set in implicit VR under a UID that is unknown: the UID is named, and nothing is called damaged. */
 static void test_private_syntax(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     for (int k = 0; k < 4; k++) {
@@ -412,7 +408,6 @@ static void test_private_syntax(void **state)
 /* Pixels below 0 that the header calls unsigned: air would be the brightest of all. */
 static void test_wrong_sign(void **state)
 {
-    (void)state;
     for (int is_signed = 0; is_signed < 2; is_signed++) {
         Found f;
         make_folder(f.folder);
@@ -438,7 +433,6 @@ static void test_wrong_sign(void **state)
 /* Instance numbers by slice that do not begin at 1 cause a note, rising or falling; other numbers have no meaning. */
 static void test_first_number(void **state)
 {
-    (void)state;
     static const struct {
         int first, step, odd; /* odd: added to slice 2 */
         const char *diagnostic_expected;
@@ -476,7 +470,6 @@ static void test_first_number(void **state)
 /* Slices of zeros between others are reported; at the ends they may be air. */
 static void test_blank(void **state)
 {
-    (void)state;
     static const struct {
         unsigned blank; /* a bit for each slice */
         const char *diagnostic_expected;
@@ -522,7 +515,6 @@ static void test_blank(void **state)
 /* Folders are searched to a depth of 32. */
 static void test_deep_folders(void **state)
 {
-    (void)state;
     for (int depth = 32; depth <= 33; depth++) {
         Found f;
         char path[400];
@@ -558,7 +550,6 @@ static void expect_refused(Found *f, CtsStatus status, const char *part)
 
 static void test_no_volume(void **state)
 {
-    (void)state;
     Found f;
     const double same[] = {1, 1, 1, 1}, gap[] = {0, 1, 2, 4};
     make_folder(f.folder);
@@ -594,7 +585,6 @@ static void test_no_volume(void **state)
 
 static void test_copies(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     write_stack(f.folder, five, 5);
@@ -618,14 +608,12 @@ typedef void (*phase_fn)(Slice *s, char text[2][32], int k, int phase);
 
 static void by_acquisition(Slice *s, char text[2][32], int k, int phase)
 {
-    (void)k;
     snprintf(text[0], 32, "%d", 4 + phase);
     s->acquisition = text[0];
 }
 
 static void by_temporal(Slice *s, char text[2][32], int k, int phase)
 {
-    (void)k;
     snprintf(text[0], 32, "%d", 1 + phase);
     s->temporal = text[0];
 }
@@ -645,7 +633,6 @@ static void interleaved_in_time(Slice *s, char text[2][32], int k, int phase)
 /* Two phases at the same positions are separated or refused, never mixed. */
 static void test_phases(void **state)
 {
-    (void)state;
     static const struct {
         phase_fn mark;
         bool told_apart;
@@ -689,7 +676,6 @@ static void test_phases(void **state)
 
 static void test_choose(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     const int counts[] = {3, 5, 5, 7};
@@ -723,7 +709,6 @@ static void test_choose(void **state)
 /* Series without UID: a folder is a series. */
 static void test_folders(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     char inner[2][128];
@@ -749,12 +734,9 @@ static void test_folders(void **state)
 
 static void test_any_threads(void **state)
 {
-    (void)state;
     Found f;
     const double z[] = {0, 1, 2, 2.5, 3, 5, 7, 8, 9.5};
-    make_folder(f.folder);
-    write_stack(f.folder, z, 9);
-    find(&f);
+    find_stack(&f, z, 9);
     CtsVolume *one = load(&f.list->items[0], 1);
     for (int threads = 2; threads <= 7; threads += 5) {
         CtsVolume *many = load(&f.list->items[0], threads);
@@ -771,7 +753,6 @@ static void test_any_threads(void **state)
 
 static void test_description(void **state)
 {
-    (void)state;
     Found f;
     make_folder(f.folder);
     for (int k = 0; k < 2; k++) {
@@ -789,13 +770,10 @@ static void test_description(void **state)
 /* A load that is cancelled ends, and leaves nothing. */
 static void test_stopped(void **state)
 {
-    (void)state;
     Found f;
     const volatile sig_atomic_t stop = 1;
     CtsVolume *v = NULL;
-    make_folder(f.folder);
-    write_stack(f.folder, five, 5);
-    find(&f);
+    find_stack(&f, five, 5);
     assert_int_equal(cts_series_load(&f.list->items[0], 2, &stop, &v, NULL, &f.err), CTS_ERR_INTERRUPTED);
     assert_null(v);
     done(&f);
@@ -832,7 +810,6 @@ static void expect_stacks(const CtsSlicePlace *places, const char *expected, con
 /* Slices of a study that are each a series. */
 static void test_single_slices(void **state)
 {
-    (void)state;
     CtsSlicePlace p[20];
     for (int k = 0; k < 20; k++)
         p[k] = place_of((7 * k + 3) % 20, 2, 10, 4);

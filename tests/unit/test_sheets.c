@@ -2,7 +2,6 @@
  * each level, and the exact march where sheets cannot be relied on. */
 #include "base/cpu.h"
 #include "base/sanitized.h"
-#include "ctsplat/reference.h"
 #include "scenes.h"
 
 static const double views[][2] = {{0, 0},    {90, 0},  {180, 0},    {0, 90},      {0, -90},   {30, 20}, {44.9, 0},
@@ -13,7 +12,6 @@ enum { N_VIEWS = sizeof views / sizeof views[0] };
  * window, pixels far apart (no windows), near (many to a voxel), slabs of the volume, and each level. */
 static void same_bytes(void **state)
 {
-    (void)state;
     CtsVolume *volumes[] = {random_volume(33, 29, 21, 7), phantom_head(48, 44, 40, 20), random_volume(5, 2, 9, 3),
                             random_volume(9, 40, 3, 4)};
     static const char *const names[] = {"noise 33 x 29 x 21", "head 48 x 44 x 40", "noise 5 x 2 x 9",
@@ -85,7 +83,6 @@ static double rms_255(const CtsVolume *v, const CtsPreset *preset, const CtsRend
  * front, oblique and from the side. A sheet's error is of second order along the ray: half-sheets are well below it. */
 static void levels_against_reference(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(56, 52, 48, 0);
     CtsError err = {0};
     double low[3], high[3];
@@ -123,7 +120,6 @@ static void levels_against_reference(void **state)
  */
 static void widths_of_ranges(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(56, 52, 48, 0);
     static const char *const presets[] = {"ct-mip", "ct-chest-contrast-enhanced", "ct-bone", "bone", "skin"};
     for (size_t i = 0; i < sizeof presets / sizeof *presets; i++) {
@@ -143,7 +139,6 @@ static void widths_of_ranges(void **state)
  * with slabs of the volume. Every pixel at the faces has its own part of a slab. */
 static void homogeneous_box(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 19, 23, 17, &err), CTS_OK);
@@ -179,7 +174,6 @@ static CtsStatus take_rows(void *context, CtsPicture *band, CtsError *err)
 {
     Rows *const rows = context;
     const size_t n = (size_t)band->width * (size_t)band->height * 4;
-    (void)err;
     memcpy(rows->pixels + rows->n, band->pixels, n * sizeof *band->pixels);
     rows->n += n;
     return CTS_OK;
@@ -187,7 +181,6 @@ static CtsStatus take_rows(void *context, CtsPicture *band, CtsError *err)
 
 static void bands_and_rotations(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(48, 44, 40, 10);
     const CtsPreset bone = preset_named("bone");
     static const CtsEngineId engines[] = {CTS_ENGINE_AUTO, CTS_ENGINE_SHEETS, CTS_ENGINE_SHEETS, CTS_ENGINE_SHEETS};
@@ -223,7 +216,6 @@ static void bands_and_rotations(void **state)
  * of the pixels, not all. */
 static void hybrid_meets_request(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(64, 60, 56, 60);
     const CtsPreset preset = preset_named("bone");
     for (int lit = 0; lit < 2; lit++) {
@@ -260,7 +252,6 @@ static void hybrid_meets_request(void **state)
  * modes, and where the requested error is too small for any level. */
 static void choice_of_auto(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(64, 60, 56, 0);
     const CtsPreset skin = preset_named("skin");
     CtsPreset step = preset_named("bone");
@@ -300,7 +291,6 @@ static void choice_of_auto(void **state)
 /* Depth of a surface: within a slab of the exact march's, a half one or a whole one. */
 static void depth_of_surfaces(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(64, 60, 56, 0);
     const CtsPreset skin = preset_named("skin");
     static const double from[][2] = {{0, 0}, {35, 25}, {80, 5}};
@@ -330,7 +320,6 @@ static void depth_of_surfaces(void **state)
 /* Volumes of one voxel along an axis are refused with what to do; auto renders them. */
 static void thin_volumes(void **state)
 {
-    (void)state;
     CtsVolume *v = random_volume(9, 1, 8, 5);
     const CtsPreset bone = preset_named("bone");
     CtsRenderSettings s = settings_for(CTS_ENGINE_SHEETS, 16, 0, 0);

@@ -6,7 +6,6 @@
 #include "ctsplat/volume.h"
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 static CtsInterpolationCounts made;
 
@@ -29,7 +28,6 @@ static uint32_t next(uint32_t *state)
  * kept. */
 static void test_layers(void **state)
 {
-    (void)state;
     CtsError err;
     for (int parts = 2; parts <= 8; parts++) {
         CtsVolume *v = make(37, 5, 9, 3.1);
@@ -62,7 +60,6 @@ static void test_layers(void **state)
 /* A parabola is met, where the slices on both sides are its own. */
 static void test_parabola(void **state)
 {
-    (void)state;
     CtsError err;
     CtsVolume *v = make(1, 1, 12, 4);
     for (int k = 0; k < 12; k++)
@@ -76,7 +73,6 @@ static void test_parabola(void **state)
 /* The same where slices lie at uneven distances. */
 static void test_uneven_parabola(void **state)
 {
-    (void)state;
     static const double at[4] = {0, 2, 5, 6};
     uint16_t slice[4], between;
     const uint16_t *const slices[4] = {&slice[0], &slice[1], &slice[2], &slice[3]};
@@ -92,7 +88,6 @@ static void test_uneven_parabola(void **state)
 /* The number of layers per slice is known to code that computes gradients, also in a copy with fewer grey levels. */
 static void test_slice_layers(void **state)
 {
-    (void)state;
     CtsError err;
     CtsVolume *v = make(4, 4, 5, 3), *q = NULL;
     assert_int_equal(v->slice_layers, 1);
@@ -106,7 +101,6 @@ static void test_slice_layers(void **state)
 
 static void test_when(void **state)
 {
-    (void)state;
     static const struct {
         double slice_mm;
         int layers;
@@ -125,7 +119,6 @@ static void test_when(void **state)
 /* A point becomes the Gaussian, for any spacing; constants and the sum are preserved. */
 static void test_smooth(void **state)
 {
-    (void)state;
     CtsError err;
     CtsVolume *v = make(41, 39, 21, 2);
     v->step_lps[2][1] = 0;
@@ -153,7 +146,6 @@ static void test_smooth(void **state)
 
 static void test_threads(void **state)
 {
-    (void)state;
     CtsError err;
     CtsVolume *a = make(50, 33, 17, 2.2), *b = make(50, 33, 17, 2.2);
     uint32_t random = 11;
@@ -205,7 +197,6 @@ static double worst_radius(const CtsVolume *v, int layer, double level)
 /* Between two discs lies a disc, to within a pixel, where blending gives two half discs; the slices are unchanged. */
 static void test_shape(void **state)
 {
-    (void)state;
     CtsError err;
     for (int rings = 0; rings < 2; rings++) {
         CtsVolume *before = make_discs(rings), *v = make_discs(rings), *blended = make_discs(rings);
@@ -234,7 +225,6 @@ static void test_shape(void **state)
  * any slices. */
 static void test_shape_at_rest(void **state)
 {
-    (void)state;
     CtsError err;
     for (int noise = 0; noise <= 90; noise += 90) {
         CtsVolume *a = make_discs(false), *b = make_discs(false);

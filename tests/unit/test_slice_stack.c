@@ -66,7 +66,6 @@ static void expect_diagnostics(Fake *f, const char *only)
 
 static void test_even(void **state)
 {
-    (void)state;
     const double z[] = {-3, -1.5, 0, 1.5, 3};
     Fake *f = at(z, 5);
     assert_int_equal(plan(f), CTS_OK);
@@ -81,7 +80,6 @@ static void test_even(void **state)
 /* 0.02 mm or 1 % is the writer's rounding; beyond that the stack is unequal. */
 static void test_jitter(void **state)
 {
-    (void)state;
     const double zigzag[] = {0, 1.01, 2, 3.01, 4, 5.01}; /* its median gap is one of the wide ones */
     const double fine[] = {0, 1.009, 2, 3.009, 4}, rough[] = {0, 1.03, 2, 3.03, 4}, thick[] = {0, 5.02, 10, 15.02, 20};
     Fake *f = at(fine, 5);
@@ -104,7 +102,6 @@ static void test_jitter(void **state)
 /* Every gap is accepted, yet in the middle of the stack a slice lies half a layer from its position. */
 static void test_drift(void **state)
 {
-    (void)state;
     Fake *f = fake_new();
     double z = 0;
     for (int i = 0; i < 300; i++, z += i <= 150 ? 1.0 : 1.009)
@@ -116,7 +113,6 @@ static void test_drift(void **state)
 
 static void test_missing(void **state)
 {
-    (void)state;
     Fake *f = fake_new();
     for (int i = 0; i < 30; i++)
         if (i != 7 && i != 20)
@@ -157,7 +153,6 @@ static void test_missing(void **state)
 /* Thin slices, then thick ones: a protocol, not accidents. */
 static void test_unequal(void **state)
 {
-    (void)state;
     Fake *f = fake_new();
     double z = 0;
     for (int i = 0; i < 20; i++, z += i <= 10 ? 1.25 : 5)
@@ -181,7 +176,6 @@ static void test_unequal(void **state)
 
 static void test_tilt(void **state)
 {
-    (void)state;
     Fake *f = fake_new();
     const double slope = tan(20 * 3.14159265358979323846 / 180);
     for (int i = 0; i < 10; i++)
@@ -202,7 +196,6 @@ static void test_tilt(void **state)
 /* Positions written to a hundredth of a millimetre are no news, however few or thin the slices. */
 static void test_written_jitter(void **state)
 {
-    (void)state;
     static const double spacings_mm[] = {0.5, 1, 3};
     unsigned random = 1;
     for (int n = 2; n <= 40; n++)
@@ -226,7 +219,6 @@ static void test_written_jitter(void **state)
 
 static void test_sideways(void **state)
 {
-    (void)state;
     static const struct {
         double shift;
         CtsStatus status;
@@ -245,7 +237,6 @@ static void test_sideways(void **state)
 
 static void test_two_and_none(void **state)
 {
-    (void)state;
     const double z[] = {1, 1.625}, same[] = {2, 2, 3};
     Fake *f = at(z, 2);
     assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN && f->stack.spacing_mm == 0.625);

@@ -37,7 +37,6 @@ static void write_file(const CtsPicture *const *frames, int n_frames, const char
 
 static void test_jpg(void **state)
 {
-    (void)state;
     char folder[64], path[200];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/a.jpg", folder);
@@ -73,7 +72,6 @@ static void test_jpg(void **state)
 
 static void test_webp_alpha(void **state)
 {
-    (void)state;
     char folder[64], path[200];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/a.webp", folder);
@@ -93,7 +91,6 @@ static void test_webp_alpha(void **state)
 
 static void test_webp_rotation(void **state)
 {
-    (void)state;
     char folder[64], path[200];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/a.webp", folder);
@@ -123,7 +120,6 @@ static void test_webp_rotation(void **state)
 
 static void test_png_8(void **state)
 {
-    (void)state;
     static const int colour_types[] = {0, 2, 6};
     char folder[64], path[200];
     CtsError err;
@@ -151,7 +147,6 @@ static void test_png_8(void **state)
 
 static void test_sizes(void **state)
 {
-    (void)state;
     CtsError err;
     const CtsExportSettings settings = {0};
     assert_int_equal(cts_export_check_size("a.jpg", 65500, 65500, 1, false, &settings, &err), CTS_OK);

@@ -10,7 +10,6 @@ enum { N = 20000 };
 
 static void test_many(void **state)
 {
-    (void)state;
     static const char *kept[N], *shared[N];
     CtsStringPool t = {0};
     char text[32];
@@ -33,7 +32,6 @@ static void test_many(void **state)
 
 static void test_odd(void **state)
 {
-    (void)state;
     CtsStringPool t = {0};
     const char *empty = cts_string_pool_share(&t, "", 0);
     assert_string_equal(empty, "");

@@ -5,7 +5,6 @@
 #include "ctsplat/table.h"
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* A solid is a signed distance in mm, negative inside, of a point in LPS mm. */
@@ -190,36 +189,56 @@ static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
     cts_model_free(&model);
 }
 
+/* A scene before and after the removal of its table. */
+typedef struct Removed {
+    CtsVolume *before, *after;
+    CtsReport report;
+    Tally tally;
+} Removed;
+
+static Removed removed(const Scene *s, int n_threads, double near_mm)
+{
+    Removed r = {.before = make(s)};
+    r.after = copy(r.before);
+    remove_table(r.after, n_threads, &r.report);
+    r.tally = tally(s, r.before, r.after, near_mm);
+    return r;
+}
+
+static void free_removed(Removed *r)
+{
+    cts_report_free(&r->report);
+    cts_volume_free(&r->before);
+    cts_volume_free(&r->after);
+}
+
 /* The table is removed, the patient is kept to the bit, and any number of threads gives the same bytes. */
 static void check_removal(const Scene *s)
 {
-    CtsVolume *before = make(s), *after = copy(before);
-    CtsReport report;
-    remove_table(after, 1, &report);
-    const Tally t = tally(s, before, after, 0.5);
+    Removed r = removed(s, 1, 0.5);
+    const Tally t = r.tally;
     assert_true(t.body > 1000 && t.margin > 100 && t.other > 100);
     assert_true(t.body_changed * 2000 <= t.body);
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.other_left, 0);
     assert_int_equal(t.far_left, 0);
-    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
-    assert_int_equal(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED)->severity, CTS_NOTE);
-    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
-    assert_int_equal(report.n_skips, 0);
-    cts_report_free(&report);
+    assert_non_null(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
+    assert_int_equal(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED)->severity, CTS_NOTE);
+    assert_null(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
+    assert_int_equal(r.report.n_skips, 0);
     const int threads[] = {2, 7};
     for (int n = 0; n < 2; n++) {
-        CtsModel again = {.volume = copy(before)};
+        CtsModel again = {.volume = copy(r.before)};
+        CtsReport report;
         CtsError err;
         assert_int_equal(cts_model_prepare(&again, 2, &err), CTS_OK);
         remove_table_of(&again, threads[n], &report);
         assert_null(again.macrocells); /* data derived before are invalid */
-        assert_memory_equal(again.volume->grey, after->grey, cts_volume_n_voxels(after) * sizeof *after->grey);
+        assert_memory_equal(again.volume->grey, r.after->grey, cts_volume_n_voxels(r.after) * sizeof *r.after->grey);
         cts_report_free(&report);
         cts_model_free(&again);
     }
-    cts_volume_free(&before);
-    cts_volume_free(&after);
+    free_removed(&r);
 }
 
 /* Nothing is removed, and the report contains the reason. */
@@ -259,29 +278,23 @@ static const Solid head_on_ear_rest[] = {HEAD, {trough, {0.5, 4, 95, 92, 0, 1}, 
 
 static void test_head_on_holder(void **state)
 {
-    (void)state;
     /* The back of the head at y = 95 touches the shell's inner face over an area. */
     const Scene back = {head_in_trough, N(head_in_trough), {144, 144, 80}, AXIAL, {0, 0, 0}, 0};
     check_removal(&back);
     /* The ears' tips, 92 mm from the middle, end at or in the walls. */
     const Scene ears = {head_on_ear_rest, N(head_on_ear_rest), {144, 144, 80}, AXIAL, {0, 0, 0}, 0};
-    CtsVolume *before = make(&ears), *after = copy(before);
-    CtsReport report;
-    remove_table(after, 2, &report);
-    const Tally t = tally(&ears, before, after, 0.5);
+    Removed r = removed(&ears, 2, 0.5);
+    const Tally t = r.tally;
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
-    cts_report_free(&report);
-    cts_volume_free(&before);
-    cts_volume_free(&after);
+    assert_null(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
+    free_removed(&r);
 }
 
 /* A plate of 8 voxels that is known from row 60 on; from 40 to 55 an ear lies against it, before and behind that it is
  * thin. In the window where it was found it may have wavered: its far face is a voxel further there. */
 static void test_contact(void **state)
 {
-    (void)state;
     for (int wavers = 0; wavers < 4; wavers++) {
         const bool across = wavers & 1;
         CtsBits there = {0}, plates = {0};
@@ -308,7 +321,6 @@ static void test_contact(void **state)
 
 static void test_prone(void **state)
 {
-    (void)state;
     const Solid solids[] = {HEAD, {trough, {0, 0, 115, 112, -30, -1}, 200, false}};
     const Scene s = {solids, N(solids), {160, 160, 80}, AXIAL, {0, 0, 0}, 0};
     check_removal(&s);
@@ -323,7 +335,6 @@ static void test_prone(void **state)
 
 static void test_trunk_on_table(void **state)
 {
-    (void)state;
     const Solid solids[] = {
         TRUNK,
         {box, {0, 124, 0, 210, 20, 999}, -850, false}, /* mattress */
@@ -334,17 +345,13 @@ static void test_trunk_on_table(void **state)
         {pipe, {60, -130, 5, 3, -999, 999}, 100, false}, /* tube */
     };
     const Scene s = {solids, N(solids), {160, 128, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 20, 0}, 0};
-    CtsVolume *before = make(&s), *after = copy(before);
-    CtsReport report;
-    remove_table(after, 2, &report);
-    const Tally t = tally(&s, before, after, 3);
+    Removed r = removed(&s, 2, 3);
+    const Tally t = r.tally;
     assert_int_equal(t.body_changed, 0);
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
-    cts_report_free(&report);
-    cts_volume_free(&before);
-    cts_volume_free(&after);
+    assert_non_null(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
+    free_removed(&r);
 }
 
 /* Room air of a scanner that calls it so many HU, with the patient and the table as they were. */
@@ -358,7 +365,6 @@ static void raise_air(CtsVolume *v, double air_hu)
 
 static void test_raised_air(void **state)
 {
-    (void)state;
     const Solid solids[] = {
         {ellipsoid, {0, 0, 0, 150, 100, 900}, 40, true},
         {box, {0, 112, 0, 210, 6, 999}, -950, false},  /* mattress */
@@ -400,7 +406,6 @@ static void test_raised_air(void **state)
  * the windpipe is darker; with a table in air without a level of its own the result is doubtful. */
 static void test_lungs_at_border(void **state)
 {
-    (void)state;
     enum { VARYING, WITH_WINDPIPE, WITH_TABLE, N_KINDS };
     for (int kind = 0; kind < N_KINDS; kind++) {
         const Solid solids[] = {
@@ -441,54 +446,43 @@ static void test_lungs_at_border(void **state)
 /* No mattress: the flattened back lies on the table's skin over 160 mm and all slices. */
 static void test_broad_contact(void **state)
 {
-    (void)state;
     const Solid solids[] = {
         TRUNK,
         {box, {0, 82, 0, 80, 16, 999}, 40, true},
         {box, {0, 99.5, 0, 230, 1.5, 999}, 100, false},
     };
     const Scene s = {solids, N(solids), {160, 100, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 0, 0}, 0};
-    CtsVolume *before = make(&s), *after = copy(before);
-    CtsReport report;
-    remove_table(after, 2, &report);
-    const Tally t = tally(&s, before, after, 4);
+    Removed r = removed(&s, 2, 4);
+    const Tally t = r.tally;
     assert_int_equal(t.body_changed, 0);
     assert_int_equal(t.margin_changed, 0);
     assert_int_equal(t.far_left, 0);
-    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
-    cts_report_free(&report);
-    cts_volume_free(&before);
-    cts_volume_free(&after);
+    assert_null(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
+    free_removed(&r);
 }
 
 /* More than 5 % of the body in doubt: a warning, and the part is kept; a cloth without contact is still removed. */
 /* A mask on a nose is removed; the head under it is kept, with its nose. */
 static void test_mask(void **state)
 {
-    (void)state;
     const Solid masked[] = {{ellipsoid, {0, 0, 0, 70, 88, 100}, 40, true},
                             {ellipsoid, {0, -88, 0, 9, 9, 12}, 40, true},
                             {mask, {0, 0, 0, 78, 96, 108, 1.5, 20}, 100, false}};
     const Scene scene = {masked, N(masked), {120, 140, 120}, {{1.8, 0, 0}, {0, 1.8, 0}, {0, 0, 2}}, {0, -5, 0}, 0};
-    CtsVolume *before = make(&scene), *after = copy(before);
-    CtsReport report;
-    remove_table(after, 2, &report);
-    const Tally t = tally(&scene, before, after, 6);
+    Removed r = removed(&scene, 2, 6);
+    const Tally t = r.tally;
     assert_true(t.body > 1000 && t.margin > 100 && t.other > 1000);
     assert_int_equal(t.body_changed, 0);
     assert_int_equal(t.margin_changed, 0);
     assert_true(8 * t.other_left < t.other + t.other / 8); /* the caps, broad in their sections, stay */
-    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
-    assert_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
-    cts_report_free(&report);
-    cts_volume_free(&before);
-    cts_volume_free(&after);
+    assert_non_null(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVED));
+    assert_null(cts_diagnostics_find(&r.report.diagnostics, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN));
+    free_removed(&r);
 }
 
 /* A board as thick as a limb is removed by its wings, with a warning. */
 static void test_thick_gone(void **state)
 {
-    (void)state;
     const Solid winged[] = {
         TRUNK, {box, {0, 150, 0, 16, 16, 25}, 40, false}, {box, {0, 150, 0, 200, 2, 25}, 40, false}};
     const Scene scene = {winged, N(winged), {160, 120, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 30, 0}, 0};
@@ -510,7 +504,6 @@ static void test_thick_gone(void **state)
 
 static void test_uncertain(void **state)
 {
-    (void)state;
     const Solid thick_slab[] = {
         TRUNK, {box, {0, 109, 0, 220, 10, 999}, 100, false}, {cloth, {-118, 2, 30, 1, 150}, 0, false}};
     const Solid masked[] = {{ellipsoid, {0, 0, 0, 45, 55, 60}, 40, true},
@@ -552,16 +545,12 @@ static void test_uncertain(void **state)
 /* At most 10 % of the table are kept and 0.5 % of the body removed, for any kind of contact. */
 static void check_shares(const char *name, const Scene *s)
 {
-    CtsVolume *before = make(s), *after = copy(before);
-    CtsReport report;
-    remove_table(after, 2, &report);
-    const Tally t = tally(s, before, after, 0.5);
+    Removed r = removed(s, 2, 0.5);
+    const Tally t = r.tally;
     if (t.body_changed * 200 > t.body || t.other_left * 10 > t.other)
         fail_msg("%s: %d of %d voxels of the body went, %d of %d of the table stay", name, t.body_changed, t.body,
                  t.other_left, t.other);
-    cts_report_free(&report);
-    cts_volume_free(&before);
-    cts_volume_free(&after);
+    free_removed(&r);
 }
 
 /* A trunk and a neck whose back varies along z, as backs do. */
@@ -580,7 +569,6 @@ static void check_shares(const char *name, const Scene *s)
 
 static void test_shares(void **state)
 {
-    (void)state;
     const Solid shell[] = {WAVY_TRUNK, {box, {0, 98.5, 0, 230, 1.5, 999}, 100, false}};
     const Solid pet[] = {WAVY_TRUNK, {hollow, {0, 125, 220, 27, 4}, 150, false}};
     const Solid cradle[] = {WAVY_TRUNK, {trough, {0, -202, 303, 300, 0, 1}, 100, false}};
@@ -613,7 +601,6 @@ static void test_shares(void **state)
 /* The same patient and holder in other orders of axes, tilted, and with a fractional step of grey levels. */
 static void test_orientations(void **state)
 {
-    (void)state;
     const double steps[][3][3] = {
         {{-1.5, 0, 0}, {0, -1.5, 0}, {0, 0, -2}},                               /* head first the other way round */
         {{1.5, 0, 0}, {0, 0, -1.5}, {0, 1.5, 0}},                               /* coronal */
@@ -633,7 +620,6 @@ static void test_orientations(void **state)
 /* Separate legs, a hand, and the tip of an ear that the last slice cuts off the head. */
 static void test_limbs(void **state)
 {
-    (void)state;
     const Solid solids[] = {
         {pipe, {60, 0, 45, 0, -999, 999}, 40, true},     {pipe, {-60, 0, 45, 0, -999, 999}, 40, true},
         {ellipsoid, {130, 0, 0, 14, 40, 60}, 40, true},  /* a hand beside */
@@ -647,7 +633,6 @@ static void test_limbs(void **state)
 /* Structures that the body encloses are kept: lungs, stones in bowel gas, plates in a skull without flesh. */
 static void test_inside(void **state)
 {
-    (void)state;
     const Solid solids[] = {
         {pipe, {0, 0, 90, 50, -999, 999}, 40, true},
         {ellipsoid, {0, 10, 0, 8, 8, 8}, 300, true},
@@ -679,7 +664,6 @@ static void test_inside(void **state)
 
 static void test_nothing_to_remove(void **state)
 {
-    (void)state;
     const Solid head[] = {HEAD};
     const Solid bone[] = {{box, {0, 0, 0, 999, 999, 999}, 1000, true}};
     const Solid in_view[] = {{pipe, {0, 0, 200, 40, -999, 999}, 40, true}, {box, {0, 0, 0, 1, 20, 999}, 40, true}};
@@ -696,7 +680,6 @@ static void test_nothing_to_remove(void **state)
 /* No size is too small; nothing thick is ever lost. */
 static void test_tiny(void **state)
 {
-    (void)state;
     const Solid ball[] = {{ellipsoid, {0, 0, 0, 12, 12, 12}, 40, true}};
     const int dims[][3] = {{1, 1, 1},   {1, 1, 64},  {64, 1, 1}, {1, 64, 1},
                            {65, 64, 1}, {64, 65, 2}, {2, 3, 5},  {128, 2, 2}};
@@ -709,7 +692,6 @@ static void test_tiny(void **state)
 /* Noise is refused by name, ragged masks never fail, and a volume without room is left alone. */
 static void test_odd(void **state)
 {
-    (void)state;
     CtsVolume *v;
     CtsError err;
     CtsReport report;

@@ -19,7 +19,6 @@ static void put_pixel_tag(Bytes *b)
 
 static void test_whole_file(void **state)
 {
-    (void)state;
     const Slice s = sound_slice();
     const Bytes b = slice_bytes(&s);
     const size_t pixel_bytes = SLICE_ROWS * SLICE_COLUMNS * 2;
@@ -60,7 +59,6 @@ static void test_whole_file(void **state)
 /* A data set without pixels ends with its last value, which has to be at hand as a whole. */
 static void test_last_value(void **state)
 {
-    (void)state;
     Bytes b = {0};
     uint8_t value[600] = {0};
     CtsDataScan found;
@@ -80,7 +78,6 @@ static void test_last_value(void **state)
 
 static void test_strangers(void **state)
 {
-    (void)state;
     CtsMetaScan meta;
     static const char *const texts[] = {"",
                                         "x",
@@ -100,7 +97,6 @@ static void test_strangers(void **state)
 
 static void test_guess(void **state)
 {
-    (void)state;
     assert_ptr_equal(cts_scan_guess((const uint8_t *)"\x08\0\x08\0CS\4\0", 8), cts_syntax_native(true, false));
     assert_ptr_equal(cts_scan_guess((const uint8_t *)"\x08\0\x08\0\4\0\0\0", 8), cts_syntax_native(false, false));
     assert_ptr_equal(cts_scan_guess((const uint8_t *)"\0\x08\0\x08"
@@ -141,7 +137,6 @@ static Bytes nested(int depth, bool defined)
 
 static void test_nesting(void **state)
 {
-    (void)state;
     for (int defined = 0; defined < 2; defined++) {
         for (int depth = 1; depth <= 66; depth++) {
             CtsDataScan found;
@@ -159,7 +154,6 @@ static void test_nesting(void **state)
 /* Implicit VR does not mark sequences: a probable one is entered, and left when it is none. */
 static void test_implicit(void **state)
 {
-    (void)state;
     const CtsSyntax *implicit = cts_syntax_native(false, false);
     Bytes deep = {0};
     put_tag(&deep, 0x00081150);
@@ -193,7 +187,6 @@ static void test_implicit(void **state)
 /* A private sequence written as UN of undefined length is implicit inside (PS3.5 6.2.2). */
 static void test_unknown_vr(void **state)
 {
-    (void)state;
     Bytes b = {0};
     put_tag(&b, 0x00091010);
     put(&b, "UN\0\0", 4);
@@ -218,7 +211,6 @@ static void test_unknown_vr(void **state)
 /* An icon's pixels precede the image's, in a sequence. */
 static void test_icon(void **state)
 {
-    (void)state;
     Bytes b = {0};
     put_tag(&b, 0x00880200);
     put(&b, "SQ\0\0", 4);
@@ -259,7 +251,6 @@ static void expect_bad(Bytes *b, const CtsSyntax *syntax, const char *why)
 
 static void test_lies(void **state)
 {
-    (void)state;
     Bytes b = {0};
     put_tag(&b, 0x00091010);
     put(&b, "OB\0\0", 4);
@@ -297,7 +288,6 @@ static void test_lies(void **state)
 /* Any byte may be wrong; the scan ends, and gives an offset of the pixels only inside the file. */
 static void test_wrong_bytes(void **state)
 {
-    (void)state;
     Bytes b = nested(3, true);
     Bytes second = nested(2, false);
     put(&b, second.data, second.n);

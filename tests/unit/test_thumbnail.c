@@ -8,7 +8,6 @@ static char folder[64], stem[128];
 
 static int enter(void **state)
 {
-    (void)state;
     make_folder(folder);
     snprintf(stem, sizeof stem, "%s/bone-anterior", folder);
     return 0;
@@ -16,7 +15,6 @@ static int enter(void **state)
 
 static int leave(void **state)
 {
-    (void)state;
     remove_folder(folder);
     return 0;
 }
@@ -79,7 +77,6 @@ static CtsPicture *new_picture(int width, int height, int n_channels)
 /* Half black and half white is half the light, which is 188 in sRGB, not 128. */
 static void test_linear_light(void **state)
 {
-    (void)state;
     CtsThumbnailFile files[2];
     for (int n_channels = 1; n_channels <= 4; n_channels += 3) {
         CtsPicture *p = new_picture(961, 500, n_channels);
@@ -107,7 +104,6 @@ static void test_linear_light(void **state)
 /* Transparent pixels contribute no colour: an edge of a red disc stays red. */
 static void test_alpha(void **state)
 {
-    (void)state;
     CtsThumbnailFile files[2];
     CtsPicture *p = new_picture(480, 480, 4);
     p->has_alpha = true;
@@ -130,7 +126,6 @@ static void test_alpha(void **state)
 /* Of 90 frames 36 are side by side: slot i has frame floor(i * 90 / 36). */
 static void test_turn(void **state)
 {
-    (void)state;
     enum { FRAMES = 90 };
     float shade[FRAMES];
     CtsThumbnailFile files[2];
@@ -154,7 +149,6 @@ static void test_turn(void **state)
 
 static void test_same_bytes(void **state)
 {
-    (void)state;
     static const int sizes[][2] = {{1, 1}, {5000, 3}, {3, 700}, {240, 240}, {1000, 1001}};
     CtsThumbnailFile files[2];
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
@@ -178,7 +172,6 @@ static void test_same_bytes(void **state)
 /* Frames that are missing or come in another size are a caller's fault, and nothing is written. */
 static void test_faults(void **state)
 {
-    (void)state;
     CtsThumbnail *thumb;
     CtsThumbnailFile files[2];
     CtsError err;

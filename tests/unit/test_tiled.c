@@ -1,11 +1,9 @@
 /* The tiled engine: the same bytes on every SIMD path, close to the float64 reference, exact where formulas are
  * known. */
 #include "base/cpu.h"
-#include "base/mem.h"
 #include "base/random.h"
 #include "base/sanitized.h"
 #include "core/model/body_mask.h"
-#include "ctsplat/reference.h"
 #include "scenes.h"
 
 static const double views[][2] = {
@@ -28,7 +26,6 @@ static CtsPreset slab_preset(double extinction_per_mm)
  */
 static void same_bytes(void **state)
 {
-    (void)state;
     CtsVolume *volumes[] = {random_volume(33, 29, 21, 7), phantom_head(48, 44, 40, 20), random_volume(5, 2, 9, 3),
                             random_volume(9, 40, 3, 4)};
     static const char *const names[] = {"noise 33 x 29 x 21", "head 48 x 44 x 40", "noise 5 x 2 x 9",
@@ -86,7 +83,6 @@ static void same_bytes(void **state)
  * rays through both faces, and nothing outside. */
 static void constant_slab(void **state)
 {
-    (void)state;
     static const double extinctions[] = {1e-8, 1e-4, 0.01, 0.3, 4, 40};
     for (size_t e = 0; e < sizeof extinctions / sizeof *extinctions; e++) {
         CtsVolume *v = NULL;
@@ -125,7 +121,6 @@ static void constant_slab(void **state)
  * step's position needs more digits than a float has. In a small picture all pixels are re-rendered. */
 static void step_near_level(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 12, 2, 12, &err), CTS_OK);
@@ -178,7 +173,6 @@ static double hold_to_bound(const CtsVolume *v, const CtsPreset *preset, CtsRend
 /* A phantom with sharp edges: the default, and the errors that --max-error requests. */
 static void near_reference(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(64, 64, 48, 10);
     v->slice_layers = 2;
     for (int lit = 0; lit < 2; lit++)
@@ -229,7 +223,6 @@ static CtsVolume *thin_things(int kind)
 /* Opacity that jumps at 1800 HU, at a pixel spacing that leaves several rows to a voxel. */
 static void thin_and_hard(void **state)
 {
-    (void)state;
     static const double angles[][2] = {{0, 0}, {30, 20}, {63, -37}, {17, 4}};
     static const char *const names[] = {"plates", "wires", "dots", "helix", "noise"};
     CtsPreset preset = {.name = "step", .unit_distance_mm = 1, .n_opacity = 2, .n_colour = 1};
@@ -252,7 +245,6 @@ static void thin_and_hard(void **state)
 /* Visible only between two grey levels. */
 static void between_levels(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 24, 24, 24, &err), CTS_OK);
@@ -282,7 +274,6 @@ static void between_levels(void **state)
  * points: an opaque medium shows its colour at the rays' entry. */
 static void opaque_bump(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 2, 2, 2, &err), CTS_OK);
@@ -305,7 +296,6 @@ static void opaque_bump(void **state)
  * one, where the first crossing determines the colour; and a peak of opacity between two levels, shaded in steps. */
 static void narrow_stripes(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 9, 9, 9, &err), CTS_OK);
@@ -339,7 +329,6 @@ static void narrow_stripes(void **state)
  * contributes no light. */
 static void faint_shells(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 8, 61, 8, &err), CTS_OK);
@@ -360,7 +349,6 @@ static void faint_shells(void **state)
 /* Every built-in preset at the default: also those whose opacity jumps and whose colours change within a few HU. */
 static void hard_presets(void **state)
 {
-    (void)state;
     static const double angles[2][2] = {{0, 0}, {30, 20}};
     CtsVolume *v = phantom_head(40, 40, 32, 10);
     const CtsPreset *preset;
@@ -378,7 +366,6 @@ static void hard_presets(void **state)
  * precision. */
 static void falls_as_asked(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 24, 24, 24, &err), CTS_OK);
@@ -415,7 +402,6 @@ static void falls_as_asked(void **state)
  * are taken, without a warning. */
 static void drafts_work_on(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     CtsReport report = {0};
@@ -446,7 +432,6 @@ static void drafts_work_on(void **state)
  * pixels are interpolated, and the error stays within the requested one. */
 static void drafts_between(void **state)
 {
-    (void)state;
     enum { N = 96 };
     CtsVolume *columns = NULL, *ball = phantom_head(N, N, N, 40);
     CtsError err;
@@ -481,7 +466,6 @@ static void drafts_between(void **state)
  * estimate their number. */
 static void drafts_miss_specks(void **state)
 {
-    (void)state;
     enum { N = 1024 };
     CtsPreset bright = slab_preset(4);
     bright.colour[0] = (CtsColourPoint){-1000, {0.1, 0.1, 0.1}};
@@ -505,7 +489,6 @@ static void drafts_miss_specks(void **state)
 /* Nothing visible, one voxel, one layer: empty pictures, no fault. */
 static void degenerate(void **state)
 {
-    (void)state;
     static const int sizes[][3] = {{1, 1, 1}, {1, 1, 9}, {9, 1, 1}, {1, 9, 9}, {2, 2, 2}, {3, 1, 4}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
         for (int view = 0; view < N_VIEWS; view++)
@@ -527,7 +510,6 @@ static void degenerate(void **state)
 /* mip, minip and average against the reference, to half a grey level of 16 bits over the whole range of HU. */
 static void modes_exact(void **state)
 {
-    (void)state;
     CtsVolume *volumes[] = {random_volume(23, 19, 17, 5), phantom_head(40, 36, 30, 30), random_volume(1, 6, 9, 2),
                             random_volume(6, 1, 9, 3), random_volume(9, 6, 1, 4)};
     for (int i = 0; i < 5; i++) {
@@ -575,7 +557,6 @@ static void give_body(CtsModel *model, int across, unsigned seed)
 /* mip, minip and average by packets: the same bytes on every SIMD path, and equal to the reference. */
 static void modes_by_packets(void **state)
 {
-    (void)state;
     CtsPreset preset = preset_named("bone");
     for (int i = 0; i < 8; i++) {
         CtsModel model = {.volume = i % 4 == 0 ? random_volume(37, 19, 26, 5 + i) : phantom_head(70, 36, 30, 30 * i)};

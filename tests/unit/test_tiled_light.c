@@ -11,7 +11,6 @@ enum { N_MASKS = sizeof masks / sizeof masks[0] };
  * directly. */
 static void turns_round(void **state)
 {
-    (void)state;
     enum { NX = 41, NZ = 9, SIZE = 40 };
     CtsVolume *v = NULL;
     CtsError err;
@@ -49,7 +48,6 @@ static void turns_round(void **state)
  * sqrt(1 - b^2 / R^2), from all sides, through windows, gathers and lane by lane. */
 static void ball(void **state)
 {
-    (void)state;
     static const double views[][2] = {{0, 0}, {90, 0}, {30, 20}, {45, 35}, {-120, -50}};
     static const double mm[] = {0.4, 2.6, 40};
     enum { N = 45, RADIUS = 17 };
@@ -100,7 +98,6 @@ static void ball(void **state)
 /* All levels are equal, so there is no gradient, and lighting is known. */
 static void flat(void **state)
 {
-    (void)state;
     enum { N = 12, SIZE = 160 };
     CtsVolume *v = NULL;
     CtsError err;
@@ -167,7 +164,6 @@ static CtsPreset white(double low, double high, double opacity)
  * middle they do not. */
 static void faint_turns(void **state)
 {
-    (void)state;
     enum { NX = 12, NY = 42, SIZE = 48 };
     CtsVolume *v = NULL;
     CtsError err;
@@ -185,7 +181,6 @@ static void faint_turns(void **state)
 /* HU = 1000 x + (0, 25, 25, 0) by layers: between the inner two a normal varies little, but past perpendicular. */
 static void past_perpendicular(void **state)
 {
-    (void)state;
     enum { N = 12, SIZE = 48 };
     static const int layer[4] = {0, 25, 25, 0};
     CtsVolume *v = NULL;
@@ -204,7 +199,6 @@ static void past_perpendicular(void **state)
  * sample. */
 static void errs_alike(void **state)
 {
-    (void)state;
     enum { NX = 12, NY = 102, SIZE = 48 };
     CtsVolume *v = NULL;
     CtsError err;

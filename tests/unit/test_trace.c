@@ -71,7 +71,6 @@ static Traced read_trace(const CtsReport *report, const char *precision, double 
 /* A slab of 0 HU, 20 layers of 1 mm, with extinction 0.03 per mm: depth 0.03 times 19 mm. */
 static void constant_slab(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     CtsReport report = {0};
@@ -103,7 +102,6 @@ static void constant_slab(void **state)
  * that, the one in double precision does. */
 static void ends_in_the_pixel(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(40, 36, 30, 10);
     const CtsPreset skin = preset_named("skin");
     for (int i = 0; i < 12; i++) {
@@ -131,7 +129,6 @@ static void ends_in_the_pixel(void **state)
 /* Pixels outside the picture, and modes without segments. */
 static void refused(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(20, 18, 16, 0);
     const CtsPreset bone = preset_named("bone");
     CtsReport report = {0};

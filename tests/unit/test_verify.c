@@ -96,7 +96,6 @@ static void expect_coverage(const Case *c, size_t n, const float *bound, const c
 
 static void test_coverage(void **state)
 {
-    (void)state;
     static const struct {
         const char *preset;
         double azimuth_deg, elevation_deg;
@@ -115,7 +114,6 @@ static void test_coverage(void **state)
 /* A hard step of opacity: a pixel in a hundred makes all of the error. */
 static void test_coverage_of_steps(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(64, 64, 48, 10);
     const CtsPreset step = cts_check_preset((CtsCheckPoint[]){{300, 0, {1, 1, 1}}, {300, 0.9, {1, 1, 1}}}, 2);
     Case c;
@@ -129,7 +127,6 @@ static void test_coverage_of_steps(void **state)
 /* Errors without any indication: single white pixels of a black picture where the reference is black. */
 static void test_coverage_of_lost_dots(void **state)
 {
-    (void)state;
     for (int every = 50; every <= 5000; every *= 10) {
         Case c = {0};
         CtsError err;
@@ -172,7 +169,6 @@ static void test_coverage_of_lost_dots(void **state)
  * is that of the picture. */
 static void test_chosen(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(32, 32, 24, 10);
     Case c;
     make_case(&c, v, preset_named("bone"), 20, 10, false);
@@ -217,7 +213,6 @@ static void test_chosen(void **state)
  * allowed one at the upper limit, and near it. */
 static void test_limits(void **state)
 {
-    (void)state;
     static const int counts[] = {0, 1, 5, 40};
     for (int i = 0; i < 4; i++) {
         CtsVerified v = {.pixels = 1000, .unit = 1e-3, .rmse = sqrt(counts[i] * 1e-3), .share_above = counts[i] * 1e-3};
@@ -241,7 +236,6 @@ static void test_limits(void **state)
 /* No difference found is no proof that there is none: the rule of three. */
 static void test_nothing_found(void **state)
 {
-    (void)state;
     CtsVolume *v = phantom_head(32, 32, 24, 10);
     Case c;
     make_case(&c, v, preset_named("bone"), 20, 10, false);

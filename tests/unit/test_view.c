@@ -29,7 +29,6 @@ static void assert_vector(const double v[3], double x, double y, double z)
  * a millimetre. The centre pixel is (50, 40); calculated by hand from the patient directions. */
 static void test_named_views(void **state)
 {
-    (void)state;
     const struct {
         const char *name;
         double azimuth, elevation;
@@ -69,7 +68,6 @@ static void test_named_views(void **state)
 /* Even sizes put the centre between pixels, at i + 0.5 = W / 2. */
 static void test_half_pixels(void **state)
 {
-    (void)state;
     const CtsVolume v = straight_volume();
     const CtsView view = view_of(&v, 0, 0, 100, 80, 0.5);
     double vox[3];
@@ -84,7 +82,6 @@ static void test_half_pixels(void **state)
 /* Azimuth 30 toward the patient's left, elevation 20 toward the head, from sines and cosines by hand. */
 static void test_oblique_view(void **state)
 {
-    (void)state;
     const CtsVolume v = straight_volume();
     const CtsView view = view_of(&v, 30, 20, 200, 100, 0.4);
     const double s20 = 0.34202014332566873, c20 = 0.93969262078590838, c30 = 0.86602540378443865;
@@ -107,7 +104,6 @@ static void test_oblique_view(void **state)
 /* The same body stored along other axes, and sheared by a tilted gantry: the rays meet the same points. */
 static void test_other_steps(void **state)
 {
-    (void)state;
     const CtsVolume volumes[] = {
         straight_volume(),
         {.dims = {5, 9, 7}, .origin_lps = {10, 20, 54}, .step_lps = {{1, 0, 0}, {0, 0, -3}, {0, 2, 0}}},
@@ -137,7 +133,6 @@ static void test_other_steps(void **state)
 /* The principal axis is the one that the ray crosses fastest, counted in voxels. */
 static void test_axis(void **state)
 {
-    (void)state;
     CtsVolume v = straight_volume();
     /* Along x a voxel is 1 mm, along y 2 mm: x wins from atan(1/2) = 26.57 degrees on. */
     assert_int_equal(view_of(&v, 26, 0, 64, 64, 0).axis, 1);
@@ -158,7 +153,6 @@ static void test_axis(void **state)
 
 static void test_default_scale(void **state)
 {
-    (void)state;
     const CtsVolume v = straight_volume();
     const double d = sqrt(4 * 4 + 12 * 12 + 24 * 24);
     assert_true(fabs(view_of(&v, 12, 34, 1024, 512, 0).mm_per_pixel - d / (0.95 * 512)) < 1e-12);
@@ -171,7 +165,6 @@ static void test_default_scale(void **state)
 
 static void test_flat_volume(void **state)
 {
-    (void)state;
     CtsVolume v = straight_volume();
     CtsView view;
     CtsError err;

@@ -6,7 +6,6 @@
 #include "unit.h"
 #include <limits.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* 5 x 6 x 7 voxels whose values encode their indices: grey = 1 + i + 10 j + 100 k. */
@@ -37,7 +36,6 @@ static bool close_to(double a, double b)
 
 static void test_new(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL;
     CtsError err;
     const int bad[][3] = {{0, 1, 1}, {1, 0, 1}, {1, 1, 0}, {-5, 1, 1}, {1, INT_MIN, 1}};
@@ -59,7 +57,6 @@ static void test_new(void **state)
 
 static void test_geometry(void **state)
 {
-    (void)state;
     CtsVolume *v = make_volume(straight);
     double centre[3];
     cts_volume_centre_lps(v, centre);
@@ -83,7 +80,6 @@ static void test_geometry(void **state)
 
 static void test_inverse(void **state)
 {
-    (void)state;
     for (size_t n = 0; n < sizeof all_steps / sizeof *all_steps; n++) {
         CtsVolume *v = make_volume(all_steps[n]);
         double inverse[3][3], vox[3];
@@ -172,7 +168,6 @@ static double between(double low, double high)
 
 static void test_crop(void **state)
 {
-    (void)state;
     for (size_t n = 0; n < sizeof all_steps / sizeof *all_steps; n++)
         for (int round = 0; round < 300; round++) {
             double lo[3], hi[3];
@@ -187,7 +182,6 @@ static void test_crop(void **state)
 /* Borders that run through voxel centres keep them; boxes larger than the volume and without an end change nothing. */
 static void test_crop_borders(void **state)
 {
-    (void)state;
     CtsVolume *v = make_volume(straight);
     const double lo[3] = {11, 22, 33}, hi[3] = {13, 28, 42};
     assert_int_equal(cts_volume_crop(v, lo, hi, NULL, NULL), CTS_OK);
@@ -222,7 +216,6 @@ static void check_ranges(const CtsVolume *v, const CtsRange *range, const int n[
 
 static void test_macrocells(void **state)
 {
-    (void)state;
     static const int dims[][3] = {{21, 19, 10}, {9, 8, 5},    {17, 1, 9},   {1, 1, 1},    {5, 33, 16},
                                   {4, 4, 4},    {1024, 3, 2}, {1025, 2, 1}, {1026, 5, 3}, {2050, 1, 2}};
     for (size_t d = 0; d < 2 * sizeof dims / sizeof *dims; d++) {
@@ -245,7 +238,6 @@ static void test_macrocells(void **state)
 /* Whole slices, cropped twice. */
 static void test_crop_slices(void **state)
 {
-    (void)state;
     const int rows[] = {8, 7}; /* slices of 128 bytes, and of 112 */
     for (int n = 0; n < 2; n++)
         for (int first = 0; first < 5; first++) {
@@ -275,7 +267,6 @@ static void test_crop_slices(void **state)
 /* 8 bits of a window: its ends, the middle, both sides; geometry kept. */
 static void quantised(void **state)
 {
-    (void)state;
     CtsVolume *v = NULL, *q = NULL;
     CtsError err;
     assert_int_equal(cts_volume_new(&v, 6, 1, 1, &err), CTS_OK);

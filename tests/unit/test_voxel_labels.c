@@ -63,7 +63,6 @@ static int look_at(const CtsModel *model, int i, int j, int k)
 
 static void lists(void **state)
 {
-    (void)state;
     CtsModel model = owned_head(1, &(CtsLabelChoice){.hide = "BONE*"});
     assert_int_equal(look_at(&model, 5, 14, 13), CTS_APPEARANCE_HIDDEN);
     assert_int_equal(look_at(&model, 24, 14, 13), CTS_APPEARANCE_HIDDEN);
@@ -91,7 +90,6 @@ static void lists(void **state)
 
 static void refused(void **state)
 {
-    (void)state;
     static const char *const appearances[] = {"lesion=#12",       "lesion",         "=bone",
                                               "lesion=#123456:2", "lesion=no such", "x=bone"};
     static const struct {
@@ -130,7 +128,6 @@ static void same_bytes_and_near_reference(void **state)
                                              {.hide = "lesion,1:brain"},
                                              {.show = "bone*", .appearances = appearances, .n_appearances = 2}};
     static const unsigned cpu[] = {~0u, 0, CTS_CPU_AVX2};
-    (void)state;
     for (int variant = 0; variant < 6; variant++) {
         CtsModel model = owned_head(variant % 2 ? 2 : 1, &choices[variant % 3]);
         const int n_modes = cts_voxel_labels_coloured(model.voxel_labels) ? 1 : CTS_N_MODES;
@@ -164,7 +161,6 @@ static void same_bytes_and_near_reference(void **state)
 /* White, black and blue are themselves, and dcmqi's liver is 221, 130, 101: writers take D65. */
 static void colours_of_files(void **state)
 {
-    (void)state;
     static const struct {
         int lab[3];
         double rgb[3];
@@ -194,7 +190,6 @@ static void crops_by_segment(void **state)
         {NULL, "all,rest", "1.2", "NNNNN", true},       {NULL, "lesion", "1.3", "NNNNN", true},
         {NULL, "2:brain,lesion", "1.2", "NNNNN", true}, {NULL, "rest", "1.2", "NNNNN", true},
     };
-    (void)state;
     CtsVolume *v = phantom_head(NX, NY, NZ, 20);
     CtsLabels *labels = some_labels(v);
     CtsError err = {0};
