@@ -20,6 +20,8 @@ fast='fast''-math|O''fast'
 private='(^|[^A-Za-z_-])(no''body|a''new|made ag''ain|in va''in|by ch''ance|every so mani''eth|how many''th|at the m''ost|but f''or|to''ld|te''lls|jud''ge[sd]?|kn''ots?|ki''nks?|err''ands?|shel''ved)([^A-Za-z_]|$)'
 # Comments begin with a noun or a verb.
 clause='/\* (Wh''at|Wh''ere|Wh''ether) |"""(Wh''at|Wh''ere|Wh''ether) '
+# Functions that mean the same in each file: methods of tables, orders, callbacks of libraries.
+shared='add_rows|begin|finish|release|render|free_cache|next|gradient|wanted|sink|on_[a-z]+|by_[a-z]+'
 # Documents that are not in the tree: their contents are in the manual pages.
 outside='(^|[^A-Za-z_])(INTER''FACE|ALGO''RITHMS|CONVEN''TIONS|FAU''LTS)([^A-Za-z_]|$)'
 
@@ -63,6 +65,16 @@ violations()
         grep -E '^\./src/.*\.(c|cc|h)$' "$work/list" | tr '\n' '\0' |
             xargs -0 sed -nE 's/^typedef (struct|enum|union) ([A-Za-z0-9_]+) \{.*/\2/p' /dev/null | sort | uniq -d | grep -vx March |
             sed 's|$| <- the name of several types|'
+        # Functions too, except the methods of tables, the orders of qsort(), callbacks of libraries, and templates.
+        grep -E '^\./src/.*\.(c|cc)$' "$work/list" | tr '\n' '\0' | xargs -0 awk -v shared="$shared" '
+            /^(static|INLINE|_Noreturn|CTS_TARGET_)/ && !/;$/ {
+                if (match($0, /[ *][a-z][a-z0-9_]*\(/) && !index(substr($0, 1, RSTART), "=")) {
+                    name = substr($0, RSTART + 1, RLENGTH - 2)
+                    if (name in file && file[name] != FILENAME && name !~ "^(" shared ")$")
+                        print FILENAME ": " name "() <- the name of a function in " file[name]
+                    file[name] = FILENAME
+                }
+            }'
         # src/README.md lists every folder.
         for room in $(sed -n 's|^\./src/\(.*\)/[^/]*\.[ch]c*$|\1|p' "$work/list" | sort -u); do
             [ ! -e src/README.md ] || grep -q "^| .$room. |" src/README.md || echo "src/README.md: no folder $room"
@@ -133,9 +145,9 @@ breach '/* as no_such_function() does */\n'
 breach "/* $(printf '%0120d' 0) */\\n"
 mkdir -p "$work/src/x" "$work/src/y"
 touch "$work/src/x/same.c" "$work/src/y/same.c"
-printf 'typedef struct Twice {\n' | tee "$work/src/x/one.c" >"$work/src/y/two.c"
+printf 'typedef struct Twice {\nstatic int twice(void)\n' | tee "$work/src/x/one.c" >"$work/src/y/two.c"
 found=$(violations "$work")
-for breach in $(seq -f 'breach-%.0f-' $n) same.c Twice; do
+for breach in $(seq -f 'breach-%.0f-' $n) same.c Twice 'twice()'; do
     case $found in
         *"$breach"*) ;;
         *)

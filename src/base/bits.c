@@ -4,7 +4,7 @@
 #include "base/parallel.h"
 #include <stdatomic.h>
 
-static CtsStatus plan(CtsBits *bits, const int dims[3], size_t *n_words, CtsError *err)
+static CtsStatus plan_words(CtsBits *bits, const int dims[3], size_t *n_words, CtsError *err)
 {
     *bits = (CtsBits){.dims = {dims[0], dims[1], dims[2]}, .row_words = (size_t)dims[0] / 64 + 1};
     if (bits->row_words > CTS_BITS_ROW_WORDS)
@@ -17,14 +17,14 @@ static CtsStatus plan(CtsBits *bits, const int dims[3], size_t *n_words, CtsErro
 CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
 {
     size_t n_words = 0;
-    const CtsStatus st = plan(bits, dims, &n_words, err);
+    const CtsStatus st = plan_words(bits, dims, &n_words, err);
     return st ? st : cts_alloc_zeroed(&bits->words, n_words, err);
 }
 
 CtsStatus cts_bits_new_unset(CtsBits *bits, const int dims[3], CtsError *err)
 {
     size_t n_words = 0;
-    const CtsStatus st = plan(bits, dims, &n_words, err);
+    const CtsStatus st = plan_words(bits, dims, &n_words, err);
     return st ? st : cts_alloc_array(&bits->words, n_words, err);
 }
 

@@ -104,7 +104,7 @@ static void end_one(pid_t pid, Reply *reply)
         reply->how = SIGKILL; /* it went with the helper before */
 }
 
-static _Noreturn void help(int socket)
+static _Noreturn void serve_requests(int socket)
 {
     HelperRequest request;
     Reply reply = {.pid = getpid()};
@@ -159,7 +159,7 @@ static void mind_forks(void)
     pthread_atfork(NULL, NULL, forget_helper);
 }
 
-static CtsStatus begin(CtsError *err)
+static CtsStatus begin_helper(CtsError *err)
 {
     static pthread_once_t once = PTHREAD_ONCE_INIT;
     int ends[2];
@@ -171,7 +171,7 @@ static CtsStatus begin(CtsError *err)
     if (pid == 0) {
         if (!kept && fork() != 0) /* a process whose parent ends is adopted by init */
             _exit(0);
-        help(ends[1]);
+        serve_requests(ends[1]);
     }
     const int why = errno;
     close(ends[1]);
@@ -192,7 +192,7 @@ static CtsStatus begin(CtsError *err)
 CtsStatus cts_helper_start(CtsError *err)
 {
     pthread_mutex_lock(&lock);
-    const CtsStatus st = way < 0 ? begin(err) : CTS_OK;
+    const CtsStatus st = way < 0 ? begin_helper(err) : CTS_OK;
     pthread_mutex_unlock(&lock);
     return st;
 }
@@ -206,7 +206,7 @@ static bool try_fork(HelperRequest *request, Reply *reply, int *socket, CtsStatu
         *st = cts_fail(err, CTS_ERR_MEMORY, "it cannot be reached: %s", strerror(errno));
         return false;
     }
-    *st = way < 0 ? begin(err) : CTS_OK;
+    *st = way < 0 ? begin_helper(err) : CTS_OK;
     const bool done = !*st && transmit_request(way, request, ends[1]) && receive_reply(way, reply);
     if (!done && !*st)
         leave(true);

@@ -96,7 +96,7 @@ static size_t address_space(void)
     return (size_t)pages * (size_t)sysconf(_SC_PAGESIZE);
 }
 
-static int limit(int resource, size_t value)
+static int limit_resource(int resource, size_t value)
 {
     const struct rlimit both = {value, value};
     return setrlimit(resource, &both) ? errno : 0;
@@ -105,11 +105,11 @@ static int limit(int resource, size_t value)
 static int limit_resources(size_t n_bytes)
 {
     const size_t now = address_space();
-    int result = CTS_SANITIZED ? 0 : limit(RLIMIT_FSIZE, 0);
+    int result = CTS_SANITIZED ? 0 : limit_resource(RLIMIT_FSIZE, 0);
     if (!result && !CTS_SANITIZED)
-        result = now ? limit(RLIMIT_AS, now + n_bytes) : ENOSYS;
+        result = now ? limit_resource(RLIMIT_AS, now + n_bytes) : ENOSYS;
     if (!result && !CTS_SANITIZED)
-        result = limit(RLIMIT_NOFILE, 0);
+        result = limit_resource(RLIMIT_NOFILE, 0);
     return result;
 }
 
@@ -140,7 +140,7 @@ int cts_isolation_leave_all(int keep_fd)
     leave_signals();
     /* a core file would contain patient data; if this fails, the limit on core files still holds */
     prctl(PR_SET_DUMPABLE, 0);
-    const int result = limit(RLIMIT_CORE, 0);
+    const int result = limit_resource(RLIMIT_CORE, 0);
     return result ? result : close_others(keep_fd);
 }
 

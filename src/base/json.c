@@ -106,7 +106,7 @@ CtsStatus cts_json_fail(const CtsJsonAt *at, CtsError *err, const char *format, 
 }
 
 /* "opacity", or "points 3" (counted from 1) for the third element of points. */
-static void describe(const CtsJsonAt *at, char text[80])
+static void describe_place(const CtsJsonAt *at, char text[80])
 {
     if (at->key)
         snprintf(text, 80, "%.60s", at->key);
@@ -119,7 +119,7 @@ static void describe(const CtsJsonAt *at, char text[80])
 CtsStatus cts_json_check_keys(const CtsJsonAt *at, const char *const *keys, size_t n_keys, CtsError *err)
 {
     char what[80], text[600];
-    describe(at, what);
+    describe_place(at, what);
     if (!json_is_object(at->value))
         return cts_json_fail(at, err, "%s is not an object { }", what);
     const char *key;
@@ -146,14 +146,14 @@ CtsStatus cts_json_check_keys(const CtsJsonAt *at, const char *const *keys, size
 CtsStatus cts_json_need(const CtsJsonAt *object, const char *key, CtsJsonAt *member, CtsError *err)
 {
     char what[80];
-    describe(object, what);
+    describe_place(object, what);
     return cts_json_member(object, key, member) ? CTS_OK : cts_json_fail(object, err, "%s has no %s", what, key);
 }
 
 CtsStatus cts_json_check_array(const CtsJsonAt *at, size_t low, size_t high, CtsError *err)
 {
     char what[80];
-    describe(at, what);
+    describe_place(at, what);
     if (!json_is_array(at->value))
         return cts_json_fail(at, err, "%s is not a list [ ]", what);
     const size_t n = json_array_size(at->value);
@@ -167,7 +167,7 @@ CtsStatus cts_json_check_array(const CtsJsonAt *at, size_t low, size_t high, Cts
 CtsStatus cts_json_number(const CtsJsonAt *at, double low, double high, double *value, CtsError *err)
 {
     char what[80];
-    describe(at, what);
+    describe_place(at, what);
     if (!json_is_number(at->value))
         return cts_json_fail(at, err, "%s is not a number", what);
     *value = json_number_value(at->value);
@@ -189,7 +189,7 @@ CtsStatus cts_json_numbers(const CtsJsonAt *at, size_t n, double low, double hig
 CtsStatus cts_json_bool(const CtsJsonAt *at, bool *value, CtsError *err)
 {
     char what[80];
-    describe(at, what);
+    describe_place(at, what);
     if (!json_is_boolean(at->value))
         return cts_json_fail(at, err, "%s is neither true nor false", what);
     *value = json_is_true(at->value);
@@ -199,7 +199,7 @@ CtsStatus cts_json_bool(const CtsJsonAt *at, bool *value, CtsError *err)
 CtsStatus cts_json_string(const CtsJsonAt *at, const char **value, CtsError *err)
 {
     char what[80];
-    describe(at, what);
+    describe_place(at, what);
     if (!json_is_string(at->value))
         return cts_json_fail(at, err, "%s is not a text in quotes", what);
     *value = json_string_value(at->value);

@@ -31,13 +31,13 @@ static double solve(double count, double rare, double near, double far)
     return far;
 }
 
-static double upper(double estimate, double unit)
+static double upper_limit(double estimate, double unit)
 {
     const double count = estimate / unit, rare = -log(BEYOND);
     return unit * solve(count, rare, count, count + rare + sqrt(rare * (rare + 2 * count)));
 }
 
-static double lower(double estimate, double unit, double chance)
+static double lower_limit(double estimate, double unit, double chance)
 {
     return estimate > 0 ? unit * solve(estimate / unit, -log(chance), estimate / unit, 0) : 0;
 }
@@ -48,13 +48,13 @@ void cts_error_limits(CtsVerified *v)
     v->share_high = v->share_above;
     if (!(v->unit > 0)) /* all was sampled */
         return;
-    v->rmse_high = sqrt(fmin(upper(v->rmse * v->rmse, v->unit), 1));
-    v->share_high = fmin(upper(v->share_above, v->unit), 1);
+    v->rmse_high = sqrt(fmin(upper_limit(v->rmse * v->rmse, v->unit), 1));
+    v->share_high = fmin(upper_limit(v->share_above, v->unit), 1);
     /* Errors cut at a cap have a mean no larger, and small caps let many small errors count: the best of all caps, each
      * with its part of the chance. */
     double low = 0, cap = 1;
     for (int k = 0; k < CTS_ERROR_CAPS; k++, cap /= 4)
-        low = fmax(low, lower(v->capped[k], v->unit * cap, BEYOND / CTS_ERROR_CAPS));
+        low = fmax(low, lower_limit(v->capped[k], v->unit * cap, BEYOND / CTS_ERROR_CAPS));
     v->rmse_low = sqrt(low);
 }
 

@@ -59,7 +59,7 @@ static void leave_lock(void)
     pthread_mutex_unlock(&lock);
 }
 
-static void mind_forks(void)
+static void mind_loader_forks(void)
 {
     pthread_atfork(take_lock, leave_lock, leave_lock);
 }
@@ -82,7 +82,7 @@ static CtsStatus load_table(const char *file, const char *name, const void **tab
 CtsStatus cts_plugin_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err)
 {
     static pthread_once_t once = PTHREAD_ONCE_INIT;
-    pthread_once(&once, mind_forks);
+    pthread_once(&once, mind_loader_forks);
     take_lock();
     const CtsStatus st = *kept ? CTS_OK : load_table(file, name, kept, err);
     *table = *kept;

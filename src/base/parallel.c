@@ -141,7 +141,7 @@ static bool add_helper(void)
     return added;
 }
 
-static void begin(Loop *loop)
+static void begin_loop(Loop *loop)
 {
     pthread_once(&once, prepare_forks);
     pthread_mutex_lock(&pool.lock);
@@ -154,7 +154,7 @@ static void begin(Loop *loop)
     pthread_mutex_unlock(&pool.lock);
 }
 
-static void end(Loop *loop)
+static void end_loop(Loop *loop)
 {
     pthread_mutex_lock(&pool.lock);
     Loop **link = &pool.loops;
@@ -184,10 +184,10 @@ void cts_parallel(int n_threads, size_t n, size_t chunk, cts_work_fn work, void 
     const double start_ms = counts ? cts_wall_ms() : 0;
     inside_shared |= counts;
     if (!alone)
-        begin(&loop);
+        begin_loop(&loop);
     take_items(&loop, 0);
     if (!alone)
-        end(&loop);
+        end_loop(&loop);
     pthread_cond_destroy(&loop.left);
     if (counts) {
         inside_shared = false;

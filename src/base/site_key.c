@@ -30,7 +30,7 @@ static char *own_path(bool made)
 }
 
 /* Written to a temporary file and linked, so that readers never see a partial file; the first of two writers wins. */
-static CtsStatus make(const char *path, CtsError *err)
+static CtsStatus make_key_file(const char *path, CtsError *err)
 {
     uint8_t bytes[CTS_KEY_BYTES];
     char text[2 * CTS_KEY_BYTES + 2] = "", *temp = NULL;
@@ -81,7 +81,7 @@ CtsStatus cts_key_load(const char *path, bool may_make, CtsKey *key, CtsError *e
                         "the key's folder is unknown, as neither XDG_STATE_HOME nor HOME is set (give `key`)");
     int fd = open(name, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (fd < 0 && own && may_make && errno == ENOENT) {
-        st = make(name, err);
+        st = make_key_file(name, err);
         fd = st ? -1 : open(name, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     }
     if (!st && fd < 0)

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const CtsOption *find_letter(char letter)
+static const CtsOption *find_short_option(char letter)
 {
     for (const CtsOption *o = cts_options; o->name; o++)
         if (o->letter && o->letter == letter)
@@ -12,7 +12,7 @@ static const CtsOption *find_letter(char letter)
     return NULL;
 }
 
-static CtsStatus fail_unknown(const char *word, size_t length, int command, CtsError *err)
+static CtsStatus fail_unknown_word(const char *word, size_t length, int command, CtsError *err)
 {
     CtsDidYouMean nearest_word = {.written = word + 2, .length = length > 2 ? length - 2 : 0};
     char hint[96] = "";
@@ -47,9 +47,9 @@ static CtsStatus take_option(CtsOptions *options, int command, const char *const
     const char *word = *(*argv)++, *argument = NULL;
     const bool is_long = word[1] == '-';
     const size_t length = is_long ? 2 + strcspn(word + 2, "=") : 2;
-    const CtsOption *o = is_long ? cts_option(word + 2, length - 2) : find_letter(word[1]);
+    const CtsOption *o = is_long ? cts_option(word + 2, length - 2) : find_short_option(word[1]);
     if (!o || o->commands == 1u << CTS_FOR_JOB)
-        return fail_unknown(word, length, command, err);
+        return fail_unknown_word(word, length, command, err);
     if (!cts_option_is_of(o, (CtsCommand)command))
         return fail_elsewhere(o, command, err);
     if (word[length])

@@ -55,8 +55,8 @@ static void on_progress(void *context, const CtsBatchProgress *p)
     show_progress(context, (double)p->n_ended, (int)p->n_series, text);
 }
 
-static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsBatchResult *result,
-                     CtsError *err)
+static CtsStatus run_batch(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsBatchResult *result,
+                           CtsError *err)
 {
     char command[512] = "batch";
     double reported_ms = cts_wall_ms();
@@ -93,7 +93,7 @@ static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsB
         st = cts_net_fetch(&options->from.peer, &options->net, s->study_uid, s->series_uid, &fetched, report, err);
         if (!st) {
             one.paths = (CtsTextList){(const char **)&fetched.folder, 1};
-            st = run(&one, lists, report, all, err);
+            st = run_batch(&one, lists, report, all, err);
         } else if (st == CTS_ERR_READ || st == CTS_ERR_NO_SERIES) {
             cli_warning("%s: not fetched: %s", s->series_uid, err->text);
             all->n_series++;
@@ -156,7 +156,7 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
     cli_interrupt_sets_stop();
     if (!(st = cts_batch_lists(options, &lists, &report, err)))
         st = options->from.given ? run_found(options, &lists, &report, &result, err)
-                                 : run(options, &lists, &report, &result, err);
+                                 : run_batch(options, &lists, &report, &result, err);
     cli_progress_clear();
     if (result.n_series)
         print_summary(options, &result);

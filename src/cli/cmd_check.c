@@ -43,7 +43,7 @@ static json_t *scene_json(const CtsCheckScene *s)
     return scene;
 }
 
-static void add(const CtsCheckResult *r, void *cases)
+static void add_result(const CtsCheckResult *r, void *cases)
 {
     json_t *item = json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:b}", "name", r->name, "engine", r->engine, "expected",
                              number(r->expected), "found", number(r->found), "error", number(r->error), "bound",
@@ -61,7 +61,7 @@ CtsStatus cli_check(const CtsOptions *options, int *exit_code, CtsError *err)
         .n_threads = options->render.n_threads,
         .only = options->only,
         .stop = &cli_stop,
-        .sink = cases ? add : print,
+        .sink = cases ? add_result : print,
         .context = cases,
     };
     cli_interrupt_sets_stop();

@@ -49,20 +49,22 @@ end:
 }
 
 /* Selects the series that the labels refer to; with `auto` each series has its own labels. */
-static CtsStatus choose(const CtsSource *source, const CtsSeriesList *list, const CtsSeries **series, CtsError *err)
+static CtsStatus choose_series(const CtsSource *source, const CtsSeriesList *list, const CtsSeries **series,
+                               CtsError *err)
 {
     const CtsLabelRequest request = {.paths = source->labels, .n_paths = source->n_labels};
     *series = NULL;
     return source->n_labels ? cts_labels_choose(&request, list, series, err) : CTS_OK;
 }
 
-static CtsStatus read_each(const CtsOptions *options, const CtsSeriesList *list, CtsPixelFacts *facts, CtsError *err)
+static CtsStatus read_each_series(const CtsOptions *options, const CtsSeriesList *list, CtsPixelFacts *facts,
+                                  CtsError *err)
 {
     const CtsSource source = cts_options_source(options);
     CtsSource plain = source;
     const CtsSeries *labelled;
     plain.n_labels = 0;
-    CtsStatus st = choose(&source, list, &labelled, err);
+    CtsStatus st = choose_series(&source, list, &labelled, err);
     bool beside = true;
     for (int i = 0; i < source.n_labels; i++)
         beside &= !strcmp(source.labels[i], "auto");
@@ -152,7 +154,7 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         goto end;
     }
-    if ((st = read_each(options, list, facts, err)))
+    if ((st = read_each_series(options, list, facts, err)))
         goto end;
     cli_progress_clear();
     if (options->json)

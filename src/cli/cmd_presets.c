@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
+static CtsStatus append_preset(json_t *list, const CtsPreset *preset, CtsError *err)
 {
     char *text = cts_preset_to_json(preset);
     json_t *object = text ? json_loads(text, 0, NULL) : NULL;
@@ -16,10 +16,10 @@ static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
 }
 
 /* Into a table or a JSON list, whichever is there. */
-static CtsStatus add(CtsTable *table, json_t *list, const CtsPreset *p, bool own, CtsError *err)
+static CtsStatus add_preset(CtsTable *table, json_t *list, const CtsPreset *p, bool own, CtsError *err)
 {
     if (list)
-        return append(list, p, err);
+        return append_preset(list, p, err);
     cts_table_cell(table, "%s", p->name);
     cts_table_cell(table, "%s", cts_mode_names[p->mode]);
     cts_table_cell(table, "%g", p->window_low_hu);
@@ -36,7 +36,7 @@ static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
     CtsStatus st = CTS_OK;
     const CtsPreset *preset;
     for (size_t i = 0; (preset = cts_preset_builtin(i)) && !st; i++)
-        st = add(table, list, preset, false, err);
+        st = add_preset(table, list, preset, false, err);
     char **names = cts_preset_user_names();
     CtsPreset *own = malloc(sizeof *own);
     for (size_t i = 0; own && names && names[i] && !st; i++) {
@@ -52,7 +52,7 @@ static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
             continue;
         }
         snprintf(own->name, sizeof own->name, "%s", names[i]);
-        st = add(table, list, own, true, err);
+        st = add_preset(table, list, own, true, err);
     }
     free(own);
     free(names);
@@ -108,7 +108,7 @@ CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err)
         if (preset->note[0])
             cli_warning("preset %s: left out: %s", preset->name, preset->note);
         if (list)
-            st = append(list, preset, err);
+            st = append_preset(list, preset, err);
         else
             print_one(preset);
     } else {

@@ -62,8 +62,8 @@ static void print_verified(const CtsReport *report)
 }
 
 /* Preparation before the job; from here on the log records failures. */
-static CtsStatus begin(const CtsOptions *options, CtsLog *log, CtsPreset *preset, CtsJob *job,
-                       CliStandardOutput *standard_output, CtsReport *report, CtsError *err)
+static CtsStatus begin_render(const CtsOptions *options, CtsLog *log, CtsPreset *preset, CtsJob *job,
+                              CliStandardOutput *standard_output, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     int fd;
@@ -140,7 +140,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
         cts_names_add(&names, options->paths.items[i]);
     cts_log_without_names(log, &names);
     if (!st)
-        st = begin(options, log, preset, &job, &standard_output, &report, err);
+        st = begin_render(options, log, preset, &job, &standard_output, &report, err);
     cts_stage_timer_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
         CliWatch seen = {

@@ -12,7 +12,7 @@ static void ready(const char *url)
     fflush(stdout);
 }
 
-static void note(const char *text)
+static void print_note(const char *text)
 {
     cli_note("%s", text);
 }
@@ -21,7 +21,7 @@ CtsStatus cli_serve(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     cli_interrupt_sets_stop();
-    return cts_serve(options, ready, note, err);
+    return cts_serve(options, ready, print_note, err);
 }
 
 CtsStatus cli_receive(const CtsOptions *options, int *exit_code, CtsError *err)
@@ -30,5 +30,5 @@ CtsStatus cli_receive(const CtsOptions *options, int *exit_code, CtsError *err)
     if (!options->output_dir)
         return cts_fail(err, CTS_ERR_USAGE, "receive: no folder to write into (give -O DIR)");
     cli_interrupt_sets_stop();
-    return cts_receive(options, note, err);
+    return cts_receive(options, print_note, err);
 }

@@ -47,7 +47,7 @@ static CtsStatus run_command(int argc, const char *const *argv, int *exit_code, 
     return st;
 }
 
-static CtsStatus run(int argc, const char *const *argv, int *exit_code, CtsError *err)
+static CtsStatus run_arguments(int argc, const char *const *argv, int *exit_code, CtsError *err)
 {
     if (argc < 2)
         return cts_fail(err, CTS_ERR_USAGE, "a command is missing (see ctsplat --help)");
@@ -84,7 +84,7 @@ typedef struct Call {
 static void *run_call(void *context)
 {
     Call *const call = context;
-    call->status = run(call->argc, call->argv, call->exit_code, call->err);
+    call->status = run_arguments(call->argc, call->argv, call->exit_code, call->err);
     return NULL;
 }
 

@@ -13,7 +13,7 @@ static bool is_standard_output(const char *output)
     return !strcmp(output, "-");
 }
 
-static CtsStatus check(const CtsOptions *options, int n, CtsError *err)
+static CtsStatus check_outputs(const CtsOptions *options, int n, CtsError *err)
 {
     if (n == 0 && options->format)
         return cts_fail(err, CTS_ERR_USAGE, "--format %s: says what -o - writes, and no output is -",
@@ -37,7 +37,7 @@ CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CtsOptions *opt
     int n = 0;
     for (int i = 0; i < options->outputs.n; i++)
         n += is_standard_output(options->outputs.items[i]);
-    CtsStatus st = check(options, n, err);
+    CtsStatus st = check_outputs(options, n, err);
     if (st || n == 0 || options->render.explain)
         return st;
     if ((st = cts_temp_folder("ctsplat-", &to->folder, err)))

@@ -216,7 +216,7 @@ static CtsStatus take_lost(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError
     return keep_record(p, &lost, name, folder_key(file->path), err);
 }
 
-static CtsStatus take_labels(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError *err)
+static CtsStatus plan_labels(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError *err)
 {
     const CtsStatus st = cts_grow(&p->label_files, p->n_label_files, err);
     if (st)
@@ -243,7 +243,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     if (file->why)
         return take_lost(p, file, err);
     if (file->labels_of)
-        return take_labels(p, file, err);
+        return plan_labels(p, file, err);
     if (file->series_uid[0] && !strcmp(file->series_uid, p->last_uid))
         snprintf(name, sizeof name, "%s", p->last_uid);
     else if ((st = name_series(file, name, &key, err)))

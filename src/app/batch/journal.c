@@ -25,7 +25,7 @@ struct CtsJournal {
     CtsJournalLines lines;  /* of others', too */
 };
 
-static CtsStatus fail_errno(CtsError *err, const char *path, const char *what)
+static CtsStatus fail_journal(CtsError *err, const char *path, const char *what)
 {
     return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s: %s", path, what, strerror(errno));
 }
@@ -70,7 +70,7 @@ static CtsStatus open_lock(const char *folder, const char *name, int *fd, CtsErr
     char path[PATH_MAX + 64];
     snprintf(path, sizeof path, "%s/%s", folder, name);
     *fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    return *fd < 0 ? fail_errno(err, path, "cannot be written") : CTS_OK;
+    return *fd < 0 ? fail_journal(err, path, "cannot be written") : CTS_OK;
 }
 
 /* Fails if a lock file was removed: it would not exclude another batch, which creates a new one. */
@@ -98,8 +98,8 @@ static CtsStatus lock_shards(CtsJournal *j, int n_shards, CtsError *err)
     if (try_lock(j->lock_all, LOCK_EX)) {
         const int n = snprintf(text, sizeof text, "%d\n", n_shards);
         if (ftruncate(j->lock_all, 0) || pwrite(j->lock_all, text, (size_t)n, 0) != n)
-            return fail_errno(err, j->folder, "its lock cannot be written");
-        return flock(j->lock_all, LOCK_SH) ? fail_errno(err, j->folder, "cannot be locked") : CTS_OK;
+            return fail_journal(err, j->folder, "its lock cannot be written");
+        return flock(j->lock_all, LOCK_SH) ? fail_journal(err, j->folder, "cannot be locked") : CTS_OK;
     }
     if (!try_lock(j->lock_all, LOCK_SH))
         return another_batch(j, err);
@@ -133,12 +133,12 @@ static CtsStatus read_own(CtsJournal *j, bool fresh, CtsError *err)
     CtsStatus st;
     j->fd = open(j->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW | (fresh ? O_TRUNC : 0), 0666);
     if (j->fd < 0)
-        return fail_errno(err, j->path, "cannot be written");
+        return fail_journal(err, j->path, "cannot be written");
     j->lines.own_first = true;
     if ((st = cts_journal_lines_read(&j->lines, j->fd, "", &j->end, err)))
         return st;
     /* Truncate an incomplete last line of a killed run. */
-    return ftruncate(j->fd, (off_t)j->end) ? fail_errno(err, j->path, "cannot be written") : CTS_OK;
+    return ftruncate(j->fd, (off_t)j->end) ? fail_journal(err, j->path, "cannot be written") : CTS_OK;
 }
 
 CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, int n_shards, bool fresh, CtsError *err)
@@ -171,11 +171,11 @@ bool cts_journal_holds(const CtsJournal *journal, const char *series_uid)
     return line && line->file == 0;
 }
 
-static CtsStatus append(CtsJournal *j, const char *text, size_t n, CtsError *err)
+static CtsStatus append_to_journal(CtsJournal *j, const char *text, size_t n, CtsError *err)
 {
     if (cts_write_all(j->fd, text, n))
         return CTS_OK;
-    const CtsStatus st = fail_errno(err, j->path, "cannot be written");
+    const CtsStatus st = fail_journal(err, j->path, "cannot be written");
     if (ftruncate(j->fd, (off_t)j->end))
         cts_context(err, "%s: its last line is incomplete", j->path);
     return st;
@@ -188,7 +188,7 @@ CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err
     const int n = object ? asprintf(&text, "%s\n", object) : -1;
     if (n < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory for a line of the journal");
-    else if (!(st = append(journal, text, (size_t)n, err)) &&
+    else if (!(st = append_to_journal(journal, text, (size_t)n, err)) &&
              !(st = cts_journal_lines_put(&journal->lines, line, journal->end, (size_t)n, err)))
         journal->end += (uint64_t)n;
     if (n >= 0)
@@ -202,7 +202,7 @@ CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err)
     const CtsStatus st = check_locks(journal, err);
     if (st)
         return st;
-    return fdatasync(journal->fd) ? fail_errno(err, journal->path, "cannot be written") : CTS_OK;
+    return fdatasync(journal->fd) ? fail_journal(err, journal->path, "cannot be written") : CTS_OK;
 }
 
 static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const CtsJournalLine *at,

@@ -155,7 +155,7 @@ bool cts_journal_record_is_up_to_date(const CtsBatchSettings *s, const json_t *r
     return n_found == n_wanted;
 }
 
-static void redact(json_t *object, const char *const *keys)
+static void redact_keys(json_t *object, const char *const *keys)
 {
     for (; *keys; keys++)
         json_object_del(object, *keys);
@@ -169,11 +169,11 @@ void cts_journal_record_redact(json_t *record, const CtsBatchSettings *s)
     size_t i;
     json_t *diagnostic;
     if (!s->options->show_patient)
-        redact(json_object_get(record, "geometry"), patient);
+        redact_keys(json_object_get(record, "geometry"), patient);
     if (s->options->show_paths)
         return;
-    redact(record, paths);
-    json_array_foreach(json_object_get(record, "findings"), i, diagnostic) redact(diagnostic, files);
+    redact_keys(record, paths);
+    json_array_foreach(json_object_get(record, "findings"), i, diagnostic) redact_keys(diagnostic, files);
 }
 
 bool cts_journal_record_is_complete(const json_t *record, const CtsBatchSettings *s)

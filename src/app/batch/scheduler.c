@@ -60,7 +60,7 @@ static double n_pictures_left(const Run *r)
     return n;
 }
 
-static void report_progress(Run *r)
+static void report_batch_progress(Run *r)
 {
     const CtsBatchListener *listener = &r->settings->listener;
     const double spent_s = (cts_wall_ms() - r->start_ms) / 1000;
@@ -120,7 +120,7 @@ static void report_series(Run *r, const json_t *record)
 }
 
 /* Counts the final record of a series; stood: nothing had to be rendered. */
-static void count(Run *r, const json_t *record, bool stood)
+static void count_record(Run *r, const json_t *record, bool stood)
 {
     const char *status = cts_json_text_of(record, "status");
     r->result->n_stood += stood && !strcmp(status, "done");
@@ -133,7 +133,7 @@ static void count(Run *r, const json_t *record, bool stood)
 }
 
 /* Ends the batch after a failure; running workers are asked to stop. */
-static void give_up(Run *r, CtsStatus status, const CtsError *why)
+static void give_up_batch(Run *r, CtsStatus status, const CtsError *why)
 {
     if (!r->status) {
         r->status = status;
@@ -151,7 +151,7 @@ static void add_record(Run *r, const json_t *record)
     json_decref(kept);
     r->sheet_stale = true;
     if (st)
-        give_up(r, st, &err);
+        give_up_batch(r, st, &err);
 }
 
 static void queue_to_send(Run *r, const json_t *record)
@@ -159,7 +159,7 @@ static void queue_to_send(Run *r, const json_t *record)
     CtsError err = {0};
     if (cts_grow(&r->to_send, r->n_to_send, &err) ||
         !(r->to_send[r->n_to_send] = strdup(cts_json_text_of(record, "series_uid"))))
-        give_up(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
+        give_up_batch(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
     else
         r->n_to_send++;
 }
@@ -176,14 +176,14 @@ static void end_series(Run *r, json_t *record, bool stood)
     }
     add_record(r, record);
     if (n_waiting == 0)
-        count(r, record, stood);
+        count_record(r, record, stood);
 }
 
 static void end_sending(Run *r, const json_t *record)
 {
     r->n_unsent = strcmp(cts_json_text_of(record, "status"), "done") ? r->n_unsent + 1 : 0;
     add_record(r, record);
-    count(r, record, false);
+    count_record(r, record, false);
 }
 
 static void take_last(Run *r, CtsWorker *w, bool stood)
@@ -198,7 +198,7 @@ static void take_last(Run *r, CtsWorker *w, bool stood)
         end_series(r, w->record, stood);
     if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->record, "exit_code")) == 5 &&
         !json_object_get(w->record, "unsent") && cts_folder_probe(r->settings, &err))
-        give_up(r, CTS_ERR_OUTPUT, &err);
+        give_up_batch(r, CTS_ERR_OUTPUT, &err);
     json_decref(w->record);
     w->record = NULL;
 }
@@ -249,7 +249,7 @@ static void take_message(void *context, CtsWorker *w, const char *message)
 }
 
 /* Records a series whose worker ended without a report, with the reason. */
-static void report_death(Run *r, CtsWorker *w, int how, const struct rusage *usage)
+static void record_death(Run *r, CtsWorker *w, int how, const struct rusage *usage)
 {
     char reason[300];
     cts_worker_reason(w, how, reason, sizeof reason);
@@ -275,7 +275,7 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     cts_worker_read(w, take_message, r);
     const bool stopped = w->stop_ms > 0 && !w->killed;
     if (!stopped && (w->record || !w->n_ended))
-        report_death(r, w, how, usage);
+        record_death(r, w, how, usage);
     if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
         sweep_series(r, w);
     r->free_bytes += w->bytes;
@@ -284,7 +284,7 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
         r->n_uids_ended += !stopped;
     }
     cts_worker_free(w);
-    report_progress(r);
+    report_batch_progress(r);
 }
 
 /* One that has no process; how many have one. */
@@ -323,7 +323,7 @@ static bool is_up_to_date(Run *r, const CtsPlanSeries *series)
         } else if (cts_journal_record_n_unsent(r->settings, record) || !cts_journal_holds(r->journal, series->uid)) {
             end_series(r, record, true);
         } else {
-            count(r, record, true);
+            count_record(r, record, true);
         }
         r->n_unknown--;
         r->n_uids_ended++;
@@ -348,14 +348,14 @@ static bool start_next(Run *r)
     while (w && n_at_work <= r->n_jobs && r->next < r->found.n_series && !r->status && !interrupted(r)) {
         CtsStatus st = cts_plan_series(r->plan, r->next, &w->series, &err);
         if (st) {
-            give_up(r, st, &err);
+            give_up_batch(r, st, &err);
             return false;
         }
         if (is_up_to_date(r, &w->series)) {
             cts_plan_series_free(&w->series);
             r->next++;
             if (cts_wall_ms() - r->reported_ms > TICK_MS)
-                report_progress(r);
+                report_batch_progress(r);
             continue;
         }
         const double bytes = BYTES_PER_SERIES + BYTES_PER_VOXEL * (double)w->series.n_voxels;
@@ -370,7 +370,7 @@ static bool start_next(Run *r)
         if (st) {
             w->pid = 0;
             cts_plan_series_free(&w->series);
-            give_up(r, st, &err);
+            give_up_batch(r, st, &err);
             return false;
         }
         w->bytes = bytes;
@@ -398,7 +398,7 @@ static void start_sender(Run *r)
     if (st) {
         w->pid = 0;
         json_decref(record);
-        give_up(r, st, &err);
+        give_up_batch(r, st, &err);
         return;
     }
     w->record = record;
@@ -453,13 +453,13 @@ static void watch_clock(Run *r)
             cts_worker_kill(w, "it took longer than --series-timeout allows");
     }
     if (now_ms - r->reported_ms > 1000)
-        report_progress(r);
+        report_batch_progress(r);
     if (now_ms - r->synced_ms > SYNC_MS) {
         CtsError err;
         const CtsStatus st = cts_journal_sync(r->journal, &err);
         r->synced_ms = now_ms;
         if (st)
-            give_up(r, st, &err);
+            give_up_batch(r, st, &err);
     }
 }
 
@@ -493,7 +493,7 @@ static void wait_for_any(Run *r)
     }
 }
 
-static CtsStatus run_series(Run *r)
+static CtsStatus run_all_series(Run *r)
 {
     for (;;) {
         while (start_next(r))
@@ -511,7 +511,7 @@ static CtsStatus run_series(Run *r)
     return r->status;
 }
 
-static CtsStatus search(Run *r, CtsError *err)
+static CtsStatus search_series(Run *r, CtsError *err)
 {
     const CtsOptions *o = r->settings->options;
     const CtsExportSettings *e = &o->export;
@@ -551,12 +551,12 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     if ((st = cts_journal_open(&r.journal, o->output_dir, o->shard.i, o->shard.n, o->fresh, err)))
         goto end;
     cts_sweep_all(o->output_dir, o->shard.i, o->shard.n);
-    if ((st = search(&r, err)))
+    if ((st = search_series(&r, err)))
         goto end;
     r.free_bytes = 0.9 * (double)cts_memory_available();
     r.sheet_stale = true;
     r.start_ms = cts_wall_ms(); /* of the search nothing is learned for the pictures */
-    st = run_series(&r);
+    st = run_all_series(&r);
     CtsError finish_err;
     CtsStatus finished = cts_journal_finish(r.journal, redact, (void *)settings, &finish_err);
     if (!finished)

@@ -124,7 +124,7 @@ CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const c
 }
 
 /* Makes this process the first choice of the OOM killer, and limits its memory. */
-static void limit(double mib)
+static void limit_worker(double mib)
 {
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
@@ -163,7 +163,7 @@ CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorke
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         if (getppid() != parent)
             _exit(1);
-        limit(worker_process->settings->options->series_mib);
+        limit_worker(worker_process->settings->options->series_mib);
         cts_journal_leave(worker_process->journal);
         run(worker_process);
     }

@@ -66,7 +66,7 @@ CtsStatus cts_batch_check(const CtsBatchSettings *s, CtsReport *report, CtsError
     return st;
 }
 
-static void keep(Work *w, CtsStatus status, const CtsError *why)
+static void keep_status(Work *w, CtsStatus status, const CtsError *why)
 {
     if (status && !w->status) {
         w->status = status;
@@ -86,7 +86,7 @@ static void on_band(void *context, int frame, CtsPicture *band)
         st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, CTS_THUMBNAIL_SIDE, band, n_frames, &err);
     if (!st)
         st = cts_thumbnail_rows(w->thumb, band, &err);
-    keep(w, st, &err);
+    keep_status(w, st, &err);
 }
 
 /* The frame number in a file name of a rotation. */
@@ -101,9 +101,9 @@ static void on_output(void *context, const char *path, const char *format, uint6
     Work *const w = context;
     CtsError err = {0};
     cts_log_output(w->log, path, format, bytes);
-    keep(w,
-         cts_worker_output(w->worker_process, w->picture, path, frame_of(path, w->settings->options->rotation), &err),
-         &err);
+    keep_status(
+        w, cts_worker_output(w->worker_process, w->picture, path, frame_of(path, w->settings->options->rotation), &err),
+        &err);
 }
 
 static CtsStatus end_thumb(Work *w, CtsError *err)
@@ -163,7 +163,7 @@ static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
 }
 
 /* Processes the volume for the picture. Slices that were handed over to another volume are read again. */
-static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err)
+static CtsStatus load_volume(Work *w, const CtsSource *source, bool last, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!w->loaded.scanned || !w->loaded.scanned->even->grey) {
@@ -193,7 +193,7 @@ static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err
 }
 
 /* Views of one preset share a renderer, except where the window is fitted to each view. */
-static CtsStatus prepare(Work *w, const CtsJob *job, CtsError *err)
+static CtsStatus prepare_renderer(Work *w, const CtsJob *job, CtsError *err)
 {
     const CtsPreset *const p = job->preset;
     const bool is_fitted = p->mode != CTS_MODE_COMPOSITE && !(p->window_low_hu < p->window_high_hu);
@@ -212,7 +212,7 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     w->status = CTS_OK;
     w->report.verified = (CtsVerified){0};
     cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
-    CtsStatus st = prepare(w, job, err);
+    CtsStatus st = prepare_renderer(w, job, err);
     if (!st)
         st = cts_job_pictures(job, &w->loaded, &w->prepared, &watch, &w->report, err);
     if (!st && w->status) {
@@ -250,7 +250,7 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             job.source.inside_unseen = !inside;
             job.source.archives = w->worker_process->archives;
             w->picture = &pictures[i];
-            if (!loaded && (st = load(w, &job.source, without_table || !both, err)))
+            if (!loaded && (st = load_volume(w, &job.source, without_table || !both, err)))
                 break;
             loaded = true;
             st = render_picture(w, &job, err);

@@ -43,7 +43,7 @@ static bool counts(const CtsJournalLines *l, const CtsJournalLine *known, const 
     return strcmp(line->ended, known->ended) >= 0;
 }
 
-static CtsStatus add(CtsJournalLines *l, const char *uid, CtsError *err)
+static CtsStatus add_journal_series(CtsJournalLines *l, const char *uid, CtsError *err)
 {
     const CtsStatus st = cts_grow(&l->items, l->n, err);
     if (st)
@@ -59,14 +59,14 @@ static CtsStatus add(CtsJournalLines *l, const char *uid, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus put(CtsJournalLines *l, const json_t *json, CtsJournalLine line, CtsError *err)
+static CtsStatus put_line(CtsJournalLines *l, const json_t *json, CtsJournalLine line, CtsError *err)
 {
     const char *uid = json_string_value(json_object_get(json, "series_uid"));
     const char *ended = json_string_value(json_object_get(json, "ended"));
     const json_t *place = json_object_get(l->places, uid);
     CtsStatus st;
     snprintf(line.ended, sizeof line.ended, "%s", ended ? ended : "");
-    if (!place && (st = add(l, uid, err)))
+    if (!place && (st = add_journal_series(l, uid, err)))
         return st;
     CtsJournalLine *known = &l->items[place ? (size_t)json_integer_value(place) : l->n - 1];
     line.series_uid = known->series_uid;
@@ -77,11 +77,11 @@ static CtsStatus put(CtsJournalLines *l, const json_t *json, CtsJournalLine line
 
 CtsStatus cts_journal_lines_put(CtsJournalLines *lines, const json_t *line, uint64_t offset, size_t size, CtsError *err)
 {
-    return put(lines, line, (CtsJournalLine){.offset = offset, .size = size}, err);
+    return put_line(lines, line, (CtsJournalLine){.offset = offset, .size = size}, err);
 }
 
 /* The line as JSON when it is that of a series, or NULL. */
-static json_t *parse(const char *text, size_t n)
+static json_t *parse_line(const char *text, size_t n)
 {
     json_t *line = json_loadb(text, n, JSON_ALLOW_NUL, NULL);
     if (json_is_string(json_object_get(line, "series_uid")))
@@ -97,10 +97,10 @@ static CtsStatus take_lines(CtsJournalLines *l, FILE *stream, uint64_t *end, Cts
     size_t capacity = 0;
     /* Ignores an incomplete last line, as a power cut leaves. */
     for (ssize_t n; !st && (n = getline(&text, &capacity, stream)) > 0 && text[n - 1] == '\n'; *end += (uint64_t)n) {
-        json_t *line = parse(text, (size_t)n);
+        json_t *line = parse_line(text, (size_t)n);
         l->n_unreadable += !line;
         if (line)
-            st = put(l, line, (CtsJournalLine){.file = l->n_files - 1, .offset = *end, .size = (size_t)n}, err);
+            st = put_line(l, line, (CtsJournalLine){.file = l->n_files - 1, .offset = *end, .size = (size_t)n}, err);
         json_decref(line);
     }
     if (!st && ferror(stream))
@@ -136,7 +136,7 @@ json_t *cts_journal_lines_load(const CtsJournalLines *lines, const CtsJournalLin
     char *text = malloc(line->size);
     json_t *json = NULL;
     if (text && pread(lines->files[line->file].fd, text, line->size, (off_t)line->offset) == (ssize_t)line->size)
-        json = parse(text, line->size);
+        json = parse_line(text, line->size);
     free(text);
     return json;
 }

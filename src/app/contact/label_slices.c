@@ -83,7 +83,7 @@ static CtsStatus find_voxel_labels(Drawing *d, const Cut *cut, CtsError *err)
 }
 
 /* The voxel along an axis at a pixel of a section, or -1 outside. */
-static int voxel_at(const Drawing *d, int axis, int pixel)
+static int voxel_of_pixel(const Drawing *d, int axis, int pixel)
 {
     const CtsLabelGrid *const g = &d->labels->grid;
     const double at_mm = (pixel + 0.5 - SIDE / 2.0) * d->mm + d->extent_mm[axis] / 2;
@@ -122,8 +122,8 @@ static void draw_pixel(const Drawing *d, const Cut *cut, int square, int x, int 
     float *const pixel = d->picture->pixels + 4 * ((size_t)y * 3 * SIDE + (size_t)(square * SIDE + x));
     int voxel[3];
     voxel[cut->through] = d->middle[cut->through];
-    voxel[cut->across] = voxel_at(d, cut->across, x);
-    voxel[cut->down] = voxel_at(d, cut->down, y);
+    voxel[cut->across] = voxel_of_pixel(d, cut->across, x);
+    voxel[cut->down] = voxel_of_pixel(d, cut->down, y);
     pixel[3] = 1;
     if (voxel[cut->across] < 0 || voxel[cut->down] < 0)
         return;
@@ -146,7 +146,7 @@ static CtsStatus draw_square(Drawing *d, int square, CtsError *err)
         st = cts_alloc_zeroed(&voxel_labels, (size_t)SIDE * SIDE, err);
     for (int y = 0; !st && y < SIDE; y++)
         for (int x = 0; x < SIDE; x++) {
-            const int h = voxel_at(d, cut->across, x), v = voxel_at(d, cut->down, y);
+            const int h = voxel_of_pixel(d, cut->across, x), v = voxel_of_pixel(d, cut->down, y);
             if (h >= 0 && v >= 0)
                 voxel_labels[y * SIDE + x] = d->voxel_label[(size_t)v * (size_t)d->dims[cut->across] + (size_t)h];
         }
@@ -158,7 +158,7 @@ static CtsStatus draw_square(Drawing *d, int square, CtsError *err)
     return st;
 }
 
-static void measure(Drawing *d)
+static void measure_labels(Drawing *d)
 {
     const CtsLabelGrid *const g = &d->labels->grid;
     const int last = g->n_slices - 1;
@@ -177,7 +177,7 @@ CtsStatus cts_label_slices(const CtsScanned *scanned, const CtsLabels *labels, C
     CtsStatus st = cts_picture_new(picture, 3 * SIDE, SIDE, 4, err);
     d.picture = *picture;
     find_middle(&d);
-    measure(&d);
+    measure_labels(&d);
     for (int square = 0; square < 3 && !st; square++)
         st = draw_square(&d, square, err);
     if (st)

@@ -94,7 +94,7 @@ static void add_pixel(const CtsThumbnail *t, const float *pixel, float weight, f
 }
 
 /* Overlap of [at, at + 1) / n_from and [into, into + 1) / n_into, in units of 1 / (n_from * n_into). */
-static int64_t overlap(int at, int n_from, int into, int n_into)
+static int64_t pixel_overlap(int at, int n_from, int into, int n_into)
 {
     const int64_t low = (int64_t)at * n_into, low_into = (int64_t)into * n_from;
     const int64_t high = low + n_into, high_into = low_into + n_from;
@@ -106,7 +106,7 @@ static void reduce_row(CtsThumbnail *t, const float *pixels)
     for (int x = 0; x < t->width; x++) {
         float sum[4] = {0};
         for (int s = (int)((int64_t)x * t->source_width / t->width); s < t->source_width; s++) {
-            const int64_t part = overlap(s, t->source_width, x, t->width);
+            const int64_t part = pixel_overlap(s, t->source_width, x, t->width);
             if (part <= 0)
                 break;
             add_pixel(t, pixels + (size_t)s * (size_t)t->n_channels, (float)part / (float)t->source_width, sum);
@@ -115,11 +115,11 @@ static void reduce_row(CtsThumbnail *t, const float *pixels)
     }
 }
 
-static void add_row(CtsThumbnail *t, const float *pixels)
+static void add_thumbnail_row(CtsThumbnail *t, const float *pixels)
 {
     reduce_row(t, pixels);
     for (int y = (int)((int64_t)t->row * t->height / t->source_height); y < t->height; y++) {
-        const int64_t part = overlap(t->row, t->source_height, y, t->height);
+        const int64_t part = pixel_overlap(t->row, t->source_height, y, t->height);
         if (part <= 0)
             break;
         const float weight = (float)part / (float)t->source_height;
@@ -159,7 +159,7 @@ CtsStatus cts_thumbnail_rows(CtsThumbnail *thumb, const CtsPicture *band, CtsErr
     const int slot = slot_of(t, t->frame);
     for (int y = 0; y < band->height; y++, t->row++)
         if (slot >= 0)
-            add_row(t, band->pixels + (size_t)y * (size_t)band->width * (size_t)band->n_channels);
+            add_thumbnail_row(t, band->pixels + (size_t)y * (size_t)band->width * (size_t)band->n_channels);
     if (t->row == t->source_height) {
         if (slot >= 0) {
             fill_slot(t, slot);
@@ -171,7 +171,7 @@ CtsStatus cts_thumbnail_rows(CtsThumbnail *thumb, const CtsPicture *band, CtsErr
     return CTS_OK;
 }
 
-static CtsStatus write_file(const CtsThumbnail *t, CtsThumbnailFile *file, int quality, CtsError *err)
+static CtsStatus write_thumbnail(const CtsThumbnail *t, CtsThumbnailFile *file, int quality, CtsError *err)
 {
     const int width = file->n_frames * t->width, stride = 4 * t->width * t->n_slots;
     uint8_t *bytes = NULL, *pixels = t->strip;
@@ -203,9 +203,9 @@ CtsStatus cts_thumbnail_end(CtsThumbnail **thumb, CtsThumbnailFile files[CTS_THU
     files[0] = (CtsThumbnailFile){.suffix = ".webp", .n_frames = 1, .width = t->width, .height = t->height};
     files[1] =
         (CtsThumbnailFile){.suffix = "-turn.webp", .n_frames = t->n_slots, .width = t->width, .height = t->height};
-    if (!st && !(st = write_file(t, &files[0], QUALITY, err)))
+    if (!st && !(st = write_thumbnail(t, &files[0], QUALITY, err)))
         *n_files = 1;
-    if (!st && t->n_slots > 1 && !(st = write_file(t, &files[1], TURN_QUALITY, err)))
+    if (!st && t->n_slots > 1 && !(st = write_thumbnail(t, &files[1], TURN_QUALITY, err)))
         *n_files = 2;
     cts_thumbnail_discard(thumb);
     return st;

@@ -17,8 +17,8 @@ static int by_value(const void *a, const void *b)
 
 /* Renders a small projection and appends its values, except air and empty pixels, to the n values; 0 is the low end of
  * wide's window, 1 the high end. */
-static CtsStatus render_probe(const CtsModel *model, const CtsPreset *wide, const CtsRenderSettings *settings,
-                              double turn_deg, float *values, size_t *n, CtsError *err)
+static CtsStatus render_projection(const CtsModel *model, const CtsPreset *wide, const CtsRenderSettings *settings,
+                                   double turn_deg, float *values, size_t *n, CtsError *err)
 {
     const CtsVolume *const volume = model->volume;
     CtsRenderSettings s;
@@ -69,7 +69,7 @@ CtsStatus cts_auto_window(const CtsModel *model, const CtsRenderSettings *settin
     if (!values)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; i < n_views && !st; i++)
-        st = render_probe(model, &wide, settings, 90.0 * i, values, &n, err);
+        st = render_projection(model, &wide, settings, 90.0 * i, values, &n, err);
     if (!st) {
         qsort(values, n, sizeof *values, by_value);
         set_window(preset, &wide, values, n);

@@ -30,7 +30,7 @@ int cts_output_n_frames(const CtsOutputs *outputs, int output)
 
 /* Frame 7 of 36 of "a/head.png" is "a/head-007.png"; a file that holds all frames has its path as it is. Free with
  * free(); NULL when memory runs out. */
-static char *name_of(const CtsOutputs *outputs, int output, int frame)
+static char *name_of_frame(const CtsOutputs *outputs, int output, int frame)
 {
     const char *path = outputs->paths[output];
     if (!outputs->rotation || holds_frames(path))
@@ -65,7 +65,7 @@ static CtsStatus refuse_ct_slice(const char *path, CtsError *err)
                     path);
 }
 
-static CtsStatus check_one(const char *path, const CtsExportSettings *settings, CtsError *err)
+static CtsStatus check_output(const char *path, const CtsExportSettings *settings, CtsError *err)
 {
     const CtsStatus st = cts_export_check(path, settings, err);
     return st || !settings->force ? st : refuse_ct_slice(path, err);
@@ -128,8 +128,8 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
                 return cts_fail(err, CTS_ERR_USAGE, "%s: given twice with -o", path);
         const int n_files = outputs->rotation && !holds_frames(path) ? outputs->rotation : 1;
         for (int frame = 0; frame < n_files; frame++) {
-            char *name = name_of(outputs, i, frame);
-            st = name ? check_one(name, settings, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            char *name = name_of_frame(outputs, i, frame);
+            st = name ? check_output(name, settings, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
             free(name);
             if (st)
                 return st;
@@ -161,7 +161,7 @@ static CtsStatus write_rows(CtsFiles *files, int output, int frame, const CtsPic
 {
     CtsExport **export = &files->exports[output];
     CtsStatus st = CTS_OK;
-    char *name = name_of(files->outputs, output, frame);
+    char *name = name_of_frame(files->outputs, output, frame);
     if (!name)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!*export)
@@ -183,10 +183,10 @@ CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, Cts
     return st;
 }
 
-static CtsStatus end_file(CtsFiles *files, int output, int frame, CtsError *err)
+static CtsStatus end_output(CtsFiles *files, int output, int frame, CtsError *err)
 {
     uint64_t bytes;
-    char *name = name_of(files->outputs, output, frame);
+    char *name = name_of_frame(files->outputs, output, frame);
     const CtsStatus st =
         name ? cts_export_end(&files->exports[output], &bytes, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && files->watch->output)
@@ -201,7 +201,7 @@ CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, Ct
     CtsStatus st = CTS_OK;
     for (int i = 0; i < files->outputs->n && !st; i++)
         if (files->exports[i] && (cts_output_n_frames(files->outputs, i) == 1 || frame == files->outputs->rotation - 1))
-            st = end_file(files, i, frame, err);
+            st = end_output(files, i, frame, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }

@@ -11,7 +11,7 @@ typedef struct SeriesName {
 } SeriesName;
 
 /* The name that option `series` accepts. */
-static SeriesName name_of(const CtsSeries *s)
+static SeriesName name_of_series(const CtsSeries *s)
 {
     SeriesName name;
     snprintf(name.text, sizeof name.text, s->part > 1 ? "%s#%d" : "%s", s->uid[0] ? s->uid : "(without UID)", s->part);
@@ -29,7 +29,7 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES,
                               "%zu series found; taking %s (%d slices), the one with the most slices%s; `series` takes "
                               "another",
-                              list->n, name_of(taken).text, taken->n_slices,
+                              list->n, name_of_series(taken).text, taken->n_slices,
                               taken == list->items ? "" : " of those that can be rendered");
     else
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES, "%zu series found, and none can be rendered",
@@ -42,11 +42,11 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
                           : s->n_slices < taken->n_slices ? "fewer slices"
                                                           : "as many slices";
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_SERIES_NOT_TAKEN, "not taken: %s (%d slice%s): %s",
-                              name_of(s).text, s->n_slices, s->n_slices == 1 ? "" : "s", why);
+                              name_of_series(s).text, s->n_slices, s->n_slices == 1 ? "" : "s", why);
     }
 }
 
-static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+static CtsStatus find_series_of_source(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const char *const *paths = source->from ? (const char *const *)&loaded->fetched.folder : source->paths;
@@ -85,8 +85,8 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
 }
 
 /* The field between voxels: less noise, and no terraces between thick slices. */
-static CtsStatus interpolate(const CtsSource *source, CtsModel *model, CtsInterpolationCounts *made, CtsReport *report,
-                             CtsError *err)
+static CtsStatus interpolate_slices(const CtsSource *source, CtsModel *model, CtsInterpolationCounts *made,
+                                    CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const CtsVolume *const v = model->volume;
@@ -141,7 +141,7 @@ static CtsStatus process_model(const CtsSource *source, CtsModel *model, CtsVolu
     cts_volume_free(seen);
     if (!st && source->crop.given)
         st = cts_model_crop(model, source->crop.low_lps, source->crop.high_lps, err);
-    if (st || (st = interpolate(source, model, made, report, err)))
+    if (st || (st = interpolate_slices(source, model, made, report, err)))
         return st;
     const CtsStageTimer meter = cts_stage_timer_start(report);
     st = cts_model_prepare(model, source->n_threads, err);
@@ -196,8 +196,8 @@ CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepor
     return st;
 }
 
-static void take_words(void *context, int slice, const uint16_t *words, size_t first, size_t end,
-                       const struct CtsStored *stored, double slope, double intercept)
+static void take_label_words(void *context, int slice, const uint16_t *words, size_t first, size_t end,
+                             const struct CtsStored *stored, double slope, double intercept)
 {
     cts_labels_take_words(context, slice, words, first, end, stored, slope, intercept);
 }
@@ -205,7 +205,7 @@ static void take_words(void *context, int slice, const uint16_t *words, size_t f
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsLabels *const labels = loaded->labels && !loaded->labels->counted ? loaded->labels : NULL;
-    const CtsWordWatch watch = {labels ? take_words : NULL, labels, source->stop};
+    const CtsWordWatch watch = {labels ? take_label_words : NULL, labels, source->stop};
     cts_model_free(&loaded->model);
     cts_scanned_free(&loaded->scanned);
     CtsStatus st = labels ? cts_labels_begin(labels, err) : CTS_OK;
@@ -302,7 +302,7 @@ CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_
     CtsStatus st;
     CtsStageTimer meter = cts_stage_timer_start(report);
     cts_watch_step(watch, 0, n_steps, source->from ? "fetching" : "searching");
-    st = find(source, loaded, report, err);
+    st = find_series_of_source(source, loaded, report, err);
     cts_watch_diagnostics(watch, report);
     cts_stage_timer_stop(meter, report, CTS_STAGE_SCAN);
     if (loaded->list && watch->found)

@@ -108,7 +108,7 @@ CtsStatus cts_record_check(const char *path, CtsError *err)
     return CTS_OK;
 }
 
-static json_t *new_line(const char *event, const CtsAddress *address)
+static json_t *new_record(const char *event, const CtsAddress *address)
 {
     char address_text[INET6_ADDRSTRLEN];
     cts_address_text(address, address_text, sizeof address_text);
@@ -116,7 +116,7 @@ static json_t *new_line(const char *event, const CtsAddress *address)
 }
 
 /* Takes ownership of line. Uses one write, so that lines of several writers do not mix. */
-static CtsStatus append(const char *path, json_t *line, CtsError *err)
+static CtsStatus append_record(const char *path, json_t *line, CtsError *err)
 {
     char *text = json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12));
     const size_t n = text ? strlen(text) : 0;
@@ -136,7 +136,7 @@ static CtsStatus append(const char *path, json_t *line, CtsError *err)
     return st;
 }
 
-static json_t *text_of(const char *text, size_t size)
+static json_t *json_text_of(const char *text, size_t size)
 {
     char *copy = strndup(text, size);
     json_t *value = cts_json_new_text(copy ? copy : "");
@@ -149,15 +149,15 @@ static json_t *studies_of(const CtsAssociationRecord *record)
     json_t *studies = json_array();
     for (int i = 0; i < record->n_studies && i < CTS_MAX_STUDY_COUNTS; i++)
         json_array_append_new(studies,
-                              json_pack("{s:o,s:I}", "study", text_of(record->studies[i].name, CTS_SPOOL_STUDY),
+                              json_pack("{s:o,s:I}", "study", json_text_of(record->studies[i].name, CTS_SPOOL_STUDY),
                                         "objects", (json_int_t)record->studies[i].n_objects));
     return studies;
 }
 
-static json_t *end_of(const CtsAssociationInfo *info, int how)
+static json_t *end_record(const CtsAssociationInfo *info, int how)
 {
     if (!WIFSIGNALED(how))
-        return text_of(info->end, sizeof info->end);
+        return json_text_of(info->end, sizeof info->end);
     if (WTERMSIG(how) == SIGALRM)
         return json_string("broken off: it took longer than it may");
     if (WTERMSIG(how) == SIGTERM)
@@ -169,22 +169,22 @@ CtsStatus cts_record_association(const char *path, const CtsAssociationProcess *
                                  CtsError *err)
 {
     const CtsAssociationInfo *info = &peer_process->record->info;
-    json_t *line = new_line("association", &peer_process->address);
-    json_t *certificate = info->certificate[0] ? text_of(info->certificate, sizeof info->certificate) : NULL;
+    json_t *line = new_record("association", &peer_process->address);
+    json_t *certificate = info->certificate[0] ? json_text_of(info->certificate, sizeof info->certificate) : NULL;
     json_object_update_new(
         line, json_pack("{s:o,s:o,s:o*,s:o,s:I,s:I,s:I,s:I,s:o,s:o}", "calling_aet",
-                        text_of(info->calling_aet, sizeof info->calling_aet), "called_aet",
-                        text_of(info->called_aet, sizeof info->called_aet), "certificate", certificate, "seconds",
+                        json_text_of(info->calling_aet, sizeof info->calling_aet), "called_aet",
+                        json_text_of(info->called_aet, sizeof info->called_aet), "certificate", certificate, "seconds",
                         cts_json_new_number(round(now_ms - peer_process->start_ms) / 1000), "objects",
                         (json_int_t)info->n_objects, "refused", (json_int_t)info->n_refused, "replaced",
                         (json_int_t)peer_process->record->n_replaced, "bytes", (json_int_t)info->n_bytes, "studies",
-                        studies_of(peer_process->record), "end", end_of(info, how)));
-    return append(path, line, err);
+                        studies_of(peer_process->record), "end", end_record(info, how)));
+    return append_record(path, line, err);
 }
 
 CtsStatus cts_record_rejections(const char *path, uint64_t n, const CtsAddress *last, CtsError *err)
 {
-    json_t *line = new_line("turned_away", last);
+    json_t *line = new_record("turned_away", last);
     json_object_set_new(line, "connections", json_integer((json_int_t)n));
-    return append(path, line, err);
+    return append_record(path, line, err);
 }

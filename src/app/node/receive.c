@@ -97,7 +97,7 @@ static bool shut_in(const Receiver *r, pid_t parent)
            !setrlimit(RLIMIT_NOFILE, &files) && !cts_isolation_stay_inside();
 }
 
-static _Noreturn void serve(Receiver *r, CtsAssociationProcess *peer_process, int socket, pid_t parent)
+static _Noreturn void serve_association(Receiver *r, CtsAssociationProcess *peer_process, int socket, pid_t parent)
 {
     Served served = {
         .receiver = r, .peer_process = peer_process, .place = (int)(peer_process - r->associations.peer_processes)};
@@ -126,7 +126,7 @@ static void take_one(Receiver *r)
                                               : NULL;
     const pid_t parent = getpid(), pid = peer_process ? fork() : -1;
     if (pid == 0)
-        serve(r, peer_process, socket, parent);
+        serve_association(r, peer_process, socket, parent);
     close(socket);
     if (pid > 0) {
         peer_process->pid = pid;
@@ -136,7 +136,7 @@ static void take_one(Receiver *r)
     }
 }
 
-static void give_up(Receiver *r, CtsStatus status)
+static void give_up_receiving(Receiver *r, CtsStatus status)
 {
     if (!r->status)
         r->status = status;
@@ -159,7 +159,7 @@ static void take_dead(Receiver *r)
         if (!peer_process)
             continue;
         remove_part(r, (int)(peer_process - r->associations.peer_processes));
-        give_up(r, cts_record_association(r->record, peer_process, how, cts_wall_ms(), r->err));
+        give_up_receiving(r, cts_record_association(r->record, peer_process, how, cts_wall_ms(), r->err));
         peer_process->pid = 0;
     }
 }
@@ -169,7 +169,7 @@ static void report_rejections(Receiver *r, bool now)
     const double now_ms = cts_wall_ms();
     if (!r->n_turned_away || (!now && now_ms - r->reported_ms < REPORT_MS))
         return;
-    give_up(r, cts_record_rejections(r->record, r->n_turned_away, &r->last_away, r->err));
+    give_up_receiving(r, cts_record_rejections(r->record, r->n_turned_away, &r->last_away, r->err));
     r->n_turned_away = 0;
     r->reported_ms = now_ms;
 }
@@ -238,7 +238,7 @@ static void take_settings(Receiver *r)
         snprintf(r->record, sizeof r->record, "%.4000s/received.jsonl", o->output_dir);
 }
 
-static CtsStatus prepare(Receiver *r, CtsError *err)
+static CtsStatus prepare_receiver(Receiver *r, CtsError *err)
 {
     const CtsOptions *o = r->options;
     const CtsPeer dimse = {0};
@@ -267,7 +267,7 @@ CtsStatus cts_receive(const CtsOptions *options, void (*on_text)(const char *tex
     r->listener = -1;
     take_settings(r);
     r->err = err;
-    CtsStatus st = prepare(r, err);
+    CtsStatus st = prepare_receiver(r, err);
     if (!st) {
         cts_listener_name(r->listener, where, sizeof where);
         snprintf(text, sizeof text, "listens at %s as %s", where, r->net.own_aet);

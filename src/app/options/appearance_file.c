@@ -19,7 +19,7 @@ void cts_appearance_file_free(CtsAppearanceFile *look)
 }
 
 /* Adds an option; the arrays have room. Takes ownership of text. */
-static CtsStatus add(CtsAppearanceFile *look, const CtsJson *json, const char *option, char *text, CtsError *err)
+static CtsStatus add_option(CtsAppearanceFile *look, const CtsJson *json, const char *option, char *text, CtsError *err)
 {
     if (!text)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -41,7 +41,7 @@ static CtsStatus take_list(const CtsJsonAt *root, const char *key, const char *o
         if (!(st = cts_json_string(&at, &name, err)) && !*name)
             st = cts_json_fail(&at, err, "\"\" is not a name");
     }
-    return st ? st : add(look, root->json, option, json_dumps(list.value, JSON_COMPACT), err);
+    return st ? st : add_option(look, root->json, option, json_dumps(list.value, JSON_COMPACT), err);
 }
 
 /* Checks a preset in the file itself, while its position is known. */
@@ -70,10 +70,10 @@ static CtsStatus take_label(const CtsJsonAt *at, CtsAppearanceFile *look, CtsErr
     if (!st && asprintf(&text, "%s=%s", at->key, own ? own : name ? name : "") < 0)
         text = NULL;
     free(own);
-    return st ? st : add(look, at->json, "label", text, err);
+    return st ? st : add_option(look, at->json, "label", text, err);
 }
 
-static CtsStatus take_labels(const CtsJsonAt *root, CtsAppearanceFile *look, CtsError *err)
+static CtsStatus take_label_looks(const CtsJsonAt *root, CtsAppearanceFile *look, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsJsonAt labels;
@@ -104,14 +104,15 @@ static CtsStatus take_all(const CtsJsonAt *root, CtsAppearanceFile *look, CtsErr
     if (!look->words || !look->texts)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if ((st = take_list(root, "show", "show", look, err)) || (st = take_list(root, "hide", "hide", look, err)) ||
-        (st = take_list(root, "label_order", "label-order", look, err)) || (st = take_labels(root, look, err)))
+        (st = take_list(root, "label_order", "label-order", look, err)) || (st = take_label_looks(root, look, err)))
         return st;
     if (cts_json_member(root, "label_colours", &at) && (st = cts_json_bool(&at, &coloured, err)))
         return st;
-    return coloured ? add(look, root->json, "label-colours", strdup(""), err) : CTS_OK;
+    return coloured ? add_option(look, root->json, "label-colours", strdup(""), err) : CTS_OK;
 }
 
-static CtsStatus parse(const char *name, const char *text, size_t size, CtsAppearanceFile *look, CtsError *err)
+static CtsStatus parse_appearances(const char *name, const char *text, size_t size, CtsAppearanceFile *look,
+                                   CtsError *err)
 {
     CtsJson json = {.name = name, .text = text, .size = size, .status = CTS_ERR_USAGE};
     CtsStatus st = cts_json_open(&json, err);
@@ -126,14 +127,14 @@ static CtsStatus parse(const char *name, const char *text, size_t size, CtsAppea
 CtsStatus cts_appearance_file_read(const char *file_or_json, CtsAppearanceFile *look, CtsError *err)
 {
     if (*file_or_json == '{')
-        return parse("`look`", file_or_json, strlen(file_or_json), look, err);
+        return parse_appearances("`look`", file_or_json, strlen(file_or_json), look, err);
     char *text;
     size_t n;
     CtsStatus st = cts_file_text(file_or_json, MAX_BYTES, CTS_ERR_USAGE, &text, &n, err);
     if (st)
         cts_context(err, "`look`");
     else
-        st = parse(file_or_json, text, n, look, err);
+        st = parse_appearances(file_or_json, text, n, look, err);
     free(text);
     return st;
 }

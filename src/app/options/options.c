@@ -51,7 +51,7 @@ static CtsStatus add_text(CtsTextList *list, const char *text, CtsError *err)
     return st;
 }
 
-static CtsStatus choose(const CtsOption *o, void *field, const char *text, CtsError *err)
+static CtsStatus set_choice(const CtsOption *o, void *field, const char *text, CtsError *err)
 {
     const int i = cts_name_find(o->name, text, strlen(text), o->choices, o->n_choices, "", err);
     if (i < 0)
@@ -63,7 +63,7 @@ static CtsStatus choose(const CtsOption *o, void *field, const char *text, CtsEr
     return CTS_OK;
 }
 
-static CtsStatus put(CtsOptions *options, const CtsOption *o, const char *text, CtsError *err)
+static CtsStatus put_value(CtsOptions *options, const CtsOption *o, const char *text, CtsError *err)
 {
     void *field = (char *)options + o->field;
     const CtsBounds *b = cts_option_bounds(o);
@@ -92,7 +92,7 @@ static CtsStatus put(CtsOptions *options, const CtsOption *o, const char *text, 
         *(double *)field = x;
         return CTS_OK;
     case CTS_CHOICE:
-        return choose(o, field, text, err);
+        return set_choice(o, field, text, err);
     case CTS_PARSED:
         return o->parse(options, text, err);
     }
@@ -100,7 +100,7 @@ static CtsStatus put(CtsOptions *options, const CtsOption *o, const char *text, 
 }
 
 /* Fails with a suggestion among the names that command has. */
-static CtsStatus fail_unknown(CtsCommand command, const char *name, CtsError *err)
+static CtsStatus fail_unknown_name(CtsCommand command, const char *name, CtsError *err)
 {
     CtsDidYouMean nearest_word = {.written = name, .length = strlen(name)};
     for (const CtsOption *o = cts_options; o->name; o++)
@@ -114,13 +114,13 @@ CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsJob
     const CtsOption *o = cts_option(word->name, strlen(word->name));
     CtsStatus st;
     if (!o || !cts_option_is_of(o, command))
-        return fail_unknown(command, word->name, err);
+        return fail_unknown_name(command, word->name, err);
     if (o->several && command != CTS_FOR_BATCH && cts_options_given(options, o->name))
         return cts_fail(err, CTS_ERR_USAGE,
                         "`%s` %s: a picture has only one, and %s is given too (ctsplat batch `%s` "
                         "LIST makes a picture with each)",
                         o->name, word->value, cts_options_given(options, o->name), o->several);
-    if ((st = put(options, o, word->value, err)))
+    if ((st = put_value(options, o, word->value, err)))
         return word->from ? cts_context(err, "%s", word->from) : st;
     if (!(st = cts_grow(&options->words, options->n_words, err)))
         options->words[options->n_words++] = (CtsJobOption){o->name, word->value, word->from};

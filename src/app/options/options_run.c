@@ -102,7 +102,8 @@ static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWat
 }
 
 /* session NULL: the job finds and reads its series itself. */
-static CtsStatus run(CtsSession *session, const CtsOptions *options, Whole *whole, CtsReport *report, CtsError *err)
+static CtsStatus run_options(CtsSession *session, const CtsOptions *options, Whole *whole, CtsReport *report,
+                             CtsError *err)
 {
     CtsJob job;
     CtsPreset preset;
@@ -124,8 +125,8 @@ static CtsStatus run(CtsSession *session, const CtsOptions *options, Whole *whol
 }
 
 /* Free options in any case. */
-static CtsStatus take_words(CtsOptions *options, const CtsJobOption *words, int n_words,
-                            const volatile sig_atomic_t *stop, CtsError *err)
+static CtsStatus take_options(CtsOptions *options, const CtsJobOption *words, int n_words,
+                              const volatile sig_atomic_t *stop, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     cts_options_begin(options);
@@ -143,7 +144,7 @@ static CtsStatus words_run(CtsSession *session, const CtsJobOption *words, int n
     CtsReport own = {0};
     CtsError unseen;
     err = err ? err : &unseen;
-    CtsStatus st = take_words(&options, words, n_words, stop, err);
+    CtsStatus st = take_options(&options, words, n_words, stop, err);
     if (!st && session && (options.paths.n || options.from.given || options.source.series_uid))
         st =
             cts_fail(err, CTS_ERR_USAGE, "the series is loaded already (`path`, `series` and `from` name another one)");
@@ -152,7 +153,7 @@ static CtsStatus words_run(CtsSession *session, const CtsJobOption *words, int n
     if (!st && whole && whole->take == keep_picture && options.rotation > 1)
         st = cts_fail(err, CTS_ERR_USAGE, "`rotation`: of %d pictures none can be the one in memory", options.rotation);
     if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err)))
-        st = run(session, &options, whole, report ? report : &own, err);
+        st = run_options(session, &options, whole, report ? report : &own, err);
     if (whole)
         cts_picture_free(&whole->picture);
     cts_options_free(&options);
@@ -188,7 +189,7 @@ CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *words, int 
     err = err ? err : &unseen;
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    CtsStatus st = take_words(&options, words, n_words, stop, err);
+    CtsStatus st = take_options(&options, words, n_words, stop, err);
     if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err))) {
         CtsSource source = cts_options_source(&options);
         source.remove_table = options.remove_table != CTS_OFF;

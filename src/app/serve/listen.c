@@ -21,7 +21,7 @@ static const char *address_of(const CtsServer *server)
     return given ? given : "127.0.0.1:8484";
 }
 
-static CtsStatus fail_errno(const char *address, const char *what, CtsError *err)
+static CtsStatus fail_listen(const char *address, const char *what, CtsError *err)
 {
     return cts_fail(err, CTS_ERR_READ, "%s: %s: %s (choose another with `listen`)", address, what, strerror(errno));
 }
@@ -56,7 +56,7 @@ static CtsStatus open_local(const char *address, int *fd, CtsError *err)
     const int why = errno;
     umask(before);
     errno = why;
-    return failed ? fail_errno(address, "cannot listen", err) : CTS_OK;
+    return failed ? fail_listen(address, "cannot listen", err) : CTS_OK;
 }
 
 static bool is_loopback(const struct sockaddr_storage *a)
@@ -76,13 +76,13 @@ static bool is_handed_over(void)
     return pid && n && atol(pid) == (long)getpid() && atoi(n) >= 1;
 }
 
-static CtsStatus name_it(CtsServer *server, int fd, char **url, CtsError *err)
+static CtsStatus name_url(CtsServer *server, int fd, char **url, CtsError *err)
 {
     struct sockaddr_storage a;
     socklen_t size = sizeof a;
     char where[80];
     if (getsockname(fd, (struct sockaddr *)&a, &size))
-        return fail_errno(address_of(server), "is no socket", err);
+        return fail_listen(address_of(server), "is no socket", err);
     server->local_socket = a.ss_family == AF_UNIX;
     if (server->local_socket) {
         *url = strdup(is_handed_over() ? LOCAL : address_of(server));
@@ -110,7 +110,7 @@ CtsStatus cts_listen_open(CtsServer *server, int *fd, char **url, CtsError *err)
     else
         st = strncmp(address, LOCAL, strlen(LOCAL)) ? cts_listen(address, fd, err) : open_local(address, fd, err);
     if (!st)
-        st = name_it(server, *fd, url, err);
+        st = name_url(server, *fd, url, err);
     if (st && *fd >= 0)
         close(*fd);
     return st;

@@ -5,7 +5,7 @@
 #include <jansson.h>
 #include <stdlib.h>
 
-static char *text_of(json_t *json, size_t flags)
+static char *dumped(json_t *json, size_t flags)
 {
     char *const text = json ? json_dumps(json, flags) : NULL;
     json_decref(json);
@@ -35,7 +35,7 @@ char *cts_list_labels(CtsServer *server, const char *id)
     const CtsCachedSeries *const s = cts_series_cache_by_id(&server->cache, id);
     json_t *const list = labels_json(s && s->processed_volumes ? s->loaded.labels : NULL);
     pthread_mutex_unlock(&server->lock);
-    return text_of(list, JSON_COMPACT);
+    return dumped(list, JSON_COMPACT);
 }
 
 /* Contains nothing that identifies the patient. */
@@ -61,7 +61,7 @@ char *cts_list_series(CtsServer *server)
         if (s->series)
             json_array_append_new(list, series_json(server, s));
     pthread_mutex_unlock(&server->lock);
-    return text_of(list, JSON_COMPACT);
+    return dumped(list, JSON_COMPACT);
 }
 
 static json_t *preset_json(const CtsPreset *p, bool own)
@@ -84,10 +84,10 @@ char *cts_list_presets(void)
             json_array_append_new(list, preset_json(mine, true));
     free(mine);
     free(own);
-    return text_of(list, JSON_COMPACT);
+    return dumped(list, JSON_COMPACT);
 }
 
-static void put(json_t *module, const char *tag, const char *vr, json_t *values)
+static void put_attribute(json_t *module, const char *tag, const char *vr, json_t *values)
 {
     json_object_set_new(module, tag, json_pack("{s:s, s:o}", "vr", vr, "Value", values));
 }
@@ -108,23 +108,23 @@ char *cts_list_module(const CtsRenderRequest *e)
     double position_lps[3];
     for (int i = 0; i < 3; i++)
         position_lps[i] = info->centre_lps[i] - info->forward_lps[i] * info->camera_mm;
-    put(m, "00720510", "CS", json_pack("[s]", "3D_RENDERING"));
-    put(m, "0070120D", "CS", json_pack("[s]", methods[info->mode]));
-    put(m, "00701603", "FD", vector(position_lps));
-    put(m, "00701604", "FD", vector(info->centre_lps));
-    put(m, "00701605", "FD", vector(info->up_lps));
+    put_attribute(m, "00720510", "CS", json_pack("[s]", "3D_RENDERING"));
+    put_attribute(m, "0070120D", "CS", json_pack("[s]", methods[info->mode]));
+    put_attribute(m, "00701603", "FD", vector(position_lps));
+    put_attribute(m, "00701604", "FD", vector(info->centre_lps));
+    put_attribute(m, "00701605", "FD", vector(info->up_lps));
     if (info->mode != CTS_MODE_COMPOSITE) {
         const double low = info->window_low_hu, high = info->window_high_hu;
-        put(m, "00281056", "CS", json_pack("[s]", "LINEAR_EXACT"));
-        put(m, "00281051", "DS", json_pack("[o]", cts_json_new_number(high - low)));
-        put(m, "00281050", "DS", json_pack("[o]", cts_json_new_number((low + high) / 2)));
+        put_attribute(m, "00281056", "CS", json_pack("[s]", "LINEAR_EXACT"));
+        put_attribute(m, "00281051", "DS", json_pack("[o]", cts_json_new_number(high - low)));
+        put_attribute(m, "00281050", "DS", json_pack("[o]", cts_json_new_number((low + high) / 2)));
     }
     if (e->render_query.swivel_range_deg > 0) {
-        put(m, "00701A06", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_range_deg)));
-        put(m, "00701A05", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_step_deg)));
-        put(m, "00701A03", "FD", json_pack("[o]", cts_json_new_number(e->render_query.rate)));
+        put_attribute(m, "00701A06", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_range_deg)));
+        put_attribute(m, "00701A05", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_step_deg)));
+        put_attribute(m, "00701A03", "FD", json_pack("[o]", cts_json_new_number(e->render_query.rate)));
     }
-    return text_of(m, JSON_COMPACT | JSON_PRESERVE_ORDER);
+    return dumped(m, JSON_COMPACT | JSON_PRESERVE_ORDER);
 }
 
 char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *e)
@@ -146,5 +146,5 @@ char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *e)
         free(text);
     }
     json_object_set_new(scene, "warnings", warnings);
-    return text_of(scene, JSON_COMPACT | JSON_ENSURE_ASCII);
+    return dumped(scene, JSON_COMPACT | JSON_ENSURE_ASCII);
 }

@@ -45,7 +45,7 @@ const char *cts_media_type_of(const CtsFormatInfo *format)
 }
 
 /* A client must not name files: it may use presets listed here, or give one in the request itself. */
-static CtsStatus check_preset(const char *name, CtsError *err)
+static CtsStatus check_query_preset(const char *name, CtsError *err)
 {
     bool known = name[0] == '{' || cts_preset_number(name);
     char **const own = known ? NULL : cts_preset_user_names();
@@ -61,22 +61,22 @@ static CtsStatus check_appearance(const char *text, CtsError *err)
 {
     const char *const first = strchr(text, '='), *const last = strrchr(text, '=');
     if (!first || last[1] == '#')
-        return first && strcspn(first, "/#") < (size_t)(last - first) ? check_preset(first + 1, err) : CTS_OK;
+        return first && strcspn(first, "/#") < (size_t)(last - first) ? check_query_preset(first + 1, err) : CTS_OK;
     json_t *const own = first[1] == '{' ? json_loads(first + 1, 0, NULL) : NULL;
     const bool is_own = own;
     json_decref(own);
     if (is_own)
         return CTS_OK;
-    return check_preset(first + strcspn(first, "/#") < last ? first + 1 : last + 1, err);
+    return check_query_preset(first + strcspn(first, "/#") < last ? first + 1 : last + 1, err);
 }
 
-static CtsStatus take_words(CtsRenderQuery *render_query, CtsError *err)
+static CtsStatus take_query_options(CtsRenderQuery *render_query, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (int i = 0; i < render_query->query.n && !st; i++) {
         const CtsJobOption word = {.name = render_query->query.parts[i].name,
                                    .value = render_query->query.parts[i].value};
-        if (!strcmp(word.name, "preset") && (st = check_preset(word.value, err)))
+        if (!strcmp(word.name, "preset") && (st = check_query_preset(word.value, err)))
             return st;
         const bool is_appearance = !strcmp(word.name, "look") || !strcmp(word.name, "appearance");
         if (is_appearance && word.value[0] != '{')
@@ -113,7 +113,7 @@ CtsStatus cts_render_query_options(CtsRenderQuery *render_query, const CtsFormat
         (st = cts_options_take(o, CTS_FOR_JOB, &(CtsJobOption){.name = "state", .value = render_query->state_path},
                                err)))
         return st;
-    if ((st = take_words(render_query, err)) || (st = name_file(render_query, format, folder, serial, err)) ||
+    if ((st = take_query_options(render_query, err)) || (st = name_file(render_query, format, folder, serial, err)) ||
         (st = cts_options_end(o, CTS_FOR_REQUEST, err)))
         return st;
     for (int i = 0; i < o->label_appearances.n; i++)

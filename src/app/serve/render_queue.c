@@ -135,8 +135,8 @@ static CtsStatus check_instance(const CtsRenderRequest *e, CtsError *err)
              : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
 }
 
-static CtsStatus run(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed, CtsHttpAnswer *answer,
-                     CtsError *err)
+static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed,
+                             CtsHttpAnswer *answer, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const bool makes = !processed;
@@ -191,7 +191,7 @@ static void serve_one(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume
     CtsError err = {0};
     CtsHttpAnswer answer;
     pthread_mutex_unlock(&server->lock);
-    const CtsStatus st = run(server, e, processed, &answer, &err);
+    const CtsStatus st = run_request(server, e, processed, &answer, &err);
     if (st)
         cts_answer_failure(&answer, server, e->cached, st, &err);
     /* Release the volume before the client, who may request another picture of it, is answered. */

@@ -43,7 +43,7 @@ static const struct Parameter *parameter(const char *name)
 }
 
 /* Parameters that remain are ctsplat's own options. */
-static CtsStatus sort_out(const CtsQuery *from, bool of_state, CtsQuery *words, CtsError *err)
+static CtsStatus sort_out_parameters(const CtsQuery *from, bool of_state, CtsQuery *words, CtsError *err)
 {
     for (int i = 0; i < from->n; i++) {
         const char *name = from->parts[i].name;
@@ -80,7 +80,7 @@ static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *er
                     "renderingmethod %.40s: not one of: volume_rendered maximum_ip minimum_ip average_ip", method);
 }
 
-static void add_view(CtsQuery *words, double azimuth_deg, double elevation_deg)
+static void add_view_option(CtsQuery *words, double azimuth_deg, double elevation_deg)
 {
     cts_query_make(words, "view", "%.17g,%.17g", azimuth_deg, elevation_deg);
 }
@@ -94,7 +94,7 @@ static CtsStatus take_orientation(const char *orientation, CtsQuery *words, CtsE
     } sides[] = {{'a', 0, 0}, {'p', 180, 0}, {'r', 270, 0}, {'l', 90, 0}, {'h', 180, 90}, {'f', 0, -90}};
     for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
         if (orientation[0] == sides[i].letter && !orientation[1]) {
-            add_view(words, sides[i].azimuth_deg, sides[i].elevation_deg);
+            add_view_option(words, sides[i].azimuth_deg, sides[i].elevation_deg);
             return CTS_OK;
         }
     return cts_fail(err, CTS_ERR_USAGE, "orientation %.40s: not one of: a p r l h f", orientation);
@@ -170,7 +170,7 @@ static CtsStatus take_camera(const CtsQuery *from, CtsQuery *words, CtsError *er
                         "viewpointup %.60s: not supported, as the camera would roll (up is towards the head; any "
                         "vector when the camera looks along the head-foot axis)",
                         c.up);
-    add_view(words, deg[0], deg[1]);
+    add_view_option(words, deg[0], deg[1]);
     cts_query_add(words, "centre", c.look_at);
     return CTS_OK;
 }
@@ -332,7 +332,7 @@ CtsStatus cts_render_query_rendered3d(CtsRenderQuery *render_query, const char *
     if (metadata && strcmp(metadata, "yes"))
         st = cts_fail(err, CTS_ERR_USAGE, "renderedvolumetricmetadata %.40s: not yes", metadata);
     render_query->metadata = metadata;
-    if (!st && !(st = sort_out(&from, render_query->state_path, words, err)) &&
+    if (!st && !(st = sort_out_parameters(&from, render_query->state_path, words, err)) &&
         !(st = take_method(&from, words, err)) && !(st = take_camera(&from, words, err)) &&
         !(st = take_swivel(render_query, &from, err)) && !(st = take_window(&from, words, err)))
         st = take_viewport(&from, words, err);

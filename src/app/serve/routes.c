@@ -14,7 +14,7 @@ typedef struct Parts {
     int n; /* more than MAX_PARTS: it is no address here */
 } Parts;
 
-static void split(const char *path, Parts *p)
+static void split_path(const char *path, Parts *p)
 {
     p->n = snprintf(p->text, sizeof p->text, "%s", path) >= (int)sizeof p->text ? MAX_PARTS + 1 : 0;
     char *rest = p->text;
@@ -73,7 +73,7 @@ typedef struct Target {
     const char *instance_uid;         /* NULL: a series */
 } Target;
 
-static CtsStatus find(CtsServer *server, const Target *t, CtsCachedSeries **found, CtsError *err)
+static CtsStatus find_target(CtsServer *server, const Target *t, CtsCachedSeries **found, CtsError *err)
 {
     if (t->id) {
         *found = cts_series_cache_by_id(&server->cache, t->id);
@@ -88,7 +88,7 @@ static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, Ct
 {
     pthread_mutex_lock(&server->lock);
     CtsStatus st = server->stopping ? cts_fail(err, CTS_ERR_INTERRUPTED, "the server is stopping")
-                                    : find(server, &target, &e->cached, err);
+                                    : find_target(server, &target, &e->cached, err);
     if (!st && e->cached->series && !e->cached->series->renderable)
         st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->cached->series->reason);
     if (!st) {
@@ -100,7 +100,7 @@ static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, Ct
     return st;
 }
 
-static CtsStatus prepare(CtsServer *server, CtsRenderRequest *e, const CtsFormatInfo *format, CtsError *err)
+static CtsStatus prepare_request(CtsServer *server, CtsRenderRequest *e, const CtsFormatInfo *format, CtsError *err)
 {
     CtsStatus st = cts_render_query_options(&e->render_query, format, server->folder, ++server->n_pictures,
                                             server->options->render.n_threads, &e->report, err);
@@ -146,7 +146,7 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, const Ta
     find_instance(server, e, target);
     CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->render_query, request->accept, &format, &err);
     const bool acceptable = st || format;
-    if (!st && format && !(st = prepare(server, e, format, &err)))
+    if (!st && format && !(st = prepare_request(server, e, format, &err)))
         st = queue(server, e, of_state(e, target), &err);
     if (!st && acceptable)
         return;
@@ -199,7 +199,7 @@ void cts_routes_dispatch(void *context, CtsHttpRequest *request)
         server->http->answer(request, &answer);
         return;
     }
-    split(request->path, &p);
+    split_path(request->path, &p);
     if (p.n == 1 && answer_asset(server, request, p.at[0]))
         return;
     if (is(&p, 0, "series"))

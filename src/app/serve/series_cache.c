@@ -9,7 +9,7 @@
 #include <string.h>
 #include <sys/random.h>
 
-static CtsStatus name_it(CtsSeriesCache *cache, CtsCachedSeries *s, int part, CtsError *err)
+static CtsStatus name_cached(CtsSeriesCache *cache, CtsCachedSeries *s, int part, CtsError *err)
 {
     char text[96];
     snprintf(text, sizeof text, "%s#%d", s->uid, part);
@@ -21,15 +21,15 @@ static CtsStatus name_it(CtsSeriesCache *cache, CtsCachedSeries *s, int part, Ct
     return CTS_OK;
 }
 
-static CtsStatus add(CtsSeriesCache *cache, const char *study_uid, const char *uid, int part, CtsCachedSeries **added,
-                     CtsError *err)
+static CtsStatus add_cached(CtsSeriesCache *cache, const char *study_uid, const char *uid, int part,
+                            CtsCachedSeries **added, CtsError *err)
 {
     CtsCachedSeries *s = calloc(1, sizeof *s), **end = &cache->first;
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     snprintf(s->uid, sizeof s->uid, "%s", uid);
     snprintf(s->study_uid, sizeof s->study_uid, "%s", study_uid);
-    const CtsStatus st = name_it(cache, s, part, err);
+    const CtsStatus st = name_cached(cache, s, part, err);
     if (st) {
         free(s);
         return st;
@@ -41,7 +41,7 @@ static CtsStatus add(CtsSeriesCache *cache, const char *study_uid, const char *u
 }
 
 /* Without a site key, series names last as long as the server. */
-static CtsStatus find_key(CtsSeriesCache *cache, CtsError *err)
+static CtsStatus find_site_key(CtsSeriesCache *cache, CtsError *err)
 {
     CtsError why;
     if (!cts_key_load(cache->options->export.key, !cache->options->export.key, &cache->key, &why))
@@ -151,7 +151,7 @@ CtsStatus cts_series_cache_fill(CtsSeriesCache *cache, const CtsOptions *options
     for (int i = 0; i < options->paths.n; i++)
         if (!strstr(options->paths.items[i], CTS_SERIES_UID_MARKER))
             paths[n++] = options->paths.items[i];
-    st = find_key(cache, err);
+    st = find_site_key(cache, err);
     const CtsSeriesSearch search = {
         .paths = paths, .n_paths = n, .n_threads = options->render.n_threads, .rules = options->source.rules};
     if (!st && n)
@@ -159,7 +159,7 @@ CtsStatus cts_series_cache_fill(CtsSeriesCache *cache, const CtsOptions *options
     for (size_t i = 0; !st && cache->list && i < cache->list->n; i++) {
         CtsSeries *const series = &cache->list->items[i];
         CtsCachedSeries *s;
-        if (!(st = add(cache, series->study_uid, series->uid, series->part, &s, err)))
+        if (!(st = add_cached(cache, series->study_uid, series->uid, series->part, &s, err)))
             s->series = s->loaded.series = series;
     }
     if (!st && cache->list)
@@ -228,7 +228,7 @@ CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, 
         return CTS_OK;
     if (!cts_uid_is_valid(study_uid) || !cts_uid_is_valid(uid) || !can_be_had(cache))
         return cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
-    const CtsStatus st = add(cache, study_uid, uid, 0, found, err);
+    const CtsStatus st = add_cached(cache, study_uid, uid, 0, found, err);
     if (!st)
         (*found)->on_demand = true;
     return st;

@@ -154,7 +154,7 @@ static CtsStatus reserve(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCached
                     (unsigned long long)(bytes >> 20), (unsigned long long)(most >> 20));
 }
 
-static void give_up(CtsSeriesCache *cache, pthread_mutex_t *lock, uint64_t bytes)
+static void give_up_memory(CtsSeriesCache *cache, pthread_mutex_t *lock, uint64_t bytes)
 {
     pthread_mutex_lock(lock);
     cache->bytes -= bytes;
@@ -198,8 +198,8 @@ static CtsStatus find_on_demand(const CtsSeriesCache *cache, const CtsSource *so
     return CTS_OK;
 }
 
-static CtsStatus read_slices(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
-                             CtsReport *report, CtsError *err)
+static CtsStatus read_cached_slices(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
+                                    const CtsSource *source, CtsReport *report, CtsError *err)
 {
     const uint64_t bytes =
         (uint64_t)s->series->columns * (uint64_t)s->series->rows * (uint64_t)s->series->n_slices * sizeof(uint16_t);
@@ -221,7 +221,7 @@ static CtsStatus read_slices(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCa
     if (!st)
         st = cts_source_read(&whole, &s->loaded, report, err);
     if (st && reserved)
-        give_up(cache, lock, bytes);
+        give_up_memory(cache, lock, bytes);
     else if (!st)
         s->bytes = bytes;
     return st;
@@ -239,7 +239,7 @@ static CtsStatus read_once(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCach
     if (!st && !s->series->renderable)
         st = cts_fail(err, s->series->refusal ? s->series->refusal : CTS_ERR_GEOMETRY, "%s", s->series->reason);
     if (!st && !(s->loaded.scanned && s->loaded.scanned->even->grey))
-        st = read_slices(cache, lock, s, source, report, err);
+        st = read_cached_slices(cache, lock, s, source, report, err);
     return st;
 }
 
@@ -259,7 +259,7 @@ CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
             .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
         if ((st = cts_source_view(source, false, &part, report, err))) {
             cts_model_free(&part.model);
-            give_up(cache, lock, expected);
+            give_up_memory(cache, lock, expected);
         } else {
             pthread_mutex_lock(lock);
             made->model = part.model;

@@ -37,7 +37,7 @@ static CtsStatus read_pem(const char *path, char **text, CtsError *err)
 }
 
 /* Messages must not contain paths below the folders of series loaded on demand either. */
-static void add_place(CtsNames *names, const char *path)
+static void hide_path(CtsNames *names, const char *path)
 {
     const char *place = strstr(path, CTS_SERIES_UID_MARKER);
     char *const before = place ? strndup(path, (size_t)(place - path)) : NULL;
@@ -46,7 +46,7 @@ static void add_place(CtsNames *names, const char *path)
     free(before);
 }
 
-static CtsStatus search(CtsServer *server, void (*note)(const char *text), CtsError *err)
+static CtsStatus search_served(CtsServer *server, void (*note)(const char *text), CtsError *err)
 {
     CtsReport report = {0};
     char text[160];
@@ -56,7 +56,7 @@ static CtsStatus search(CtsServer *server, void (*note)(const char *text), CtsEr
     for (size_t i = 0; list && i < list->n_paths; i++)
         cts_names_add(&server->names, list->paths[i]);
     for (int i = 0; i < server->options->paths.n; i++)
-        add_place(&server->names, server->options->paths.items[i]);
+        hide_path(&server->names, server->options->paths.items[i]);
     for (size_t i = 0; list && i < list->n; i++)
         n += list->items[i].renderable;
     cts_report_free(&report);
@@ -122,7 +122,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
     return st;
 }
 
-static CtsStatus check(const CtsOptions *o, CtsError *err)
+static CtsStatus check_serve_options(const CtsOptions *o, CtsError *err)
 {
     if (!o->paths.n && !o->from.given)
         return cts_fail(err, CTS_ERR_USAGE, "nothing to serve (give PATH, or `from` a peer)");
@@ -136,7 +136,7 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
 {
     CtsOptions own = *options;
     char *certificate = NULL, *key = NULL;
-    CtsStatus st = check(options, err);
+    CtsStatus st = check_serve_options(options, err);
     CtsServer *const server = st ? NULL : calloc(1, sizeof *server);
     if (!server)
         return st ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -148,7 +148,7 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
     if (!(st = cts_helper_start(err)) && !(st = cts_http(&server->http, err)) &&
         (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, &certificate, err)) &&
                                    !(st = read_pem(options->net.tls_key, &key, err)))) &&
-        !(st = search(server, note, err)))
+        !(st = search_served(server, note, err)))
         st = listen_and_serve(server, certificate, key, ready, err);
     cts_series_cache_free(&server->cache);
     cts_names_free(&server->names);

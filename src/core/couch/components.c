@@ -25,7 +25,7 @@ static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
 }
 
 /* CtsRun.part is the parent link until the labels are known: a run's parent never follows it. */
-static uint32_t root(CtsRun *runs, uint32_t n)
+static uint32_t root_of_run(CtsRun *runs, uint32_t n)
 {
     while (runs[n].part != n) {
         runs[n].part = runs[runs[n].part].part;
@@ -42,7 +42,7 @@ static void join_rows(CtsComponents *p, size_t row_a, size_t row_b)
         /* Most adjacent runs are already joined, which is visible without searching their roots. */
         if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end &&
             p->runs[a].part != p->runs[b].part) {
-            const uint32_t ra = root(p->runs, a), rb = root(p->runs, b);
+            const uint32_t ra = root_of_run(p->runs, a), rb = root_of_run(p->runs, b);
             if (ra < rb)
                 p->runs[rb].part = ra;
             else
@@ -94,7 +94,7 @@ static CtsStatus list_runs(CtsComponents *p, const CtsBits *bits, CtsError *err)
 }
 
 /* Runs are in order and parents precede their children, so one pass suffices. */
-static CtsStatus number_parts(CtsComponents *p, CtsError *err)
+static CtsStatus number_components(CtsComponents *p, CtsError *err)
 {
     const uint32_t ny = (uint32_t)p->dims[1];
     for (uint32_t run = 0; run < p->n_runs; run++)
@@ -120,7 +120,7 @@ CtsStatus cts_components_find(CtsComponents *p, const CtsBits *bits, bool across
         if (row >= ny && across_slices)
             join_rows(p, row - ny, row);
     }
-    if (st || (st = number_parts(p, err)))
+    if (st || (st = number_components(p, err)))
         cts_components_free(p);
     return st;
 }

@@ -106,7 +106,7 @@ static void dilate_far(CtsMorphology *m, Way way, int n, int reach)
 }
 
 /* Clears voxels outside the section in both copies, where so many rows on either side may be set. */
-static void clip(CtsMorphology *m, int rows)
+static void clear_outside(CtsMorphology *m, int rows)
 {
     const size_t margin = (size_t)rows * m->stride, n = m->stride * m->n_rows;
     for (int copy = 0; copy < 2 && rows; copy++) {
@@ -132,7 +132,7 @@ static void grow_diamond(CtsMorphology *m, int steps)
             n += further;
             dilate_far(m, ALL_WAYS, further, n);
         }
-        clip(m, most);
+        clear_outside(m, most);
         steps -= most;
     }
 }
@@ -148,7 +148,7 @@ static void grow_line(CtsMorphology *m, Way way, int steps)
             n += further;
             dilate_far(m, way, further, 0);
         }
-        clip(m, 0);
+        clear_outside(m, 0);
         steps -= most;
     }
 }
@@ -164,7 +164,7 @@ static void invert(CtsMorphology *m)
 {
     for (size_t w = 0; w < m->stride * m->n_rows; w++)
         m->a[w] = ~m->a[w];
-    clip(m, 0);
+    clear_outside(m, 0);
 }
 
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)

@@ -23,7 +23,7 @@ static bool is_face(const Face *f, int along, int across)
 }
 
 /* Follows the face one step from *across; false where it ends or another voxel lies behind it. */
-static bool follow(const Face *f, int along, int *across)
+static bool follow_face(const Face *f, int along, int *across)
 {
     const int at[3] = {*across, *across + f->side, *across - f->side};
     for (int n = 0; n < 3; n++)
@@ -54,7 +54,7 @@ static int thickness(const Face *f, int along, int across, int step)
             n++;
         most = n > most ? n : most;
         along += step;
-        if (!follow(f, along, &across))
+        if (!follow_face(f, along, &across))
             break;
     }
     return s > most ? most : 0;
@@ -84,7 +84,7 @@ static void bridge(const Face *f, int along, int across)
     const int left = thickness(f, along, across, -f->way);
     int end = along + f->way, at = across, thin = 0, n;
     bool met = false;
-    if (!left || !follow(f, end, &at))
+    if (!left || !follow_face(f, end, &at))
         return;
     while (!met) {
         while (!(met = get(f, f->plates, end, at)) && (n = depth(f, end, at, left + 2)) <= left + 1) {
@@ -93,12 +93,12 @@ static void bridge(const Face *f, int along, int across)
             along = end;
             across = at;
             end += f->way;
-            if (!follow(f, end, &at))
+            if (!follow_face(f, end, &at))
                 return;
         }
         while (!(met = get(f, f->plates, end, at)) && depth(f, end, at, left + 2) > left + 1) {
             end += f->way;
-            if (!follow(f, end, &at))
+            if (!follow_face(f, end, &at))
                 return;
         }
         /* A curved plate is less thick here than further away, measured across. */
@@ -107,7 +107,7 @@ static void bridge(const Face *f, int along, int across)
             thick = n < thick ? n : thick;
         /* The voxel that was added on the near side is the patient's. */
         for (along += f->way; along != end; along += f->way) {
-            follow(f, along, &across);
+            follow_face(f, along, &across);
             set_strip(f, along, across, thick - 1);
         }
         along -= f->way;
@@ -120,7 +120,7 @@ static uint64_t word_at(const CtsBits *bits, int j, ptrdiff_t w)
 }
 
 /* Word w of row j shifted by one column: each bit is that of the column to the left (by -1) or to the right (by 1). */
-static uint64_t beside(const CtsBits *bits, int j, ptrdiff_t w, int by)
+static uint64_t shifted_by_column(const CtsBits *bits, int j, ptrdiff_t w, int by)
 {
     const uint64_t own = word_at(bits, j, w), next = word_at(bits, j, w + by);
     return by < 0 ? own << 1 | next >> 63 : own >> 1 | next << 63;
@@ -130,8 +130,10 @@ static uint64_t beside(const CtsBits *bits, int j, ptrdiff_t w, int by)
 static uint64_t next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
 {
     if (axis)
-        return beside(bits, j + way, w, -1) | word_at(bits, j + way, w) | beside(bits, j + way, w, 1);
-    return beside(bits, j - 1, w, way) | beside(bits, j, w, way) | beside(bits, j + 1, w, way);
+        return shifted_by_column(bits, j + way, w, -1) | word_at(bits, j + way, w) |
+               shifted_by_column(bits, j + way, w, 1);
+    return shifted_by_column(bits, j - 1, w, way) | shifted_by_column(bits, j, w, way) |
+           shifted_by_column(bits, j + 1, w, way);
 }
 
 /* Starts from all ends of plates that continue into other voxels. */

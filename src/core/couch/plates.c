@@ -70,7 +70,7 @@ static CtsStatus worker_new(Worker *w, const int dims[3], CtsMorphology *morphol
     return st;
 }
 
-static void worker_free(Worker *w)
+static void plates_worker_free(Worker *w)
 {
     cts_bits_free(&w->always);
     cts_bits_free(&w->ever);
@@ -178,7 +178,8 @@ static void follow_in_windows(void *context, int worker, size_t first, size_t en
         follow_plates(l->search, n, &l->workers[worker]);
 }
 
-static CtsStatus search(Search *s, const CtsBits *sections, CtsMorphology *morphology, int n_threads, CtsError *err)
+static CtsStatus search_plates(Search *s, const CtsBits *sections, CtsMorphology *morphology, int n_threads,
+                               CtsError *err)
 {
     Worker *workers;
     CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
@@ -194,7 +195,7 @@ static CtsStatus search(Search *s, const CtsBits *sections, CtsMorphology *morph
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 end:
     for (int t = 0; workers && t < n_threads; t++)
-        worker_free(&workers[t]);
+        plates_worker_free(&workers[t]);
     cts_free(&workers);
     return st;
 }
@@ -233,7 +234,8 @@ CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, C
     const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
     if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new_unset(&s.plates, by_window, err)) ||
         (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
-        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, workers, n_threads, err)))
+        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) ||
+        (st = search_plates(&s, sections, workers, n_threads, err)))
         goto end;
     gather(&s.windows, &s.plates, &plates_found->plates);
     gather(&s.shorter, &s.followed, &plates_found->plates);

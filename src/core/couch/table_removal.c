@@ -49,7 +49,7 @@ static void removal_free(Removal *r)
     cts_bits_free(&r->gone);
 }
 
-static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
+static CtsStatus find_dense_sections(Removal *r, const CtsVolume *v, CtsError *err)
 {
     const CtsStatus st = cts_bits_new(&r->dense, v->dims, err);
     if (!st)
@@ -66,7 +66,7 @@ static CtsStatus find_sections(Removal *r, CtsError *err)
 }
 
 /* The extent of dense voxels along the volume's axes. */
-static void find_size(const Removal *r, const double spacing_mm[3], double size_mm[3])
+static void find_dense_size(const Removal *r, const double spacing_mm[3], double size_mm[3])
 {
     const int *const dims = r->dense.dims;
     int low[3] = {dims[0], dims[1], dims[2]}, high[3] = {-1, -1, -1};
@@ -88,14 +88,14 @@ static void find_size(const Removal *r, const double spacing_mm[3], double size_
         size_mm[a] = high[a] < low[a] ? 0 : (high[a] - low[a] + 1) * spacing_mm[a];
 }
 
-static bool is_specimen(const Removal *r, const CtsVolume *v)
+static bool is_specimen_volume(const Removal *r, const CtsVolume *v)
 {
     double spacing_mm[3], size_mm[3] = {0, 0, 0};
     for (int a = 0; a < 3; a++)
         spacing_mm[a] = cts_volume_spacing_mm(v, a);
     if (!cts_is_specimen(spacing_mm, size_mm)) /* by its voxels alone */
         return false;
-    find_size(r, spacing_mm, size_mm);
+    find_dense_size(r, spacing_mm, size_mm);
     return cts_is_specimen(spacing_mm, size_mm);
 }
 
@@ -106,7 +106,7 @@ static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
         cts_report_skip(report, WHAT, "no voxel lies above %g HU", CTS_DENSE_HU);
         return false;
     }
-    if (is_specimen(r, v)) {
+    if (is_specimen_volume(r, v)) {
         cts_report_skip(report, WHAT,
                         "voxels and size are those of a specimen in a micro-CT, which no patient's table fits");
         return false;
@@ -261,7 +261,7 @@ static CtsStatus remove_table(Removal *r, CtsModel *model, const CtsVolume *seen
                               CtsError *err)
 {
     CtsStatus st;
-    if ((st = find_dense(r, seen, err)) || !is_usable(r, seen, report) || (st = find_sections(r, err)) ||
+    if ((st = find_dense_sections(r, seen, err)) || !is_usable(r, seen, report) || (st = find_sections(r, err)) ||
         (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
         (st = cts_plates_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->plates_found, err)) ||
         (st = cts_body_find(&r->plan, seen, &r->sections, &r->plates_found.plates, r->workers, r->n_threads, &r->body,

@@ -50,7 +50,7 @@ void cts_label_take_lab(CtsLabel *l, const int lab[3])
     l->coloured = true;
 }
 
-static CtsStatus load(const char *name, CtsAppearance *appearance, CtsError *err)
+static CtsStatus load_preset(const char *name, CtsAppearance *appearance, CtsError *err)
 {
     appearance->preset = calloc(1, sizeof *appearance->preset);
     if (!appearance->preset)
@@ -67,7 +67,7 @@ CtsStatus cts_label_appearance_parse(const char *text, CtsAppearance *appearance
 {
     *appearance = (CtsAppearance){.opacity = -1};
     if (text[0] != '#')
-        return load(text, appearance, err);
+        return load_preset(text, appearance, err);
     const char *const end = text + 7;
     char *last = NULL;
     bool right = cts_text_rgb(text, appearance->rgb) && (!*end || *end == ':');

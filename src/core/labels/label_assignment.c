@@ -133,7 +133,7 @@ static bool loses_overlap(const Deciding *d, size_t a, size_t b)
 }
 
 /* Labels (indices in d->voxel_labels) in painting order, the last on top. */
-static void sort(const Deciding *d, size_t *order)
+static void sort_for_painting(const Deciding *d, size_t *order)
 {
     for (size_t i = 0; i < d->n_voxel_labels; i++) {
         size_t at = i;
@@ -149,7 +149,7 @@ static CtsStatus paint(const Deciding *d, CtsModel *model, int n_threads, CtsErr
     size_t *order = NULL;
     CtsStatus st = cts_alloc_array(&order, d->n_voxel_labels + 1, err);
     if (!st) {
-        sort(d, order);
+        sort_for_painting(d, order);
         st = cts_labels_to_volume(d->labels, d->voxel_labels, order, d->n_voxel_labels, model, n_threads, err);
     }
     for (size_t i = 0; !st && i < d->n_voxel_labels; i++)
@@ -186,7 +186,7 @@ const char *cts_model_label_colour(const CtsModel *model, size_t i, double rgb[3
     return NULL;
 }
 
-static bool overlap(const CtsLabel *a, const CtsLabel *b)
+static bool labels_overlap(const CtsLabel *a, const CtsLabel *b)
 {
     for (size_t i = 0, j = 0; a->fact.overlap && b->fact.overlap && i < a->n_runs && j < b->n_runs;) {
         const CtsLabelRun p = a->runs[i], q = b->runs[j];
@@ -208,7 +208,7 @@ static void compare_hidden(const Deciding *d, bool *take, bool *yield)
         for (size_t b = 0; b < d->n_voxel_labels; b++) {
             const size_t i = d->voxel_labels[a], j = d->voxel_labels[b];
             if (appearance_of(d, i) == CTS_APPEARANCE_HIDDEN && appearance_of(d, j) != CTS_APPEARANCE_HIDDEN &&
-                overlap(&d->labels->items[i], &d->labels->items[j]))
+                labels_overlap(&d->labels->items[i], &d->labels->items[j]))
                 *(loses_overlap(d, i, j) ? yield : take) = true;
         }
 }

@@ -11,7 +11,7 @@ static uint32_t root_of(uint32_t *parent, uint32_t i)
 }
 
 /* Joins run i with the adjacent runs of an earlier row; *at: position of the search, which only increases. */
-static uint64_t join(const CtsLabel *l, uint32_t *parent, uint32_t i, uint32_t row, size_t *at)
+static uint64_t join_run(const CtsLabel *l, uint32_t *parent, uint32_t i, uint32_t row, size_t *at)
 {
     const CtsLabelRun *const r = &l->runs[i];
     uint64_t n_joined = 0;
@@ -40,13 +40,13 @@ uint64_t cts_label_components(const CtsLabel *l, int rows, CtsStatus *status, Ct
         const bool has_above = row >= (uint32_t)rows;
         parent[i] = i;
         if (in_slice > 0)
-            n -= join(l, parent, i, row - 1, &at[0]);
+            n -= join_run(l, parent, i, row - 1, &at[0]);
         if (has_above && in_slice > 0)
-            n -= join(l, parent, i, above - 1, &at[1]);
+            n -= join_run(l, parent, i, above - 1, &at[1]);
         if (has_above)
-            n -= join(l, parent, i, above, &at[2]);
+            n -= join_run(l, parent, i, above, &at[2]);
         if (has_above && in_slice + 1 < (uint32_t)rows)
-            n -= join(l, parent, i, above + 1, &at[3]);
+            n -= join_run(l, parent, i, above + 1, &at[3]);
     }
     cts_free(&parent);
     return n;

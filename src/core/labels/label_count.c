@@ -72,7 +72,7 @@ static CtsStatus drop_slices(CtsLabels *labels, const int *slice_number, int n_k
     return CTS_OK;
 }
 
-static void count_voxels(CtsLabel *l, const CtsLabelGrid *g)
+static void count_label_voxels(CtsLabel *l, const CtsLabelGrid *g)
 {
     CtsLabelFact *const c = &l->fact;
     double area[3];
@@ -151,7 +151,7 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
         st = drop_slices(labels, slice_number, n_kept, err);
     for (size_t i = 0; !st && i < labels->n; i++) {
         CtsLabel *const l = &labels->items[i];
-        count_voxels(l, &labels->grid);
+        count_label_voxels(l, &labels->grid);
         l->fact.in_air = l->fact.air_share > AIR_SHARE && !may_hold_air(l);
         l->fact.parts = cts_label_components(l, labels->grid.rows, &st, err);
     }

@@ -97,7 +97,7 @@ bool cts_label_fits(const CtsLabels *labels, const char *text, size_t length)
 }
 
 /* Longer than any name, its wildcards and the number of a file in front. */
-static size_t longest_name(const CtsLabels *labels)
+static size_t longest_label_name(const CtsLabels *labels)
 {
     enum { IN_FRONT = 10 };
     size_t most = 0;
@@ -110,7 +110,7 @@ static size_t longest_name(const CtsLabels *labels)
 
 size_t cts_label_name_length(const CtsLabels *labels, const char *text, char separator)
 {
-    const size_t most = longest_name(labels);
+    const size_t most = longest_label_name(labels);
     size_t fitting = 0, n_letters = 0;
     bool last = false;
     for (size_t n = 0; !last && n_letters <= most; n_letters += text[n] != '*', n++) {
@@ -122,8 +122,8 @@ size_t cts_label_name_length(const CtsLabels *labels, const char *text, char sep
 }
 
 /* Fails with a suggestion for the item, or for a longer part of the list that begins with it. */
-static CtsStatus fail_unknown(const CtsLabels *labels, const char *option, const char *item, size_t length,
-                              CtsError *err)
+static CtsStatus fail_unknown_label(const CtsLabels *labels, const char *option, const char *item, size_t length,
+                                    CtsError *err)
 {
     CtsDidYouMean nearest_word = {.written = item, .length = length}, all = {.written = item, .length = strlen(item)};
     for (size_t i = 0; i < labels->n + labels->n_regions; i++) {
@@ -163,7 +163,7 @@ CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char
         if (!hit[i])
             hit[i] = value;
     }
-    return any || is_word(&item, "all") ? CTS_OK : fail_unknown(labels, option, text, length, err);
+    return any || is_word(&item, "all") ? CTS_OK : fail_unknown_label(labels, option, text, length, err);
 }
 
 /* One item of a list; with `lacking` (a stream) an unknown name is written there instead of refused. */
@@ -176,8 +176,8 @@ static CtsStatus take_item(const CtsLabels *labels, const char *option, const ch
     return CTS_OK;
 }
 
-static CtsStatus find_names(const CtsLabels *labels, const char *option, const json_t *names, uint32_t *hit,
-                            FILE *lacking, CtsError *err)
+static CtsStatus find_json_names(const CtsLabels *labels, const char *option, const json_t *names, uint32_t *hit,
+                                 FILE *lacking, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (size_t i = 0; !st && i < json_array_size(names); i++) {
@@ -194,7 +194,7 @@ static CtsStatus find_list(const CtsLabels *labels, const char *option, const ch
     CtsStatus st = CTS_OK;
     json_t *const names = *list == '[' ? json_loads(list, 0, NULL) : NULL;
     if (json_is_array(names))
-        st = find_names(labels, option, names, hit, lacking, err);
+        st = find_json_names(labels, option, names, hit, lacking, err);
     else
         for (uint32_t value = 1; !st; value++) {
             const size_t fitting = cts_label_name_length(labels, list, ','), n = fitting ? fitting : strcspn(list, ",");

@@ -149,7 +149,7 @@ size_t cts_label_find_share(const CtsLabel *l, uint32_t row)
 }
 
 /* Already sorted ones cost one pass. */
-static void sort(void *items, size_t size, size_t n, int (*order)(const void *, const void *))
+static void sort_items(void *items, size_t size, size_t n, int (*order)(const void *, const void *))
 {
     for (size_t i = 1; i < n; i++)
         if (order((char *)items + (i - 1) * size, (char *)items + i * size) > 0) {
@@ -161,8 +161,8 @@ static void sort(void *items, size_t size, size_t n, int (*order)(const void *, 
 void cts_label_sort_runs(CtsLabel *l)
 {
     size_t n = 0;
-    sort(l->runs, sizeof *l->runs, l->n_runs, by_place);
-    sort(l->shares, sizeof *l->shares, l->n_shares, by_column);
+    sort_items(l->runs, sizeof *l->runs, l->n_runs, by_place);
+    sort_items(l->shares, sizeof *l->shares, l->n_shares, by_column);
     for (size_t i = 0; i < l->n_runs; i++) {
         const CtsLabelRun r = l->runs[i];
         if (n && l->runs[n - 1].row == r.row && r.first <= l->runs[n - 1].end)

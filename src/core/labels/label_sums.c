@@ -54,8 +54,8 @@ static void add_words(SliceSums *sums, const uint16_t *words, int n, const CtsSt
     }
 }
 
-static void take(CtsLabel *l, int slice, int columns, int rows, const uint16_t *words, size_t first, size_t end,
-                 const CtsStored *stored, double slope, double intercept)
+static void count_words(CtsLabel *l, int slice, int columns, int rows, const uint16_t *words, size_t first, size_t end,
+                        const CtsStored *stored, double slope, double intercept)
 {
     CtsLabelSums *const all = l->sums;
     if (!all || slice < all->first || slice >= all->end)
@@ -81,8 +81,8 @@ void cts_labels_take_words(CtsLabels *labels, int slice, const uint16_t *words, 
                            const CtsStored *stored, double slope, double intercept)
 {
     for (size_t i = 0; i < labels->n; i++)
-        take(&labels->items[i], slice, labels->grid.columns, labels->grid.rows, words, first, end, stored, slope,
-             intercept);
+        count_words(&labels->items[i], slice, labels->grid.columns, labels->grid.rows, words, first, end, stored, slope,
+                    intercept);
 }
 
 /* Means and sums of squared deviations are combined slice by slice (Chan, Golub, LeVeque 1979), without cancellation of

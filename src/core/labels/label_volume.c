@@ -46,7 +46,7 @@ typedef struct Painting {
 } Painting;
 
 /* Labels get the remaining fraction, in order of priority. Only the largest ones are kept, equal ones by number. */
-static void take(VoxelSharing *s, size_t voxel_label, uint16_t share)
+static void take_share(VoxelSharing *s, size_t voxel_label, uint16_t share)
 {
     CtsFractionalVoxel *const v = &s->voxel;
     const uint16_t taken = share < s->left ? share : s->left;
@@ -83,7 +83,7 @@ static uint32_t slice_row(const Painting *p, size_t plane)
 }
 
 /* Adds entries for a label's fractions in a plane, or, where all entries are known, assigns the fractions. */
-static CtsStatus share_out(const Painting *p, size_t plane, size_t voxel_label, bool known, Sharings *all)
+static CtsStatus assign_fractions(const Painting *p, size_t plane, size_t voxel_label, bool known, Sharings *all)
 {
     const CtsLabel *const l = &p->labels->items[p->label[voxel_label]];
     const size_t end = cts_label_find_share(l, slice_row(p, plane + 1));
@@ -98,7 +98,7 @@ static CtsStatus share_out(const Painting *p, size_t plane, size_t voxel_label, 
             st = cts_alloc_zeroed(&all->number, (size_t)p->voxel_labels->dims[0] * (size_t)p->voxel_labels->dims[1],
                                   NULL);
         if (!st && known)
-            take(&all->items[all->number[at] - 1], voxel_label, s.share);
+            take_share(&all->items[all->number[at] - 1], voxel_label, s.share);
         else if (!st && !all->number[at] && !(st = cts_grow(&all->items, all->n, NULL))) {
             all->items[all->n] = (VoxelSharing){.voxel.at = (uint32_t)at, .left = CTS_WHOLE_SHARE};
             all->number[at] = (uint32_t)++all->n;
@@ -120,7 +120,7 @@ static void paint_runs(const Painting *p, size_t plane, size_t voxel_label, cons
         const int first = l->runs[n].first + x0, end = l->runs[n].end + x0;
         for (int i = first > 0 ? first : 0; row != SIZE_MAX && i < end && i < o->dims[0]; i++)
             if (all->number && all->number[row + (size_t)i])
-                take(&all->items[all->number[row + (size_t)i] - 1], voxel_label, CTS_WHOLE_SHARE);
+                take_share(&all->items[all->number[row + (size_t)i] - 1], voxel_label, CTS_WHOLE_SHARE);
             else if (voxels[row + (size_t)i] == p->n)
                 voxels[row + (size_t)i] = (uint16_t)voxel_label;
     }
@@ -140,7 +140,7 @@ static CtsStatus end_plane(const Painting *p, size_t plane, Sharings *all)
     const CtsStatus st = all->n ? cts_alloc_array(&shared->items, all->n, NULL) : CTS_OK;
     for (; !st && shared->n < all->n; shared->n++) {
         VoxelSharing *const s = &all->items[shared->n];
-        take(s, p->n, CTS_WHOLE_SHARE);
+        take_share(s, p->n, CTS_WHOLE_SHARE);
         shared->items[shared->n] = s->voxel;
         o->voxel_label[plane * (size_t)o->dims[0] * (size_t)o->dims[1] + s->voxel.at] = s->voxel.voxel_label[0];
     }
@@ -161,9 +161,9 @@ static void paint_planes(void *context, int worker, size_t begin, size_t end)
         for (size_t i = 0; i < in_plane; i++)
             o->voxel_label[plane * in_plane + i] = (uint16_t)p->n;
         for (size_t n = 0; n < p->n && !st; n++)
-            st = share_out(p, plane, n, false, &all);
+            st = assign_fractions(p, plane, n, false, &all);
         for (size_t n = p->n; n-- > 0 && !st;) {
-            st = share_out(p, plane, p->order[n], true, &all);
+            st = assign_fractions(p, plane, p->order[n], true, &all);
             paint_runs(p, plane, p->order[n], &all);
         }
         p->status[plane] = st ? st : end_plane(p, plane, &all);

@@ -25,7 +25,7 @@ typedef struct SkinSearch {
 } SkinSearch;
 
 /* Follows one line from its first voxel, at `at`, in the direction of sign. */
-static void follow(const SkinSearch *s, const int at[3], int axis, int sign, bool *on_skin)
+static void follow_to_tissue(const SkinSearch *s, const int at[3], int axis, int sign, bool *on_skin)
 {
     const CtsVolume *const v = s->volume;
     const ptrdiff_t strides[3] = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}, stride = sign * strides[axis];
@@ -60,9 +60,9 @@ static void search_layers(void *context, int worker, size_t begin, size_t end)
                 at[s->axis[2]] = (int)k;
                 at[s->axis[1 - a]] = line;
                 at[s->axis[a]] = 0;
-                follow(s, at, s->axis[a], 1, on_skin);
+                follow_to_tissue(s, at, s->axis[a], 1, on_skin);
                 at[s->axis[a]] = dims[s->axis[a]] - 1;
-                follow(s, at, s->axis[a], -1, on_skin);
+                follow_to_tissue(s, at, s->axis[a], -1, on_skin);
             }
 }
 

@@ -111,7 +111,7 @@ int cts_appearance_of_cell(const CtsVoxelLabels *o, const int cell[3])
     return appearance_of_cells(o, cell, 1);
 }
 
-static void find_blocks(void *context, int worker, size_t begin, size_t end)
+static void find_label_blocks(void *context, int worker, size_t begin, size_t end)
 {
     const Finishing *const f = context;
     CtsVoxelLabels *const o = f->voxel_labels;
@@ -157,7 +157,7 @@ static CtsStatus show_macrocells(CtsVoxelLabels *o, const CtsMacrocells *all, in
     return CTS_OK;
 }
 
-static CtsStatus show(const CtsModel *model, int n_threads, CtsError *err)
+static CtsStatus make_shown(const CtsModel *model, int n_threads, CtsError *err)
 {
     CtsVoxelLabels *const o = model->voxel_labels;
     const Finishing f = {o, model->volume};
@@ -191,8 +191,8 @@ CtsStatus cts_voxel_labels_finish(CtsModel *model, int n_threads, CtsError *err)
     CtsStatus st = mark_shared(o, err);
     if (st || (st = cts_voxel_labels_find_skin(o, model->volume, n_threads, err)))
         return st;
-    cts_parallel(cts_threads(n_threads), (size_t)o->n_block[1] * (size_t)o->n_block[2], 16, find_blocks, &f);
+    cts_parallel(cts_threads(n_threads), (size_t)o->n_block[1] * (size_t)o->n_block[2], 16, find_label_blocks, &f);
     for (int i = 0; i < o->n; i++)
         hides |= o->appearance[i] == CTS_APPEARANCE_HIDDEN;
-    return hides && !CTS_MUTATED(HIDING) ? show(model, cts_threads(n_threads), err) : CTS_OK;
+    return hides && !CTS_MUTATED(HIDING) ? make_shown(model, cts_threads(n_threads), err) : CTS_OK;
 }

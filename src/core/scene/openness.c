@@ -98,7 +98,7 @@ static int find_length(Making *m, double mm)
     return i;
 }
 
-static void find_axes(Making *m)
+static void find_light_axes(Making *m)
 {
     int n = 0;
     for (int code = 14; code < 27; code++) { /* the later half of 27 neighbours */
@@ -178,7 +178,7 @@ static int voxels_of(const Making *m, int axis, int first)
 }
 
 /* Sets row_cells of the worker for the voxel rows (first + 0..n - 1 along y and z). */
-static const uint8_t *visible_cells_of(const Making *m, int worker, const int first[3], const int n[3])
+static const uint8_t *visible_cells_of_row(const Making *m, int worker, const int first[3], const int n[3])
 {
     const CtsMacrocells *const c = m->macrocells;
     const size_t n_cells = (size_t)c->n_fine[0];
@@ -239,7 +239,7 @@ static bool sum_rows(const Making *m, int worker, const int first[3], const int 
             sum_labelled_voxels(m, first, n, sums);
         return true;
     }
-    const uint8_t *const cells = visible_cells_of(m, worker, first, n);
+    const uint8_t *const cells = visible_cells_of_row(m, worker, first, n);
     const int n_cells = m->macrocells->n_fine[0];
     if (!memchr(cells, 1, (size_t)n_cells))
         return false;
@@ -267,7 +267,7 @@ static inline void divide_sums(const uint32_t *sums, int n_blocks, int size, int
 }
 
 /* Mean extinctions of a row of blocks, whose voxels along y and z are n; false where all are 0. */
-static bool find_means(const Making *m, int worker, const int first[3], const int n[3], uint16_t *means)
+static bool find_block_means(const Making *m, int worker, const int first[3], const int n[3], uint16_t *means)
 {
     const int nx = m->volume->dims[0], size = m->open->size[0], n_whole = nx / size, n_area = n[1] * n[2];
     uint32_t *const sums = m->row_sums + (size_t)worker * (size_t)nx;
@@ -291,7 +291,7 @@ static void fill_rows(void *context, int worker, size_t first, size_t end)
     for (size_t r = first; r < end; r++) {
         const int at[3] = {0, (int)(r % (size_t)n[1]) * size[1], (int)(r / (size_t)n[1]) * size[2]};
         const int voxels[3] = {size[0], voxels_of(m, 1, at[1]), voxels_of(m, 2, at[2])};
-        const bool absorbs = find_means(m, worker, at, voxels, means);
+        const bool absorbs = find_block_means(m, worker, at, voxels, means);
         for (int l = 0; l < m->n_lengths; l++) {
             uint16_t *const row = m->transmittance[l] + (size_t)m->margin + r * (size_t)m->row;
             for (int i = 0; i < n[0] && absorbs; i++)
@@ -318,7 +318,7 @@ static int room(const Making *m, int axis, int step, int at)
     return step > 0 ? m->open->n[axis] - 1 - at : step < 0 ? at : OPENNESS_MAX_STEPS;
 }
 
-static const OpennessKernels *choose_kernels(void)
+static const OpennessKernels *choose_openness_kernels(void)
 {
     const unsigned cpu = cts_cpu_flags();
     return cpu & CTS_CPU_AVX512 ? &cts_openness_kernels_avx512
@@ -384,7 +384,7 @@ static const int tile_size[3] = {TILE_WIDTH, TILE_ROWS, TILE_LAYERS};
 static void follow_beams_from_tiles(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
-    const OpennessKernels *const kernels = choose_kernels();
+    const OpennessKernels *const kernels = choose_openness_kernels();
     (void)worker;
     for (size_t at = first; at < end; at++) {
         OpenTile t;
@@ -433,14 +433,14 @@ static CtsStatus alloc(Making *m, int n_threads, CtsError *err)
               : cts_alloc_array(&m->visible_cell, (size_t)n_cells[0] * (size_t)n_cells[1] * (size_t)n_cells[2], err);
 }
 
-static CtsStatus make(Making *m, const CtsPreset *preset, int n_threads, CtsError *err)
+static CtsStatus make_openness_field(Making *m, const CtsPreset *preset, int n_threads, CtsError *err)
 {
     CtsStatus st;
     const int *const n = m->open->n;
     const size_t n_rows = (size_t)n[1] * (size_t)n[2];
     size_t n_tiles = 1;
     n_threads = cts_threads(n_threads);
-    find_axes(m);
+    find_light_axes(m);
     if ((st = fill_tables(m, preset, err)) || (st = alloc(m, n_threads, err)))
         return st;
     if (m->visible_cell)
@@ -468,7 +468,7 @@ CtsStatus cts_openness_new(CtsOpenness **openness, const CtsModel *model, const 
                 .shown = shown->volume,
                 .macrocells = shown->macrocells};
     size_blocks(m.open, model->volume);
-    st = make(&m, preset, n_threads, err);
+    st = make_openness_field(&m, preset, n_threads, err);
     cts_free(&m.extinction);
     cts_free(&m.visible_below);
     cts_free(&m.visible_cell);

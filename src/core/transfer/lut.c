@@ -29,8 +29,8 @@ static void count_visible(CtsLut *l, const uint8_t *between)
     l->any_visible = n > 0;
 }
 
-static CtsStatus find_visible(CtsLut *l, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,
-                              CtsError *err)
+static CtsStatus find_visible_levels(CtsLut *l, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,
+                                     CtsError *err)
 {
     uint8_t *between;
     const CtsStatus st = cts_alloc_zeroed(&between, (size_t)l->n, err);
@@ -103,7 +103,7 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
     if (!(st = cts_alloc_array(&l->rgb, n, err)) && !(st = cts_alloc_array(&l->extinction_per_mm, n, err)) &&
         !(st = cts_alloc_array(&l->visible_below, 2 * n, err))) {
         fill_levels(l, preset, volume, key, extinction_scale);
-        st = find_visible(l, preset, volume, key, err);
+        st = find_visible_levels(l, preset, volume, key, err);
     }
     if (st)
         cts_lut_free(lut);

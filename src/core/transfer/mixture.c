@@ -161,7 +161,7 @@ static bool lacks_peak(const CtsMixture *m, int i)
     return t->weight * pure_density(t, t->mean_hu) < 0.5 * beside;
 }
 
-static void drop(Fit *f, int i)
+static void drop_component(Fit *f, int i)
 {
     CtsMixture *m = f->mixture;
     CtsTissue *t = m->tissue;
@@ -188,13 +188,13 @@ static bool drop_any(Fit *f, bool peaks)
     bool any = false;
     for (int i = m->n - 1; i >= 0 && m->n > 1; i--)
         if (m->tissue[i].weight < MIN_WEIGHT || (peaks && f->start[i]->needs_peak && lacks_peak(m, i))) {
-            drop(f, i);
+            drop_component(f, i);
             any = true;
         }
     return any;
 }
 
-static void begin(Fit *f)
+static void begin_fit(Fit *f)
 {
     CtsMixture *m = f->mixture;
     m->n = CTS_MAX_TISSUES;
@@ -208,7 +208,7 @@ static void begin(Fit *f)
     }
 }
 
-static void run(Fit *f, double converged)
+static void iterate(Fit *f, double converged)
 {
     CtsMixture *m = f->mixture;
     double before = -INFINITY;
@@ -248,7 +248,7 @@ static void run_coarse(Fit *f, Bin *coarse)
     }
     f->bins = coarse;
     f->n_bins = n;
-    run(f, CONVERGED_COARSE);
+    iterate(f, CONVERGED_COARSE);
     f->bins = bins;
     f->n_bins = n_bins;
 }
@@ -289,9 +289,9 @@ CtsStatus cts_mixture_fit(const uint64_t *count, double hu_offset, double hu_ste
     f.bins = bins;
     f.n_voxels = (double)mixture->n_voxels;
     f.n_clipped = (double)count[0];
-    begin(&f);
+    begin_fit(&f);
     run_coarse(&f, coarse);
-    run(&f, CONVERGED);
+    iterate(&f, CONVERGED);
     normalise(mixture);
 end:
     cts_free(&bins);

@@ -42,7 +42,7 @@ static PointPlace find_place(const void *points, size_t stride, int n, double hu
     return (PointPlace){low - 1, low, (hu - a) / (b - a)};
 }
 
-static double mix(double a, double b, double fraction)
+static double interpolated(double a, double b, double fraction)
 {
     return a + (b - a) * fraction;
 }
@@ -52,7 +52,7 @@ double cts_preset_opacity(const CtsPreset *preset, double hu)
     if (preset->n_opacity < 1)
         return 0;
     const PointPlace p = find_place(preset->opacity, sizeof *preset->opacity, preset->n_opacity, hu);
-    return mix(preset->opacity[p.lower].opacity, preset->opacity[p.upper].opacity, p.fraction);
+    return interpolated(preset->opacity[p.lower].opacity, preset->opacity[p.upper].opacity, p.fraction);
 }
 
 double cts_preset_extinction_per_mm(const CtsPreset *preset, double hu)
@@ -74,7 +74,7 @@ void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3])
     }
     const PointPlace p = find_place(preset->colour, sizeof *preset->colour, preset->n_colour, hu);
     for (int c = 0; c < 3; c++)
-        rgb[c] = mix(preset->colour[p.lower].rgb[c], preset->colour[p.upper].rgb[c], p.fraction);
+        rgb[c] = interpolated(preset->colour[p.lower].rgb[c], preset->colour[p.upper].rgb[c], p.fraction);
 }
 
 static bool is_grey(const double rgb[3])

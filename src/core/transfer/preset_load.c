@@ -66,7 +66,7 @@ char **cts_preset_user_names(void)
     return names;
 }
 
-static CtsStatus fail_unknown(const char *name, CtsError *err)
+static CtsStatus fail_unknown_preset(const char *name, CtsError *err)
 {
     char list[800] = "";
     size_t n = 0;
@@ -186,5 +186,5 @@ CtsStatus cts_preset_load(const char *name, CtsPreset *preset, CtsError *err)
     if (hash && hash > name && snprintf(path, sizeof path, "%.*s", (int)(hash - name), name) < (int)sizeof path &&
         exists(path))
         return load_file(path, hash + 1, preset, err);
-    return is_file ? load_file(name, NULL, preset, err) : fail_unknown(name, err);
+    return is_file ? load_file(name, NULL, preset, err) : fail_unknown_preset(name, err);
 }

@@ -54,8 +54,8 @@ static CtsStatus read_value(const char *name, const CtsVtkText values[], int whi
 }
 
 /* The points of a function, n_values numbers each, the first of them the HU. *n is 0 when it is not given. */
-static CtsStatus read_function(const char *name, const CtsVtkText values[], int which, int n_values,
-                               double (*points)[4], int *n, CtsError *err)
+static CtsStatus read_vtk_function(const char *name, const CtsVtkText values[], int which, int n_values,
+                                   double (*points)[4], int *n, CtsError *err)
 {
     const char *text = values[which].text, *what = cts_vtk_names[which];
     const int line = values[which].line;
@@ -94,7 +94,7 @@ static CtsStatus read_functions(const char *name, const CtsVtkText values[], Cts
     CtsStatus st;
     double points[CTS_MAX_POINTS][4];
     int n;
-    if ((st = read_function(name, values, CTS_VTK_GRADIENT, 2, points, &n, err)))
+    if ((st = read_vtk_function(name, values, CTS_VTK_GRADIENT, 2, points, &n, err)))
         return st;
     for (int i = 0; i < n; i++)
         if (points[i][1] != 1) {
@@ -102,12 +102,12 @@ static CtsStatus read_functions(const char *name, const CtsVtkText values[], Cts
             break;
         }
 
-    if ((st = read_function(name, values, CTS_VTK_OPACITY, 2, points, &preset->n_opacity, err)))
+    if ((st = read_vtk_function(name, values, CTS_VTK_OPACITY, 2, points, &preset->n_opacity, err)))
         return st;
     for (int i = 0; i < preset->n_opacity; i++)
         preset->opacity[i] = (CtsOpacityPoint){points[i][0], points[i][1]};
 
-    if ((st = read_function(name, values, CTS_VTK_COLOUR, 4, points, &preset->n_colour, err)))
+    if ((st = read_vtk_function(name, values, CTS_VTK_COLOUR, 4, points, &preset->n_colour, err)))
         return st;
     for (int i = 0; i < preset->n_colour; i++)
         preset->colour[i] = (CtsColourPoint){points[i][0], {points[i][1], points[i][2], points[i][3]}};

@@ -27,7 +27,7 @@ static const char *attribute(const char *const *attributes, const char *name)
     return NULL;
 }
 
-static void give_up(XmlSearch *search, const char *why)
+static void give_up_search(XmlSearch *search, const char *why)
 {
     search->failed = true;
     search->why = why;
@@ -62,7 +62,7 @@ static void on_element(void *user, const char *element, const char **attributes)
     for (int i = 0; i < CTS_VTK_N; i++) {
         const char *text = attribute(attributes, cts_vtk_names[i]);
         if (text && !(search->texts[i] = strdup(text)))
-            give_up(search, "out of memory");
+            give_up_search(search, "out of memory");
     }
 }
 
@@ -70,7 +70,7 @@ static void on_element(void *user, const char *element, const char **attributes)
 static void on_doctype(void *user, const char *name, const char *sysid, const char *pubid, int has_internal_subset)
 {
     (void)name, (void)sysid, (void)pubid, (void)has_internal_subset;
-    give_up(user, "a document type is not allowed");
+    give_up_search(user, "a document type is not allowed");
 }
 
 CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,

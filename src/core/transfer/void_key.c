@@ -19,14 +19,14 @@ typedef struct KeyLevels {
     double opacity_sum; /* over all voxels */
 } KeyLevels;
 
-static double hu_of(const KeyLevels *levels, int g)
+static double hu_of_level(const KeyLevels *levels, int g)
 {
     return levels->hu_offset + levels->hu_step * g;
 }
 
 /* True if the preset shows a tissue: only HU within a standard deviation of its mean count, as the tails of its
  * distribution are noise and partial volume. */
-static bool shows(const KeyLevels *levels, const CtsTissue *t)
+static bool shows_tissue(const KeyLevels *levels, const CtsTissue *t)
 {
     const double low = (t->mean_hu - t->sd_hu - levels->hu_offset) / levels->hu_step;
     const double high = (t->mean_hu + t->sd_hu - levels->hu_offset) / levels->hu_step;
@@ -56,7 +56,7 @@ static double least_probability(const KeyLevels *levels)
     return 1;
 }
 
-static void find_ranges(const KeyLevels *levels, CtsVoidKey *key)
+static void find_key_ranges(const KeyLevels *levels, CtsVoidKey *key)
 {
     bool drops = false;
     for (int g = 0; g < N_GREY; g++) {
@@ -66,9 +66,9 @@ static void find_ranges(const KeyLevels *levels, CtsVoidKey *key)
         if (drops_this && key->n_ranges == CTS_MAX_KEY_RANGES)
             return;
         if (drops_this)
-            key->range[key->n_ranges++] = (CtsKeyRange){g > 0 ? hu_of(levels, g) : -INFINITY, INFINITY};
+            key->range[key->n_ranges++] = (CtsKeyRange){g > 0 ? hu_of_level(levels, g) : -INFINITY, INFINITY};
         else
-            key->range[key->n_ranges - 1].below_hu = hu_of(levels, g);
+            key->range[key->n_ranges - 1].below_hu = hu_of_level(levels, g);
         drops = drops_this;
     }
 }
@@ -81,7 +81,7 @@ static void count_loss(const KeyLevels *levels, CtsVoidKey *key)
         if (!(levels->opacity[g] > 0))
             continue;
         key->visible += levels->count[g];
-        if (!cts_void_key_drops(key, hu_of(levels, g)))
+        if (!cts_void_key_drops(key, hu_of_level(levels, g)))
             continue;
         key->dropped += levels->count[g];
         dropped += levels->opacity[g] * (double)levels->count[g];
@@ -100,19 +100,19 @@ CtsStatus cts_void_key_propose(const CtsMixture *mixture, const CtsPreset *prese
         (st = cts_alloc_array(&levels.opacity, N_GREY, err)))
         goto end;
     for (int g = 0; g < N_GREY; g++) {
-        levels.opacity[g] = cts_preset_opacity(preset, hu_of(&levels, g));
+        levels.opacity[g] = cts_preset_opacity(preset, hu_of_level(&levels, g));
         levels.opacity_sum += levels.opacity[g] * (double)count[g];
     }
     for (int i = 0; i < mixture->n; i++) {
-        key->is_void[i] = !shows(&levels, &mixture->tissue[i]);
+        key->is_void[i] = !shows_tissue(&levels, &mixture->tissue[i]);
         n_void += key->is_void[i];
     }
     key->useful = n_void > 0 && n_void < mixture->n;
     if (key->useful) {
         for (int g = 0; g < N_GREY; g++)
-            levels.probability[g] = cts_mixture_void(mixture, key->is_void, hu_of(&levels, g));
+            levels.probability[g] = cts_mixture_void(mixture, key->is_void, hu_of_level(&levels, g));
         key->probability = least_probability(&levels);
-        find_ranges(&levels, key);
+        find_key_ranges(&levels, key);
     }
     count_loss(&levels, key);
 end:

@@ -67,7 +67,7 @@ static size_t n_all_blocks(const Shaping *s)
 }
 
 /* Words of a row's flags as bits; the last one has room for a bit beyond the row. */
-static size_t n_words(const Shaping *s)
+static size_t n_row_words(const Shaping *s)
 {
     return (size_t)s->n_blocks[0] / 64 + 1;
 }
@@ -100,7 +100,7 @@ static void scratch_free(Scratch *c)
 
 static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
 {
-    const size_t n = n_all_blocks(s), n_bits = (size_t)s->n_blocks[1] * n_words(s);
+    const size_t n = n_all_blocks(s), n_bits = (size_t)s->n_blocks[1] * n_row_words(s);
     const size_t n_moves = shape_place(0, (size_t)s->n_blocks[1]) + n;
     CtsStatus st;
     *c = (Scratch){.gap = {.stack = s->stack, .n_blocks = {s->n_blocks[0], s->n_blocks[1]}, .edges = s->edges}};
@@ -293,7 +293,7 @@ INLINE void reach_left(int16_t *row, int n)
 }
 
 /* One pass over the blocks, row by row: from the previous row, then within the row. */
-INLINE void sweep(const Shaping *s, int16_t *d, int way)
+INLINE void sweep_blocks(const Shaping *s, int16_t *d, int way)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     for (int j = way > 0 ? 0 : ny - 1; j >= 0 && j < ny; j += way) {
@@ -310,8 +310,8 @@ INLINE void sweep(const Shaping *s, int16_t *d, int way)
 INLINE void find_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
 {
     begin_distances(s, grey, level, d);
-    sweep(s, d, 1);
-    sweep(s, d, -1);
+    sweep_blocks(s, d, 1);
+    sweep_blocks(s, d, -1);
     for (size_t i = 0; i < n_all_blocks(s); i++)
         d[i] = (int16_t)(grey[i] < level ? -d[i] : d[i]);
 }
@@ -366,7 +366,7 @@ static void pack_row(const uint8_t *flags, int n, uint64_t *bits)
 /* Lists the blocks whose bit is set. */
 static void list_flagged(const Shaping *s, const uint64_t *bits, ShapeBlocks *list)
 {
-    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_words(s);
+    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_row_words(s);
     list->n = 0;
     for (size_t j = 0; j < ny; j++)
         for (size_t w = 0; w < n; w++)
@@ -390,7 +390,7 @@ static void widen_row(const uint64_t *own, int n_blocks, uint64_t *to)
  * adjacent blocks affect a pixel, too. */
 static void list_blocks(const Shaping *s, Scratch *c)
 {
-    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_words(s);
+    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_row_words(s);
     CTS_CPU_CHOICE(cts_cpu_flags(), find_moves)(s, c);
     for (size_t j = 0; j < ny; j++) {
         pack_row(c->moves + j * nx, (int)nx, c->bits + j * n);
@@ -418,7 +418,7 @@ static void clear_moves(const ShapeGap *g)
     }
 }
 
-static double place_of(const CtsShapeStack *t, int slice)
+static double place_of_slice(const CtsShapeStack *t, int slice)
 {
     return t->layer ? t->layer[slice] : (double)slice * t->n_parts;
 }
@@ -426,7 +426,7 @@ static double place_of(const CtsShapeStack *t, int slice)
 static void shape_gap(const Shaping *s, Scratch *c, int gap, ShapeSums *sums)
 {
     const CtsShapeStack *const t = s->stack;
-    const double from = place_of(t, gap), to = place_of(t, gap + 1);
+    const double from = place_of_slice(t, gap), to = place_of_slice(t, gap + 1);
     const size_t layer = (size_t)t->n_columns * (size_t)t->n_rows;
     const uint16_t *const slice = t->slices + (size_t)gap * t->slice_step;
     list_blocks(s, c);
@@ -468,7 +468,7 @@ static void shape_gaps(void *context, int worker, size_t first, size_t end)
     atomic_fetch_add(&s->sum_of_differences, sums.differences);
 }
 
-static uint16_t level_of(const CtsShapeStack *t, double hu)
+static uint16_t level_of_hu(const CtsShapeStack *t, double hu)
 {
     const double level = ceil((hu - t->hu_offset) / t->hu_step);
     return (uint16_t)(level < 1 ? 1 : level > UINT16_MAX ? UINT16_MAX : level);
@@ -481,7 +481,7 @@ void cts_shape_interpolate_layers(const CtsShapeStack *stack, int n_threads, Cts
     if (stack->n_slices < 2 || stack->n_columns < 2 || stack->n_rows < 2)
         return;
     for (int l = 0; l < N_SURFACES; l++)
-        s.level[l] = level_of(stack, SURFACE_HU[l]);
+        s.level[l] = level_of_hu(stack, SURFACE_HU[l]);
     s.alike = (float)(ALIKE_HU / stack->hu_step);
     s.edges = (float)(EDGES_HU / stack->hu_step);
     s.find = cpu & CTS_CPU_AVX512 ? cts_shape_find_moves_avx512

@@ -110,7 +110,7 @@ static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c
     return CTS_OK;
 }
 
-static opj_stream_t *open_stream(Source *source)
+static opj_stream_t *open_source(Source *source)
 {
     opj_stream_t *stream = opj_stream_create(64 << 10, OPJ_TRUE);
     if (!stream)
@@ -123,8 +123,8 @@ static opj_stream_t *open_stream(Source *source)
     return stream;
 }
 
-static CtsStatus run(const CtsFrameFormat *f, opj_codec_t *codec, opj_stream_t *stream, opj_image_t **image,
-                     Complaint *complaint, CtsError *err)
+static CtsStatus decode_image(const CtsFrameFormat *f, opj_codec_t *codec, opj_stream_t *stream, opj_image_t **image,
+                              Complaint *complaint, CtsError *err)
 {
     opj_dparameters_t parameters;
     opj_set_default_decoder_parameters(&parameters);
@@ -153,9 +153,9 @@ CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *f, const uint8_t *bytes, siz
     Source source = {bytes, n, 0};
     Complaint complaint = {0};
     opj_image_t *image = NULL;
-    opj_stream_t *stream = open_stream(&source);
+    opj_stream_t *stream = open_source(&source);
     opj_codec_t *codec = opj_create_decompress(is_jp2 ? OPJ_CODEC_JP2 : OPJ_CODEC_J2K);
-    CtsStatus st = stream && codec ? run(f, codec, stream, &image, &complaint, err)
+    CtsStatus st = stream && codec ? decode_image(f, codec, stream, &image, &complaint, err)
                                    : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (OPJ_UINT32 c = 0; !st && c < image->numcomps; c++)
         st = take_samples(f, &image->comps[c], (uint8_t *)pixels + c * (size_t)(f->bits_allocated / 8), err);

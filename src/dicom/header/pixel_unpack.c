@@ -21,7 +21,7 @@ void cts_slice_widen(const CtsSlice *s, const uint8_t *bytes, uint16_t *words, s
             words[i] = bytes[i];
 }
 
-static uint16_t grey_of(const CtsSlice *s, const CtsStored *stored, uint16_t word)
+static uint16_t grey_of_word(const CtsSlice *s, const CtsStored *stored, uint16_t word)
 {
     const int32_t value = cts_stored_value(word, stored);
     if (cts_stored_is_padding(word, value, stored))
@@ -38,6 +38,6 @@ void cts_slice_sample(const CtsSlice *s, const uint16_t *words, bool are_grey, u
     for (int j = 0; j < CTS_SAMPLE_SIDE; j++) {
         const uint16_t *row = words + (size_t)((2 * j + 1) * s->rows / (2 * CTS_SAMPLE_SIDE)) * (size_t)s->columns;
         for (int i = 0; i < CTS_SAMPLE_SIDE; i++)
-            *sample++ = are_grey ? row[column[i]] : grey_of(s, &stored, row[column[i]]);
+            *sample++ = are_grey ? row[column[i]] : grey_of_word(s, &stored, row[column[i]]);
     }
 }

@@ -30,7 +30,7 @@ static int lock_folder(const char *path)
 }
 
 /* Removes folders of killed programs. */
-static void sweep(void)
+static void remove_stale(void)
 {
     DIR *dir = opendir(cts_temp_root());
     const struct dirent *entry;
@@ -62,7 +62,7 @@ CtsStatus cts_fetch_folder_make(CtsFetchFolder *fetch_folder, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     *fetch_folder = (CtsFetchFolder){.lock = -1};
-    sweep();
+    remove_stale();
     /* Another program's sweep may remove the folder before it is locked. */
     for (int i = 0; !st && !fetch_folder->folder && i < TRIES; i++)
         st = try_make(fetch_folder, err);

@@ -32,7 +32,7 @@ CtsStatus cts_multipart_start(CtsMultipart *m, const char *content_type, const C
     return CTS_OK;
 }
 
-static void drop(CtsMultipart *m, size_t n)
+static void drop_bytes(CtsMultipart *m, size_t n)
 {
     m->n_held -= n;
     memmove(m->held, m->held + n, m->n_held);
@@ -47,7 +47,7 @@ static CtsStatus take_body(CtsMultipart *m, bool *more, CtsError *err)
     const bool inside = m->state == CTS_PART_BODY;
     CtsStatus st = inside && n ? m->sink.bytes(m->sink.context, m->held, n, err) : CTS_OK;
     *more = !at;
-    drop(m, at ? n + m->n_delimiter : n);
+    drop_bytes(m, at ? n + m->n_delimiter : n);
     if (st || !at)
         return st;
     m->state = CTS_PART_HEADER;
@@ -68,7 +68,7 @@ static CtsStatus take_header(CtsMultipart *m, bool *more, CtsError *err)
     else if (n < m->n_held && m->held[n] != '\r' && !(m->n_held == 1 && m->held[0] == '-'))
         return cts_fail(err, CTS_ERR_READ, "the peer's multipart answer is damaged after a boundary");
     else if (blank_line) {
-        drop(m, (size_t)(blank_line - m->held) + 4);
+        drop_bytes(m, (size_t)(blank_line - m->held) + 4);
         m->state = CTS_PART_BODY;
         return m->sink.begin(m->sink.context, err);
     } else if (m->n_held > CTS_MAX_PART_HEADER)

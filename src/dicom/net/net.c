@@ -132,7 +132,7 @@ static int by_text(const void *a, const void *b)
 }
 
 /* Checks that one received object belongs to the request. Objects that are not CT are not rendered. */
-static CtsStatus compare(const CtsObject *object, const CtsRequest *request, CtsError *err)
+static CtsStatus check_received(const CtsObject *object, const CtsRequest *request, CtsError *err)
 {
     const CtsSlice *const slice = object->n_slices ? object->slices[0] : NULL;
     const bool other_study = slice && strcmp(slice->identity[CTS_STUDY_UID], request->study_uid);
@@ -157,7 +157,7 @@ static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
         CtsObject object = {0};
         snprintf(path, sizeof path, "%s/%06d.dcm", request->fetch_folder->folder, i);
         const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &scratch, &object, &bytes_read, NULL);
-        st = compare(&object, request, err);
+        st = check_received(&object, request, err);
         if (object.n_slices && *object.slices[0]->sop_uid)
             uids[n++] = object.slices[0]->sop_uid;
         else

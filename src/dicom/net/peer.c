@@ -8,7 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
-static CtsStatus fail(const char *text, const char *why, CtsError *err)
+static CtsStatus fail_peer(const char *text, const char *why, CtsError *err)
 {
     return cts_fail(err, CTS_ERR_USAGE, "%.200s: %s (AET@HOST:PORT, or a DICOMweb URL)", text, why);
 }
@@ -38,14 +38,14 @@ static CtsStatus parse_url(const char *text, CtsPeer *peer, CtsError *err)
     const size_t n_host = strcspn(host, "/?#");
     for (const char *c = text; *c; c++)
         if (*c <= 0x20 || *c > 0x7e)
-            return fail("URL", "has characters that must be percent-encoded", err);
+            return fail_peer("URL", "has characters that must be percent-encoded", err);
     if (memchr(host, '@', n_host))
         return cts_fail(err, CTS_ERR_USAGE,
                         "the URL holds a user or password (put them into `credentials` FILE or CTSPLAT_CREDENTIALS)");
     if (n_host == 0 || host[n_host + strcspn(host + n_host, "?#")])
-        return fail(text, "is no root of a DICOMweb service", err);
+        return fail_peer(text, "is no root of a DICOMweb service", err);
     if (strlen(text) >= sizeof peer->url)
-        return fail(text, "is too long", err);
+        return fail_peer(text, "is too long", err);
     peer->web = true;
     snprintf(peer->url, sizeof peer->url, "%s", text);
     for (size_t n = strlen(peer->url); n > 0 && peer->url[n - 1] == '/'; n--)
@@ -61,20 +61,20 @@ CtsStatus cts_peer_parse(const char *text, CtsPeer *peer, CtsError *err)
     if (strncasecmp(text, "http://", 7) == 0 || strncasecmp(text, "https://", 8) == 0)
         return parse_url(text, peer, err);
     if (!at || !colon || colon < at)
-        return fail(text, "is no peer", err);
+        return fail_peer(text, "is no peer", err);
     if (!cts_aet_is_valid(text, (size_t)(at - text)))
-        return fail(text, "its AE title is not 1 to 16 characters", err);
+        return fail_peer(text, "its AE title is not 1 to 16 characters", err);
     const size_t n_host = (size_t)(colon - at - 1);
     if (n_host < 1 || n_host >= sizeof peer->host)
-        return fail(text, "has no host name", err);
+        return fail_peer(text, "has no host name", err);
     for (const char *c = at + 1; c < colon; c++)
         if (!isalnum((unsigned char)*c) && !strchr(".-_", *c))
-            return fail(text,
-                        strchr(":[]", *c) ? "DIMSE goes over IPv4 alone" : "its host has other characters than a name",
-                        err);
+            return fail_peer(
+                text, strchr(":[]", *c) ? "DIMSE goes over IPv4 alone" : "its host has other characters than a name",
+                err);
     const long port = strtol(colon + 1, &end, 10);
     if (!isdigit((unsigned char)colon[1]) || *end || port < 1 || port > 65535)
-        return fail(text, "its port is not within 1 to 65535", err);
+        return fail_peer(text, "its port is not within 1 to 65535", err);
     snprintf(peer->aet, sizeof peer->aet, "%.*s", (int)(at - text), text);
     snprintf(peer->host, sizeof peer->host, "%.*s", (int)n_host, at + 1);
     peer->port = (int)port;

@@ -353,7 +353,7 @@ static const json_t *first_value(const json_t *object, const char *tag)
     return json_array_get(json_object_get(json_object_get(object, tag), "Value"), 0);
 }
 
-static const char *text_of(const json_t *object, const char *tag)
+static const char *text_of_tag(const json_t *object, const char *tag)
 {
     const char *text = json_string_value(first_value(object, tag));
     return text ? text : "";
@@ -371,7 +371,7 @@ static int count_instances(const json_t *answer, const char *series_uid)
     json_int_t n = 0;
     for (size_t i = 0; i < json_array_size(answer); i++) {
         const json_t *series = json_array_get(answer, i);
-        const char *uid = text_of(series, "0020000E");
+        const char *uid = text_of_tag(series, "0020000E");
         if (!series_uid || strcmp(uid, series_uid) == 0)
             n += integer_of(series, "00201209");
     }
@@ -465,7 +465,7 @@ static void add_key(char text[MAX_QUERY], const char *name, const char *value)
 static CtsStatus find_series(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *q, const json_t *study,
                              CtsFound *found, CtsError *err)
 {
-    const char *study_uid = text_of(study, "0020000D");
+    const char *study_uid = text_of_tag(study, "0020000D");
     char what[MAX_QUERY];
     json_t *answered = NULL;
     if (!cts_uid_is_valid(study_uid))
@@ -480,10 +480,10 @@ static CtsStatus find_series(const CtsPeer *peer, const CtsNet *net, const CtsSe
         const json_t *answer = json_array_get(answered, i);
         CtsFoundSeries series = {.n_objects = (int)integer_of(answer, "00201209")};
         snprintf(series.study_uid, sizeof series.study_uid, "%s", study_uid);
-        snprintf(series.study_date, sizeof series.study_date, "%s", text_of(study, "00080020"));
-        snprintf(series.series_uid, sizeof series.series_uid, "%s", text_of(answer, "0020000E"));
-        snprintf(series.modality, sizeof series.modality, "%s", text_of(answer, "00080060"));
-        snprintf(series.description, sizeof series.description, "%s", text_of(answer, "0008103E"));
+        snprintf(series.study_date, sizeof series.study_date, "%s", text_of_tag(study, "00080020"));
+        snprintf(series.series_uid, sizeof series.series_uid, "%s", text_of_tag(answer, "0020000E"));
+        snprintf(series.modality, sizeof series.modality, "%s", text_of_tag(answer, "00080060"));
+        snprintf(series.description, sizeof series.description, "%s", text_of_tag(answer, "0008103E"));
         st = cts_found_add(found, &series, err);
     }
     json_decref(answered);

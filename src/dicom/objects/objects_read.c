@@ -31,7 +31,7 @@ static CtsStatus open_head(const char *path, CtsDicomHeader *head, CtsScratch *s
     return st || head->kind == CTS_FILE_DICOM ? st : cts_fail(err, CTS_ERR_READ, "is no DICOM file");
 }
 
-static CtsStatus open_file(const char *path, ScFile *f, CtsError *err)
+static CtsStatus open_object(const char *path, ScFile *f, CtsError *err)
 {
     const CtsStatus st = open_head(path, &f->head, &f->scratch, err);
     const CtsSyntax *const syntax = f->head.syntax;
@@ -47,7 +47,7 @@ static CtsStatus open_file(const char *path, ScFile *f, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus refuse(CtsError *err, const char *why)
+static CtsStatus refuse_object(CtsError *err, const char *why)
 {
     return cts_fail(err, CTS_ERR_READ, "is no picture that can be read: %s", why);
 }
@@ -73,20 +73,20 @@ static CtsStatus read_header(const CtsElements all, ScHeader *h, CtsError *err)
     h->inverted = strcmp(colours, "MONOCHROME1") == 0;
     CtsElement frames;
     if (!counted && cts_elements_get(all, 0x00280008, &frames))
-        return refuse(err, "its number of frames is no number");
+        return refuse_object(err, "its number of frames is no number");
     if (h->width < 1 || h->height < 1 || h->width > CTS_MAX_SIDE || h->height > CTS_MAX_SIDE || h->n_frames < 1)
-        return refuse(err, "its size is not within what a picture can have");
+        return refuse_object(err, "its size is not within what a picture can have");
     const bool colour = h->n_samples == 3 && h->bits_allocated == 8 && h->bits_stored == 8 &&
                         (!strcmp(colours, "RGB") || !strcmp(colours, "YBR_RCT"));
     const bool grey = h->n_samples == 1 && (h->bits_allocated == 8 || h->bits_allocated == 16) && h->bits_stored >= 1 &&
                       h->bits_stored <= h->bits_allocated && (h->inverted || !strcmp(colours, "MONOCHROME2"));
     if ((!colour && !grey) || is_signed || high_bit != h->bits_stored - 1)
-        return refuse(err, "its pixels are neither RGB of 8 bits nor unsigned grey");
+        return refuse_object(err, "its pixels are neither RGB of 8 bits nor unsigned grey");
     return CTS_OK;
 }
 
 /* Compressed pixels are decoded in a sandbox. */
-static CtsStatus decode(ScFile *f, CtsError *err)
+static CtsStatus decode_object(ScFile *f, CtsError *err)
 {
     const ScHeader *h = &f->header;
     const CtsFrameFormat format = {.syntax = f->head.syntax,
@@ -121,11 +121,11 @@ static CtsStatus read_frame(ScFile *f, CtsError *err)
                         (unsigned long long)(left < scan->pixel_bytes ? left : scan->pixel_bytes));
     const CtsStatus st = cts_alloc_array(&f->frame, f->frame_bytes, err);
     if (st || scan->encapsulated)
-        return st ? st : decode(f, err);
+        return st ? st : decode_object(f, err);
     return cts_file_bytes_read(&f->head.file, f->frame, f->frame_bytes, scan->pixel_offset, err);
 }
 
-static void widen(const ScFile *f, CtsScPixels *pixels)
+static void widen_pixels(const ScFile *f, CtsScPixels *pixels)
 {
     const ScHeader *h = &f->header;
     const size_t n = (size_t)h->width * h->height;
@@ -143,7 +143,7 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
 {
     ScFile f = {0};
     *pixels = (CtsScPixels){0};
-    CtsStatus st = open_file(path, &f, err);
+    CtsStatus st = open_object(path, &f, err);
     if (!st && !(st = read_header(cts_dicom_header_elements(&f.head), &f.header, err)) && !(st = read_frame(&f, err))) {
         pixels->width = f.header.width;
         pixels->height = f.header.height;
@@ -151,7 +151,7 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
         st = cts_alloc_array(&pixels->samples, (size_t)pixels->width * pixels->height * pixels->n_samples, err);
     }
     if (!st)
-        widen(&f, pixels);
+        widen_pixels(&f, pixels);
     cts_free(&f.frame);
     cts_dicom_header_close(&f.head);
     cts_scratch_free(&f.scratch);

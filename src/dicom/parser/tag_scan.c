@@ -347,7 +347,7 @@ static CtsScanResult top_step(TagWalk *w, const CtsRawElement *e, bool *stop)
     return result == CTS_SCAN_DONE ? element_step(w, e, !w->explicit_vr) : result;
 }
 
-static CtsScanResult step(TagWalk *w, bool *stop)
+static CtsScanResult next_tag(TagWalk *w, bool *stop)
 {
     OpenElement *top = w->height ? &w->stack[w->height - 1] : NULL;
     if (top && top->end != UNDEFINED && w->pos >= top->end) {
@@ -408,7 +408,7 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
         return CTS_SCAN_BAD;
     }
     for (bool stop = false; !stop;) {
-        const CtsScanResult result = step(&w, &stop);
+        const CtsScanResult result = next_tag(&w, &stop);
         if (result != CTS_SCAN_DONE)
             return result;
         if (w.pos - start > most) {
@@ -428,7 +428,7 @@ size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool
     TagWalk w = {
         .bytes = bytes, .stack = stack, .n = n, .total = n, .explicit_vr = explicit_vr, .big = big, .scan = &scan};
     push(&w, is_item, UNDEFINED, !explicit_vr, is_raw);
-    while (w.height && step(&w, &stop) == CTS_SCAN_DONE)
+    while (w.height && next_tag(&w, &stop) == CTS_SCAN_DONE)
         ;
     return w.height ? 0 : (size_t)w.pos;
 }

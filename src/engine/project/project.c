@@ -17,7 +17,7 @@ typedef struct Projecting {
     CtsPicture *picture;
 } Projecting;
 
-static void show(const Projecting *pr, double grey, float out[4])
+static void write_pixel(const Projecting *pr, double grey, float out[4])
 {
     const CtsPreset *preset = pr->scene->preset;
     const CtsVolume *v = pr->scene->volume;
@@ -45,7 +45,7 @@ static void project_tiles(const Projecting *pr, int worker, int y)
         pr->tile(&pr->projection, &pr->scratch[worker], x, picture->first_row + y, width, height, grey);
         for (int j = 0; j < height; j++)
             for (int i = 0; i < width; i++)
-                show(pr, grey[CTS_PROJECT_TILE * j + i], pixel_of(picture, x + i, y + j));
+                write_pixel(pr, grey[CTS_PROJECT_TILE * j + i], pixel_of(picture, x + i, y + j));
     }
 }
 
@@ -57,7 +57,7 @@ static void project_some(void *context, int worker, size_t first, size_t end)
 }
 
 /* Levels beyond the window, which are black or white, need not be distinguished. */
-static void set_window(const CtsScene *scene, CtsProjection *p)
+static void narrow_window(const CtsScene *scene, CtsProjection *p)
 {
     const CtsPreset *preset = scene->preset;
     const CtsVolume *v = scene->volume;
@@ -92,7 +92,7 @@ typedef struct Seeing {
     CtsVisibleBlocks *seen;
 } Seeing;
 
-static void test_rows(void *context, int worker, size_t first, size_t end)
+static void test_macrocell_rows(void *context, int worker, size_t first, size_t end)
 {
     const Seeing *const s = context;
     const CtsProjector *p = s->projector;
@@ -177,7 +177,7 @@ static CtsStatus find_visible_blocks(const CtsProjector *projector, int n_thread
         goto end;
     Seeing s = {projector, *seen};
     (*seen)->body = projector->body;
-    cts_parallel(n_threads, n_rows, 0, test_rows, &s);
+    cts_parallel(n_threads, n_rows, 0, test_macrocell_rows, &s);
     for (size_t i = 0; i < n_blocks; i++)
         if ((*seen)->sees[i] >= 0)
             (*seen)->sees[i] = n_some++;
@@ -189,7 +189,7 @@ end:
     return st;
 }
 
-static CtsStatus prepare(Projecting *pr, int n_threads, CtsVisibleBlocks **seen, CtsError *err)
+static CtsStatus prepare_projection(Projecting *pr, int n_threads, CtsVisibleBlocks **seen, CtsError *err)
 {
     CtsStatus st;
     CtsProjection *p = &pr->projection;
@@ -261,8 +261,8 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
     if (!picture)
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    set_window(scene, &pr.projection);
-    CtsStatus st = prepare(&pr, n_threads, seen, err);
+    narrow_window(scene, &pr.projection);
+    CtsStatus st = prepare_projection(&pr, n_threads, seen, err);
     if (!st)
         cts_parallel(n_threads, (size_t)((picture->height + CTS_PROJECT_TILE - 1) / CTS_PROJECT_TILE), 1, project_some,
                      &pr);

@@ -156,7 +156,7 @@ INLINE void cells_at(const CtsProjection *p, const RaySlopes *w, const Projectio
 }
 
 /* Their eight voxels, bit a of the index for axis a. */
-INLINE void load_corners(const CtsProjection *p, const vn cell[3], vf value[8])
+INLINE void load_packet_corners(const CtsProjection *p, const vn cell[3], vf value[8])
 {
     const uint16_t *grey = p->projector.volume->grey;
     const ptrdiff_t row = p->projector.stride[1], slice = p->projector.stride[2];
@@ -300,7 +300,7 @@ static void march_layer(const CtsProjection *p, const RaySlopes *w, const Projec
         if (!mask_any(some))
             continue;
         cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
-        load_corners(p, cell, v);
+        load_packet_corners(p, cell, v);
         for (int c = 0; c < 8; c++)
             v[c] *= p->sign;
         const vf most =
@@ -423,7 +423,7 @@ INLINE void sum_layer(const CtsProjection *p, const RaySlopes *w, const Projecti
         if (!mask_any(some))
             continue;
         cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
-        load_corners(p, cell, v);
+        load_packet_corners(p, cell, v);
         find_visible_values(p, w, r, some, cell, t + n, sees_all, &seen);
         for (int i = 0; i < seen.n; i++) {
             const vf middle = (seen.first[i] + seen.last[i]) / 2, half = (seen.last[i] - seen.first[i]) / 2;

@@ -30,7 +30,7 @@ bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *
 }
 
 /* Position of a ray in a cell, 0 to 1. */
-static void place_in(const CtsProjectedRay *ray, const int cell[3], double t, double place[3])
+static void place_in_cell(const CtsProjectedRay *ray, const int cell[3], double t, double place[3])
 {
     for (int a = 0; a < 3; a++)
         place[a] = cts_clamp01(ray->start[a] + t * ray->step[a] - cell[a]);
@@ -58,8 +58,8 @@ int cts_project_stretches(const CtsProjector *p, const CtsProjectedRay *ray, con
     int n = 0;
     if (appearance == CTS_APPEARANCE_HIDDEN)
         return 0;
-    place_in(ray, cell, from, enter);
-    place_in(ray, cell, to, leave);
+    place_in_cell(ray, cell, from, enter);
+    place_in_cell(ray, cell, to, leave);
     const int n_body = p->body ? body_stretches(p->body, cell, enter, leave, body) : 1;
     for (int b = 0; b < n_body; begin = body[b++].end) {
         const double length = body[b].end - begin;
@@ -89,7 +89,7 @@ double cts_project_point(const CtsProjector *p, const CtsProjectedRay *ray)
             (int)fmin(fmax(ray->start[a] + ray->t0 * ray->step[a], 0), p->view->dims[a] > 1 ? p->view->dims[a] - 2 : 0);
     if (cts_project_stretches(p, ray, cell, ray->t0, ray->t0, first, last) == 0)
         return INFINITY;
-    place_in(ray, cell, ray->t0, at);
+    place_in_cell(ray, cell, ray->t0, at);
     const uint16_t *const base = p->volume->grey + cell[0] + cell[1] * p->stride[1] + cell[2] * p->stride[2];
     for (int c = 0; c < 8; c++) {
         double weight = 1;

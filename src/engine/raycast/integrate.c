@@ -38,7 +38,7 @@ static double extinction_at(const Interval *s, double hu)
     return cts_transfer_extinction(s->transfer, span->opacity + (hu - span->at_hu) * span->opacity_slope);
 }
 
-static double openness_at(const Interval *s, double u)
+static double interval_openness_at(const Interval *s, double u)
 {
     const double t_mm = s->segment->t0_mm + u * (s->segment->t1_mm - s->segment->t0_mm);
     double vox[3];
@@ -58,7 +58,7 @@ static void colour_at(const Interval *s, double u, double hu, double rgb[3])
         double g[3];
         for (int axis = 0; axis < 3; axis++)
             g[axis] = cts_cubic_at(s->gradient[axis], u);
-        cts_raycast_shade(s->caster, g, openness_at(s, u), rgb);
+        cts_raycast_shade(s->caster, g, interval_openness_at(s, u), rgb);
     }
 }
 
@@ -92,7 +92,7 @@ static void sum_colour(const Interval *s, const CtsGauss *rule, double a, double
 
 /* Interval a..b of the segment. Depth of the surface: where half of the light is absorbed, or else the first visible
  * point. */
-static bool add(const Interval *s, double a, double b, const double rgb[3], double depth)
+static bool add_light(const Interval *s, double a, double b, const double rgb[3], double depth)
 {
     CtsRaySum *light = s->light;
     if (light->depth < M_LN2 && light->depth + depth >= M_LN2) {
@@ -114,7 +114,7 @@ static bool add_even(const Interval *s, double a, double b)
     double rgb[3];
     for (int c = 0; c < 3; c++)
         rgb[c] = alpha * s->span->rgb[c];
-    return add(s, a, b, rgb, depth);
+    return add_light(s, a, b, rgb, depth);
 }
 
 /* Two rules may agree because both missed a highlight between their nodes, or a normal that reverses where the gradient
@@ -127,7 +127,7 @@ static bool sees_all_light(const Interval *s, double a, double b, double depth)
 }
 
 /* a..b of the segment, halved until two rules agree. False when the ray has ended. */
-static bool add_interval(const Interval *s, double a, double b)
+static bool add_to_tolerance(const Interval *s, double a, double b)
 {
     const CtsRaycaster *caster = s->caster;
     double hu[CTS_GAUSS_FINE], density[CTS_GAUSS_FINE];
@@ -143,10 +143,10 @@ static bool add_interval(const Interval *s, double a, double b)
         for (int c = 0; c < 3; c++)
             change = fmax(change, fabs(fine.rgb[c] - coarse.rgb[c]));
         if ((change * left <= TOLERANCE && sees_all_light(s, a, b, fine.depth)) || !halve)
-            return add(s, a, b, fine.rgb, fine.depth);
+            return add_light(s, a, b, fine.rgb, fine.depth);
     }
     const double middle = 0.5 * (a + b);
-    return add_interval(s, a, middle) && add_interval(s, middle, b);
+    return add_to_tolerance(s, a, middle) && add_to_tolerance(s, middle, b);
 }
 
 static bool add_span(const Interval *s, double a, double b)
@@ -157,7 +157,7 @@ static bool add_span(const Interval *s, double a, double b)
         s->light->surface_mm = s->segment->t0_mm + a * (s->segment->t1_mm - s->segment->t0_mm);
     if (s->span->flat_extinction && s->span->flat_colour && !s->gradient)
         return add_even(s, a, b);
-    return add_interval(s, a, b);
+    return add_to_tolerance(s, a, b);
 }
 
 /* a..b, on which HU is monotone: from span to span. The next span is found by counting, not by looking up a rounded HU,
@@ -184,7 +184,7 @@ static bool add_monotone(Interval *s, double a, double b)
 
 /* Boundaries between blocks of the openness, where its slope changes; at most one along each axis, as within a cell.
  * The quadrature rules find those that longer segments cross besides. */
-static int find_blocks(const Interval *s, double *split)
+static int split_at_blocks(const Interval *s, double *split)
 {
     const CtsOpenness *const o = s->caster->openness;
     const double length_mm = s->segment->t1_mm - s->segment->t0_mm;
@@ -203,14 +203,14 @@ static int find_blocks(const Interval *s, double *split)
 /* Positions at which the segment is split: extremes of HU, changes of the side that faces the camera and of the
  * openness's slope. */
 enum { MAX_SPLITS = 1 + 2 + 3 + 3 + 1 };
-static int find_splits(const Interval *s, double split[MAX_SPLITS])
+static int find_interval_splits(const Interval *s, double split[MAX_SPLITS])
 {
     int n = 0;
     split[n++] = 0;
     n += CTS_MUTATED(TURNS) ? 0 : cts_cubic_turns(s->segment->hu, split + n);
     if (s->gradient) {
         n += cts_cubic_sign_changes(s->framed[2], split + n);
-        n += find_blocks(s, split + n);
+        n += split_at_blocks(s, split + n);
         for (int i = 1; i < n; i++)
             for (int k = i; k > 1 && split[k] < split[k - 1]; k--) {
                 const double swap = split[k];
@@ -233,7 +233,7 @@ bool cts_raycast_segment(const CtsRaycaster *caster, const CtsTransfer *transfer
         for (int axis = 0; axis < 3; axis++)
             s.framed[axis][i] = cts_dot3(caster->frame[axis], g);
     }
-    const int n = find_splits(&s, split);
+    const int n = find_interval_splits(&s, split);
     for (int i = 0; i < n; i++)
         if (!add_monotone(&s, split[i], split[i + 1]))
             return false;

@@ -100,7 +100,7 @@ static void find_taps(const KernelField *f, double u, double v, Taps *taps)
 }
 
 /* The sheet of layer k at the taps' place. */
-static double sheet_at(const KernelField *f, int k, const Taps *taps, int difference_axis)
+static double sheet_value_at(const KernelField *f, int k, const Taps *taps, int difference_axis)
 {
     double sum = 0;
     int voxel[3];
@@ -116,7 +116,7 @@ static double sheet_at(const KernelField *f, int k, const Taps *taps, int differ
     return sum;
 }
 
-static double field_at(const KernelField *f, const CtsRay *ray, double t_mm, int difference_axis)
+static double kernel_field_at(const KernelField *f, const CtsRay *ray, double t_mm, int difference_axis)
 {
     double p[3];
     Taps taps;
@@ -126,9 +126,9 @@ static double field_at(const KernelField *f, const CtsRay *ray, double t_mm, int
     const int k = (int)fmin(floor(p[f->axis]), last > 0 ? last - 1 : 0);
     const double part = p[f->axis] - k;
     find_taps(f, p[f->u_axis], p[f->v_axis], &taps);
-    double value = part < 1 ? (1 - part) * sheet_at(f, k, &taps, difference_axis) : 0;
+    double value = part < 1 ? (1 - part) * sheet_value_at(f, k, &taps, difference_axis) : 0;
     if (part > 0)
-        value += part * sheet_at(f, k + 1, &taps, difference_axis);
+        value += part * sheet_value_at(f, k + 1, &taps, difference_axis);
     return difference_axis < 0 ? f->volume->hu_offset + f->volume->hu_step * value : f->volume->hu_step * value;
 }
 
@@ -210,17 +210,18 @@ static double next_edge_mm(const KernelField *f, const CtsRay *ray, double t_mm,
 
 /* Fits the cubic to t0..t1; true when it is accurate in between too. Does not evaluate the ends, where kernels may be
  * discontinuous. */
-static bool fit(const KernelField *f, const CtsRay *ray, double t0, double t1, int difference_axis, double cubic[4])
+static bool fit_cubic(const KernelField *f, const CtsRay *ray, double t0, double t1, int difference_axis,
+                      double cubic[4])
 {
     static const double node[4] = {0.038060233744356624, 0.30865828381745511, 0.69134171618254489, 0.96193976625564337};
     static const double test[3] = {0.14644660940672624, 0.5, 0.85355339059327376};
     const double tolerance = difference_axis < 0 ? FIT_HU : FIT_GRADIENT;
     double at[4];
     for (int i = 0; i < 4; i++)
-        at[i] = field_at(f, ray, t0 + (t1 - t0) * node[i], difference_axis);
+        at[i] = kernel_field_at(f, ray, t0 + (t1 - t0) * node[i], difference_axis);
     cts_cubic_through(node, at, cubic);
     for (int i = 0; i < 3; i++)
-        if (fabs(cts_cubic_at(cubic, test[i]) - field_at(f, ray, t0 + (t1 - t0) * test[i], difference_axis)) >
+        if (fabs(cts_cubic_at(cubic, test[i]) - kernel_field_at(f, ray, t0 + (t1 - t0) * test[i], difference_axis)) >
             tolerance)
             return false;
     return true;
@@ -229,9 +230,9 @@ static bool fit(const KernelField *f, const CtsRay *ray, double t0, double t1, i
 static bool fit_all(const KernelField *f, const CtsRay *ray, double t0, double t1, double hu[4])
 {
     double unused[4];
-    bool good = fit(f, ray, t0, t1, -1, hu);
+    bool good = fit_cubic(f, ray, t0, t1, -1, hu);
     for (int axis = 0; axis < 3 && f->lit && good; axis++)
-        good = fit(f, ray, t0, t1, axis, unused);
+        good = fit_cubic(f, ray, t0, t1, axis, unused);
     return good;
 }
 
@@ -260,7 +261,7 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment
 static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRaySegment *segment, double g[3][4])
 {
     for (int axis = 0; axis < 3; axis++)
-        fit((const KernelField *)field, walk->ray, segment->t0_mm, segment->t1_mm, axis, g[axis]);
+        fit_cubic((const KernelField *)field, walk->ray, segment->t0_mm, segment->t1_mm, axis, g[axis]);
 }
 
 static void kernel_field_free(CtsField **field)

@@ -177,7 +177,7 @@ CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
 
-static void plan(const CtsScene *scene, CtsReport *report)
+static void report_raycast_plan(const CtsScene *scene, CtsReport *report)
 {
     cts_report_plan(report, "each pixel by itself, in float64, split at cell faces%s",
                     scene->preset->mode == CTS_MODE_COMPOSITE
@@ -217,7 +217,7 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsErrorMap 
                         CtsError *err)
 {
     (void)errors;
-    plan(scene, report);
+    report_raycast_plan(scene, report);
     cts_scene_report_region(scene, report);
     if (!picture)
         return CTS_OK;

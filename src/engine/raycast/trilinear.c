@@ -18,14 +18,14 @@ typedef struct Trilinear {
     bool air_beyond;
 } Trilinear;
 
-static double hu_of(const Trilinear *t, double grey)
+static double hu_of_grey(const Trilinear *t, double grey)
 {
     return t->volume->hu_offset + t->volume->hu_step * grey;
 }
 
 static bool wanted(const Trilinear *t, const CtsHuRanges *ranges, CtsRange grey)
 {
-    return cts_hu_wanted(ranges, hu_of(t, grey.low), hu_of(t, grey.high));
+    return cts_hu_wanted(ranges, hu_of_grey(t, grey.low), hu_of_grey(t, grey.high));
 }
 
 static const uint16_t *cell_voxel(const Trilinear *t, const int cell[3])
@@ -34,7 +34,7 @@ static const uint16_t *cell_voxel(const Trilinear *t, const int cell[3])
            (size_t)cell[2] * t->stride[2];
 }
 
-static CtsRange load_corners(const Trilinear *t, const int cell[3], uint16_t corner[8])
+static CtsRange load_cell(const Trilinear *t, const int cell[3], uint16_t corner[8])
 {
     const uint16_t *v = cell_voxel(t, cell);
     CtsRange r = {UINT16_MAX, 0};
@@ -53,7 +53,7 @@ static double clamp(double x, double low, double high)
 }
 
 /* When the ray leaves box low..high (voxel coordinates) at the latest end of the ray. */
-static double leave_mm(const CtsRay *ray, const int low[3], const int high[3])
+static double leave_box_mm(const CtsRay *ray, const int low[3], const int high[3])
 {
     double t = ray->t1_mm;
     for (int axis = 0; axis < 3; axis++) {
@@ -89,14 +89,14 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment
         int end[3];
         for (int axis = 0; axis < 3; axis++)
             end[axis] = walk->cell[axis] + 1;
-        const double t0 = walk->t_mm, t1 = fmax(t0, leave_mm(ray, walk->cell, end));
+        const double t0 = walk->t_mm, t1 = fmax(t0, leave_box_mm(ray, walk->cell, end));
         walk->t_mm = fmax(nextafter(t0, INFINITY), t1);
         uint16_t grey[8];
-        if (!wanted(t, walk->wanted, load_corners(t, walk->cell, grey)) || (t1 <= t0 && ray->t0_mm < ray->t1_mm))
+        if (!wanted(t, walk->wanted, load_cell(t, walk->cell, grey)) || (t1 <= t0 && ray->t0_mm < ray->t1_mm))
             continue;
         double corner[8];
         for (int m = 0; m < 8; m++)
-            corner[m] = hu_of(t, grey[m]);
+            corner[m] = hu_of_grey(t, grey[m]);
         for (int axis = 0; axis < 3; axis++) {
             const double p = ray->start_vox[axis] - walk->cell[axis];
             walk->from[axis] = clamp(p + t0 * ray->step_vox[axis], 0, 1);
@@ -111,7 +111,7 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment
 }
 
 /* Central differences at the voxels, in HU per voxel; at the border to air, or one-sided. */
-static double difference(const Trilinear *t, const int voxel[3], int axis)
+static double central_difference(const Trilinear *t, const int voxel[3], int axis)
 {
     if (t->volume->dims[axis] == 1)
         return 0;
@@ -135,7 +135,7 @@ static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRay
             int voxel[3];
             for (int a = 0; a < 3; a++)
                 voxel[a] = walk->cell[a] + ((m >> a & 1) && t->volume->dims[a] > 1);
-            corner[m] = difference(t, voxel, axis);
+            corner[m] = central_difference(t, voxel, axis);
         }
         cts_cubic_in_cell(corner, walk->from, walk->to, g[axis]);
     }

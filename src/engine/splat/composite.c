@@ -67,7 +67,7 @@ void cts_compositor_free(CtsCompositor *c)
 }
 
 /* Sets depth_mm: the first sample that absorbs, and from then on the first by which half of the light is absorbed. */
-static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y)
+static void find_depth(const CtsCompositor *c, const CtsPlane *plane, int y)
 {
     const size_t row = (size_t)y * (size_t)c->picture->width;
     const double row_mm = c->depth_mm[0] + c->depth_mm[2] * (c->picture->first_row + y) + c->depth_mm[3] * plane->layer;
@@ -100,7 +100,7 @@ static int n_cells(const CtsCompositor *c, int axis)
 }
 
 /* The cell that a pixel lies in. */
-static int cell_at(const CtsCompositor *c, int axis, int x)
+static int cell_of_pixel(const CtsCompositor *c, int axis, int x)
 {
     const double at = c->row.base[axis] + c->row.raster->by_x[axis] * (double)x;
     const int cell = at > 0 ? (int)at >> cell_shift(c, axis) : 0;
@@ -146,7 +146,7 @@ static void mark_cell_row(const CtsCompositor *c, const CtsPlane *plane, int row
 {
     const uint64_t *shown = plane->shown + (size_t)(row * c->patches.row_cells) * (size_t)c->patches.n_cell_words;
     const bool moves = c->row.raster->moves[0], rising = c->row.raster->by_x[0] > 0;
-    const int only = moves ? 0 : cell_at(c, 0, xa), n = moves ? c->patches.n_cells[0] : only + 1;
+    const int only = moves ? 0 : cell_of_pixel(c, 0, xa), n = moves ? c->patches.n_cells[0] : only + 1;
     for (int t = only, past; xa < xb && cts_next_run(shown, n, &t, &past); t = past) {
         const int from = moves ? border(c, 0, rising ? t : past, xa, xb) : xa;
         const int to = moves ? border(c, 0, rising ? past : t, from, xb) : xb;
@@ -163,9 +163,9 @@ static void mark_row(const CtsCompositor *c, const CtsPlane *plane)
     if (!plane->shown)
         cts_bits_fill(c->shown, c->row.x0, x1);
     else if (!moves)
-        mark_cell_row(c, plane, cell_at(c, 1, 0), c->row.x0, x1);
+        mark_cell_row(c, plane, cell_of_pixel(c, 1, 0), c->row.x0, x1);
     for (int x = c->row.x0; plane->shown && moves && x < x1;) {
-        const int cell_row = cell_at(c, 1, x);
+        const int cell_row = cell_of_pixel(c, 1, x);
         const int past = border(c, 1, rising ? cell_row + 1 : cell_row, x, x1);
         mark_cell_row(c, plane, cell_row, x, past);
         x = past;
@@ -173,10 +173,10 @@ static void mark_row(const CtsCompositor *c, const CtsPlane *plane)
 }
 
 /* The same, unless the row before had the same. */
-static void find_shown(CtsCompositor *c, const CtsPlane *plane)
+static void find_shown_pixels(CtsCompositor *c, const CtsPlane *plane)
 {
     const bool alike = c->row.raster->column_tables && c->row.raster->moves[0];
-    const int cell_row = !alike ? -1 : plane->shown ? cell_at(c, 1, 0) : 0;
+    const int cell_row = !alike ? -1 : plane->shown ? cell_of_pixel(c, 1, 0) : 0;
     if (cell_row >= 0 && cell_row == c->shown_row)
         return;
     c->shown_row = cell_row;
@@ -206,7 +206,7 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
     uint64_t *const closed = c->occlusion ? cts_occlusion_row(c->occlusion, y) : NULL, any = 0;
     float *const pixels = c->picture->pixels + 4 * (size_t)y * (size_t)c->picture->width;
     CtsPlaces places;
-    find_shown(c, plane);
+    find_shown_pixels(c, plane);
     for (int w = c->marks.first; w < c->marks.past; w++)
         any |= c->marks.bits[w] = closed ? c->shown[w] & ~closed[w] : c->shown[w];
     if (!any)
@@ -214,7 +214,7 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
     find_places(c, &places);
     c->samples += 8 * c->simd->sample(&plane->sheets, &places, plane->entries, &c->marks, c->grey);
     if (c->picture->depth_mm)
-        note_depth(c, plane, y);
+        find_depth(c, plane, y);
     const bool timed = is_timed(plane, y);
     const double start_ms = timed ? cts_wall_ms() : 0;
     if (plane->light)

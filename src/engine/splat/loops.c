@@ -166,7 +166,7 @@ static void reach(const uint16_t *value, uint16_t least, int n, const uint64_t *
         marks[i / 64] |= (uint64_t)(value[i] >= least) << (i & 63) & wanted[i / 64];
 }
 
-static void place(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac)
+static void place_samples(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac)
 {
     const int last_cell = last > 1 ? last - 1 : 0;
     const f64x4 end = last - (f64x4){0};
@@ -197,7 +197,7 @@ INLINE u32x4 load_two(const uint32_t *a, const uint32_t *b)
 
 /* Two lattice neighbours of each of eight samples, halved so that they fit a signed integer, which vector units can
  * convert. Lanes are loaded as 0 1 4 5 and 2 3 6 7, so that one shuffle within 128-bit halves puts them in order. */
-INLINE void load_pairs(const uint32_t *sheet, const int32_t *at, f32x8 *left, f32x8 *right)
+INLINE void load_sheet_pairs(const uint32_t *sheet, const int32_t *at, f32x8 *left, f32x8 *right)
 {
     const u32x4 ab = load_two(sheet + at[0], sheet + at[1]), cd = load_two(sheet + at[2], sheet + at[3]);
     const u32x4 ef = load_two(sheet + at[4], sheet + at[5]), gh = load_two(sheet + at[6], sheet + at[7]);
@@ -211,8 +211,8 @@ INLINE void load_pairs(const uint32_t *sheet, const int32_t *at, f32x8 *left, f3
 INLINE f32x8 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t *at, f32x8 fu, f32x8 fv)
 {
     f32x8 a, b, c, d;
-    load_pairs(sheet, at, &a, &b);
-    load_pairs(sheet + stride, at, &c, &d);
+    load_sheet_pairs(sheet, at, &a, &b);
+    load_sheet_pairs(sheet + stride, at, &c, &d);
     return lerp(lerp(a, b, fu), lerp(c, d, fu), fv);
 }
 
@@ -374,7 +374,7 @@ INLINE f32x4 lerp_4(const float a[4], const float b[4], float t)
 }
 
 /* The gradient of a layer, between four voxels. */
-INLINE f32x4 gradient_at(const float (*field)[4], size_t stride, float fu, float fv)
+INLINE f32x4 layer_gradient_at(const float (*field)[4], size_t stride, float fu, float fv)
 {
     const f32x4 top = lerp_4(field[0], field[1], fu), bottom = lerp_4(field[stride], field[stride + 1], fu);
     return top + (bottom - top) * fv;
@@ -391,9 +391,9 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
         frac[axis] = ((float)(cell - (whole << shift)) + places->frac[axis][i]) * (1.0f / (float)(1 << shift));
     }
     const size_t from = voxel[1] * light->stride + voxel[0];
-    f32x4 g = gradient_at(light->first + from, light->stride, frac[0], frac[1]);
+    f32x4 g = layer_gradient_at(light->first + from, light->stride, frac[0], frac[1]);
     if (light->second)
-        g += (gradient_at(light->second + from, light->stride, frac[0], frac[1]) - g) * light->weight;
+        g += (layer_gradient_at(light->second + from, light->stride, frac[0], frac[1]) - g) * light->weight;
     const float facing = cts_shade_facing(light->shade, g[0], g[1], g[2]);
     cts_shade_factors(light->shade, facing, &colour, &white);
     if (light->open) {
@@ -473,5 +473,5 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
 
 void cts_simd_init_plain(CtsSimd *simd)
 {
-    *simd = (CtsSimd){scatter, differ, reach, place, sample, blend, light, gradient};
+    *simd = (CtsSimd){scatter, differ, reach, place_samples, sample, blend, light, gradient};
 }

@@ -33,7 +33,7 @@ typedef struct LayerWalk {
 } LayerWalk;
 
 /* The first and the last plane represent half a length of ray. */
-static bool at_end(const CtsPaperPlan *p, int s, int sub)
+static bool is_end_plane(const CtsPaperPlan *p, int s, int sub)
 {
     const int last = p->stack.n_layers - 1;
     return (sub == 0 && s == 1) || (sub == p->samples && (s == 0 || s == last));
@@ -62,7 +62,7 @@ static void composite_plane(const CtsPaperPlan *p, PaperWorker *w, int s, int su
                                        .stride = w->work.store->sheet[slot].stride,
                                        .weight = (float)part,
                                        .top = p->entries[0].top},
-                            .entries = &p->entries[at_end(p, s, sub) && !CTS_MUTATED(END_PLANES)],
+                            .entries = &p->entries[is_end_plane(p, s, sub) && !CTS_MUTATED(END_PLANES)],
                             .light = p->lit ? &light : NULL,
                             .shown = p->shown};
     cts_composite_rows(&w->compositor, &plane, y0, y1);
@@ -82,7 +82,7 @@ static void composite_step(const CtsPaperPlan *p, PaperWorker *w, int s, int y0,
 }
 
 /* Voxels beside a patch, along u and v, that its samples depend on. */
-static int beside(const CtsPaperPlan *p, int c)
+static int voxels_beside(const CtsPaperPlan *p, int c)
 {
     return p->lit && p->footprint.apron < p->shade.step[c] ? p->shade.step[c] : p->footprint.apron;
 }
@@ -92,7 +92,7 @@ static int beside(const CtsPaperPlan *p, int c)
 static void find_eights(const CtsPaperPlan *p, CtsSwathWork *w, int v)
 {
     const int n = p->patches.n[0], n_words = p->patches.n_words, last = p->patches.n[1] - 1;
-    const int above = v > beside(p, 1) ? v - beside(p, 1) : 0, below = v + beside(p, 1);
+    const int above = v > voxels_beside(p, 1) ? v - voxels_beside(p, 1) : 0, below = v + voxels_beside(p, 1);
     int first, unused, past;
     cts_patch_rows(&p->patches, above, 1, &first, &unused);
     cts_patch_rows(&p->patches, below, 1, &unused, &past);
@@ -102,7 +102,7 @@ static void find_eights(const CtsPaperPlan *p, CtsSwathWork *w, int v)
         for (int i = 0; i < n_words; i++)
             w->row[i] |= w->store->wanted[(size_t)r * (size_t)n_words + (size_t)i];
     for (int t = 0, end; cts_next_run(w->row, n, &t, &end); t = end) {
-        const int low = t * CTS_PATCH - beside(p, 0), high = (end * CTS_PATCH + beside(p, 0)) / 8;
+        const int low = t * CTS_PATCH - voxels_beside(p, 0), high = (end * CTS_PATCH + voxels_beside(p, 0)) / 8;
         cts_bits_fill(w->marks, low > 0 ? low / 8 : 0, (high < p->stack.n[0] / 8 ? high : p->stack.n[0] / 8) + 1);
     }
 }
@@ -333,14 +333,14 @@ static CtsStatus worker_init(PaperWorker *w, CtsPaperPlan *p, CtsError *err)
     return cts_swath_work_init(&w->work, p, err);
 }
 
-static void worker_free(PaperWorker *w)
+static void paper_worker_free(PaperWorker *w)
 {
     cts_compositor_free(&w->compositor);
     cts_swath_work_free(&w->work);
     cts_paper_store_free(&w->own);
 }
 
-static CtsStatus run(CtsPaperPlan *p, CtsReport *report, CtsError *err)
+static CtsStatus run_plan(CtsPaperPlan *p, CtsReport *report, CtsError *err)
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     CtsStatus st = CTS_OK;
@@ -358,7 +358,7 @@ static CtsStatus run(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     if (!st && cts_scene_stopped(p->scene))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     for (int t = 0; t < p->n_threads; t++)
-        worker_free(&walk.workers[t]);
+        paper_worker_free(&walk.workers[t]);
     free(walk.workers);
     return st;
 }
@@ -369,7 +369,7 @@ static CtsStatus render(const CtsScene *scene, bool reuse_layers, bool skip_void
     CtsPaperPlan plan;
     CtsStatus st = cts_paper_plan_init(&plan, scene, reuse_layers, skip_void, picture, report, err);
     if (!st && picture)
-        st = run(&plan, report, err);
+        st = run_plan(&plan, report, err);
     cts_paper_plan_free(&plan);
     return st;
 }

@@ -79,7 +79,7 @@ int cts_raster_passes(const CtsRasterRow *row, int axis, double at, int xa, int 
 }
 
 /* Narrow xa..xb to the pixels (or rows) whose positions base + step * x lie inside the box along one axis. */
-static void clip(const CtsRaster *r, int axis, double base, double step, int *xa, int *xb)
+static void clip_to_box(const CtsRaster *r, int axis, double base, double step, int *xa, int *xb)
 {
     const double low = -FACE, past = nextafter(r->last[axis] + FACE, INFINITY);
     if (step == 0) {
@@ -100,7 +100,7 @@ static void set_table(const CtsRasterRow *row, CtsRasterTable *table, int axis, 
     table->known = true;
     table->base = base;
     int first = offset, past = offset + n;
-    clip(row->raster, axis, base, step, &first, &past);
+    clip_to_box(row->raster, axis, base, step, &first, &past);
     table->first = first - offset;
     table->past = past - offset;
     row->simd->place(base, step, row->raster->last[axis], first, past - first, table->cell + table->first,
@@ -135,7 +135,7 @@ bool cts_raster_begin_row(CtsRasterRow *row, int y)
         row->x1 = r->width;
         for (int c = 0; c < 2; c++) {
             row->base[c] = row->layer_base[c] + r->by_y[c] * (double)(r->first_row + y);
-            clip(r, c, row->base[c], r->by_x[c], &row->x0, &row->x1);
+            clip_to_box(r, c, row->base[c], r->by_x[c], &row->x0, &row->x1);
         }
     }
     if (row->x0 >= row->x1)

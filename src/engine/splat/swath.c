@@ -42,7 +42,8 @@ static bool find_words(CtsSwathWork *w, const uint64_t *rows, int n_words, int n
 }
 
 /* to = rows first..past-1 of bits together; whether any is set. */
-static bool join_rows(const CtsSwathWork *w, const uint64_t *rows, int n_words, int first, int past, uint64_t *to)
+static bool join_rows_of_bits(const CtsSwathWork *w, const uint64_t *rows, int n_words, int first, int past,
+                              uint64_t *to)
 {
     uint64_t any = 0;
     for (int i = w->first; i < w->past; i++) {
@@ -55,7 +56,7 @@ static bool join_rows(const CtsSwathWork *w, const uint64_t *rows, int n_words, 
 }
 
 /* Bit i of `to`: whether any of bits i + low .. i + high is set. */
-static void spread(const CtsSwathWork *w, const uint64_t *from, int low, int high, uint64_t *to)
+static void spread_columns(const CtsSwathWork *w, const uint64_t *from, int low, int high, uint64_t *to)
 {
     for (int i = w->first; i < w->past; i++) {
         const uint64_t before = i > w->first ? from[i - 1] : 0, after = i + 1 < w->past ? from[i + 1] : 0;
@@ -137,8 +138,8 @@ static void make_alike(const CtsPaperPlan *p, uint64_t *rows, int n_rows)
 static bool needed_rows(const CtsPaperPlan *p, CtsSwathWork *w, int swath, int first, int last)
 {
     const int v0 = swath * CTS_SWATH_CELLS - 1, past = last + 1 - v0;
-    return join_rows(w, w->cells, p->patches.n_cell_words, first > v0 ? first - v0 : 0,
-                     past < CTS_SWATH_CELLS + 1 ? past : CTS_SWATH_CELLS + 1, w->row);
+    return join_rows_of_bits(w, w->cells, p->patches.n_cell_words, first > v0 ? first - v0 : 0,
+                             past < CTS_SWATH_CELLS + 1 ? past : CTS_SWATH_CELLS + 1, w->row);
 }
 
 /* Of row j the voxels of at least some level that reach into a needed cell; returns how many. */
@@ -150,7 +151,7 @@ static uint64_t take_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int s
     memset(taken + w->first, 0, (size_t)(w->past - w->first) * sizeof *taken);
     if (j < 0 || j >= p->stack.n[1] || !needed_rows(p, w, swath, j - 1 - apron, j + apron))
         return 0;
-    spread(w, w->row, -1 - apron, apron, w->marks);
+    spread_columns(w, w->row, -1 - apron, apron, w->marks);
     p->simd.reach(cts_paper_row(p, w->store, s, j) + from, least,
                   (64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0]) - from, w->marks + w->first,
                   taken + w->first);
@@ -166,8 +167,8 @@ static void find_changed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     for (int r = 0; r < CTS_SWATH_CELLS + 1 + 2 * apron; r++)
         take_needed(p, w, s, swath, j0 + r, p->least, w->visible + r * n_words);
     for (int v = 0; v < CTS_SWATH_CELLS; v++) {
-        join_rows(w, w->visible, n_words, v, v + 2 + 2 * apron, w->marks);
-        spread(w, w->marks, -apron, 1 + apron, w->row);
+        join_rows_of_bits(w, w->visible, n_words, v, v + 2 + 2 * apron, w->marks);
+        spread_columns(w, w->marks, -apron, 1 + apron, w->row);
         for (int i = w->first; i < w->past; i++)
             cell_row(p, w, v)[i] &= w->row[i];
     }
@@ -259,7 +260,7 @@ static void scatter_words(const CtsPaperPlan *p, const CtsSwathWork *w, CtsScatt
 
 /* Complete footprints of every voxel that reaches into a needed cell: contributions beside needed points are harmless,
  * as they are not read. Where the sheet contains the swath, the changes of all voxels instead. */
-static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool held)
+static void splat_swath(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool held)
 {
     const int reach = p->footprint.reach[1], density = p->footprint.density[1];
     const int v0 = cts_swath_start(&p->patches, swath, density);
@@ -364,13 +365,13 @@ static void find_shown(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
             cells_of(&p->patches, w->row, row);
         } else {
             const int j0 = swath * CTS_SWATH_CELLS - apron, past = v + 2 + 2 * apron;
-            join_rows(w, visible_row(p, s, swath, j0), n_words, v, past, w->row);
+            join_rows_of_bits(w, visible_row(p, s, swath, j0), n_words, v, past, w->row);
             if (p->n_sheets > 1) {
-                join_rows(w, visible_row(p, s + 1, swath, j0), n_words, v, past, w->marks);
+                join_rows_of_bits(w, visible_row(p, s + 1, swath, j0), n_words, v, past, w->marks);
                 for (int i = 0; i < n_words; i++)
                     w->row[i] |= w->marks[i];
             }
-            spread(w, w->row, -apron, 1 + apron, row);
+            spread_columns(w, w->row, -apron, 1 + apron, row);
         }
     }
     make_alike(p, shown, n_rows);
@@ -391,7 +392,7 @@ bool cts_swath_splat(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
         memset(w->cells, 255, (size_t)(n_words * (CTS_SWATH_CELLS + 1)) * sizeof *w->cells);
     needed = find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1) && needed;
     if (needed) {
-        splat(p, w, s, swath, held);
+        splat_swath(p, w, s, swath, held);
         *holds = s;
     }
     if (p->visible[0])

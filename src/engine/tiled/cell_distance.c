@@ -12,7 +12,7 @@ typedef struct Grid {
     uint64_t last; /* mask of a row's last word */
 } Grid;
 
-static size_t n_words(const Grid *g)
+static size_t n_grid_words(const Grid *g)
 {
     return (size_t)g->nk * (size_t)g->nv * g->words;
 }
@@ -32,7 +32,7 @@ static void set_bits(const Grid *g, const uint8_t *distance, uint64_t *bits)
 
 static void spread_u(const Grid *g, const uint64_t *from, uint64_t *to)
 {
-    for (size_t row = 0; row < n_words(g); row += g->words)
+    for (size_t row = 0; row < n_grid_words(g); row += g->words)
         for (size_t w = 0; w < g->words; w++) {
             const uint64_t here = from[row + w];
             uint64_t all = here | here << 1 | here >> 1;
@@ -63,7 +63,7 @@ static void spread_rows(const uint64_t *from, uint64_t *to, int n_outer, int n, 
 static bool note_new(const Grid *g, const uint64_t *before, const uint64_t *after, uint8_t level, uint8_t *distance)
 {
     uint64_t any = 0;
-    for (size_t i = 0; i < n_words(g); i++) {
+    for (size_t i = 0; i < n_grid_words(g); i++) {
         uint64_t after_split = after[i] & ~before[i];
         any |= after_split;
         uint8_t *d = distance + i / g->words * (size_t)g->nu + 64 * (i % g->words);
@@ -76,7 +76,7 @@ static bool note_new(const Grid *g, const uint64_t *before, const uint64_t *afte
 CtsStatus cts_cell_distance(uint8_t *distance, int nu, int nv, int nk, CtsError *err)
 {
     const Grid g = {nu, nv, nk, ((size_t)nu + 63) / 64, nu % 64 ? (UINT64_C(1) << nu % 64) - 1 : ~UINT64_C(0)};
-    const size_t n = n_words(&g);
+    const size_t n = n_grid_words(&g);
     CtsStatus st;
     uint64_t *bits = NULL;
     if ((st = cts_alloc_array(&bits, 3 * n, err)))

@@ -60,7 +60,7 @@ static CtsStatus find_macrocells(const CtsScene *scene, TiledCache **cache, cons
 }
 
 /* For a volume with labels; they depend on the view only with opacity per voxel. */
-static CtsStatus find_appearances(TiledCache *k, const CtsScene *scene, CtsError *err)
+static CtsStatus make_appearances(TiledCache *k, const CtsScene *scene, CtsError *err)
 {
     if (!scene->model->voxel_labels || (k->appearances.transfer && k->appearances_scale == scene->extinction_scale))
         return CTS_OK;
@@ -74,7 +74,7 @@ static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacroc
 {
     CtsStatus st;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = find_appearances(k, scene, err)))
+    if ((st = make_appearances(k, scene, err)))
         return st;
     if (k->mask.words) {
         report_cached(scene, "mask of what is visible", k->mask_frame, report);
@@ -111,8 +111,8 @@ static bool is_preview(const CtsScene *scene)
 }
 
 /* requested: rms error of a picture, over 0..1. */
-static void init_job(TiledJob *j, const CtsScene *scene, const TiledCache *cache, const Tolerances *may,
-                     double requested)
+static void init_tiled_job(TiledJob *j, const CtsScene *scene, const TiledCache *cache, const Tolerances *may,
+                           double requested)
 {
     const CtsVolume *const v = scene->volume;
     ptrdiff_t stride = 1;
@@ -141,10 +141,10 @@ static void init_job(TiledJob *j, const CtsScene *scene, const TiledCache *cache
 }
 
 /* Job and lighting of a march; free shade with cts_shade_free(), also after a failure. */
-static CtsStatus begin(TiledJob *j, CtsShade *shade, const CtsScene *scene, const TiledCache *cache,
-                       const Tolerances *may, double requested, CtsError *err)
+static CtsStatus begin_march(TiledJob *j, CtsShade *shade, const CtsScene *scene, const TiledCache *cache,
+                             const Tolerances *may, double requested, CtsError *err)
 {
-    init_job(j, scene, cache, may, requested);
+    init_tiled_job(j, scene, cache, may, requested);
     if (!scene->preset->shade)
         return CTS_OK;
     const CtsStatus st = cts_shade_init(shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err);
@@ -176,7 +176,7 @@ static Path choose_path(const TiledJob *j)
     return (Path){"plain C", cts_tiled_march_c, cts_tiled_march_exact};
 }
 
-static void plan(const TiledJob *j, const CtsScene *scene, const char *path, CtsReport *report)
+static void report_march_plan(const TiledJob *j, const CtsScene *scene, const char *path, CtsReport *report)
 {
     const CtsRenderSettings *const s = scene->settings;
     const int64_t n = (int64_t)j->mask.n[0] * j->mask.n[1] * j->mask.n[2];
@@ -196,8 +196,8 @@ static void plan(const TiledJob *j, const CtsScene *scene, const char *path, Cts
         cts_report_skip(report, "tolerance", "the engine compares no layers");
 }
 
-static void report_counts(const TiledCounts *c, const CtsScene *scene, const TiledMask *mask, double wall_ms,
-                          double cpu_ms, CtsReport *report)
+static void report_march_counts(const TiledCounts *c, const CtsScene *scene, const TiledMask *mask, double wall_ms,
+                                double cpu_ms, CtsReport *report)
 {
     double busy[CTS_N_STAGES] = {0};
     uint64_t items[CTS_N_STAGES] = {0}, bytes[CTS_N_STAGES] = {0};
@@ -218,19 +218,19 @@ static void report_counts(const TiledCounts *c, const CtsScene *scene, const Til
     }
 }
 
-static CtsStatus composite(const CtsScene *scene, TiledCache *cache, const CtsMacrocells *macrocells,
-                           CtsPicture *picture, CtsErrorMap *errors, CtsReport *report, CtsError *err)
+static CtsStatus render_composite(const CtsScene *scene, TiledCache *cache, const CtsMacrocells *macrocells,
+                                  CtsPicture *picture, CtsErrorMap *errors, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     CtsShade shade = {0};
     TiledJob job;
     TiledCounts counts = {0};
     if ((st = find_mask(cache, scene, macrocells, report, err)) ||
-        (st = begin(&job, &shade, scene, cache, &fast, cts_scene_requested_error(scene), err)))
+        (st = begin_march(&job, &shade, scene, cache, &fast, cts_scene_requested_error(scene), err)))
         goto end;
     const Path path = choose_path(&job);
     cts_scene_report_region(scene, report);
-    plan(&job, scene, path.name, report);
+    report_march_plan(&job, scene, path.name, report);
     if (!picture)
         goto end;
     job.want_depth = picture->depth_mm;
@@ -242,7 +242,7 @@ static CtsStatus composite(const CtsScene *scene, TiledCache *cache, const CtsMa
                         (unsigned long long)counts.interpolated,
                         (unsigned long long)picture->width * (unsigned long long)picture->height,
                         255 * (double)job.interpolation_tolerance);
-    report_counts(&counts, scene, &job.mask, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
+    report_march_counts(&counts, scene, &job.mask, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);
     return st;
@@ -296,8 +296,8 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
     if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
         (st = find_mask(cache, scene, macrocells, NULL, err)) ||
-        (st = begin(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
-                    error > 0 ? error : cts_scene_requested_error(scene), err)))
+        (st = begin_march(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
+                          error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
     const Path path = choose_path(&job);
     a.march = error > 0 ? path.march : path.exact;
@@ -321,7 +321,7 @@ static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *rep
         st = find_mask(cache, scene, macrocells, NULL, err);
     for (int i = 0; !st && i < 2; i++) {
         CtsShade shade = {0};
-        st = begin(&job, &shade, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene), err);
+        st = begin_march(&job, &shade, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene), err);
         if (!st)
             st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_traced : cts_tiled_march_traced,
                                  i ? "double" : "single", x, y, report, err);
@@ -339,7 +339,7 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErr
     if (st)
         return st;
     return scene->preset->mode == CTS_MODE_COMPOSITE
-               ? composite(scene, cache, macrocells, picture, errors, report, err)
+               ? render_composite(scene, cache, macrocells, picture, errors, report, err)
                : cts_project(scene, macrocells, &cache->seen, picture, report, err);
 }
 

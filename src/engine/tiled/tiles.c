@@ -38,7 +38,7 @@ static int at_most(int n, int most)
     return n < most ? n : most;
 }
 
-static size_t place_of(const Tile *t, int x, int y)
+static size_t index_of_pixel(const Tile *t, int x, int y)
 {
     return (size_t)(t->y0 + y) * (size_t)t->tiles->picture->width + (size_t)(t->x0 + x);
 }
@@ -130,11 +130,11 @@ static BlockCorners corners_of(const Tile *t, const int x[2], const int y[2])
 {
     BlockCorners k = {.x = {x[0], x[1]}, .y = {y[0], y[1]}};
     for (int i = 0; i < 4; i++)
-        k.at[i] = t->tiles->picture->pixels + 4 * place_of(t, x[i & 1], y[i >> 1]);
+        k.at[i] = t->tiles->picture->pixels + 4 * index_of_pixel(t, x[i & 1], y[i >> 1]);
     return k;
 }
 
-static float interpolate(const BlockCorners *k, int x, int y, size_t c)
+static float interpolate_pixel(const BlockCorners *k, int x, int y, size_t c)
 {
     const float u = part_of(x, k->x), v = part_of(y, k->y);
     const float ab = k->at[0][c] + u * (k->at[1][c] - k->at[0][c]), de = k->at[2][c] + u * (k->at[3][c] - k->at[2][c]);
@@ -143,7 +143,7 @@ static float interpolate(const BlockCorners *k, int x, int y, size_t c)
 
 static const float *random_pixel(const Tile *t, const PixelBlock *s)
 {
-    return t->tiles->picture->pixels + 4 * place_of(t, s->sample[0], s->sample[1]);
+    return t->tiles->picture->pixels + 4 * index_of_pixel(t, s->sample[0], s->sample[1]);
 }
 
 /* Estimates the interpolation error by the random pixel, and by the distance of the vertices from one plane. */
@@ -155,7 +155,7 @@ static void measure_block(const Tile *t, PixelBlock *s)
     for (size_t c = 0; c < 4; c++) {
         const float plane_error = (k.at[0][c] - k.at[1][c]) - (k.at[2][c] - k.at[3][c]);
         s->plane_error = fmaxf(s->plane_error, fabsf(plane_error) / 4);
-        off = fmaxf(off, fabsf(sample[c] - interpolate(&k, s->sample[0], s->sample[1], c)));
+        off = fmaxf(off, fabsf(sample[c] - interpolate_pixel(&k, s->sample[0], s->sample[1], c)));
         largest = fmaxf(largest, sample[c]);
         for (int i = 0; i < 4; i++)
             corner = fmaxf(corner, k.at[i][c]);
@@ -205,14 +205,14 @@ static void choose_rays(const Tile *t, PixelBlock *blocks)
     }
 }
 
-static int middle(const int ends[2])
+static int middle_of_ends(const int ends[2])
 {
     return (ends[0] + ends[1] + 1) / 2;
 }
 
 static void queue_half_resolution(Tile *t, const PixelBlock *s)
 {
-    const int x[3] = {s->x[0], middle(s->x), s->x[1]}, y[3] = {s->y[0], middle(s->y), s->y[1]};
+    const int x[3] = {s->x[0], middle_of_ends(s->x), s->x[1]}, y[3] = {s->y[0], middle_of_ends(s->y), s->y[1]};
     for (int i = 0; i < 9; i++)
         list_pixel(t, x[i % 3], y[i / 3]);
 }
@@ -224,7 +224,7 @@ static float interpolate_depth(const Tile *t, const BlockCorners *k, int x, int 
     float mm[4];
     bool all = true;
     for (int i = 0; i < 4; i++) {
-        mm[i] = t->tiles->picture->depth_mm[place_of(t, k->x[i & 1], k->y[i >> 1])];
+        mm[i] = t->tiles->picture->depth_mm[index_of_pixel(t, k->x[i & 1], k->y[i >> 1])];
         all = all && isfinite(mm[i]);
     }
     const float ab = mm[0] + u * (mm[1] - mm[0]), de = mm[2] + u * (mm[3] - mm[2]);
@@ -241,9 +241,9 @@ static void interpolate_block(Tile *t, const int x[2], const int y[2])
         for (int i = x[0]; i <= x[1]; i++) {
             if (t->known[j][i])
                 continue;
-            const size_t at = place_of(t, i, j);
+            const size_t at = index_of_pixel(t, i, j);
             for (size_t c = 0; c < 4; c++)
-                p->pixels[4 * at + c] = interpolate(&k, i, j, c);
+                p->pixels[4 * at + c] = interpolate_pixel(&k, i, j, c);
             errors->origin[at] = CTS_PIXEL_INTERPOLATED;
             errors->indicator[at] = HALF_FROM * t->tiles->job->interpolation_tolerance;
             if (p->depth_mm)
@@ -253,18 +253,18 @@ static void interpolate_block(Tile *t, const int x[2], const int y[2])
         }
 }
 
-static void halve(const int ends[2], bool second, int half[2])
+static void half_of(const int ends[2], bool second, int half[2])
 {
-    half[0] = second ? middle(ends) : ends[0];
-    half[1] = second ? ends[1] : middle(ends);
+    half[0] = second ? middle_of_ends(ends) : ends[0];
+    half[1] = second ? ends[1] : middle_of_ends(ends);
 }
 
 static void interpolate_half_resolution(Tile *t, const PixelBlock *s)
 {
     for (int i = 0; i < 4; i++) {
         int x[2], y[2];
-        halve(s->x, i & 1, x);
-        halve(s->y, i >> 1, y);
+        half_of(s->x, i & 1, x);
+        half_of(s->y, i >> 1, y);
         interpolate_block(t, x, y);
     }
 }
@@ -278,13 +278,13 @@ static void estimate_interpolation_error(const Tile *t, const PixelBlock *s)
         return;
     int x[2] = {s->x[0], s->x[1]}, y[2] = {s->y[0], s->y[1]};
     if (s->rays_without_sample == HALF) {
-        halve(s->x, s->sample[0] > middle(s->x), x);
-        halve(s->y, s->sample[1] > middle(s->y), y);
+        half_of(s->x, s->sample[0] > middle_of_ends(s->x), x);
+        half_of(s->y, s->sample[1] > middle_of_ends(s->y), y);
     }
     const BlockCorners k = corners_of(t, x, y);
     float interpolated[4];
     for (size_t c = 0; c < 4; c++)
-        interpolated[c] = interpolate(&k, s->sample[0], s->sample[1], c);
+        interpolated[c] = interpolate_pixel(&k, s->sample[0], s->sample[1], c);
     const double square = cts_scene_square_of_error(t->tiles->scene, random_pixel(t, s), interpolated);
     const uint64_t weighted = (uint64_t)ceil(ldexp((OTHERS - 1) * fmin(square, 1), 32));
     TiledCounts *const counts = &t->scratch->counts;

@@ -11,7 +11,7 @@ typedef struct Trace {
     CtsReport *report;
 } Trace;
 
-static double hu_of(const Trace *t, double level)
+static double traced_hu_of(const Trace *t, double level)
 {
     return t->volume->hu_offset + level * t->volume->hu_step;
 }
@@ -21,7 +21,7 @@ static const char *hu_text(const Trace *t, float level, float rest, char text[32
 {
     if (level <= -1e30f || level >= 1e30f)
         return "null";
-    snprintf(text, 32, "%.9g", hu_of(t, (double)level + (double)rest));
+    snprintf(text, 32, "%.9g", traced_hu_of(t, (double)level + (double)rest));
     return text;
 }
 
@@ -39,8 +39,8 @@ static void write_segment(void *context, const TiledSegment *s)
         "\"transfer_hu\":[%s,%s],\"depth\":%.9g,\"rgb\":[%.9g,%.9g,%.9g],\"transmittance\":[%.9g,%.9g],"
         "\"error\":{\"depth\":%.3g,\"colour\":%.3g,\"control_points\":%.3g}}",
         t->precision, s->integrated ? "integrated" : "split", s->t_mm, s->length_mm, s->cell[0], s->cell[1], s->cell[2],
-        hu_of(t, s->level[0]), hu_of(t, s->level[1]), hu_of(t, s->level[2]), hu_of(t, s->level[3]), s->appearance, q,
-        hu_text(t, transfer->end[0][q], transfer->remainder[0][q], low),
+        traced_hu_of(t, s->level[0]), traced_hu_of(t, s->level[1]), traced_hu_of(t, s->level[2]),
+        traced_hu_of(t, s->level[3]), s->appearance, q, hu_text(t, transfer->end[0][q], transfer->remainder[0][q], low),
         hu_text(t, transfer->end[1][q], transfer->remainder[1][q], high), s->depth, s->rgb[0], s->rgb[1], s->rgb[2],
         s->transmittance[0], s->transmittance[1], s->depth_error, s->colour_error, s->control_point_error);
 }

@@ -38,17 +38,17 @@ INLINE Row excess(Row a, Row b)
     return (a - b) & (Row)(a > b);
 }
 
-INLINE Row smaller(Row a, Row b)
+INLINE Row smaller_row(Row a, Row b)
 {
     return a - excess(a, b);
 }
 
-INLINE Row larger(Row a, Row b)
+INLINE Row larger_row(Row a, Row b)
 {
     return b + excess(a, b);
 }
 
-INLINE Row next(Row row)
+INLINE Row next_lane(Row row)
 {
     return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 7);
 }
@@ -68,8 +68,8 @@ INLINE Row load_row(const BlockTest *l, ptrdiff_t at, int n)
 INLINE Row row_shows(const Bracket *b, Row low, Row high)
 {
     const Row from = (Row){0} + (uint16_t)(b->low + 1), to = (Row){0} + (uint16_t)(b->high - 1);
-    const Row most = CTS_MUTATED(MASK_NEIGHBOUR) ? high : larger(high, next(high));
-    return (Row)(most >= from) & (Row)(smaller(low, next(low)) <= to);
+    const Row most = CTS_MUTATED(MASK_NEIGHBOUR) ? high : larger_row(high, next_lane(high));
+    return (Row)(most >= from) & (Row)(smaller_row(low, next_lane(low)) <= to);
 }
 
 INLINE void any_block_bits(const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2])
@@ -86,8 +86,8 @@ INLINE void any_block_bits(const BlockTest *l, const Bracket *b, const int block
         Row row = load_row(l, at + k * l->stride[2], n[0]);
         for (int j = 0; j < n[1]; j++) {
             const Row below = load_row(l, at + k * l->stride[2] + (j + 1) * l->stride[1], n[0]);
-            low[k][j] = smaller(row, below);
-            high[k][j] = larger(row, below);
+            low[k][j] = smaller_row(row, below);
+            high[k][j] = larger_row(row, below);
             row = below;
         }
     }
@@ -97,9 +97,9 @@ INLINE void any_block_bits(const BlockTest *l, const Bracket *b, const int block
     for (int k = 0; k < n[2]; k++) {
         Row shows = {0};
         for (int j = 0; j < n[1]; j++)
-            shows |=
-                (row_shows(b, smaller(low[k][j], low[k + 1][j]), larger(high[k][j], high[k + 1][j])) & cell & in_row)
-                << 4 * j;
+            shows |= (row_shows(b, smaller_row(low[k][j], low[k + 1][j]), larger_row(high[k][j], high[k + 1][j])) &
+                      cell & in_row)
+                     << 4 * j;
         const uint16_t in_layer = shows[0] | shows[1] | shows[2] | shows[3];
         cells[k / 2] |= (uint32_t)in_layer << 16 * (k % 2);
     }

@@ -178,7 +178,7 @@ CtsStatus cts_archive_list(const uint8_t *bytes, size_t n, CtsArchive **archive,
     return st;
 }
 
-static CtsStatus run(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
+static CtsStatus read_archive(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
 {
     const uint64_t free_bytes = cts_memory_available();
     const uint64_t n = file->n_bytes;
@@ -217,7 +217,7 @@ CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err
     if (!st && !(*archive = calloc(1, sizeof **archive)))
         st = cts_fail(&why, CTS_ERR_MEMORY, "out of memory");
     if (!st)
-        st = run(*archive, &file, &why);
+        st = read_archive(*archive, &file, &why);
     cts_file_bytes_close(&file);
     if (!st)
         return CTS_OK;

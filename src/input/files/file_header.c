@@ -20,8 +20,8 @@ static const char *packer_of(const uint8_t *bytes, size_t n)
     return NULL;
 }
 
-static CtsStatus read_nifti(const CtsDicomHeader *h, const CtsFile *source, CtsNiftiForm form, CtsObject *object,
-                            CtsError *err)
+static CtsStatus read_nifti_header(const CtsDicomHeader *h, const CtsFile *source, CtsNiftiForm form, CtsObject *object,
+                                   CtsError *err)
 {
     /* In a folder it may be a mask or a picture of anything. */
     if (source->named)
@@ -37,7 +37,7 @@ CtsFileKind cts_file_read_header(const CtsFile *source, CtsNiftiForm form, CtsSc
     CtsStatus st = cts_dicom_header_begin(&h, source, scratch, err);
     if (!st && h.n && cts_nifti_slices_are(source->path, scratch->file, h.n)) {
         h.kind = CTS_FILE_NIFTI;
-        st = read_nifti(&h, source, form, object, err);
+        st = read_nifti_header(&h, source, form, object, err);
     } else if (!st && !(st = cts_dicom_header_read(&h, err))) {
         if (h.kind == CTS_FILE_DICOM)
             st = cts_dicom_header_object(&h, source, object, err);

@@ -52,7 +52,7 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path)
 }
 
 /* zlib reads packed and plain files alike. */
-static CtsStatus read_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
+static CtsStatus read_nifti_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
 {
     enum { MOST = 1 << 30 };
     while (n > 0) {
@@ -153,7 +153,7 @@ static void set_place(CtsNiftiPlace *p, const double m[3][4], double mm)
     p->given = fabs(spanned(p)) > 1e-3 * sides && isfinite(sides + cts_norm3(p->origin_lps));
 }
 
-static CtsStatus read_place(CtsNifti *f, const uint8_t *h, const NiftiLayout *l, CtsError *err)
+static CtsStatus read_forms(CtsNifti *f, const uint8_t *h, const NiftiLayout *l, CtsError *err)
 {
     double m[3][4];
     const int64_t q_code = signed_at(f, h + l->forms, l->form_bytes),
@@ -186,7 +186,7 @@ void cts_nifti_take_form(CtsNifti *f, CtsNiftiForm form)
 }
 
 /* The largest displacement of a corner in voxels, with the voxel sizes of the first form for both, and in mm. */
-static double corner_off(const CtsNifti *f, const double size_mm[3], double *off_mm)
+static double largest_corner_difference(const CtsNifti *f, const double size_mm[3], double *off_mm)
 {
     double most = 0;
     *off_mm = 0;
@@ -238,7 +238,7 @@ CtsNiftiForms cts_nifti_compare_forms(const CtsNifti *f, char text[CTS_NIFTI_FOR
         snprintf(text, CTS_NIFTI_FORMS_TEXT,
                  "voxels of %.4g x %.4g x %.4g mm by one, %.4g x %.4g x %.4g mm by the other", s_mm[0], s_mm[1],
                  s_mm[2], q_mm[0], q_mm[1], q_mm[2]);
-    else if (corner_off(f, s_mm, &off_mm) > 1)
+    else if (largest_corner_difference(f, s_mm, &off_mm) > 1)
         snprintf(text, CTS_NIFTI_FORMS_TEXT, "a corner lies %.3g mm apart", off_mm);
     return mirrored || max_deg > 45 ? CTS_NIFTI_FORMS_CONTRADICT
            : text[0]                ? CTS_NIFTI_FORMS_DIFFER
@@ -291,7 +291,7 @@ static CtsStatus read_extension(CtsNifti *f, uint64_t offset, CtsError *err)
     if (!(f->extension = malloc((size_t)(offset - at))))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     f->n_extension = (size_t)(offset - at);
-    return read_bytes(f, (uint8_t *)f->extension, f->n_extension, err);
+    return read_nifti_bytes(f, (uint8_t *)f->extension, f->n_extension, err);
 }
 
 static CtsStatus open_stream(CtsNifti *f, CtsError *err)
@@ -317,14 +317,14 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
     if ((st = cts_file_bytes_read(file, magic, 2, 0, err)))
         return st;
     f->is_packed = magic[0] == 0x1F && magic[1] == 0x8B;
-    if ((st = open_stream(f, err)) || (st = read_bytes(f, h, SIZE_1, err)))
+    if ((st = open_stream(f, err)) || (st = read_nifti_bytes(f, h, SIZE_1, err)))
         return st;
     f->big_endian = h[0] == 0;
     const uint64_t size = integer_at(f, h, 4);
     const bool second = size == SIZE_2;
     if (size != SIZE_1 && !second)
         return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (its header does not begin with 348 or 540)");
-    if (second && (st = read_bytes(f, h + SIZE_1, SIZE_2 - SIZE_1, err)))
+    if (second && (st = read_nifti_bytes(f, h + SIZE_1, SIZE_2 - SIZE_1, err)))
         return st;
     const char *const form_magic = (const char *)h + (second ? 4 : 344);
     if (!strncmp(form_magic, "ni", 2))
@@ -333,7 +333,7 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
         return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (Analyze headers contain no position)");
     const NiftiLayout *const l = &layouts[second];
     const double offset = second ? (double)signed_at(f, h + l->offset, 8) : real_at(f, h + l->offset, 4);
-    if ((st = read_shape(f, h, l, err)) || (st = read_place(f, h, l, err)))
+    if ((st = read_shape(f, h, l, err)) || (st = read_forms(f, h, l, err)))
         return st;
     if (!(offset >= 0 && offset <= 1e9))
         return cts_fail(err, CTS_ERR_READ, "its voxels begin at byte %g", offset);
@@ -367,7 +367,7 @@ CtsStatus cts_nifti_read(CtsNifti *f, double *values, size_t n, CtsError *err)
     const size_t most = sizeof bytes / (size_t)f->bytes;
     for (size_t done = 0; done < n;) {
         const size_t part = n - done < most ? n - done : most;
-        const CtsStatus st = read_bytes(f, bytes, part * (size_t)f->bytes, err);
+        const CtsStatus st = read_nifti_bytes(f, bytes, part * (size_t)f->bytes, err);
         if (st)
             return st;
         for (size_t i = 0; i < part && f->bytes == 1 && !f->is_signed; i++) /* label maps, mostly */

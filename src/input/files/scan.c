@@ -30,7 +30,7 @@ CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, Cts
     return CTS_OK;
 }
 
-static char *join(const char *folder, const char *name)
+static char *join_path(const char *folder, const char *name)
 {
     char *path;
     const size_t n = strlen(folder);
@@ -67,7 +67,7 @@ static CtsStatus scan_entries(CtsScan *scan, const char *folder, DIR *dir, int d
             scan->n_special++;
             continue;
         }
-        char *path = join(folder, entry->d_name);
+        char *path = join_path(folder, entry->d_name);
         if (type == DT_REG) {
             const CtsFile file = {.path = path};
             st = path ? scan->found(scan->context, &file, NULL, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -129,7 +129,7 @@ static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
                                 path, m.name, (const char *)m.bytes);
             continue;
         }
-        char *name = join(path, m.name);
+        char *name = join_path(path, m.name);
         const CtsFile file = {.path = name, .memory = m.bytes, .n_memory = m.n_bytes};
         st = name ? scan->found(scan->context, &file, path, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         free(name);

@@ -14,7 +14,7 @@ static void put_file(FILE *out, const char *path)
                 info.st_mtim.tv_nsec);
 }
 
-static CtsStatus put(FILE *out, const char *path, CtsError *err)
+static CtsStatus put_file_facts(FILE *out, const char *path, CtsError *err)
 {
     struct stat info;
     CtsFileList list = {0};
@@ -39,7 +39,7 @@ CtsStatus cts_labels_stamp(const char *pattern, const char *series_uid, const ch
     if (!st && !out)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (size_t i = 0; !st && i < paths.n; i++)
-        st = put(out, paths.items[i], err);
+        st = put_file_facts(out, paths.items[i], err);
     cts_label_paths_free(&paths);
     if (out && fclose(out) && !st)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");

@@ -10,7 +10,7 @@
 
 enum { MAX_NAMES = 65535, MAX_BYTES = 16 << 20 };
 
-static CtsStatus add(CtsLabelNames *names, int number, const char *name, size_t n, CtsError *err)
+static CtsStatus add_name(CtsLabelNames *names, int number, const char *name, size_t n, CtsError *err)
 {
     if (names->n >= MAX_NAMES)
         return cts_fail(err, CTS_ERR_USAGE, "more than %d names", MAX_NAMES);
@@ -86,7 +86,7 @@ static bool number_of(const char *text, int *number)
     return end != text && !*end && value >= 0 && value <= MAX_NAMES;
 }
 
-static CtsStatus parse_json(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err)
+static CtsStatus parse_names(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err)
 {
     CtsJson json = {.name = what, .text = text, .size = n, .status = CTS_ERR_USAGE};
     CtsStatus st = cts_json_open(&json, err);
@@ -103,9 +103,9 @@ static CtsStatus parse_json(const char *what, const char *text, size_t n, CtsLab
         if (st)
             break;
         if (json_is_string(value) && number_of(key, &number))
-            st = add(names, number, json_string_value(value), json_string_length(value), err);
+            st = add_name(names, number, json_string_value(value), json_string_length(value), err);
         else if (json_is_integer(value) && json_integer_value(value) >= 0 && json_integer_value(value) <= MAX_NAMES)
-            st = add(names, (int)json_integer_value(value), key, strlen(key), err);
+            st = add_name(names, (int)json_integer_value(value), key, strlen(key), err);
         else if (json_is_array(value))
             st = add_region(what, key, value, names, err);
         else
@@ -136,7 +136,7 @@ static CtsStatus parse_table(const char *what, const char *text, size_t n, CtsLa
             return cts_fail(err, CTS_ERR_USAGE,
                             "%s: line %d is neither JSON nor a row of an ITK-SNAP table (1 255 0 0 1 1 1 \"liver\")",
                             what, line);
-        st = add(names, number, open + 1, (size_t)(close - open - 1), err);
+        st = add_name(names, number, open + 1, (size_t)(close - open - 1), err);
         if (!st && n_read == 4)
             colour(names, rgb, 255);
     }
@@ -148,7 +148,7 @@ CtsStatus cts_label_names_parse(const char *what, const char *text, size_t n, Ct
     size_t blank = 0;
     while (blank < n && strchr(" \t\r\n", text[blank]) && text[blank])
         blank++;
-    CtsStatus st = blank < n && text[blank] == '{' ? parse_json(what, text, n, names, err)
+    CtsStatus st = blank < n && text[blank] == '{' ? parse_names(what, text, n, names, err)
                                                    : parse_table(what, text, n, names, err);
     if (!st && names->n == 0 && names->n_regions == 0)
         st = cts_fail(err, CTS_ERR_USAGE, "%s: names no label", what);
@@ -201,7 +201,7 @@ static void XMLCALL on_end(void *context, const char *element)
 {
     Xml *const x = context;
     (void)element;
-    if (x->number >= 0 && x->n && !x->status && !(x->status = add(x->names, x->number, x->name, x->n, x->err)))
+    if (x->number >= 0 && x->n && !x->status && !(x->status = add_name(x->names, x->number, x->name, x->n, x->err)))
         colour(x->names, x->rgb, 1);
     x->number = -1;
 }

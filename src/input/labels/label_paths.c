@@ -23,14 +23,14 @@ void cts_label_stem(const char *path, char *stem, size_t size)
 }
 
 /* Writes the value of a pattern's part: unchanged, or with glob()'s special characters escaped. */
-static void put(FILE *out, const char *text, bool for_glob)
+static void put_part(FILE *out, const char *text, bool for_glob)
 {
     for (; *text; text++)
         fprintf(out, "%s%c", for_glob && strchr("*?[]\\", *text) ? "\\" : "", *text);
 }
 
 /* The pattern with its places filled in, to be freed with free(); NULL without memory. */
-static char *fill(const char *pattern, const char *uid, const char *stem, bool for_glob)
+static char *fill_pattern(const char *pattern, const char *uid, const char *stem, bool for_glob)
 {
     const char *const places[] = {"{series_uid}", "{stem}"}, *const texts[] = {uid, stem};
     char *path = NULL;
@@ -41,7 +41,7 @@ static char *fill(const char *pattern, const char *uid, const char *stem, bool f
         while (i < 2 && strncmp(pattern, places[i], strlen(places[i])) != 0)
             i++;
         if (i < 2)
-            put(out, texts[i], for_glob);
+            put_part(out, texts[i], for_glob);
         else
             fputc(*pattern, out);
         pattern += i < 2 ? strlen(places[i]) : 1;
@@ -52,7 +52,7 @@ static char *fill(const char *pattern, const char *uid, const char *stem, bool f
     return NULL;
 }
 
-static CtsStatus add(CtsLabelPaths *paths, const char *path, CtsError *err)
+static CtsStatus add_path(CtsLabelPaths *paths, const char *path, CtsError *err)
 {
     CtsStatus st = cts_grow(&paths->items, paths->n, err);
     if (!st && !(paths->items[paths->n] = strdup(path)))
@@ -67,15 +67,15 @@ static CtsStatus add_for(const char *pattern, const char *uid, const char *stem,
 {
     struct stat info;
     glob_t list = {0};
-    char *const path = fill(pattern, uid, stem, false), *const wild = fill(pattern, uid, stem, true);
+    char *const path = fill_pattern(pattern, uid, stem, false), *const wild = fill_pattern(pattern, uid, stem, true);
     CtsStatus st = path && wild ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     *found = !st && !stat(path, &info);
     if (!st && (*found || !strpbrk(pattern, "*?[")))
-        st = add(paths, path, err);
+        st = add_path(paths, path, err);
     else if (!st && !glob(wild, 0, NULL, &list))
         *found = list.gl_pathc;
     for (size_t i = 0; !st && i < list.gl_pathc; i++)
-        st = add(paths, list.gl_pathv[i], err);
+        st = add_path(paths, list.gl_pathv[i], err);
     globfree(&list);
     free(path);
     free(wild);

@@ -77,7 +77,7 @@ static bool make_whole(const MaskPlacing *p, Affine *a)
     return whole;
 }
 
-static CtsStatus add(const MaskPlacing *p, int slice, int row, int value, int first, int end, CtsError *err)
+static CtsStatus add_mask_run(const MaskPlacing *p, int slice, int row, int value, int first, int end, CtsError *err)
 {
     const int32_t label = p->mask->label_of[value];
     first = first < 0 ? 0 : first;
@@ -89,7 +89,8 @@ static CtsStatus add(const MaskPlacing *p, int slice, int row, int value, int fi
 }
 
 /* A share that is neither nothing nor all. */
-static CtsStatus add_share(const MaskPlacing *p, int slice, int row, int column, int value, double share, CtsError *err)
+static CtsStatus add_mask_share(const MaskPlacing *p, int slice, int row, int column, int value, double share,
+                                CtsError *err)
 {
     const int32_t label = p->mask->label_of[value];
     const int of_whole = (int)lround(share * CTS_WHOLE_SHARE);
@@ -121,7 +122,7 @@ static CtsStatus place_shares(const MaskPlacing *p, int slice, const Affine *a, 
         for (int i = 0; i < p->grid->columns && !st; i++) {
             const double x = a->at[0] + i * a->by[0][0], y = a->at[1] + j * a->by[1][1];
             if (x >= 0 && y >= 0 && x < p->mask->columns && y < p->mask->rows)
-                st = add_share(
+                st = add_mask_share(
                     p, slice, j, i, plane->sharer,
                     (double)plane->shares[(size_t)y * (size_t)p->mask->columns + (size_t)x] / CTS_WHOLE_SHARE, err);
         }
@@ -141,7 +142,7 @@ static CtsStatus place_whole(const MaskPlacing *p, int slice, const Affine *a, c
         for (int i = 0, end; !st && next_run(row, n, &i, &end); i = end) {
             const double low = right > 0 ? i - a->at[0] : a->at[0] - end + 1, high = low + (end - i);
             if (high > 0 && low < p->grid->columns)
-                st = add(p, slice, j, row[i], (int)low, (int)high, err);
+                st = add_mask_run(p, slice, j, row[i], (int)low, (int)high, err);
         }
     }
     return st;
@@ -183,7 +184,7 @@ static int planes_about(const MaskPlacing *p, double at_mm, int plane[2], double
     return away[nearest] <= p->reach_mm ? plane[nearest] : -1;
 }
 
-static CtsStatus read_plane(const MaskPlacing *p, int number, CtsMaskPlane *plane, CtsError *err)
+static CtsStatus read_mask_plane(const MaskPlacing *p, int number, CtsMaskPlane *plane, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     *plane = (CtsMaskPlane){.values = NULL};
@@ -201,7 +202,7 @@ static CtsStatus place_on_grid(const MaskPlacing *p, CtsError *err)
     CtsStatus st = CTS_OK;
     for (int q = 0; !st && q < p->mask->n_planes; q++) {
         CtsMaskPlane plane;
-        st = read_plane(p, q, &plane, err);
+        st = read_mask_plane(p, q, &plane, err);
         for (int k = 0; !st && k < p->grid->n_slices; k++) {
             Affine a;
             if (fabs(p->slice_mm[k] - p->at_mm[q]) > p->same_mm)
@@ -301,11 +302,11 @@ static CtsStatus resample_row(const LabelField *f, int slice, int row, CtsError 
             here = nearest_value(f, nearest, u, v);
         }
         for (int n = 0; n < mix.n && !st; n++)
-            st = add_share(p, slice, row, i, mix.value[n], mix.share[n], err);
+            st = add_mask_share(p, slice, row, i, mix.value[n], mix.share[n], err);
         if (here == value || st)
             continue;
         if (value)
-            st = add(p, slice, row, value, first, i, err);
+            st = add_mask_run(p, slice, row, value, first, i, err);
         value = here;
         first = i;
     }
@@ -326,7 +327,7 @@ static CtsStatus load_planes(const MaskPlacing *p, LabelField *f, CtsError *err)
         return st;
     for (int q = 0; !st && q < m->n_planes; q++) {
         CtsMaskPlane plane;
-        if ((st = read_plane(p, q, &plane, err)) ||
+        if ((st = read_mask_plane(p, q, &plane, err)) ||
             (plane.shares && !f->shares && (st = cts_alloc_array(&f->shares, n, err))))
             break;
         memcpy(f->values + (size_t)q * n_pixels, plane.values, n_pixels * sizeof *f->values);
@@ -339,7 +340,7 @@ static CtsStatus load_planes(const MaskPlacing *p, LabelField *f, CtsError *err)
     return st;
 }
 
-static CtsStatus resample(const MaskPlacing *p, CtsError *err)
+static CtsStatus resample_mask(const MaskPlacing *p, CtsError *err)
 {
     LabelField f = {.placing = p};
     CtsStatus st = load_planes(p, &f, err);
@@ -360,7 +361,7 @@ static int by_place(const void *a, const void *b)
 
 /* Half the gap between planes. Where the file does not give the gap and every plane is a slice, slices without a plane
  * get nothing from their neighbours: empty planes are omitted from such files. */
-static void find_reach(MaskPlacing *p)
+static void find_plane_reach(MaskPlacing *p)
 {
     double gap = INFINITY, scanned_gap = INFINITY, farthest = 0;
     const int n = p->mask->n_planes;
@@ -425,7 +426,7 @@ static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError 
     return CTS_OK;
 }
 
-static void end(MaskPlacing *p)
+static void end_placing(MaskPlacing *p)
 {
     cts_free(&p->at_mm);
     cts_free(&p->slice_mm);
@@ -433,7 +434,7 @@ static void end(MaskPlacing *p)
     cts_free(&p->n_mask);
 }
 
-static CtsStatus begin(MaskPlacing *p, CtsError *err)
+static CtsStatus begin_placing(MaskPlacing *p, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     CtsStatus st;
@@ -452,7 +453,7 @@ static CtsStatus begin(MaskPlacing *p, CtsError *err)
         p->slice_mm[k] = cts_dot3(p->grid->position_lps[k], p->normal_lps);
     for (int q = 0; q < m->n_planes; q++)
         p->sorted[q] = (PlanePlace){p->at_mm[q] = cts_dot3(m->position_lps[q], p->normal_lps), q};
-    find_reach(p);
+    find_plane_reach(p);
     return CTS_OK;
 }
 
@@ -485,23 +486,23 @@ static bool is_on_grid(const MaskPlacing *p)
 CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, bool *on_grid, CtsError *err)
 {
     MaskPlacing p = {.mask = mask, .grid = grid};
-    const CtsStatus st = begin(&p, err);
+    const CtsStatus st = begin_placing(&p, err);
     *on_grid = !st && is_on_grid(&p);
-    end(&p);
+    end_placing(&p);
     return st;
 }
 
 CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, double *held_mm3, CtsError *err)
 {
     MaskPlacing p = {.mask = mask, .reading = reading, .grid = &reading->labels->grid};
-    CtsStatus st = begin(&p, err);
+    CtsStatus st = begin_placing(&p, err);
     if (!st)
-        st = is_on_grid(&p) ? place_on_grid(&p, err) : resample(&p, err);
+        st = is_on_grid(&p) ? place_on_grid(&p, err) : resample_mask(&p, err);
     for (size_t i = 0; !st && i < reading->labels->n; i++)
         cts_label_sort_runs(&reading->labels->items[i]);
     if (!st)
         st = check_volumes(&p, held_mm3, err);
-    end(&p);
+    end_placing(&p);
     return st;
 }
 

@@ -165,7 +165,7 @@ static int nearest_axis(const CtsNifti *f, const double direction[3], const bool
 }
 
 /* Planes across the scanned slices' normal, for any order of the file's axes. */
-static CtsStatus place(Map *m, CtsError *err)
+static CtsStatus place_map(Map *m, CtsError *err)
 {
     const CtsNifti *const f = &m->nifti;
     const CtsLabelGrid *const g = &m->reading->labels->grid;
@@ -206,7 +206,7 @@ CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileByte
     if (!st && !(st = cts_label_take_form(reading, &m.nifti, err)) && !(st = read_numbers(&m, err)) &&
         !(st = find_names(&m, err)) && !(st = add_labels(&m, err)) &&
         !(st = add_regions(reading, reading->names, err)) && !(st = add_regions(reading, &m.names, err)))
-        st = place(&m, err);
+        st = place_map(&m, err);
     cts_nifti_close(&m.nifti);
     cts_label_names_free(&m.names);
     cts_free(&m.numbers);

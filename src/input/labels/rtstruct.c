@@ -53,7 +53,7 @@ static size_t n_values_of(CtsElements value)
 }
 
 /* A vertex on a voxel's centre is snapped to it, in spite of its rounded decimals. */
-static double snapped(double x)
+static double snapped_vertex(double x)
 {
     return fabs(x - rint(x)) < 1e-6 ? rint(x) : x;
 }
@@ -118,7 +118,7 @@ static CtsStatus find_crossings(Outline *o, const Contour *first, const Contour 
             const CtsStatus st = cts_grow(&o->crossings, *n, err);
             if (st)
                 return st;
-            o->crossings[(*n)++] = snapped((b[0] - a[0]) * (row - a[1]) / (b[1] - a[1]) + a[0]);
+            o->crossings[(*n)++] = snapped_vertex((b[0] - a[0]) * (row - a[1]) / (b[1] - a[1]) + a[0]);
         }
     qsort(o->crossings, *n, sizeof *o->crossings, cts_compare_double);
     return CTS_OK;
@@ -146,7 +146,7 @@ static void to_pixels(Outline *o, int slice, const Contour *first, const Contour
             for (int axis = 0; axis < 3; axis++)
                 offset[axis] = o->points[i][axis] - o->grid->position_lps[slice][axis];
             for (int axis = 0; axis < 2; axis++)
-                o->pixels[i][axis] = snapped(cts_dot3(o->inverse[axis], offset));
+                o->pixels[i][axis] = snapped_vertex(cts_dot3(o->inverse[axis], offset));
             top = fmin(top, o->pixels[i][1]);
             bottom = fmax(bottom, o->pixels[i][1]);
         }
@@ -229,7 +229,7 @@ static CtsStatus fill_slices(Outline *o, CtsLabel *label, CtsError *err)
     return st;
 }
 
-static CtsElements item_of(CtsElements elements, uint32_t sequence_tag, uint32_t number_tag, int number)
+static CtsElements item_with_number(CtsElements elements, uint32_t sequence_tag, uint32_t number_tag, int number)
 {
     CtsElements sequence = cts_elements_find(elements, sequence_tag), item;
     int found;
@@ -272,10 +272,10 @@ static CtsStatus read_structure(Outline *o, const CtsLabelDicom *object, CtsElem
     if (st)
         return st;
     CtsLabel *const label = &labels->items[labels->n - 1];
-    cts_elements_text(item_of(object->elements, OBSERVATIONS, REFERENCED_ROI, number), INTERPRETED_TYPE, type,
+    cts_elements_text(item_with_number(object->elements, OBSERVATIONS, REFERENCED_ROI, number), INTERPRETED_TYPE, type,
                       sizeof type);
     label->surrounds = !strcmp(type, "EXTERNAL") || !strcmp(type, "SUPPORT");
-    const CtsElements drawn = item_of(object->elements, ROI_CONTOURS, REFERENCED_ROI, number);
+    const CtsElements drawn = item_with_number(object->elements, ROI_CONTOURS, REFERENCED_ROI, number);
     CtsElements contours = cts_elements_find(drawn, CONTOURS);
     label->coloured = cts_elements_decimals(drawn, DISPLAY_COLOUR, label->rgb, 3);
     for (int c = 0; c < 3; c++)

@@ -106,7 +106,7 @@ static CtsStatus read_type(Seg *s, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus read_shape(Seg *s, CtsError *err)
+static CtsStatus read_seg_shape(Seg *s, CtsError *err)
 {
     const CtsElements e = s->object->elements;
     if (!cts_elements_integer(e, N_FRAMES, &s->n_frames) || !cts_elements_integer(e, ROWS, &s->rows) ||
@@ -209,7 +209,7 @@ static bool is_jpeg2000(const Seg *s)
 }
 
 /* A frame of bits is one row of bytes for codecs, except for JPEG 2000, which decodes it to pixels. */
-static CtsFrameFormat format_of(const Seg *s)
+static CtsFrameFormat frame_format_of(const Seg *s)
 {
     const bool pixels = is_jpeg2000(s);
     CtsFrameFormat f = {.syntax = s->object->syntax,
@@ -228,9 +228,9 @@ static CtsFrameFormat format_of(const Seg *s)
     return f;
 }
 
-static CtsStatus decode(Seg *s, int frame, const void **pixels, CtsError *err)
+static CtsStatus decode_seg_frame(Seg *s, int frame, const void **pixels, CtsError *err)
 {
-    const CtsFrameFormat format = format_of(s);
+    const CtsFrameFormat format = frame_format_of(s);
     const CtsStatus st =
         cts_codec_submit(&s->decoder, &format, &s->object->source, s->offset[frame], s->offset[frame + 1], err);
     return st ? st : cts_sandbox_take(&s->decoder, pixels, err);
@@ -276,7 +276,7 @@ static CtsStatus read_plane(void *context, int number, CtsMaskPlane *plane, CtsE
     const int frame = s->planes ? s->planes[number] : number;
     int shift = 0;
     const void *pixels = NULL;
-    CtsStatus st = s->offset ? decode(s, frame, &pixels, err) : read_native(s, frame, &shift, err);
+    CtsStatus st = s->offset ? decode_seg_frame(s, frame, &pixels, err) : read_native(s, frame, &shift, err);
     if (!s->offset)
         pixels = s->bytes + shift / 8;
     *plane = (CtsMaskPlane){s->values, s->shares, (uint16_t)(s->segment[frame] + 1)};
@@ -349,7 +349,7 @@ static CtsStatus place_all(Seg *s, CtsError *err)
     return st;
 }
 
-static CtsStatus check_pixels(Seg *s, CtsError *err)
+static CtsStatus check_seg_pixels(Seg *s, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
     const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
@@ -365,11 +365,11 @@ static CtsStatus check_pixels(Seg *s, CtsError *err)
                                              s->n_frames, (unsigned long long)need, (unsigned long long)o->pixel_bytes);
 }
 
-static CtsStatus read_all(Seg *s, CtsError *err)
+static CtsStatus read_seg(Seg *s, CtsError *err)
 {
     CtsStatus st;
     const size_t n = (size_t)s->rows * (size_t)s->columns;
-    if ((st = read_segments(s, err)) || (st = check_pixels(s, err)) || (st = read_frames(s, err)) ||
+    if ((st = read_segments(s, err)) || (st = check_seg_pixels(s, err)) || (st = read_frames(s, err)) ||
         (st = cts_alloc_array(&s->values, n, err)) || (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 4, err)) ||
         (s->type == FRACTIONAL && (st = cts_alloc_array(&s->shares, n, err))))
         return st;
@@ -386,9 +386,9 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom
         st = cts_alloc_array(&s.label_of, MAX_NUMBERS, err);
     for (int i = 0; !st && i < MAX_NUMBERS; i++)
         s.label_of[i] = -1;
-    if (!st && !(st = read_type(&s, err)) && !(st = read_shape(&s, err))) {
+    if (!st && !(st = read_type(&s, err)) && !(st = read_seg_shape(&s, err))) {
         s.crops = s.type == BINARY && cts_label_shares_space(frame_uid, reading->series);
-        st = read_all(&s, err);
+        st = read_seg(&s, err);
     }
     cts_sandbox_stop(&s.decoder);
     cts_free(&s.label_of);

@@ -489,7 +489,7 @@ static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSlice
     return st;
 }
 
-static CtsStatus fill(const Loading *in, int offset, CtsVolume *v, CtsReport *report, CtsError *err)
+static CtsStatus fill_even_slices(const Loading *in, int offset, CtsVolume *v, CtsReport *report, CtsError *err)
 {
     const int n_threads = in->n_threads;
     Assembly a = {.slices = in->slices,
@@ -583,7 +583,7 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     if (!even) /* on average */
         v->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);
     place_volume(v, in->slices, in->n_slices, &stack);
-    st = fill(in, offset, v, report, err);
+    st = fill_even_slices(in, offset, v, report, err);
 end:
     if (st)
         cts_scanned_free(scanned);
@@ -592,8 +592,8 @@ end:
 }
 
 /* A slice that turns out to be damaged is treated as missing, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
-                      CtsReport *report, CtsError *err)
+static CtsStatus load_series(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
+                             CtsReport *report, CtsError *err)
 {
     Loading in = {.watch = watch};
     CtsError why = {0};
@@ -625,7 +625,7 @@ CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, in
         in_series(series, err);
         return series->refusal;
     }
-    const CtsStatus st = load(series, watch, cts_threads(n_threads), scanned, report, err);
+    const CtsStatus st = load_series(series, watch, cts_threads(n_threads), scanned, report, err);
     /* Time other than reading slices counts as conversion to grey levels. */
     cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
     for (size_t i = 0; !st && i < series->diagnostics.n; i++)

@@ -117,7 +117,7 @@ static inline __attribute__((always_inline)) Range range_of_integers(const int32
     return (Range){low, high, true, 0};
 }
 
-static Range join(Range a, Range b)
+static Range join_ranges(Range a, Range b)
 {
     return (Range){fmin(a.low, b.low), fmax(a.high, b.high), a.whole && b.whole, a.n_lost + b.n_lost};
 }
@@ -143,9 +143,9 @@ static inline __attribute__((always_inline)) void any_slice(const ArrayPass *p, 
         uint16_t *const restrict grey = grey_of(p, j, k);
         const bool doubles = p->array->number == CTS_FLOAT64, floats = p->array->number == CTS_FLOAT32;
         if (looks)
-            all = join(all, doubles  ? range_of_doubles(row, n)
-                            : floats ? range_of_floats(row, n)
-                                     : range_of_integers(row, n));
+            all = join_ranges(all, doubles  ? range_of_doubles(row, n)
+                                   : floats ? range_of_floats(row, n)
+                                            : range_of_integers(row, n));
         else if (doubles)
             GREY_OF((const double *)row)
         else if (floats)
@@ -206,7 +206,7 @@ static void make_slices(void *context, int worker, size_t first, size_t end)
         slice(p, k, false, p->rows[worker]);
 }
 
-static CtsStatus check(const CtsHuArray *g, CtsError *err)
+static CtsStatus check_array(const CtsHuArray *g, CtsError *err)
 {
     double normal[3], spans = 1;
     for (int a = 0; a < 3; a++) {
@@ -232,8 +232,8 @@ static double number_at(const ArrayPass *p, const void *row, int i)
 }
 
 /* The range without isolated values that no scanner measures, which are listed. */
-static CtsStatus leave_outliers_out(const ArrayPass *p, Range *all, CtsOutliers *outliers, CtsReport *report,
-                                    CtsError *err)
+static CtsStatus leave_values_out(const ArrayPass *p, Range *all, CtsOutliers *outliers, CtsReport *report,
+                                  CtsError *err)
 {
     const int *const dims = p->array->box.dims;
     CtsStatus st = CTS_OK;
@@ -256,9 +256,9 @@ static CtsStatus settle_range(const ArrayPass *p, CtsVolume *v, CtsOutliers *out
     Range all = {INFINITY, -INFINITY, true, 0};
     CtsStatus st;
     for (int k = 0; k < p->array->box.dims[2]; k++)
-        all = join(all, p->ranges[k]);
+        all = join_ranges(all, p->ranges[k]);
     if (all.low <= all.high && (cts_is_outlier(all.low) || cts_is_outlier(all.high)) &&
-        (st = leave_outliers_out(p, &all, outliers, report, err)))
+        (st = leave_values_out(p, &all, outliers, report, err)))
         return st;
     v->hu_min = all.low <= all.high ? all.low : HU_OFFSET;
     v->hu_max = all.low <= all.high ? all.high : HU_OFFSET;
@@ -274,7 +274,7 @@ static CtsStatus settle_range(const ArrayPass *p, CtsVolume *v, CtsOutliers *out
     return CTS_OK;
 }
 
-static CtsStatus fill(const ArrayPass *p, CtsVolume *v, int n_threads, CtsReport *report, CtsError *err)
+static CtsStatus fill_from_array(const ArrayPass *p, CtsVolume *v, int n_threads, CtsReport *report, CtsError *err)
 {
     const size_t n = (size_t)p->array->box.dims[2];
     cts_parallel(n_threads, n, 0, find_ranges, (void *)p);
@@ -289,7 +289,7 @@ static CtsStatus fill(const ArrayPass *p, CtsVolume *v, int n_threads, CtsReport
     return st;
 }
 
-static CtsStatus place(CtsScanned *s, const CtsBox *b, CtsError *err)
+static CtsStatus place_array(CtsScanned *s, const CtsBox *b, CtsError *err)
 {
     const int *const dims = b->dims;
     CtsStatus st = cts_alloc_array(&s->position_lps, (size_t)dims[2], err);
@@ -307,7 +307,7 @@ static CtsStatus place(CtsScanned *s, const CtsBox *b, CtsError *err)
 CtsStatus cts_scanned_of_hu(const CtsHuArray *array, int n_threads, CtsScanned **scanned, CtsReport *report,
                             CtsError *err)
 {
-    CtsStatus st = check(array, err);
+    CtsStatus st = check_array(array, err);
     *scanned = NULL;
     if (st || (st = cts_alloc_zeroed(scanned, 1, err)))
         return st;
@@ -315,14 +315,14 @@ CtsStatus cts_scanned_of_hu(const CtsHuArray *array, int n_threads, CtsScanned *
     const HuArray as_scanned = stored(array);
     const CtsBox *const box = &as_scanned.box;
     ArrayPass pass = {.array = &as_scanned};
-    if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
+    if (!(st = place_array(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
         if (!(pass.rows[t] = malloc((size_t)box->dims[0] * sizeof(double))))
             st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     pass.volume = (*scanned)->even;
     if (!st)
-        st = fill(&pass, pass.volume, n_threads, report, err);
+        st = fill_from_array(&pass, pass.volume, n_threads, report, err);
     for (int t = 0; pass.rows && t < n_threads; t++)
         free(pass.rows[t]);
     cts_free(&pass.rows);

@@ -49,7 +49,7 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static size_t root(size_t *parent, size_t n)
+static size_t root_of_outlier(size_t *parent, size_t n)
 {
     while (parent[n] != n)
         n = parent[n] = parent[parent[n]];
@@ -57,14 +57,14 @@ static size_t root(size_t *parent, size_t n)
 }
 
 /* Joins voxel n with its neighbour at (i, j, k), if that is an outlier too. */
-static void join(const CtsOutliers *o, const int dims[3], int i, int j, int k, size_t n, size_t *parent)
+static void join_outlier(const CtsOutliers *o, const int dims[3], int i, int j, int k, size_t n, size_t *parent)
 {
     if (i < 0 || j < 0 || k < 0 || i >= dims[0] || j >= dims[1] || k >= dims[2])
         return;
     const size_t voxel = ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0] + (size_t)i;
     const size_t *const found = bsearch(&voxel, o->voxels, n, sizeof voxel, by_size);
     if (found)
-        parent[root(parent, (size_t)(found - o->voxels))] = root(parent, n);
+        parent[root_of_outlier(parent, (size_t)(found - o->voxels))] = root_of_outlier(parent, n);
 }
 
 /* The number of voxels of the largest 26-connected part. */
@@ -79,11 +79,11 @@ static CtsStatus largest_part(const CtsOutliers *o, const int dims[3], size_t *l
         const int i = (int)(o->voxels[n] % nx), j = (int)(o->voxels[n] / nx % ny), k = (int)(o->voxels[n] / nx / ny);
         parent[n] = n;
         for (int by = 0; by < 13; by++) /* the half of the 26 neighbours that precede it */
-            join(o, dims, i + by % 3 - 1, j + by / 3 % 3 - 1, k + by / 9 - 1, n, parent);
+            join_outlier(o, dims, i + by % 3 - 1, j + by / 3 % 3 - 1, k + by / 9 - 1, n, parent);
     }
     *largest = 0;
     for (size_t n = 0; !st && n < o->n; n++) {
-        const size_t size = ++count[root(parent, n)];
+        const size_t size = ++count[root_of_outlier(parent, n)];
         *largest = size > *largest ? size : *largest;
     }
     cts_free(&parent);

@@ -25,7 +25,7 @@ int cts_resample_offset(const double *layer, int n_slices, int n_layers)
     return offset + 1;
 }
 
-static void blend(uint16_t *to, const uint16_t *low, const uint16_t *high, size_t n, float weight)
+static void blend_layers(uint16_t *to, const uint16_t *low, const uint16_t *high, size_t n, float weight)
 {
     for (size_t i = 0; i < n; i++) {
         const float a = low[i], b = high[i];
@@ -67,7 +67,7 @@ static void resample_some(const Stack *stack, size_t first, size_t n)
         if (below + 1 == s->n_slices || !(past > 0))
             memmove(to, low, n * sizeof *to);
         else if (s->linear)
-            blend(to, low, low + s->layer_voxels, n, (float)(past / (s->layer[below + 1] - s->layer[below])));
+            blend_layers(to, low, low + s->layer_voxels, n, (float)(past / (s->layer[below + 1] - s->layer[below])));
         else
             blend_cubic(s, to, low, below, past, n);
     }

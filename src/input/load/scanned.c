@@ -35,7 +35,7 @@ static CtsStatus copy(CtsScanned *s, CtsVolume **volume, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus take(CtsScanned *s, CtsVolume **volume, CtsError *err)
+static CtsStatus give_slices(CtsScanned *s, CtsVolume **volume, CtsError *err)
 {
     const CtsVolume *const even = s->even;
     const CtsStatus st = cts_volume_new_empty(volume, even->dims[0], even->dims[1], even->dims[2], err);
@@ -90,7 +90,7 @@ CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over
     *volume = NULL;
     if (!s->even->grey)
         return cts_fail(err, CTS_ERR_INTERNAL, "the slices have been handed over");
-    const CtsStatus st = hand_over ? take(s, volume, err) : copy(s, volume, err);
+    const CtsStatus st = hand_over ? give_slices(s, volume, err) : copy(s, volume, err);
     if (st)
         return st;
     if (s->layer)

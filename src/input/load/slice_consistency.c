@@ -16,7 +16,7 @@ typedef struct Samples {
     int n;
 } Samples;
 
-static const uint16_t *sample(const Samples *s, int k)
+static const uint16_t *sample_slice(const Samples *s, int k)
 {
     return s->of + (size_t)k * CTS_SAMPLES;
 }
@@ -31,10 +31,10 @@ typedef struct Beside {
 static Beside beside(const Samples *s, int k)
 {
     if (k == 0)
-        return (Beside){sample(s, 0), sample(s, 1), sample(s, 2), true};
+        return (Beside){sample_slice(s, 0), sample_slice(s, 1), sample_slice(s, 2), true};
     if (k == s->n - 1)
-        return (Beside){sample(s, k), sample(s, k - 1), sample(s, k - 2), true};
-    return (Beside){sample(s, k), sample(s, k - 1), sample(s, k + 1), false};
+        return (Beside){sample_slice(s, k), sample_slice(s, k - 1), sample_slice(s, k - 2), true};
+    return (Beside){sample_slice(s, k), sample_slice(s, k - 1), sample_slice(s, k + 1), false};
 }
 
 static int foretold(const Beside *b, int i)
@@ -115,7 +115,7 @@ static void report_displacement(const Samples *s, CtsReport *report)
 
 static double apart(const Samples *s, int a, int b)
 {
-    const uint16_t *x = sample(s, a), *y = sample(s, b);
+    const uint16_t *x = sample_slice(s, a), *y = sample_slice(s, b);
     uint32_t sum = 0;
     for (int i = 0; i < CTS_SAMPLES; i++)
         sum += x[i] > y[i] ? (uint32_t)(x[i] - y[i]) : (uint32_t)(y[i] - x[i]);
@@ -224,7 +224,7 @@ static uint64_t count_levels(const Samples *s, bool rim, uint32_t *level)
         for (int j = 0; j < CTS_SAMPLE_SIDE; j++) {
             const bool edge = j == 0 || j == CTS_SAMPLE_SIDE - 1;
             for (int i = 0; i < CTS_SAMPLE_SIDE; i += rim && !edge ? CTS_SAMPLE_SIDE - 1 : 1) {
-                const uint16_t grey = sample(s, k)[j * CTS_SAMPLE_SIDE + i];
+                const uint16_t grey = sample_slice(s, k)[j * CTS_SAMPLE_SIDE + i];
                 level[grey] += grey > 0;
                 n += grey > 0;
             }
@@ -279,7 +279,7 @@ static int body_samples(const Samples *s, bool rows, int level)
     int first = -1, last = -1;
     for (int k = 0; k < s->n; k++)
         for (int i = 0; i < CTS_SAMPLES; i++) {
-            const int in = sample(s, k)[i] >= level;
+            const int in = sample_slice(s, k)[i] >= level;
             count[rows ? i / CTS_SAMPLE_SIDE : i % CTS_SAMPLE_SIDE] += (uint64_t)in;
             n += (uint64_t)in;
         }

@@ -74,17 +74,17 @@ static void report_archive(const FoundFile *f, CtsArchiveFile *file)
         file->mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
 }
 
-static CtsStatus add_named(void *context, const char *path, CtsError *err)
+static CtsStatus add_named_file(void *context, const char *path, CtsError *err)
 {
     return add_file(context, &(CtsFile){.path = path}, NULL, err);
 }
 
 /* The files that a DICOMDIR names, into the next group. */
-static CtsStatus follow(ArchiveSearch *s, const char *path, CtsError *err)
+static CtsStatus follow_dicomdir(ArchiveSearch *s, const char *path, CtsError *err)
 {
     size_t n_refused;
     s->in_directory = true;
-    const CtsStatus st = cts_slice_read_directory(path, add_named, s, &n_refused, err);
+    const CtsStatus st = cts_slice_read_directory(path, add_named_file, s, &n_refused, err);
     s->in_directory = false;
     return st;
 }
@@ -149,7 +149,7 @@ static CtsStatus flush(ArchiveSearch *s, CtsError *err)
     for (int t = 0; t < s->n_threads; t++)
         cts_string_pool_free(&s->scratch[t].texts);
     if (!st && directory)
-        st = follow(s, directory, err);
+        st = follow_dicomdir(s, directory, err);
     free(directory);
     return st;
 }

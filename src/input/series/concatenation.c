@@ -95,8 +95,8 @@ static int64_t name_frames(CtsSlice *const *parts, size_t n, bool numbered, Text
     return n_missing;
 }
 
-static CtsStatus check_one(CtsSlice *const *parts, size_t n, CtsSlice *const *slices, size_t n_slices,
-                           CtsStringPool *texts, CtsError *err)
+static CtsStatus check_concatenation(CtsSlice *const *parts, size_t n, CtsSlice *const *slices, size_t n_slices,
+                                     CtsStringPool *texts, CtsError *err)
 {
     char words[320];
     Text text = {words, sizeof words};
@@ -137,7 +137,7 @@ CtsStatus cts_concatenations_check(CtsSlice *const *slices, size_t n, CtsStringP
     for (size_t first = 0, end; !st && first < n_parts; first = end) {
         for (end = first + 1; end < n_parts && !by_concatenation(parts[first], parts[end]);)
             end++;
-        st = check_one(parts + first, end - first, slices, n, texts, err);
+        st = check_concatenation(parts + first, end - first, slices, n, texts, err);
     }
     free(parts);
     return st;

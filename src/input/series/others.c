@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static CtsStatus add(CtsSeriesList *list, const char *what, int n, CtsError *err)
+static CtsStatus add_other(CtsSeriesList *list, const char *what, int n, CtsError *err)
 {
     for (size_t i = 0; i < list->n_others; i++)
         if (!strcmp(list->others[i].what, what)) {
@@ -29,12 +29,12 @@ CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, C
         snprintf(what, sizeof what, "NIfTI (name the file itself)");
     else
         snprintf(what, sizeof what, packed ? "packed with %s (unpack first)" : "not DICOM", packed);
-    return n ? add(list, what, n, err) : CTS_OK;
+    return n ? add_other(list, what, n, err) : CTS_OK;
 }
 
 CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err)
 {
-    return n ? add(list, "links to folders or devices (name them)", n, err) : CTS_OK;
+    return n ? add_other(list, "links to folders or devices (name them)", n, err) : CTS_OK;
 }
 
 CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err)
@@ -45,7 +45,7 @@ CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsE
         snprintf(what, sizeof what, "of another SOP class");
     else
         dcm->class_name(class_uid, what, sizeof what);
-    return add(list, what, 1, err);
+    return add_other(list, what, 1, err);
 }
 
 static int by_number(const void *a, const void *b)

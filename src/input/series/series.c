@@ -58,7 +58,8 @@ typedef struct HeaderSearch {
     CtsStudyNumbers numbers; /* of all objects; used where asked has none */
 } HeaderSearch;
 
-static bool read_one(const CtsFile *file, CtsNiftiForm form, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
+static bool read_one_header(const CtsFile *file, CtsNiftiForm form, CtsScratch *scratch, Header *header,
+                            uint64_t *bytes_read)
 {
     CtsError why = {0};
     header->file = cts_file_read_header(file, form, scratch, &header->object, bytes_read, &why);
@@ -80,13 +81,13 @@ typedef struct HeaderReading {
     HeaderReader *readers;
 } HeaderReading;
 
-static void read_some(void *context, int worker, size_t first, size_t end)
+static void read_some_headers(void *context, int worker, size_t first, size_t end)
 {
     const HeaderReading *const r = context;
     HeaderReader *const reader = &r->readers[worker];
     for (size_t i = r->first_file + first; i < r->first_file + end; i++)
-        reader->failed |= !read_one(&r->search->files.items[i], r->search->asked->rules.nifti_form, &reader->scratch,
-                                    &r->search->headers[i], &reader->bytes_read);
+        reader->failed |= !read_one_header(&r->search->files.items[i], r->search->asked->rules.nifti_form,
+                                           &reader->scratch, &r->search->headers[i], &reader->bytes_read);
 }
 
 /* The slices need their texts for as long as the list is there. */
@@ -100,7 +101,7 @@ static bool take_texts(CtsSeriesList *list, CtsStringPool *texts)
 }
 
 /* Reads the headers not yet read. */
-static CtsStatus read_headers(HeaderSearch *s, int n_threads, CtsError *err)
+static CtsStatus read_new_headers(HeaderSearch *s, int n_threads, CtsError *err)
 {
     const size_t first = s->n_headers, n = s->files.n;
     Header *headers = realloc(s->headers, (n ? n : 1) * sizeof *headers);
@@ -113,7 +114,7 @@ static CtsStatus read_headers(HeaderSearch *s, int n_threads, CtsError *err)
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     HeaderReading reading = {s, first, readers};
-    cts_parallel(n_threads, n - first, 8, read_some, &reading);
+    cts_parallel(n_threads, n - first, 8, read_some_headers, &reading);
     bool failed = false;
     for (int t = 0; t < n_threads; t++) {
         s->bytes_read += readers[t].bytes_read;
@@ -147,7 +148,7 @@ static CtsStatus follow_directories(HeaderSearch *s, int n_threads, CtsError *er
     for (size_t i = 0; !st && i < n; i++)
         if (s->files.items[i].named && s->headers[i].object.kind == CTS_OBJECT_DIRECTORY)
             st = follow_directory(s, s->files.items[i].path, err);
-    return !st && s->files.n > n ? read_headers(s, n_threads, err) : st;
+    return !st && s->files.n > n ? read_new_headers(s, n_threads, err) : st;
 }
 
 /* Files without a series UID belong together by folder; a NIfTI file is alone. */
@@ -336,7 +337,7 @@ static CtsStatus find_slices(HeaderSearch *s, CtsSlice ***slices, size_t *n_slic
     s->files.archives = NULL;
     s->list->diagnostics = s->files.diagnostics;
     s->files.diagnostics = (CtsDiagnostics){0};
-    if ((st = read_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||
+    if ((st = read_new_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||
         (st = count_others(s, err)) || (st = number_objects(s, err)) || (st = collect(s, slices, n_slices, err)) ||
         (st = list_paths(s, err)))
         return st;

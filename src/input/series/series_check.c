@@ -22,7 +22,8 @@ static void end(CtsSeries *series, CtsStatus status, const char *format, va_list
                         series->reason);
 }
 
-static void __attribute__((format(printf, 3, 4))) refuse(CtsSeries *series, CtsStatus status, const char *format, ...)
+static void __attribute__((format(printf, 3, 4)))
+refuse_series(CtsSeries *series, CtsStatus status, const char *format, ...)
 {
     va_list args;
     va_start(args, format);
@@ -110,10 +111,10 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
         return CTS_OK;
     const char *text = first->fault_text ? first->fault_text : "cannot be used";
     if (first->fault == CTS_ERR_SYNTAX)
-        refuse(series, CTS_ERR_SYNTAX, "%s", text);
+        refuse_series(series, CTS_ERR_SYNTAX, "%s", text);
     else if (n * 10 > set->n || set->n - n < 2)
-        refuse(series, first->fault, "%s: %s%s", cts_slice_label(first).text, text,
-               n > 1 ? ", and others like it" : "");
+        refuse_series(series, first->fault, "%s: %s%s", cts_slice_label(first).text, text,
+                      n > 1 ? ", and others like it" : "");
     else
         for (int i = 0; i < set->n; i++)
             if (!keep[i])
@@ -165,7 +166,7 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
     if (!n_left)
         return CTS_OK;
     if (n_across > 3 || (n_other > 0 && n_best * 100 < (set->n - n_across) * MIN_SHARE_PERCENT) || n_best < n_left)
-        refuse(
+        refuse_series(
             series, CTS_ERR_GEOMETRY,
             "its %d slices differ in size, orientation or pixel spacing; the largest group has %d (split the series)",
             set->n, n_best);
@@ -271,7 +272,8 @@ static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
         if (!known && !empty)
             known = s;
         if (known && !empty && !same_identity(known, s, part)) {
-            refuse(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[part].means, identities[part].name);
+            refuse_series(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[part].means,
+                          identities[part].name);
             return;
         }
     }
@@ -287,8 +289,8 @@ static void check_modality(const CtsSliceSet *set, CtsSeries *series)
     for (int i = 0; i < set->n; i++) {
         const char *modality = set->items[i]->modality;
         if (*modality && strcasecmp(modality, "CT") != 0)
-            refuse(series, CTS_ERR_PIXELS, "%s: Modality (0008,0060) is %.16s in an object of CT",
-                   cts_slice_label(set->items[i]).text, modality);
+            refuse_series(series, CTS_ERR_PIXELS, "%s: Modality (0008,0060) is %.16s in an object of CT",
+                          cts_slice_label(set->items[i]).text, modality);
     }
 }
 
@@ -356,7 +358,7 @@ static const char *orientation_of(const double normal[3])
     return "oblique";
 }
 
-static void describe(CtsSeries *series, const CtsSlice *s)
+static void describe_series(CtsSeries *series, const CtsSlice *s)
 {
     snprintf(series->uid, sizeof series->uid, "%s", s->series_uid);
     const char *study_uid = s->identity[CTS_STUDY_UID];
@@ -413,7 +415,7 @@ static void check_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers
                  missing.n, set->n + missing.n, a->instance_number, b->instance_number, missing.thickness_mm,
                  missing.gap_mm);
     if (!is_thinned && !series->rules.allow_missing_slices && cts_slice_stack_lacks_many(missing.n, set->n))
-        refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", what);
+        refuse_series(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", what);
     else if (missing.n > n_in_gaps)
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_MISSING_SLICES,
                             "%s; what lies between is interpolated", what);
@@ -428,7 +430,8 @@ static const char *check_parts(const CtsSliceSet *set, CtsSeries *series)
     if (!lacking)
         return NULL;
     if (cts_slice_stack_lacks_many(lacking->n_lacking, set->n) && !series->rules.allow_missing_slices)
-        refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", lacking->lacks);
+        refuse_series(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)",
+                      lacking->lacks);
     else
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_CONCATENATION_INCOMPLETE, "%s", lacking->lacks);
     return lacking->lacks;
@@ -447,8 +450,8 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
     series->spacing_mm[2] = stack.spacing_mm;
     series->tilt_deg = stack.tilt_deg;
     if (series->frames_differ && (st || stack.kind != CTS_STACK_EVEN))
-        refuse(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[CTS_FRAME_UID].means,
-               identities[CTS_FRAME_UID].name);
+        refuse_series(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[CTS_FRAME_UID].means,
+                      identities[CTS_FRAME_UID].name);
     else if (series->frames_differ)
         cts_diagnostics_add(
             &series->diagnostics, CTS_DIAGNOSTIC_FRAMES_OF_REFERENCE,
@@ -457,7 +460,7 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
             set->n);
     const char *lacks = check_parts(set, series);
     if (st) {
-        refuse(series, st, "%s%s%s", lacks ? lacks : "", lacks ? "; " : "", why.text);
+        refuse_series(series, st, "%s%s%s", lacks ? lacks : "", lacks ? "; " : "", why.text);
         return CTS_OK;
     }
     if (set->n == 2)
@@ -531,11 +534,12 @@ static void describe_refused(CtsSliceSet *set, CtsSeries *series)
     cts_slice_stack_free(&stack);
 }
 
-static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, const CtsStudyNumbers *numbers, bool whole, CtsError *err)
+static CtsStatus finish_series(CtsSeries *series, CtsSliceSet *set, const CtsStudyNumbers *numbers, bool whole,
+                               CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsSlice *middle = set->items[set->n / 2];
-    describe(series, middle);
+    describe_series(series, middle);
     if (middle->description && !(series->description = cts_dcm_utf8(middle->description, middle->charset)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (series->refusal)
@@ -554,12 +558,12 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, const CtsStudyNumbe
 }
 
 /* All checks that do not compare positions. */
-static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
+static CtsStatus check_each_slice(CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
     static const pick_fn picks[] = {pick_slices, pick_sound, pick_largest_grid};
     CtsStatus st = CTS_OK;
     if (set->n > MAX_SLICES)
-        refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
+        refuse_series(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
     check_modality(set, series);
     for (size_t i = 0; !st && !series->refusal && i < sizeof picks / sizeof *picks; i++)
         st = filter(set, series, picks[i], err);
@@ -602,24 +606,25 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
     else if (same_mm < 0 && is_watch(set))
         pass(series, "is a time series of %d images at one position, and no volume", set->n);
     else if (same_mm < 0)
-        refuse(series, CTS_ERR_GEOMETRY,
-               "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
+        refuse_series(series, CTS_ERR_GEOMETRY,
+                      "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
     else if (!(st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, &by, err))) {
         if (*n_parts)
             cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_ACQUISITIONS_PARTED,
                                 "%s separates %d volumes, whose slices lie at the same positions or alternate", by,
                                 *n_parts);
         else if (by)
-            refuse(
+            refuse_series(
                 series, CTS_ERR_GEOMETRY,
                 "its slices alternate between values of %s, and those of one value form no complete volume (split the "
                 "series)",
                 by);
         else if (cts_slice_set_repeats(set, same_mm))
-            refuse(series, CTS_ERR_GEOMETRY,
-                   "several slices with different pixels lie at one position, and neither acquisition, tube voltage, "
-                   "temporal position, trigger, cardiac phase, kernel nor time separates complete volumes (split the "
-                   "series)");
+            refuse_series(
+                series, CTS_ERR_GEOMETRY,
+                "several slices with different pixels lie at one position, and neither acquisition, tube voltage, "
+                "temporal position, trigger, cardiac phase, kernel nor time separates complete volumes (split the "
+                "series)");
     }
     if (!st && *n_parts == 0) {
         parts[0] = *set;
@@ -643,7 +648,7 @@ CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const 
     *n_series = 1;
     for (int p = 0; p < CTS_MAX_PARTS; p++)
         series[p].rules = *rules;
-    CtsStatus st = sort_out(set, &series[0], err);
+    CtsStatus st = check_each_slice(set, &series[0], err);
     if (!st && series[0].refusal) {
         parts[0] = *set;
         *set = (CtsSliceSet){0};
@@ -656,7 +661,7 @@ CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const 
     for (int p = 1; !st && p < n_parts; p++)
         copy_diagnostics(&series[p].diagnostics, &series[0].diagnostics);
     for (int p = 0; !st && p < n_parts; p++)
-        st = finish(&series[p], &parts[p], numbers, n_parts == 1, err);
+        st = finish_series(&series[p], &parts[p], numbers, n_parts == 1, err);
     if (!st)
         *n_series = n_parts;
     for (int p = 0; p < n_parts; p++)

@@ -24,7 +24,7 @@ bool cts_slice_place(const CtsSlice *slice, CtsSlicePlace *place)
     return true;
 }
 
-static CtsSlice slice_at(const CtsSlicePlace *place)
+static CtsSlice slice_of_place(const CtsSlicePlace *place)
 {
     CtsSlice slice = {.rows = place->rows,
                       .columns = place->columns,
@@ -124,7 +124,7 @@ CtsStatus cts_single_slices_find(const CtsSlicePlace *places, size_t n, int *sta
                   .stack = stack};
     CtsStatus st = s.slices && s.line && s.members && s.taken ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (size_t i = 0; i < n && !st; i++)
-        s.slices[i] = slice_at(&places[i]);
+        s.slices[i] = slice_of_place(&places[i]);
     for (size_t first = 0, n_grids = 0; first < n && n_grids < MAX_GRIDS && !st; first++) {
         size_t n_members = 0;
         for (size_t i = first; i < n && !s.taken[first]; i++)

@@ -78,7 +78,7 @@ typedef struct Copies {
     int n_equal, n_differ; /* pairs whose pixels were decoded */
 } Copies;
 
-static void take_words(void *context, const uint16_t *at, size_t first, size_t end)
+static void compare_words(void *context, const uint16_t *at, size_t first, size_t end)
 {
     uint16_t *const to = (uint16_t *)context + first;
     if (at != to)
@@ -87,7 +87,7 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
 
 static bool read_words(Copies *c, const CtsSlice *s, int which)
 {
-    return !cts_slice_read_pixels(s, &c->decoder, c->words[which], take_words, c->words[which], NULL);
+    return !cts_slice_read_pixels(s, &c->decoder, c->words[which], compare_words, c->words[which], NULL);
 }
 
 static bool have_room(Copies *c, size_t n)
@@ -102,7 +102,7 @@ static bool have_room(Copies *c, size_t n)
     return true;
 }
 
-static double hu_of(const CtsSlice *s, const CtsStored *stored, uint16_t word)
+static double hu_of_word(const CtsSlice *s, const CtsStored *stored, uint16_t word)
 {
     const int32_t value = cts_stored_value(word, stored);
     return cts_stored_is_padding(word, value, stored) ? MIN_HU : fmax(s->slope * value + s->intercept, MIN_HU);
@@ -117,7 +117,7 @@ static bool same_hu(Copies *c, const CtsSlice *a, const CtsSlice *b)
     if (!have_room(c, n) || !read_words(c, a, 0) || !read_words(c, b, 1))
         return false;
     for (size_t i = 0; i < n; i++)
-        if (!(fabs(hu_of(a, &of_a, c->words[0][i]) - hu_of(b, &of_b, c->words[1][i])) <= most))
+        if (!(fabs(hu_of_word(a, &of_a, c->words[0][i]) - hu_of_word(b, &of_b, c->words[1][i])) <= most))
             return false;
     return true;
 }

@@ -109,7 +109,7 @@ static int64_t step_over(const CtsSliceSet *set, int i, double smallest_mm, doub
 }
 
 /* The number of instance numbers skipped at gap i that other objects have. */
-static int64_t count_others(const CtsSliceSet *set, int i, const CtsStudyNumbers *numbers)
+static int64_t count_other_numbers(const CtsSliceSet *set, int i, const CtsStudyNumbers *numbers)
 {
     const CtsSlice *a = set->items[i], *b = set->items[i + 1];
     const int low = a->instance_number < b->instance_number ? a->instance_number : b->instance_number,
@@ -141,7 +141,7 @@ CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNum
             missing.every = 0;
         n += step ? step - 1 : 0;
         if (step && n_asked < MAX_STEPS) {
-            n_others += count_others(set, i, numbers);
+            n_others += count_other_numbers(set, i, numbers);
             n_asked = n;
         }
     }

@@ -274,7 +274,7 @@ static bool takes_turns(const CtsSliceSet *set, const CtsSliceSet *parts, int n_
 }
 
 /* True if all parts share a range of positions, unlike ends of two scans that meet in a slice. */
-static bool overlap(const CtsSliceSet *parts, int n_parts)
+static bool parts_overlap(const CtsSliceSet *parts, int n_parts)
 {
     double begin = -INFINITY, finish = INFINITY;
     const CtsSlice *reference = parts[0].items[0];
@@ -307,7 +307,7 @@ CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *par
         bool whole = *n_parts > 0 && ((way != BY_TIME && way != BY_CONTENT_ORDER) || in_turn(parts, *n_parts, way));
         for (int p = 0; whole && p < *n_parts; p++)
             whole = is_whole(&parts[p], same_mm);
-        whole &= !whole || !ways[way].must_overlap || overlap(parts, *n_parts);
+        whole &= !whole || !ways[way].must_overlap || parts_overlap(parts, *n_parts);
         if (whole)
             *by = ways[way].name;
         else

@@ -78,7 +78,7 @@ static void classify(CtsSliceStack *s, const double *gaps, int n)
 }
 
 /* Positions in mm become layer numbers. */
-static void place(CtsSliceStack *s, const double *gaps, int n)
+static void number_layers(CtsSliceStack *s, const double *gaps, int n)
 {
     if (s->kind == CTS_STACK_UNEQUAL) {
         const double first = s->layer[0], span = s->layer[n - 1] - first;
@@ -127,8 +127,8 @@ bool cts_slice_stack_lacks_many(int n_missing, int n)
     return (int64_t)n_missing * 10 > (int64_t)n + n_missing;
 }
 
-static CtsStatus check_stack(const CtsSliceStack *s, const CtsSlice *const *slices, int n, bool allow_missing,
-                             CtsError *err)
+static CtsStatus check_positions(const CtsSliceStack *s, const CtsSlice *const *slices, int n, bool allow_missing,
+                                 CtsError *err)
 {
     const CtsSlice *middle = slices[n / 2];
     const double pixel_mm = fmin(middle->row_spacing_mm, middle->column_spacing_mm);
@@ -177,9 +177,9 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, bool allow_
         st = cts_fail(err, CTS_ERR_GEOMETRY, "several slices lie at one position");
     } else {
         classify(stack, gaps, n);
-        place(stack, gaps, n);
+        number_layers(stack, gaps, n);
         follow_line(stack, slices, n);
-        st = check_stack(stack, slices, n, allow_missing, err);
+        st = check_positions(stack, slices, n, allow_missing, err);
     }
     free(gaps);
     if (st) {

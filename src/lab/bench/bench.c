@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void describe(const CtsBenchSettings *settings, CtsBenchRows *rows)
+static void describe_scene(const CtsBenchSettings *settings, CtsBenchRows *rows)
 {
     const CtsVolume *v = settings->model->volume;
     const CtsRenderSettings *s = &settings->render;
@@ -38,7 +38,7 @@ static void report_progress(const CtsBenchSettings *settings, int done, int all,
 }
 
 /* The converged integral of a kernel, once: own[CTS_KERNEL_TENT] is the trilinear one. */
-static CtsStatus integrate(const CtsBenchSettings *settings, CtsKernelId kernel, CtsReference **own, CtsError *err)
+static CtsStatus make_reference(const CtsBenchSettings *settings, CtsKernelId kernel, CtsReference **own, CtsError *err)
 {
     enum { PIXELS_TRILINEAR = 4000, PIXELS_KERNEL = 1500 }; /* some 5 % of the rmse on real heads */
     CtsRenderSettings s = settings->render;
@@ -68,17 +68,18 @@ CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, Ct
     CtsReference *own[CTS_N_KERNELS] = {NULL};
     int n = 0;
     *rows = (CtsBenchRows){.n = 0};
-    describe(settings, rows);
+    describe_scene(settings, rows);
     if ((st = cts_bench_plan(settings->full, &rows->rows, &n, err)))
         return st;
     report_progress(settings, 0, n + 1, NULL);
     const double begin_ms = cts_wall_ms();
-    st = integrate(settings, CTS_KERNEL_TENT, own, err);
+    st = make_reference(settings, CTS_KERNEL_TENT, own, err);
     const double reference_ms = cts_wall_ms() - begin_ms;
     for (int i = 0; i < n && !st; i++) {
         CtsBenchRow *row = &rows->rows[i];
         report_progress(settings, i + 1, n + 1, row);
-        if (!(st = integrate(settings, row->kernel, own, err)) && !(st = cts_bench_measure(settings, own, row, err)))
+        if (!(st = make_reference(settings, row->kernel, own, err)) &&
+            !(st = cts_bench_measure(settings, own, row, err)))
             rows->n = i + 1;
         if (i == 0 && !st)
             estimate_duration(settings, rows->rows, n, reference_ms, cts_wall_ms() - begin_ms - reference_ms);
@@ -120,7 +121,7 @@ CtsStatus cts_bench_check_writable(const char *folder, bool force, CtsError *err
     return st;
 }
 
-static CtsStatus write_file(const char *folder, int i, const char *text, bool force, CtsError *err)
+static CtsStatus write_bench_file(const char *folder, int i, const char *text, bool force, CtsError *err)
 {
     CtsStatus st;
     CtsTempFile *temp = NULL;
@@ -139,13 +140,13 @@ CtsStatus cts_bench_write(const CtsBenchRows *rows, const char *folder, bool for
     bool any = false;
     for (int i = 0; i < rows->n; i++)
         any = any || rows->rows[i].measured;
-    if ((st = cts_bench_lines(rows, &lines, err)) || (st = write_file(folder, 0, lines, force, err)))
+    if ((st = cts_bench_lines(rows, &lines, err)) || (st = write_bench_file(folder, 0, lines, force, err)))
         goto end;
     if (any && ((st = cts_bench_plot_script(rows, &script, err)) || (st = cts_gnuplot(script, &svg, err)) ||
-                (st = write_file(folder, 1, svg, force, err))))
+                (st = write_bench_file(folder, 1, svg, force, err))))
         goto end;
     if (!(st = cts_bench_page(rows, svg, &html, err)))
-        st = write_file(folder, 2, html, force, err);
+        st = write_bench_file(folder, 2, html, force, err);
 end:
     free(lines);
     free(script);

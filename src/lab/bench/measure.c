@@ -96,7 +96,7 @@ static CtsStatus render_runs(Child *c)
 }
 
 /* Reads the worker process's result; forwards a request to stop. */
-static bool read_all(int file, pid_t pid, const volatile sig_atomic_t *stop, void *data, size_t n)
+static bool read_result(int file, pid_t pid, const volatile sig_atomic_t *stop, void *data, size_t n)
 {
     bool reported = false;
     for (char *p = data; n > 0;) {
@@ -150,8 +150,8 @@ CtsStatus cts_bench_measure(const CtsBenchSettings *settings, CtsReference *cons
     CtsStatus status = CTS_ERR_INTERNAL;
     CtsBenchRow measured;
     const volatile sig_atomic_t *stop = settings->render.stop;
-    const bool whole = read_all(ends[0], pid, stop, &status, sizeof status) &&
-                       read_all(ends[0], pid, stop, &measured, sizeof measured);
+    const bool whole = read_result(ends[0], pid, stop, &status, sizeof status) &&
+                       read_result(ends[0], pid, stop, &measured, sizeof measured);
     close(ends[0]);
     TEMP_FAILURE_RETRY(waitpid(pid, &how, 0));
     if (stop && *stop)

@@ -45,8 +45,8 @@ static double busy_ms(int n_threads)
 }
 
 /* One picture by each row's settings; the first one's stays to be compared with. */
-static CtsStatus run_round(const CtsPaperSettings *settings, const CtsModel *levels, int round, CtsPaperTable *table,
-                           CtsError *err)
+static CtsStatus run_rows(const CtsPaperSettings *settings, const CtsModel *levels, int round, CtsPaperTable *table,
+                          CtsError *err)
 {
     CtsPicture *expected = NULL;
     CtsStatus st = CTS_OK;
@@ -105,7 +105,7 @@ CtsStatus cts_paper_table(const CtsPaperSettings *settings, CtsPaperTable *table
     if (!st)
         st = cts_model_prepare(&levels, table->n_threads, err);
     for (int round = 0; round < CTS_PAPER_ROUNDS && !st; round++)
-        st = run_round(settings, &levels, round, table, err);
+        st = run_rows(settings, &levels, round, table, err);
     cts_model_free(&levels);
     if (!st)
         sum_up(table);

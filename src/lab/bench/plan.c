@@ -11,7 +11,8 @@ typedef struct Plan {
     int n, capacity;
 } Plan;
 
-static void add(Plan *p, CtsEngineId engine, CtsKernelId kernel, int samples, double tolerance_hu, bool void_key)
+static void add_setting(Plan *p, CtsEngineId engine, CtsKernelId kernel, int samples, double tolerance_hu,
+                        bool void_key)
 {
     assert(p->n < p->capacity);
     p->rows[p->n++] = (CtsBenchRow){
@@ -21,22 +22,22 @@ static void add(Plan *p, CtsEngineId engine, CtsKernelId kernel, int samples, do
 static void add_paper(Plan *p, CtsEngineId engine, bool reuses_layers, bool skips_void, bool full)
 {
     if (!full) {
-        add(p, engine, CTS_KERNEL_TENT, 1, 0, false);
+        add_setting(p, engine, CTS_KERNEL_TENT, 1, 0, false);
         return;
     }
     for (int kernel = 0; kernel < CTS_N_KERNELS; kernel++)
-        add(p, engine, (CtsKernelId)kernel, 1, 0, false);
+        add_setting(p, engine, (CtsKernelId)kernel, 1, 0, false);
     for (int samples = 2; samples <= 4; samples *= 2)
-        add(p, engine, CTS_KERNEL_TENT, samples, 0, false);
+        add_setting(p, engine, CTS_KERNEL_TENT, samples, 0, false);
     for (double tolerance_hu = 5; tolerance_hu <= 20 && reuses_layers; tolerance_hu *= 4)
-        add(p, engine, CTS_KERNEL_TENT, 1, tolerance_hu, false);
+        add_setting(p, engine, CTS_KERNEL_TENT, 1, tolerance_hu, false);
     if (skips_void)
-        add(p, engine, CTS_KERNEL_TENT, 1, 0, true);
+        add_setting(p, engine, CTS_KERNEL_TENT, 1, 0, true);
 }
 
 static void add_by_error(Plan *p, CtsEngineId engine, bool full)
 {
-    add(p, engine, CTS_KERNEL_TENT, 0, 0, false);
+    add_setting(p, engine, CTS_KERNEL_TENT, 0, 0, false);
     static const struct {
         double max_error;
         bool in_short; /* measured without `full` too */
@@ -45,7 +46,7 @@ static void add_by_error(Plan *p, CtsEngineId engine, bool full)
     for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
         if (!full && !asked[i].in_short)
             continue;
-        add(p, engine, CTS_KERNEL_TENT, 0, 0, false);
+        add_setting(p, engine, CTS_KERNEL_TENT, 0, 0, false);
         p->rows[p->n - 1].max_error = asked[i].max_error;
     }
 }
@@ -57,7 +58,7 @@ static void add_engine(Plan *p, CtsEngineId engine, bool full)
     const bool skips_void = engine == CTS_ENGINE_VOID || engine == CTS_ENGINE_COMBINED;
     if (engine == CTS_ENGINE_RAYCAST) {
         if (full)
-            add(p, engine, CTS_KERNEL_TENT, 1, 0, false);
+            add_setting(p, engine, CTS_KERNEL_TENT, 1, 0, false);
     } else if (reuses_layers || skips_void || engine == CTS_ENGINE_CLASSIC)
         add_paper(p, engine, reuses_layers, skips_void, full);
     else

@@ -119,7 +119,7 @@ static CtsPreset preset_of(const CtsFormulaScene *s)
     return p;
 }
 
-static CtsRenderSettings settings_of(const CtsCheckRun *run, const CtsFormulaScene *s)
+static CtsRenderSettings scene_settings_of(const CtsCheckRun *run, const CtsFormulaScene *s)
 {
     CtsRenderSettings r;
     cts_render_defaults(&r);
@@ -149,7 +149,7 @@ CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *s, CtsRe
     double spacing[3];
     for (int a = 0; a < 3; a++)
         spacing[a] = s->spacing_mm[a] > 0 ? s->spacing_mm[a] : 1;
-    *made = (CtsRenderedScene){.preset = preset_of(s), .settings = settings_of(run, s)};
+    *made = (CtsRenderedScene){.preset = preset_of(s), .settings = scene_settings_of(run, s)};
     const CtsStatus st = cts_check_volume(&made->model.volume, s->dims, spacing, s->hu_step > 0 ? s->hu_step : 1,
                                           s->formula ? s->formula : cts_hu_linear, s->hu, err);
     if (!st) {

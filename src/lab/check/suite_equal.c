@@ -31,8 +31,8 @@ static double hu_in_turns(const double vox[3], const void *data)
     return cts_hu_noise((const double[3]){vox[0], 0, vox[2]}, data) + 2 * fmod(vox[1], 2);
 }
 
-static CtsStatus compare(CtsCheckRun *run_a, CtsCheckRun *run_b, const CtsFormulaScene *a, const CtsFormulaScene *b,
-                         CtsError *err)
+static CtsStatus compare_pictures(CtsCheckRun *run_a, CtsCheckRun *run_b, const CtsFormulaScene *a,
+                                  const CtsFormulaScene *b, CtsError *err)
 {
     CtsPicture *pa = NULL, *pb = NULL;
     CtsStatus st;
@@ -48,7 +48,7 @@ static CtsStatus threads(CtsCheckRun *run, const void *data, CtsError *err)
     CtsFormulaScene a = *(const CtsFormulaScene *)data, b = a;
     a.n_threads = 1;
     b.n_threads = 7;
-    return compare(run, run, &a, &b, err);
+    return compare_pictures(run, run, &a, &b, err);
 }
 
 static CtsStatus cpu_features(CtsCheckRun *run, const void *data, CtsError *err)
@@ -68,7 +68,7 @@ static CtsStatus savings(CtsCheckRun *run, const void *data, CtsError *err)
 {
     CtsCheckRun classic = *run;
     classic.engine = CTS_ENGINE_CLASSIC;
-    return compare(run, &classic, data, data, err);
+    return compare_pictures(run, &classic, data, data, err);
 }
 
 /* A change of exactly the tolerance counts as none, so that a larger tolerance makes no difference. */
@@ -77,7 +77,7 @@ static CtsStatus tolerance(CtsCheckRun *run, const void *data, CtsError *err)
     CtsFormulaScene a = *(const CtsFormulaScene *)data, b = a;
     a.tolerance_hu = 2;
     b.tolerance_hu = 3;
-    return compare(run, run, &a, &b, err);
+    return compare_pictures(run, run, &a, &b, err);
 }
 
 static const CtsCheckPoint tissues[] = {{100, 0, {0.9, 0.4, 0.3}}, {700, 0.2, {1, 0.9, 0.6}}, {1100, 0.6, {1, 1, 1}}};

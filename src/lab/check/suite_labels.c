@@ -30,13 +30,13 @@ typedef struct Labels {
 } Labels;
 
 /* Rounded as stored. */
-static double share_of(const LabelScene *s, int label, int i, int j, int k)
+static double rounded_share_of(const LabelScene *s, int label, int i, int j, int k)
 {
     const double share = s->share ? fmin(fmax(s->share(label, i, j, k), 0), 1) : s->holds(label, i, j, k);
     return rint(share * CTS_WHOLE_SHARE) / CTS_WHOLE_SHARE;
 }
 
-static void fill(Labels *l, const LabelScene *s, const CtsVolume *v, int layers)
+static void fill_scene_labels(Labels *l, const LabelScene *s, const CtsVolume *v, int layers)
 {
     static char names[MAX_LABELS][2] = {"a", "b", "c"};
     l->set = (CtsLabels){.items = l->items, .n = (size_t)s->n_labels, .counted = true};
@@ -50,7 +50,7 @@ static void fill(Labels *l, const LabelScene *s, const CtsVolume *v, int layers)
             .fact = {.file = 1, .number = n + 1, .name = names[n]}, .runs = l->runs[n], .shares = l->shares[n]};
         for (int at = 0; at < NX * NY * NZ; at++) {
             const int i = at % NX, row = at / NX;
-            const double share = share_of(s, n, i, row % NY, row / NY);
+            const double share = rounded_share_of(s, n, i, row % NY, row / NY);
             if (share > 0 && share < 1)
                 label->shares[label->n_shares++] =
                     (CtsLabelShare){(uint32_t)row, (uint16_t)i, (uint16_t)lround(share * CTS_WHOLE_SHARE)};
@@ -76,7 +76,7 @@ typedef struct Truth {
 
 /* A scanned voxel's contribution to the fields: labels take their fractions, from the smallest label on, as far as a
  * remainder is left. */
-static void add_voxel(const Truth *t, int i, int j, int k, double weight, double field[MAX_LABELS + 1])
+static void add_true_voxel(const Truth *t, int i, int j, int k, double weight, double field[MAX_LABELS + 1])
 {
     const int n_labels = t->scene->n_labels;
     double left = 1;
@@ -86,7 +86,7 @@ static void add_voxel(const Truth *t, int i, int j, int k, double weight, double
         for (int n = 0; n < n_labels; n++)
             if (!(taken >> n & 1) && (next < 0 || t->voxels[n] < t->voxels[next]))
                 next = n;
-        const double share = fmin(share_of(t->scene, next, i, j, k), left);
+        const double share = fmin(rounded_share_of(t->scene, next, i, j, k), left);
         field[next] += weight * share;
         left -= share;
         taken |= 1u << next;
@@ -111,9 +111,9 @@ static int label_at(const Truth *t, const double vox[3])
         }
         const int slice = at[2] / t->layers, rest = at[2] % t->layers;
         const double behind = (double)rest / t->layers;
-        add_voxel(t, at[0], at[1], slice, weight * (1 - behind), field);
+        add_true_voxel(t, at[0], at[1], slice, weight * (1 - behind), field);
         if (rest > 0)
-            add_voxel(t, at[0], at[1], slice + 1, weight * behind, field);
+            add_true_voxel(t, at[0], at[1], slice + 1, weight * behind, field);
     }
     for (int n = 1; n <= t->scene->n_labels; n++)
         most = field[n] > field[most] + 1e-12 ? n : most;
@@ -128,7 +128,7 @@ static int label_on(const Truth *t, const CtsTruthRay *ray, double t_mm)
 }
 
 /* Steps far shorter than a cell; between two points of different labels, the position of the boundary. */
-static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
+static void labels_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     enum { STEPS = 3000, HALVINGS = 34 };
     const Truth *const t = data;
@@ -154,7 +154,7 @@ static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
     cts_truth_pixel(&light, rgba);
 }
 
-static CtsPreset appearance_of(const char *colour)
+static CtsPreset preset_of_colour(const char *colour)
 {
     const unsigned long rgb = colour ? strtoul(colour, NULL, 16) : 0;
     return cts_check_even_preset(0.2, (double)(rgb >> 16) / 255, (double)(rgb >> 8 & 255) / 255,
@@ -163,7 +163,7 @@ static CtsPreset appearance_of(const char *colour)
 
 static const CtsCheckPoint shown[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.1, {0.9, 0.5, 0.2}}};
 
-static CtsStatus make(const CtsCheckRun *run, const LabelScene *s, CtsRenderedScene *m, CtsError *err)
+static CtsStatus make_scene(const CtsCheckRun *run, const LabelScene *s, CtsRenderedScene *m, CtsError *err)
 {
     const int layers = s->layers ? s->layers : 1;
     const CtsFormulaScene scene = {.dims = {NX, NY, (NZ - 1) * layers + 1},
@@ -183,12 +183,12 @@ static CtsStatus make_labelled(const CtsCheckRun *run, const LabelScene *s, CtsR
                                    .hide = s->hide,
                                    .appearances = s->appearances,
                                    .n_appearances = s->appearances[0] ? s->n_labels : 0};
-    const CtsStatus st = make(run, s, m, err);
+    const CtsStatus st = make_scene(run, s, m, err);
     if (st)
         return st;
     if (!(*labels = calloc(1, sizeof **labels)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    fill(*labels, s, m->model.volume, m->model.volume->slice_layers);
+    fill_scene_labels(*labels, s, m->model.volume, m->model.volume->slice_layers);
     return cts_model_take_labels(&m->model, &(*labels)->set, &choice, 1, NULL, err);
 }
 
@@ -199,13 +199,13 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
     Labels *labels = NULL;
     CtsStatus st = make_labelled(run, s, &m, &labels, err);
     if (!st) {
-        m.preset = appearance_of(s->colours[s->n_labels] ? s->colours[s->n_labels] : "c08040");
+        m.preset = preset_of_colour(s->colours[s->n_labels] ? s->colours[s->n_labels] : "c08040");
         Truth t = {.scene = s, .volume = m.model.volume, .layers = m.model.volume->slice_layers};
         for (int n = 0; n < s->n_labels; n++)
             t.voxels[n] = labels->items[n].fact.voxels;
         for (int n = 0; n <= s->n_labels; n++)
-            t.appearances[n] = appearance_of(s->colours[n]);
-        st = cts_check_picture(run, &m, truth, &t, s->bound[cts_check_family(run->engine)], err);
+            t.appearances[n] = preset_of_colour(s->colours[n]);
+        st = cts_check_picture(run, &m, labels_truth, &t, s->bound[cts_check_family(run->engine)], err);
     }
     cts_model_free(&m.model);
     free(labels);
@@ -220,7 +220,7 @@ static CtsStatus air(CtsCheckRun *run, const void *data, CtsError *err)
     CtsPicture *a = NULL, *b = NULL;
     Labels *labels = NULL;
     CtsStatus st = make_labelled(run, s, &hidden, &labels, err);
-    if (!st && !(st = make(run, s, &cut, err)))
+    if (!st && !(st = make_scene(run, s, &cut, err)))
         for (int at = 0; at < NX * NY * NZ; at++)
             if (s->holds(0, at % NX, at / NX % NY, at / NX / NY))
                 cut.model.volume->grey[at] = 0;
@@ -247,7 +247,7 @@ static bool diagonal(int label, int i, int j, int k)
     return i + j + k < 16;
 }
 
-static bool ball(int label, int i, int j, int k)
+static bool in_ball(int label, int i, int j, int k)
 {
     (void)label;
     return (i - 6) * (i - 6) + (j - 5) * (j - 5) + 2 * (k - 5) * (k - 5) < 20;
@@ -294,7 +294,7 @@ static const CtsCheckCase cases[] = {
           .colours = {NULL, "c08040"}, CHECK_VIEW(50, 20), BOUND),
     SCENE("labels: hidden diagonal", edges, CHECK_OF_FIELDS, 1, diagonal, .hide = "a", .colours = {NULL, "c08040"},
           CHECK_VIEW(-35, 25), BOUND),
-    SCENE("labels: shown ball", edges, CHECK_OF_FIELDS, 1, ball, .show = "a", .colours = {"c08040", NULL},
+    SCENE("labels: shown ball", edges, CHECK_OF_FIELDS, 1, in_ball, .show = "a", .colours = {"c08040", NULL},
           CHECK_VIEW(15, -30), BOUND),
     SCENE("labels: one voxel thin", edges, CHECK_OF_FIELDS, 1, thin, .show = "a", .colours = {"c08040", NULL},
           CHECK_VIEW(25, 40), BOUND),
@@ -316,7 +316,7 @@ static const CtsCheckCase cases[] = {
           BOUND),
     SCENE("labels: fractions, three layers to a slice", edges, CHECK_OF_FIELDS, 2, .share = part_balls, .show = "a",
           .hide = "b", .colours = {"c08040", NULL, NULL}, .layers = 3, CHECK_VIEW(-70, 35), BOUND),
-    SCENE("labels: hidden voxels are air", air, CHECK_OF_ALL & ~CHECK_OF_FIELDS, 1, ball, .hide = "a",
+    SCENE("labels: hidden voxels are air", air, CHECK_OF_ALL & ~CHECK_OF_FIELDS, 1, in_ball, .hide = "a",
           CHECK_VIEW(15, -30), .bound = {0, 0, 0}),
 };
 

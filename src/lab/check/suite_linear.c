@@ -10,17 +10,18 @@ typedef struct LinearScene {
     double scale, gradient_mm[3], gradient_length;
 } LinearScene;
 
-static double hu_at(const LinearScene *s, const CtsTruthRay *ray, double t_mm)
+static double linear_hu_at(const LinearScene *s, const CtsTruthRay *ray, double t_mm)
 {
     double vox[3];
     cts_truth_ray_voxel(s->volume, ray, t_mm, vox);
     return cts_hu_linear(vox, s->linear->hu);
 }
 
-static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
+static void linear_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     const LinearScene *s = data;
-    CtsTruthInterval interval = {hu_at(s, ray, ray->from_mm), hu_at(s, ray, ray->to_mm), ray->to_mm - ray->from_mm, -1};
+    CtsTruthInterval interval = {linear_hu_at(s, ray, ray->from_mm), linear_hu_at(s, ray, ray->to_mm),
+                                 ray->to_mm - ray->from_mm, -1};
     const CtsPreset *p = s->preset;
     if (p->mode != CTS_MODE_COMPOSITE) {
         const double hu = p->mode == CTS_MODE_MIP     ? fmax(interval.hu0, interval.hu1)
@@ -82,7 +83,7 @@ CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *data, CtsError *e
     if (l->per_voxel)
         scene.scale = voxels_per_mm(m.model.volume, l);
     find_gradient(&scene);
-    st = cts_check_picture(run, &m, truth, &scene, bound, err);
+    st = cts_check_picture(run, &m, linear_truth, &scene, bound, err);
     cts_model_free(&m.model);
     return st;
 }

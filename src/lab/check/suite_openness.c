@@ -62,7 +62,7 @@ static double openness_of(const OpennessCase *c, int y)
     return sum / 26;
 }
 
-static CtsStatus run_case(CtsCheckRun *run, const void *data, CtsError *err)
+static CtsStatus run_openness(CtsCheckRun *run, const void *data, CtsError *err)
 {
     static const CtsCheckPoint step[] = {{0, 0, {1, 0.5, 0.25}}, {0, 1, {1, 0.5, 0.25}}};
     const OpennessCase *const c = data;
@@ -103,12 +103,12 @@ static CtsStatus run_case(CtsCheckRun *run, const void *data, CtsError *err)
 #define STEPS .bound = {0.08, 4e-3, 2e-3}
 
 static const CtsCheckCase cases[] = {
-    CHECK_ROW("openness: a plane", CHECK_OF_ALL, run_case, OpennessCase, is_plane, .occlusion = 1, STEPS),
-    CHECK_ROW("openness: a plane, occlusion 0.3", CHECK_OF_ALL, run_case, OpennessCase, is_plane, .occlusion = 0.3,
+    CHECK_ROW("openness: a plane", CHECK_OF_ALL, run_openness, OpennessCase, is_plane, .occlusion = 1, STEPS),
+    CHECK_ROW("openness: a plane, occlusion 0.3", CHECK_OF_ALL, run_openness, OpennessCase, is_plane, .occlusion = 0.3,
               STEPS),
-    CHECK_ROW("openness: a slit", CHECK_OF_FIELDS | CHECK_OF_SHEETS, run_case, OpennessCase, is_slit, .slab = true,
+    CHECK_ROW("openness: a slit", CHECK_OF_FIELDS | CHECK_OF_SHEETS, run_openness, OpennessCase, is_slit, .slab = true,
               .occlusion = 1, STEPS),
-    CHECK_ROW("openness: a bowl", CHECK_OF_ALL, run_case, OpennessCase, is_bowl, .occlusion = 1, STEPS),
+    CHECK_ROW("openness: a bowl", CHECK_OF_ALL, run_openness, OpennessCase, is_bowl, .occlusion = 1, STEPS),
 };
 
 const CtsCheckTable cts_check_openness = {cases, sizeof cases / sizeof *cases};

@@ -41,7 +41,7 @@ static CtsStatus add_squares(CtsCheckRun *run, const CtsRenderedScene *m, const 
 }
 
 /* Squared errors of one view with each number of samples. */
-static CtsStatus add_view(CtsCheckRun *run, const OrderScene *o, CtsRenderedScene *m, double *sum, CtsError *err)
+static CtsStatus add_view_errors(CtsCheckRun *run, const OrderScene *o, CtsRenderedScene *m, double *sum, CtsError *err)
 {
     CtsPicture *reference = NULL;
     m->settings.engine = CTS_ENGINE_RAYCAST;
@@ -65,7 +65,7 @@ static CtsStatus find_rms(CtsCheckRun *run, const OrderScene *o, double rms[MOST
         m.settings.azimuth_deg = 7.3 * v - 20;
         m.settings.elevation_deg = 31 - 9.1 * v;
         m.settings.samples = 0;
-        st = add_view(run, o, &m, rms, err);
+        st = add_view_errors(run, o, &m, rms, err);
     }
     for (int i = 0; i < MOST; i++)
         rms[i] = sqrt(rms[i] / (VIEWS * 4.0 * SIZE * SIZE));

@@ -5,7 +5,7 @@
 #include <string.h>
 
 /* A pixel's values and where it lies. */
-static const float *pixel_of(const CtsPicture *p, int i)
+static const float *pixel_number(const CtsPicture *p, int i)
 {
     return p->pixels + 4 * (size_t)i;
 }
@@ -39,7 +39,7 @@ static CtsStatus ball(CtsCheckRun *run, const void *data, CtsError *err)
     for (int i = 0; !st && i < p->width * p->height; i++) {
         const double off = distance_from_middle(p, i);
         if (off < 9 || off > 10.5)
-            cts_check_worst(&worst, i % p->width, i / p->width, chord(off), (double)pixel_of(p, i)[3]);
+            cts_check_worst(&worst, i % p->width, i / p->width, chord(off), (double)pixel_number(p, i)[3]);
     }
     if (!st)
         cts_check_worst_value(run, &worst, cts_check_bound(run, data));
@@ -65,7 +65,7 @@ static CtsStatus ball_order(CtsCheckRun *run, const void *data, CtsError *err)
         s.hu[2] = 3000 * h;
         st = cts_check_show(run, &s, &p, err);
         for (int i = 0; !st && i < p->width * p->height; i++)
-            rms[level] += pow(chord(distance_from_middle(p, i)) - (double)pixel_of(p, i)[3], 2);
+            rms[level] += pow(chord(distance_from_middle(p, i)) - (double)pixel_number(p, i)[3], 2);
         cts_picture_free(&p);
     }
     if (!st)
@@ -89,7 +89,7 @@ static CtsStatus marker(CtsCheckRun *run, const void *data, CtsError *err)
     const CtsStatus st = cts_check_show(run, s, &p, err);
     for (int i = 0; !st && i < p->width * p->height; i++) {
         const bool right = 2 * (i % p->width) >= p->width, up = 2 * (i / p->width) < p->height;
-        const double alpha = (double)pixel_of(p, i)[3];
+        const double alpha = (double)pixel_number(p, i)[3];
         all += alpha;
         inside += right == (s->hu[0] > 0) && up == (s->hu[1] > 0) ? alpha : 0;
     }
@@ -106,7 +106,7 @@ static double largest(const CtsPicture *a, const CtsPicture *b, bool mirrored)
     for (int i = 0; i < a->width * a->height; i++)
         for (int c = 0; c < 4; c++) {
             const int from = mirrored ? i + a->width - 1 - 2 * (i % a->width) : i;
-            const double d = fabs((double)pixel_of(a, i)[c] - (double)pixel_of(b, from)[c]);
+            const double d = fabs((double)pixel_number(a, i)[c] - (double)pixel_number(b, from)[c]);
             most = d > most || isnan(d) ? d : most;
         }
     return most;
@@ -177,9 +177,9 @@ static CtsStatus halves(CtsCheckRun *run, const void *data, CtsError *err)
     }
     for (int i = 0; !st && i < p[0]->width * p[0]->height; i++)
         for (int c = 0; c < 4; c++) {
-            const double front = (double)pixel_of(p[1], i)[c], left = 1 - (double)pixel_of(p[1], i)[3];
-            cts_check_worst(&worst, i % p[0]->width, i / p[0]->width, front + left * (double)pixel_of(p[2], i)[c],
-                            (double)pixel_of(p[0], i)[c]);
+            const double front = (double)pixel_number(p[1], i)[c], left = 1 - (double)pixel_number(p[1], i)[3];
+            cts_check_worst(&worst, i % p[0]->width, i / p[0]->width, front + left * (double)pixel_number(p[2], i)[c],
+                            (double)pixel_number(p[0], i)[c]);
         }
     if (!st)
         cts_check_worst_value(run, &worst, cts_check_bound(run, data));

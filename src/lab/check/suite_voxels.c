@@ -8,7 +8,7 @@
 /* Largest error of a pixel as a multiple of the picture's rms error. */
 #define PIXELWISE 25
 
-static double shown(double value)
+static double clamped_value(double value)
 {
     return fmin(fmax(value, 0), 1);
 }
@@ -25,10 +25,10 @@ static void check_picture(CtsCheckRun *run, const CtsRenderSettings *s, const Ct
             const float *found = picture->pixels + at;
             const double *rgba = run->truth + at;
             for (int c = 0; c < 3; c++) {
-                const double d = shown((double)found[c]) - shown(rgba[c]);
+                const double d = clamped_value((double)found[c]) - clamped_value(rgba[c]);
                 sum += d * d;
-                light += shown(rgba[c]) * shown(rgba[c]);
-                cts_check_worst(&worst, x, y, shown(rgba[c]), shown((double)found[c]));
+                light += clamped_value(rgba[c]) * clamped_value(rgba[c]);
+                cts_check_worst(&worst, x, y, clamped_value(rgba[c]), clamped_value((double)found[c]));
             }
         }
     const double n = 3.0 * s->width * s->height;
@@ -71,7 +71,7 @@ static double hu_grain(const double vox[3], const void *data)
 }
 
 /* A ball in air, its edge a third of a voxel wide. */
-static double hu_ball(const double vox[3], const void *data)
+static double hu_sharp_ball(const double vox[3], const void *data)
 {
     const double *radius = data;
     const double r = sqrt(pow(vox[0] - 11.2, 2) + pow(vox[1] - 12.1, 2) + pow(vox[2] - 11.6, 2));
@@ -121,7 +121,7 @@ static double hu_two_levels(const double vox[3], const void *data)
 }
 
 /* Haze with grain for 500 mm, metal of hu[0] HU to the right of it. */
-static double hu_haze(const double vox[3], const void *data)
+static double hu_grainy_haze(const double vox[3], const void *data)
 {
     const double *metal = data;
     return vox[0] > 7 ? metal[0] : soft_hu + cts_hu_noise(vox, (const double[3]){-20, 20, 7});
@@ -172,14 +172,14 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 #define WIRES CUBE, .formula = hu_thin, .hu = {2}
 #define DOTS CUBE, .formula = hu_thin, .hu = {3}
 #define BRIGHT(KIND) CUBE, .formula = hu_thin, .hu = {KIND, 20000}
-#define BALL CUBE, .formula = hu_ball, .hu = {8}
+#define BALL CUBE, .formula = hu_sharp_ball, .hu = {8}
 #define GRAIN CUBE, .formula = hu_grain, .hu = {20, 60, 5}
 #define GRAIN_AND_METAL CUBE, .formula = hu_grain, .hu = {20, 60, 5, 20000}
 #define DOT CUBE, .formula = hu_thin, .hu = {4}
 #define HELIX CUBE, .formula = hu_helix
 #define LEVELS CHECK_CUBE(12), .power = 20, .formula = hu_two_levels, .hu = {500, 8}
 #define LUMP CUBE, .formula = hu_lump, .hu = {-30, 30, 4}
-#define HAZE(METAL, POINTS) .dims = {12, 502, 12}, .formula = hu_haze, .hu = {METAL}, CHECK_POINTS(POINTS)
+#define HAZE(METAL, POINTS) .dims = {12, 502, 12}, .formula = hu_grainy_haze, .hu = {METAL}, CHECK_POINTS(POINTS)
 /* Magnified: rows lie closer than voxels; reduced: pixels miss voxels. */
 #define QUARTER(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 0.25, CHECK_SIZE(48, 64)
 #define HALF(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 0.5, CHECK_SIZE(44, 44)

@@ -66,7 +66,7 @@ static double alpha_integral(const LinearOpacity *l, double mm, double a1)
     return cts_truth_integral(line_alpha, l, 0, mm);
 }
 
-static double between(double x0, double y0, double x1, double y1, double x)
+static double on_line(double x0, double y0, double x1, double y1, double x)
 {
     return x1 > x0 ? y0 + (y1 - y0) * ((x - x0) / (x1 - x0)) : y1;
 }
@@ -79,7 +79,7 @@ static double opacity_beside(const CtsPreset *p, double hu, double inside)
         return p->opacity[0].opacity;
     for (int i = 0; i + 1 < n; i++)
         if (p->opacity[i].hu <= inside && inside < p->opacity[i + 1].hu)
-            return between(p->opacity[i].hu, p->opacity[i].opacity, p->opacity[i + 1].hu, p->opacity[i + 1].opacity,
+            return on_line(p->opacity[i].hu, p->opacity[i].opacity, p->opacity[i + 1].hu, p->opacity[i + 1].opacity,
                            hu);
     return p->opacity[n - 1].opacity;
 }
@@ -91,7 +91,7 @@ static double colour_beside(const CtsPreset *p, int c, double hu, double inside)
         return p->colour[0].rgb[c];
     for (int i = 0; i + 1 < n; i++)
         if (p->colour[i].hu <= inside && inside < p->colour[i + 1].hu)
-            return between(p->colour[i].hu, p->colour[i].rgb[c], p->colour[i + 1].hu, p->colour[i + 1].rgb[c], hu);
+            return on_line(p->colour[i].hu, p->colour[i].rgb[c], p->colour[i + 1].hu, p->colour[i + 1].rgb[c], hu);
     return p->colour[n - 1].rgb[c];
 }
 
@@ -103,8 +103,8 @@ static double lit(const CtsPreset *p, double facing, double colour)
 }
 
 /* A segment without a control point inside; c(t) is linear: integral of c dA = c(end) A(end) - c' integral of A. */
-static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, double mm, double facing,
-                     CtsTruthSum *sum)
+static void add_linear_segment(const CtsPreset *p, double scale, double hu0, double hu1, double mm, double facing,
+                               CtsTruthSum *sum)
 {
     const double middle = 0.5 * (hu0 + hu1);
     const double a0 = opacity_beside(p, hu0, middle), a1 = opacity_beside(p, hu1, middle);
@@ -112,8 +112,8 @@ static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, d
     if ((a0 < cap) != (a1 < cap) && a0 != a1) {
         const double part = (cap - a0) / (a1 - a0);
         if (part > 1e-15 && part < 1 - 1e-15) {
-            add_line(p, scale, hu0, hu0 + part * (hu1 - hu0), part * mm, facing, sum);
-            add_line(p, scale, hu0 + part * (hu1 - hu0), hu1, (1 - part) * mm, facing, sum);
+            add_linear_segment(p, scale, hu0, hu0 + part * (hu1 - hu0), part * mm, facing, sum);
+            add_linear_segment(p, scale, hu0 + part * (hu1 - hu0), hu1, (1 - part) * mm, facing, sum);
             return;
         }
     }
@@ -160,7 +160,7 @@ void cts_truth_add(const CtsPreset *preset, double extinction_scale, const CtsTr
     const int n_splits = splits_between(preset, s->hu0, s->hu1, cut);
     for (int k = 0; k < n_splits; k++) {
         const double share = s->hu0 == s->hu1 ? 1 : (cut[k + 1] - cut[k]) / (s->hu1 - s->hu0);
-        add_line(preset, extinction_scale, cut[k], cut[k + 1], share * s->length_mm, s->facing, light);
+        add_linear_segment(preset, extinction_scale, cut[k], cut[k + 1], share * s->length_mm, s->facing, light);
     }
 }
 

@@ -22,7 +22,7 @@ static double voxel_hu(const CtsVolume *v, const int at[3])
 
 /* Central difference over two voxels, along the slice axis over two slices; beyond the volume is air if it is
  * invisible. */
-static double difference(const CtsVolume *v, const int at[3], int axis, bool air_beyond)
+static double true_difference(const CtsVolume *v, const int at[3], int axis, bool air_beyond)
 {
     const int step = axis == 2 ? v->slice_layers : 1;
     double hu[2];
@@ -38,7 +38,7 @@ static double difference(const CtsVolume *v, const int at[3], int axis, bool air
 }
 
 /* The area that two gradients span is more than rounding. */
-static bool differ(const double a[3], const double b[3])
+static bool gradients_differ(const double a[3], const double b[3])
 {
     double span2 = 0, length2 = 0;
     for (int c = 0; c < 3; c++) {
@@ -49,7 +49,7 @@ static bool differ(const double a[3], const double b[3])
     return span2 > 1e-18 * length2 * length2;
 }
 
-static void load(Cell *cell, const CtsVolume *v, const int first[3], bool lit, bool air_beyond)
+static void load_true_cell(Cell *cell, const CtsVolume *v, const int first[3], bool lit, bool air_beyond)
 {
     *cell = (Cell){.low = INFINITY, .high = -INFINITY};
     for (int m = 0; m < 8; m++) {
@@ -58,9 +58,9 @@ static void load(Cell *cell, const CtsVolume *v, const int first[3], bool lit, b
         cell->low = fmin(cell->low, cell->hu[m]);
         cell->high = fmax(cell->high, cell->hu[m]);
         for (int axis = 0; axis < 3 && lit; axis++)
-            cell->gradient[m][axis] = difference(v, at, axis, air_beyond);
+            cell->gradient[m][axis] = true_difference(v, at, axis, air_beyond);
         for (int before = 0; before < m && lit; before++)
-            cell->turns |= differ(cell->gradient[m], cell->gradient[before]);
+            cell->turns |= gradients_differ(cell->gradient[m], cell->gradient[before]);
     }
 }
 
@@ -73,7 +73,7 @@ static double weight(int corner, const double part[3])
 }
 
 /* Opacity above 0 somewhere on low..high: at a point of the preset, or beyond all of them. */
-static bool shows(const CtsPreset *p, double low, double high)
+static bool shows_range(const CtsPreset *p, double low, double high)
 {
     const CtsOpacityPoint *point = p->opacity;
     const int n = p->n_opacity;
@@ -133,13 +133,13 @@ static double hu_at(const Cell *cell, const VoxelLine *line, const int first[3],
     return hu;
 }
 
-static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, const VoxelLine *line,
-                     const int first[3], double from_mm, double to_mm, CtsTruthSum *light)
+static void add_light_of_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, const VoxelLine *line,
+                              const int first[3], double from_mm, double to_mm, CtsTruthSum *light)
 {
     Cell cell;
     double part[3];
-    load(&cell, v, first, p->shade, !shows(p, -1024, -1024));
-    if (!shows(p, cell.low, cell.high))
+    load_true_cell(&cell, v, first, p->shade, !shows_range(p, -1024, -1024));
+    if (!shows_range(p, cell.low, cell.high))
         return;
     const int n = steep_in(p, &cell) ? MANY : cell.low < cell.high ? FEW : cell.turns ? TURN : 1;
     const double step = (to_mm - from_mm) / n;
@@ -177,7 +177,7 @@ void cts_truth_volume(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay 
                 end = fmin(end, (first[c] + (line.per_mm[c] > 0) - line.vox[c]) / line.per_mm[c]);
         }
         end = fmax(end, ahead);
-        add_cell(v, p, ray, &line, first, t, end, &light);
+        add_light_of_cell(v, p, ray, &line, first, t, end, &light);
         t = end;
     }
     cts_truth_pixel(&light, rgba);

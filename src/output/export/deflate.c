@@ -170,7 +170,7 @@ typedef struct BitWriter {
     uint8_t *to;
 } BitWriter;
 
-static void put(BitWriter *w, uint64_t value, int n_bits)
+static void put_bits(BitWriter *w, uint64_t value, int n_bits)
 {
     w->bits |= value << w->n_bits;
     w->n_bits += n_bits;
@@ -190,20 +190,20 @@ static void put_out(BitWriter *w)
 static void put_table(BitWriter *w, const uint8_t lengths[N_SYMBOLS])
 {
     enum { REPEATS = 3, LENGTHS = 16, DISTANCE_BITS = 1 };
-    put(w, N_SYMBOLS - 257, 5);
-    put(w, 0, 5); /* one distance */
-    put(w, REPEATS + LENGTHS - 4, 4);
-    put(w, 0, 3 * REPEATS);
+    put_bits(w, N_SYMBOLS - 257, 5);
+    put_bits(w, 0, 5); /* one distance */
+    put_bits(w, REPEATS + LENGTHS - 4, 4);
+    put_bits(w, 0, 3 * REPEATS);
     put_out(w);
     for (int i = 0; i < LENGTHS; i++) {
-        put(w, 4, 3);
+        put_bits(w, 4, 3);
         put_out(w);
     }
     for (int s = 0; s < N_SYMBOLS; s++) {
-        put(w, reversed(lengths[s], 4), 4);
+        put_bits(w, reversed(lengths[s], 4), 4);
         put_out(w);
     }
-    put(w, reversed(DISTANCE_BITS, 4), 4);
+    put_bits(w, reversed(DISTANCE_BITS, 4), 4);
     put_out(w);
 }
 
@@ -213,11 +213,11 @@ static void put_symbols(BitWriter *w, const uint8_t *bytes, size_t n, const CtsB
     for (size_t i = 0;; run++) {
         for (; i + 4 <= run->first; i += 4) {
             for (int k = 0; k < 4; k++)
-                put(w, codes[bytes[i + (size_t)k]] >> 4, codes[bytes[i + (size_t)k]] & BITS_MASK);
+                put_bits(w, codes[bytes[i + (size_t)k]] >> 4, codes[bytes[i + (size_t)k]] & BITS_MASK);
             put_out(w);
         }
         for (; i < run->first; i++) {
-            put(w, codes[bytes[i]] >> 4, codes[bytes[i]] & BITS_MASK);
+            put_bits(w, codes[bytes[i]] >> 4, codes[bytes[i]] & BITS_MASK);
             put_out(w);
         }
         if (i == n)
@@ -225,13 +225,13 @@ static void put_symbols(BitWriter *w, const uint8_t *bytes, size_t n, const CtsB
         unsigned extra;
         int n_extra;
         const uint32_t code = codes[length_symbol(run->length, &extra, &n_extra)];
-        put(w, code >> 4, code & BITS_MASK);
-        put(w, extra, n_extra);
-        put(w, 0, 1); /* distance 1 */
+        put_bits(w, code >> 4, code & BITS_MASK);
+        put_bits(w, extra, n_extra);
+        put_bits(w, 0, 1); /* distance 1 */
         put_out(w);
         i += run->length;
     }
-    put(w, codes[END_OF_BLOCK] >> 4, codes[END_OF_BLOCK] & BITS_MASK);
+    put_bits(w, codes[END_OF_BLOCK] >> 4, codes[END_OF_BLOCK] & BITS_MASK);
     put_out(w);
 }
 
@@ -243,12 +243,12 @@ size_t cts_deflate(const uint8_t *bytes, size_t n, bool last, CtsByteRun *runs, 
     find_runs(bytes, n, runs, counts);
     code_lengths(counts, lengths);
     make_codes(lengths, codes);
-    put(&w, last, 1);
-    put(&w, 2, 2); /* a block with a code table of its own */
+    put_bits(&w, last, 1);
+    put_bits(&w, 2, 2); /* a block with a code table of its own */
     put_table(&w, lengths);
     put_symbols(&w, bytes, n, runs, codes);
     if (!last)
-        put(&w, 0, 3); /* a stored block, which starts on a byte */
+        put_bits(&w, 0, 3); /* a stored block, which starts on a byte */
     if (w.n_bits > 0) {
         w.n_bits = (w.n_bits + 7) & ~7;
         put_out(&w);

@@ -44,7 +44,7 @@ static const CtsFormat *const formats[] = {&cts_format_png, &cts_format_exr, &ct
                                            &cts_format_webp};
 enum { N_FORMATS = sizeof formats / sizeof *formats };
 
-static const CtsFormat *format_of(const char *path)
+static const CtsFormat *format_of_path(const char *path)
 {
     const char *slash = strrchr(path, '/');
     const char *dot = strrchr(slash ? slash : path, '.');
@@ -78,11 +78,11 @@ const char *cts_format_endings(bool (*wanted)(const CtsFormatInfo *format), char
 
 const CtsFormatInfo *cts_export_format(const char *path)
 {
-    const CtsFormat *format = format_of(path);
+    const CtsFormat *format = format_of_path(path);
     return format ? &format->info : NULL;
 }
 
-static CtsStatus fail_unknown(const char *path, CtsStatus status, const char *what, CtsError *err)
+static CtsStatus fail_unknown_format(const char *path, CtsStatus status, const char *what, CtsError *err)
 {
     char names[CTS_ENDINGS_MAX];
     return cts_fail(err, status, "%s: %s (%s)", path, what, cts_format_endings(NULL, names));
@@ -90,9 +90,9 @@ static CtsStatus fail_unknown(const char *path, CtsStatus status, const char *wh
 
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err)
 {
-    const CtsFormat *format = format_of(path);
+    const CtsFormat *format = format_of_path(path);
     if (!format)
-        return fail_unknown(path, CTS_ERR_USAGE, "its ending names no picture format", err);
+        return fail_unknown_format(path, CTS_ERR_USAGE, "its ending names no picture format", err);
     const CtsStatus st = cts_file_check_writable(path, settings->force, err);
     if (st || !format->check)
         return st;
@@ -102,9 +102,9 @@ CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, 
 CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames, bool grey,
                                 const CtsExportSettings *settings, CtsError *err)
 {
-    const CtsFormat *format = format_of(path);
+    const CtsFormat *format = format_of_path(path);
     if (!format)
-        return fail_unknown(path, CTS_ERR_USAGE, "its ending names no picture format", err);
+        return fail_unknown_format(path, CTS_ERR_USAGE, "its ending names no picture format", err);
     if (n_frames < 1 || (n_frames > 1 && !format->info.many_frames))
         return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->info.name,
                         n_frames);
@@ -121,7 +121,7 @@ struct CtsExport {
 };
 
 /* Adds the time of one step to the export stage; items and bytes of the file are passed with its last step. */
-static void report_step(const CtsExport *e, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
+static void report_export_step(const CtsExport *e, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
 {
     cts_report_stage(e->job.report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, items, bytes);
 }
@@ -153,7 +153,7 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
     CtsExport *e = *output = calloc(1, sizeof *e);
     if (!e)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-    e->format = format_of(path);
+    e->format = format_of_path(path);
     e->job = (CtsExportJob){.path = strdup(path), .settings = *settings, .report = report};
     e->job.head = (CtsExportHead){
         .width = first->width,
@@ -171,7 +171,7 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
         st = e->format->begin(&e->job, err);
     if (!st && settings->scratch)
         cts_temp_do_not_sync(e->job.temp);
-    report_step(e, wall_ms, cpu_ms, 0, 0);
+    report_export_step(e, wall_ms, cpu_ms, 0, 0);
     if (st)
         cts_export_discard(output);
     return st;
@@ -191,7 +191,7 @@ CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
     e->row = last ? 0 : band->first_row + band->height;
     e->frame += last;
     const CtsStatus st = e->format->rows(&e->job, band, err);
-    report_step(e, wall_ms, cpu_ms, 0, 0);
+    report_export_step(e, wall_ms, cpu_ms, 0, 0);
     return st;
 }
 
@@ -209,8 +209,8 @@ CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err)
     else if (!(st = e->format->finish(&e->job, err)))
         st = cts_temp_commit(&e->job.temp, e->job.settings.force, &size, err);
     if (!st)
-        report_step(e, wall_ms, cpu_ms, (uint64_t)head->width * (uint64_t)head->height * (uint64_t)head->n_frames,
-                    size);
+        report_export_step(e, wall_ms, cpu_ms,
+                           (uint64_t)head->width * (uint64_t)head->height * (uint64_t)head->n_frames, size);
     if (bytes && !st)
         *bytes = size;
     cts_export_discard(output);
@@ -252,5 +252,5 @@ CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err
         if (formats[i]->info.read_back && n >= formats[i]->magic_offset + MAGIC_BYTES &&
             memcmp(head + formats[i]->magic_offset, formats[i]->magic, MAGIC_BYTES) == 0)
             return formats[i]->read(path, picture, err);
-    return fail_unknown(path, CTS_ERR_READ, "is no picture that can be read", err);
+    return fail_unknown_format(path, CTS_ERR_READ, "is no picture that can be read", err);
 }

@@ -338,22 +338,22 @@ typedef struct ExrReader {
     CtsStatus status;
 } ExrReader;
 
-static CtsStatus refuse(ExrReader *r, const char *why)
+static CtsStatus refuse_exr(ExrReader *r, const char *why)
 {
     if (!r->status)
         r->status = cts_fail(r->err, CTS_ERR_READ, "%s: not an OpenEXR picture that can be read: %s", r->path, why);
     return r->status;
 }
 
-static CtsStatus check(ExrReader *r, exr_result_t code)
+static CtsStatus check_exr(ExrReader *r, exr_result_t code)
 {
-    return code ? refuse(r, exr_get_default_error_message(code)) : r->status;
+    return code ? refuse_exr(r, exr_get_default_error_message(code)) : r->status;
 }
 
 static CtsStatus find_channels(ExrReader *r)
 {
     const exr_attr_chlist_t *list = NULL;
-    if (check(r, exr_get_channels(r->file, 0, &list)))
+    if (check_exr(r, exr_get_channels(r->file, 0, &list)))
         return r->status;
     for (int i = 0; i < list->num_channels; i++) {
         const exr_attr_chlist_entry_t *entry = &list->entries[i];
@@ -361,35 +361,36 @@ static CtsStatus find_channels(ExrReader *r)
         if (!place)
             continue;
         if (entry->x_sampling != 1 || entry->y_sampling != 1 || entry->pixel_type == EXR_PIXEL_UINT)
-            return refuse(r, "a channel is subsampled or holds integers");
+            return refuse_exr(r, "a channel is subsampled or holds integers");
         r->present[place - channel_names] = true;
     }
     const bool colour = r->present[RED] && r->present[GREEN] && r->present[BLUE];
     r->present[LUMA] = r->present[LUMA] && !colour;
-    return colour || r->present[LUMA] ? CTS_OK : refuse(r, "it has neither R, G and B nor Y");
+    return colour || r->present[LUMA] ? CTS_OK : refuse_exr(r, "it has neither R, G and B nor Y");
 }
 
-static CtsStatus read_header(ExrReader *r)
+static CtsStatus read_exr_header(ExrReader *r)
 {
     int n_parts = 0;
     exr_storage_t storage;
     exr_attr_box2i_t data, display;
-    if (check(r, exr_get_count(r->file, &n_parts)) || check(r, exr_get_storage(r->file, 0, &storage)) ||
-        check(r, exr_get_data_window(r->file, 0, &data)) || check(r, exr_get_display_window(r->file, 0, &display)))
+    if (check_exr(r, exr_get_count(r->file, &n_parts)) || check_exr(r, exr_get_storage(r->file, 0, &storage)) ||
+        check_exr(r, exr_get_data_window(r->file, 0, &data)) ||
+        check_exr(r, exr_get_display_window(r->file, 0, &display)))
         return r->status;
     if (n_parts != 1 || storage != EXR_STORAGE_SCANLINE)
-        return refuse(r, "it is not one part of scan lines");
+        return refuse_exr(r, "it is not one part of scan lines");
     if (memcmp(&data, &display, sizeof data) != 0)
-        return refuse(r, "its data window is not its display window");
+        return refuse_exr(r, "its data window is not its display window");
     const int64_t width = (int64_t)data.max.x - data.min.x + 1, height = (int64_t)data.max.y - data.min.y + 1;
     if (width < 1 || height < 1 || width > CTS_MAX_SIDE || height > CTS_MAX_SIDE)
-        return refuse(r, "its size is beyond what a picture can have");
+        return refuse_exr(r, "its size is beyond what a picture can have");
     r->width = (int)width;
     r->height = (int)height;
     r->y0 = data.min.y;
     if (find_channels(r))
         return r->status;
-    return check(r, exr_get_scanlines_per_chunk(r->file, 0, &r->lines_per_chunk));
+    return check_exr(r, exr_get_scanlines_per_chunk(r->file, 0, &r->lines_per_chunk));
 }
 
 static CtsStatus allocate(ExrReader *r)
@@ -397,7 +398,7 @@ static CtsStatus allocate(ExrReader *r)
     struct stat about;
     if (stat(r->path, &about) == 0 &&
         (uint64_t)r->width * (uint64_t)r->height * 2 > (uint64_t)about.st_size * MAX_RATIO)
-        return refuse(r, "it is too short for its size in pixels");
+        return refuse_exr(r, "it is too short for its size in pixels");
     const size_t n = (size_t)r->width * r->lines_per_chunk;
     const bool grey = r->present[LUMA] && !r->present[ALPHA];
     if ((r->status = cts_picture_new(&r->picture, r->width, r->height, grey ? 1 : 4, r->err)))
@@ -414,9 +415,9 @@ static CtsStatus allocate(ExrReader *r)
 static CtsStatus decode_chunk(ExrReader *r, int y)
 {
     exr_chunk_info_t chunk;
-    if (check(r, exr_read_scanline_chunk_info(r->file, 0, r->y0 + y, &chunk)) ||
-        check(r, r->started ? exr_decoding_update(r->file, 0, &chunk, &r->pipe)
-                            : exr_decoding_initialize(r->file, 0, &chunk, &r->pipe)))
+    if (check_exr(r, exr_read_scanline_chunk_info(r->file, 0, r->y0 + y, &chunk)) ||
+        check_exr(r, r->started ? exr_decoding_update(r->file, 0, &chunk, &r->pipe)
+                                : exr_decoding_initialize(r->file, 0, &chunk, &r->pipe)))
         return r->status;
     for (int c = 0; c < r->pipe.channel_count; c++) {
         exr_coding_channel_info_t *channel = &r->pipe.channels[c];
@@ -428,10 +429,10 @@ static CtsStatus decode_chunk(ExrReader *r, int y)
         channel->user_pixel_stride = (int32_t)sizeof(float);
         channel->user_line_stride = (int32_t)(r->width * sizeof(float));
     }
-    if (!r->started && check(r, exr_decoding_choose_default_routines(r->file, 0, &r->pipe)))
+    if (!r->started && check_exr(r, exr_decoding_choose_default_routines(r->file, 0, &r->pipe)))
         return r->status;
     r->started = true;
-    return check(r, exr_decoding_run(r->file, 0, &r->pipe));
+    return check_exr(r, exr_decoding_run(r->file, 0, &r->pipe));
 }
 
 /* Linear light to display values, the inverse of the writer's conversion. */
@@ -443,11 +444,11 @@ static CtsStatus fill_pixels(ExrReader *r, int y, size_t n)
         float *v = p->pixels + (first + i) * p->n_channels;
         const double alpha = p->has_alpha ? r->planes[ALPHA][i] : 1;
         if (isnan(alpha))
-            return refuse(r, "a pixel is not a number");
+            return refuse_exr(r, "a pixel is not a number");
         for (int c = 0; c < (p->n_channels == 1 ? 1 : 3); c++) {
             const float linear = r->planes[r->present[LUMA] ? LUMA : c][i];
             if (isnan(linear))
-                return refuse(r, "a pixel is not a number");
+                return refuse_exr(r, "a pixel is not a number");
             v[c] = alpha > 0 ? (float)(alpha * cts_linear_to_srgb(linear / alpha)) : 0;
         }
         if (p->n_channels == 4)
@@ -468,14 +469,14 @@ static bool lets_through(const CtsPicture *p)
     return false;
 }
 
-static CtsStatus read_all(ExrReader *r)
+static CtsStatus read_exr_file(ExrReader *r)
 {
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = say_nothing;
     setup.user_data = r;
     setup.max_image_width = setup.max_image_height = CTS_MAX_SIDE;
     setup.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
-    if (check(r, exr_start_read(&r->file, r->path, &setup)) || read_header(r) || allocate(r))
+    if (check_exr(r, exr_start_read(&r->file, r->path, &setup)) || read_exr_header(r) || allocate(r))
         return r->status;
     for (int y = 0; y < r->height && !r->status; y += r->lines_per_chunk) {
         const int n_rows = r->height - y < r->lines_per_chunk ? r->height - y : r->lines_per_chunk;
@@ -490,7 +491,7 @@ static CtsStatus read_all(ExrReader *r)
 static CtsStatus read_exr(const char *path, CtsPicture **picture, CtsError *err)
 {
     ExrReader r = {.path = path, .err = err, .pipe = EXR_DECODE_PIPELINE_INITIALIZER};
-    read_all(&r);
+    read_exr_file(&r);
     if (r.file) {
         exr_decoding_destroy(r.file, &r.pipe);
         exr_finish(&r.file);

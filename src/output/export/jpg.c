@@ -33,7 +33,7 @@ static void on_error(j_common_ptr jpeg)
     JpgWriter *const w = writer_of(jpeg);
     char text[JMSG_LENGTH_MAX];
     jpeg->err->format_message(jpeg, text);
-    if (!w->status) /* write_some() has not set an error already */
+    if (!w->status) /* write_to_sink() has not set an error already */
         w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);
     longjmp(w->failed, 1);
 }
@@ -43,7 +43,7 @@ static void on_message(j_common_ptr jpeg)
     (void)jpeg;
 }
 
-static ssize_t write_some(void *context, const char *bytes, size_t n)
+static ssize_t write_to_sink(void *context, const char *bytes, size_t n)
 {
     JpgWriter *const w = context;
     w->status = cts_temp_write(w->job->temp, bytes, n, w->err);
@@ -51,7 +51,7 @@ static ssize_t write_some(void *context, const char *bytes, size_t n)
 }
 
 /* Colours at full resolution: the edges of a render are where its colours change. */
-static void start(JpgWriter *w)
+static void start_jpg(JpgWriter *w)
 {
     const CtsExportHead *head = &w->job->head;
     const int quality = w->job->settings.quality;
@@ -88,12 +88,12 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     if (setjmp(w->failed))
         return w->status;
     jpeg_create_compress(&w->jpeg);
-    if (!(w->sink = fopencookie(w, "w", (cookie_io_functions_t){.write = write_some})))
+    if (!(w->sink = fopencookie(w, "w", (cookie_io_functions_t){.write = write_to_sink})))
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     jpeg_stdio_dest(&w->jpeg, w->sink);
     const CtsStatus st = cts_alloc_array(&w->row, (size_t)job->head.width * 3, err);
     if (!st)
-        start(w);
+        start_jpg(w);
     return st;
 }
 

@@ -122,7 +122,7 @@ static void put_texts(png_structp png, png_infop info, const CtsPictureInfo *abo
     }
 }
 
-static void put_header(png_structp png, png_infop info, const PngWriter *w)
+static void put_png_header(png_structp png, png_infop info, const PngWriter *w)
 {
     static const int colour_types[] = {[1] = PNG_COLOR_TYPE_GRAY, [3] = PNG_COLOR_TYPE_RGB, [4] = PNG_COLOR_TYPE_RGBA};
     const CtsExportHead *head = &w->job->head;
@@ -146,7 +146,7 @@ static CtsStatus write_start(PngWriter *w)
         return w->status;
     png_set_write_fn(w->png, w, on_write, on_flush);
     png_set_user_limits(w->png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
-    put_header(w->png, w->info, w);
+    put_png_header(w->png, w->info, w);
     png_write_info(w->png, w->info);
     return CTS_OK;
 }
@@ -373,7 +373,7 @@ static void set_transforms(png_structp png, png_infop info)
     png_read_update_info(png, info);
 }
 
-static void fill_row(CtsPicture *picture, int y, int n_samples, const uint8_t *bytes)
+static void fill_png_row(CtsPicture *picture, int y, int n_samples, const uint8_t *bytes)
 {
     float *p = picture->pixels + (size_t)y * picture->width * picture->n_channels;
     for (int x = 0; x < picture->width; x++, bytes += 2 * n_samples, p += picture->n_channels) {
@@ -385,7 +385,7 @@ static void fill_row(CtsPicture *picture, int y, int n_samples, const uint8_t *b
     }
 }
 
-static void read_all(png_structp png, png_infop info, PngReader *r)
+static void read_png_file(png_structp png, png_infop info, PngReader *r)
 {
     if (setjmp(png_jmpbuf(png)))
         return;
@@ -411,7 +411,7 @@ static void read_all(png_structp png, png_infop info, PngReader *r)
     png_read_end(png, NULL);
     r->picture->has_alpha = n_samples == 4;
     for (int y = 0; y < height; y++)
-        fill_row(r->picture, y, n_samples, r->rows[y]);
+        fill_png_row(r->picture, y, n_samples, r->rows[y]);
 }
 
 static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
@@ -426,7 +426,7 @@ static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
         r.status = cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
     else {
         r.file_bytes = (uint64_t)about.st_size;
-        read_all(png, info, &r);
+        read_png_file(png, info, &r);
     }
     png_destroy_read_struct(&png, &info, NULL);
     if (r.file)

@@ -165,7 +165,7 @@ static void report_occlusion(const CtsStateScene *scene)
 }
 
 /* Everything but the names and the private texts. */
-static CtsStatus fill(const CtsStateScene *scene, CtsScTexts *words, CtsDcmState *s, CtsError *err)
+static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *words, CtsDcmState *s, CtsError *err)
 {
     const CtsPreset *p = scene->preset;
     const CtsExportJob job = {.head = {.n_frames = 1, .info = *scene->info}};
@@ -193,7 +193,7 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScTexts *words, CtsDcmState
     return CTS_OK;
 }
 
-static CtsStatus write_file(const char *path, CtsDcmState *s, bool force, CtsError *err)
+static CtsStatus write_state_file(const char *path, CtsDcmState *s, bool force, CtsError *err)
 {
     CtsTempFile *temp = NULL;
     CtsSliceHeader first;
@@ -217,7 +217,7 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
     CtsLabelCrop *crop = NULL;
     CtsDcmState *s = calloc(1, sizeof *s);
     CtsStatus st = s && preset ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-    if (st || (st = fill(scene, &words, s, err)) || (st = write_options(scene, &options, err)))
+    if (st || (st = fill_state(scene, &words, s, err)) || (st = write_options(scene, &options, err)))
         goto end;
     s->preset = preset;
     s->options = options;
@@ -226,7 +226,7 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
     cts_date_texts(s->date, s->time);
     s->series_number = cts_sc_series_number(scene->source, 999);
     if (!(st = fill_labels(scene, s, &crop, err)))
-        st = write_file(path, s, force, err);
+        st = write_state_file(path, s, force, err);
 end:
     cts_free(&crop);
     free(options);

@@ -109,7 +109,7 @@ static double to_bar(double x, double y, double width, double height)
     return dx > 0 && dy > 0 ? hypot(dx, dy) : fmax(dx, dy);
 }
 
-static MarkBox measure(const Mark *mark)
+static MarkBox measure_mark(const Mark *mark)
 {
     MarkBox box = {.pen = mark->font_px / 18, .rim = fmax(1, mark->font_px / 10)};
     int advance = -CTS_LETTER_GAP;
@@ -158,25 +158,25 @@ typedef struct MarkLayout {
     int n, n_left_out;
 } MarkLayout;
 
-static bool overlap(const Placed *a, const Placed *b)
+static bool marks_overlap(const Placed *a, const Placed *b)
 {
     return a->left < b->left + b->box.width && b->left < a->left + a->box.width && a->top < b->top + b->box.height &&
            b->top < a->top + a->box.height;
 }
 
 /* Skips marks that would overlap another one or leave the picture. */
-static void place(MarkLayout *layout, const Mark *mark)
+static void place_mark(MarkLayout *layout, const Mark *mark)
 {
     Placed *p = &layout->placed[layout->n];
     p->mark = *mark;
-    p->box = measure(mark);
+    p->box = measure_mark(mark);
     const double room_x = layout->width - p->box.width - 2 * mark->margin_px;
     const double room_y = layout->height - p->box.height - 2 * mark->margin_px;
     p->left = (int)floor(mark->margin_px + mark->x * room_x + 0.5);
     p->top = (int)floor(mark->margin_px + mark->y * room_y + 0.5);
     bool fits = room_x >= 0 && room_y >= 0;
     for (int i = 0; i < layout->n; i++)
-        fits = fits && !overlap(p, &layout->placed[i]);
+        fits = fits && !marks_overlap(p, &layout->placed[i]);
     if (!fits) {
         layout->n_left_out++;
         return;
@@ -185,7 +185,7 @@ static void place(MarkLayout *layout, const Mark *mark)
 }
 
 /* Draws strokes with an outline over the picture; premultiplied, like the picture. */
-static void put(CtsPicture *picture, const Placed *p)
+static void draw_mark(CtsPicture *picture, const Placed *p)
 {
     const double *const rgb = p->mark.rgb;
     const double own = rgb ? 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2] : 0;
@@ -238,7 +238,7 @@ static void place_letters(MarkLayout *layout, const CtsPictureInfo *info, double
                                letters);
         Mark mark = {.font_px = font_px, .x = edges[i].x, .y = edges[i].y, .margin_px = margin_px};
         cts_letters_plain(letters, &mark.text);
-        place(layout, &mark);
+        place_mark(layout, &mark);
     }
 }
 
@@ -253,7 +253,7 @@ static void place_scale(MarkLayout *layout, double mm_per_pixel, double font_px,
                  .y = 1,
                  .margin_px = margin_px};
     cts_letters_plain(text, &mark.text);
-    place(layout, &mark);
+    place_mark(layout, &mark);
 }
 
 CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n_left_out, CtsError *err)
@@ -270,7 +270,7 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n
     if (scale)
         place_scale(&layout, mm_per_pixel, font_px, margin_px);
     for (int i = 0; i < layout.n; i++)
-        put(picture, &layout.placed[i]);
+        draw_mark(picture, &layout.placed[i]);
     picture->info.annotated |= layout.n > 0;
     if (n_left_out)
         *n_left_out = layout.n_left_out;
@@ -282,7 +282,7 @@ static bool write_name(const CtsLegendEntry *entry, double room_px, Mark *mark)
 {
     mark->text = (CtsLetters){.n = 0};
     cts_letters_add(entry->name, &mark->text);
-    if (mark->text.n && !mark->text.lacks && measure(mark).width <= room_px)
+    if (mark->text.n && !mark->text.lacks && measure_mark(mark).width <= room_px)
         return true;
     char number[16];
     snprintf(number, sizeof number, "%d ", entry->number);
@@ -291,7 +291,7 @@ static bool write_name(const CtsLegendEntry *entry, double room_px, Mark *mark)
     const int n_number = mark->text.n;
     mark->text.items[mark->text.n++] = (CtsLetter){.glyph = NULL};
     cts_letters_add(entry->name, &mark->text);
-    while (mark->text.n > n_number && measure(mark).width > room_px)
+    while (mark->text.n > n_number && measure_mark(mark).width > room_px)
         mark->text.n--;
     return false;
 }
@@ -314,7 +314,7 @@ CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries
         p.mark.n_above = above > p.mark.n_above ? above : p.mark.n_above;
         p.mark.n_below = below > p.mark.n_below ? below : p.mark.n_below;
     }
-    const double line = measure(&p.mark).height;
+    const double line = measure_mark(&p.mark).height;
     /* Leave room for the letters in the middle of the sides, and for names on the other side. */
     const int at_once = (int)fmax((0.45 * height - margin_px) / line, 0);
     const double room = n > (size_t)at_once ? picture->width / 2.0 - 1.5 * margin_px : picture->width - 2 * margin_px;
@@ -323,7 +323,7 @@ CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries
         const int in_corner = at_once ? (int)(i % (size_t)at_once) : 0;
         const bool whole = write_name(&entries[i], room, &p.mark);
         p.mark.rgb = entries[i].rgb;
-        p.box = measure(&p.mark);
+        p.box = measure_mark(&p.mark);
         const double from_top = margin_px + in_corner * line;
         p.left = (int)(corner > 0 ? picture->width - p.box.width - margin_px : margin_px);
         p.top = (int)(corner < 2 ? from_top : height - from_top - line);
@@ -332,7 +332,7 @@ CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries
             continue;
         }
         n_partly += !whole;
-        put(picture, &p);
+        draw_mark(picture, &p);
         picture->info.annotated = true;
     }
     if (n_in_part)

@@ -117,7 +117,7 @@ typedef struct ComparedWindows {
     int size, first, last;
 } ComparedWindows;
 
-static ComparedWindows windows_of(int size)
+static ComparedWindows compared_windows(int size)
 {
     ComparedWindows w = {.size = size, .first = 0, .last = size - 1};
     double sum = 0;
@@ -208,7 +208,7 @@ static void compare_rows(void *context, int worker, size_t first, size_t end)
 
 static CtsStatus structural_similarity(const CtsPicture *a, const CtsPicture *b, double *ssim, CtsError *err)
 {
-    const ComparedWindows across = windows_of(a->width), rows = windows_of(a->height);
+    const ComparedWindows across = compared_windows(a->width), rows = compared_windows(a->height);
     const int n_channels = a->n_channels == 1 && b->n_channels == 1 ? 1 : 3;
     const int n_rows = rows.last - rows.first + 1, n_threads = cts_threads(0);
     double *columns = NULL, *row_sums = NULL;

@@ -262,7 +262,7 @@ static const CtsGlyph *glyph_of(uint32_t letter)
 }
 
 /* The next code point of UTF-8; an invalid byte gives a code point without a glyph. */
-static uint32_t next(const char **text)
+static uint32_t next_code_point(const char **text)
 {
     const unsigned char *p = (const unsigned char *)*text;
     const int n = *p < 0x80 ? 1 : *p >> 5 == 6 ? 2 : *p >> 4 == 14 ? 3 : *p >> 3 == 30 ? 4 : 0;
@@ -290,7 +290,7 @@ static bool find_capital(uint32_t capital, CtsLetter *letter)
     *letter = (CtsLetter){.glyph = glyph_of(capital)};
     for (size_t row = 0; !letter->glyph && row < N_OF(composed); row++)
         for (const char *p = composed[row].letters; *p && !letter->glyph; p++)
-            if (next(&p) == capital) {
+            if (next_code_point(&p) == capital) {
                 letter->glyph = glyph_of((unsigned char)*p);
                 put_accents(letter, composed[row].accents);
             }
@@ -335,7 +335,7 @@ static const CtsMark *combining(uint32_t code)
     return NULL;
 }
 
-static void add(CtsLetters *letters, const CtsLetter *letter)
+static void add_letter(CtsLetters *letters, const CtsLetter *letter)
 {
     if (letters->n < CTS_MAX_LETTERS)
         letters->items[letters->n++] = *letter;
@@ -357,19 +357,19 @@ void cts_letters_plain(const char *text, CtsLetters *letters)
 {
     *letters = (CtsLetters){.n = 0};
     for (; *text; text++)
-        add(letters, &(CtsLetter){.glyph = glyph_of((unsigned char)*text)});
+        add_letter(letters, &(CtsLetter){.glyph = glyph_of((unsigned char)*text)});
 }
 
 static void add_blank(CtsLetters *letters)
 {
     if (letters->n && letters->items[letters->n - 1].glyph)
-        add(letters, &(CtsLetter){.glyph = NULL});
+        add_letter(letters, &(CtsLetter){.glyph = NULL});
 }
 
 void cts_letters_add(const char *text, CtsLetters *letters)
 {
     while (*text) {
-        const uint32_t code = next(&text);
+        const uint32_t code = next_code_point(&text);
         const CtsMark *const mark = combining(code);
         const char *written = NULL;
         CtsLetter letter;
@@ -380,11 +380,11 @@ void cts_letters_add(const char *text, CtsLetters *letters)
             add_blank(letters);
         else if (written)
             for (; *written; written++)
-                add(letters, &(CtsLetter){.glyph = glyph_of((unsigned char)*written)});
+                add_letter(letters, &(CtsLetter){.glyph = glyph_of((unsigned char)*written)});
         else if (mark)
             letters->lacks |= !add_mark(letters, mark);
         else if (find_letter(code, &letter))
-            add(letters, &letter);
+            add_letter(letters, &letter);
         else
             letters->lacks = true;
     }

@@ -75,7 +75,7 @@ CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err)
     return end_text(f, good, text, err);
 }
 
-static void add_row(CtsTable *table, const CtsBenchRow *r)
+static void add_bench_row(CtsTable *table, const CtsBenchRow *r)
 {
     char samples[24];
     cts_bench_samples_text(r, samples);
@@ -105,7 +105,7 @@ CtsTable *cts_bench_table(const CtsBenchRows *rows)
                                     15);
     for (int i = 0; i < rows->n; i++)
         if (rows->rows[i].measured)
-            add_row(table, &rows->rows[i]);
+            add_bench_row(table, &rows->rows[i]);
     return table;
 }
 
@@ -280,7 +280,7 @@ end:
 }
 
 /* The remaining contents of a file or pipe, 0-terminated. */
-static char *read_all(FILE *file)
+static char *read_rest(FILE *file)
 {
     char *text = NULL;
     size_t room = 0;
@@ -291,19 +291,19 @@ static char *read_all(FILE *file)
 }
 
 /* Files replace two of the pipes, so that neither side can block the other. */
-static CtsStatus run(FILE *in, FILE *complaints, char **svg, CtsError *err)
+static CtsStatus run_plotter(FILE *in, FILE *complaints, char **svg, CtsError *err)
 {
     char command[80];
     snprintf(command, sizeof command, "gnuplot /proc/self/fd/%d 2>&%d", fileno(in), fileno(complaints));
     FILE *const out = popen(command, "re");
     if (!out)
         return cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run: %s", strerror(errno));
-    *svg = read_all(out);
+    *svg = read_rest(out);
     const int status = pclose(out);
     if (status == 0)
         return *svg ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     rewind(complaints);
-    char *why = read_all(complaints);
+    char *why = read_rest(complaints);
     cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run, or fails (it is in the package gnuplot-nox): %.300s",
              why ? why : "");
     free(why);
@@ -318,7 +318,7 @@ CtsStatus cts_gnuplot(const char *script, char **svg, CtsError *err)
     *svg = NULL;
     const CtsStatus st = !in || !complaints || fputs(script, in) < 0 || fflush(in)
                              ? cts_fail(err, CTS_ERR_OUTPUT, "no temporary file for gnuplot: %s", strerror(errno))
-                             : run(in, complaints, svg, err);
+                             : run_plotter(in, complaints, svg, err);
     if (in)
         fclose(in);
     if (complaints)

@@ -45,7 +45,7 @@ static void name_run(CtsLog *log)
     log->time = cts_utc_now();
 }
 
-static CtsStatus open_file(const char *path, int *fd, CtsError *err)
+static CtsStatus open_log(const char *path, int *fd, CtsError *err)
 {
     *fd = strcmp(path, "-") ? open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666) : STDERR_FILENO;
     return *fd < 0 ? cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", path, strerror(errno)) : CTS_OK;
@@ -54,7 +54,7 @@ static CtsStatus open_file(const char *path, int *fd, CtsError *err)
 CtsStatus cts_log_check(const char *path, CtsError *err)
 {
     int fd;
-    const CtsStatus st = path ? open_file(path, &fd, err) : CTS_OK;
+    const CtsStatus st = path ? open_log(path, &fd, err) : CTS_OK;
     if (path && !st && fd != STDERR_FILENO)
         close(fd);
     return st;
@@ -77,7 +77,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may
     l->has_key = !st;
     if (!key) /* without a key the log has no hashes */
         st = CTS_OK;
-    if (st || (st = open_file(path, &l->fd, err))) {
+    if (st || (st = open_log(path, &l->fd, err))) {
         free(l);
         return st;
     }
@@ -85,7 +85,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may
     return CTS_OK;
 }
 
-static char *new_line(json_t *object)
+static char *new_log_line(json_t *object)
 {
     char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
     json_decref(object);
@@ -93,9 +93,9 @@ static char *new_line(json_t *object)
 }
 
 /* A log that runs out of memory loses a line, never the picture. */
-static void add_line(CtsLog *log, json_t *object)
+static void add_log_line(CtsLog *log, json_t *object)
 {
-    char *line = new_line(object);
+    char *line = new_log_line(object);
     const size_t n = line ? strlen(line) : 0;
     char *text = line ? realloc(log->text, log->size + n + 1) : NULL;
     if (text) {
@@ -119,13 +119,13 @@ static void add_event(CtsLog *log, const char *event, json_t *fields)
     json_t *object = json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
     json_object_update(object, fields);
     json_decref(fields);
-    add_line(log, object);
+    add_log_line(log, object);
 }
 
 /* Skips a line equal to an earlier one, as frames of a rotation may cause. */
 static void add_once(CtsLog *log, const char *event, json_t *fields)
 {
-    char *text = new_line(json_incref(fields));
+    char *text = new_log_line(json_incref(fields));
     if (text && log->text && memmem(log->text, log->size, text + 1, strlen(text) - 1))
         json_decref(fields);
     else
@@ -239,16 +239,16 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
 
 static char *run_line(const CtsLog *log)
 {
-    return new_line(json_pack("{s:s,s:f,s:s,s:s,s:s,s:o,s:o}", "event", "run", "t_ms", 0.0, "run_id", log->run_id,
-                              "version", CTS_VERSION, "time", log->time.text, "command",
-                              log->command ? cts_json_new_text(log->command) : json_null(), "series_uid_hash",
-                              log->series_hash ? json_string(log->series_hash) : json_null()));
+    return new_log_line(json_pack("{s:s,s:f,s:s,s:s,s:s,s:o,s:o}", "event", "run", "t_ms", 0.0, "run_id", log->run_id,
+                                  "version", CTS_VERSION, "time", log->time.text, "command",
+                                  log->command ? cts_json_new_text(log->command) : json_null(), "series_uid_hash",
+                                  log->series_hash ? json_string(log->series_hash) : json_null()));
 }
 
 static void prepare_last_words(CtsLog *log)
 {
-    char *run = run_line(log), *failed = new_line(json_pack("{s:s,s:f,s:i,s:s}", "event", "failed", "t_ms", 0.0,
-                                                            "exit_code", 130, "message", "interrupted"));
+    char *run = run_line(log), *failed = new_log_line(json_pack("{s:s,s:f,s:i,s:s}", "event", "failed", "t_ms", 0.0,
+                                                                "exit_code", 130, "message", "interrupted"));
     char *text = NULL;
     if (run && failed && asprintf(&text, "%s\n%s\n", run, failed) > 0) {
         free(log->last_words);

@@ -60,7 +60,7 @@ char *cts_redact_uids(const CtsKey *key, const char *text)
 /* Longer names are truncated in messages (dicom/header/slice.h). */
 enum { LONGEST_NAME = 255 };
 
-static void add(CtsNames *names, const char *text, size_t n, const char *end)
+static void add_hidden_name(CtsNames *names, const char *text, size_t n, const char *end)
 {
     if (n && !cts_grow(&names->items, names->n, NULL) &&
         asprintf(&names->items[names->n], "%.*s%s", (int)n, text, end) >= 0)
@@ -70,12 +70,12 @@ static void add(CtsNames *names, const char *text, size_t n, const char *end)
 void cts_names_add(CtsNames *names, const char *path)
 {
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
-    add(names, path, strlen(path), "");
-    add(names, path, strlen(path), "/");
-    add(names, name, strnlen(name, LONGEST_NAME), "");
+    add_hidden_name(names, path, strlen(path), "");
+    add_hidden_name(names, path, strlen(path), "/");
+    add_hidden_name(names, name, strnlen(name, LONGEST_NAME), "");
     if (slash && slash > path) {
-        add(names, path, (size_t)(slash - path), "");
-        add(names, path, (size_t)(slash - path), "/");
+        add_hidden_name(names, path, (size_t)(slash - path), "");
+        add_hidden_name(names, path, (size_t)(slash - path), "/");
     }
 }
 

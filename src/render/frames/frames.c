@@ -291,7 +291,7 @@ static void report_no_key(const CtsEngine *engine, CtsReport *report)
 }
 
 /* Once for all frames, with the first report that there is. */
-static void report_key(CtsFrames *f, CtsReport *report)
+static void report_key_once(CtsFrames *f, CtsReport *report)
 {
     if (!f->settings.void_key || f->key_reported || !report)
         return;
@@ -327,7 +327,7 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
 }
 
 /* Made once for all frames, as it does not depend on how much of it the preset or the settings want. */
-static CtsStatus find_openness(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsError *err)
+static CtsStatus make_openness(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!cts_openness_counts(scene->preset))
@@ -481,9 +481,9 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
     frame->store.scene.plan = task->plan;
     frame->store.scene.frame = f->n_begun++;
     if ((st = find_lut(f, &frame->store.scene, report, err)) ||
-        (st = find_openness(f, &frame->store.scene, report, err)))
+        (st = make_openness(f, &frame->store.scene, report, err)))
         return st;
-    report_key(f, report);
+    report_key_once(f, report);
     report_omitted(frame, report);
     if ((st = choose_level(frame, report, err)))
         return st;
@@ -563,7 +563,7 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
 }
 
 /* By the march that re-renders the engine's pixels. */
-static CtsStatus trace_pixel(const CtsFrame *frame, CtsReport *report, CtsError *err)
+static CtsStatus trace_frame_pixel(const CtsFrame *frame, CtsReport *report, CtsError *err)
 {
     const CtsErrorControl *const control = &frame->error_control;
     const CtsRenderSettings *const s = control->scene.settings;
@@ -580,7 +580,7 @@ CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsErr
     if (!st && !frame->explain)
         st = cts_verify_end(&frame->verify, report, err);
     if (!st && !frame->explain && frame->store.scene.settings->trace)
-        st = trace_pixel(frame, report, err);
+        st = trace_frame_pixel(frame, report, err);
     if (!st)
         cts_error_control_report(&frame->error_control, report);
     cts_verify_free(&frame->verify);

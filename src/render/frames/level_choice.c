@@ -78,7 +78,7 @@ static void place_probe(Probe *p)
 }
 
 /* Number of the group that a pixel of the tiles lies in. */
-static size_t group_at(size_t at)
+static size_t group_of_pixel(size_t at)
 {
     const size_t tile = at / TILE, x = at % CTS_PROBE_X, y = at % TILE / CTS_PROBE_X;
     return tile * GROUPS + y / CTS_GROUP_SIDE * ACROSS + x / CTS_GROUP_SIDE;
@@ -109,7 +109,7 @@ static CtsStatus predict(const Probe *p, int n_tried, bool hybrid, double *limit
         for (n = 0; first + n < p->n && p->row[first + n] == p->row[first]; n++) {
             const uint32_t at = p->at[first + n];
             indicator[n] = p->indicator[at];
-            group[n] = p->group[group_at(at)];
+            group[n] = p->group[group_of_pixel(at)];
             square[n] = cts_scene_square_of_error(p->scene, p->rgba[at], p->truth[first + n]);
         }
         CtsErrorPrediction row = {.n = n, .indicator = indicator, .group = hybrid ? group : NULL, .square = square};

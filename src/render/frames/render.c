@@ -41,8 +41,8 @@ void cts_render_end(CtsRenderer **renderer)
 }
 
 /* least_lossy: least number of pixels to verify if --void key loses anything. */
-static CtsStatus begin(CtsRenderer *r, const double view_deg[2], int least_lossy, CtsFrame *frame, CtsReport *report,
-                       CtsError *err)
+static CtsStatus begin_frame(CtsRenderer *r, const double view_deg[2], int least_lossy, CtsFrame *frame,
+                             CtsReport *report, CtsError *err)
 {
     const CtsRenderSettings *s = cts_frames_settings(r->frames);
     CtsStatus st;
@@ -68,7 +68,7 @@ CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_
     const CtsRenderSettings *s = cts_frames_settings(r->frames);
     CtsFrame frame;
     *picture = NULL;
-    CtsStatus st = begin(r, (double[]){azimuth_deg, elevation_deg}, 0, &frame, report, err);
+    CtsStatus st = begin_frame(r, (double[]){azimuth_deg, elevation_deg}, 0, &frame, report, err);
     if (!st)
         st = s->explain ? cts_frame_explain(&frame, report, err)
                         : cts_frame_rows(&frame, 0, s->height, picture, report, err);
@@ -110,7 +110,7 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
     enum { KEY_PIXELS = 256 };
     const CtsRenderSettings *s = cts_frames_settings(r->frames);
     CtsFrame frame;
-    CtsStatus st = begin(r, (double[]){azimuth_deg, elevation_deg}, KEY_PIXELS, &frame, report, err);
+    CtsStatus st = begin_frame(r, (double[]){azimuth_deg, elevation_deg}, KEY_PIXELS, &frame, report, err);
     if (!st && s->explain)
         st = cts_frame_explain(&frame, report, err);
     const int height = s->explain ? 0 : s->height, n_rows = choose_rows(s, sink->max_rows);

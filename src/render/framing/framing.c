@@ -46,7 +46,7 @@ static uint8_t shown_by(float value, double least)
 }
 
 /* Renders n[0] x n[1] rays with spacing `apart`, in units of the probe rendering's, from this ray on. */
-static CtsStatus draw(ProbeRendering *l, const double from[2], double apart, const int n[2], CtsError *err)
+static CtsStatus render_rays(ProbeRendering *l, const double from[2], double apart, const int n[2], CtsError *err)
 {
     CtsScene scene = l->store.scene;
     CtsView *const v = &scene.view;
@@ -75,7 +75,7 @@ typedef struct RayBox {
     int low[2], high[2];
 } RayBox;
 
-static void widen(RayBox *box, const RayBox *by)
+static void widen_box(RayBox *box, const RayBox *by)
 {
     for (int i = 0; i < 2; i++) {
         box->low[i] = by->low[i] < box->low[i] ? by->low[i] : box->low[i];
@@ -90,7 +90,7 @@ typedef struct Part {
 } Part;
 
 /* Removes the part of a visible ray from the probe rendering. */
-static void take_part(ProbeRendering *l, int x, int y, Part *part)
+static void cut_part(ProbeRendering *l, int x, int y, Part *part)
 {
     uint16_t open[LOOK * LOOK];
     int n_open = 0;
@@ -100,7 +100,7 @@ static void take_part(ProbeRendering *l, int x, int y, Part *part)
     while (n_open > 0) {
         const int at = open[--n_open];
         const int px = at % LOOK, py = at / LOOK;
-        widen(&part->box, &(RayBox){{px, py}, {px, py}});
+        widen_box(&part->box, &(RayBox){{px, py}, {px, py}});
         part->n_rays++;
         for (int j = py > 0 ? py - 1 : 0; j <= py + 1 && j < LOOK; j++)
             for (int i = px > 0 ? px - 1 : 0; i <= px + 1 && i < LOOK; i++)
@@ -125,11 +125,11 @@ static CtsStatus closer_weight(const ProbeRendering *l, const RayBox *box, doubl
     const double from[2] = {box->low[0] - 1.5 + 0.5 / FINER, box->low[1] - 1.5 + 0.5 / FINER};
     ProbeRendering closer = *l;
     int most = 0;
-    const CtsStatus st = draw(&closer, from, 1.0 / FINER, n, err);
+    const CtsStatus st = render_rays(&closer, from, 1.0 / FINER, n, err);
     for (int i = 0; i < LOOK * LOOK && !st; i++) {
         Part part = {.weight = 0};
         if (closer.shown[i / LOOK][i % LOOK])
-            take_part(&closer, i % LOOK, i / LOOK, &part);
+            cut_part(&closer, i % LOOK, i / LOOK, &part);
         most = part.weight > most ? part.weight : most;
     }
     *weight = (double)most / (FINER * FINER);
@@ -149,11 +149,11 @@ static CtsStatus take_box(ProbeRendering *l, RayBox *box, CtsError *err)
         Part part;
         if (!l->shown[i / LOOK][i % LOOK])
             continue;
-        take_part(l, i % LOOK, i / LOOK, &part);
+        cut_part(l, i % LOOK, i / LOOK, &part);
         if (part.weight < SPECK * all)
             continue;
         if (part.n_rays >= SURE)
-            widen(box, &part.box);
+            widen_box(box, &part.box);
         else
             unsure[n_unsure++] = part.box;
     }
@@ -161,7 +161,7 @@ static CtsStatus take_box(ProbeRendering *l, RayBox *box, CtsError *err)
         double weight = 0;
         if (reaches_past(&unsure[i], box) && !(st = closer_weight(l, &unsure[i], &weight, err)) &&
             weight >= SPECK * all)
-            widen(box, &unsure[i]);
+            widen_box(box, &unsure[i]);
     }
     return st;
 }
@@ -171,7 +171,7 @@ typedef struct Span {
     double low_mm, high_mm;
 } Span;
 
-static double middle(Span span)
+static double middle_mm(Span span)
 {
     return 0.5 * (span.low_mm + span.high_mm);
 }
@@ -189,7 +189,7 @@ static Span span_of_box(const CtsVolume *volume, const double direction_lps[3])
 }
 
 /* The intersection of a span with the volume, which may be thinner than a ray's spacing. */
-static Span within(Span span, Span volume)
+static Span intersection(Span span, Span volume)
 {
     return (Span){fmax(span.low_mm, volume.low_mm), fmin(span.high_mm, volume.high_mm)};
 }
@@ -200,7 +200,7 @@ static double ray_mm(Span span)
 }
 
 /* Only with opacity by voxel does it depend on the view. */
-static CtsStatus find_lut(Probing *l, CtsScene *scene, CtsError *err)
+static CtsStatus find_probe_lut(Probing *l, CtsScene *scene, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!l->lut || l->lut_scale != scene->extinction_scale) {
@@ -227,7 +227,7 @@ static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, doub
     small.centre_given = true;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     for (int c = 0; c < 3; c++)
-        small.centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
+        small.centre_lps[c] = middle_mm(span[0]) * axes.right_lps[c] + middle_mm(span[1]) * axes.up_lps[c];
     CtsStatus st = cts_scene_init(&l.store, probing->what->model, probing->what->preset, &small, err);
     if (st)
         return st;
@@ -235,20 +235,20 @@ static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, doub
     scene->plan = (CtsPlan){.max_error = 255 * least / 2};
     scene->cache = probing->what->cache;
     scene->frame = probing->what->frame;
-    if (scene->preset->mode == CTS_MODE_COMPOSITE && (st = find_lut(probing, scene, err)))
+    if (scene->preset->mode == CTS_MODE_COMPOSITE && (st = find_probe_lut(probing, scene, err)))
         return st;
     for (int a = 0; a < 3; a++) {
         scene->view.right_vox[a] *= ray_mm(span[0]);
         scene->view.up_vox[a] *= ray_mm(span[1]);
     }
-    st = draw(&l, (const double[]){0, 0}, 1, (const int[]){LOOK, LOOK}, err);
+    st = render_rays(&l, (const double[]){0, 0}, 1, (const int[]){LOOK, LOOK}, err);
     return st ? st : take_box(&l, box, err);
 }
 
 /* The span between rays low and high, extended by `more` rays on either side. */
 static Span narrowed(Span span, int low, int high, double more)
 {
-    const double mm = ray_mm(span), first_mm = middle(span) - mm * LOOK / 2;
+    const double mm = ray_mm(span), first_mm = middle_mm(span) - mm * LOOK / 2;
     return (Span){first_mm + mm * (low - more), first_mm + mm * (high + 1 + more)};
 }
 
@@ -269,8 +269,8 @@ static CtsStatus find_by(Probing *probing, const CtsRenderSettings *s, double le
         *found = n == MAX_PROBES || n_found[up] >= MIN_FOUND;
         /* A finer probe rendering begins at the invisible rays. */
         const double more = *found ? 0 : 0.5;
-        span[0] = within(narrowed(span[0], box.low[0], box.high[0], more), whole[0]);
-        span[1] = within(narrowed(span[1], LOOK - 1 - box.high[1], LOOK - 1 - box.low[1], more), whole[1]);
+        span[0] = intersection(narrowed(span[0], box.low[0], box.high[0], more), whole[0]);
+        span[1] = intersection(narrowed(span[1], LOOK - 1 - box.high[1], LOOK - 1 - box.low[1], more), whole[1]);
         if (*found)
             break;
     }
@@ -319,9 +319,9 @@ static CtsStatus frame_rotation(Probing *probing, CtsRenderSettings *s, double h
     view.azimuth_deg = 90;
     if ((st = find_spans(probing, &view, left, &found[1], err)) || !found[0] || !found[1])
         return st;
-    s->centre_lps[0] = middle(front[0]);
-    s->centre_lps[1] = middle(left[0]);
-    s->centre_lps[2] = middle(front[1]);
+    s->centre_lps[0] = middle_mm(front[0]);
+    s->centre_lps[1] = middle_mm(left[0]);
+    s->centre_lps[2] = middle_mm(front[1]);
     view = *s;
     const int n = s->rotation_frames < MAX_VIEWS ? s->rotation_frames : MAX_VIEWS;
     for (int i = 0; i < n && !st; i++) {
@@ -341,7 +341,7 @@ static CtsStatus frame_view(Probing *probing, CtsRenderSettings *s, double half[
         return st;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     for (int c = 0; c < 3; c++)
-        s->centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
+        s->centre_lps[c] = middle_mm(span[0]) * axes.right_lps[c] + middle_mm(span[1]) * axes.up_lps[c];
     for (int i = 0; i < 2; i++)
         half[i] = 0.5 * (span[i].high_mm - span[i].low_mm);
     return st;
