@@ -72,6 +72,7 @@ extern const char *const cts_severity_names[3];
     row(ORDER_CONFLICT, "order_conflict", WARNING)                                                                     \
     row(ORIENTATION_JITTER, "orientation_jitter", NOTE)                                                                \
     row(OTHER_SLICES_DROPPED, "other_slices_dropped", WARNING)                                                         \
+    row(OTHER_VERSION, "other_version", NOTE)                                                                          \
     row(OUTLIERS, "outliers", WARNING)                                                                                 \
     row(PAGES_DROPPED, "pages_dropped", WARNING)                                                                       \
     row(PASSED, "passed", NOTE)                                                                                        \

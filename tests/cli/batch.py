@@ -188,6 +188,17 @@ def test_resume(b):
     check(len(times("o")) == len(fourth) * 3 // 2 and all(times("o")[p] == fourth[p] for p in fourth), "another format")
     for path in glob.glob("o/*/*.exr"):
         os.remove(path)
+    # A picture of an older version that is not asked for again stays, and the sheet says so.
+    with open("o/batch.jsonl") as f:
+        text = f.read()
+    with open("o/batch.jsonl", "w") as f:
+        f.write("".join(json.dumps({**line, "outputs": [{**o, "version": "0.0.1"} if o["preset"] == "muscle" else o
+                                                        for o in line["outputs"]]}) + "\n"
+                        for line in map(json.loads, text.splitlines())))
+    b.ok(0, *words, "--compress", "rle")
+    with open("o/index.html") as f:
+        sheet = f.read()
+    check(sheet.count("other_version") == 4 and "rendered by ctsplat 0.0.1" in sheet, "a note on older pictures")
     # Another size touches all.
     b.ok(0, *[w.replace("48x48", "40x40") for w in more])
     check(all(times("o")[p] != fourth[p] for p in fourth), "another size")

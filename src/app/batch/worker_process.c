@@ -390,8 +390,9 @@ static json_t *new_entry(const CtsWorkerProcess *c, const CtsBatchPicture *pictu
     char hex[65] = "";
     const char *dot = strrchr(path, '.');
     cts_journal_record_hash(s, picture, dot && !strcmp(dot, ".dcm"), hex, NULL);
-    return json_pack("{s:s+,s:s,s:s,s:s}", "path", path + n, suffix, "preset", s->lists->presets[picture->preset].name,
-                     "view", s->lists->views[picture->view].name, "settings_sha256", hex);
+    return json_pack("{s:s+,s:s,s:s,s:s,s:s}", "path", path + n, suffix, "preset",
+                     s->lists->presets[picture->preset].name, "view", s->lists->views[picture->view].name,
+                     "settings_sha256", hex, "version", CTS_VERSION);
 }
 
 /* Inserts in the order of names, independent of the order of rendering. Takes ownership of entry. */

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/json.h"
+#include "output/report/info.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -132,6 +133,32 @@ static void add_thumbnail(json_t *card, json_t *pictures, const json_t *thumbnai
     json_object_set_new(picture, "turn", turn);
 }
 
+/* Notes of pictures that another version made: a run renders what it is asked for, and keeps other pictures as they
+ * are. */
+static void note_other_versions(json_t *notes, const json_t *outputs)
+{
+    const char *noted = "";
+    size_t i;
+    json_t *output;
+    json_array_foreach(outputs, i, output)
+    {
+        const char *const version = cts_json_text_of(output, "version"), *const preset =
+                                                                             cts_json_text_of(output, "preset");
+        CtsDiagnostics one = {0};
+        if (!strcmp(version, CTS_VERSION) || !strcmp(noted, preset))
+            continue;
+        noted = preset;
+        cts_diagnostics_add(&one, CTS_DIAGNOSTIC_OTHER_VERSION,
+                            "rendered by ctsplat %.20s, not by " CTS_VERSION ": it may look different (a run of this "
+                            "preset renders it again)",
+                            *version ? version : "before 0.4.0");
+        json_t *const note = one.n ? cts_diagnostic_json(one.items) : NULL;
+        json_object_set_new(note, "preset", json_string(preset));
+        json_array_append_new(notes, note);
+        cts_diagnostics_free(&one);
+    }
+}
+
 /* The page's data for one series, from its journal record: the record without hashes and sizes, and with outputs and
  * thumbnails gathered to pictures, one for each preset and view:
  * {"preset", "view", "files":{"png":{"first":PATH, "frames":N}, ...}, "thumb":PATH, "turn":{"path", "frames", "width",
@@ -147,6 +174,10 @@ static json_t *card_of(const json_t *line, const char *folder)
         if (value)
             json_object_set(card, kept[i], value);
     }
+    json_t *const findings =
+        json_object_get(card, "findings") ? json_copy(json_object_get(card, "findings")) : json_array();
+    note_other_versions(findings, json_object_get(line, "outputs"));
+    json_object_set_new(card, "findings", findings);
     json_array_foreach(json_object_get(line, "outputs"), i, file) add_output(pictures, file, folder);
     json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(card, pictures, file, folder);
     if (json_object_set_new(card, "pictures", pictures)) {
