@@ -12,5 +12,5 @@ typedef enum CtsRemakes {
     CTS_REMAKES_PICTURE,
     CTS_REMAKES_FILE,    /* files alone */
     CTS_REMAKES_OBJECT,  /* files of DICOM objects alone */
-    CTS_REMAKES_NOTHING, /* no byte of an output depends on it */
+    CTS_REMAKES_NOTHING, /* no byte of an output depends on it, or each picture has it in its name (view, format) */
 } CtsRemakes;

@@ -15,7 +15,7 @@ typedef struct State {
     wf coarse_rgb[3], coarse_left; /* the same by slabs of twice the length */
     wf depth_mm, first_mm;         /* where half of the light is gone; where anything is visible */
     wmask alive;
-    wf missed, near[2]; /* opacity that samples may have missed: as it counts; of one and two slabs ago */
+    wf missed, near[2]; /* sum of near misses by their weights; those of the last slab and of the one before it */
 } State;
 
 #define FAR_MM 1e30f
@@ -52,7 +52,10 @@ INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to
 }
 
 /* Opacity that may have been missed is there in few of the rays that pass so near. */
-#define MISSED_SHARE 0.5f
+#define NEAR_MISS_WEIGHT 0.5f
+/* Overshoot of a field beyond three samples, as a share of their second difference: twice a parabola's, of an eighth.
+ */
+#define NEAR_MISS_SHARE 0.25f
 
 /* Weight from which a part of a slab is lit by itself: a step of eight bits. */
 #define SHADED_FROM (1.0f / 256)
@@ -108,10 +111,10 @@ INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf bef
     wf from, to;
     visible_part(m->job, t->front, t->back, &from, &to);
     const wf start = mm_at(v, m->grid, x, y, b->sheet + t->slab * v->step), length = wf_sub(t->to, t->from);
-    /* Within the visible part light goes down exponentially. */
-    const wf least = wf_of(1e-30f), depth = wf_log2(wf_div(wf_max(before, least), wf_max(s->left, least)));
+    /* Transmittance decays exponentially within the visible part. */
+    const wf least = wf_of(1e-30f), optical_depth = wf_log2(wf_div(wf_max(before, least), wf_max(s->left, least)));
     const wf until_half = wf_log2(wf_max(wf_times(before, 2), least));
-    const wf half = wf_clamp(wf_div(until_half, wf_max(depth, wf_of(1e-6f))), 0, 1);
+    const wf half = wf_clamp(wf_div(until_half, wf_max(optical_depth, wf_of(1e-6f))), 0, 1);
     const wf per = wf_of((float)v->slab_mm);
     const wf first = wf_mul_add(wf_mul_add(from, length, t->from), per, start);
     const wf at_half = wf_mul_add(wf_mul_add(wf_lerp(from, to, half), length, t->from), per, start);
@@ -156,7 +159,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
             light->bend = wf_mul_add(weighted, weighted, light->bend);
             counts->lit++;
         } else {
-            wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse), none;
+            wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse), none; /* 0.5: the mean of |n.v| */
             if (j->open) {
                 find_openness(m, b, t->slab, true, s->alive, light);
                 dim(j->shade, wf_of(0.5f), wf_of(0), light->open[1], &colour, &none);
@@ -167,13 +170,15 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
     }
     const wf before = s->left, alpha = slab.alpha;
     blend(s->rgb, &s->left, &slab, visible);
-    CTS_INVARIANT(!wmask_any(wf_lt(s->left, wf_of(0))) && !wmask_any(wf_gt(s->left, before))); /* from 1 on */
+    CTS_INVARIANT(!wmask_any(wf_lt(s->left, wf_of(0))) &&
+                  !wmask_any(wf_gt(s->left, before))); /* transmittance never rises */
     if (j->want_depth)
         note_depth(m, b, t, before, visible, x, y, s);
     s->alive = wmask_and(s->alive, wf_gt(s->left, wf_of(j->min_transmittance)));
     return wmask_and(visible, wf_gt(alpha, sheets_unpack(wi_of(0)))); /* a table's 0 is not quite 0 */
 }
 
+/* The same with slabs of twice the length, for the indicator. */
 INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *opacity, wmask lanes, State *s)
 {
     const wmask visible = wmask_and(lanes, visible_between(&m->job->levels, front, back));
@@ -209,17 +214,18 @@ INLINE wf opacity_towards(const SheetsJob *j, wf end, wf extreme, const bool hal
 /* Opacity of a slab by levels that its field may pass between samples, of which `highest` and `lowest` are known and
  * whose second differences are `bend`; of lanes none of whose samples sees anything. A parabola through three samples
  * passes the highest of them by an eighth of their second difference at most, and the lowest likewise; the field is a
- * cubic, and a quarter is taken. Below the lowest there is something to see where a preset shows nothing of its highest
- * levels. */
+ * cubic, and a quarter is taken. The lowest counts only for a preset that shows nothing of its highest levels: else
+ * samples that see nothing lie below all that is visible. */
 INLINE wf near_miss(const SheetsJob *j, wf highest, wf lowest, const wf bend[2], const bool half, wmask lanes)
 {
     if (!wmask_any(lanes))
         return wf_of(0);
     const wf above = wf_max(wf_max(bend[0], bend[1]), wf_of(0)), below = wf_min(wf_min(bend[0], bend[1]), wf_of(0));
-    const wf over = opacity_towards(j, highest, wf_mul_add(above, wf_of(0.25f), highest), half, lanes);
+    const wf over = opacity_towards(j, highest, wf_mul_add(above, wf_of(NEAR_MISS_SHARE), highest), half, lanes);
     return j->levels.last == SHEETS_LEVELS - 1
                ? over
-               : wf_max(over, opacity_towards(j, lowest, wf_mul_add(below, wf_of(0.25f), lowest), half, lanes));
+               : wf_max(over,
+                        opacity_towards(j, lowest, wf_mul_add(below, wf_of(NEAR_MISS_SHARE), lowest), half, lanes));
 }
 
 /* A near miss by samples in front, in the middle and at the back. */
@@ -252,6 +258,7 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
         lowest = ws_min(lowest, b->lowest[i]);
     }
     if (!wmask_any(wmask_and(s->alive, may_show(&j->levels, highest, lowest)))) {
+        /* Both near misses that are kept count with the transmittance before what is left out. */
         advance_missed(s, wf_of(0));
         advance_missed(s, wf_of(0));
         return;
@@ -400,7 +407,7 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
         off = wf_add(off, wf_mul(light->bend, wf_inverse_root(wf_max(light->bend, wf_of(1e-12f)))));
     wf_store(out->rgba[3], wf_select(ended, wf_of(1), wf_sub(wf_of(1), s->left)));
     if (!CTS_MUTATED(INDICATOR_MISSED))
-        off = wf_add(off, wf_times(s->missed, MISSED_SHARE));
+        off = wf_add(off, wf_times(s->missed, NEAR_MISS_WEIGHT));
     CTS_INVARIANT(!wmask_any(wf_lt(off, wf_of(0))));
     wf_store(out->indicator, wf_min(off, wf_of(1)));
     wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));

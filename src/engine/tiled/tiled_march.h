@@ -1,10 +1,10 @@
 /* The tiled engine's march: rays traverse the volume cell by cell, several in the lanes of a vector.
  *
  * Between two faces of a cell the field along a ray is a cubic, given exactly by four Bernstein coefficients, so that
- * no sampling can miss anything. One template (tiled_march_tmpl.h, in the vectors of base/simd.h) is compiled four
- * times: tiled_march_c.c in plain C, tiled_march_avx2.c and tiled_march_avx512.c with those instructions, and
- * tiled_march_exact.c in double precision. The first three do the same operations for a ray, in any lane and
- * independent of the others, so that their pictures have the same bytes.
+ * no sampling can miss anything. One template (tiled_march_tmpl.h, in the vectors of base/simd.h) is compiled in single
+ * precision (tiled_march_c.c, _avx2.c, _avx512.c), in double precision (tiled_march_exact.c, _exact_avx2.c,
+ * _exact_avx512.c), and with a trace (trace_c.c, trace_exact.c). All paths of one precision do the same operations for
+ * a ray, in any lane and independent of the others, so that their pictures have the same bytes.
  *
  * A RAY SEGMENT is an interval of a ray within one cell, in which the field is assumed not to cross a control point of
  * the transfer function. Its optical depth and colour come from two Gauss points. Its error is estimated; where the
@@ -14,8 +14,8 @@
  *     change of slope times the overshoot of the field, from the Bernstein coefficients, which enclose the cubic. The
  *     segment ends where the cubic crosses the control point (split_at_control_points()).
  * - Within a segment the extinction is -ln of a cubic. For a linear field the error of Gauss' rule grows with the
- * fourth
- *     power of the difference of the logarithms at its points: L / 4320 times the fourth derivative (integrate()).
+ *     fourth power of the difference of the logarithms at its points: L / 4320 times the fourth derivative
+ * (integrate()).
  * - Colour is attenuated along the segment, which two points resolve up to the square of the depth times the difference
  *     of the colours.
  *
@@ -92,7 +92,7 @@ typedef struct TiledRays {
     double hit_mm[TILED_RAYS];    /* the distance from their start, */
     int hit_cell[3][TILED_RAYS];  /* and the cell */
     float rgba[TILED_RAYS][4];    /* result, extended by the remaining transmittance */
-    /* lit_bound: the part of shading errors, added to bound at the end */
+    /* shading_bound: of shading errors, added to bound at the end */
     float bound[TILED_RAYS], shading_bound[TILED_RAYS];
     float stepped[TILED_STEP_QUEUES][TILED_RAYS]
                  [4];           /* sums of segments shaded in steps, and of their error estimates */
@@ -125,7 +125,7 @@ typedef struct TiledScratch {
 
 typedef void (*cts_tiled_march_fn)(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 void cts_tiled_march_c(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-/* For jobs that are_narrow. */
+/* Only where offsets of voxels fit 32 bits (choose_path()). */
 void cts_tiled_march_avx2(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 void cts_tiled_march_avx512(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 /* In double precision, with tolerances of its own. */

@@ -15,11 +15,11 @@ enum { HALVINGS = 40, ROOT_STEPS = 60 };
 #define MIN_MM ((real)1e-11)
 #define FAR_MM ((real)1e60)
 #define NEARLY_1 (1 - 0x1p-52)
-/* Between neighbouring levels, or near one, single precision gives the position of a control point to a few digits
- * only; the rest completes it. */
+/* In single precision the distance of a control point from a grey level next to it has a few digits only; `rest` has
+ * the others. */
 #define FULL(rounded, rest) ((rounded) + (rest))
 /* The double-precision march is the reference and resolves grazing contacts itself. */
-#define DOUBTED(wrong) vf_of(0)
+#define GRAZING_ERROR(wrong) vf_of(0)
 #define IS_REFERENCE true
 #else
 enum { HALVINGS = 3, ROOT_STEPS = 8 };
@@ -30,7 +30,7 @@ enum { HALVINGS = 3, ROOT_STEPS = 8 };
 #define FAR_MM ((real)1e30)
 #define NEARLY_1 ((real)(1 - 0x1p-23))
 #define FULL(rounded, rest) (rounded)
-#define DOUBTED(wrong) (wrong)
+#define GRAZING_ERROR(wrong) (wrong)
 #define IS_REFERENCE false
 #endif
 enum { MAX_SPLITS = 12 };
@@ -76,8 +76,8 @@ typedef struct Cubic {
     vf b[4];
 } Cubic;
 
-/* The mean. */
-INLINE vf middle_of(const Cubic *c)
+/* Mean of the field over the segment. */
+INLINE vf mean_of_cubic(const Cubic *c)
 {
     return (real)0.25f * (c->b[0] + c->b[1] + c->b[2] + c->b[3]);
 }
@@ -233,16 +233,22 @@ typedef struct Splits {
     vmask halve; /* segments that cross too many control points, or with too large an effect */
 } Splits;
 
+/* Overshoot from which a field crosses a control point, as a share of the grazing tolerance: three times the rounding
+ * error of its control values. */
+#define CROSSES_FROM ((real)0.04f)
+/* Of each of the four polynomials of a cubic, over the segment. */
+#define BERNSTEIN_INTEGRAL ((real)0.25f)
+
 /* Adds the last control point of the list as a split candidate: the field overshoots it by `over` in total, and by
  * `inside` without its start. Lanes are split if it is worth it; else its effect counts as error. */
 INLINE void add_split_candidate(const March *m, Splits *splits, vmask lanes, vf over, vf inside, vf weight)
 {
     const int i = splits->n;
     const vf tolerance = vf_of(m->grazing_tolerance);
-    const vmask passes = lanes & vf_lt((real)0.04f * tolerance, over),
+    const vmask passes = lanes & vf_lt(CROSSES_FROM * tolerance, over),
                 near = passes | (lanes & vf_lt(-tolerance, inside));
     const vf worth =
-        weight * (splits->discontinuity[i] + (real)0.25f * splits->slope_change[i] * vf_max(over, tolerance));
+        weight * (splits->discontinuity[i] + BERNSTEIN_INTEGRAL * splits->slope_change[i] * vf_max(over, tolerance));
     const vmask split = CTS_MUTATED(SPLITS) ? mask_of_bits(0) : passes & vf_lt(vf_of(m->tolerance), worth);
     splits->wrong += vf_select(near & ~split, worth, vf_of(0));
     splits->passed += vf_select(passes & ~split, worth, vf_of(0));
@@ -531,21 +537,21 @@ INLINE vmask integrate_segment(March *m, ShadingQueues *queues, vmask lanes, vf 
     const vf all = vf_min(leave, p->t_exit), to = vf_min(all, vf_min(p->t_split, p->t_label_edge));
     vf length = to - p->t;
     Cubic cubic = load_cubic(m, lanes, length);
-    vi q = find_transfer_segment(m->transfer, middle_of(&cubic));
+    vi q = find_transfer_segment(m->transfer, mean_of_cubic(&cubic));
     Splits splits = find_splits(m, &cubic, q, lanes, length);
     vmask shorter = vf_lt(to, all), after_split = mask_of_bits(0);
     if (mask_any(splits.all)) {
         shorter |= split_at_control_points(m, &cubic, &length, &splits, &after_split);
-        q = find_transfer_segment(m->transfer, middle_of(&cubic));
+        q = find_transfer_segment(m->transfer, mean_of_cubic(&cubic));
     }
     const SegmentIntegral e = integrate(m, &cubic, q, length);
     if (CTS_INVARIANTS)
-        check_segment(m, lanes, length, DOUBTED(splits.wrong) + e.wrong);
+        check_segment(m, lanes, length, GRAZING_ERROR(splits.wrong) + e.wrong);
     const vmask wrong = CTS_MUTATED(HALVES) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), e.wrong) | splits.halve;
     const vmask again = lanes & wrong & vf_lt(vf_of(2 * MIN_MM), length);
     const vmask done = lanes & ~again;
 #ifdef MARCH_TRACED
-    trace_segments(m, &cubic, q, length, &e, DOUBTED(splits.wrong), lanes, done);
+    trace_segments(m, &cubic, q, length, &e, GRAZING_ERROR(splits.wrong), lanes, done);
 #endif
     p->t_split = vf_select(again, p->t + (real)0.5f * length, vf_select(done, vf_of(FAR_MM), p->t_split));
     if (j->want_depth)
@@ -562,7 +568,7 @@ INLINE vmask integrate_segment(March *m, ShadingQueues *queues, vmask lanes, vf 
             p->sum[c] += colour[c];
     p->sum[3] += weight[0] + weight[1];
     p->transmittance = CTS_MUTATED(ATTENUATION) ? p->transmittance : p->transmittance - weight[0] - weight[1];
-    p->bound += vf_select(done, DOUBTED(splits.wrong) + e.wrong, vf_of(0));
+    p->bound += vf_select(done, GRAZING_ERROR(splits.wrong) + e.wrong, vf_of(0));
     p->t = vf_select(done & shorter, p->t + length, p->t);
     p->after_split = (p->after_split & ~done) | (done & after_split);
     p->active &= ~(done & (vf_le(p->t_exit, p->t) | vf_lt(p->transmittance, vf_of(m->min_transmittance))));

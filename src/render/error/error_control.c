@@ -16,10 +16,11 @@
 /* Rounding error of single precision, rms, without any other error. */
 #define ROUNDING 1e-5
 
-/* Indicators count by this share: errors are far smaller than the march's bounds, hardly ever more than half. */
+/* Indicators count by this share: errors are hardly ever more than half of the march's bounds. The indicators of sheets
+ * are scaled with it to be so, too. */
 #define WORTH 0.5
 /* The floor f as a share of the requested error. Where indicators are estimates, which may be wrong anywhere, f^2 is
- * the requested error's square and the mean of b^2, so that half of a strip's sample is spread evenly. */
+ * the sum of the requested error's square and the mean of b^2, so that half of a strip's sample is spread evenly. */
 #define FLOOR_OF_BOUNDS 0.25
 /* Ratio e^2 / (b^2 + f^2) of pixels that were not sampled, beside the largest that a sampled one has; and, divided by
  * the number of sampled pixels, where all of these happen to have none. */
@@ -30,22 +31,24 @@
 
 /* Likely error of the pixels of marched groups, rms, as a share of the requested error (0.1 to 0.2 measured on heads
  * and a chest). */
-#define MARCHED 0.25
-/* Groups are marched until the others are estimated at this share of the requested squared error: the threshold is
- * chosen from samples, which flatter it. */
-#define AIMED_AT 0.8
+#define MARCHED_ERROR 0.25
+/* Share of the requested squared error at which the groups that are not marched may be estimated. The threshold is
+ * chosen for the samples that estimate them, so that the estimate is too low. */
+#define UNMARCHED_SHARE 0.8
 
 /* A probability, divided by b^2 + f^2, at which every pixel is re-rendered. */
-#define ALL 1e30
+#define CERTAIN 1e30
 
 enum {
-    ONE_IN = 512,         /* of so many pixels one is re-rendered to estimate the error; more of a small picture */
-    FIRST = 256,          /* of so many pixels of a strip at most one is re-rendered in the first round, */
-    MOST = 12,            /* and in all rounds */
-    MORE = 6,             /* the probability grows by this factor from round to round */
-    ROUNDS = 4,           /* at most; beyond them whole strips are re-rendered where the caller allows it */
-    PREDICTED = 2 * MOST, /* of so many pixels one is re-rendered in a prediction: what rounds come to on average */
-    SMALL = 1024,         /* so many pixels of a picture may be re-rendered in any case */
+    /* Of so many pixels one is re-rendered to estimate the error; more of a small picture. The 512 of 512 x 512 pixels
+     * add ln 1000 / 512 of f^2 to the limit (cts_mean_limit()), a ninth of f. */
+    ONE_IN = 512,
+    AT_FIRST = 256,          /* of so many pixels of a strip at most one is re-rendered in the first round, */
+    AT_LAST = 12,            /* and in all rounds */
+    GROWTH = 6,              /* of the probability from round to round */
+    ROUNDS = 4,              /* at most; beyond them whole strips are re-rendered where the caller allows it */
+    PREDICTED = 2 * AT_LAST, /* of so many pixels one is re-rendered in a prediction: what rounds come to on average */
+    SMALL = 1024,            /* so many pixels of a picture may be re-rendered in any case */
 };
 
 /* State of one strip of CTS_BAND_ROWS rows. */
@@ -109,8 +112,9 @@ static double ratio_limit(const CtsErrorControl *c, const Strip *s)
 static double error_of_march(const CtsErrorControl *c)
 {
     const double pixels = (double)c->scene.view.width * c->scene.view.height;
-    return c->march == c->engine || c->is_stiff || pixels <= SMALL ? 0
-                                                                   : RERENDERED * cts_scene_requested_error(&c->scene);
+    return c->march == c->engine || c->has_opacity_step || pixels <= SMALL
+               ? 0
+               : RERENDERED * cts_scene_requested_error(&c->scene);
 }
 
 /* Without --max-error, missing the default target is reported from a step of 8 bits on. */
@@ -143,7 +147,9 @@ static double probability_at(const Round *r, const Strip *s, size_t at)
     return at_most_1(s->probability * square_at(r, s, at));
 }
 
-/* Pixels that share a random number where their probabilities sum to 1 at most: then one of them is drawn, or none. */
+/* Pixels that share a random number where their probabilities sum to 1 at most: one of them is drawn, or none.
+ * Chernoff's bound holds as for independent draws: the expectation of the product of e^-tx over them is 1 + the sum of
+ * a, at most the product of 1 + a, with a = p (e^-tx - 1) of each, between -1 and 0. */
 enum { DRAWN_TOGETHER = 16 };
 
 /* True where DRAWN_TOGETHER pixels from `first` on are all as the engine rendered them, as most are in a first round.
@@ -273,7 +279,7 @@ static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
 {
     const double requested = cts_scene_requested_error(&r->control->scene), n = (double)(s->end - s->first);
     const bool first = r->number == 0 || s->marched;
-    double most = n * at_most_1(r->small + 1.0 / (first ? FIRST : MOST)), expected;
+    double most = n * at_most_1(r->small + 1.0 / (first ? AT_FIRST : AT_LAST)), expected;
     size_t n_open;
     const double sum = sum_squares(r, s, &n_open);
     if (r->number == 0)
@@ -283,9 +289,9 @@ static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
         s->floor = has_bounds(r->control) ? FLOOR_OF_BOUNDS * FLOOR_OF_BOUNDS * requested * requested
                                           : requested * requested + sum / n;
     }
-    s->probability = first ? 1 / (r->one_in * requested * requested) : MORE * s->probability;
+    s->probability = first ? 1 / (r->one_in * requested * requested) : GROWTH * s->probability;
     if (r->number == ROUNDS) {
-        s->probability = ALL;
+        s->probability = CERTAIN;
         most = INFINITY;
     }
     expected = s->probability * (sum + (double)n_open * s->floor); /* at most */
@@ -329,7 +335,7 @@ static bool is_missed(const Round *r, const Strip *s)
 /* Part of a strip that rounds may re-render. */
 static bool has_more(const Round *r, const Strip *s)
 {
-    return (double)s->n_rerendered < (double)(s->end - s->first) * fmin(r->small + 1.0 / MOST, 1);
+    return (double)s->n_rerendered < (double)(s->end - s->first) * fmin(r->small + 1.0 / AT_LAST, 1);
 }
 
 /* Largest indicator of the group that a pixel lies in; 0 where it is marched already. */
@@ -355,7 +361,7 @@ static bool would_meet(void *context, double sum, double ratio)
     const Strip *const s = c->strip;
     const double requested = cts_scene_requested_error(&r->control->scene);
     const double warned = warned_from(&r->control->scene) - r->error;
-    return sum <= AIMED_AT * (double)(s->end - s->first) * requested * requested &&
+    return sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested &&
            limit_of(r, s, sum, estimated_ratio_limit(ratio, (double)s->n_rerendered)) <= warned * warned;
 }
 
@@ -365,8 +371,8 @@ static bool choose_groups(const Round *r, Strip *s)
 {
     const double requested = cts_scene_requested_error(&r->control->scene);
     StripOfRound context = {r, s};
-    if (s->last_from == 0 ||
-        (s->sum <= AIMED_AT * (double)(s->end - s->first) * requested * requested && r->number == 0 && has_more(r, s)))
+    if (s->last_from == 0 || (s->sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested &&
+                              r->number == 0 && has_more(r, s)))
         return false;
     const float from = cts_group_threshold(r->samples + s->first_sampled, s->n_sampled, would_meet, &context);
     /* The samples of a first choice flatter it, those of a second seldom do. */
@@ -519,7 +525,7 @@ static bool predicts_enough(void *context, double mean, double ratio)
 {
     const Predicting *const p = context;
     const double requested = cts_scene_requested_error(p->scene);
-    return predicted_limit(p, mean + MARCHED * MARCHED * requested * requested, ratio) <= requested;
+    return predicted_limit(p, mean + MARCHED_ERROR * MARCHED_ERROR * requested * requested, ratio) <= requested;
 }
 
 CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsErrorPrediction *of, CtsError *err)

@@ -14,9 +14,10 @@
  *
  * Strips of CTS_BAND_ROWS rows are processed one by one, so that a picture is the same in bands of any size. Where a
  * strip's error is larger than requested, more of its pixels are re-rendered, round by round; and all of them where the
- * engine was not the caller's choice.
+ * level was not the caller's choice.
  *
- * 999 of 1000 holds for one limit of one sample. Each round draws a sample of its own, whose estimate stands in for the
+ * 999 of 1000 holds for one limit of one sample; a picture with interpolated pixels adds two limits, so that it is 998
+ * of 1000. Each round draws a sample of its own, whose estimate stands in for the
  * last one's, and a strip's rounds end when the estimate is small (optional stopping), so that low estimates are a
  * little likelier to stay. For a picture of one strip the union bound over its at most five limits still gives 995 of
  * 1000; for more strips, which stop by themselves, no bound is derived. A limit for each round, as the levels that are
@@ -36,7 +37,8 @@ typedef struct CtsErrorControl {
     CtsScene scene;          /* of the frame, as march gets it: `kept` is what march keeps */
     bool whole_strips;       /* strips whose error stays too large are re-rendered whole */
     bool marches_groups;     /* before that, their groups of pixels with large indicators are (marched_groups.h) */
-    bool is_stiff;           /* the preset's opacity has a step, which the march keeps its error at in the mean alone */
+    bool has_opacity_step;   /* of the preset: the march meets a request only on average there, and pixels are
+                              * re-rendered with reference precision */
     uint64_t n_pixels;       /* of the bands so far */
     uint64_t n_rerendered;   /* of them */
     uint64_t n_interpolated; /* of them */

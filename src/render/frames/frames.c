@@ -445,7 +445,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     CtsStatus st = CTS_OK;
     frame->engine_id = f->engine_id;
     scene->cache = &f->engine_cache[f->engine_id];
-    *control = (CtsErrorControl){.scene = *scene, .is_stiff = has_step(scene->preset)};
+    *control = (CtsErrorControl){.scene = *scene, .has_opacity_step = has_step(scene->preset)};
     control->scene.cache = &f->engine_cache[march];
     if (f->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
         if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, err)))

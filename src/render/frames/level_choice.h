@@ -1,5 +1,5 @@
-/* Choice of an engine's level for a frame (without --level, or by --engine auto): the cheapest for which, on a probe of
- * the picture, error control will probably meet the requested error.
+/* Choice of an engine's level for a frame (without --level, for engine auto or one that has levels): the cheapest for
+ * which, on a probe of the picture, error control will probably meet the requested error.
  *
  * The probe is up to PROBES x PROBES tiles spread over the picture, one at random in each cell of a grid, and one pixel
  * at random in each 4 x 4 of a tile. They are rendered by the exact march once, and at each level from the cheapest on.
