@@ -102,6 +102,7 @@ scene jpg -p lung
 scene dcm --mode mip --compress jpeg-2000
 scene png --mode minip
 scene dcm --mode average --compress rle
-echo "AArch64: $n scenes, $differing differ from this machine's"
-[ "$differing" = 0 ]
-meson test -C "$build" --no-rebuild --print-errorlogs --timeout-multiplier 20 --suite unit "${names[@]}" </dev/null
+tests=passed
+meson test -C "$build" --no-rebuild --print-errorlogs --timeout-multiplier 20 --suite unit "${names[@]}" </dev/null || tests=failed
+echo "AArch64: $n scenes, $differing differ from this machine's; ${#names[@]} unit tests $tests"
+[ "$differing" = 0 ] && [ $tests = passed ]
