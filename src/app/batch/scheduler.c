@@ -17,7 +17,8 @@
 #include <sys/socket.h>
 #include <sys/wait.h>
 
-/* TICK_MS: interval of timeout checks; MAX_UNSENT: failures to send in a row after which the PACS is given up. */
+/* TICK_MS: interval of timeout checks; SYNC_MS: of writing the journal to the disk; MAX_UNSENT: failures to send in a
+ * row after which the PACS is given up. */
 enum { TICK_MS = 200, SYNC_MS = 2000, MAX_UNSENT = 3 };
 /* Rendering workers, one that reads ahead, and the sender. */
 #define N_WORKERS(n_jobs) ((n_jobs) + 2)
@@ -78,8 +79,8 @@ static void redact(void *context, json_t *record)
     cts_journal_record_redact(record, context);
 }
 
-/* Time between two sheets: so long that the sheet of a large batch is not all that is written, but no longer than 10 s
- * where that leaves half the time to the series, so that a slow disk leaves no stale sheet. */
+/* Pause between two contact sheets: 50 times as long as writing the last one took, at least 0.5 s, at most 10 s or that
+ * time again, so that a slow disk leaves no stale sheet and half of the time to the series. */
 static double pause_ms(double sheet_took_ms)
 {
     return fmax(500, fmin(50 * sheet_took_ms, fmax(10000, sheet_took_ms)));
@@ -164,7 +165,7 @@ static void queue_to_send(Run *r, const json_t *record)
         r->n_to_send++;
 }
 
-/* All of a series that was to be made is, or never will be. */
+/* Adds the last record of a series: its pictures are rendered, or cannot be. */
 static void end_series(Run *r, json_t *record, bool stood)
 {
     const int n_waiting =
@@ -287,7 +288,7 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     report_batch_progress(r);
 }
 
-/* One that has no process; how many have one. */
+/* A worker without a process, or NULL. *n_at_work: those with one. */
 static CtsWorker *free_worker(const Run *r, int *n_at_work)
 {
     CtsWorker *found = NULL;
@@ -339,7 +340,7 @@ static int threads_of_one(const Run *r, int at_once)
     return share < r->n_threads ? share : r->n_threads;
 }
 
-/* Starts the next series with missing outputs, if a worker is free. */
+/* Starts the next series with missing outputs, if a worker is free: n_jobs render, and one reads ahead. */
 static bool start_next(Run *r)
 {
     int n_at_work;

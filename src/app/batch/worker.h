@@ -20,7 +20,7 @@ enum { CTS_WORKER_NO_MEMORY = 3 };
 #define CTS_WORKER_BEGUN "begun "       /* data of the series so far; not for the journal */
 #define CTS_WORKER_RECORD "line "       /* not final: more records of this series follow */
 #define CTS_WORKER_LAST_RECORD "last "  /* final */
-#define CTS_WORKER_UP_TO_DATE "stands " /* final, and nothing had to be made */
+#define CTS_WORKER_UP_TO_DATE "stands " /* final, and nothing had to be rendered */
 
 /* State of the worker process. */
 typedef struct CtsWorkerProcess {

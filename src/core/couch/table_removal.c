@@ -9,7 +9,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
-/* Sufficient resolution along the scanner's axis for tables; thinner slices are joined. */
+/* Resolution along the scanner's axis that shows tables, which run along it; thinner slices are joined. */
 static const double SECTION_MM = 3.5;
 /* Width of the margin kept around the body. */
 static const double MARGIN_MM = 3;
@@ -20,7 +20,7 @@ static const double UNCERTAIN_SHARE = 0.05;
 /* Shells of tables, mattresses and holders that are denser than air are thinner than 20 mm: thicker removed parts cause
  * a warning, as they may be a limb, unless they are below this share of the body. */
 static const double NO_SHELL_RADIUS_MM = 10, LOST_SHARE = 0.001;
-/* One run for so many voxels is noise, not anatomy; it bounds the memory. */
+/* Runs of dense voxels in a row: a body has few. More than one for so many voxels is noise, and memory would grow. */
 enum { VOXELS_PER_RUN = 32, RUNS_ANYWAY = 1 << 16 };
 
 static const char *const WHAT = "table removal";
@@ -31,10 +31,10 @@ typedef struct Removal {
     CtsMorphology *workers; /* one for each thread */
     CtsBits dense;          /* of the volume's voxels */
     uint64_t n_runs;
-    CtsBits sections; /* the same words where a section is a slice */
+    CtsBits sections; /* has the words of `dense` where a section is a slice */
     CtsPlates plates_found;
     CtsBody body;
-    CtsBits gone; /* of the sections: voxels that become air */
+    CtsBits gone; /* of the sections: voxels that become air; in find_gone_sections() first those that stay */
     uint64_t n_dense_gone;
 } Removal;
 
@@ -155,7 +155,7 @@ static void find_gone_sections(void *context, int worker, size_t first, size_t e
     }
 }
 
-/* Overwrites the bits of the removed parts. */
+/* Finds r->gone; r->body.foreign is dilated. */
 static CtsStatus find_gone(Removal *r, CtsError *err)
 {
     CtsStatus st;
@@ -235,7 +235,7 @@ static double report_lost(Removal *r, CtsReport *report)
     return lost_mm3;
 }
 
-/* Nothing is outside the patient where room air and lungs cannot be distinguished. */
+/* Warns where room air and lungs cannot be distinguished: the table may stay. */
 static void report_air(const Removal *r, CtsReport *report)
 {
     if (r->body.air.is_unknown)

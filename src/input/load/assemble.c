@@ -30,15 +30,15 @@ typedef struct Assembly {
     int n_slices, n_threads;
     uint16_t *first; /* position of slice 0; slice k lies k * layer_voxels further */
     size_t layer_voxels;
-    bool whole_numbers;     /* every slope and intercept is one */
+    bool whole_numbers;     /* every slope and intercept is a whole number */
     CtsStoredRange *ranges; /* of each slice */
     uint16_t *samples;      /* CTS_SAMPLES of each slice */
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
     char **faults; /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
     int n_bad;
-    int first_bad, first_lost; /* damaged, and failed for any other reason; or n_slices */
-    atomic_int stop;           /* slices after this one do not matter any more */
+    int first_bad, first_lost; /* the first damaged slice, and the first that failed otherwise; n_slices: none */
+    atomic_int stop;           /* slices after this one are not read */
     CtsError why_bad, why_lost;
 } Assembly;
 
@@ -60,7 +60,8 @@ typedef struct Arrival {
     double grey_ms;
 } Arrival;
 
-/* Converts words first <= n < end to grey levels while they are in the cache. */
+/* Converts stored values first <= n < end to grey levels while they are in the cache. With a fractional slope or
+ * intercept they are copied and their range is found; convert_fractions() follows. */
 static void take_words(void *context, const uint16_t *at, size_t first, size_t end)
 {
     Arrival *const in = context;
@@ -156,7 +157,7 @@ static void read_held(SliceReading *r, SliceReader *reader)
     reader->held = -1;
 }
 
-/* Pipelined: while a worker takes a slice from its decoder, the next one is decoded. */
+/* Pipelined: while a thread takes a slice from its decoder, the next one is decoded; its last one stays there. */
 static void read_some(void *context, int worker, size_t first, size_t end)
 {
     SliceReading *const r = context;
@@ -285,8 +286,8 @@ static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsError *
     return st;
 }
 
-/* Bone as far below air: half of the numbers read with a sign that they do not have. A header that leaves no room for
- * bone above is no scanner's. */
+/* Signed read of unsigned pixels: dense bone, of 1100 HU and more, becomes less than -1100 HU, less than air, while the
+ * header's numbers end below 1100. */
 static bool lost_bone(const Assembly *a, int k)
 {
     const CtsSlice *s = &a->slices[k];
@@ -294,7 +295,7 @@ static bool lost_bone(const Assembly *a, int k)
     return s->is_signed && s->slope > 0 && top < 1100 && s->slope * a->ranges[k].low + s->intercept < -1100;
 }
 
-/* Beyond any scanner's extended scale: the rescale slope must be wrong. */
+/* Refuses values that a wrong PixelRepresentation explains: signed pixels read as unsigned, or the reverse. */
 static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *err)
 {
     int n_lost = 0;
@@ -305,7 +306,8 @@ static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *er
                         "its values from %g to %g look like unsigned pixels that PixelRepresentation (0028,0103) calls "
                         "signed (set it to 0 with dcmodify)",
                         v->hu_min, v->hu_max);
-    /* Air as a huge number: below 0 read without a sign. No scan holds such numbers and no air. */
+    /* Unsigned read of signed pixels: air becomes more than 32767. No scan has such numbers and nothing below -200 HU.
+     */
     if (v->hu_max > 32767 && v->hu_min > -200 && a->slices[0].kind != CTS_OBJECT_NIFTI)
         return cts_fail(err, CTS_ERR_PIXELS,
                         "its values from %g to %g look like signed pixels that PixelRepresentation (0028,0103) calls "
