@@ -3,13 +3,7 @@
 #include "base/cpu.h"
 #include "base/random.h"
 #include "base/sanitized.h"
-#include "core/model/body_mask.h"
-#include "scenes.h"
-
-static const double views[][2] = {
-    {0, 0},      {90, 0},      {180, 0}, {-90, 0}, {0, 90}, {0, -90}, {30, 20}, {45, 0}, {45, 35.26438968275466},
-    {-120, -50}, {1e-9, 1e-9}, {7, 3}};
-enum { N_VIEWS = sizeof views / sizeof views[0] };
+#include "views.h"
 
 static CtsPreset slab_preset(double extinction_per_mm)
 {
@@ -507,100 +501,14 @@ static void degenerate(void **state)
             }
 }
 
-/* mip, minip and average against the reference, to half a grey level of 16 bits over the whole range of HU. */
-static void modes_exact(void **state)
-{
-    CtsVolume *volumes[] = {random_volume(23, 19, 17, 5), phantom_head(40, 36, 30, 30), random_volume(1, 6, 9, 2),
-                            random_volume(6, 1, 9, 3), random_volume(9, 6, 1, 4)};
-    for (int i = 0; i < 5; i++) {
-        CtsPreset preset = preset_named("bone");
-        preset.window_low_hu = -1024;
-        preset.window_high_hu = 64511;
-        for (int view = 0; view < N_VIEWS; view++)
-            for (int mode = CTS_MODE_MIP; mode < CTS_N_MODES; mode++) {
-                CtsRenderSettings s = settings_for(CTS_ENGINE_RAYCAST, 33, views[view][0], views[view][1]);
-                s.mode = mode;
-                CtsPicture *reference = render(volumes[i], &preset, &s, NULL);
-                s.engine = CTS_ENGINE_TILED;
-                s.n_threads = 2;
-                CtsPicture *p = render(volumes[i], &preset, &s, NULL);
-                for (size_t at = 0; at < 4 * 33 * 33; at++)
-                    if (!(fabs(p->pixels[at] - reference->pixels[at]) < 0.5 / 65535))
-                        fail_msg("%s at %g,%g: %.9g, not %.9g", cts_mode_names[mode], views[view][0], views[view][1],
-                                 (double)p->pixels[at], (double)reference->pixels[at]);
-                cts_picture_free(&p);
-                cts_picture_free(&reference);
-            }
-        cts_volume_free(&volumes[i]);
-    }
-}
-
-/* A body of random shares, with nodes further apart along one axis, that begins before the volume. */
-static void give_body(CtsModel *model, int across, unsigned seed)
-{
-    int n[3], step[3], first[3];
-    for (int a = 0; a < 3; a++) {
-        step[a] = a == across ? 4 : 3;
-        first[a] = 2 + a;
-        n[a] = (model->volume->dims[a] - 1 + first[a] + step[a] - 1) / step[a] + 1;
-    }
-    assert_int_equal(cts_body_mask_new(&model->body, n, step, NULL), CTS_OK);
-    memcpy(model->body->first, first, sizeof first);
-    for (int at = 0; at < n[0] * n[1] * n[2]; at++) {
-        seed = seed * 1664525 + 1013904223;
-        /* Whole stretches with and without, and a ragged one between. */
-        const int i = at % n[0];
-        model->body->share[at] = i > 3 * n[0] / 5 ? 255 : i > n[0] / 4 ? (uint8_t)(seed >> 24) : 0;
-    }
-}
-
-/* mip, minip and average by packets: the same bytes on every SIMD path, and equal to the reference. */
-static void modes_by_packets(void **state)
-{
-    CtsPreset preset = preset_named("bone");
-    for (int i = 0; i < 8; i++) {
-        CtsModel model = {.volume = i % 4 == 0 ? random_volume(37, 19, 26, 5 + i) : phantom_head(70, 36, 30, 30 * i)};
-        if (i % 4)
-            give_body(&model, i % 4 - 1, (unsigned)i);
-        preset.window_low_hu = i < 4 ? -1024 : 100;
-        preset.window_high_hu = i < 4 ? 64511 : 900;
-        enum { STEP = CTS_SANITIZED ? 8 : 4 }; /* each view with some of the volumes */
-        for (int view = i % STEP; view < N_VIEWS; view += STEP)
-            for (int mode = CTS_MODE_MIP; mode < CTS_N_MODES; mode++) {
-                CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 61, views[view][0], views[view][1]);
-                s.mode = mode;
-                s.mm_per_pixel = 0.7;
-                s.slab_mm = i == 5 ? 9 : 0;
-                CtsPicture *pictures[3];
-                static const unsigned cpu[3] = {0, CTS_CPU_AVX2, ~0u};
-                for (int run = 0; run < 3; run++) {
-                    cts_cpu_set_mask(cpu[run]);
-                    s.n_threads = 1 + run;
-                    pictures[run] = render_model(&model, &preset, &s, NULL);
-                    assert_same_picture(pictures[0], pictures[run], "volume %d, view %g,%g, mode %s, run %d", i,
-                                        views[view][0], views[view][1], cts_mode_names[mode], run);
-                }
-                s.engine = CTS_ENGINE_RAYCAST;
-                CtsPicture *reference = render_model(&model, &preset, &s, NULL);
-                for (int at = 0; at < 4 * 61 * 61; at++)
-                    assert_true(fabs(pictures[0]->pixels[at] - reference->pixels[at]) < 1e-5);
-                cts_picture_free(&reference);
-                for (int run = 0; run < 3; run++)
-                    cts_picture_free(&pictures[run]);
-            }
-        cts_model_free(&model);
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),         cmocka_unit_test(constant_slab),   cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),      cmocka_unit_test(between_levels),  cmocka_unit_test(opaque_bump),
-        cmocka_unit_test(narrow_stripes),     cmocka_unit_test(faint_shells),    cmocka_unit_test(hard_presets),
-        cmocka_unit_test(falls_as_asked),     cmocka_unit_test(degenerate),      cmocka_unit_test(modes_exact),
-        cmocka_unit_test(modes_by_packets),   cmocka_unit_test(drafts_between),  cmocka_unit_test(drafts_work_on),
-        cmocka_unit_test(drafts_miss_specks), cmocka_unit_test(step_near_level),
+        cmocka_unit_test(same_bytes),     cmocka_unit_test(constant_slab),      cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),  cmocka_unit_test(between_levels),     cmocka_unit_test(opaque_bump),
+        cmocka_unit_test(narrow_stripes), cmocka_unit_test(faint_shells),       cmocka_unit_test(hard_presets),
+        cmocka_unit_test(falls_as_asked), cmocka_unit_test(degenerate),         cmocka_unit_test(drafts_between),
+        cmocka_unit_test(drafts_work_on), cmocka_unit_test(drafts_miss_specks), cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
