@@ -56,11 +56,6 @@ double cts_cpu_ms(void)
            (double)added_us * 1e-3;
 }
 
-double cts_thread_cpu_ms(void)
-{
-    return read_ms(CLOCK_THREAD_CPUTIME_ID);
-}
-
 uint64_t cts_peak_rss_bytes(void)
 {
     struct rusage self, children;

@@ -9,7 +9,6 @@ CTS_C_BEGIN
 
 double cts_wall_ms(void);          /* monotonic */
 double cts_cpu_ms(void);           /* of this process, all threads, its terminated child processes, and time added */
-double cts_thread_cpu_ms(void);    /* the calling thread */
 uint64_t cts_peak_rss_bytes(void); /* maximum of this process, its child processes and values added */
 
 /* Now, as YYYY-MM-DDTHH:MM:SSZ. */

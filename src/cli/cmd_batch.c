@@ -1,7 +1,6 @@
 /* ctsplat batch: the command line as a batch, its progress, its contact sheet. */
 #include "app/batch/batch.h"
 #include "app/contact/contact_sheet.h"
-#include "app/options/options.h"
 #include "base/clock.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"

@@ -1,8 +1,6 @@
 /* --help, printed from the tables. */
 #include "cli/commands.h"
 
-#include "app/options/options.h"
-
 #include <expat.h>
 #include <jansson.h>
 #include <openexr_base.h>

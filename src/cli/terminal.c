@@ -1,6 +1,5 @@
 #include "cli/terminal.h"
 
-#include "app/options/options.h"
 #include "base/clock.h"
 #include <stdarg.h>
 #include <stdbool.h>

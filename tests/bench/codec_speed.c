@@ -61,9 +61,9 @@ static double codec_ms(const CtsSeries *series)
         if (!st && stream && pixels &&
             !(st = cts_file_bytes_read(&file, stream, (size_t)s->pixel_bytes, s->pixel_offset, &err))) {
             const size_t n = join(stream, (size_t)s->pixel_bytes);
-            const double start = cts_thread_cpu_ms();
+            const double start = cts_cpu_ms();
             st = cts_codec_decode(&format, stream, n, pixels, &err);
-            total += cts_thread_cpu_ms() - start;
+            total += cts_cpu_ms() - start;
         }
         if (st)
             fprintf(stderr, "%s\n", err.text);

@@ -1,6 +1,5 @@
 #include "app/batch/batch.h"
 
-#include "app/options/options.h"
 #include "ctsplat/label_files.h"
 #include "ctsplat/preset.h"
 #include <stdio.h>

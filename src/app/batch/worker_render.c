@@ -1,7 +1,6 @@
 /* A series of the batch as render jobs: one volume for all its pictures. */
 #include "app/batch/worker.h"
 
-#include "app/contact/contact_sheet.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/helper_process.h"

@@ -1,7 +1,6 @@
 #include "app/job/render_job.h"
 
 #include "app/job/auto_window.h"
-#include "app/job/outputs.h"
 #include "base/cpu.h"
 #include "base/limits.h"
 #include "base/mem.h"

@@ -87,7 +87,8 @@ static bool is_meant(const CtsLabels *labels, const Item *item, const CtsLabelFa
     return false;
 }
 
-bool cts_label_fits(const CtsLabels *labels, const char *text, size_t length)
+/* True if an item names a label, a region, all or rest. */
+static bool is_item_known(const CtsLabels *labels, const char *text, size_t length)
 {
     const Item item = item_of(text, length);
     bool fits = is_word(&item, "all") || is_word(&item, "rest");
@@ -115,7 +116,7 @@ size_t cts_label_name_length(const CtsLabels *labels, const char *text, char sep
     bool last = false;
     for (size_t n = 0; !last && n_letters <= most; n_letters += text[n] != '*', n++) {
         last = !text[n];
-        if ((text[n] == separator || (last && separator == ',')) && cts_label_fits(labels, text, n))
+        if ((text[n] == separator || (last && separator == ',')) && is_item_known(labels, text, n))
             fitting = n;
     }
     return fitting;
@@ -170,7 +171,7 @@ CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char
 static CtsStatus take_item(const CtsLabels *labels, const char *option, const char *item, size_t length, uint32_t value,
                            uint32_t *hit, FILE *lacking, CtsError *err)
 {
-    if (!lacking || cts_label_fits(labels, item, length))
+    if (!lacking || is_item_known(labels, item, length))
         return cts_label_find(labels, option, item, length, value, hit, err);
     fprintf(lacking, "%s%.*s", ftell(lacking) ? ", " : "", (int)length, item);
     return CTS_OK;

@@ -51,8 +51,6 @@ CtsStatus cts_labels_to_volume(const CtsLabels *labels, const size_t *label, con
  * option, for messages. CTS_ERR_USAGE for an unknown item, or an ambiguous one that several files have. */
 CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char *item, size_t length, uint32_t value,
                          uint32_t *hit, CtsError *err);
-/* True if an item names a label, a region, all or rest. */
-bool cts_label_fits(const CtsLabels *labels, const char *item, size_t length);
 /* Length of the longest name that matches before a separator, a comma or =, since names may contain these; with a comma
  * the end of the text matches too. 0: none. */
 size_t cts_label_name_length(const CtsLabels *labels, const char *text, char separator);

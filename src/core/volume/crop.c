@@ -2,7 +2,6 @@
 
 #include <limits.h>
 #include <math.h>
-#include <stdbool.h>
 #include <string.h>
 
 static bool inside(const CtsVolume *v, int i, int j, int k, const double lo[3], const double hi[3])

@@ -27,7 +27,8 @@ static inline uint64_t threshold_half(const uint16_t *grey, uint16_t grey_min)
     return half;
 }
 
-void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min)
+/* One row: bit i is set if level i of n is at least min. */
+static void threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min)
 {
     for (int w = 0; w < n / 64; w++)
         row[w] = threshold_half(levels + 64 * w, min) | threshold_half(levels + 64 * w + HALF, min) << HALF;
@@ -55,7 +56,7 @@ static void threshold_slices(void *context, int worker, size_t first, size_t end
     (void)worker;
     for (size_t row = first * ny; row < end * ny; row++) {
         uint64_t *words = t->bits->words + row * t->bits->row_words;
-        cts_bits_threshold_row(words, t->grey + row * nx, (int)nx, t->min);
+        threshold_row(words, t->grey + row * nx, (int)nx, t->min);
         n_runs += cts_bits_count_runs(words, t->bits->row_words);
     }
     atomic_fetch_add(&t->n_runs, n_runs);

@@ -27,9 +27,6 @@ static inline uint16_t cts_dense_grey(const CtsVolume *v)
     return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
 }
 
-/* One row: bit i is set if level i of n is at least min. */
-void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
-
 /* The voxels whose level is at least grey_min; grey has the dimensions of bits. Returns how many runs their rows have.
  */
 uint64_t cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads);

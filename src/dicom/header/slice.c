@@ -1,6 +1,5 @@
 #include "dicom/header/slice.h"
 
-#include "base/file_bytes.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>

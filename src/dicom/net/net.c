@@ -3,7 +3,6 @@
 #include "base/load_plugin.h"
 #include "base/mem.h"
 #include "dicom/header/dcm_readers.h"
-#include "dicom/header/dicom_header.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,6 @@
 #include "dicom/net/peer.h"
 
 #include "base/mem.h"
-#include "base/text.h"
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>

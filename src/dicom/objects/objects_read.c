@@ -5,7 +5,6 @@
 #include "base/mem.h"
 #include "ctsplat/bounds.h"
 #include "dicom/codec/pixels.h"
-#include "dicom/header/dicom_header.h"
 #include <string.h>
 
 typedef struct ScHeader {

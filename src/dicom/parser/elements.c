@@ -16,14 +16,20 @@ static bool skip_undefined(CtsElements *rest, CtsElements *value, bool is_item, 
     return n > 0;
 }
 
+/* Reads the next tag of n bytes. They count as damaged until it is clear that they are not. */
+static bool read_raw(CtsElements *rest, size_t n, CtsRawElement *raw)
+{
+    if (n == 0 || rest->damaged)
+        return false;
+    rest->damaged = true;
+    return cts_read_element(rest->at, n, rest->explicit_vr, rest->big_endian, raw);
+}
+
 bool cts_elements_next(CtsElements *rest, CtsElement *e)
 {
     CtsRawElement raw;
     const size_t n = (size_t)(rest->end - rest->at);
-    if (n == 0 || rest->damaged)
-        return false;
-    rest->damaged = true; /* until it is clear that it is not */
-    if (!cts_read_element(rest->at, n, rest->explicit_vr, rest->big_endian, &raw))
+    if (!read_raw(rest, n, &raw))
         return false;
     const uint8_t *const value = rest->at + raw.n_bytes;
     const bool is_un = memcmp(raw.vr, "UN", 2) == 0, is_raw = raw.vr[0] == 'O';
@@ -45,10 +51,7 @@ bool cts_items_next(CtsElements *rest, CtsElements *item)
 {
     CtsRawElement raw;
     const size_t n = (size_t)(rest->end - rest->at);
-    if (n == 0 || rest->damaged)
-        return false;
-    rest->damaged = true;
-    if (!cts_read_element(rest->at, n, rest->explicit_vr, rest->big_endian, &raw) || raw.tag != ITEM)
+    if (!read_raw(rest, n, &raw) || raw.tag != ITEM)
         return false;
     *item = *rest;
     item->at += raw.n_bytes;

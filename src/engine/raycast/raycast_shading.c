@@ -1,7 +1,6 @@
 #include "base/vec3.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
-#include <math.h>
 
 void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double openness, double rgb[3])
 {

@@ -18,7 +18,8 @@ static uint16_t sample_high(const CtsRangeRule *rule, uint16_t high)
     return (uint16_t)(most < UINT16_MAX ? most : UINT16_MAX);
 }
 
-bool cts_range_visible(const CtsRangeRule *rule, CtsRange range)
+/* False when all mixtures of the grey levels in the range are invisible. */
+static bool is_range_visible(const CtsRangeRule *rule, CtsRange range)
 {
     return cts_lut_visible(rule->lut, sample_low(rule, range.low), sample_high(rule, range.high));
 }
@@ -28,7 +29,7 @@ uint16_t cts_range_least(const CtsRangeRule *rule)
     int below = 0, least = UINT16_MAX;
     while (below < least) {
         const int middle = (below + least) / 2;
-        if (cts_range_visible(rule, (CtsRange){0, (uint16_t)middle}))
+        if (is_range_visible(rule, (CtsRange){0, (uint16_t)middle}))
             least = middle;
         else
             below = middle + 1;
@@ -99,7 +100,7 @@ static uint64_t map_line(const CtsVoidMap *map, const MacrocellLines *l, int wor
     const CtsRange *range = line_ranges(map, l, k, patch_v, patch_u, l->row + scratch, l->wide + scratch);
     uint64_t n_shown = 0;
     for (int i = 0; i < l->n; i++) {
-        if (!cts_range_visible(l->rule, range[i]))
+        if (!is_range_visible(l->rule, range[i]))
             continue;
         const int u = l->across ? patch_u : i;
         shows_row(map, l->across ? i : k, patch_v)[u / 64] |= UINT64_C(1) << (u & 63);

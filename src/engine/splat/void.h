@@ -17,9 +17,6 @@ typedef struct CtsRangeRule {
     uint32_t sum_low, sum_high; /* of the footprint's phases */
 } CtsRangeRule;
 
-/* False when all mixtures of the grey levels in the range are invisible. */
-bool cts_range_visible(const CtsRangeRule *rule, CtsRange range);
-
 /* Mixtures of levels below this are invisible. */
 uint16_t cts_range_least(const CtsRangeRule *rule);
 

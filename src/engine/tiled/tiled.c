@@ -12,7 +12,6 @@
 #include "engine/tiled/tiled_march.h"
 #include "engine/tiled/tiles.h"
 #include "engine/tiled/trace.h"
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

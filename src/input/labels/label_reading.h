@@ -147,6 +147,3 @@ CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, do
 
 /* Refuses a file whose labels are not empty (held, in any unit) but have no voxel in the scan. */
 CtsStatus cts_label_check_meets(const CtsLabelReading *reading, double held, CtsError *err);
-
-/* Warns of a label of which so much, in any unit, lies outside. */
-void cts_label_report_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole);

@@ -386,7 +386,8 @@ static void find_plane_reach(MaskPlacing *p)
     p->reach_mm = 0.5 * (gap < INFINITY ? gap : scanned_gap) * 1.001;
 }
 
-void cts_label_report_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole)
+/* Warns of a label of which so much, in any unit, lies outside. */
+static void report_label_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole)
 {
     if (whole > 0 && inside < 0.5 * whole)
         cts_report_diagnostic(reading->report, CTS_DIAGNOSTIC_LABEL_OUTSIDE,
@@ -419,7 +420,7 @@ static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError 
             inside += (l->runs[r].end - l->runs[r].first) * cts_norm3(area) *
                       p->grid->thickness_mm[l->runs[r].row / (uint32_t)p->grid->rows];
         if (met)
-            cts_label_report_share(p->reading, l, inside, whole[i]);
+            report_label_share(p->reading, l, inside, whole[i]);
         *held_mm3 += whole[i];
     }
     cts_free(&whole);

@@ -1,7 +1,6 @@
 /* Of a label map that has two places, the one that the series has. */
 #include "base/vec3.h"
 #include "input/labels/label_reading.h"
-#include <math.h>
 #include <string.h>
 
 /* Grids count as equal when their corners are this near to each other, in voxels. */

@@ -50,8 +50,6 @@ CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *par
 /* True if the instance numbers of slices first <= i < end rise or fall monotonically; repeated numbers show no
  * order. */
 bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end);
-/* The slice after the last of those that share i's acquisition. */
-int cts_slice_set_acquisition_end(const CtsSliceSet *set, int i);
 /* Acquisitions of three slices or more that follow each other along the stack, each in an order of its own. */
 bool cts_slice_set_each_in_order(const CtsSliceSet *set);
 

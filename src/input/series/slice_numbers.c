@@ -16,7 +16,8 @@ bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end)
     return !n_rising || !n_falling;
 }
 
-int cts_slice_set_acquisition_end(const CtsSliceSet *set, int i)
+/* The slice after the last of those that share i's acquisition. */
+static int acquisition_end(const CtsSliceSet *set, int i)
 {
     int end = i + 1;
     while (end < set->n && set->items[i]->has_acquisition && set->items[end]->has_acquisition &&
@@ -28,7 +29,7 @@ int cts_slice_set_acquisition_end(const CtsSliceSet *set, int i)
 bool cts_slice_set_each_in_order(const CtsSliceSet *set)
 {
     for (int i = 0, end; i < set->n; i = end)
-        if ((end = cts_slice_set_acquisition_end(set, i)) < i + 3 || !cts_slice_set_in_order(set, i, end))
+        if ((end = acquisition_end(set, i)) < i + 3 || !cts_slice_set_in_order(set, i, end))
             return false;
     return true;
 }

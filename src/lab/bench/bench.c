@@ -3,7 +3,6 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/file.h"
-#include "output/report/bench_rows.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -16,7 +16,6 @@
 #include <errno.h>
 #include <math.h>
 #include <png.h>
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>

@@ -1,7 +1,6 @@
 #include "output/export/sc_texts.h"
 
 #include "base/mem.h"
-#include "dicom/objects/objects.h"
 #include <endian.h>
 #include <errno.h>
 #include <string.h>

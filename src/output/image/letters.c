@@ -2,7 +2,6 @@
 #include "output/image/letters.h"
 
 #include <stddef.h>
-#include <stdint.h>
 
 /* A pair of hexadecimal-like digits (0 to 9, a to g) is a point, right and down, and a blank lifts the pen. */
 static const CtsGlyph glyphs[] = {
