@@ -1,7 +1,6 @@
 /* Rectangles of pixels, and level lattice: every second pixel each way is marched. Between four marched ones the others
  * are interpolated, unless these differ by so much that the group of pixels is marched. */
-#ifndef CTS_SHEETS_LATTICE_H
-#define CTS_SHEETS_LATTICE_H
+#pragma once
 
 #include "base/simd_fixed.h"
 #include "engine/sheets/sheets.h"
@@ -67,5 +66,3 @@ float cts_sheets_refined_from(const CtsScene *scene);
  * see next to nothing, since bodies smaller than a pixel may lie between them (rays through empty space are cheap). */
 bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0, float refined_from,
                             double slab_mm);
-
-#endif

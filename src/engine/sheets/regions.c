@@ -24,14 +24,37 @@ typedef struct Picturing {
     SheetsPatch pixels, lattice;
 } Picturing;
 
+/* A row of a group: four channels of four pixels, transposed. */
+static void store_row(float *rgba, const SheetsPixels *g, int first)
+{
+    f32x4 *const to = (f32x4 *)rgba, channel[4];
+    for (int c = 0; c < 4; c++)
+        channel[c] = *(const f32x4 *)(g->rgba[c] + first);
+    const f32x4 rg[2] = {SHUFFLE(channel[0], channel[1], 0, 4, 1, 5), SHUFFLE(channel[0], channel[1], 2, 6, 3, 7)},
+                ba[2] = {SHUFFLE(channel[2], channel[3], 0, 4, 1, 5), SHUFFLE(channel[2], channel[3], 2, 6, 3, 7)};
+    for (int i = 0; i < 2; i++) {
+        to[2 * i] = SHUFFLE(rg[i], ba[i], 0, 1, 4, 5);
+        to[2 * i + 1] = SHUFFLE(rg[i], ba[i], 2, 3, 6, 7);
+    }
+}
+
 /* Points of a group that lie in the patch. */
 static void store_group(SheetsPatch *to, const SheetsPixels *g, int x0, int y0)
 {
+    const size_t width = (size_t)to->width, first = (size_t)y0 * width + (size_t)x0;
+    if (x0 + SHEETS_SIDE <= to->width && y0 + SHEETS_SIDE <= to->height && !to->depth_mm) {
+        for (int j = 0; j < SHEETS_SIDE; j++) {
+            const size_t at = first + (size_t)j * width;
+            store_row(to->rgba + 4 * at, g, SHEETS_SIDE * j);
+            *(f32x4 *)(to->indicator + at) = *(const f32x4 *)(g->indicator + SHEETS_SIDE * j);
+        }
+        return;
+    }
     for (int l = 0; l < SHEETS_LANES; l++) {
-        const int x = x0 + l % SHEETS_SIDE, y = y0 + l / SHEETS_SIDE;
-        if (x >= to->width || y >= to->height)
+        const int x = l % SHEETS_SIDE, y = l / SHEETS_SIDE;
+        if (x0 + x >= to->width || y0 + y >= to->height)
             continue;
-        const size_t at = (size_t)y * (size_t)to->width + (size_t)x;
+        const size_t at = first + (size_t)y * width + (size_t)x;
         for (int c = 0; c < 4; c++)
             to->rgba[4 * at + (size_t)c] = g->rgba[c][l];
         to->indicator[at] = g->indicator[l];

@@ -9,8 +9,7 @@
  *
  * The pipeline of the paper in object order: footprint, layers, void voxels left out (by blocks of 4^3 cells, for tiles
  * of 16 x 8 pixels), and groups that are opaque end. ctsplat-methods(7) has the mathematics. */
-#ifndef CTS_SHEETS_SHEETS_H
-#define CTS_SHEETS_SHEETS_H
+#pragma once
 
 #include "core/model/macrocells.h"
 #include "core/scene/engine.h"
@@ -168,5 +167,3 @@ CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, con
 CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, const CtsScene *scene,
                            const int (*corner)[2], size_t n, float (*rgba)[4], float *indicator, CtsError *err);
 _Static_assert((int)SHEETS_TILE_X == (int)CTS_PROBE_X && (int)SHEETS_TILE_Y == (int)CTS_PROBE_Y, "tiles are probes");
-
-#endif

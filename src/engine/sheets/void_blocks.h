@@ -1,6 +1,5 @@
 /* Void blocks: the blocks of 4^3 cells in which a rectangle of pixels may see anything, layer by layer. */
-#ifndef CTS_SHEETS_VOID_BLOCKS_H
-#define CTS_SHEETS_VOID_BLOCKS_H
+#pragma once
 
 #include "engine/sheets/sheets.h"
 
@@ -45,5 +44,3 @@ static inline bool cts_sheets_shaft_is_visible(const SheetsShaft *s, const Sheet
     const uint32_t *const bottom = v->at + (size_t)layer * area + to[1] * width;
     return bottom[to[0]] - bottom[from[0]] - top[to[0]] + top[from[0]] > 0;
 }
-
-#endif

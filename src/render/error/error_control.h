@@ -25,8 +25,7 @@
  * it is left out since limits are wide by more. Measured: 195 pictures of 192 x 192 pixels of a noisy shell from random
  * views (bone, skin, muscle; engines tiled and sheets; requests of 0.25 to 2 of 255; up to half of the pixels
  * re-rendered) had errors of at most 0.72 of their limits, against the march at 0.02 of 255. */
-#ifndef CTS_RENDER_ERROR_CONTROL_H
-#define CTS_RENDER_ERROR_CONTROL_H
+#pragma once
 
 #include "core/scene/engine.h"
 
@@ -72,5 +71,3 @@ double cts_error_control_rmse(const CtsErrorControl *control);
 /* Fills report->bound, and adds a warning where the error may be larger than requested. Nothing for a frame that
  * cts_error_control_enforce() has not seen. */
 void cts_error_control_report(const CtsErrorControl *control, CtsReport *report);
-
-#endif

@@ -1,6 +1,5 @@
 /* Groups of pixels that the exact march renders in place of an engine whose errors are too large there. */
-#ifndef CTS_RENDER_MARCHED_GROUPS_H
-#define CTS_RENDER_MARCHED_GROUPS_H
+#pragma once
 
 #include "core/scene/engine.h"
 
@@ -34,5 +33,3 @@ size_t cts_list_groups(const CtsPicture *band, const CtsErrorMap *errors, int y0
  * indicator the march's bound. */
 CtsStatus cts_march_groups(const CtsEngine *march, const CtsScene *scene, const uint32_t *place, size_t n,
                            CtsPicture *band, CtsErrorMap *errors, CtsError *err);
-
-#endif

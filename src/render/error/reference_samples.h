@@ -1,6 +1,5 @@
 /* Random pixels of a scene and their true values. */
-#ifndef CTS_RENDER_REFERENCE_SAMPLES_H
-#define CTS_RENDER_REFERENCE_SAMPLES_H
+#pragma once
 
 #include "core/scene/engine.h"
 #include "ctsplat/reference.h"
@@ -44,5 +43,3 @@ static inline uint64_t cts_reference_random(uint64_t *state)
     z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
     return z ^ (z >> 31);
 }
-
-#endif

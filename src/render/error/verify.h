@@ -1,6 +1,5 @@
 /* Verification: some pixels of a picture are compared with the reference. */
-#ifndef CTS_RENDER_VERIFY_H
-#define CTS_RENDER_VERIFY_H
+#pragma once
 
 #include "render/error/reference_samples.h"
 
@@ -36,5 +35,3 @@ CtsStatus cts_verify_cast(CtsVerify *verify, CtsError *err);
 /* Completes the verification and fills report->verified, with an interval that holds for any picture. */
 CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
 void cts_verify_free(CtsVerify *verify);
-
-#endif
