@@ -2,6 +2,7 @@
 #include "../tools/jpeg2000_stream.h"
 #include "ctsplat/series.h"
 #include "dicom_files.h"
+#include "found.h"
 #include <math.h>
 
 /* Attributes of one frame; NULL or 0 leaves them to the shared groups, or out. */
@@ -147,29 +148,15 @@ static Object sound_object(int n)
     return o;
 }
 
-typedef struct Found {
-    char folder[64];
-    CtsSeriesList *list;
-    CtsError err;
-    CtsStatus status;
-} Found;
-
 static void find_bytes(Found *f, Bytes b)
 {
     *f = (Found){0};
     make_folder(f->folder);
     write_bytes(f->folder, "frames", b.data, b.n);
     free(b.data);
-    const char *path = f->folder;
-    f->status = cts_series_find(&path, 1, 2, &f->list, NULL, &f->err);
+    find(f);
     if (f->status)
         fail_msg("%s", f->err.text);
-}
-
-static void done(Found *f)
-{
-    cts_series_list_free(&f->list);
-    remove_folder(f->folder);
 }
 
 /* Layer k holds 1000 + 100 * k + first + column + 10 * row, times slope. */

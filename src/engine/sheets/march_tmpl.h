@@ -178,7 +178,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
     return wmask_and(visible, wf_gt(alpha, sheets_unpack(wi_of(0)))); /* a table's 0 is not quite 0 */
 }
 
-/* The same with slabs of twice the length, for the indicator. */
+/* Compositing by slabs of twice the length, for the indicator. */
 INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *opacity, wmask lanes, State *s)
 {
     const wmask visible = wmask_and(lanes, visible_between(&m->job->levels, front, back));

@@ -100,7 +100,7 @@ INLINE void gather_pairs(const March *m, const Footprint *f, const uint16_t *fro
     pairs[1] = wi_as_short(wi_gather_pairs(from + m->job->view.row, f->at, all));
 }
 
-/* The same from voxels: a window begins at `from`. */
+/* Pairs as by pick_pairs(), of voxels; a window begins at `from`. */
 INLINE void load_pairs(const March *m, const Footprint *f, const uint16_t *from, bool window, ws pairs[2])
 {
     const int rows = m->window_rows;

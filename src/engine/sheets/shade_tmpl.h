@@ -28,7 +28,7 @@ INLINE Gradient gradient_in_view(const CtsShade *s, const Differences *d)
     return g;
 }
 
-/* More - less, of 16 bits without a sign, at most 32767 either way: no more than half of the scale of grey levels lies
+/* Difference of 16 bits without a sign, at most 32767 either way: no more than half of the scale of grey levels lies
  * between two voxels but where a fractional rescale slope spreads metal and air over all of it. */
 INLINE ws ws_difference(ws more, ws less)
 {
