@@ -115,16 +115,19 @@ CTS_TARGET_AVX2 static void block_bits_avx2(const BlockTest *l, const Bracket *b
     any_block_bits(l, b, block, cells);
 }
 
-/* True if a block of one appearance is potentially visible; its cells are then tested one by one. */
-static bool test_uniform_block(const BlockTest *l, const CtsLut *lut, const Bracket *b, const int block[3], CtsRange r,
-                               uint32_t cells[2])
+/* True if a block of one appearance is potentially visible. */
+static bool block_shows(const CtsLut *lut, const Bracket *b, CtsRange r)
 {
-    const bool visible = lut && r.high > b->low && r.low < b->high &&
-                         cts_lut_visible(lut, r.low, CTS_MUTATED(SKIP_RANGE) ? r.low : r.high);
-    cells[0] = cells[1] = visible ? UINT32_MAX : 0;
-    if (visible && (r.low <= b->low || r.high >= b->high))
+    return lut && r.high > b->low && r.low < b->high &&
+           cts_lut_visible(lut, r.low, CTS_MUTATED(SKIP_RANGE) ? r.low : r.high);
+}
+
+/* Tests the cells of a potentially visible block of one appearance. */
+static void test_block_cells(const BlockTest *l, const Bracket *b, const int block[3], CtsRange r, uint32_t cells[2])
+{
+    cells[0] = cells[1] = UINT32_MAX;
+    if (r.low <= b->low || r.high >= b->high)
         (cts_cpu_flags() & CTS_CPU_AVX2 ? block_bits_avx2 : block_bits)(l, b, block, cells);
-    return visible;
 }
 
 /* Appearances of a cell's voxels: bit l for appearance l. */
@@ -172,9 +175,9 @@ static bool test_mixed_block(const BlockTest *l, const int block[3], CtsRange r,
     for (int appearance = CTS_APPEARANCE_PRESET; appearance < l->appearances->n; appearance++) {
         uint32_t own[2], of_appearance[2] = {0, 0};
         if (!(all[appearance / 64] >> appearance % 64 & 1) ||
-            !test_uniform_block(l, cts_tiled_appearance_lut(l->appearances, l->lut, appearance),
-                                &l->brackets[appearance], block, r, own))
+            !block_shows(cts_tiled_appearance_lut(l->appearances, l->lut, appearance), &l->brackets[appearance], r))
             continue;
+        test_block_cells(l, &l->brackets[appearance], block, r, own);
         for (int n = 0; n < 64; n++)
             of_appearance[n / 32] |= (uint32_t)(of_cell[n][appearance / 64] >> appearance % 64 & 1) << n % 32;
         for (int w = 0; w < 2; w++)
@@ -183,16 +186,23 @@ static bool test_mixed_block(const BlockTest *l, const int block[3], CtsRange r,
     return cells[0] | cells[1];
 }
 
+/* A block's appearance, or CTS_APPEARANCES_DIFFER. */
+static int appearance_of_block(const BlockTest *l, size_t at)
+{
+    return l->appearances ? l->appearances->voxel_labels->block[at] : CTS_APPEARANCE_PRESET;
+}
+
+/* cells: all of a visible block's, unless its appearances differ. */
 static bool test_block(const BlockTest *l, size_t at, const int block[3], uint32_t cells[2])
 {
     const CtsRange r = l->macrocells->fine[at];
-    if (!l->appearances)
-        return test_uniform_block(l, l->lut, &l->bracket, block, r, cells);
-    const int appearance = l->appearances->voxel_labels->block[at];
-    return appearance == CTS_APPEARANCES_DIFFER
-               ? test_mixed_block(l, block, r, cells)
-               : test_uniform_block(l, cts_tiled_appearance_lut(l->appearances, l->lut, appearance),
-                                    &l->brackets[appearance], block, r, cells);
+    const int appearance = appearance_of_block(l, at);
+    cells[0] = cells[1] = UINT32_MAX;
+    if (appearance == CTS_APPEARANCES_DIFFER)
+        return test_mixed_block(l, block, r, cells);
+    return l->appearances
+               ? block_shows(cts_tiled_appearance_lut(l->appearances, l->lut, appearance), &l->brackets[appearance], r)
+               : block_shows(l->lut, &l->bracket, r);
 }
 
 static uint32_t distinct_from_distance(uint32_t bits)
@@ -233,6 +243,27 @@ static void note_distances(void *context, int worker, size_t first, size_t end)
             l->mask->words[2 * at] = l->mask->words[2 * at + 1] = l->distance[at];
 }
 
+static void test_cells_of_rows(void *context, int worker, size_t first, size_t end)
+{
+    const BlockTest *const l = context;
+    const TiledMask *const m = l->mask;
+    (void)worker;
+    for (size_t row = first; row < end; row++) {
+        int block[3] = {0, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])};
+        for (; block[0] < m->n[0]; block[0]++) {
+            const size_t at = row * (size_t)m->n[0] + (size_t)block[0];
+            const int appearance = appearance_of_block(l, at);
+            uint32_t *const words = m->words + 2 * at, cells[2];
+            if (words[0] != UINT32_MAX || words[1] != UINT32_MAX || appearance == CTS_APPEARANCES_DIFFER)
+                continue;
+            test_block_cells(l, l->appearances ? &l->brackets[appearance] : &l->bracket, block, l->macrocells->fine[at],
+                             cells);
+            for (int half = 0; half < 2; half++)
+                words[half] = distinct_from_distance(cells[half]);
+        }
+    }
+}
+
 static Bracket bracket_of(const CtsLut *lut)
 {
     Bracket b = {-1, CTS_N_GREY};
@@ -244,42 +275,66 @@ static Bracket bracket_of(const CtsLut *lut)
     return b;
 }
 
+static void block_test_free(BlockTest *l)
+{
+    cts_free(&l->brackets);
+    cts_free(&l->distance);
+}
+
+static CtsStatus block_test_new(BlockTest *l, TiledMask *mask, const CtsScene *scene,
+                                const TiledAppearances *appearances, const CtsMacrocells *macrocells, CtsError *err)
+{
+    CtsStatus st;
+    ptrdiff_t stride = 1;
+    *l = (BlockTest){
+        .mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .appearances = appearances};
+    for (int a = 0; a < 3; a++) {
+        const int dim = scene->volume->dims[a];
+        l->n_cells[a] = dim > 1 ? dim - 1 : 1;
+        l->stride[a] = dim > 1 ? stride : 0;
+        stride *= dim;
+    }
+    l->n_voxels = stride;
+    l->bracket = bracket_of(scene->lut);
+    if (appearances && (st = cts_alloc_array(&l->brackets, (size_t)appearances->n, err)))
+        return st;
+    for (int appearance = 0; appearances && appearance < appearances->n; appearance++)
+        l->brackets[appearance] = bracket_of(cts_tiled_appearance_lut(appearances, scene->lut, appearance));
+    return CTS_OK;
+}
+
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                               const CtsMacrocells *macrocells, CtsError *err)
 {
-    CtsStatus st;
-    BlockTest l = {
-        .mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .appearances = appearances};
-    *mask = (TiledMask){.n_visible = 0};
-    size_t n = 1;
-    ptrdiff_t stride = 1;
-    for (int a = 0; a < 3; a++) {
-        const int dim = scene->volume->dims[a];
-        mask->n[a] = macrocells->n_fine[a];
-        n *= (size_t)mask->n[a];
-        l.n_cells[a] = dim > 1 ? dim - 1 : 1;
-        l.stride[a] = dim > 1 ? stride : 0;
-        stride *= dim;
-    }
-    l.n_voxels = stride;
-    l.bracket = bracket_of(scene->lut);
-    if (appearances && (st = cts_alloc_array(&l.brackets, (size_t)appearances->n, err)))
-        return st;
-    for (int appearance = 0; appearances && appearance < appearances->n; appearance++)
-        l.brackets[appearance] = bracket_of(cts_tiled_appearance_lut(appearances, scene->lut, appearance));
-    if ((st = cts_alloc_array(&mask->words, 2 * n, err)) || (st = cts_alloc_array(&l.distance, n, err)))
+    BlockTest l;
+    const int *const n = macrocells->n_fine;
+    const size_t rows = (size_t)n[1] * (size_t)n[2], n_blocks = rows * (size_t)n[0];
+    *mask = (TiledMask){.n = {n[0], n[1], n[2]}};
+    CtsStatus st = block_test_new(&l, mask, scene, appearances, macrocells, err);
+    if (st || (st = cts_alloc_array(&mask->words, 2 * n_blocks, err)) ||
+        (st = cts_alloc_array(&l.distance, n_blocks, err)))
         goto end;
-    const size_t rows = (size_t)mask->n[1] * (size_t)mask->n[2];
     cts_parallel(scene->settings->n_threads, rows, 16, test_rows, &l);
     mask->n_visible = atomic_load(&l.n_visible);
-    if ((st = cts_cell_distance(l.distance, mask->n[0], mask->n[1], mask->n[2], err)))
+    if ((st = cts_cell_distance(l.distance, n[0], n[1], n[2], err)))
         goto end;
     cts_parallel(scene->settings->n_threads, rows, 16, note_distances, &l);
 end:
-    cts_free(&l.brackets);
-    cts_free(&l.distance);
+    block_test_free(&l);
     if (st)
         cts_tiled_mask_free(mask);
+    return st;
+}
+
+CtsStatus cts_tiled_mask_refine(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
+                                const CtsMacrocells *macrocells, CtsError *err)
+{
+    BlockTest l;
+    const CtsStatus st = block_test_new(&l, mask, scene, appearances, macrocells, err);
+    if (!st)
+        cts_parallel(scene->settings->n_threads, (size_t)mask->n[1] * (size_t)mask->n[2], 16, test_cells_of_rows, &l);
+    block_test_free(&l);
+    mask->refined = !st;
     return st;
 }
 

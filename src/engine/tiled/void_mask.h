@@ -18,6 +18,7 @@ typedef struct TiledMask {
     int n[3]; /* blocks along each axis */
     uint32_t *words;
     int64_t n_visible; /* potentially visible blocks */
+    bool refined;      /* cells were tested; before, all of a block of one appearance are potentially visible */
 } TiledMask;
 
 static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
@@ -26,7 +27,10 @@ static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
     return 2 * (row * (size_t)m->n[0] + (size_t)(i / TILED_BLOCK)) + (size_t)(k / 2 % 2);
 }
 
-/* appearances: NULL: one appearance for all. */
+/* By the blocks' ranges of grey levels. appearances: NULL: one appearance for all. */
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                               const CtsMacrocells *macrocells, CtsError *err);
+/* Tests the cells of visible blocks by their voxels. It changes no picture: invisible cells only cost time. */
+CtsStatus cts_tiled_mask_refine(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
+                                const CtsMacrocells *macrocells, CtsError *err);
 void cts_tiled_mask_free(TiledMask *mask);
