@@ -1,5 +1,6 @@
 #include "render/framing/framing.h"
 
+#include "base/mem.h"
 #include "base/vec3.h"
 #include "core/scene/resolve.h"
 #include "render/engines/engines.h"
@@ -21,6 +22,9 @@ enum { LOOK = 128, MIN_FOUND = LOOK / 2, MAX_PROBES = 6 };
 /* SURE: a part of fewer rays is too small to estimate its weight, and is probed by FINER rays for each, along rows and
  * columns. */
 enum { SURE = 16, FINER = 4 };
+/* COARSEST: rays of the first round lie so far apart; smaller holes in a visible part do not change its box. SQUARE:
+ * rays are listed by squares, in which the engine recognises empty space. */
+enum { COARSEST = 4, SQUARE = 8 };
 /* Views of a rotation that are probed: between them, 7.5 degrees away at most, no extent is 1 % larger. */
 enum { MAX_VIEWS = 24 };
 
@@ -45,12 +49,11 @@ static uint8_t shown_by(float value, double least)
     return value > least ? (uint8_t)fmax(1, fmin(OPAQUE, floor(OPAQUE * (double)value + 0.5))) : 0;
 }
 
-/* Renders n[0] x n[1] rays with spacing `apart`, in units of the probe rendering's, from this ray on. */
-static CtsStatus render_rays(ProbeRendering *l, const double from[2], double apart, const int n[2], CtsError *err)
+/* Scene of n[0] x n[1] rays with spacing `apart`, in units of the probe rendering's, from this ray on. */
+static CtsScene scene_of_rays(const ProbeRendering *l, const double from[2], double apart, const int n[2])
 {
     CtsScene scene = l->store.scene;
     CtsView *const v = &scene.view;
-    CtsPicture *picture = NULL;
     v->width = n[0];
     v->height = n[1];
     for (int a = 0; a < 3; a++) {
@@ -59,15 +62,89 @@ static CtsStatus render_rays(ProbeRendering *l, const double from[2], double apa
         v->right_vox[a] *= apart;
         v->up_vox[a] *= apart;
     }
-    CtsStatus st = cts_picture_new(&picture, n[0], n[1], 4, err);
+    return scene;
+}
+
+static CtsStatus render_every_ray(ProbeRendering *l, const CtsScene *scene, CtsError *err)
+{
+    CtsPicture *picture = NULL;
+    const int width = scene->view.width, height = scene->view.height;
+    CtsStatus st = cts_picture_new(&picture, width, height, 4, err);
     if (!st)
-        st = cts_engine(cts_engine_for_probes())->render(&scene, picture, NULL, NULL, err);
-    const int channel = scene.preset->mode == CTS_MODE_COMPOSITE ? 3 : 0;
-    memset(l->shown, 0, sizeof l->shown);
-    for (int i = 0; i < n[0] * n[1] && !st; i++)
-        l->shown[i / n[0]][i % n[0]] = shown_by(picture->pixels[4 * i + channel], l->least);
+        st = cts_engine(cts_engine_for_probes())->render(scene, picture, NULL, NULL, err);
+    const int channel = scene->preset->mode == CTS_MODE_COMPOSITE ? 3 : 0;
+    for (int i = 0; i < width * height && !st; i++)
+        l->shown[i / width][i % width] = shown_by(picture->pixels[4 * i + channel], l->least);
     cts_picture_free(&picture);
     return st;
+}
+
+/* Rays of a probe rendering that are marched at once, and those that are known. */
+typedef struct ProbeRays {
+    uint32_t place[LOOK * LOOK];
+    float rgba[LOOK * LOOK][4], off[LOOK * LOOK];
+    bool known[LOOK][LOOK];
+} ProbeRays;
+
+static CtsStatus march_unknown(ProbeRendering *l, const CtsScene *scene, int apart, ProbeRays *rays, CtsError *err)
+{
+    const CtsPicture whole = {.width = LOOK, .height = LOOK};
+    size_t n = 0;
+    const int side = SQUARE * apart, across = LOOK / side;
+    for (int i = 0; i < LOOK * LOOK / (apart * apart); i++) {
+        const int square = i / (SQUARE * SQUARE);
+        const int x = square % across * side + i % SQUARE * apart;
+        const int y = square / across * side + i / SQUARE % SQUARE * apart;
+        if (!rays->known[y][x])
+            rays->place[n++] = (uint32_t)(y * LOOK + x);
+    }
+    const CtsStatus st = cts_engine(cts_engine_for_probes())
+                             ->render_pixels(scene, &whole, rays->place, n, cts_scene_requested_error(scene),
+                                             rays->rgba, rays->off, err);
+    for (size_t i = 0; i < n && !st; i++) {
+        const uint32_t at = rays->place[i];
+        rays->known[at / LOOK][at % LOOK] = true;
+        l->shown[at / LOOK][at % LOOK] = shown_by(rays->rgba[i][3], l->least);
+    }
+    return st;
+}
+
+/* Fills squares whose corners are visible with their mean: what lies between them cannot change a part's box. */
+static void fill_squares(ProbeRendering *l, int side, ProbeRays *rays)
+{
+    for (int y = 0; y + side < LOOK; y += side)
+        for (int x = 0; x + side < LOOK; x += side) {
+            const int corner[4] = {l->shown[y][x], l->shown[y][x + side], l->shown[y + side][x],
+                                   l->shown[y + side][x + side]};
+            if (!corner[0] || !corner[1] || !corner[2] || !corner[3])
+                continue;
+            for (int i = 0; i < (side + 1) * (side + 1); i++) {
+                const int v = y + i / (side + 1), u = x + i % (side + 1);
+                if (!rays->known[v][u])
+                    l->shown[v][u] = (uint8_t)((corner[0] + corner[1] + corner[2] + corner[3] + 2) / 4);
+                rays->known[v][u] = true;
+            }
+        }
+}
+
+/* Renders all rays but those that lie between visible ones. */
+static CtsStatus render_outlines(ProbeRendering *l, const CtsScene *scene, CtsError *err)
+{
+    ProbeRays *rays = NULL;
+    CtsStatus st = cts_alloc_zeroed(&rays, 1, err);
+    for (int apart = COARSEST; apart >= 1 && !st; apart /= 2)
+        if (!(st = march_unknown(l, scene, apart, rays, err)))
+            fill_squares(l, apart, rays);
+    cts_free(&rays);
+    return st;
+}
+
+static CtsStatus render_rays(ProbeRendering *l, const double from[2], double apart, const int n[2], CtsError *err)
+{
+    const CtsScene scene = scene_of_rays(l, from, apart, n);
+    memset(l->shown, 0, sizeof l->shown);
+    return scene.preset->mode == CTS_MODE_COMPOSITE && n[0] == LOOK && n[1] == LOOK ? render_outlines(l, &scene, err)
+                                                                                    : render_every_ray(l, &scene, err);
 }
 
 /* Rays of a probe rendering: from low to high, inclusive. */
