@@ -2,6 +2,7 @@
  * and alias it, so that arrays are read and written through pointers to them. */
 #pragma once
 
+#include <stddef.h>
 #include <stdint.h>
 
 #define SHUFFLE __builtin_shufflevector
@@ -20,3 +21,22 @@ SIMD_FIXED(i64x4, int64_t, 4);
 SIMD_FIXED(f32x4, float, 4);
 SIMD_FIXED(f32x8, float, 8);
 SIMD_FIXED(f64x4, double, 4);
+
+/* Eight rows of eight elements, in_stride apart, become eight columns, out_stride apart. */
+static inline void transpose_8x8(const uint16_t *in, size_t in_stride, uint16_t *out, size_t out_stride)
+{
+    u16x8 row[8], mixed[8];
+    for (size_t i = 0; i < 8; i++)
+        row[i] = *(const u16x8 *)(in + i * in_stride);
+    /* Three rounds of interleaving rows i and i + 4. */
+    for (int round = 0; round < 3; round++) {
+        for (int i = 0; i < 4; i++) {
+            mixed[2 * i] = SHUFFLE(row[i], row[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
+            mixed[2 * i + 1] = SHUFFLE(row[i], row[i + 4], 4, 12, 5, 13, 6, 14, 7, 15);
+        }
+        for (int i = 0; i < 8; i++)
+            row[i] = mixed[i];
+    }
+    for (size_t i = 0; i < 8; i++)
+        *(u16x8 *)(out + i * out_stride) = row[i];
+}

@@ -44,31 +44,12 @@ void cts_stack_free(CtsStack *s)
     cts_free(&s->chunk[1]);
 }
 
-/* 8 rows of 8 voxels, in_stride apart, become 8 columns, out_stride apart. */
-static void transpose_8(const uint16_t *in, size_t in_stride, uint16_t *out, size_t out_stride)
-{
-    u16x8 a[8], b[8];
-    for (size_t i = 0; i < 8; i++)
-        a[i] = *(const u16x8 *)(in + i * in_stride);
-    /* Three rounds of interleaving rows i and i + 4. */
-    for (int round = 0; round < 3; round++) {
-        for (int i = 0; i < 4; i++) {
-            b[2 * i] = SHUFFLE(a[i], a[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
-            b[2 * i + 1] = SHUFFLE(a[i], a[i + 4], 4, 12, 5, 13, 6, 14, 7, 15);
-        }
-        for (int i = 0; i < 8; i++)
-            a[i] = b[i];
-    }
-    for (int i = 0; i < 8; i++)
-        *(u16x8 *)(out + (size_t)i * out_stride) = a[i];
-}
-
 /* Eight rows of the volume from u0 on, n_u of which exist, become eight columns of n_k layers. */
 static void load_eight(const uint16_t *from, size_t row, int n_u, int n_k, uint16_t *to, size_t layer)
 {
     int k = 0;
     for (; n_u == 8 && k + 8 <= n_k; k += 8)
-        transpose_8(from + k, row, to + (size_t)k * layer, layer);
+        transpose_8x8(from + k, row, to + (size_t)k * layer, layer);
     for (; k < n_k; k++)
         for (int u = 0; u < n_u; u++)
             to[(size_t)k * layer + (size_t)u] = from[(size_t)u * row + (size_t)k];
