@@ -57,11 +57,6 @@ INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to
  */
 #define NEAR_MISS_SHARE 0.25f
 
-/* Weight from which a part of a slab is lit by itself: a step of eight bits. */
-#define SHADED_FROM (1.0f / 256)
-/* With half-sheets, a step of ten bits: rays pass so many of them. */
-#define SHADED_FROM_HALF (1.0f / 1024)
-
 /* Part of a slab that it is; CLIPPED: each ray has its own. */
 typedef enum SlabPartKind { WHOLE, FRONT_HALF, BACK_HALF, CLIPPED } SlabPartKind;
 
@@ -141,7 +136,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
     counts->slabs++;
     if (lit) {
         const wf weight = wf_mul(s->left, slab.alpha);
-        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(j->half ? SHADED_FROM_HALF : SHADED_FROM)));
+        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(j->min_shaded_weight)));
         for (int c = 0; c < 3; c++)
             light->plain[c] = wf_mul_add(wf_select(visible, s->left, wf_of(0)), slab.rgb[c], light->plain[c]);
         if (wmask_any(heavy)) {

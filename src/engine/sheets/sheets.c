@@ -70,8 +70,19 @@ static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const CtsMac
     return st;
 }
 
-/* A ray ends when less of its light is left than a step of eight bits; the rest counts as what it has met. */
-#define MIN_TRANSMITTANCE (1.0F / 256)
+/* MIN_TRANSMITTANCE: a ray ends when less of its light is left than a step of eight bits; the rest counts as what it
+ * has met. MIN_SHADED: the same for the weight from which a part of a slab is lit by itself; with half-sheets a step of
+ * ten bits, since rays pass so many of them. */
+#define MIN_TRANSMITTANCE (1.0 / 256)
+#define MIN_SHADED (1.0 / 256)
+#define MIN_SHADED_HALF (1.0 / 1024)
+
+/* The same at lattice and sheets: half of the requested error between 2/255 and 8/255, which adds 0.1 to 0.6 of 255 to
+ * a picture's error. Half-sheets keep the fixed values; they are there for small errors. */
+static double at_least(double least, const CtsScene *scene)
+{
+    return fmax(least, fmin(cts_scene_requested_error(scene) / 2, 1.0 / 64));
+}
 
 static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, bool half, const CtsShade *shade)
 {
@@ -82,7 +93,8 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
                      .all_depths = scene->view.near_mm == -INFINITY && scene->view.far_mm == INFINITY,
                      .blocks = &k->blocks[scene->view.axis],
                      .half = half,
-                     .min_transmittance = MIN_TRANSMITTANCE,
+                     .min_transmittance = (float)(half ? MIN_TRANSMITTANCE : at_least(MIN_TRANSMITTANCE, scene)),
+                     .min_shaded_weight = (float)(half ? MIN_SHADED_HALF : at_least(MIN_SHADED, scene)),
                      .shade = shade,
                      .open = shade ? scene->openness : NULL,
                      .camera_mm = cts_volume_diagonal_mm(scene->volume) / 2};

@@ -106,7 +106,7 @@ typedef struct SheetsJob {
     const SheetsVoid *blocks;
     bool half;    /* half-sheets are sampled, too */
     bool lattice; /* every second pixel is marched, and others where these differ */
-    float min_transmittance;
+    float min_transmittance, min_shaded_weight;
     const CtsShade *shade;   /* NULL: unlit. Its axes are a, b, p */
     const CtsOpenness *open; /* NULL: light reaches everywhere */
     bool want_depth;
