@@ -1,4 +1,5 @@
 /* An uneven stack becomes an even one in its own memory. */
+#include "core/volume/shape_interpolation.h"
 #include "input/load/load.h"
 #include "unit.h"
 #include <math.h>
@@ -57,6 +58,29 @@ static void test_linear_field(void **state)
     }
 }
 
+/* Slices elsewhere give the same layers as slices in the memory of the layers. */
+static void check_elsewhere(const CtsResampling *r, const uint16_t *slices, const uint16_t *expected)
+{
+    uint16_t *layers = calloc((size_t)r->n_layers * r->layer_voxels, sizeof *layers);
+    CtsInterpolationCounts made = {0};
+    assert_non_null(layers);
+    cts_shape_interpolate_layers(&(CtsShapeStack){.slices = slices,
+                                                  .layers = layers,
+                                                  .n_columns = (int)r->layer_voxels,
+                                                  .n_rows = 1,
+                                                  .n_slices = r->n_slices,
+                                                  .n_layers = r->n_layers,
+                                                  .layer = r->layer,
+                                                  .n_parts = 1,
+                                                  .hu_step = 1},
+                                 CTS_INTERPOLATION_CUBIC, 3, &made);
+    for (size_t i = 0; i < (size_t)r->n_layers * r->layer_voxels; i++)
+        if (layers[i] != expected[i])
+            fail_msg("layer %zu of %d, voxel %zu: %d, expected %d, of %d slices", i / r->layer_voxels, r->n_layers,
+                     i % r->layer_voxels, layers[i], expected[i], r->n_slices);
+    free(layers);
+}
+
 /* Of any values, cubics stay between those of the two slices around a layer. */
 static void check_range(const double *layer, int n_slices, int n_layers)
 {
@@ -70,6 +94,7 @@ static void check_range(const double *layer, int n_slices, int n_layers)
     memcpy(grey + offset * VOXELS, slices, (size_t)n_slices * VOXELS * sizeof *grey);
     const CtsResampling resampling = {VOXELS, layer, n_slices, n_layers, offset, false};
     cts_resample_stack(grey, &resampling, 1);
+    check_elsewhere(&resampling, slices, grey);
     for (int j = 0, below = 0; j < n_layers; j++) {
         while (below + 2 < n_slices && layer[below + 1] <= j)
             below++;

@@ -3,14 +3,10 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "base/simd_fixed.h"
 #include "core/volume/shape_move.h"
+#include "core/volume/slice_interpolation.h"
 #include <assert.h>
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,20 +36,25 @@ typedef struct Shaping {
     int n_blocks[2];
     uint16_t level[N_SURFACES];
     float alike, edges; /* grey levels */
+    cts_shape_reach_fn reach;
     cts_shape_find_fn find;
     cts_shape_write_fn write;
-    atomic_ullong n_voxels, n_moved, sum_of_differences;
-    atomic_int n_failed;
+    struct Scratch *scratch; /* of each thread; NULL: no surface is followed */
+    int first, end;          /* range of slices processed in parallel; those from `end` on are at their layers */
 } Shaping;
 
-/* Distances side by side. */
-enum { EIGHT = 8 };
+/* CHUNK: blocks that are searched for crossings together. */
+enum { EIGHT = 8, CHUNK = 32 };
 
 /* Scratch memory of one thread. */
 typedef struct Scratch {
     SliceField field[2];
+    int slice; /* which field[1] is of */
+    ShapeSums sums;
+    bool no_memory;
     ShapeGap gap;
-    uint16_t *grey, *row; /* of both fields; two rows of blocks, and two blocks */
+    uint16_t *grey, *row; /* of both fields; four rows of blocks, two blocks and a chunk */
+    int16_t *known;       /* for each surface, the distances of a row and of a block beyond each end */
     /* For one gap: blocks that move, as bytes and as bits, and those that do or whose neighbours in the row do. */
     uint8_t *moves;
     uint64_t *bits, *near;
@@ -92,6 +93,7 @@ static void scratch_free(Scratch *c)
     cts_free(&c->distance);
     cts_free(&c->grey);
     cts_free(&c->row);
+    cts_free(&c->known);
     cts_free(&c->move);
     cts_free(&c->moves);
     cts_free(&c->bits);
@@ -103,15 +105,19 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
     const size_t n = n_all_blocks(s), n_bits = (size_t)s->n_blocks[1] * n_row_words(s);
     const size_t n_moves = shape_place(0, (size_t)s->n_blocks[1]) + n;
     CtsStatus st;
-    *c = (Scratch){.gap = {.stack = s->stack, .n_blocks = {s->n_blocks[0], s->n_blocks[1]}, .edges = s->edges}};
+    *c = (Scratch){.slice = -1,
+                   .no_memory = c->no_memory,
+                   .gap = {.stack = s->stack, .n_blocks = {s->n_blocks[0], s->n_blocks[1]}, .edges = s->edges}};
     if ((st = cts_alloc_array(&c->distance, 2 * N_SURFACES * n + SHAPE_LANES + 1, err)) ||
         (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
-        (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0] + 2, err)) ||
+        (st = cts_alloc_array(&c->row, 4 * (size_t)s->n_blocks[0] + 2 + CHUNK, err)) ||
+        (st = cts_alloc_array(&c->known, N_SURFACES * ((size_t)s->n_blocks[0] + 2), err)) ||
         (st = cts_alloc_zeroed(&c->move, SHAPE_NUMBERS * n_moves + SHAPE_LANES, err)) ||
         (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->bits, n_bits, err)) ||
         (st = cts_alloc_array(&c->near, n_bits, err)) || (st = blocks_new(&c->gap.moving, n, err)) ||
         (st = blocks_new(&c->gap.written, n, err))) {
         scratch_free(c);
+        *c = (Scratch){.no_memory = true};
         return st;
     }
     for (int i = 0; i < 2 * N_SURFACES; i++)
@@ -151,75 +157,74 @@ INLINE void smooth_row(const uint16_t *before, const uint16_t *own, const uint16
 INLINE void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows, uint16_t *grey)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
-    for (int j = 0; j < ny; j++) {
-        uint16_t *const bins = rows + 1; /* with its ends once more */
-        bin_row(s->stack, slice, j, nx, bins);
-        rows[0] = bins[0];
-        bins[nx] = bins[nx - 1];
-        smooth_row(rows, bins, bins + 1, nx, grey + (size_t)j * (size_t)nx);
-    }
-    uint16_t *above = rows, *own = rows + nx;
-    memcpy(above, grey, (size_t)nx * sizeof *above);
-    for (int j = 0; j < ny; j++) {
-        uint16_t *const row = grey + (size_t)j * (size_t)nx;
-        const uint16_t *const below = j + 1 < ny ? row + nx : row;
-        memcpy(own, row, (size_t)nx * sizeof *own);
-        smooth_row(above, own, below == row ? own : below, nx, row);
-        uint16_t *const t = above;
-        above = own;
-        own = t;
+    uint16_t *const bins = rows + 1; /* with its ends once more */
+    uint16_t *const smooth[3] = {rows + nx + 2, rows + 2 * nx + 2, rows + 3 * nx + 2};
+    for (int j = 0; j <= ny; j++) {
+        if (j < ny) {
+            bin_row(s->stack, slice, j, nx, bins);
+            rows[0] = bins[0];
+            bins[nx] = bins[nx - 1];
+            smooth_row(rows, bins, bins + 1, nx, smooth[j % 3]);
+        }
+        if (j > 0)
+            smooth_row(smooth[(j > 1 ? j - 2 : 0) % 3], smooth[(j - 1) % 3], smooth[(j < ny ? j : ny - 1) % 3], nx,
+                       grey + (size_t)(j - 1) * (size_t)nx);
     }
 }
 
-/* Distance from a block's centre to where the grey level passes the surface's towards a neighbour; FAR where it does
- * not. */
-INLINE int to_crossing(uint16_t own, uint16_t other, uint16_t level)
+/* Least and largest grey levels of each block's four neighbours; beyond the borders lie the same blocks once more. */
+INLINE void compare_neighbours(const Shaping *s, const uint16_t *grey, int j, uint16_t *own, uint16_t *restrict low,
+                               uint16_t *restrict high)
 {
-    if ((own >= level) == (other >= level))
-        return FAR;
-    return (int)(SIDE * (own - (level - 0.5F)) / ((float)own - other) + 0.5F);
+    const int nx = s->n_blocks[0];
+    const uint16_t *const row = grey + (size_t)j * (size_t)nx, *const above = j > 0 ? row - nx : row;
+    const uint16_t *const below = j + 1 < s->n_blocks[1] ? row + nx : row;
+    memcpy(own + 1, row, (size_t)nx * sizeof *row);
+    own[0] = row[0];
+    own[nx + 1] = row[nx - 1];
+    for (int i = 0; i < nx; i++) {
+        const uint16_t a = above[i], b = below[i], c = own[i], d = own[i + 2];
+        const uint16_t ab = a < b ? a : b, cd = c < d ? c : d, most_ab = a < b ? b : a, most_cd = c < d ? d : c;
+        low[i] = ab < cd ? ab : cd;
+        high[i] = most_ab < most_cd ? most_cd : most_ab;
+    }
 }
 
-INLINE int16_t begin_distance(const uint16_t *at, const uint16_t *above, const uint16_t *below, int to_left,
-                              int to_right, uint16_t level)
-{
-    return (int16_t)least(least(to_crossing(*at, at[to_left], level), to_crossing(*at, at[to_right], level)),
-                          least(to_crossing(*at, *above, level), to_crossing(*at, *below, level)));
-}
-
-/* Blocks i to i + n - 1 of a row, neither the first nor the last one: FAR where a block is on the same side of the
- * level as all its neighbours, as most are, else 0. Returns whether any is 0. */
-INLINE bool mark_crossings(const uint16_t *row, const uint16_t *above, const uint16_t *below, int i, int n,
-                           uint16_t level, int16_t *restrict d)
+/* Marks by 0, else FAR, the blocks with a neighbour on the other side of the level, which few have. */
+INLINE bool mark_crossings(const uint16_t *own, const uint16_t *low, const uint16_t *high, int n, uint16_t level,
+                           int16_t *restrict d)
 {
     int16_t any = 0;
-    for (const int end = i + n; i < end; i++) {
-        const bool in = row[i] >= level;
-        const bool alike = (in == (row[i - 1] >= level)) & (in == (row[i + 1] >= level)) & (in == (above[i] >= level)) &
-                           (in == (below[i] >= level));
+    for (int i = 0; i < n; i++) {
+        const bool in = own[i] >= level, alike = (in == (low[i] >= level)) & (in == (high[i] >= level));
         d[i] = alike ? FAR : 0;
         any |= alike ? 0 : 1;
     }
     return any;
 }
 
-INLINE void begin_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
+/* Distances from the centres of marked blocks to where the grey level passes the surface's: nearest towards the
+ * neighbour that differs most. */
+INLINE void measure_crossings(const uint16_t *own, const uint16_t *low, const uint16_t *high, int n, uint16_t level,
+                              int16_t *restrict d)
 {
-    enum { CHUNK = 32 };
-    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
-    for (int j = 0; j < ny; j++, d += nx) {
-        const uint16_t *const row = grey + (size_t)j * (size_t)nx, *const above = j > 0 ? row - nx : row;
-        const uint16_t *const below = j + 1 < ny ? row + nx : row;
-        for (int first = 1; first + 1 < nx; first += CHUNK) {
-            const int n = least(nx - 1 - first, CHUNK);
-            if (n == CHUNK ? mark_crossings(row, above, below, first, CHUNK, level, d)
-                           : mark_crossings(row, above, below, first, n, level, d))
-                for (int i = first; i < first + n; i++)
-                    if (!d[i])
-                        d[i] = begin_distance(row + i, above + i, below + i, -1, 1, level);
-        }
-        d[nx - 1] = begin_distance(row + nx - 1, above + nx - 1, below + nx - 1, nx > 1 ? -1 : 0, 0, level);
-        d[0] = begin_distance(row, above, below, 0, nx > 1, level);
+    int off[CHUNK];
+    for (int i = 0; i < CHUNK; i++) {
+        const int x = own[i], below = x - low[i], above = x - high[i], difference = x >= level ? below : above;
+        off[i] = (int)(SIDE * ((float)x - (level - 0.5F)) / (float)(difference + (difference == 0)) + 0.5F);
+    }
+    for (int i = 0; i < n; i++)
+        d[i] = d[i] ? d[i] : (int16_t)off[i];
+}
+
+INLINE void begin_row(const uint16_t *own, const uint16_t *low, const uint16_t *high, int nx, uint16_t level,
+                      int16_t *d)
+{
+    for (int i = 0; i < nx; i += CHUNK) {
+        const int n = least(nx - i, CHUNK);
+        if (n == CHUNK ? mark_crossings(own + i, low + i, high + i, CHUNK, level, d + i)
+                       : mark_crossings(own + i, low + i, high + i, n, level, d + i))
+            measure_crossings(own + i, low + i, high + i, n, level, d + i);
     }
 }
 
@@ -228,99 +233,50 @@ INLINE int16_t nearer(int16_t a, int16_t b)
     return a < b ? a : b;
 }
 
-/* Distances of a row from those of the row visited before. */
-INLINE void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
+/* Distances of a row from those of the row visited before, which becomes this one; beyond its ends there are none. */
+INLINE void reach_row(int16_t *restrict d, int16_t *restrict known, int n)
 {
-    for (int i = 1; i + 1 < n; i++)
-        d[i] = nearer(nearer(d[i], (int16_t)(known[i] + SIDE)), (int16_t)(nearer(known[i - 1], known[i + 1]) + CORNER));
-    for (int i = 0; i<n; i += n> 1 ? n - 1 : 1) {
-        d[i] = nearer(d[i], (int16_t)(known[i] + SIDE));
-        if (n > 1)
-            d[i] = nearer(d[i], (int16_t)(known[i > 0 ? i - 1 : 1] + CORNER));
-    }
+    for (int i = 0; i < n; i++)
+        d[i] = nearer(nearer(d[i], (int16_t)(known[i + 1] + SIDE)), (int16_t)(nearer(known[i], known[i + 2]) + CORNER));
+    memcpy(known + 1, d, (size_t)n * sizeof *d);
 }
 
-INLINE i16x8 nearest(i16x8 a, i16x8 b)
+static size_t n_layer_voxels(const CtsShapeStack *t)
 {
-#if defined(__SSE2__)
-    return (i16x8)_mm_min_epi16((__m128i)a, (__m128i)b);
-#else
-    return a + ((b - a) & (i16x8)(b < a));
-#endif
+    return (size_t)t->n_columns * (size_t)t->n_rows;
 }
 
-/* The distances of a row from those to the left: within eight by doubling steps, then from the eight before. The
- * next eight wait for the last of these alone. */
-INLINE void reach_right(int16_t *row, int n)
+static const uint16_t *stored_slice(const Shaping *s, int slice)
 {
-    const i16x8 far = (i16x8){0} + (int16_t)FAR, steps = {1, 2, 3, 4, 5, 6, 7, 8};
-    int16_t v = FAR;
-    int i = 0;
-    for (; i + EIGHT <= n; i += EIGHT) {
-        i16x8 x;
-        memcpy(&x, row + i, sizeof x);
-        x = nearest(x, SIDE + __builtin_shufflevector(far, x, 0, 8, 9, 10, 11, 12, 13, 14));
-        x = nearest(x, 2 * SIDE + __builtin_shufflevector(far, x, 0, 1, 8, 9, 10, 11, 12, 13));
-        x = nearest(x, 4 * SIDE + __builtin_shufflevector(far, x, 0, 1, 2, 3, 8, 9, 10, 11));
-        const int16_t last = x[EIGHT - 1];
-        x = nearest(x, v + SIDE * steps);
-        memcpy(row + i, &x, sizeof x);
-        v = nearer(last, (int16_t)(v + EIGHT * SIDE));
-    }
-    for (; i < n; i++)
-        row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
+    const CtsShapeStack *const t = s->stack;
+    return slice < s->end ? t->slices + (size_t)slice * n_layer_voxels(t)
+                          : t->layers + (size_t)slice * (size_t)t->n_parts * n_layer_voxels(t);
 }
 
-/* The same from those to the right. */
-INLINE void reach_left(int16_t *row, int n)
-{
-    const i16x8 far = (i16x8){0} + (int16_t)FAR, steps = {8, 7, 6, 5, 4, 3, 2, 1};
-    int16_t v = FAR;
-    int i = n;
-    for (; i >= EIGHT; i -= EIGHT) {
-        i16x8 x;
-        memcpy(&x, row + i - EIGHT, sizeof x);
-        x = nearest(x, SIDE + __builtin_shufflevector(x, far, 1, 2, 3, 4, 5, 6, 7, 8));
-        x = nearest(x, 2 * SIDE + __builtin_shufflevector(x, far, 2, 3, 4, 5, 6, 7, 8, 9));
-        x = nearest(x, 4 * SIDE + __builtin_shufflevector(x, far, 4, 5, 6, 7, 8, 9, 10, 11));
-        const int16_t last = x[0];
-        x = nearest(x, v + SIDE * steps);
-        memcpy(row + i - EIGHT, &x, sizeof x);
-        v = nearer(last, (int16_t)(v + EIGHT * SIDE));
-    }
-    while (i-- > 0)
-        row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
-}
-
-/* One pass over the blocks, row by row: from the previous row, then within the row. */
-INLINE void sweep_blocks(const Shaping *s, int16_t *d, int way)
-{
-    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
-    for (int j = way > 0 ? 0 : ny - 1; j >= 0 && j < ny; j += way) {
-        int16_t *const row = d + (size_t)j * (size_t)nx;
-        if (j - way >= 0 && j - way < ny)
-            reach_row(row, row - way * nx, nx);
-        if (way > 0)
-            reach_right(row, nx);
-        else
-            reach_left(row, nx);
-    }
-}
-
-INLINE void find_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
-{
-    begin_distances(s, grey, level, d);
-    sweep_blocks(s, d, 1);
-    sweep_blocks(s, d, -1);
-    for (size_t i = 0; i < n_all_blocks(s); i++)
-        d[i] = (int16_t)(grey[i] < level ? -d[i] : d[i]);
-}
-
+/* From rows above, from rows below, then within rows: a shortest path has its diagonal steps first. */
 INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, SliceField *field)
 {
-    read_blocks(s, s->stack->slices + (size_t)slice * s->stack->slice_step, c->row, field->grey);
-    for (int l = 0; l < N_SURFACES; l++)
-        find_distances(s, field->grey, s->level[l], field->distance[l]);
+    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
+    uint16_t *const own = c->row, *const low = own + nx + 2, *const high = low + nx;
+    read_blocks(s, stored_slice(s, slice), c->row, field->grey);
+    for (int i = 0; i < N_SURFACES * (nx + 2); i++)
+        c->known[i] = FAR;
+    for (int j = 0; j < ny; j++) {
+        compare_neighbours(s, field->grey, j, own, low, high);
+        for (int l = 0; l < N_SURFACES; l++) {
+            int16_t *const d = field->distance[l] + (size_t)j * (size_t)nx;
+            begin_row(own + 1, low, high, nx, s->level[l], d);
+            reach_row(d, c->known + l * (nx + 2), nx);
+        }
+    }
+    for (int l = 0; l < N_SURFACES; l++) {
+        int16_t *const d = field->distance[l];
+        for (int j = ny - 1; j >= 0; j--)
+            reach_row(d + (size_t)j * (size_t)nx, c->known + l * (nx + 2), nx);
+        s->reach(d, s->n_blocks);
+        for (size_t i = 0; i < n_all_blocks(s); i++)
+            d[i] = (int16_t)(field->grey[i] < s->level[l] ? -d[i] : d[i]);
+    }
 }
 
 CTS_CPU_VARIANTS(void, read_field, (const Shaping *s, int slice, Scratch *c, SliceField *field),
@@ -423,49 +379,70 @@ static double place_of_slice(const CtsShapeStack *t, int slice)
     return t->layer ? t->layer[slice] : (double)slice * t->n_parts;
 }
 
-static void shape_gap(const Shaping *s, Scratch *c, int gap, ShapeSums *sums)
+static void shape_gap(const Shaping *s, Scratch *c, int gap)
 {
     const CtsShapeStack *const t = s->stack;
     const double from = place_of_slice(t, gap), to = place_of_slice(t, gap + 1);
-    const size_t layer = (size_t)t->n_columns * (size_t)t->n_rows;
-    const uint16_t *const slice = t->slices + (size_t)gap * t->slice_step;
     list_blocks(s, c);
     for (int i = 0; i < 2 * N_SURFACES; i++)
         c->gap.distance[i / N_SURFACES][i % N_SURFACES] = c->field[i / N_SURFACES].distance[i % N_SURFACES];
     for (int j = (int)floor(from) + 1; j < to && j < t->n_layers; j++) {
-        const ShapeLayer made = {
-            {slice, slice + t->slice_step}, t->layers + (size_t)j * layer, (float)((j - from) / (to - from))};
-        sums->n_voxels += layer;
+        const ShapeLayer made = {{stored_slice(s, gap), stored_slice(s, gap + 1)},
+                                 t->layers + (size_t)j * n_layer_voxels(t),
+                                 (float)((j - from) / (to - from))};
+        c->sums.n_voxels += n_layer_voxels(t);
         s->find(&c->gap, made.part);
-        s->write(&c->gap, &made, sums);
+        s->write(&c->gap, &made, &c->sums);
     }
     clear_moves(&c->gap);
 }
 
-/* Gaps between slices; a field is read once for the two gaps at a slice. */
-static void shape_gaps(void *context, int worker, size_t first, size_t end)
+/* n voxels of the layers from a slice to the next one: a copy of the slice, then cubics. */
+static void blend_gap(const Shaping *s, int gap, size_t at, size_t n)
 {
-    Shaping *const s = context;
-    Scratch c;
-    ShapeSums sums = {0, 0, 0};
-    (void)worker;
+    const CtsShapeStack *const t = s->stack;
+    const int last = t->n_slices - 1, a = gap > 0 ? gap - 1 : gap, c = least(gap + 1, last), d = least(gap + 2, last);
+    const uint16_t *const slices[4] = {stored_slice(s, a) + at, stored_slice(s, gap) + at, stored_slice(s, c) + at,
+                                       stored_slice(s, d) + at};
+    const double from = place_of_slice(t, gap), here = place_of_slice(t, c) - from;
+    const double before = a < gap ? from - place_of_slice(t, a) : here;
+    const double behind = d > c ? place_of_slice(t, d) - place_of_slice(t, c) : here;
+    for (int j = gap > 0 ? (int)ceil(from) : 0; j < t->n_layers && (gap == last || j < from + here); j++) {
+        uint16_t *const to = t->layers + (size_t)j * n_layer_voxels(t) + at;
+        if (gap == last || j <= from) {
+            if (to != slices[1])
+                memcpy(to, slices[1], n * sizeof *to);
+            continue;
+        }
+        const double distance[3] = {before / t->n_parts, here / t->n_parts, behind / t->n_parts};
+        const CtsInterpolationWeights weights = cts_slice_interpolation_weights((j - from) / here, distance);
+        cts_slice_interpolation_row(to, slices, (int)n, &weights);
+    }
+}
+
+/* Some slices and the layers behind each: blended column by column, with the slices in the cache for the next gap, then
+ * displaced. */
+static void make_gaps(void *context, int worker, size_t first, size_t end)
+{
+    enum { SPAN = 8192 }; /* voxels of a slice */
+    const Shaping *const s = context;
+    const size_t n = n_layer_voxels(s->stack);
+    Scratch *const c = s->scratch ? &s->scratch[worker] : NULL;
     const unsigned cpu = cts_cpu_flags();
-    if (scratch_new(s, &c, NULL)) {
-        atomic_fetch_add(&s->n_failed, 1);
-        return;
+    for (size_t at = 0; at < n; at += SPAN)
+        for (size_t gap = first; gap < end; gap++)
+            blend_gap(s, s->first + (int)gap, at, n - at < SPAN ? n - at : SPAN);
+    for (int gap = s->first + (int)first; gap < s->first + (int)end; gap++) {
+        if (gap + 1 == s->stack->n_slices || !c || (!c->grey && scratch_new(s, c, NULL)))
+            continue;
+        const SliceField t = c->field[0];
+        c->field[0] = c->field[1];
+        c->field[1] = t;
+        if (c->slice != gap)
+            CTS_CPU_CHOICE(cpu, read_field)(s, gap, c, &c->field[0]);
+        CTS_CPU_CHOICE(cpu, read_field)(s, c->slice = gap + 1, c, &c->field[1]);
+        shape_gap(s, c, gap);
     }
-    CTS_CPU_CHOICE(cpu, read_field)(s, (int)first, &c, &c.field[0]);
-    for (size_t gap = first; gap < end; gap++) {
-        CTS_CPU_CHOICE(cpu, read_field)(s, (int)gap + 1, &c, &c.field[1]);
-        shape_gap(s, &c, (int)gap, &sums);
-        const SliceField t = c.field[0];
-        c.field[0] = c.field[1];
-        c.field[1] = t;
-    }
-    scratch_free(&c);
-    atomic_fetch_add(&s->n_voxels, sums.n_voxels);
-    atomic_fetch_add(&s->n_moved, sums.n_moved);
-    atomic_fetch_add(&s->sum_of_differences, sums.differences);
 }
 
 static uint16_t level_of_hu(const CtsShapeStack *t, double hu)
@@ -474,28 +451,42 @@ static uint16_t level_of_hu(const CtsShapeStack *t, double hu)
     return (uint16_t)(level < 1 ? 1 : level > UINT16_MAX ? UINT16_MAX : level);
 }
 
-void cts_shape_interpolate_layers(const CtsShapeStack *stack, int n_threads, CtsInterpolationCounts *made)
+void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation how, int n_threads,
+                                  CtsInterpolationCounts *made)
 {
+    enum { AT_ONCE = 8 }; /* gaps: their layers stay in the cache */
     const unsigned cpu = cts_cpu_flags();
+    const int threads = cts_threads(n_threads);
     Shaping s = {.stack = stack, .n_blocks = {(stack->n_columns + 1) / BLOCK, (stack->n_rows + 1) / BLOCK}};
-    if (stack->n_slices < 2 || stack->n_columns < 2 || stack->n_rows < 2)
-        return;
     for (int l = 0; l < N_SURFACES; l++)
         s.level[l] = level_of_hu(stack, SURFACE_HU[l]);
     s.alike = (float)(ALIKE_HU / stack->hu_step);
     s.edges = (float)(EDGES_HU / stack->hu_step);
+    s.reach = cpu & CTS_CPU_AVX512 ? cts_shape_reach_rows_avx512
+              : cpu & CTS_CPU_AVX2 ? cts_shape_reach_rows_avx2
+                                   : cts_shape_reach_rows_c;
     s.find = cpu & CTS_CPU_AVX512 ? cts_shape_find_moves_avx512
              : cpu & CTS_CPU_AVX2 ? cts_shape_find_moves_avx2
                                   : cts_shape_find_moves_c;
     s.write = cpu & CTS_CPU_AVX512 ? cts_shape_write_layer_avx512
               : cpu & CTS_CPU_AVX2 ? cts_shape_write_layer_avx2
                                    : cts_shape_write_layer_c;
-    /* A chunk of gaps reads one more slice than it has gaps. */
-    const int threads = cts_threads(n_threads);
-    const size_t n_gaps = (size_t)stack->n_slices - 1;
-    cts_parallel(threads, n_gaps, threads == 1 ? n_gaps : 0, shape_gaps, &s);
-    made->n_voxels += atomic_load(&s.n_voxels);
-    made->n_moved += atomic_load(&s.n_moved);
-    made->sum_of_differences_hu += (double)atomic_load(&s.sum_of_differences) * stack->hu_step;
-    made->no_memory |= atomic_load(&s.n_failed) > 0;
+    if (how == CTS_INTERPOLATION_SHAPE && stack->n_columns > 1 && stack->n_rows > 1)
+        made->no_memory |= cts_alloc_zeroed(&s.scratch, (size_t)threads, NULL) != CTS_OK;
+    /* In the memory of the slices, layers of a range are written behind its last slice, so that none is overwritten
+     * before it is read. */
+    for (s.end = stack->n_slices; s.end > 0; s.end = s.first) {
+        s.first = stack->slices == stack->layers && s.end > 1 ? (s.end + stack->n_parts - 1) / stack->n_parts : 0;
+        cts_parallel(threads, (size_t)(s.end - s.first), threads == 1 ? AT_ONCE : 0, make_gaps, &s);
+    }
+    uint64_t differences = 0;
+    for (int t = 0; s.scratch && t < threads; t++) {
+        made->n_voxels += s.scratch[t].sums.n_voxels;
+        made->n_moved += s.scratch[t].sums.n_moved;
+        differences += s.scratch[t].sums.differences;
+        made->no_memory |= s.scratch[t].no_memory;
+        scratch_free(&s.scratch[t]);
+    }
+    made->sum_of_differences_hu += (double)differences * stack->hu_step;
+    cts_free(&s.scratch);
 }

@@ -6,18 +6,18 @@
 
 #include "ctsplat/volume.h"
 
-/* n_slices slices, which may be layers, and n_layers layers made of them, as blended in place. */
+/* n_slices slices, one after the other, and n_layers layers to be made of them. */
 typedef struct CtsShapeStack {
-    const uint16_t *slices;
-    size_t slice_step; /* voxels from a slice to the next one */
+    const uint16_t *slices; /* may be the first layers; then `layer` is NULL, and they are overwritten */
     uint16_t *layers;
     int n_columns, n_rows, n_slices, n_layers;
     const double *layer; /* position of each slice in layers, rising; NULL: n_parts apart */
-    int n_parts;
+    int n_parts;         /* with `layer`: 1 */
     double hu_offset, hu_step;
 } CtsShapeStack;
 
-/* Overwrites, in the layers between slices, pixels displaced with the surfaces of air and bone; layers that are slices
- * are unchanged. Adds to *made, including where memory was too short. The result does not depend on the number of
- * threads. */
-void cts_shape_interpolate_layers(const CtsShapeStack *stack, int n_threads, CtsInterpolationCounts *made);
+/* Makes the layers by cubic interpolation (core/volume/slice_interpolation.h), then, with CTS_INTERPOLATION_SHAPE,
+ * overwrites pixels displaced with the surfaces of air and bone; layers that are slices are copied. Adds to *made,
+ * including where memory for surfaces was too short. The result does not depend on the number of threads. */
+void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation how, int n_threads,
+                                  CtsInterpolationCounts *made);

@@ -11,6 +11,74 @@ static const float GOES_WITH = SHAPE_GOES_WITH;
  * units. */
 static const float SHORTEST = SHAPE_SIDE / 2;
 
+#ifdef SIMD_PATH_PLAIN
+INLINE void reach_rows(int16_t *distance, const int n_blocks[2])
+{
+    const int nx = n_blocks[0];
+    for (int j = 0; j < n_blocks[1]; j++) {
+        int16_t *const row = distance + (size_t)j * (size_t)nx;
+        for (int i = 1; i < nx; i++)
+            row[i] = (int16_t)(row[i] < row[i - 1] + SHAPE_SIDE ? row[i] : row[i - 1] + SHAPE_SIDE);
+        for (int i = nx - 2; i >= 0; i--)
+            row[i] = (int16_t)(row[i] < row[i + 1] + SHAPE_SIDE ? row[i] : row[i + 1] + SHAPE_SIDE);
+    }
+}
+#else
+enum { EIGHT = 8, FOUR_ROWS = 4 };
+
+SIMD_EACH(ws, nearest, (ws a, ws b), vs_unsigned_min(a.part[p], b.part[p]))
+
+/* In each row of eight the element so many places before, or the first one; with a negative number behind, or the
+ * last. */
+INLINE ws shifted(ws x, int by)
+{
+    ws from;
+    for (int l = 0; l < 2 * LANES; l++) {
+        const int at = l % EIGHT - by;
+        for (int p = 0; p < N_PARTS; p++)
+            from.part[p][l] = (int16_t)(at < 0 ? 0 : at < EIGHT ? at : EIGHT - 1);
+    }
+    return ws_permute_rows(x, from);
+}
+
+/* Distances of eight blocks in some rows, or the first n of them, from those to the left (way 1) or to the right
+ * (way -1): within the eight by doubling steps, then from *v, which is the distance at the block before. */
+INLINE void reach_eight(int16_t *rows, int nx, int n_rows, int n, int way, ws *v)
+{
+    ws x = ws_load_rows(rows, nx, n_rows), steps;
+    for (int l = 0; l < 2 * LANES; l++)
+        for (int p = 0; p < N_PARTS; p++) {
+            const int i = l % EIGHT;
+            x.part[p][l] = i < n ? x.part[p][l] : SHAPE_FAR;
+            steps.part[p][l] = (int16_t)(SHAPE_SIDE * (way > 0 ? i + 1 : EIGHT - i));
+        }
+    for (int by = 1; by < EIGHT; by *= 2)
+        x = nearest(x, ws_add(shifted(x, way * by), ws_of((int16_t)(by * SHAPE_SIDE))));
+    const ws made = nearest(x, ws_add(*v, steps));
+    *v = nearest(shifted(x, -way * EIGHT), ws_add(*v, ws_of(EIGHT * SHAPE_SIDE)));
+    for (int r = 0; r < n_rows; r++)
+        memcpy(rows + (ptrdiff_t)r * nx, (const int16_t *)&made + EIGHT * r,
+               (size_t)(n < EIGHT ? n : EIGHT) * sizeof *rows);
+}
+
+INLINE void reach_rows(int16_t *distance, const int n_blocks[2])
+{
+    const int nx = n_blocks[0], last = (nx - 1) / EIGHT * EIGHT;
+    for (int j = 0; j < n_blocks[1]; j += FOUR_ROWS) {
+        int16_t *const rows = distance + (size_t)j * (size_t)nx;
+        const int n_rows = n_blocks[1] - j < FOUR_ROWS ? n_blocks[1] - j : FOUR_ROWS;
+        ws v = ws_of(SHAPE_FAR);
+        for (int i = 0; i < last; i += EIGHT)
+            reach_eight(rows + i, nx, n_rows, EIGHT, 1, &v);
+        reach_eight(rows + last, nx, n_rows, nx - last, 1, &v);
+        v = ws_of(SHAPE_FAR);
+        reach_eight(rows + last, nx, n_rows, nx - last, -1, &v);
+        for (int i = last - EIGHT; i >= 0; i -= EIGHT)
+            reach_eight(rows + i, nx, n_rows, EIGHT, -1, &v);
+    }
+}
+#endif
+
 INLINE vf within(vf x, float low, float high)
 {
     return vf_min(vf_max(x, vf_of(low)), vf_of(high));
@@ -72,7 +140,7 @@ INLINE void go(const int16_t *d, const Places *p, vf blocks, vf *x, vf *y)
 }
 
 /* Displacements by the body's surface first, then by bone's where that gives none. */
-INLINE void find_some(const ShapeGap *g, const Places *p, vf part, vf move[SHAPE_NUMBERS])
+INLINE void find_some(const ShapeGap *g, const Places *p, vf part, vmask moving, vf move[SHAPE_NUMBERS])
 {
     vf rest = vf_of(1); /* without displacement so far */
     for (int number = 0; number < SHAPE_NUMBERS; number++)
@@ -84,12 +152,14 @@ INLINE void find_some(const ShapeGap *g, const Places *p, vf part, vf move[SHAPE
         const vf before = to_float(d) * BLOCK_OF_UNIT, difference = to_float(e - d) * BLOCK_OF_UNIT;
         const vf moved = vf_abs(difference), off = vf_abs(before + part * difference);
         const vf with = rest * within(1 - (off - 1) / (GOES_WITH * moved + 1), 0, 1);
-        const vf goes = vf_select(known, with, vf_of(0));
+        const vf goes = vf_select(known & moving, with, vf_of(0));
         const vf share = goes * within((moved - MOVES_FROM) / (MOVES_ALL - MOVES_FROM), 0, 1);
+        rest -= goes;
+        if (!mask_any(vf_gt(share, vf_of(0))))
+            continue;
         go(first, p, share * part * difference, &move[0], &move[1]);
         go(second, p, -share * (1 - part) * difference, &move[2], &move[3]);
         move[SHAPE_SHARE] += share;
-        rest -= goes;
     }
     move[SHAPE_SHARE] = within(4 * move[SHAPE_SHARE], 0, 1);
 }
@@ -116,58 +186,69 @@ INLINE void find_moves(const ShapeGap *g, float part)
     for (size_t k = 0; k < b->n;) {
         const uint32_t row = b->row[k], first = b->at[k];
         const int x = (int)(first - row * (uint32_t)g->n_blocks[0]);
-        unsigned moving = 0;
+        unsigned listed = 0;
         for (; k < b->n && b->row[k] == row && b->at[k] - first < LANES; k++)
-            moving |= 1U << (b->at[k] - first);
+            listed |= 1U << (b->at[k] - first);
+        const vmask moving = mask_of_bits(listed);
         const Places places = places_of(g, x, (int)row);
         vf move[SHAPE_NUMBERS];
-        find_some(g, &places, vf_of(part), move);
-        store_moves(g, x, (int)row, mask_of_bits(moving), move);
+        find_some(g, &places, vf_of(part), moving, move);
+        store_moves(g, x, (int)row, moving, move);
     }
 }
 
-/* LANES pixels of a row side by side, which begin with block `near` of its row of blocks; `far`: the block above or
- * below, whichever is nearer to these pixels. Numbers: places in arrays of displacements. */
+enum { ROWS = SHAPE_BLOCK };
+
+/* LANES pixels side by side in each of the rows of a block: from pixel x of row y on, in the first n_rows of them.
+ * near: place of the first block in arrays of displacements; far: of the block above it and of the one below, of which
+ * each is nearer to one of the rows. */
 typedef struct Pixels {
-    int x, y;
-    size_t near, far;
+    int x, y, n_rows;
+    size_t near, far[ROWS];
 } Pixels;
 
-/* A pixel's displacement from those of the four blocks around it: it lies a quarter of a block from the nearest. */
-INLINE vf between_blocks(const float *numbers, const Pixels *p)
+/* Displacements of pixels from those of the four blocks around each: it lies a quarter of a block from the nearest. */
+INLINE void between_blocks(const float *numbers, const Pixels *p, vf made[ROWS])
 {
     vi own, beside;
     for (int l = 0; l < LANES; l++) {
         own[l] = l / 2 + 1;
         beside[l] = l / 2 + (l % 2 ? 2 : 0);
     }
-    const float *const near = numbers + p->near - 1, *const far = numbers + p->far - 1;
-    return 9.0F / 16 * vf_look_up(near, LANES, own) + 3.0F / 16 * vf_look_up(near, LANES, beside) +
-           3.0F / 16 * vf_look_up(far, LANES, own) + 1.0F / 16 * vf_look_up(far, LANES, beside);
+    const float *const near = numbers + p->near - 1;
+    const vf half = 9.0F / 16 * vf_look_up(near, LANES, own) + 3.0F / 16 * vf_look_up(near, LANES, beside);
+    for (int v = 0; v < ROWS; v++) {
+        const float *const far = numbers + p->far[v] - 1;
+        made[v] = half + 3.0F / 16 * vf_look_up(far, LANES, own) + 1.0F / 16 * vf_look_up(far, LANES, beside);
+    }
 }
 
 /* Grey levels of a slice at displaced positions: bilinear between four pixels. */
-INLINE vf displaced(const CtsShapeStack *t, const uint16_t *slice, const Pixels *p, vf dx, vf dy)
+INLINE void displaced(const CtsShapeStack *t, const uint16_t *slice, const Pixels *p, const vf dx[ROWS],
+                      const vf dy[ROWS], vf made[ROWS])
 {
     const vi last_x = vi_of(t->n_columns - 1), last_y = vi_of(t->n_rows - 1);
     const vmask all = mask_of_bits((1U << LANES) - 1);
     const uint16_t *const row = slice + (size_t)p->y * (size_t)t->n_columns;
-    vi lane;
+    vi lane, above[ROWS], below[ROWS];
+    vf u[ROWS], w[ROWS];
     for (int l = 0; l < LANES; l++)
         lane[l] = l;
-    const vf x = vf_min(vf_max(to_float(p->x + lane) + dx, vf_of(0)), to_float(last_x));
-    const vf y = vf_min(vf_max((float)p->y + dy, vf_of(0)), to_float(last_y));
-    const vi whole_x = to_int(x), whole_y = to_int(y);
-    /* The last pixel is the end of the last cell. */
-    const vi cx = whole_x - vi_select(vi_eq(whole_x, last_x), vi_of(1), vi_of(0));
-    const vi cy = whole_y - vi_select(vi_eq(whole_y, last_y), vi_of(1), vi_of(0));
-    const vf u = x - to_float(cx), v = y - to_float(cy);
-    const vi at = (cy - p->y) * t->n_columns + cx;
-    const vi above = vi_gather_pairs(row, at, all), below = vi_gather_pairs(row + t->n_columns, at, all);
-    const vf a = to_float(lower_half(above)), b = to_float(upper_half(above));
-    const vf d = to_float(lower_half(below)), e = to_float(upper_half(below));
-    const vf ab = a + u * (b - a), de = d + u * (e - d);
-    return ab + v * (de - ab);
+    for (int v = 0; v < ROWS; v++) {
+        const vf x = vf_min(vf_max(to_float(p->x + lane) + dx[v], vf_of(0)), to_float(last_x));
+        const vf y = vf_min(vf_max((float)(p->y + v) + dy[v], vf_of(0)), to_float(last_y));
+        /* The last pixel is the end of the last cell. */
+        const vi cx = vi_min(to_int(x), last_x - 1), cy = vi_min(to_int(y), last_y - 1);
+        const vi at = (cy - p->y) * t->n_columns + cx;
+        u[v] = x - to_float(cx), w[v] = y - to_float(cy);
+        above[v] = vi_gather_pairs(row, at, all), below[v] = vi_gather_pairs(row + t->n_columns, at, all);
+    }
+    for (int v = 0; v < ROWS; v++) {
+        const vf a = to_float(lower_half(above[v])), b = to_float(upper_half(above[v]));
+        const vf d = to_float(lower_half(below[v])), e = to_float(upper_half(below[v]));
+        const vf ab = a + u[v] * (b - a), de = d + u[v] * (e - d);
+        made[v] = ab + w[v] * (de - ab);
+    }
 }
 
 typedef uint16_t Words __attribute__((vector_size(LANES * sizeof(uint16_t))));
@@ -197,30 +278,36 @@ typedef struct LaneSums {
     vi n_moved, differences;
 } LaneSums;
 
-/* The first n of LANES pixels. The others are read and written unchanged as far as the layer has them. */
+/* The first n of LANES pixels of each row. The others are read and written unchanged as far as the layer has them. */
 INLINE void write_some(const ShapeGap *g, const ShapeLayer *l, const Pixels *p, size_t n, LaneSums *sums)
 {
     const CtsShapeStack *const t = g->stack;
-    const vf share = between_blocks(g->move[SHAPE_SHARE], p), part = vf_of(l->part);
-    const vmask shares = vf_gt(share, vf_of(0)) & mask_of_bits((1U << n) - 1);
-    if (!mask_any(shares))
+    const vmask some = mask_of_bits((1U << n) - 1);
+    vf share[ROWS], move[SHAPE_SHARE][ROWS], first[ROWS], second[ROWS];
+    between_blocks(g->move[SHAPE_SHARE], p, share);
+    if (!mask_any((vf_gt(share[0], vf_of(0)) | vf_gt(share[1], vf_of(0))) & some))
         return;
-    const size_t at = (size_t)p->y * (size_t)t->n_columns + (size_t)p->x;
-    const size_t left = (size_t)t->n_columns * (size_t)t->n_rows - at, n_read = left < LANES ? left : LANES;
-    const vf a = displaced(t, l->slices[0], p, between_blocks(g->move[0], p), between_blocks(g->move[1], p));
-    const vf b = displaced(t, l->slices[1], p, between_blocks(g->move[2], p), between_blocks(g->move[3], p));
-    const vf own = to_float(words_load(l->slices[0] + at, n_read)),
-             other = to_float(words_load(l->slices[1] + at, n_read));
-    const vi before = words_load(l->grey + at, n_read);
-    const vf blended = to_float(before), straight = own + part * (other - own), half = vf_abs(other - own) / 2;
-    const vf alike = within(2 - vf_abs(b - a) / vf_max(half, vf_of(g->edges)), 0, 1);
-    const vf made = blended + share * alike * (a + part * (b - a) - blended);
-    const vi level = vi_select(shares, to_int(made + 0.5F), before);
-    const vi difference = to_int(vf_abs(to_float(level) - straight) + 0.5F);
-    const vmask same = vi_eq(level, before);
-    sums->n_moved += vi_select(same, vi_of(0), vi_of(1));
-    sums->differences += vi_select(same, vi_of(0), difference);
-    words_store(l->grey + at, level, n_read);
+    for (int k = 0; k < SHAPE_SHARE; k++)
+        between_blocks(g->move[k], p, move[k]);
+    displaced(t, l->slices[0], p, move[0], move[1], first);
+    displaced(t, l->slices[1], p, move[2], move[3], second);
+    for (int v = 0; v < p->n_rows; v++) {
+        const size_t at = (size_t)(p->y + v) * (size_t)t->n_columns + (size_t)p->x;
+        const size_t left = (size_t)t->n_columns * (size_t)t->n_rows - at, n_read = left < LANES ? left : LANES;
+        const vf part = vf_of(l->part), a = first[v], b = second[v];
+        const vf own = to_float(words_load(l->slices[0] + at, n_read)),
+                 other = to_float(words_load(l->slices[1] + at, n_read));
+        const vi before = words_load(l->grey + at, n_read);
+        const vf blended = to_float(before), straight = own + part * (other - own), half = vf_abs(other - own) / 2;
+        const vf alike = within(2 - vf_abs(b - a) / vf_max(half, vf_of(g->edges)), 0, 1);
+        const vf made = blended + share[v] * alike * (a + part * (b - a) - blended);
+        const vi level = vi_select(vf_gt(share[v], vf_of(0)) & some, to_int(made + 0.5F), before);
+        const vi difference = to_int(vf_abs(to_float(level) - straight) + 0.5F);
+        const vmask same = vi_eq(level, before);
+        sums->n_moved += vi_select(same, vi_of(0), vi_of(1));
+        sums->differences += vi_select(same, vi_of(0), difference);
+        words_store(l->grey + at, level, n_read);
+    }
 }
 
 /* Listed blocks of one row of blocks, from entry k on. Each vector begins with the next listed block; blocks between
@@ -230,18 +317,20 @@ INLINE size_t write_row(const ShapeGap *g, const ShapeLayer *l, size_t k, ShapeS
     const CtsShapeStack *const t = g->stack;
     const ShapeBlocks *const b = &g->written;
     const int row = (int)b->row[k];
-    const size_t stride = (size_t)g->n_blocks[0] + 2;
+    const ptrdiff_t stride = g->n_blocks[0] + 2;
     LaneSums all = {vi_of(0), vi_of(0)};
     while (k < b->n && b->row[k] == (uint32_t)row) {
         const uint32_t first = b->at[k] - (uint32_t)row * (uint32_t)g->n_blocks[0],
                        end = b->at[k] + LANES / SHAPE_BLOCK;
         const int x = SHAPE_BLOCK * (int)first, n = t->n_columns - x < LANES ? t->n_columns - x : LANES;
-        for (int v = 0; v < SHAPE_BLOCK && SHAPE_BLOCK * row + v < t->n_rows; v++) {
-            const int beside = row + 2 * v - 1, far_row = beside < 0 || beside >= g->n_blocks[1] ? row : beside;
-            const Pixels p = {x, SHAPE_BLOCK * row + v, shape_place(b->at[k], b->row[k]),
-                              (size_t)far_row * stride + first + 1};
-            write_some(g, l, &p, (size_t)n, &all);
-        }
+        const int y = SHAPE_BLOCK * row, to_above = row > 0 ? -1 : 0, to_below = row + 1 < g->n_blocks[1];
+        const Pixels p = {.x = x,
+                          .y = y,
+                          .n_rows = t->n_rows - y < ROWS ? t->n_rows - y : ROWS,
+                          .near = shape_place(b->at[k], b->row[k]),
+                          .far = {shape_place(b->at[k], b->row[k]) + (size_t)(to_above * stride),
+                                  shape_place(b->at[k], b->row[k]) + (size_t)(to_below * stride)}};
+        write_some(g, l, &p, (size_t)n, &all);
         while (k < b->n && b->at[k] < end && b->row[k] == (uint32_t)row)
             k++;
     }

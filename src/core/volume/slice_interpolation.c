@@ -2,11 +2,9 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "base/parallel.h"
 #include "core/volume/shape_interpolation.h"
 #include "ctsplat/volume.h"
 #include <math.h>
-#include <string.h>
 
 CtsInterpolationWeights cts_slice_interpolation_weights(double t, const double distance[3])
 {
@@ -60,43 +58,6 @@ void cts_slice_interpolation_row(uint16_t *to, const uint16_t *const slices[4], 
     CTS_CPU_CHOICE(cts_cpu_flags(), interpolate)(to, slices, n, weights);
 }
 
-enum { CHUNK = 4096 }; /* voxels of one layer that a thread follows down the stack */
-
-typedef struct Interpolation {
-    uint16_t *grey;
-    size_t layer_voxels;
-    int n_slices, n_parts;
-} Interpolation;
-
-/* Moves the slices of a column of chunks to their final places, the last one first, so that none is overwritten, and
- * inserts the layers after each. */
-static void interpolate_column(const Interpolation *r, size_t at, int n)
-{
-    const size_t slice = r->layer_voxels, step = (size_t)r->n_parts * slice;
-    for (int k = r->n_slices - 1; k >= 0; k--) {
-        uint16_t *const b = r->grey + (size_t)k * step + at, *const from = r->grey + (size_t)k * slice + at;
-        if (k > 0)
-            memcpy(b, from, (size_t)n * sizeof *b);
-        if (k + 1 == r->n_slices)
-            continue;
-        const uint16_t *const c = b + step;
-        const uint16_t *const slices[4] = {k > 0 ? from - slice : b, b, c, k + 2 < r->n_slices ? c + step : c};
-        for (int part = 1; part < r->n_parts; part++) {
-            const CtsInterpolationWeights weights =
-                cts_slice_interpolation_weights((double)part / r->n_parts, (const double[]){1, 1, 1});
-            cts_slice_interpolation_row(b + (size_t)part * slice, slices, n, &weights);
-        }
-    }
-}
-
-static void interpolate_columns(void *context, int worker, size_t first, size_t end)
-{
-    const Interpolation *const r = context;
-    (void)worker;
-    for (; first < end; first += CHUNK)
-        interpolate_column(r, first, (int)(end - first < CHUNK ? end - first : CHUNK));
-}
-
 int cts_volume_layers_per_slice(const CtsVolume *volume)
 {
     enum { MAX_PARTS = 8 }; /* error of a cubic as eight linear segments: 1 % of its range */
@@ -126,20 +87,16 @@ CtsStatus cts_volume_interpolate(CtsVolume *v, int n_parts, CtsInterpolation how
     const CtsStatus st = cts_resize_array(&v->grey, n_scanned, n, err);
     if (st)
         return st;
-    Interpolation refining = {v->grey, layer_voxels, v->dims[2], n_parts};
-    cts_parallel(cts_threads(n_threads), layer_voxels, CHUNK, interpolate_columns, &refining);
-    if (how == CTS_INTERPOLATION_SHAPE)
-        cts_shape_interpolate_layers(&(CtsShapeStack){.slices = v->grey,
-                                                      .slice_step = (size_t)n_parts * layer_voxels,
-                                                      .layers = v->grey,
-                                                      .n_columns = v->dims[0],
-                                                      .n_rows = v->dims[1],
-                                                      .n_slices = v->dims[2],
-                                                      .n_layers = (int)n_layers,
-                                                      .n_parts = n_parts,
-                                                      .hu_offset = v->hu_offset,
-                                                      .hu_step = v->hu_step},
-                                     n_threads, made);
+    cts_shape_interpolate_layers(&(CtsShapeStack){.slices = v->grey,
+                                                  .layers = v->grey,
+                                                  .n_columns = v->dims[0],
+                                                  .n_rows = v->dims[1],
+                                                  .n_slices = v->dims[2],
+                                                  .n_layers = (int)n_layers,
+                                                  .n_parts = n_parts,
+                                                  .hu_offset = v->hu_offset,
+                                                  .hu_step = v->hu_step},
+                                 how, n_threads, made);
     v->dims[2] = (int)n_layers;
     for (int c = 0; c < 3; c++)
         v->step_lps[2][c] /= n_parts;

@@ -61,26 +61,27 @@ static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, in
         made->no_memory |= !copied;
         slices = copied;
     }
-    cts_resample_stack(v->grey,
-                       &(CtsResampling){.layer_voxels = cts_scanned_layer_voxels(s),
-                                        .layer = s->layer,
-                                        .n_slices = s->n_slices,
-                                        .n_layers = s->even->dims[2],
-                                        .offset = s->offset,
-                                        .linear = how == CTS_INTERPOLATION_LINEAR},
-                       n_threads);
-    if (how == CTS_INTERPOLATION_SHAPE && slices)
+    if (slices && how == CTS_INTERPOLATION_SHAPE)
         cts_shape_interpolate_layers(&(CtsShapeStack){.slices = slices,
-                                                      .slice_step = cts_scanned_layer_voxels(s),
                                                       .layers = v->grey,
                                                       .n_columns = v->dims[0],
                                                       .n_rows = v->dims[1],
                                                       .n_slices = s->n_slices,
                                                       .n_layers = v->dims[2],
                                                       .layer = s->layer,
+                                                      .n_parts = 1,
                                                       .hu_offset = v->hu_offset,
                                                       .hu_step = v->hu_step},
-                                     n_threads, made);
+                                     how, n_threads, made);
+    else
+        cts_resample_stack(v->grey,
+                           &(CtsResampling){.layer_voxels = cts_scanned_layer_voxels(s),
+                                            .layer = s->layer,
+                                            .n_slices = s->n_slices,
+                                            .n_layers = s->even->dims[2],
+                                            .offset = s->offset,
+                                            .linear = how == CTS_INTERPOLATION_LINEAR},
+                           n_threads);
     cts_free(&copied);
 }
 
