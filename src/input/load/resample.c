@@ -1,5 +1,6 @@
 #include "input/load/load.h"
 
+#include "base/cpu.h"
 #include "base/parallel.h"
 #include "core/volume/slice_interpolation.h"
 #include <string.h>
@@ -25,13 +26,17 @@ int cts_resample_offset(const double *layer, int n_slices, int n_layers)
     return offset + 1;
 }
 
-static void blend_layers(uint16_t *to, const uint16_t *low, const uint16_t *high, size_t n, float weight)
+static inline __attribute__((always_inline)) void blend_any(uint16_t *to, const uint16_t *low, const uint16_t *high,
+                                                            size_t n, float weight)
 {
     for (size_t i = 0; i < n; i++) {
         const float a = low[i], b = high[i];
         to[i] = (uint16_t)(int32_t)(a + (b - a) * weight + 0.5f);
     }
 }
+
+CTS_CPU_VARIANTS(void, blend_layers, (uint16_t * to, const uint16_t *low, const uint16_t *high, size_t n, float weight),
+                 blend_any(to, low, high, n, weight))
 
 /* n voxels of the layer `past` layers above slice k; to must not overlap slices still needed, but may be the place of
  * slice k - 1. */
@@ -58,6 +63,8 @@ typedef struct Stack {
 static void resample_some(const Stack *stack, size_t first, size_t n)
 {
     const CtsResampling *const s = stack->resampling;
+    void (*const blend)(uint16_t *, const uint16_t *, const uint16_t *, size_t, float) =
+        CTS_CPU_CHOICE(cts_cpu_flags(), blend_layers);
     int below = 0;
     for (int j = 0; j < s->n_layers; j++) {
         below = slice_below(s->layer, s->n_slices, j, below);
@@ -67,7 +74,7 @@ static void resample_some(const Stack *stack, size_t first, size_t n)
         if (below + 1 == s->n_slices || !(past > 0))
             memmove(to, low, n * sizeof *to);
         else if (s->linear)
-            blend_layers(to, low, low + s->layer_voxels, n, (float)(past / (s->layer[below + 1] - s->layer[below])));
+            blend(to, low, low + s->layer_voxels, n, (float)(past / (s->layer[below + 1] - s->layer[below])));
         else
             blend_cubic(s, to, low, below, past, n);
     }
