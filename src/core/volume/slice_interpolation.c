@@ -30,11 +30,12 @@ static inline __attribute__((always_inline)) void interpolate_part(uint16_t *res
 {
     const uint16_t *const pa = slices[0], *const pb = slices[1], *const pc = slices[2], *const pd = slices[3];
     for (int i = 0; i < n; i++) {
-        const float b = pb[i], c = pc[i];
-        const float a = first ? 2 * b - c : (float)pa[i], d = last ? 2 * c - b : (float)pd[i];
-        const float y = w->a * a + w->b * b + w->c * c + w->d * d;
-        const float low = b < c ? b : c, high = b < c ? c : b;
-        to[i] = (uint16_t)(int32_t)((y < low ? low : y > high ? high : y) + 0.5f);
+        const int b = pb[i], c = pc[i], low = b < c ? b : c, high = b < c ? c : b;
+        const float a = first ? (float)(2 * b - c) : (float)pa[i], d = last ? (float)(2 * c - b) : (float)pd[i];
+        /* Limited as an integer: rounding does not leave the range. */
+        int y = (int)(w->a * a + w->b * (float)b + w->c * (float)c + w->d * d + 0.5f);
+        y = y < low ? low : y;
+        to[i] = (uint16_t)(y > high ? high : y);
     }
 }
 
