@@ -122,6 +122,7 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * and, unless SIMD_DOUBLE is defined:
  *
  * - vi_gather(from, index, mask): from[index] of 32 bits
+ * - vi_load_shorts(from), vi_load_words(from): LANES elements of 16 bits, with and without sign
  * - vi_gather_pairs(from, index, mask): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
  * - vi_gather_64(from, index, mask, &second): from[index] of two int32_t, the first returned
  * - vs_madd(a, b): a[2 l] * b[2 l] + a[2 l + 1] * b[2 l + 1] in lane l, 32 bits
@@ -244,6 +245,8 @@ SIMD_EACH(ws, ws_permute_rows, (ws table, ws index), vs_permute_rows(table.part[
 
 SIMD_EACH(wf, wf_look_up, (const float *table, int n, wi index), vf_look_up(table, n, index.part[p]))
 SIMD_EACH(wi, wi_gather, (const void *from, wi at, wmask mask), vi_gather(from, at.part[p], mask.part[p]))
+SIMD_EACH(wi, wi_load_shorts, (const int16_t *from), vi_load_shorts(from + LANES * p))
+SIMD_EACH(wi, wi_load_words, (const uint16_t *from), vi_load_words(from + LANES * p))
 SIMD_EACH(wi, wi_gather_pairs, (const void *from, wi at, wmask mask), vi_gather_pairs(from, at.part[p], mask.part[p]))
 SIMD_EACH(wi, wi_gather_64, (const int32_t (*from)[2], wi at, wmask mask, wi *second),
           vi_gather_64(from, at.part[p], mask.part[p], &second->part[p]))

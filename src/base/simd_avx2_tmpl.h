@@ -24,6 +24,9 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
     return (vf)_mm256_i32gather_ps(table, (__m256i)index, 4);
 }
 
+SIMD_OP(vi, vi_load_shorts, (const int16_t *from), (vi)_mm256_cvtepi16_epi32(_mm_loadu_si128((const void *)from)))
+SIMD_OP(vi, vi_load_words, (const uint16_t *from), (vi)_mm256_cvtepu16_epi32(_mm_loadu_si128((const void *)from)))
+
 SIMD_OP(vi, vi_gather, (const void *from, vi index, vmask mask),
         (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 4))
 SIMD_OP(vi, vi_gather_bytes, (const void *from, vi index, vmask mask),

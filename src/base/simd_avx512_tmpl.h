@@ -27,6 +27,9 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
     return (vf)_mm512_i32gather_ps((__m512i)index, table, 4);
 }
 
+SIMD_OP(vi, vi_load_shorts, (const int16_t *from), (vi)_mm512_cvtepi16_epi32(_mm256_loadu_si256((const void *)from)))
+SIMD_OP(vi, vi_load_words, (const uint16_t *from), (vi)_mm512_cvtepu16_epi32(_mm256_loadu_si256((const void *)from)))
+
 SIMD_OP(vi, vi_gather, (const void *from, vi index, vmask mask),
         (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask, (__m512i)index, from, 4))
 SIMD_OP(vi, vi_gather_bytes, (const void *from, vi index, vmask mask),

@@ -84,6 +84,22 @@ INLINE vi vi_gather(const void *from, vi index, vmask mask)
     return v;
 }
 
+INLINE vi vi_load_shorts(const int16_t *from)
+{
+    vi v;
+    for (int l = 0; l < LANES; l++)
+        v[l] = from[l];
+    return v;
+}
+
+INLINE vi vi_load_words(const uint16_t *from)
+{
+    vi v;
+    for (int l = 0; l < LANES; l++)
+        v[l] = from[l];
+    return v;
+}
+
 INLINE vi vi_gather_pairs(const void *from, vi index, vmask mask)
 {
     vi v = vi_of(0);

@@ -34,6 +34,8 @@ WHOLES(wf_to_int, wf_to_int(c), (int32_t)c)
 WHOLES(wf_round, wf_round(r), (int32_t)rintf(r))
 WHOLES(ws_madd, ws_madd(s, t), madd(in, l))
 WHOLES(wi_gather, wi_gather(in->twos, b, m), m ? (&in->twos[0][0])[b] : 0)
+WHOLES(wi_load_shorts, wi_load_shorts(in->rows + 5), in->rows[5 + l])
+WHOLES(wi_load_words, wi_load_words(in->grey + 3), in->grey[3 + l])
 WHOLES(wi_gather_pairs, wi_gather_pairs(in->grey, b, m),
        m ? (int32_t)(in->grey[b] | (uint32_t)in->grey[b + 1] << 16) : 0)
 WHOLES(wi_gather_bytes, wi_gather_bytes(in->grey, b, m), m ? ((const uint8_t *)in->grey)[b] : 0)

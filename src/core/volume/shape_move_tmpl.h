@@ -84,15 +84,6 @@ INLINE vf within(vf x, float low, float high)
     return vf_min(vf_max(x, vf_of(low)), vf_of(high));
 }
 
-typedef int16_t Shorts __attribute__((vector_size(LANES * sizeof(int16_t))));
-
-INLINE vi distances(const int16_t *d)
-{
-    Shorts shorts;
-    memcpy(&shorts, d, sizeof shorts);
-    return __builtin_convertvector(shorts, vi);
-}
-
 /* LANES blocks of a row side by side, from block x on, and what lies beside them. */
 typedef struct Places {
     size_t at;              /* place of the first one */
@@ -115,8 +106,8 @@ INLINE Places places_of(const ShapeGap *g, int x, int row)
 INLINE vi to_left(const int16_t *d, const Places *p)
 {
     if (!p->is_first)
-        return distances(d + p->at - 1);
-    const vi own = distances(d + p->at);
+        return vi_load_shorts(d + p->at - 1);
+    const vi own = vi_load_shorts(d + p->at);
     vi left = own;
     for (int l = 1; l < LANES; l++)
         left[l] = own[l - 1];
@@ -125,14 +116,14 @@ INLINE vi to_left(const int16_t *d, const Places *p)
 
 INLINE vi to_right(const int16_t *d, const Places *p)
 {
-    return vi_select(p->last, distances(d + p->at), distances(d + p->at + 1));
+    return vi_select(p->last, vi_load_shorts(d + p->at), vi_load_shorts(d + p->at + 1));
 }
 
 /* Adds a displacement of so many blocks, along the gradient of the distances, to x and y. */
 INLINE void go(const int16_t *d, const Places *p, vf blocks, vf *x, vf *y)
 {
     const vf along_x = to_float(to_right(d, p) - to_left(d, p));
-    const vf along_y = to_float(distances(d + p->at + p->below) - distances(d + p->at + p->above));
+    const vf along_y = to_float(vi_load_shorts(d + p->at + p->below) - vi_load_shorts(d + p->at + p->above));
     const vf length = vf_sqrt(along_x * along_x + along_y * along_y), pixels = (float)SHAPE_BLOCK * blocks;
     const vmask leads = vf_gt(length, vf_of(SHORTEST));
     *x += vf_select(leads, pixels * along_x / length, vf_of(0));
@@ -147,7 +138,7 @@ INLINE void find_some(const ShapeGap *g, const Places *p, vf part, vmask moving,
         move[number] = vf_of(0);
     for (int s = 0; s < SHAPE_SURFACES; s++) {
         const int16_t *const first = g->distance[0][s], *const second = g->distance[1][s];
-        const vi d = distances(first + p->at), e = distances(second + p->at), far = vi_of(SHAPE_FAR / 2);
+        const vi d = vi_load_shorts(first + p->at), e = vi_load_shorts(second + p->at), far = vi_of(SHAPE_FAR / 2);
         const vmask known = vi_lt(vi_max(d, -d), far) & vi_lt(vi_max(e, -e), far);
         const vf before = to_float(d) * BLOCK_OF_UNIT, difference = to_float(e - d) * BLOCK_OF_UNIT;
         const vf moved = vf_abs(difference), off = vf_abs(before + part * difference);
@@ -253,17 +244,17 @@ INLINE void displaced(const CtsShapeStack *t, const uint16_t *slice, const Pixel
 
 typedef uint16_t Words __attribute__((vector_size(LANES * sizeof(uint16_t))));
 
-/* LANES grey levels, or the first n. A memcpy() of constant size is one instruction. */
+/* LANES grey levels, or the first n. */
 INLINE vi words_load(const uint16_t *from, size_t n)
 {
-    Words words = {0};
+    uint16_t words[LANES] = {0};
     if (n == LANES)
-        memcpy(&words, from, sizeof words);
-    else
-        memcpy(&words, from, n * sizeof *from);
-    return __builtin_convertvector(words, vi);
+        return vi_load_words(from);
+    memcpy(words, from, n * sizeof *from);
+    return vi_load_words(words);
 }
 
+/* A memcpy() of constant size is one instruction. */
 INLINE void words_store(uint16_t *to, vi levels, size_t n)
 {
     const Words words = __builtin_convertvector(levels, Words);
