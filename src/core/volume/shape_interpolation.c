@@ -43,8 +43,8 @@ typedef struct Shaping {
     int first, end;          /* range of slices processed in parallel; those from `end` on are at their layers */
 } Shaping;
 
-/* CHUNK: blocks that are searched for crossings together. */
-enum { EIGHT = 8, CHUNK = 32 };
+/* CHUNK: blocks that are searched for crossings together; WORD: those whose flags are the bits of a word. */
+enum { CHUNK = 32, WORD = 64 };
 
 /* Scratch memory of one thread. */
 typedef struct Scratch {
@@ -55,8 +55,7 @@ typedef struct Scratch {
     ShapeGap gap;
     uint16_t *grey, *row; /* of both fields; four rows of blocks, two blocks and a chunk */
     int16_t *known;       /* for each surface, the distances of a row and of a block beyond each end */
-    /* For one gap: blocks that move, as bytes and as bits, and those that do or whose neighbours in the row do. */
-    uint8_t *moves;
+    /* For one gap: blocks that move, and those that do or whose neighbours in the row do. */
     uint64_t *bits, *near;
     float *move;
     int16_t *distance;
@@ -95,7 +94,6 @@ static void scratch_free(Scratch *c)
     cts_free(&c->row);
     cts_free(&c->known);
     cts_free(&c->move);
-    cts_free(&c->moves);
     cts_free(&c->bits);
     cts_free(&c->near);
 }
@@ -113,9 +111,8 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
         (st = cts_alloc_array(&c->row, 4 * (size_t)s->n_blocks[0] + 2 + CHUNK, err)) ||
         (st = cts_alloc_array(&c->known, N_SURFACES * ((size_t)s->n_blocks[0] + 2), err)) ||
         (st = cts_alloc_zeroed(&c->move, SHAPE_NUMBERS * n_moves + SHAPE_LANES, err)) ||
-        (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->bits, n_bits, err)) ||
-        (st = cts_alloc_array(&c->near, n_bits, err)) || (st = blocks_new(&c->gap.moving, n, err)) ||
-        (st = blocks_new(&c->gap.written, n, err))) {
+        (st = cts_alloc_array(&c->bits, n_bits, err)) || (st = cts_alloc_array(&c->near, n_bits, err)) ||
+        (st = blocks_new(&c->gap.moving, n, err)) || (st = blocks_new(&c->gap.written, n, err))) {
         scratch_free(c);
         *c = (Scratch){.no_memory = true};
         return st;
@@ -282,42 +279,49 @@ INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, SliceField *
 CTS_CPU_VARIANTS(void, read_field, (const Shaping *s, int slice, Scratch *c, SliceField *field),
                  read_any_field(s, slice, c, field))
 
-/* Flags blocks that are displaced at any position between the slices and that differ by more than noise; displacements
- * of all others are 0. */
-INLINE void find_any_moves(const Shaping *s, Scratch *c)
+/* Bit i: block at + i, of n, is displaced at any position between the slices and differs by more than noise;
+ * displacements of all others are 0. */
+INLINE uint64_t flag_blocks(const Shaping *s, const Scratch *c, size_t at, int n)
 {
-    const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
+    const uint16_t *const a = c->field[0].grey + at, *const b = c->field[1].grey + at;
     const int alike = (int)s->alike;
-    uint8_t *restrict const moves = c->moves;
-    const size_t n = n_all_blocks(s);
-    memset(moves, 0, n);
+    enum { EIGHT = 8 };
+    uint8_t moves[WORD] = {0};
+    uint64_t bits = 0;
+    int any = 0;
+    for (int i = 0; i < n; i++)
+        any |= abs(b[i] - a[i]) > alike;
+    if (!any)
+        return 0;
     for (int l = 0; l < N_SURFACES; l++) {
-        const int16_t *const d = c->field[0].distance[l], *const e = c->field[1].distance[l];
-        for (size_t i = 0; i < n; i++) {
+        const int16_t *const d = c->field[0].distance[l] + at, *const e = c->field[1].distance[l] + at;
+        for (int i = 0; i < n; i++) {
             const int moved = abs(e[i] - d[i]), off = least(abs(d[i]), abs(e[i]));
             moves[i] |= (moved > SHAPE_MOVES_FROM) & (abs(b[i] - a[i]) > alike) &
                         (((d[i] ^ e[i]) < 0) | (off < SHAPE_GOES_WITH * moved + 2 * SIDE));
         }
     }
+    for (int i = 0; i < WORD; i += EIGHT) {
+        uint64_t eight;
+        memcpy(&eight, moves + i, sizeof eight);
+        for (int k = 0; eight && k < EIGHT; k++)
+            bits |= (uint64_t)moves[i + k] << (i + k);
+    }
+    return bits;
+}
+
+INLINE void find_any_moves(const Shaping *s, Scratch *c)
+{
+    const int nx = s->n_blocks[0];
+    uint64_t *bits = c->bits;
+    for (int j = 0; j < s->n_blocks[1]; j++)
+        for (int i = 0; i <= nx; i += WORD) {
+            const size_t at = (size_t)j * (size_t)nx + (size_t)i;
+            *bits++ = nx - i < WORD ? flag_blocks(s, c, at, nx - i) : flag_blocks(s, c, at, WORD);
+        }
 }
 
 CTS_CPU_VARIANTS(void, find_moves, (const Shaping *s, Scratch *c), find_any_moves(s, c))
-
-/* Flags of a row as bits: of eight bytes at once where any is set. */
-static void pack_row(const uint8_t *flags, int n, uint64_t *bits)
-{
-    memset(bits, 0, ((size_t)n / 64 + 1) * sizeof *bits);
-    int i = 0;
-    for (; i + EIGHT <= n; i += EIGHT) {
-        uint64_t eight;
-        memcpy(&eight, flags + i, sizeof eight);
-        if (eight)
-            for (int k = 0; k < EIGHT; k++)
-                bits[i / 64] |= (uint64_t)flags[i + k] << (i + k) % 64;
-    }
-    for (; i < n; i++)
-        bits[i / 64] |= (uint64_t)flags[i] << i % 64;
-}
 
 /* Lists the blocks whose bit is set. */
 static void list_flagged(const Shaping *s, const uint64_t *bits, ShapeBlocks *list)
@@ -346,12 +350,10 @@ static void widen_row(const uint64_t *own, int n_blocks, uint64_t *to)
  * adjacent blocks affect a pixel, too. */
 static void list_blocks(const Shaping *s, Scratch *c)
 {
-    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_row_words(s);
+    const size_t ny = (size_t)s->n_blocks[1], n = n_row_words(s);
     CTS_CPU_CHOICE(cts_cpu_flags(), find_moves)(s, c);
-    for (size_t j = 0; j < ny; j++) {
-        pack_row(c->moves + j * nx, (int)nx, c->bits + j * n);
-        widen_row(c->bits + j * n, (int)nx, c->near + j * n);
-    }
+    for (size_t j = 0; j < ny; j++)
+        widen_row(c->bits + j * n, s->n_blocks[0], c->near + j * n);
     list_flagged(s, c->bits, &c->gap.moving);
     for (size_t j = 0; j < ny; j++) {
         const uint64_t *const own = c->near + j * n, *const above = j > 0 ? own - n : own;
