@@ -43,8 +43,8 @@ typedef struct Shaping {
     int first, end;          /* range of slices processed in parallel; those from `end` on are at their layers */
 } Shaping;
 
-/* CHUNK: blocks that are searched for crossings together; WORD: those whose flags are the bits of a word. */
-enum { CHUNK = 32, WORD = 64 };
+/* Blocks of a row that are searched together; flags of theirs are the bits of a word. */
+enum { CHUNK = 64 };
 
 /* Scratch memory of one thread. */
 typedef struct Scratch {
@@ -286,7 +286,7 @@ INLINE uint64_t flag_blocks(const Shaping *s, const Scratch *c, size_t at, int n
     const uint16_t *const a = c->field[0].grey + at, *const b = c->field[1].grey + at;
     const int alike = (int)s->alike;
     enum { EIGHT = 8 };
-    uint8_t moves[WORD] = {0};
+    uint8_t moves[CHUNK] = {0};
     uint64_t bits = 0;
     int any = 0;
     for (int i = 0; i < n; i++)
@@ -301,7 +301,7 @@ INLINE uint64_t flag_blocks(const Shaping *s, const Scratch *c, size_t at, int n
                         (((d[i] ^ e[i]) < 0) | (off < SHAPE_GOES_WITH * moved + 2 * SIDE));
         }
     }
-    for (int i = 0; i < WORD; i += EIGHT) {
+    for (int i = 0; i < CHUNK; i += EIGHT) {
         uint64_t eight;
         memcpy(&eight, moves + i, sizeof eight);
         for (int k = 0; eight && k < EIGHT; k++)
@@ -315,9 +315,9 @@ INLINE void find_any_moves(const Shaping *s, Scratch *c)
     const int nx = s->n_blocks[0];
     uint64_t *bits = c->bits;
     for (int j = 0; j < s->n_blocks[1]; j++)
-        for (int i = 0; i <= nx; i += WORD) {
+        for (int i = 0; i <= nx; i += CHUNK) {
             const size_t at = (size_t)j * (size_t)nx + (size_t)i;
-            *bits++ = nx - i < WORD ? flag_blocks(s, c, at, nx - i) : flag_blocks(s, c, at, WORD);
+            *bits++ = nx - i < CHUNK ? flag_blocks(s, c, at, nx - i) : flag_blocks(s, c, at, CHUNK);
         }
 }
 
