@@ -8,6 +8,7 @@
 #include "core/model/macrocells.h"
 #include "core/model/voxel_labels.h"
 #include "core/scene/openness_beams.h"
+#include <limits.h>
 #include <math.h>
 #include <string.h>
 
@@ -23,19 +24,24 @@ enum {
     N_LEVELS = UINT16_MAX + 1,
     MAX_EDGE = 256,                   /* voxels of a block's edge: sums over a block's rows stay below 2^32 */
     N_AXES = OPENNESS_DIRECTIONS / 2, /* directions of which none is another's opposite */
-    /* Blocks of a tile along y and z, and along x. The steps of a tile's rows along a direction are rows of the next
-     * ones, so that the first cache has them. */
-    TILE_ROWS = 8,
-    TILE_LAYERS = 16,
-    TILE_WIDTH = 128
+    MARGIN = 32, /* blocks on either side of a line's rows: OPENNESS_MAX_STEPS, and rows stay aligned */
+    ROW_BITS = 64,
+    MIN_PER_BIT = 4, /* measured: with fewer, more time for bits than it saves */
+    FAR = OPENNESS_MAX_STEPS + 1
 };
 
 /* A direction and its opposite. */
 typedef struct Axis {
     int step[3];
-    int n_steps; /* K */
-    int length;  /* of a step: which of Making.length_mm */
+    int n_steps;   /* K */
+    int length;    /* of a step: which of Making.length_mm */
+    uint16_t mean; /* 2^16 / (K + 1), at most 2^16 - 1 */
 } Axis;
+
+/* First axes of bundles. Axes of a bundle have the same step along y and z, so that their beams stay within a line of
+ * rows of blocks; the axis x, whose beams stay within a row, is in the first bundle. */
+enum { N_BUNDLES = 4, BUNDLE_AXES = 4 /* at most */ };
+static const int first_axis[N_BUNDLES + 1] = {0, 4, 7, 10, N_AXES};
 
 typedef struct Making {
     CtsOpenness *open;
@@ -45,17 +51,23 @@ typedef struct Making {
     uint16_t *extinction;            /* by appearance and grey level, in EXTINCTION_UNIT */
     uint32_t *visible_below; /* by grey level: lower ones that have an extinction; NULL where appearances differ */
     uint8_t *visible_cell;   /* by fine macro-cell: 1 where a voxel may have an extinction; NULL: unknown */
-    uint32_t *row_sums;      /* by worker and voxel of a row: sum of extinctions over a block's rows */
-    uint16_t *row_means;     /* by worker and block of a row: mean extinction */
-    uint8_t *row_cells; /* by worker and macro-cell of a row: 1 where one of the block's rows of cells is visible */
+    uint32_t *row_sums;      /* by worker and voxel of a row of blocks: sum of extinctions over the block's rows */
     Axis axis[N_AXES];
     int n_lengths;
     double length_mm[N_AXES];
     uint16_t *passed[N_AXES]; /* transmittance of a mean extinction for each length, in 2^-16 */
-    /* Transmittance of blocks, rows of them, each with a margin where nothing absorbs between it and the next. */
-    uint16_t *transmittance[N_AXES];
-    int margin, row;   /* blocks of it; of a row with it */
-    uint8_t *openness; /* by block */
+    uint64_t *absorbing; /* by row of blocks: bits of per_bit blocks each, 0 where none of these has an extinction */
+    int per_bit;
+    /* By block: sum of openness over directions; mean extinction; openness. They are in the memory of open->square,
+     * openness where the means were. */
+    uint16_t *sums, *means;
+    uint8_t *openness;
+    uint16_t *shared_sum; /* by row of blocks: to be added to all of its sums */
+    size_t n_packed;      /* rows of open->square that are done */
+    int bundle;           /* the current one */
+    int row, pitch;       /* blocks of a row in a line, a multiple of OPENNESS_LANES; with its margins */
+    uint16_t *lines;      /* by worker: memory of follow_beams() */
+    size_t line_size;
 } Making;
 
 static void size_blocks(CtsOpenness *o, const CtsVolume *v)
@@ -108,9 +120,12 @@ static void find_light_axes(Making *m)
         const double mm = step_mm(m, axis->step), steps = floor(REACH_MM / mm + 0.5) - 1;
         axis->n_steps = steps < 0 ? 0 : steps > OPENNESS_MAX_STEPS ? OPENNESS_MAX_STEPS : (int)steps;
         axis->length = find_length(m, mm);
-        m->margin = axis->n_steps > m->margin ? axis->n_steps : m->margin;
+        axis->mean = (uint16_t)fmin(N_LEVELS / (axis->n_steps + 1), UINT16_MAX);
     }
-    m->row = m->open->n[0] + m->margin;
+    const int n_lanes = OPENNESS_LANES, last = m->open->n[0] - 1;
+    m->row = (last / n_lanes + 1) * n_lanes;
+    m->pitch = m->row + 2 * MARGIN;
+    m->per_bit = last / ROW_BITS < MIN_PER_BIT ? MIN_PER_BIT : last / ROW_BITS + 1;
 }
 
 static void fill_extinction(uint16_t *extinction, const CtsPreset *preset, const CtsVolume *v)
@@ -163,62 +178,58 @@ static void find_visible_cells(void *context, int worker, size_t first, size_t e
 {
     const Making *const m = context;
     const size_t n = (size_t)m->macrocells->n_fine[0];
+    const CtsRange *const range = m->macrocells->fine;
+    const uint32_t *const visible_below = m->visible_below;
+    uint8_t *const visible_cell = m->visible_cell;
     (void)worker;
-    for (size_t c = first * n; c < end * n; c++) {
-        const CtsRange r = m->macrocells->fine[c];
-        m->visible_cell[c] = m->visible_below[r.high + 1] > m->visible_below[r.low];
-    }
+    for (size_t c = first * n; c < end * n; c++)
+        visible_cell[c] = visible_below[range[c].high + 1] > visible_below[range[c].low];
 }
 
-/* Voxels of a block from first on, along an axis. */
-static int voxels_of(const Making *m, int axis, int first)
+/* Adds the extinctions of voxels begin to end - 1 of each row of a box of voxels. */
+static void sum_voxels(const Making *m, const int low[3], const int high[3], size_t begin, size_t end, uint32_t *sums)
 {
-    const int left = m->volume->dims[axis] - first;
-    return m->open->size[axis] < left ? m->open->size[axis] : left;
-}
-
-/* Sets row_cells of the worker for the voxel rows (first + 0..n - 1 along y and z). */
-static const uint8_t *visible_cells_of_row(const Making *m, int worker, const int first[3], const int n[3])
-{
-    const CtsMacrocells *const c = m->macrocells;
-    const size_t n_cells = (size_t)c->n_fine[0];
-    uint8_t *const cells = m->row_cells + (size_t)worker * n_cells;
-    int low[3], high[3];
-    for (int a = 1; a < 3; a++) {
-        low[a] = first[a] / CTS_FINE_MACROCELL;
-        high[a] = (first[a] + n[a] - 1) / CTS_FINE_MACROCELL;
-        low[a] = low[a] < c->n_fine[a] ? low[a] : c->n_fine[a] - 1;
-        high[a] = high[a] < c->n_fine[a] ? high[a] : c->n_fine[a] - 1;
-    }
-    memset(cells, 0, n_cells);
-    for (int k = low[2]; k <= high[2]; k++)
-        for (int j = low[1]; j <= high[1]; j++) {
-            const uint8_t *const of_row = m->visible_cell + ((size_t)k * (size_t)c->n_fine[1] + (size_t)j) * n_cells;
-            for (size_t i = 0; i < n_cells; i++)
-                cells[i] |= of_row[i];
-        }
-    return cells;
-}
-
-/* Adds the extinctions of voxels begin to end - 1 of each row of a row of blocks. */
-static void sum_voxels(const Making *m, const int first[3], const int n[3], int begin, int end, uint32_t *sums)
-{
+    enum { CACHE_LINE = 64 / sizeof(uint16_t) };
     const uint16_t *const extinction = m->extinction + (size_t)CTS_APPEARANCE_PRESET * N_LEVELS;
     const size_t nx = (size_t)m->volume->dims[0], ny = (size_t)m->volume->dims[1];
-    for (int k = first[2]; k < first[2] + n[2]; k++)
-        for (int j = first[1]; j < first[1] + n[1]; j++) {
+    const size_t ahead = nx * (size_t)m->open->size[1]; /* most of the same columns of the next row of blocks */
+    for (int k = low[2]; k < high[2]; k++)
+        for (int j = low[1]; j < high[1]; j++) {
             const uint16_t *const row = m->shown->grey + ((size_t)k * ny + (size_t)j) * nx;
-            for (int i = begin; i < end; i++)
+            for (size_t i = begin; i < end; i += CACHE_LINE)
+                __builtin_prefetch(row + ahead + i);
+            for (size_t i = begin; i < end; i++)
                 sums[i] += extinction[row[i]];
         }
 }
 
-/* The same, each voxel by its own appearance. */
-static void sum_labelled_voxels(const Making *m, const int first[3], const int n[3], uint32_t *sums)
+/* The same for those in visible macro-cells, of a box in one row of them; false where there are none. A macro-cell
+ * contains the voxels of its lower faces, and those at the volume's last face. */
+static bool sum_visible_voxels(const Making *m, const int low[3], const int high[3], uint32_t *sums)
+{
+    const int *const n = m->macrocells->n_fine;
+    int at[3];
+    for (int a = 1; a < 3; a++)
+        at[a] = low[a] / CTS_FINE_MACROCELL < n[a] ? low[a] / CTS_FINE_MACROCELL : n[a] - 1;
+    const uint8_t *const cells = m->visible_cell + ((size_t)at[2] * (size_t)n[1] + (size_t)at[1]) * (size_t)n[0];
+    const uint8_t *const last = cells + n[0], *begin = cells, *end;
+    bool any = false;
+    for (; (begin = memchr(begin, 1, (size_t)(last - begin))); begin = end) {
+        end = memchr(begin, 0, (size_t)(last - begin));
+        sum_voxels(m, low, high, (size_t)(begin - cells) * CTS_FINE_MACROCELL,
+                   end ? (size_t)(end - cells) * CTS_FINE_MACROCELL : (size_t)m->volume->dims[0], sums);
+        end = end ? end : last;
+        any = true;
+    }
+    return any;
+}
+
+/* The same, each voxel of rows by its own appearance. */
+static void sum_labelled_voxels(const Making *m, const int low[3], const int high[3], uint32_t *sums)
 {
     const int *const d = m->volume->dims;
-    for (int k = first[2]; k < first[2] + n[2]; k++)
-        for (int j = first[1]; j < first[1] + n[1]; j++)
+    for (int k = low[2]; k < high[2]; k++)
+        for (int j = low[1]; j < high[1]; j++)
             for (int i = 0; i < d[0]; i++) {
                 const int appearance = cts_appearance_of_voxel(m->voxel_labels, i, j, k);
                 const uint16_t g = m->volume->grey[((size_t)k * (size_t)d[1] + (size_t)j) * (size_t)d[0] + (size_t)i];
@@ -226,32 +237,29 @@ static void sum_labelled_voxels(const Making *m, const int first[3], const int n
             }
 }
 
-/* Sums of extinctions of the voxels of a row of blocks over y and z; false where all are 0. A macro-cell contains the
- * voxels of its lower faces, and those at the volume's last face. */
-static bool sum_rows(const Making *m, int worker, const int first[3], const int n[3], uint32_t *sums)
+static int next_cell(int at, int end)
 {
-    const int nx = m->volume->dims[0];
-    if (!m->visible_below || !m->visible_cell) {
-        memset(sums, 0, (size_t)nx * sizeof *sums);
-        if (m->visible_below)
-            sum_voxels(m, first, n, 0, nx, sums);
-        else
-            sum_labelled_voxels(m, first, n, sums);
-        return true;
+    const int next = (at / CTS_FINE_MACROCELL + 1) * CTS_FINE_MACROCELL;
+    return next < end ? next : end;
+}
+
+/* Sums of extinctions of the voxels of a row of blocks over y and z; false where all are 0. */
+static bool sum_rows(const Making *m, const int low[3], const int high[3], uint32_t *sums)
+{
+    int from[3], to[3];
+    bool any = !m->visible_cell;
+    if (!m->visible_below)
+        sum_labelled_voxels(m, low, high, sums);
+    else if (!m->visible_cell)
+        sum_voxels(m, low, high, 0, (size_t)high[0], sums);
+    for (from[2] = low[2]; from[2] < high[2] && m->visible_cell; from[2] = to[2]) {
+        to[2] = next_cell(from[2], high[2]);
+        for (from[1] = low[1]; from[1] < high[1]; from[1] = to[1]) {
+            to[1] = next_cell(from[1], high[1]);
+            any = sum_visible_voxels(m, from, to, sums) || any;
+        }
     }
-    const uint8_t *const cells = visible_cells_of_row(m, worker, first, n);
-    const int n_cells = m->macrocells->n_fine[0];
-    if (!memchr(cells, 1, (size_t)n_cells))
-        return false;
-    memset(sums, 0, (size_t)nx * sizeof *sums);
-    for (int c = 0; c < n_cells; c++) {
-        const int begin = c;
-        while (c < n_cells && cells[c])
-            c++;
-        if (c > begin)
-            sum_voxels(m, first, n, begin * CTS_FINE_MACROCELL, c < n_cells ? c * CTS_FINE_MACROCELL : nx, sums);
-    }
-    return true;
+    return any;
 }
 
 /* n_area: voxels that each of the sums has. */
@@ -266,56 +274,38 @@ static inline void divide_sums(const uint32_t *sums, int n_blocks, int size, int
     }
 }
 
-/* Mean extinctions of a row of blocks, whose voxels along y and z are n; false where all are 0. */
-static bool find_block_means(const Making *m, int worker, const int first[3], const int n[3], uint16_t *means)
-{
-    const int nx = m->volume->dims[0], size = m->open->size[0], n_whole = nx / size, n_area = n[1] * n[2];
-    uint32_t *const sums = m->row_sums + (size_t)worker * (size_t)nx;
-    if (!sum_rows(m, worker, first, n, sums))
-        return false;
-    if (size == 3) /* the size of most blocks: unrolled */
-        divide_sums(sums, n_whole, 3, n_area, means);
-    else
-        divide_sums(sums, n_whole, size, n_area, means);
-    if (n_whole < m->open->n[0])
-        divide_sums(sums + n_whole * size, 1, nx - n_whole * size, n_area, means + n_whole);
-    return true;
-}
-
-/* Rows of blocks. */
+/* Mean extinctions of rows of blocks, which are 0 before. */
 static void fill_rows(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
-    const int *const n = m->open->n, *const size = m->open->size;
-    uint16_t *const means = m->row_means + (size_t)worker * (size_t)n[0];
+    const int *const n = m->open->n, *const size = m->open->size, *const d = m->volume->dims;
+    const size_t n_sums = (size_t)n[0] * (size_t)size[0];
+    uint32_t *const sums = m->row_sums + (size_t)worker * n_sums;
     for (size_t r = first; r < end; r++) {
-        const int at[3] = {0, (int)(r % (size_t)n[1]) * size[1], (int)(r / (size_t)n[1]) * size[2]};
-        const int voxels[3] = {size[0], voxels_of(m, 1, at[1]), voxels_of(m, 2, at[2])};
-        const bool absorbs = find_block_means(m, worker, at, voxels, means);
-        for (int l = 0; l < m->n_lengths; l++) {
-            uint16_t *const row = m->transmittance[l] + (size_t)m->margin + r * (size_t)m->row;
-            for (int i = 0; i < n[0] && absorbs; i++)
-                row[i] = m->passed[l][means[i]];
-            const int filled = absorbs ? n[0] : 0;
-            memset(row + filled, 255, (size_t)(m->row - filled) * sizeof *row);
+        const int low[3] = {0, (int)(r % (size_t)n[1]) * size[1], (int)(r / (size_t)n[1]) * size[2]};
+        const int high[3] = {d[0], low[1] + size[1] < d[1] ? low[1] + size[1] : d[1],
+                             low[2] + size[2] < d[2] ? low[2] + size[2] : d[2]};
+        const int n_area = (high[1] - low[1]) * (high[2] - low[2]);
+        uint16_t *const means = m->means + r * (size_t)n[0];
+        memset(sums, 0, n_sums * sizeof *sums);
+        m->absorbing[r] = 0;
+        if (!sum_rows(m, low, high, sums))
+            continue;
+        for (int i = 0, bit = 0; i < n[0]; i += m->per_bit, bit++) {
+            const int n_blocks = m->per_bit < n[0] - i ? m->per_bit : n[0] - i;
+            const uint32_t *const from = sums + i * size[0];
+            uint32_t any = 0;
+            for (int x = 0; x < n_blocks * size[0]; x++)
+                any |= from[x];
+            m->absorbing[r] |= (uint64_t)(any > 0) << bit;
+            if (any && size[0] == 3) /* the size of most blocks: unrolled */
+                divide_sums(from, n_blocks, 3, n_area, means + i);
+            else if (any)
+                divide_sums(from, n_blocks, size[0], n_area, means + i);
         }
+        const int last = n[0] - 1; /* may be narrower */
+        divide_sums(sums + last * size[0], 1, d[0] - last * size[0], n_area, means + last);
     }
-}
-
-/* The margin before the first row, and what vectors read beyond the last one. */
-static void fill_ends(const Making *m, size_t n_rows)
-{
-    for (int l = 0; l < m->n_lengths; l++) {
-        memset(m->transmittance[l], 255, (size_t)m->margin * sizeof **m->transmittance);
-        memset(m->transmittance[l] + (size_t)m->margin + n_rows * (size_t)m->row, 255,
-               OPENNESS_LANES * sizeof **m->transmittance);
-    }
-}
-
-/* Blocks from a place to the end of the volume along an axis, in the direction of a step. */
-static int room(const Making *m, int axis, int step, int at)
-{
-    return step > 0 ? m->open->n[axis] - 1 - at : step < 0 ? at : OPENNESS_MAX_STEPS;
 }
 
 static const OpennessKernels *choose_openness_kernels(void)
@@ -326,119 +316,163 @@ static const OpennessKernels *choose_openness_kernels(void)
                                 : &cts_openness_kernels_c;
 }
 
-typedef struct OpenTile {
-    int first[3], end[3];
-    int n_lanes;
-    uint16_t sums[TILE_LAYERS][TILE_ROWS][TILE_WIDTH];
-} OpenTile;
+/* Rows of blocks, each a step of the current bundle from the one before, between two ends of the volume. */
+typedef struct Line {
+    size_t first_row;
+    ptrdiff_t row_step;
+    int n_rows;
+    const uint16_t *transmittance[N_AXES]; /* by length: first block of the first row; NULL: not in the bundle */
+    uint16_t *sums;                        /* of a row */
+} Line;
 
-static bool is_in_tile(const OpenTile *t, int j, int k)
+static size_t block_row(const Line *l, int r)
 {
-    return j >= t->first[1] && j < t->end[1] && k >= t->first[2] && k < t->end[2];
+    return l->first_row + (size_t)(r * l->row_step);
 }
 
-/* Adds a direction, row after row along it. */
-static void add_direction(const Making *m, const OpennessKernels *kernels, const Axis *axis, int sign, OpenTile *t)
+/* Transmittances of the rows, with their margins. */
+static void load_transmittance(const Making *m, const Line *l, const uint16_t *passed, uint16_t *transmittance)
 {
-    const int dj = sign * axis->step[1], dk = sign * axis->step[2];
-    const uint16_t *const rows = m->transmittance[axis->length] + m->margin + t->first[0];
-    const unsigned mean = (1u << 16) / (unsigned)(axis->n_steps + 1);
-    OpennessBeams beams = {
-        .step = sign * (((ptrdiff_t)axis->step[2] * m->open->n[1] + axis->step[1]) * m->row + axis->step[0]),
-        .mean = (uint16_t)(mean < UINT16_MAX ? mean : UINT16_MAX)};
-    for (int k = t->first[2]; k < t->end[2]; k++)
-        for (int j = t->first[1]; j < t->end[1]; j++) {
-            if ((dj || dk) && is_in_tile(t, j - dj, k - dk))
-                continue;
-            for (int at_j = j, at_k = k; is_in_tile(t, at_j, at_k); at_j += dj, at_k += dk) {
-                const int room_j = room(m, 1, dj, at_j), room_k = room(m, 2, dk, at_k);
-                const int inside = room_j < room_k ? room_j : room_k;
-                beams.n_inside = inside < axis->n_steps ? inside : axis->n_steps;
-                beams.n_beyond = CTS_MUTATED(OPEN_BEYOND) ? 0 : (uint16_t)(axis->n_steps - beams.n_inside);
-                beams.from = rows + ((size_t)at_k * (size_t)m->open->n[1] + (size_t)at_j) * (size_t)m->row;
-                kernels->add_beams(&beams, t->n_lanes, t->sums[at_k - t->first[2]][at_j - t->first[1]]);
-                if (!dj && !dk)
-                    break;
-            }
+    const int n = m->open->n[0];
+    memset(transmittance, 255, (size_t)l->n_rows * (size_t)m->pitch * sizeof *transmittance);
+    for (int r = 0; r < l->n_rows; r++) {
+        const uint16_t *const means = m->means + block_row(l, r) * (size_t)n;
+        uint16_t *const to = transmittance + (size_t)r * (size_t)m->pitch + MARGIN;
+        for (uint64_t left = m->absorbing[block_row(l, r)]; left; left &= left - 1) {
+            const int begin = __builtin_ctzll(left) * m->per_bit, end = begin + m->per_bit < n ? begin + m->per_bit : n;
+            for (int i = begin; i < end; i++)
+                to[i] = passed[means[i]];
         }
-}
-
-static void find_openness_of_tile(const Making *m, const OpennessKernels *kernels, OpenTile *t)
-{
-    const size_t width = (size_t)(t->end[0] - t->first[0]);
-    t->n_lanes = ((int)width + OPENNESS_LANES - 1) / OPENNESS_LANES * OPENNESS_LANES;
-    memset(t->sums, 0, sizeof t->sums);
-    for (int d = 0; d < OPENNESS_DIRECTIONS; d++)
-        add_direction(m, kernels, &m->axis[d / 2], d % 2 ? -1 : 1, t);
-    for (int k = t->first[2]; k < t->end[2]; k++)
-        for (int j = t->first[1]; j < t->end[1]; j++) {
-            uint8_t found[TILE_WIDTH];
-            kernels->scale(t->sums[k - t->first[2]][j - t->first[1]], t->n_lanes, found);
-            memcpy(m->openness + ((size_t)k * (size_t)m->open->n[1] + (size_t)j) * (size_t)m->open->n[0] + t->first[0],
-                   found, width);
-        }
-}
-
-static const int tile_size[3] = {TILE_WIDTH, TILE_ROWS, TILE_LAYERS};
-
-static void follow_beams_from_tiles(void *context, int worker, size_t first, size_t end)
-{
-    const Making *const m = context;
-    const OpennessKernels *const kernels = choose_openness_kernels();
-    (void)worker;
-    for (size_t at = first; at < end; at++) {
-        OpenTile t;
-        size_t rest = at;
-        for (int a = 0; a < 3; a++) {
-            const int n_tiles = (m->open->n[a] - 1) / tile_size[a] + 1;
-            t.first[a] = (int)(rest % (size_t)n_tiles) * tile_size[a];
-            t.end[a] = t.first[a] + tile_size[a] < m->open->n[a] ? t.first[a] + tile_size[a] : m->open->n[a];
-            rest /= (size_t)n_tiles;
-        }
-        find_openness_of_tile(m, kernels, &t);
     }
 }
 
+/* Adds openness in the bundle's directions to the sums of a row. before, after: nearest rows that absorb. */
+static void add_row(const Making *m, const OpennessKernels *kernels, const Line *l, int r, int before, int after)
+{
+    const size_t row = block_row(l, r), n = (size_t)m->open->n[0];
+    const int here = m->absorbing[row] ? 0 : FAR;
+    unsigned shared = m->shared_sum[row];
+    bool any = false;
+    for (int d = 2 * first_axis[m->bundle]; d < 2 * first_axis[m->bundle + 1]; d++) {
+        const Axis *const axis = &m->axis[d / 2];
+        const int sign = d % 2 ? -1 : 1, row_step = axis->step[1] || axis->step[2] ? sign : 0, all = axis->n_steps;
+        const int room = row_step < 0 ? r : row_step > 0 ? l->n_rows - 1 - r : all, inside = room < all ? room : all;
+        const int rest = OPENNESS_OPEN * (CTS_MUTATED(OPEN_BEYOND) ? 1 : all - inside + 1);
+        if ((row_step < 0 ? r - before : row_step > 0 ? after - r : here) > all) {
+            shared += (unsigned)(rest + (OPENNESS_OPEN - 1) * inside) * axis->mean >> 16;
+            continue;
+        }
+        if (!any)
+            memset(l->sums, 0, (size_t)m->row * sizeof *l->sums);
+        any = true;
+        const OpennessBeams beams = {l->transmittance[axis->length] + (size_t)r * (size_t)m->pitch,
+                                     row_step * m->pitch + sign * axis->step[0], inside, (uint16_t)rest, axis->mean};
+        kernels->add_beams(&beams, m->row, l->sums);
+    }
+    m->shared_sum[row] = (uint16_t)shared;
+    uint16_t *const to = m->sums + row * n;
+    for (size_t x = 0; x < (any ? n : 0); x++)
+        to[x] = (uint16_t)(to[x] + l->sums[x]);
+}
+
+static void follow_beams(const Making *m, const OpennessKernels *kernels, Line *l, uint16_t *memory)
+{
+    for (int a = first_axis[m->bundle]; a < first_axis[m->bundle + 1]; a++) {
+        const int length = m->axis[a].length;
+        if (l->transmittance[length])
+            continue;
+        load_transmittance(m, l, m->passed[length], memory);
+        l->transmittance[length] = memory + MARGIN;
+        memory += (size_t)l->n_rows * (size_t)m->pitch;
+    }
+    l->sums = memory;
+    for (int r = 0, before = -FAR, after = 0; r < l->n_rows; r++) {
+        while (after < l->n_rows && (after <= r || !m->absorbing[block_row(l, after)]))
+            after++;
+        add_row(m, kernels, l, r, before, after < l->n_rows ? after : r + FAR);
+        before = m->absorbing[block_row(l, r)] ? r : before;
+    }
+}
+
+/* Step along y and z of the current bundle. */
+static const int *bundle_step(const Making *m)
+{
+    return &m->axis[first_axis[m->bundle + 1] - 1].step[1];
+}
+
+/* Lines of the current bundle: those that begin at an end of z first, then those that begin at an end of y. */
+static int n_lines(const Making *m)
+{
+    const int ny = m->open->n[1], nz = m->open->n[2], *const step = bundle_step(m);
+    return !step[1] ? nz : !step[0] ? ny : ny + nz - 1;
+}
+
+static void follow_lines(void *context, int worker, size_t first, size_t end)
+{
+    const Making *const m = context;
+    const OpennessKernels *const kernels = choose_openness_kernels();
+    const int ny = m->open->n[1], nz = m->open->n[2], *const step = bundle_step(m);
+    for (int i = (int)first; i < (int)end; i++) {
+        const int j = step[1] && i < ny ? i : step[0] < 0 ? ny - 1 : 0;
+        const int k = !step[1] ? i : i < ny ? 0 : i - ny + 1;
+        const int room_j = step[0] > 0 ? ny - j : step[0] < 0 ? j + 1 : INT_MAX, room_k = step[1] ? nz - k : INT_MAX;
+        Line line = {.first_row = (size_t)k * (size_t)ny + (size_t)j,
+                     .row_step = (ptrdiff_t)step[1] * ny + step[0],
+                     .n_rows = room_j < room_k ? room_j : room_k};
+        follow_beams(m, kernels, &line, m->lines + (size_t)worker * m->line_size);
+    }
+}
+
+static void scale_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Making *const m = context;
+    const OpennessKernels *const kernels = choose_openness_kernels();
+    const size_t n = (size_t)m->open->n[0];
+    (void)worker;
+    for (size_t r = first; r < end; r++)
+        kernels->scale(m->sums + r * n, m->shared_sum[r], (int)n, m->openness + r * n);
+}
+
+/* Rows of open->square from n_packed on. */
 static void pack_rows(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
     const size_t nx = (size_t)m->open->n[0], ny = (size_t)m->open->n[1];
     (void)worker;
-    for (size_t r = first; r < end; r++) {
+    for (size_t r = m->n_packed + first; r < m->n_packed + end; r++) {
         const uint8_t *const row = m->openness + r * nx, *const next = row + (r % ny + 1 < ny ? nx : 0);
-        for (size_t i = 0; i < nx; i++) {
-            const size_t beside = i + 1 < nx ? i + 1 : i;
-            m->open->square[r * nx + i] =
-                row[i] | (uint32_t)row[beside] << 8 | (uint32_t)next[i] << 16 | (uint32_t)next[beside] << 24;
-        }
+        uint32_t *const square = m->open->square + r * nx, last = row[nx - 1] | (uint32_t)next[nx - 1] << 16;
+        for (size_t i = 0; i < nx - 1; i++)
+            square[i] = row[i] | (uint32_t)row[i + 1] << 8 | (uint32_t)next[i] << 16 | (uint32_t)next[i + 1] << 24;
+        square[nx - 1] = last | last << 8;
     }
 }
 
 static CtsStatus alloc(Making *m, int n_threads, CtsError *err)
 {
-    const size_t n_rows = (size_t)m->open->n[1] * (size_t)m->open->n[2], n_blocks = n_rows * (size_t)m->open->n[0];
+    const int *const n = m->open->n;
+    const size_t threads = (size_t)n_threads, n_rows = (size_t)n[1] * (size_t)n[2], n_blocks = n_rows * (size_t)n[0];
+    const size_t max_rows = (size_t)(n[1] > n[2] ? n[1] : n[2]);
     CtsStatus st;
-    if ((st = cts_alloc_array(&m->openness, n_blocks, err)) ||
-        (st = cts_alloc_array(&m->open->square, n_blocks, err)) ||
-        (st = cts_alloc_array(&m->row_sums, (size_t)n_threads * (size_t)m->volume->dims[0], err)) ||
-        (st = cts_alloc_array(&m->row_means, (size_t)n_threads * (size_t)m->open->n[0], err)))
+    m->line_size = BUNDLE_AXES * max_rows * (size_t)m->pitch + (size_t)m->row;
+    if ((st = cts_alloc_zeroed(&m->open->square, n_blocks + OPENNESS_LANES, err)) ||
+        (st = cts_alloc_array(&m->row_sums, threads * (size_t)n[0] * (size_t)m->open->size[0], err)) ||
+        (st = cts_alloc_zeroed(&m->shared_sum, n_rows, err)) || (st = cts_alloc_array(&m->absorbing, n_rows, err)) ||
+        (st = cts_alloc_array(&m->lines, threads * m->line_size, err)))
         return st;
-    for (int l = 0; l < m->n_lengths && !st; l++)
-        st = cts_alloc_array(&m->transmittance[l], (size_t)m->margin + n_rows * (size_t)m->row + OPENNESS_LANES, err);
-    if (st || !m->macrocells || !m->visible_below)
-        return st;
+    m->sums = (uint16_t *)m->open->square;
+    m->means = m->sums + n_blocks;
+    m->openness = (uint8_t *)(m->open->square + OPENNESS_LANES) + 3 * n_blocks;
+    if (!m->macrocells || !m->visible_below)
+        return CTS_OK;
     const int *const n_cells = m->macrocells->n_fine;
-    st = cts_alloc_array(&m->row_cells, (size_t)n_threads * (size_t)n_cells[0], err);
-    return st ? st
-              : cts_alloc_array(&m->visible_cell, (size_t)n_cells[0] * (size_t)n_cells[1] * (size_t)n_cells[2], err);
+    return cts_alloc_array(&m->visible_cell, (size_t)n_cells[0] * (size_t)n_cells[1] * (size_t)n_cells[2], err);
 }
 
 static CtsStatus make_openness_field(Making *m, const CtsPreset *preset, int n_threads, CtsError *err)
 {
     CtsStatus st;
-    const int *const n = m->open->n;
-    const size_t n_rows = (size_t)n[1] * (size_t)n[2];
-    size_t n_tiles = 1;
+    const size_t n_rows = (size_t)m->open->n[1] * (size_t)m->open->n[2];
     n_threads = cts_threads(n_threads);
     find_light_axes(m);
     if ((st = fill_tables(m, preset, err)) || (st = alloc(m, n_threads, err)))
@@ -446,12 +480,18 @@ static CtsStatus make_openness_field(Making *m, const CtsPreset *preset, int n_t
     if (m->visible_cell)
         cts_parallel(n_threads, (size_t)m->macrocells->n_fine[1] * (size_t)m->macrocells->n_fine[2], 0,
                      find_visible_cells, m);
-    fill_ends(m, n_rows);
     cts_parallel(n_threads, n_rows, 0, fill_rows, m);
-    for (int a = 0; a < 3; a++)
-        n_tiles *= (size_t)((n[a] - 1) / tile_size[a] + 1);
-    cts_parallel(n_threads, n_tiles, 1, follow_beams_from_tiles, m);
-    cts_parallel(n_threads, n_rows, 0, pack_rows, m);
+    for (m->bundle = 0; m->bundle < N_BUNDLES; m->bundle++)
+        cts_parallel(n_threads, (size_t)n_lines(m), 1, follow_lines, m);
+    cts_parallel(n_threads, n_rows, 0, scale_rows, m);
+    /* Rows of the result need four times the memory of their openness, whose rows end with it. */
+    /* In place: row r of the result begins at 4 r rows of bytes, and its openness at 3 n_rows + r of them. Rows below
+     * (3 n_rows + n_packed) / 4 replace the openness of rows that are done. */
+    for (size_t end; m->n_packed < n_rows; m->n_packed = end) {
+        end = (3 * n_rows + m->n_packed) / 4;
+        end = end > m->n_packed ? end : n_rows;
+        cts_parallel(n_threads, end - m->n_packed, 0, pack_rows, m);
+    }
     return CTS_OK;
 }
 
@@ -471,15 +511,13 @@ CtsStatus cts_openness_new(CtsOpenness **openness, const CtsModel *model, const 
     st = make_openness_field(&m, preset, n_threads, err);
     cts_free(&m.extinction);
     cts_free(&m.visible_below);
+    for (int l = 0; l < N_AXES; l++)
+        cts_free(&m.passed[l]);
     cts_free(&m.visible_cell);
     cts_free(&m.row_sums);
-    cts_free(&m.row_means);
-    cts_free(&m.row_cells);
-    for (int l = 0; l < N_AXES; l++) {
-        cts_free(&m.passed[l]);
-        cts_free(&m.transmittance[l]);
-    }
-    cts_free(&m.openness);
+    cts_free(&m.shared_sum);
+    cts_free(&m.absorbing);
+    cts_free(&m.lines);
     if (st)
         cts_openness_free(openness);
     return st;

@@ -15,17 +15,18 @@ enum {
 typedef struct OpennessBeams {
     const uint16_t *from; /* transmittance of the first block of the row, in 2^-16 */
     ptrdiff_t step;       /* entries from one step to the next */
-    int n_inside;         /* steps before the volume ends along y or z */
-    uint16_t n_beyond;    /* those that follow, where nothing absorbs */
+    int n_steps;          /* within the volume */
+    uint16_t rest;        /* sum of transmittances beyond them, in OPENNESS_OPEN */
     uint16_t mean;        /* 2^16 / (number of all steps + 1), at most 2^16 - 1 */
 } OpennessBeams;
 
-/* The loops that base/cpu.h chooses; n is a multiple of OPENNESS_LANES, and all give the same bytes. */
+/* The loops that base/cpu.h chooses; all give the same bytes. */
 typedef struct OpennessKernels {
-    /* Adds the openness of a direction, in OPENNESS_OPEN, for n blocks of a row. */
+    /* Adds the openness of a direction, in OPENNESS_OPEN, for n blocks of a row, a multiple of OPENNESS_LANES. */
     void (*add_beams)(const OpennessBeams *beams, int n, uint16_t *sums);
-    /* Openness in 1/255 from the sums over all directions. */
-    void (*scale)(const uint16_t *sums, int n, uint8_t *openness);
+    /* Openness in 1/255 of n blocks from their sums over all directions, and a part that they share. Reads sums up to
+     * the next multiple of OPENNESS_LANES. */
+    void (*scale)(const uint16_t *sums, uint16_t shared, int n, uint8_t *openness);
 } OpennessKernels;
 
 extern const OpennessKernels cts_openness_kernels_c, cts_openness_kernels_avx2, cts_openness_kernels_avx512;
