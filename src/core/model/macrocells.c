@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "core/model/transposed.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -101,7 +102,7 @@ CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3]
     for (int axis = 0; axis < 3; axis++)
         count_macrocells(b, axis, dims[axis]);
     if ((st = cts_alloc_array(&b->range, product(b->n), err)) ||
-        (st = cts_alloc_array(&b->fine, product(b->n_fine), err)))
+        (st = cts_alloc_array(&b->fine, product(b->n_fine), err)) || (st = cts_transposed_new(&b->transposed, err)))
         cts_macrocells_free(macrocells);
     return st;
 }
@@ -169,6 +170,7 @@ void cts_macrocells_free(CtsMacrocells **macrocells)
         return;
     cts_free(&(*macrocells)->range);
     cts_free(&(*macrocells)->fine);
+    cts_transposed_free(&(*macrocells)->transposed);
     free(*macrocells);
     *macrocells = NULL;
 }

@@ -25,6 +25,7 @@ typedef struct CtsMacrocells {
     CtsRange *range, *fine;
     CtsRange all;
     int dims[3];
+    struct CtsTransposed *transposed; /* of the same volume, for all pictures of it, by any preset */
 } CtsMacrocells;
 
 /* For a volume of these dimensions; the ranges are the caller's to set. */

@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "core/model/transposed.h"
 #include "core/scene/scene_macrocells.h"
 #include <math.h>
 #include <stdlib.h>
@@ -14,7 +15,6 @@ typedef struct SheetsCache {
     SheetsOpacity opacity[3]; /* of half a slab, a slab, two slabs */
     SheetsVoid blocks[3];     /* by principal axis */
     int blocks_frame[3];      /* frame that they were made for */
-    uint16_t *transposed;     /* for views along x */
 } SheetsCache;
 
 static void free_cache(void *cache)
@@ -28,7 +28,6 @@ static void free_cache(void *cache)
         cts_sheets_opacity_free(&k->opacity[i]);
         cts_sheets_void_free(&k->blocks[i]);
     }
-    cts_free(&k->transposed);
     free(k);
 }
 
@@ -52,8 +51,9 @@ static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, bool half, c
     return CTS_OK;
 }
 
-static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const CtsMacrocells *m, CtsReport *report,
-                             CtsError *err)
+/* *grey: voxels as the view needs them. */
+static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const CtsMacrocells *m, const uint16_t **grey,
+                             CtsReport *report, CtsError *err)
 {
     const int p = scene->view.axis;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -64,8 +64,9 @@ static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const CtsMac
     } else if (k->blocks_frame[p] != scene->frame) {
         cts_report_skip(report, "blocks that may be visible", "made for an earlier frame");
     }
-    if (!st && p == 0 && !k->transposed)
-        st = cts_sheets_transpose(&k->transposed, scene->volume, scene->settings->n_threads, err);
+    *grey = scene->volume->grey;
+    if (!st && p == 0)
+        st = cts_transposed_find(m->transposed, scene->volume, scene->settings->n_threads, grey, err);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return st;
 }
@@ -84,7 +85,8 @@ static double at_least(double least, const CtsScene *scene)
     return fmax(least, fmin(cts_scene_requested_error(scene) / 2, 1.0 / 64));
 }
 
-static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, bool half, const CtsShade *shade)
+static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, const uint16_t *grey, bool half,
+                     const CtsShade *shade)
 {
     *j = (SheetsJob){.levels = k->transfer.levels,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
@@ -98,7 +100,7 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
                      .shade = shade,
                      .open = shade ? scene->openness : NULL,
                      .camera_mm = cts_volume_diagonal_mm(scene->volume) / 2};
-    cts_sheets_view_init(&j->view, &scene->view, scene->view.axis == 0 ? k->transposed : scene->volume->grey);
+    cts_sheets_view_init(&j->view, &scene->view, grey);
     for (int i = 0; i < 2; i++)
         cts_sheets_grid_init(&j->grid[i], &j->view, i + 1);
 }
@@ -144,6 +146,7 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
 {
     CtsStatus st;
     const CtsMacrocells *macrocells;
+    const uint16_t *grey;
     *s = (Session){.kernels = choose_kernels(), .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
     const bool half = s->level >= CTS_LEVEL_HALF_SHEETS;
     if ((st = refuse(scene, err)))
@@ -151,13 +154,13 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
     if (!(s->cache = cts_scene_cache(scene, sizeof *s->cache, err)))
         return CTS_ERR_MEMORY;
     if ((st = cts_scene_macrocells(scene, &s->cache->own_macrocells, &macrocells, report, err)) ||
-        (st = find_blocks(s->cache, scene, macrocells, report, err)) ||
+        (st = find_blocks(s->cache, scene, macrocells, &grey, report, err)) ||
         (st = find_tables(s->cache, scene, half, s->kernels, macrocells, report, err)))
         return st;
     const int p = scene->view.axis, axes[3] = {p == 0 ? 1 : 0, p == 2 ? 1 : 2, p};
     if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))
         return st;
-    init_job(&s->job, scene, s->cache, half, scene->preset->shade ? &s->shade : NULL);
+    init_job(&s->job, scene, s->cache, grey, half, scene->preset->shade ? &s->shade : NULL);
     s->job.lattice = s->level == CTS_LEVEL_LATTICE;
     return CTS_OK;
 }

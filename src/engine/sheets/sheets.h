@@ -144,8 +144,6 @@ void cts_sheets_opacity_free(SheetsOpacity *opacity);
 /* grey: the volume's, or for p = 0 its transposed copy. */
 void cts_sheets_view_init(SheetsView *view, const CtsView *camera, const uint16_t *grey);
 void cts_sheets_grid_init(SheetsGrid *grid, const SheetsView *view, int pitch);
-/* A copy with x and y exchanged: voxel (i, j, k) at (k * dims[0] + i) * dims[1] + j. */
-CtsStatus cts_sheets_transpose(uint16_t **copy, const CtsVolume *volume, int n_threads, CtsError *err);
 
 CtsStatus cts_sheets_void_init(SheetsVoid *blocks, const CtsMacrocells *macrocells, const CtsLut *lut, int p,
                                CtsError *err);
