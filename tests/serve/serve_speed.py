@@ -3,6 +3,7 @@
 
 512 x 512 pixels from random views, one client and four at once; FOLDER: another series instead of the phantom of
 512 x 512 x 324 voxels, which needs 400 MB in the temporary folder."""
+import json
 import os
 import random
 import subprocess
@@ -42,9 +43,12 @@ with tempfile.TemporaryDirectory() as work:
     with Server(ctsplat, folder[0]) as whole:
         name = whole.series()[0]['id']
         begin = time.monotonic()
-        whole.get(path_of(name, 0, 'max-error=8'))
+        _, headers, _ = whole.ask(path_of(name, 0, 'max-error=8'))
         print(f'{"first picture, with reading":34} {(time.monotonic() - begin) * 1000:13.0f} ms')
         measure(whole, name, 'draft, one client', 'max-error=8', 1, N)
-        measure(whole, name, 'draft, one client, scale given', 'max-error=8&mm-per-pixel=0.5&centre=0,0,0', 1, N)
+        scene = json.loads(headers['Ctsplat-Scene'])
+        centre = ','.join(f'{mm:.3f}' for mm in scene['centre'])
+        given = f"max-error=8&mm-per-pixel={scene['mm_per_pixel']:.6g}&centre={centre}"
+        measure(whole, name, 'draft, one client, scale given', given, 1, N)
         measure(whole, name, 'draft, four clients', 'max-error=8', 4, 2 * N)
         measure(whole, name, 'full, one client', '', 1, N // 6)
