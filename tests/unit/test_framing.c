@@ -22,6 +22,19 @@ static CtsVolume *make_ball(void)
     return v;
 }
 
+/* The edges of a cube, a voxel thick: all that is visible are outlines around nothing. */
+static CtsVolume *make_cage(void)
+{
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, SIDE, SIDE, SIDE, &err), CTS_OK);
+    for (int k = 10; k <= 50; k++)
+        for (int j = 10; j <= 50; j++)
+            for (int i = 10; i <= 50; i++)
+                v->grey[(k * SIDE + j) * SIDE + i] = (i % 40 == 10) + (j % 40 == 10) + (k % 40 == 10) > 1 ? 1524 : 0;
+    return v;
+}
+
 static CtsPreset preset_above(double hu)
 {
     CtsPreset p = *cts_preset_builtin(0);
@@ -66,11 +79,10 @@ static double width_framed_mm(const CtsVolume *v, const CtsPreset *p, const CtsR
     return width_mm(&s);
 }
 
-/* On a sheared lattice: as wide as the ball's voxels lie apart, and up to a voxel more on either side; a ray's distance
- * off. */
-static void test_ends(void **state)
+/* On a sheared lattice: as wide as the visible voxels lie apart, and up to a voxel more on either side; a ray's
+ * distance off. */
+static void check_ends(CtsVolume *v)
 {
-    CtsVolume *v = make_ball();
     v->step_lps[1][2] = 0.3;
     v->step_lps[2][2] = 2;
     v->origin_lps[0] = -50;
@@ -97,6 +109,12 @@ static void test_ends(void **state)
         assert_true(fabs(cts_dot3(s.centre_lps, axes.right_lps) - (low + high) / 2) < ray_mm);
     }
     cts_volume_free(&v);
+}
+
+static void test_ends(void **state)
+{
+    check_ends(make_ball());
+    check_ends(make_cage());
 }
 
 /* From the front, haze of the whole volume: the frame holds the ball alone while a ray loses less than 1/16 in it, and

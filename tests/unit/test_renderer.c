@@ -68,6 +68,22 @@ static void test_same_pictures(void **state)
     cts_model_free(&model);
 }
 
+/* The mask of the first small frames marks whole blocks, that of later ones single cells: the same pictures. Two
+ * renderers of one model share its copy for views from the side. */
+static void test_masks(void **state)
+{
+    CtsModel model = {.volume = phantom_head(96, 100, 88, 20)};
+    CtsError err;
+    const CtsPreset skin = preset_named("skin");
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 16, 0, 0);
+    assert_int_equal(cts_model_prepare(&model, 1, &err), CTS_OK);
+    check_frames(&model, &skin, &s);
+    s.engine = CTS_ENGINE_SHEETS;
+    s.max_error = 8;
+    check_frames(&model, &skin, &s);
+    cts_model_free(&model);
+}
+
 /* A small ball in a large box of dim noise: side views copy only the surroundings of the ball, and agree with a ray
  * caster that reads the volume itself. */
 static void test_sparse_copy(void **state)
@@ -292,8 +308,9 @@ static void test_refusals(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_sparse_copy), cmocka_unit_test(test_bands),
-        cmocka_unit_test(test_report),        cmocka_unit_test(test_first_frame), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_masks),    cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_sparse_copy),
+        cmocka_unit_test(test_bands),    cmocka_unit_test(test_report),        cmocka_unit_test(test_first_frame),
+        cmocka_unit_test(test_refusals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
