@@ -21,7 +21,6 @@ typedef struct TiledCache {
     int macrocells_frame;
     TiledMask mask;
     int mask_frame;
-    double n_rays;                /* marched or about to be */
     TiledAppearances appearances; /* of the scale that they were made for */
     double appearances_scale;
     CtsVisibleBlocks *seen; /* by mip and its kin */
@@ -69,13 +68,10 @@ static CtsStatus make_appearances(TiledCache *k, const CtsScene *scene, CtsError
     return cts_tiled_appearances_init(&k->appearances, scene, err);
 }
 
-/* Visible blocks whose cells can be tested in the time that one ray loses by an unrefined mask: measured 1.5 to 5. */
-enum { BLOCKS_PER_RAY = 3 };
-
-/* For that many rays more. The mask is refined when all rays so far have lost about what that costs: probe renderings
- * and the pixels that error control re-renders in a picture by sheets stay below. */
-static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacrocells *macrocells, double n_rays,
-                           CtsReport *report, CtsError *err)
+/* Testing the cells of visible blocks takes as long as what a third to a quarter as many rays lose without; few rays do
+ * without (CtsPlan.few_rays), whether the cells were tested before or not: a ray's rounding depends on it. */
+static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
+                           CtsError *err)
 {
     CtsStatus st;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -85,8 +81,7 @@ static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacroc
     const TiledAppearances *const appearances = scene->model->voxel_labels ? &k->appearances : NULL;
     if (!is_made && (st = cts_tiled_mask_init(&k->mask, scene, appearances, macrocells, err)))
         return st;
-    k->n_rays += n_rays;
-    const bool refines = !k->mask.refined && BLOCKS_PER_RAY * k->n_rays > (double)k->mask.n_visible;
+    const bool refines = !k->mask.refined && !scene->plan.few_rays;
     if (refines && (st = cts_tiled_mask_refine(&k->mask, scene, appearances, macrocells, err)))
         return st;
     if (is_made && !refines) {
@@ -129,7 +124,8 @@ static void init_tiled_job(TiledJob *j, const CtsScene *scene, const TiledCache 
     *j = (TiledJob){.grey = v->grey,
                     .shown = cts_model_shown(scene->model)->volume->grey,
                     .view = scene->view,
-                    .mask = cache->mask};
+                    .mask = cache->mask,
+                    .whole_blocks = scene->plan.few_rays};
     for (int a = 0; a < 3; a++) {
         j->dims[a] = v->dims[a];
         j->n_cells[a] = v->dims[a] > 1 ? v->dims[a] - 1 : 1;
@@ -235,8 +231,7 @@ static CtsStatus render_composite(const CtsScene *scene, TiledCache *cache, cons
     CtsShade shade = {0};
     TiledJob job;
     TiledCounts counts = {0};
-    const double n_rays = picture ? (double)picture->width * picture->height : 0;
-    if ((st = find_mask(cache, scene, macrocells, n_rays, report, err)) ||
+    if ((st = find_mask(cache, scene, macrocells, report, err)) ||
         (st = begin_march(&job, &shade, scene, cache, &fast, cts_scene_requested_error(scene), err)))
         goto end;
     const Path path = choose_path(&job);
@@ -340,7 +335,7 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     const CtsMacrocells *macrocells;
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
     if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
-        (st = find_mask(cache, scene, macrocells, (double)n, NULL, err)) ||
+        (st = find_mask(cache, scene, macrocells, NULL, err)) ||
         (st = begin_march(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
                           error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
@@ -363,7 +358,7 @@ static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *rep
     TiledCache *cache;
     const CtsMacrocells *macrocells;
     if (!(st = find_macrocells(scene, &cache, &macrocells, NULL, err)))
-        st = find_mask(cache, scene, macrocells, 0, NULL, err);
+        st = find_mask(cache, scene, macrocells, NULL, err);
     for (int i = 0; !st && i < 2; i++) {
         CtsShade shade = {0};
         st = begin_march(&job, &shade, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene), err);

@@ -63,6 +63,7 @@ typedef struct TiledJob {
     CtsView view;
     double step[3]; /* voxels for each mm; 0 where a ray would not leave its cells before it leaves the volume */
     TiledMask mask;
+    bool whole_blocks; /* all cells of visible blocks count as potentially visible */
     TiledTransfer transfer;
     const TiledAppearances *appearances; /* if labels have different appearances; else NULL */
     float max_colour_difference;         /* largest difference of two visible colours in a channel */

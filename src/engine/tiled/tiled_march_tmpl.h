@@ -100,7 +100,9 @@ INLINE Faces find_faces(const March *m)
 {
     const Packet *const p = m->p;
     Faces f;
-    const vi word = load_words(&m->job->mask, p->cell, p->active);
+    const vi found = load_words(&m->job->mask, p->cell, p->active);
+    const vmask in_visible_block = vi_eq(found, vi_of(0)) | vu_lt(vi_of(TILED_FAR), found);
+    const vi word = m->job->whole_blocks ? vi_select(in_visible_block, vi_of(-1), found) : found;
     const vmask has_mask = vu_lt(vi_of(TILED_FAR), word), far = ~has_mask & vi_lt(vi_of(0), word);
     const vi octant = (p->cell[0] & 2) | (p->cell[1] & 2) << 2, in_octant = (p->cell[0] & 1) | (p->cell[1] & 1) << 2;
     f.visible = p->active & has_mask & vi_test(word, vi_of(1) << (octant | in_octant | (p->cell[2] & 1) << 4));

@@ -18,7 +18,7 @@ typedef struct TiledMask {
     int n[3]; /* blocks along each axis */
     uint32_t *words;
     int64_t n_visible; /* potentially visible blocks */
-    bool refined;      /* cells were tested; before, all of a block of one appearance are potentially visible */
+    bool refined;      /* cells were tested; before, masks of visible blocks of one appearance have all bits set */
 } TiledMask;
 
 static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
@@ -30,7 +30,7 @@ static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
 /* By the blocks' ranges of grey levels. appearances: NULL: one appearance for all. */
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                               const CtsMacrocells *macrocells, CtsError *err);
-/* Tests the cells of visible blocks by their voxels. It changes no picture: invisible cells only cost time. */
+/* Tests the cells of visible blocks by their voxels. */
 CtsStatus cts_tiled_mask_refine(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                                 const CtsMacrocells *macrocells, CtsError *err);
 void cts_tiled_mask_free(TiledMask *mask);

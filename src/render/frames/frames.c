@@ -463,6 +463,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     }
     scene->cache = &f->engine_cache[frame->engine_id];
     control->scene.plan = scene->plan;
+    control->scene.plan.few_rays = frame->engine_id != march && scene->plan.level != CTS_LEVEL_HYBRID;
     control->engine = cts_engine(frame->engine_id);
     control->march = cts_engine(march);
     control->marches_groups =

@@ -158,6 +158,7 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), requested = cts_scene_requested_error(scene);
     const CtsPicture whole = {
         .width = scene->view.width, .height = scene->view.height, .whole_height = scene->view.height};
+    CtsScene sampled = *march_scene;
     CtsStatus st = CTS_OK;
     Probe *p = NULL;
     *choice = (CtsLevelChoice){.level = CTS_LEVEL_AUTO};
@@ -165,12 +166,13 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
         return CTS_OK;
     if ((st = cts_alloc_zeroed(&p, 1, err)))
         return st;
+    sampled.plan.few_rays = true;
     p->scene = scene;
     place_probe(p);
     if ((st = cts_alloc_array(&p->truth, p->n, err)) || (st = cts_alloc_array(&p->off, p->n, err)) ||
         (st = cts_alloc_array(&p->rgba, p->n_tiles * TILE, err)) ||
         (st = cts_alloc_array(&p->indicator, p->n_tiles * TILE, err)) ||
-        (st = march->render_pixels(march_scene, &whole, p->place, p->n, requested / 8, p->truth, p->off, err)))
+        (st = march->render_pixels(&sampled, &whole, p->place, p->n, requested / 8, p->truth, p->off, err)))
         goto end;
     st = try_levels(p, choice, engine, err);
     choice->n_pixels = p->n;

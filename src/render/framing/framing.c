@@ -309,7 +309,7 @@ static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, doub
     if (st)
         return st;
     CtsScene *const scene = &l.store.scene;
-    scene->plan = (CtsPlan){.max_error = 255 * least / 2};
+    scene->plan = (CtsPlan){.max_error = 255 * least / 2, .few_rays = true};
     scene->cache = probing->what->cache;
     scene->frame = probing->what->frame;
     if (scene->preset->mode == CTS_MODE_COMPOSITE && (st = find_probe_lut(probing, scene, err)))
