@@ -186,7 +186,7 @@ def replace_table(page, table):
 # Places of labels in the plot, where it is not above and to the right of the point.
 PLACES = {"sheets": "right offset -0.9,-0.3", "march": "right offset -0.9,-0.6"}
 # Points of one group that are closer than these ratios share a label: 14 pixels of the plot, a label's height.
-SAME_PLACE = {"ms": 1.1, "rmse": 1.25}
+SAME_PLACE = {"ms": 1.17, "rmse": 1.24}
 
 
 def joined_labels(points):
