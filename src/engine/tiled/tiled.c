@@ -334,9 +334,12 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     TiledCache *cache;
     const CtsMacrocells *macrocells;
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
+    /* In double precision a ray through whole blocks takes several times as long. */
+    CtsScene by_cells = *scene;
+    by_cells.plan.few_rays = scene->plan.few_rays && error > 0;
     if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
-        (st = find_mask(cache, scene, macrocells, NULL, err)) ||
-        (st = begin_march(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
+        (st = find_mask(cache, &by_cells, macrocells, NULL, err)) ||
+        (st = begin_march(&job, &shade, &by_cells, cache, error > 0 ? &fast : &exact,
                           error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
     const Path path = choose_path(&job);

@@ -429,8 +429,10 @@ static CtsStatus march_groups(Round *r, CtsError *err)
                                 place, n);
         s->marched_from = INFINITY;
     }
+    CtsScene scene = r->control->scene;
+    scene.plan.few_rays = false; /* groups are up to half of the picture */
     if (n > 0)
-        st = cts_march_groups(r->control->march, &r->control->scene, place, n, r->band, r->errors, err);
+        st = cts_march_groups(r->control->march, &scene, place, n, r->band, r->errors, err);
     r->n_marched += n;
     cts_free(&place);
     return st;
