@@ -8,7 +8,7 @@
 
 typedef struct CtsTransposed CtsTransposed;
 
-/* Without the copy, which takes as much memory as the volume. */
+/* The place of the copy, which is not made yet: it takes as much memory as the volume. */
 CtsStatus cts_transposed_new(CtsTransposed **transposed, CtsError *err);
 void cts_transposed_free(CtsTransposed **transposed);
 /* Makes the copy the first time, while other threads that ask for it wait. *grey belongs to transposed. */

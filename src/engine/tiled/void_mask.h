@@ -27,7 +27,7 @@ static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
     return 2 * (row * (size_t)m->n[0] + (size_t)(i / TILED_BLOCK)) + (size_t)(k / 2 % 2);
 }
 
-/* By the blocks' ranges of grey levels. appearances: NULL: one appearance for all. */
+/* A mask by the blocks' ranges of grey levels. appearances: NULL: one appearance for all. */
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
                               const CtsMacrocells *macrocells, CtsError *err);
 /* Tests the cells of visible blocks by their voxels. */
