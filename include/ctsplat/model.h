@@ -34,6 +34,7 @@ void cts_model_changed(CtsModel *model);
 
 /* As the functions of the volume (ctsplat/volume.h); the body mask keeps its place. */
 CtsStatus cts_model_crop(CtsModel *model, const double lo_lps[3], const double hi_lps[3], CtsError *err);
+void cts_model_crop_air(CtsModel *model);
 CtsStatus cts_model_smooth(CtsModel *model, double sd_mm, int n_threads, CtsError *err);
 CtsStatus cts_model_interpolate(CtsModel *model, int n_parts, CtsInterpolation how, int n_threads,
                                 CtsInterpolationCounts *made, CtsError *err);

@@ -108,6 +108,11 @@ void cts_render_defaults(CtsRenderSettings *settings);
 /* Checks without a volume: a setting out of its bounds, an engine without a requested feature. */
 CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err);
 
+/* True where cropping the air around the patient changes a picture by rounding only
+ * (cts_volume_crop_air()): the preset does not show it, and the mode is not mip, which shows it black. False for the
+ * reference and the paper's engines, whose times refer to all voxels. */
+bool cts_render_ignores_air(const CtsPreset *preset, const CtsRenderSettings *settings);
+
 /* One picture, premultiplied, not yet blended over a background. Threads never change a bit of it.
  * With settings->explain *picture stays NULL and report->plan holds the plan. */
 CtsStatus cts_render(const CtsModel *model, const CtsPreset *preset, const CtsRenderSettings *settings,

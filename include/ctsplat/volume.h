@@ -24,6 +24,9 @@ typedef struct CtsVolume {
      * the slice axis are taken over this distance, since interpolated layers contain no measured detail. */
     int slice_layers;
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
+    /* Voxels of grey 0 along each axis around the stored ones, as cts_volume_crop_air() counted them. The volume's box,
+     * centre and diagonal contain them, so a picture's geometry does not change. */
+    int air_before[3], air_behind[3];
 } CtsVolume;
 
 /* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */
@@ -34,6 +37,12 @@ size_t cts_volume_n_voxels(const CtsVolume *volume);
 static inline double cts_volume_hu(const CtsVolume *v, uint16_t grey)
 {
     return v->hu_offset + v->hu_step * grey;
+}
+
+/* Voxels along an axis, stored or air. */
+static inline int cts_volume_extent(const CtsVolume *v, int axis)
+{
+    return v->air_before[axis] + v->dims[axis] + v->air_behind[axis];
 }
 
 /* Length of step_lps[axis] in mm. */
@@ -47,10 +56,18 @@ void cts_volume_box_lps(const CtsVolume *volume, double low_lps[3], double high_
  * False when the steps do not span space. */
 int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
 
-/* Keeps the voxels whose centres lie in [lo, hi] (LPS mm); others become air, and the volume shrinks to the box.
- * first: the voxel that becomes voxel (0, 0, 0); may be NULL. CTS_ERR_USAGE when it is empty. */
+/* Keeps the voxels whose centres lie in [lo, hi] (LPS mm); others become air, and the volume shrinks to the box, with
+ * no air counted around it. first: the voxel that becomes voxel (0, 0, 0); may be NULL. CTS_ERR_USAGE when it is
+ * empty. */
 CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], int first[3],
                           CtsError *err);
+
+/* Shrinks to the box of the voxels above grey 0, with a margin for gradients; the others are counted as air around it.
+ * first: as above. A volume of air alone is unchanged. */
+void cts_volume_crop_air(CtsVolume *volume, int first[3]);
+
+/* Gives back the memory behind the last voxel that crops have left for layers. */
+void cts_volume_fit_memory(CtsVolume *volume);
 
 /* Number of layers per slice distance that makes voxels nearly cubes: 1 where slices lie no further apart than one and
  * a half pixels, at most 8. */

@@ -39,6 +39,7 @@ static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
     job.render.azimuth_deg = s->lists->views[picture->view].azimuth_deg;
     job.render.elevation_deg = s->lists->views[picture->view].elevation_deg;
     job.source.remove_table = job.preset->remove_table;
+    job.source.crops_air = cts_render_ignores_air(job.preset, &job.render);
     job.source.labels_unnamed = true; /* in journal and sheet */
     job.source.choice.show_present = true;
     job.outputs.paths = (const char *const *)picture->paths;
@@ -224,23 +225,31 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     return st;
 }
 
-/* Two volumes of one scan: pictures that keep the table come first. */
+/* Volumes of one scan, of which each picture needs one. */
+typedef enum VolumeKind { WITH_TABLE, WITH_AIR, CROPPED, N_VOLUME_KINDS } VolumeKind;
+
+static VolumeKind volume_kind(const CtsSource *source)
+{
+    return !source->remove_table ? WITH_TABLE : source->crops_air ? CROPPED : WITH_AIR;
+}
+
 static CtsStatus render_pictures(Work *w, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsBatchPicture *const pictures = w->worker_process->pictures;
     const int n = w->worker_process->n_pictures;
-    bool both = false, inside = false;
+    VolumeKind last = WITH_TABLE;
+    bool inside = false;
     for (int i = 0; i < n; i++) {
         const CtsJob job = job_of(w->settings, &pictures[i]);
-        both |= job.source.remove_table;
+        last = volume_kind(&job.source) > last ? volume_kind(&job.source) : last;
         inside |= cts_job_finds_body(&job);
     }
-    for (int without_table = 0; without_table < 2; without_table++) {
+    for (VolumeKind kind = WITH_TABLE; kind < N_VOLUME_KINDS; kind++) {
         bool loaded = false;
         for (int i = 0; i < n && !st; i++) {
             CtsJob job = job_of(w->settings, &pictures[i]);
-            if (job.source.remove_table != (bool)without_table)
+            if (volume_kind(&job.source) != kind)
                 continue;
             job.source.n_threads = job.render.n_threads = w->worker_process->n_threads;
             job.source.paths = w->label_paths;
@@ -249,7 +258,7 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             job.source.inside_unseen = !inside;
             job.source.archives = w->worker_process->archives;
             w->picture = &pictures[i];
-            if (!loaded && (st = load_volume(w, &job.source, without_table || !both, err)))
+            if (!loaded && (st = load_volume(w, &job.source, kind == last, err)))
                 break;
             loaded = true;
             st = render_picture(w, &job, err);

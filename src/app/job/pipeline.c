@@ -84,9 +84,23 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
             100 * (double)made->n_moved / (double)made->n_voxels, made->sum_of_differences_hu / (double)made->n_moved);
 }
 
+/* Table removal left air around the patient. It stays where minip and average have no mask of the body, which would
+ * show it, and where labels may give it an opacity. */
+static void crop_air(const CtsSource *source, bool has_labels, CtsModel *model, CtsReport *report)
+{
+    const CtsVolume *const v = model->volume;
+    const int before[3] = {v->dims[0], v->dims[1], v->dims[2]};
+    if (!source->remove_table || !source->crops_air || has_labels || !(model->body || source->inside_unseen))
+        return;
+    cts_model_crop_air(model);
+    if (memcmp(before, v->dims, sizeof before) != 0)
+        cts_report_skip(report, "air around the patient", "%d x %d x %d of %d x %d x %d voxels contain all the others",
+                        v->dims[0], v->dims[1], v->dims[2], before[0], before[1], before[2]);
+}
+
 /* The field between voxels: less noise, and no terraces between thick slices. */
-static CtsStatus interpolate_slices(const CtsSource *source, CtsModel *model, CtsInterpolationCounts *made,
-                                    CtsReport *report, CtsError *err)
+static CtsStatus interpolate_slices(const CtsSource *source, bool has_labels, CtsModel *model,
+                                    CtsInterpolationCounts *made, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const CtsVolume *const v = model->volume;
@@ -94,12 +108,14 @@ static CtsStatus interpolate_slices(const CtsSource *source, CtsModel *model, Ct
         return st;
     if (source->smooth_mm > 0)
         cts_report_plan(report, "smoothing: a Gaussian of %g mm standard deviation", source->smooth_mm);
+    crop_air(source, has_labels, model, report);
     const double start_ms = cts_wall_ms(), slice_mm = cts_volume_spacing_mm(v, 2);
     const int n_parts = cts_volume_layers_per_slice(v), n_slices = v->dims[2];
     if (source->interpolation == CTS_INTERPOLATION_LINEAR || n_parts == 1) {
         cts_report_skip(report, "layers between slices",
                         n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
                                      : "linear interpolation between slices was requested");
+        cts_volume_fit_memory(model->volume);
         report_interpolation(made, report);
         return CTS_OK;
     }
@@ -125,8 +141,8 @@ static CtsStatus interpolate_slices(const CtsSource *source, CtsModel *model, Ct
 }
 
 /* seen: volume in which the table is searched, or NULL; freed. */
-static CtsStatus process_model(const CtsSource *source, CtsModel *model, CtsVolume **seen, CtsInterpolationCounts *made,
-                               CtsReport *report, CtsError *err)
+static CtsStatus process_model(const CtsSource *source, bool has_labels, CtsModel *model, CtsVolume **seen,
+                               CtsInterpolationCounts *made, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     double low[3], high[3];
@@ -141,7 +157,7 @@ static CtsStatus process_model(const CtsSource *source, CtsModel *model, CtsVolu
     cts_volume_free(seen);
     if (!st && source->crop.given)
         st = cts_model_crop(model, source->crop.low_lps, source->crop.high_lps, err);
-    if (st || (st = interpolate_slices(source, model, made, report, err)))
+    if (st || (st = interpolate_slices(source, has_labels, model, made, report, err)))
         return st;
     const CtsStageTimer meter = cts_stage_timer_start(report);
     st = cts_model_prepare(model, source->n_threads, err);
@@ -272,7 +288,7 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
         st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->model.volume, &made,
                                 err);
     if (!st)
-        st = process_model(source, &loaded->model, &seen, &made, report, err);
+        st = process_model(source, loaded->labels != NULL, &loaded->model, &seen, &made, report, err);
     cts_volume_free(&seen);
     return st ? st : take_labels(source, loaded, report, err);
 }

@@ -26,6 +26,7 @@
     row(n_threads, NOTHING)                                                                                            \
     row(remove_table, VOLUME)                                                                                          \
     row(table_kept_by, NOTHING)                                                                                        \
+    row(crops_air, VOLUME)                                                                                             \
     row(inside_unseen, VOLUME)                                                                                         \
     row(interpolation, VOLUME)                                                                                         \
     row(smooth_mm, VOLUME)                                                                                             \

@@ -109,6 +109,7 @@ CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJ
         return st;
     job->preset = preset;
     job->source.remove_table = preset->remove_table;
+    job->source.crops_air = cts_render_ignores_air(preset, &job->render);
     /* Determined once, since reading the control groups is slow. */
     job->source.n_threads = job->render.n_threads = cts_threads(options->render.n_threads);
     bool any = options->write_state != NULL, shown = options->format && options->format->is_object;

@@ -24,16 +24,28 @@ void cts_model_changed(CtsModel *model)
     cts_voxel_labels_free(&model->voxel_labels);
 }
 
+/* After a crop: voxel first[] has become voxel (0, 0, 0). */
+static void begin_at(CtsModel *model, const int first[3])
+{
+    for (int axis = 0; model->body && axis < 3; axis++)
+        model->body->first[axis] += first[axis];
+    cts_model_changed(model);
+}
+
 CtsStatus cts_model_crop(CtsModel *model, const double lo_lps[3], const double hi_lps[3], CtsError *err)
 {
     int first[3];
     const CtsStatus st = cts_volume_crop(model->volume, lo_lps, hi_lps, first, err);
-    if (st)
-        return st;
-    for (int axis = 0; model->body && axis < 3; axis++)
-        model->body->first[axis] += first[axis];
-    cts_model_changed(model);
-    return CTS_OK;
+    if (!st)
+        begin_at(model, first);
+    return st;
+}
+
+void cts_model_crop_air(CtsModel *model)
+{
+    int first[3];
+    cts_volume_crop_air(model->volume, first);
+    begin_at(model, first);
 }
 
 CtsStatus cts_model_smooth(CtsModel *model, double sd_mm, int n_threads, CtsError *err)

@@ -74,15 +74,16 @@ static void size_blocks(CtsOpenness *o, const CtsVolume *v)
 {
     double mm3 = 1;
     for (int a = 0; a < 3; a++)
-        mm3 *= cts_volume_spacing_mm(v, a) * v->dims[a];
+        mm3 *= cts_volume_spacing_mm(v, a) * cts_volume_extent(v, a);
     const double edge_mm = fmax(BLOCK_MM, cbrt(mm3 / MAX_BLOCKS));
     for (int a = 0; a < 3; a++) {
         const double voxels = floor(edge_mm / cts_volume_spacing_mm(v, a) + 0.5);
-        const int most = v->dims[a] < MAX_EDGE ? v->dims[a] : MAX_EDGE;
+        const int extent = cts_volume_extent(v, a), most = extent < MAX_EDGE ? extent : MAX_EDGE;
         o->size[a] = voxels < 1 ? 1 : voxels > most ? most : (int)voxels;
-        o->n[a] = (v->dims[a] - 1) / o->size[a] + 1;
+        o->air[a] = v->air_before[a] % o->size[a];
+        o->n[a] = (o->air[a] + v->dims[a] - 1) / o->size[a] + 1;
         o->scale[a] = 1.0 / o->size[a];
-        o->shift[a] = CTS_MUTATED(OPEN_PLACE) ? 0 : -0.5 * (o->size[a] - 1) / o->size[a];
+        o->shift[a] = CTS_MUTATED(OPEN_PLACE) ? 0 : (o->air[a] - 0.5 * (o->size[a] - 1)) / o->size[a];
     }
     o->plane = o->n[2] > 1 ? o->n[0] * o->n[1] : 0;
 }
@@ -274,22 +275,34 @@ static inline void divide_sums(const uint32_t *sums, int n_blocks, int size, int
     }
 }
 
+/* Voxels of a block along an axis, air around the stored ones among them; low, high: those stored, high not included.
+ */
+static int voxels_of_block(const Making *m, int axis, int block, int *low, int *high)
+{
+    const CtsVolume *const v = m->volume;
+    const int size = m->open->size[axis], first = block * size - m->open->air[axis], end = first + size;
+    const int behind = v->dims[axis] + v->air_behind[axis];
+    *low = first > 0 ? first : 0;
+    *high = end < v->dims[axis] ? end : v->dims[axis];
+    return (end < behind ? end : behind) - first;
+}
+
 /* Mean extinctions of rows of blocks, which are 0 before. */
 static void fill_rows(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
-    const int *const n = m->open->n, *const size = m->open->size, *const d = m->volume->dims;
+    const int *const n = m->open->n, *const size = m->open->size, *const air = m->open->air;
     const size_t n_sums = (size_t)n[0] * (size_t)size[0];
     uint32_t *const sums = m->row_sums + (size_t)worker * n_sums;
     for (size_t r = first; r < end; r++) {
-        const int low[3] = {0, (int)(r % (size_t)n[1]) * size[1], (int)(r / (size_t)n[1]) * size[2]};
-        const int high[3] = {d[0], low[1] + size[1] < d[1] ? low[1] + size[1] : d[1],
-                             low[2] + size[2] < d[2] ? low[2] + size[2] : d[2]};
-        const int n_area = (high[1] - low[1]) * (high[2] - low[2]);
+        const int block[3] = {0, (int)(r % (size_t)n[1]), (int)(r / (size_t)n[1])};
+        int low[3] = {0}, high[3] = {m->volume->dims[0]}, n_area = 1;
+        for (int a = 1; a < 3; a++)
+            n_area *= voxels_of_block(m, a, block[a], &low[a], &high[a]);
         uint16_t *const means = m->means + r * (size_t)n[0];
         memset(sums, 0, n_sums * sizeof *sums);
         m->absorbing[r] = 0;
-        if (!sum_rows(m, low, high, sums))
+        if (!sum_rows(m, low, high, sums + air[0]))
             continue;
         for (int i = 0, bit = 0; i < n[0]; i += m->per_bit, bit++) {
             const int n_blocks = m->per_bit < n[0] - i ? m->per_bit : n[0] - i;
@@ -303,8 +316,8 @@ static void fill_rows(void *context, int worker, size_t first, size_t end)
             else if (any)
                 divide_sums(from, n_blocks, size[0], n_area, means + i);
         }
-        const int last = n[0] - 1; /* may be narrower */
-        divide_sums(sums + last * size[0], 1, d[0] - last * size[0], n_area, means + last);
+        const int last = n[0] - 1, width = voxels_of_block(m, 0, last, &low[0], &high[0]); /* may be narrower */
+        divide_sums(sums + last * size[0], 1, width, n_area, means + last);
     }
 }
 

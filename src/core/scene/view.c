@@ -68,7 +68,7 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderS
     cts_volume_centre_lps(volume, view->centre_lps);
     for (int axis = 0; axis < 3; axis++) {
         view->dims[axis] = volume->dims[axis];
-        view->centre_vox[axis] = 0.5 * (volume->dims[axis] - 1);
+        view->centre_vox[axis] = 0.5 * (cts_volume_extent(volume, axis) - 1) - volume->air_before[axis];
     }
     cts_apply3(inverse, view->right_lps, view->right_vox);
     cts_apply3(inverse, view->up_lps, view->up_vox);

@@ -81,6 +81,18 @@ static void move_rows(CtsVolume *v, const VoxelBox *box, const double lo[3], con
         }
 }
 
+/* The rows of the box have been moved to the front. */
+static void become_box(CtsVolume *v, const VoxelBox *box, int first[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        v->dims[axis] = box->hi[axis] - box->lo[axis] + 1;
+        for (int c = 0; c < 3; c++)
+            v->origin_lps[c] += box->lo[axis] * v->step_lps[axis][c];
+    }
+    if (first)
+        memcpy(first, box->lo, sizeof box->lo);
+}
+
 CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], int first[3], CtsError *err)
 {
     const VoxelBox box = find_box(v, lo_lps, hi_lps);
@@ -92,13 +104,68 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
                         "%.1f,%.1f,%.1f,%.1f,%.1f,%.1f)",
                         low[0], high[0], low[1], high[1], low[2], high[2]);
     }
-    const int n[3] = {box.hi[0] - box.lo[0] + 1, box.hi[1] - box.lo[1] + 1, box.hi[2] - box.lo[2] + 1};
     move_rows(v, &box, lo_lps, hi_lps);
-    for (int c = 0; c < 3; c++)
-        for (int axis = 0; axis < 3; axis++)
-            v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];
-    memcpy(v->dims, n, sizeof n);
-    if (first)
-        memcpy(first, box.lo, sizeof box.lo);
+    memset(v->air_before, 0, sizeof v->air_before);
+    memset(v->air_behind, 0, sizeof v->air_behind);
+    become_box(v, &box, first);
     return CTS_OK;
+}
+
+static bool holds_air(const uint16_t *grey, int n)
+{
+    uint16_t any = 0;
+    for (int i = 0; i < n; i++)
+        any |= grey[i];
+    return !any;
+}
+
+/* Reads rows only as far as they may enlarge the box. */
+static VoxelBox find_box_above_air(const CtsVolume *v)
+{
+    const int nx = v->dims[0];
+    VoxelBox box = EMPTY;
+    box.lo[0] = nx;
+    const uint16_t *row = v->grey;
+    for (int k = 0; k < v->dims[2]; k++)
+        for (int j = 0; j < v->dims[1]; j++, row += nx) {
+            if ((j < box.lo[1] || j > box.hi[1] || k > box.hi[2]) && holds_air(row, nx))
+                continue;
+            const int at[2] = {j, k};
+            for (int axis = 1; axis < 3; axis++) {
+                box.lo[axis] = at[axis - 1] < box.lo[axis] ? at[axis - 1] : box.lo[axis];
+                box.hi[axis] = at[axis - 1] > box.hi[axis] ? at[axis - 1] : box.hi[axis];
+            }
+            for (int i = 0; i < box.lo[0]; i++)
+                if (row[i])
+                    box.lo[0] = i;
+            for (int i = nx - 1; i > box.hi[0]; i--)
+                if (row[i])
+                    box.hi[0] = i;
+        }
+    return box;
+}
+
+void cts_volume_crop_air(CtsVolume *v, int first[3])
+{
+    /* Gradients reach two voxels beyond the last one above air, and the field of occlusion a block of 2.5 mm
+     * (core/scene/openness.h). A box that begins at a multiple of 8 voxels keeps the places of macro-cells. */
+    enum { GRADIENT = 2, PLACES = 8 };
+    const double OCCLUSION_MM = 2.5;
+    VoxelBox box = find_box_above_air(v);
+    if (box.hi[2] < 0)
+        box = (VoxelBox){{0, 0, 0}, {v->dims[0] - 1, v->dims[1] - 1, v->dims[2] - 1}};
+    for (int axis = 0; axis < 3; axis++) {
+        const int last = v->dims[axis] - 1;
+        const int margin = (int)fmin(GRADIENT + ceil(OCCLUSION_MM / cts_volume_spacing_mm(v, axis)), last);
+        box.lo[axis] = (box.lo[axis] > margin ? box.lo[axis] - margin : 0) / PLACES * PLACES;
+        box.hi[axis] = box.hi[axis] < last - margin ? box.hi[axis] + margin : last;
+        v->air_before[axis] += box.lo[axis];
+        v->air_behind[axis] += last - box.hi[axis];
+    }
+    const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box.hi[0] - box.lo[0] + 1);
+    uint16_t *to = v->grey;
+    for (int k = box.lo[2]; k <= box.hi[2]; k++)
+        for (int j = box.lo[1]; j <= box.hi[1]; j++, to += n)
+            memmove(to, v->grey + ((size_t)k * ny + (size_t)j) * nx + (size_t)box.lo[0], n * sizeof *to);
+    become_box(v, &box, first);
 }

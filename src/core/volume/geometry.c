@@ -2,6 +2,7 @@
 
 #include "base/compare.h"
 #include "base/vec3.h"
+#include <math.h>
 
 double cts_volume_spacing_mm(const CtsVolume *volume, int axis)
 {
@@ -13,7 +14,8 @@ void cts_volume_centre_lps(const CtsVolume *volume, double centre_lps[3])
     for (int c = 0; c < 3; c++) {
         centre_lps[c] = volume->origin_lps[c];
         for (int axis = 0; axis < 3; axis++)
-            centre_lps[c] += 0.5 * (volume->dims[axis] - 1) * volume->step_lps[axis][c];
+            centre_lps[c] +=
+                (0.5 * (cts_volume_extent(volume, axis) - 1) - volume->air_before[axis]) * volume->step_lps[axis][c];
     }
 }
 
@@ -26,7 +28,7 @@ double cts_volume_diagonal_mm(const CtsVolume *volume)
         for (int axis = 0; axis < 3; axis++) {
             const double sign = axis < 2 && (signs >> axis & 1) ? -1 : 1;
             for (int c = 0; c < 3; c++)
-                d[c] += sign * (volume->dims[axis] - 1) * volume->step_lps[axis][c];
+                d[c] += sign * (cts_volume_extent(volume, axis) - 1) * volume->step_lps[axis][c];
         }
         cts_raise_to(&longest, cts_norm3(d));
     }
@@ -55,8 +57,11 @@ void cts_volume_box_lps(const CtsVolume *volume, double low_lps[3], double high_
     for (int c = 0; c < 3; c++) {
         low_lps[c] = high_lps[c] = volume->origin_lps[c];
         for (int axis = 0; axis < 3; axis++) {
-            const double along = (volume->dims[axis] - 1) * volume->step_lps[axis][c];
-            *(along < 0 ? &low_lps[c] : &high_lps[c]) += along;
+            const double step = volume->step_lps[axis][c];
+            const double from = -volume->air_before[axis] * step,
+                         to = (volume->dims[axis] - 1 + volume->air_behind[axis]) * step;
+            low_lps[c] += fmin(from, to);
+            high_lps[c] += fmax(from, to);
         }
     }
 }

@@ -102,5 +102,7 @@ CtsStatus cts_volume_interpolate(CtsVolume *v, int n_parts, CtsInterpolation how
     for (int c = 0; c < 3; c++)
         v->step_lps[2][c] /= n_parts;
     v->slice_layers *= n_parts;
+    v->air_before[2] *= n_parts;
+    v->air_behind[2] *= n_parts;
     return CTS_OK;
 }

@@ -56,6 +56,12 @@ CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *e
     return st;
 }
 
+void cts_volume_fit_memory(CtsVolume *volume)
+{
+    const size_t n = cts_volume_n_voxels(volume);
+    (void)cts_resize_array(&volume->grey, n, n, NULL); /* on a failure the block stays as it is */
+}
+
 void cts_volume_free(CtsVolume **volume)
 {
     if (!*volume)

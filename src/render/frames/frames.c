@@ -42,6 +42,8 @@ struct CtsFrames {
  * change whole pixels, which a sample of pixels may miss. */
 #define STEP_OPACITY 0.25
 #define STEP_HU 20.0
+/* Grey level 0, where all bits of it are used (ctsplat/volume.h). */
+#define AIR_HU (-1024.0)
 
 static bool has_step(const CtsPreset *preset)
 {
@@ -138,6 +140,15 @@ static CtsStatus choose_model(const CtsModel *model, const CtsSceneStore *store,
         return cts_fail(err, CTS_ERR_USAGE, "hidden labels: mode %s knows them with kernel tent and 16 grey bits alone",
                         cts_mode_names[mode]);
     return CTS_OK;
+}
+
+bool cts_render_ignores_air(const CtsPreset *preset, const CtsRenderSettings *settings)
+{
+    const bool chosen = settings->engine == CTS_ENGINE_AUTO;
+    const CtsEngine *const engine = cts_engine(chosen ? cts_engine_with_levels() : settings->engine);
+    const CtsMode mode = settings->mode >= 0 ? (CtsMode)settings->mode : preset->mode;
+    return !engine->is_layered && !engine->is_reference && settings->grey_bits == 16 && mode != CTS_MODE_MIP &&
+           (mode != CTS_MODE_COMPOSITE || cts_preset_opacity(preset, AIR_HU) == 0);
 }
 
 CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err)

@@ -256,10 +256,12 @@ static double middle_mm(Span span)
 /* The ends of the volume's box, which no order of its voxels changes. */
 static Span span_of_box(const CtsVolume *volume, const double direction_lps[3])
 {
-    const double origin = cts_dot3(volume->origin_lps, direction_lps);
-    Span span = {origin, origin};
+    double first = cts_dot3(volume->origin_lps, direction_lps);
+    for (int axis = 0; axis < 3; axis++)
+        first -= cts_dot3(volume->step_lps[axis], direction_lps) * volume->air_before[axis];
+    Span span = {first, first};
     for (int axis = 0; axis < 3; axis++) {
-        const double along = cts_dot3(volume->step_lps[axis], direction_lps) * (volume->dims[axis] - 1);
+        const double along = cts_dot3(volume->step_lps[axis], direction_lps) * (cts_volume_extent(volume, axis) - 1);
         *(along > 0 ? &span.high_mm : &span.low_mm) += along;
     }
     return span;
