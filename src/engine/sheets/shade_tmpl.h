@@ -72,26 +72,43 @@ INLINE Differences differences_inside(const March *m, const Footprint *f, const 
          difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window)}};
 }
 
-/* Grey levels of the lanes' voxels. Each is loaded with the voxel before it, so that no load passes the volume's end.
- */
-INLINE wi voxels_at(const SheetsJob *job, wi index, wmask lanes)
+/* Grey levels of two neighbours along a, or their differences. */
+typedef struct Neighbours {
+    wi of[2];
+} Neighbours;
+
+/* Of the lanes' voxels `index` and the next; any numbers for voxels outside the volume, which are not read. */
+INLINE Neighbours neighbours_at(const SheetsJob *job, wi index, wmask lanes)
 {
-    const wi pair = wi_gather_pairs(job->view.grey, wi_max(wi_sub(index, wi_of(1)), wi_of(0)), lanes);
-    return wi_select(wi_gt(index, wi_of(0)), wi_upper_half(pair), wi_lower_half(pair));
+    const SheetsView *const v = &job->view;
+    const wi read = wi_min(wi_max(index, wi_of(0)), wi_of(v->n[0] * v->n[1] * v->n[2] - 2));
+    const wi pair = wi_gather_pairs(job->view.grey, read, lanes);
+    const wi low = wi_lower_half(pair), high = wi_upper_half(pair);
+    return (Neighbours){{wi_select(wi_gt(index, read), high, low), wi_select(wi_lt(index, read), low, high)}};
 }
 
-/* Differences of grey levels at voxels `at`, numbers `index`: to air beyond the border, or one-sided and twice. */
-INLINE wf voxel_differences(const SheetsJob *job, const wi at[3], wi index, int axis, wmask lanes)
+/* Differences along an axis at voxels `index`, which lie at `at` along it, and at the next along a: to air beyond the
+ * border, or one-sided and twice. */
+INLINE Neighbours neighbour_differences(const SheetsJob *job, int axis, wi at, wi index, const Neighbours *own,
+                                        wmask lanes)
 {
     const SheetsView *const v = &job->view;
     const int32_t stride[3] = {1, (int32_t)v->row, (int32_t)v->sheet}, step = job->shade->step[axis];
-    const wmask before = wi_gt(at[axis], wi_of(step - 1)), after = wi_lt(at[axis], wi_of(v->n[axis] - step));
-    const wi beyond = job->shade->air_beyond ? wi_of(0) : voxels_at(job, index, lanes), by = wi_of(step * stride[axis]);
-    const wi low = wi_select(before, voxels_at(job, wi_sub(index, by), wmask_and(lanes, before)), beyond);
-    const wi high = wi_select(after, voxels_at(job, wi_add(index, by), wmask_and(lanes, after)), beyond);
-    const wf difference = wi_to_float(wi_sub(high, low));
-    const wmask one = wmask_or(wmask_and(before, wmask_not(after)), wmask_and(after, wmask_not(before)));
-    return job->shade->air_beyond ? difference : wf_select(one, wf_times(difference, 2), difference);
+    const wi by = wi_of(step * stride[axis]);
+    const Neighbours less = neighbours_at(job, wi_sub(index, by), lanes),
+                     more = neighbours_at(job, wi_add(index, by), lanes);
+    Neighbours d;
+    for (int i = 0; i < 2; i++) {
+        const wi place = axis == 0 ? wi_add(at, wi_of(i)) : at;
+        const wmask before = wi_gt(place, wi_of(step - 1)), after = wi_lt(place, wi_of(v->n[axis] - step));
+        const wi beyond = job->shade->air_beyond ? wi_of(0) : own->of[i];
+        const wi low = wi_select(before, less.of[i], beyond), high = wi_select(after, more.of[i], beyond);
+        const wmask one = wmask_or(wmask_and(before, wmask_not(after)), wmask_and(after, wmask_not(before)));
+        d.of[i] = wi_sub(high, low);
+        if (!job->shade->air_beyond)
+            d.of[i] = wi_add(d.of[i], wi_select(one, d.of[i], wi_of(0)));
+    }
+    return d;
 }
 
 /* At points near the volume's faces or at the ends of rays; in voxels along a, b and p. Those outside the volume count
@@ -109,22 +126,24 @@ OUTLINE Differences differences_at(const March *m, const wf at[3], wmask lanes)
     }
     const wi first =
         wi_add(wi_add(wi_mul(cell[2], wi_of((int32_t)v->sheet)), wi_mul(cell[1], wi_of((int32_t)v->row))), cell[0]);
-    for (int axis = 0; axis < 3; axis++) {
-        wf plane[2], row[2], voxel[2];
-        for (int k = 0; k < 2; k++) {
-            for (int j = 0; j < 2; j++) {
-                for (int i = 0; i < 2; i++) {
-                    const wi corner[3] = {wi_add(cell[0], wi_of(i)), wi_add(cell[1], wi_of(j)),
-                                          wi_add(cell[2], wi_of(k))};
-                    const wi index = wi_add(first, wi_of((int32_t)(i + j * v->row + k * v->sheet)));
-                    voxel[i] = voxel_differences(m->job, corner, index, axis, lanes);
-                }
-                row[j] = wf_lerp(voxel[0], voxel[1], part[0]);
+    wf plane[3][2], row[3][2];
+    for (int k = 0; k < 2; k++) {
+        for (int j = 0; j < 2; j++) {
+            const wi corner[3] = {cell[0], wi_add(cell[1], wi_of(j)), wi_add(cell[2], wi_of(k))};
+            const wi index = wi_add(first, wi_of((int32_t)(j * v->row + k * v->sheet)));
+            Neighbours own = {{wi_of(0), wi_of(0)}};
+            if (!m->job->shade->air_beyond)
+                own = neighbours_at(m->job, index, lanes);
+            for (int axis = 0; axis < 3; axis++) {
+                const Neighbours n = neighbour_differences(m->job, axis, corner[axis], index, &own, lanes);
+                row[axis][j] = wf_lerp(wi_to_float(n.of[0]), wi_to_float(n.of[1]), part[0]);
             }
-            plane[k] = wf_lerp(row[0], row[1], part[1]);
         }
-        d.along[axis] = wf_times(wf_lerp(plane[0], plane[1], part[2]), 1 << SHEETS_WEIGHT_BITS);
+        for (int axis = 0; axis < 3; axis++)
+            plane[axis][k] = wf_lerp(row[axis][0], row[axis][1], part[1]);
     }
+    for (int axis = 0; axis < 3; axis++)
+        d.along[axis] = wf_times(wf_lerp(plane[axis][0], plane[axis][1], part[2]), 1 << SHEETS_WEIGHT_BITS);
     return d;
 }
 

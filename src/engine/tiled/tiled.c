@@ -335,12 +335,9 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     TiledCache *cache;
     const CtsMacrocells *macrocells;
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
-    CtsScene marched = *scene;
-    /* Double precision takes several times as long through whole blocks: there the test pays for few rays, too. */
-    marched.plan.few_rays = scene->plan.few_rays && error > 0;
     if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
-        (st = find_mask(cache, &marched, macrocells, NULL, err)) ||
-        (st = begin_march(&job, &shade, &marched, cache, error > 0 ? &fast : &exact,
+        (st = find_mask(cache, scene, macrocells, NULL, err)) ||
+        (st = begin_march(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
                           error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
     const Path path = choose_path(&job);
