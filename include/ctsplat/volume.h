@@ -105,7 +105,7 @@ CtsStatus cts_volume_smooth(CtsVolume *volume, double sd_mm, int n_threads, CtsE
 CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
                               CtsVolume **quantised, CtsError *err);
 
-/* Voxels by grey level, 65536 exact counts, for any number of threads (0: all cores). Free with
+/* Voxels by grey level, stored or air, 65536 exact counts, for any number of threads (0: all cores). Free with
  * cts_volume_histogram_free(). */
 CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t **count, CtsError *err);
 void cts_volume_histogram_free(uint64_t **count);

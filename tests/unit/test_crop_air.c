@@ -81,6 +81,15 @@ static void test_box(void **state)
             fabs(centre[0][c] - centre[1][c]) > 1e-9)
             fail_msg("axis %d: box %g to %g, centre %g; cropped %g to %g, centre %g", c, low[0][c], high[0][c],
                      centre[0][c], low[1][c], high[1][c], centre[1][c]);
+    uint64_t *count[2];
+    CtsError err = {0};
+    for (int v = 0; v < 2; v++)
+        assert_int_equal(cts_volume_histogram(v ? b : a, 2, &count[v], &err), CTS_OK);
+    for (int g = 0; g < 65536; g++)
+        if (count[0][g] != count[1][g])
+            fail_msg("grey %d: expected %d voxels, actual %d", g, (int)count[0][g], (int)count[1][g]);
+    for (int v = 0; v < 2; v++)
+        cts_volume_histogram_free(&count[v]);
     assert_true(fabs(cts_volume_diagonal_mm(a) - cts_volume_diagonal_mm(b)) < 1e-9);
     cts_model_free(&whole);
     cts_model_free(&cropped);

@@ -35,6 +35,10 @@ CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t 
     for (size_t t = 0; t < (size_t)parts * TABLES; t++)
         for (size_t g = 0; g < N_GREY; g++)
             (*count)[g] += tables[t * N_GREY + g];
+    uint64_t n_all = 1;
+    for (int axis = 0; axis < 3; axis++)
+        n_all *= (uint64_t)cts_volume_extent(volume, axis);
+    (*count)[0] += n_all - n;
 end:
     cts_free(&tables);
     return st;

@@ -30,7 +30,7 @@ static void write_segment(void *context, const TiledSegment *s)
     const Trace *const t = context;
     const TiledTransfer *const transfer =
         t->job->appearances ? &t->job->appearances->transfer[s->appearance] : &t->job->transfer;
-    const int q = s->transfer_segment;
+    const int q = s->transfer_segment, *const before = t->volume->air_before;
     char low[32], high[32];
     cts_report_trace(
         t->report,
@@ -38,9 +38,10 @@ static void write_segment(void *context, const TiledSegment *s)
         "\"cell\":[%d,%d,%d],\"hu\":[%.9g,%.9g,%.9g,%.9g],\"appearance\":%d,\"transfer_segment\":%d,"
         "\"transfer_hu\":[%s,%s],\"depth\":%.9g,\"rgb\":[%.9g,%.9g,%.9g],\"transmittance\":[%.9g,%.9g],"
         "\"error\":{\"depth\":%.3g,\"colour\":%.3g,\"control_points\":%.3g}}",
-        t->precision, s->integrated ? "integrated" : "split", s->t_mm, s->length_mm, s->cell[0], s->cell[1], s->cell[2],
-        traced_hu_of(t, s->level[0]), traced_hu_of(t, s->level[1]), traced_hu_of(t, s->level[2]),
-        traced_hu_of(t, s->level[3]), s->appearance, q, hu_text(t, transfer->end[0][q], transfer->remainder[0][q], low),
+        t->precision, s->integrated ? "integrated" : "split", s->t_mm, s->length_mm, s->cell[0] + before[0],
+        s->cell[1] + before[1], s->cell[2] + before[2], traced_hu_of(t, s->level[0]), traced_hu_of(t, s->level[1]),
+        traced_hu_of(t, s->level[2]), traced_hu_of(t, s->level[3]), s->appearance, q,
+        hu_text(t, transfer->end[0][q], transfer->remainder[0][q], low),
         hu_text(t, transfer->end[1][q], transfer->remainder[1][q], high), s->depth, s->rgb[0], s->rgb[1], s->rgb[2],
         s->transmittance[0], s->transmittance[1], s->depth_error, s->colour_error, s->control_point_error);
 }
