@@ -230,6 +230,13 @@ CtsStatus cts_scanned_of_hu(const CtsHuArray *given, int n_threads, CtsScanned *
 CtsStatus cts_scanned_volume(CtsScanned *scanned, CtsInterpolation how, bool hand_over, int n_threads,
                              CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err);
 
+/* Slices that are unevenly spaced (scanned->layer) and not handed over, as linear layers. */
+CtsLinearLayers cts_scanned_linear_layers(const CtsScanned *scanned);
+/* Of such slices, voxels low[] to high[], inclusive, of a volume by shapes or cubics: low[] is even; the others are
+ * counted as air. last: the memory of the slices is freed. */
+CtsStatus cts_scanned_box(CtsScanned *scanned, CtsInterpolation how, const int low[3], const int high[3], bool last,
+                          int n_threads, CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err);
+
 /* Both in one, with linear interpolation, for a single volume. stop: as in a CtsWordWatch. */
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile sig_atomic_t *stop, CtsVolume **volume,
                           CtsReport *report, CtsError *err);

@@ -37,12 +37,24 @@ CTS_API_BEGIN
  * % of it are kept, with the warning `table_removal_uncertain`; the same warning is given where more than 0.1 % of the
  * body was removed in parts thicker than 20 mm, and where a table stands in air as dense as lungs without a peak. The
  * time counts as stage classify. Memory: about an eighth of the volume. n_threads 0: all cores; threads never change
- * the result. Fails with CTS_ERR_MEMORY only.
- *
- * seen: the volume in which the table is searched: model->volume (NULL), or where its layers were interpolated along
- * shapes the same layers with linear interpolation, in which plates keep their position. */
-CtsStatus cts_model_remove_table(CtsModel *model, const CtsVolume *seen, bool finds_inside, int n_threads,
-                                 CtsReport *report, CtsError *err);
+ * the result. Fails with CTS_ERR_MEMORY only. */
+CtsStatus cts_model_remove_table(CtsModel *model, bool finds_inside, int n_threads, CtsReport *report, CtsError *err);
+
+/* Its two steps, for layers that are made after the search: interpolated along shapes, plates would not keep their
+ * position. */
+typedef struct CtsTableSearch CtsTableSearch;
+
+/* Searches in the volume, or in these layers of a volume whose grey levels are not used. Free with
+ * cts_table_search_free(). */
+CtsStatus cts_table_search(const CtsVolume *volume, const CtsLinearLayers *layers, bool finds_inside, int n_threads,
+                           CtsTableSearch **found, CtsReport *report, CtsError *err);
+void cts_table_search_free(CtsTableSearch **found);
+/* Voxels low[] to high[], inclusive, of the volume that was searched: cts_volume_crop_air() keeps no others after the
+ * table is cleared. */
+void cts_table_kept_box(const CtsTableSearch *found, const CtsVolume *volume, int low[3], int high[3]);
+/* Clears what was found; the model gets the inside of the body. Its volume is the one that was searched, or a box of it
+ * that counts the voxels around itself as air. */
+void cts_table_clear(CtsTableSearch *found, CtsModel *model, CtsReport *report);
 
 CTS_API_END
 #endif

@@ -82,6 +82,13 @@ typedef enum CtsInterpolation {
     CTS_N_INTERPOLATIONS
 } CtsInterpolation;
 
+/* Evenly spaced layers by linear interpolation between slices, which are read without being stored. */
+typedef struct CtsLinearLayers {
+    const uint16_t *slices; /* one after the other */
+    int n_slices;
+    const double *layer; /* position of each in layers, rising from 0 */
+} CtsLinearLayers;
+
 /* Statistics of layers between slices, as far as they are not linear. */
 typedef struct CtsInterpolationCounts {
     uint64_t n_voxels, n_moved;   /* of layers between slices, and those of them that were moved */

@@ -2,6 +2,7 @@
  * for rounding. Truth are the pictures of the uncropped volume. */
 #include "unit.h"
 
+#include "core/model/body_mask.h"
 #include "ctsplat/ctsplat.h"
 #include "ctsplat/table.h"
 #include "render/framing/framing.h"
@@ -33,7 +34,7 @@ static CtsModel model_without_table(void)
         for (int j = 0; j < NY; j++)
             for (int i = 0; i < NX; i++, at++)
                 model.volume->grey[at] = (uint16_t)lround(fmax(trunk_on_table(i, j), -1024) + 1024);
-    if (cts_model_remove_table(&model, NULL, true, 2, NULL, &err))
+    if (cts_model_remove_table(&model, true, 2, NULL, &err))
         fail_msg("%s", err.text);
     assert_non_null(model.body);
     return model;
@@ -93,6 +94,70 @@ static void test_box(void **state)
     assert_true(fabs(cts_volume_diagonal_mm(a) - cts_volume_diagonal_mm(b)) < 1e-9);
     cts_model_free(&whole);
     cts_model_free(&cropped);
+}
+
+/* Slices of the trunk at uneven distances, for N_LAYERS layers. */
+enum { N_SLICES = 12, N_LAYERS = 38 };
+
+static CtsScanned scan_of_trunk(double layer[N_SLICES])
+{
+    CtsScanned scanned = {.n_slices = N_SLICES, .layer = layer, .offset = N_LAYERS - N_SLICES, .n_slots = N_LAYERS};
+    CtsError err = {0};
+    assert_int_equal(cts_volume_new(&scanned.even, NX, NY, N_LAYERS, &err), CTS_OK);
+    for (int a = 0; a < 3; a++)
+        scanned.even->step_lps[a][a] = a < 2 ? STEP_MM : SLICE_MM;
+    uint16_t *to = scanned.even->grey + (size_t)scanned.offset * NX * NY;
+    for (int k = 0; k < N_SLICES; k++) {
+        layer[k] = k + 1 < N_SLICES ? 3.4 * k - 0.3 * (k % 3) : N_LAYERS - 1;
+        for (int j = 0; j < NY; j++)
+            for (int i = 0; i < NX; i++)
+                *to++ = (uint16_t)lround(fmax(trunk_on_table(i + 0.9 * layer[k] - 15, j), -1024) + 1024);
+    }
+    return scanned;
+}
+
+/* Layers made only where the table search keeps voxels, and whole layers that are cleared and cropped, are the same. */
+static void test_layers_in_box(void **state)
+{
+    CtsModel models[2] = {{0}};
+    for (int in_box = 0; in_box < 2; in_box++) {
+        double layer[N_SLICES];
+        CtsScanned scanned = scan_of_trunk(layer);
+        const CtsLinearLayers linear = cts_scanned_linear_layers(&scanned);
+        CtsInterpolationCounts made = {0};
+        CtsTableSearch *found;
+        CtsError err = {0};
+        CtsModel *const model = &models[in_box];
+        int low[3], high[3];
+        assert_int_equal(cts_table_search(scanned.even, &linear, true, 2, &found, NULL, &err), CTS_OK);
+        cts_table_kept_box(found, scanned.even, low, high);
+        assert_true(high[0] - low[0] < NX - 8 && high[1] - low[1] < NY - 8);
+        if (in_box)
+            assert_int_equal(
+                cts_scanned_box(&scanned, CTS_INTERPOLATION_SHAPE, low, high, false, 2, &model->volume, &made, &err),
+                CTS_OK);
+        else
+            assert_int_equal(
+                cts_scanned_volume(&scanned, CTS_INTERPOLATION_SHAPE, false, 2, &model->volume, &made, &err), CTS_OK);
+        assert_true(made.n_moved > 0);
+        cts_table_clear(found, model, NULL);
+        cts_table_search_free(&found);
+        cts_model_crop_air(model);
+        cts_volume_free(&scanned.even);
+    }
+    const CtsVolume *const a = models[0].volume, *const b = models[1].volume;
+    assert_memory_equal(a->dims, b->dims, sizeof a->dims);
+    assert_memory_equal(a->air_before, b->air_before, sizeof a->air_before);
+    assert_memory_equal(a->air_behind, b->air_behind, sizeof a->air_behind);
+    assert_memory_equal(models[0].body->first, models[1].body->first, sizeof models[0].body->first);
+    for (int c = 0; c < 3; c++)
+        assert_true(fabs(a->origin_lps[c] - b->origin_lps[c]) < 1e-9);
+    for (size_t i = 0; i < cts_volume_n_voxels(a); i++)
+        if (a->grey[i] != b->grey[i])
+            fail_msg("voxel %zu of %d x %d x %d: expected grey %d, actual %d", i, a->dims[0], a->dims[1], a->dims[2],
+                     a->grey[i], b->grey[i]);
+    cts_model_free(&models[0]);
+    cts_model_free(&models[1]);
 }
 
 /* Air alone, and voxels up to all faces, stay as they are. */
@@ -208,6 +273,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_box),
+        cmocka_unit_test(test_layers_in_box),
         cmocka_unit_test(test_nothing_to_crop),
         cmocka_unit_test(test_same_pictures),
         cmocka_unit_test(test_needs_air),

@@ -122,7 +122,7 @@ static void test_body(void **state)
     CtsModel model = {.volume = make(trunk)};
     CtsError err;
     check_body(&model, 16, CTS_MODE_MINIP, -1000, 1, -1000);
-    assert_int_equal(cts_model_remove_table(&model, NULL, true, 2, NULL, &err), CTS_OK);
+    assert_int_equal(cts_model_remove_table(&model, true, 2, NULL, &err), CTS_OK);
     assert_non_null(model.body);
     check_body(&model, 16, CTS_MODE_MINIP, -900, 2, NAN);
     /* A ray through the middle has 20 mm of lung on either side, and flesh to 3 mm under the skin at 45 mm. */

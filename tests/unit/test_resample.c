@@ -1,5 +1,7 @@
 /* An uneven stack becomes an even one in its own memory. */
+#include "core/volume/linear_layers.h"
 #include "core/volume/shape_interpolation.h"
+#include "core/volume/threshold.h"
 #include "input/load/load.h"
 #include "unit.h"
 #include <math.h>
@@ -69,7 +71,7 @@ static void check_elsewhere(const CtsResampling *r, const uint16_t *slices, cons
                                                   .n_columns = (int)r->layer_voxels,
                                                   .n_rows = 1,
                                                   .n_slices = r->n_slices,
-                                                  .n_layers = r->n_layers,
+                                                  .end = {(int)r->layer_voxels, 1, r->n_layers},
                                                   .layer = r->layer,
                                                   .n_parts = 1,
                                                   .hu_step = 1},
@@ -81,16 +83,44 @@ static void check_elsewhere(const CtsResampling *r, const uint16_t *slices, cons
     free(layers);
 }
 
+/* Bits of layers that are not stored are those of stored ones. */
+static void check_bits(const CtsResampling *r, const uint16_t *slices, const uint16_t *layers)
+{
+    const CtsLinearLayers linear = {slices, r->n_slices, r->layer};
+    const int dims[3] = {(int)r->layer_voxels, 1, r->n_layers};
+    CtsBits stored = {0}, read = {0};
+    CtsError err;
+    uint64_t n_runs;
+    assert_int_equal(cts_bits_new(&stored, dims, &err), CTS_OK);
+    assert_int_equal(cts_bits_new(&read, dims, &err), CTS_OK);
+    const uint64_t expected = cts_bits_threshold(&stored, layers, 30000, 1);
+    assert_int_equal(cts_bits_threshold_layers(&read, &linear, 30000, 2, &n_runs, &err), CTS_OK);
+    assert_int_equal(n_runs, expected);
+    assert_memory_equal(read.words, stored.words, cts_bits_n_words(&read) * sizeof *read.words);
+    for (int k = 0; k < r->n_layers; k++) {
+        uint16_t made[3];
+        const CtsLinearLayer layer = cts_linear_layer(&linear, r->layer_voxels, k);
+        const size_t at = (size_t)k * r->layer_voxels + 7;
+        assert_memory_equal(cts_linear_layer_row(&layer, 7, 3, made), layers + at, sizeof made);
+    }
+    cts_bits_free(&stored);
+    cts_bits_free(&read);
+}
+
 /* Of any values, cubics stay between those of the two slices around a layer. */
 static void check_range(const double *layer, int n_slices, int n_layers)
 {
-    enum { VOXELS = 33 };
+    enum { VOXELS = 133 };
     const int offset = cts_resample_offset(layer, n_slices, n_layers);
     uint16_t *grey = malloc((size_t)(offset + n_slices + n_layers) * VOXELS * sizeof *grey);
     uint16_t *slices = malloc((size_t)n_slices * VOXELS * sizeof *slices);
     assert_true(grey && slices);
     for (int i = 0; i < n_slices * VOXELS; i++)
         slices[i] = (uint16_t)(rand() % 4 ? rand() & 0xffff : 65535 * (rand() & 1));
+    memcpy(grey + offset * VOXELS, slices, (size_t)n_slices * VOXELS * sizeof *grey);
+    const CtsResampling lines = {VOXELS, layer, n_slices, n_layers, offset, true};
+    cts_resample_stack(grey, &lines, 1);
+    check_bits(&lines, slices, grey);
     memcpy(grey + offset * VOXELS, slices, (size_t)n_slices * VOXELS * sizeof *grey);
     const CtsResampling resampling = {VOXELS, layer, n_slices, n_layers, offset, false};
     cts_resample_stack(grey, &resampling, 1);

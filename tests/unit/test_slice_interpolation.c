@@ -2,6 +2,7 @@
 #include "unit.h"
 
 #include "base/cpu.h"
+#include "core/volume/shape_interpolation.h"
 #include "core/volume/shape_move.h"
 #include "core/volume/slice_interpolation.h"
 #include "ctsplat/volume.h"
@@ -222,6 +223,60 @@ static void test_shape(void **state)
     }
 }
 
+/* Layers of a stack with uneven distances, in a box; NULL: all of them. Free with free(). */
+static uint16_t *layers_in_box(const CtsVolume *discs, const int box[2][3])
+{
+    static const double layer[DISCS] = {0, 3.2, 7, 12};
+    CtsShapeStack stack = {.slices = discs->grey,
+                           .n_columns = DISC,
+                           .n_rows = DISC,
+                           .n_slices = DISCS,
+                           .end = {DISC, DISC, 13},
+                           .layer = layer,
+                           .n_parts = 1,
+                           .hu_offset = -1024,
+                           .hu_step = 1};
+    for (int axis = 0; box && axis < 3; axis++) {
+        stack.low[axis] = box[0][axis];
+        stack.end[axis] = box[1][axis];
+    }
+    size_t n = sizeof *stack.layers;
+    for (int axis = 0; axis < 3; axis++)
+        n *= (size_t)(stack.end[axis] - stack.low[axis]);
+    stack.layers = malloc(n);
+    assert_non_null(stack.layers);
+    cts_shape_interpolate_layers(&stack, CTS_INTERPOLATION_SHAPE, 2, &made);
+    return stack.layers;
+}
+
+/* Layers in a box have the grey levels of whole ones, whether a surface moves within it or beside it. */
+static void test_box(void **state)
+{
+    static const int boxes[][2][3] = {{{0, 0, 0}, {DISC, DISC, 13}}, {{8, 16, 2}, {DISC, 71, 11}},
+                                      {{16, 24, 4}, {57, 90, 5}},    {{40, 0, 0}, {41, 2, 13}},
+                                      {{26, 30, 8}, {90, DISC, 13}}, {{0, 94, 3}, {DISC, DISC, 4}}};
+    CtsVolume *discs = make_discs(false);
+    made = (CtsInterpolationCounts){0};
+    uint16_t *const whole = layers_in_box(discs, NULL);
+    assert_true(made.n_moved > 1000);
+    for (size_t b = 0; b < sizeof boxes / sizeof *boxes; b++)
+        for (int path = 0; path < 3; path++) {
+            const int *const low = boxes[b][0], *const end = boxes[b][1];
+            cts_cpu_set_mask(path == 0 ? 0 : path == 1 ? CTS_CPU_AVX2 : ~0u);
+            uint16_t *const layers = layers_in_box(discs, boxes[b]), *to = layers;
+            for (int k = low[2]; k < end[2]; k++)
+                for (int j = low[1]; j < end[1]; j++)
+                    for (int i = low[0]; i < end[0]; i++, to++)
+                        if (*to != whole[(k * DISC + j) * DISC + i])
+                            fail_msg("box %zu, SIMD path %d, voxel %d,%d,%d: expected grey %d, actual %d", b, path, i,
+                                     j, k, whole[(k * DISC + j) * DISC + i], *to);
+            free(layers);
+        }
+    cts_cpu_set_mask(~0u);
+    free(whole);
+    cts_volume_free(&discs);
+}
+
 /* Static structures, or differences below the noise, are blended as before; threads and SIMD paths change nothing, for
  * any slices. */
 static void test_shape_at_rest(void **state)
@@ -299,6 +354,7 @@ int main(void)
         cmocka_unit_test(test_parabola),      cmocka_unit_test(test_uneven_parabola),
         cmocka_unit_test(test_slice_layers),  cmocka_unit_test(test_when),
         cmocka_unit_test(test_smooth),        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_box),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

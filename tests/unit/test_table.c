@@ -41,7 +41,7 @@ static void remove_table_of(CtsModel *model, int n_threads, CtsReport *report)
 {
     CtsError err;
     *report = (CtsReport){0};
-    assert_int_equal(cts_model_remove_table(model, NULL, true, n_threads, report, &err), CTS_OK);
+    assert_int_equal(cts_model_remove_table(model, true, n_threads, report, &err), CTS_OK);
     assert_true(report->stages[CTS_STAGE_CLASSIFY].ran);
 }
 
@@ -580,10 +580,10 @@ static void test_odd(void **state)
     memset(v->step_lps[1], 0, sizeof v->step_lps[1]);
     CtsReport flat = {0};
     CtsModel model = {.volume = v};
-    assert_int_equal(cts_model_remove_table(&model, NULL, true, 2, &flat, &err), CTS_OK);
+    assert_int_equal(cts_model_remove_table(&model, true, 2, &flat, &err), CTS_OK);
     assert_true(is_skipped(&flat));
     cts_report_free(&flat);
-    assert_int_equal(cts_model_remove_table(&model, NULL, true, 0, NULL, NULL), CTS_OK);
+    assert_int_equal(cts_model_remove_table(&model, true, 0, NULL, NULL), CTS_OK);
     cts_volume_free(&before);
     cts_volume_free(&v);
 }

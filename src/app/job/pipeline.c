@@ -89,7 +89,7 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
 static void crop_air(const CtsSource *source, bool has_labels, CtsModel *model, CtsReport *report)
 {
     const CtsVolume *const v = model->volume;
-    const int before[3] = {v->dims[0], v->dims[1], v->dims[2]};
+    const int before[3] = {cts_volume_extent(v, 0), cts_volume_extent(v, 1), cts_volume_extent(v, 2)};
     if (!source->remove_table || !source->crops_air || has_labels || !(model->body || source->inside_unseen))
         return;
     cts_model_crop_air(model);
@@ -140,22 +140,20 @@ static CtsStatus interpolate_slices(const CtsSource *source, bool has_labels, Ct
     return CTS_OK;
 }
 
-/* seen: volume in which the table is searched, or NULL; freed. */
-static CtsStatus process_model(const CtsSource *source, bool has_labels, CtsModel *model, CtsVolume **seen,
-                               CtsInterpolationCounts *made, CtsReport *report, CtsError *err)
+static void report_volume(const CtsVolume *volume, CtsReport *report)
 {
-    CtsStatus st = CTS_OK;
     double low[3], high[3];
-    cts_volume_box_lps(model->volume, low, high);
+    cts_volume_box_lps(volume, low, high);
     cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
                     high[1], low[2], high[2]);
-    /* Table removal needs the whole volume to distinguish table and patient, so it precedes the crop. */
-    if (source->remove_table)
-        st = cts_model_remove_table(model, *seen, !source->inside_unseen, source->n_threads, report, err);
-    else
-        cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
-    cts_volume_free(seen);
-    if (!st && source->crop.given)
+}
+
+/* After table removal, which needs the whole volume to distinguish table and patient. */
+static CtsStatus process_model(const CtsSource *source, bool has_labels, CtsModel *model, CtsInterpolationCounts *made,
+                               CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (source->crop.given)
         st = cts_model_crop(model, source->crop.low_lps, source->crop.high_lps, err);
     if (st || (st = interpolate_slices(source, has_labels, model, made, report, err)))
         return st;
@@ -267,29 +265,63 @@ static CtsStatus clear_fill(const CtsSource *source, CtsScanned *scanned, CtsRep
     return st;
 }
 
+/* Without memory for both, the slices become the volume in any case. */
+static CtsStatus make_volume(const CtsSource *source, CtsScanned *scanned, bool last, CtsVolume **volume,
+                             CtsInterpolationCounts *made, CtsError *err)
+{
+    CtsStatus st = CTS_ERR_MEMORY;
+    if (!last)
+        st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, volume, made, NULL);
+    if (st == CTS_ERR_MEMORY)
+        st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, volume, made, err);
+    return st;
+}
+
+/* Unevenly spaced slices become layers after the search for the table: shape-based interpolation would displace a plate
+ * that is cut obliquely like a surface; linear interpolation does not. Layers are made only where crop_air() keeps
+ * them; smoothing and a crop first see the whole volume. */
+static CtsStatus make_layers_without_table(const CtsSource *source, CtsScanned *scanned, bool last, bool has_labels,
+                                           CtsModel *model, CtsInterpolationCounts *made, CtsReport *report,
+                                           CtsError *err)
+{
+    int low[3], high[3];
+    CtsTableSearch *found;
+    const CtsLinearLayers layers = cts_scanned_linear_layers(scanned);
+    CtsStatus st =
+        cts_table_search(scanned->even, &layers, !source->inside_unseen, source->n_threads, &found, report, err);
+    if (st)
+        return st;
+    st = CTS_ERR_MEMORY;
+    if (source->crops_air && !has_labels && !source->crop.given && !(source->smooth_mm > 0)) {
+        cts_table_kept_box(found, scanned->even, low, high);
+        st = cts_scanned_box(scanned, source->interpolation, low, high, last, source->n_threads, &model->volume, made,
+                             NULL);
+    }
+    if (st == CTS_ERR_MEMORY)
+        st = make_volume(source, scanned, last, &model->volume, made, err);
+    if (!st)
+        cts_table_clear(found, model, report);
+    cts_table_search_free(&found);
+    return st;
+}
+
 static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, CtsLoaded *loaded, CtsReport *report,
                       CtsError *err)
 {
-    CtsInterpolationCounts made = {0}, straight = {0};
-    CtsVolume *seen = NULL;
-    CtsStatus st = CTS_ERR_MEMORY;
-    /* Shape-based interpolation would displace a plate that is cut obliquely like a surface; linear interpolation does
-     * not. */
-    if (source->remove_table && scanned->layer && source->interpolation != CTS_INTERPOLATION_LINEAR &&
-        cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, false, source->n_threads, &seen, &straight, NULL))
-        cts_report_diagnostic(
-            report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
-            "not enough memory to search linearly interpolated slices for the table, so ends of plates "
-            "may remain (free some memory)");
-    if (!last)
-        st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->model.volume, &made,
-                                NULL);
-    if (st == CTS_ERR_MEMORY)
-        st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->model.volume, &made,
-                                err);
+    CtsStatus st;
+    CtsInterpolationCounts made = {0};
+    CtsModel *const model = &loaded->model;
+    const bool has_labels = loaded->labels != NULL;
+    report_volume(scanned->even, report);
+    if (source->remove_table && scanned->layer && scanned->even->grey &&
+        source->interpolation != CTS_INTERPOLATION_LINEAR)
+        st = make_layers_without_table(source, scanned, last, has_labels, model, &made, report, err);
+    else if (!(st = make_volume(source, scanned, last, &model->volume, &made, err)) && source->remove_table)
+        st = cts_model_remove_table(model, !source->inside_unseen, source->n_threads, report, err);
+    if (!source->remove_table)
+        cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
     if (!st)
-        st = process_model(source, loaded->labels != NULL, &loaded->model, &seen, &made, report, err);
-    cts_volume_free(&seen);
+        st = process_model(source, has_labels, model, &made, report, err);
     return st ? st : take_labels(source, loaded, report, err);
 }
 

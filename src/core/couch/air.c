@@ -1,6 +1,7 @@
 #include "core/couch/table_removal.h"
 
 #include "base/mem.h"
+#include "core/volume/linear_layers.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdlib.h>
@@ -40,9 +41,17 @@ typedef void (*Visit)(void *context, const Air *air, uint32_t part, int i, int j
 
 double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *v, int i, int j, int k)
 {
-    const size_t stride[3] = {1, (size_t)v->dims[0], (size_t)v->dims[0] * (size_t)v->dims[1]};
-    return cts_volume_hu(v, v->grey[(size_t)i * stride[plan->axis[0]] + (size_t)j * stride[plan->axis[1]] +
-                                    (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]]]);
+    const size_t layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
+    size_t at[3];
+    at[plan->axis[0]] = (size_t)i;
+    at[plan->axis[1]] = (size_t)j;
+    at[plan->axis[2]] = (size_t)k * (size_t)plan->n_slices;
+    const size_t in_layer = at[1] * (size_t)v->dims[0] + at[0];
+    if (!plan->layers)
+        return cts_volume_hu(v, v->grey[at[2] * layer_voxels + in_layer]);
+    uint16_t made;
+    const CtsLinearLayer layer = cts_linear_layer(plan->layers, layer_voxels, (int)at[2]);
+    return cts_volume_hu(v, *cts_linear_layer_row(&layer, in_layer, 1, &made));
 }
 
 /* The field of view is round, and padding lies outside it. */

@@ -4,9 +4,11 @@
 #include "base/cpu.h"
 #include "base/parallel.h"
 #include "core/couch/table_removal.h"
+#include "core/volume/crop.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdatomic.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* Resolution along the scanner's axis that shows tables, which run along it; thinner slices are joined. */
@@ -25,7 +27,7 @@ enum { VOXELS_PER_RUN = 32, RUNS_ANYWAY = 1 << 16 };
 
 static const char *const WHAT = "table removal";
 
-typedef struct Removal {
+struct CtsTableSearch {
     CtsSectionPlan plan;
     int n_threads;
     CtsMorphology *workers; /* one for each thread */
@@ -35,29 +37,46 @@ typedef struct Removal {
     CtsPlates plates_found;
     CtsBody body;
     CtsBits gone; /* of the sections: voxels that become air; in find_gone_sections() first those that stay */
-    uint64_t n_dense_gone;
-} Removal;
+    bool removes; /* something outside the body, so voxels in `gone` become air */
+    CtsBodyMask *inside;
+    int dims[3], air_before[3]; /* of the volume that was searched */
+};
 
-static void removal_free(Removal *r)
+/* All but the results. */
+static void free_all_but_results(CtsTableSearch *r)
 {
     cts_morphologies_free(&r->workers, r->n_threads);
     if (r->sections.words != r->dense.words)
         cts_bits_free(&r->sections);
+    r->sections = (CtsBits){0};
     cts_bits_free(&r->dense);
     cts_plates_free(&r->plates_found);
     cts_body_free(&r->body);
-    cts_bits_free(&r->gone);
 }
 
-static CtsStatus find_dense_sections(Removal *r, const CtsVolume *v, CtsError *err)
+void cts_table_search_free(CtsTableSearch **found)
 {
+    if (!*found)
+        return;
+    free_all_but_results(*found);
+    cts_bits_free(&(*found)->gone);
+    cts_body_mask_free(&(*found)->inside);
+    free(*found);
+    *found = NULL;
+}
+
+static CtsStatus find_dense_sections(CtsTableSearch *r, const CtsVolume *v, CtsError *err)
+{
+    const uint16_t dense = cts_dense_grey(v);
     const CtsStatus st = cts_bits_new(&r->dense, v->dims, err);
+    if (!st && r->plan.layers)
+        return cts_bits_threshold_layers(&r->dense, r->plan.layers, dense, r->n_threads, &r->n_runs, err);
     if (!st)
-        r->n_runs = cts_bits_threshold(&r->dense, v->grey, cts_dense_grey(v), r->n_threads);
+        r->n_runs = cts_bits_threshold(&r->dense, v->grey, dense, r->n_threads);
     return st;
 }
 
-static CtsStatus find_sections(Removal *r, CtsError *err)
+static CtsStatus find_sections(CtsTableSearch *r, CtsError *err)
 {
     if (r->plan.axis[2] != 2 || r->plan.n_slices > 1)
         return cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err);
@@ -66,7 +85,7 @@ static CtsStatus find_sections(Removal *r, CtsError *err)
 }
 
 /* The extent of dense voxels along the volume's axes. */
-static void find_dense_size(const Removal *r, const double spacing_mm[3], double size_mm[3])
+static void find_dense_size(const CtsTableSearch *r, const double spacing_mm[3], double size_mm[3])
 {
     const int *const dims = r->dense.dims;
     int low[3] = {dims[0], dims[1], dims[2]}, high[3] = {-1, -1, -1};
@@ -88,7 +107,7 @@ static void find_dense_size(const Removal *r, const double spacing_mm[3], double
         size_mm[a] = high[a] < low[a] ? 0 : (high[a] - low[a] + 1) * spacing_mm[a];
 }
 
-static bool is_specimen_volume(const Removal *r, const CtsVolume *v)
+static bool is_specimen_volume(const CtsTableSearch *r, const CtsVolume *v)
 {
     double spacing_mm[3], size_mm[3] = {0, 0, 0};
     for (int a = 0; a < 3; a++)
@@ -100,7 +119,7 @@ static bool is_specimen_volume(const Removal *r, const CtsVolume *v)
 }
 
 /* False, with the reason in the report, when there is nothing to work on. */
-static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
+static bool is_usable(const CtsTableSearch *r, const CtsVolume *v, CtsReport *report)
 {
     if (!r->n_runs) {
         cts_report_skip(report, WHAT, "no voxel lies above %g HU", CTS_DENSE_HU);
@@ -122,7 +141,7 @@ static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
 
 /* Parameters of find_gone_sections(), and a section for each worker. */
 typedef struct Leaving {
-    Removal *removal;
+    CtsTableSearch *removal;
     CtsReach margin;
     CtsBits near;
 } Leaving;
@@ -132,7 +151,7 @@ typedef struct Leaving {
 static void find_gone_sections(void *context, int worker, size_t first, size_t end)
 {
     const Leaving *const l = context;
-    Removal *const r = l->removal;
+    CtsTableSearch *const r = l->removal;
     const CtsReach one = {.diamond = 1}, two = {.diamond = 1, .box = {1, 1}};
     const CtsBits *const whole = &r->body.whole;
     CtsBits near = cts_bits_slice(&l->near, worker);
@@ -156,7 +175,7 @@ static void find_gone_sections(void *context, int worker, size_t first, size_t e
 }
 
 /* Finds r->gone; r->body.foreign is dilated. */
-static CtsStatus find_gone(Removal *r, CtsError *err)
+static CtsStatus find_gone(CtsTableSearch *r, CtsError *err)
 {
     CtsStatus st;
     Leaving l = {.removal = r, .margin = cts_reach_mm(MARGIN_MM, r->plan.spacing_mm)};
@@ -169,63 +188,98 @@ static CtsStatus find_gone(Removal *r, CtsError *err)
     return st;
 }
 
-/* Row (j, k) of the volume becomes air where it is gone; returns the number of its dense voxels. */
-static uint64_t clear_row(const Removal *r, CtsVolume *v, int j, int k, const uint64_t *gone)
+/* The bits of `gone` along row (j, k) of the volume that was searched: in place, or made in `row`. */
+static const uint64_t *gone_row(const CtsTableSearch *r, int j, int k, uint64_t *row)
 {
-    uint16_t *grey = v->grey + ((size_t)k * (size_t)v->dims[1] + (size_t)j) * (size_t)v->dims[0];
-    const uint64_t *dense = cts_bits_row(&r->dense, j, k);
-    const int n_words = (int)r->dense.row_words;
-    uint64_t n_dense = 0;
+    if (r->plan.axis[2] == 2)
+        return cts_bits_row(&r->gone, j, k / r->plan.n_slices);
+    cts_sections_row(&r->plan, &r->gone, r->dims[0], j, k, row);
+    return row;
+}
+
+typedef struct GoneCount {
+    const CtsTableSearch *found;
+    _Atomic uint64_t n_dense;
+} GoneCount;
+
+static void count_gone_slices(void *context, int worker, size_t first, size_t end)
+{
+    GoneCount *const c = context;
+    const CtsBits *const dense = &c->found->dense;
+    uint64_t n = 0;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++)
+        for (int j = 0; j < dense->dims[1]; j++) {
+            uint64_t made[CTS_BITS_ROW_WORDS];
+            const uint64_t *const gone = gone_row(c->found, j, k, made), *const row = cts_bits_row(dense, j, k);
+            for (size_t w = 0; w < dense->row_words; w++)
+                if (gone[w] & row[w]) /* few words have any */
+                    n += (uint64_t)cts_popcount(gone[w] & row[w]);
+        }
+    atomic_fetch_add(&c->n_dense, n);
+}
+
+/* Number of dense voxels that become air. */
+static uint64_t count_dense_gone(const CtsTableSearch *r)
+{
+    GoneCount count = {.found = r};
+    cts_parallel(r->n_threads, (size_t)r->dims[2], 0, count_gone_slices, &count);
+    return atomic_load(&count.n_dense);
+}
+
+/* Voxels first <= i < end of a row become air, as far as the row has them. */
+static void clear_run(uint16_t *grey, int n, int first, int end)
+{
+    first = first > 0 ? first : 0;
+    end = end < n ? end : n;
+    if (first < end)
+        memset(grey + first, 0, (size_t)(end - first) * sizeof *grey);
+}
+
+/* A row of n voxels, from bit `at` of a row of n_words on, becomes air where it is gone. */
+static void clear_row(uint16_t *grey, int n, int at, const uint64_t *gone, size_t n_words)
+{
     int first = -1;
-    for (int w = 0; w < n_words; w++) {
-        if (gone[w] & dense[w])
-            n_dense += (uint64_t)cts_popcount(gone[w] & dense[w]);
+    for (size_t w = 0; w < n_words; w++) {
         uint64_t edges = gone[w] ^ (gone[w] << 1 | (w ? gone[w - 1] >> 63 : 0));
         for (; edges; edges &= edges - 1) {
-            const int at = 64 * w + __builtin_ctzll(edges);
+            const int edge = (int)(64 * w) + __builtin_ctzll(edges);
             if (first >= 0)
-                memset(grey + first, 0, (size_t)(at - first) * sizeof *grey);
-            first = first >= 0 ? -1 : at;
+                clear_run(grey, n, first - at, edge - at);
+            first = first >= 0 ? -1 : edge;
         }
     }
-    return n_dense;
 }
 
 typedef struct Clearing {
-    const Removal *removal;
+    const CtsTableSearch *found;
     CtsVolume *volume;
-    _Atomic uint64_t n_dense;
+    int at[3]; /* place of the volume in the one that was searched */
 } Clearing;
 
 static void clear_slices(void *context, int worker, size_t first, size_t end)
 {
-    Clearing *const c = context;
-    const Removal *r = c->removal;
-    uint64_t n_dense = 0;
+    const Clearing *const c = context;
+    const CtsVolume *const v = c->volume;
+    const int *const at = c->at;
+    const size_t n = (size_t)v->dims[0];
+    uint16_t *row = v->grey + first * (size_t)v->dims[1] * n;
     (void)worker;
     for (int k = (int)first; k < (int)end; k++)
-        for (int j = 0; j < c->volume->dims[1]; j++) {
-            uint64_t gone[CTS_BITS_ROW_WORDS];
-            cts_sections_row(&r->plan, &r->gone, c->volume->dims[0], j, k, gone);
-            n_dense += clear_row(r, c->volume, j, k, gone);
+        for (int j = 0; j < v->dims[1]; j++, row += n) {
+            uint64_t made[CTS_BITS_ROW_WORDS];
+            const uint64_t *const gone = gone_row(c->found, j + at[1], k + at[2], made);
+            clear_row(row, v->dims[0], at[0], gone, (size_t)c->found->dims[0] / 64 + 1);
         }
-    atomic_fetch_add(&c->n_dense, n_dense);
 }
 
-static void clear(Removal *r, CtsVolume *v)
+/* The volume of removed parts that are thicker than tables. Overwrites the sections. */
+static double report_lost(CtsTableSearch *r, CtsReport *report)
 {
-    Clearing clearing = {.removal = r, .volume = v};
-    cts_parallel(r->n_threads, (size_t)v->dims[2], 0, clear_slices, &clearing);
-    r->n_dense_gone = atomic_load(&clearing.n_dense);
-}
-
-/* The volume of removed parts that are thicker than tables. Overwrites the bits of gone. */
-static double report_lost(Removal *r, CtsReport *report)
-{
-    cts_bits_combine(&r->gone, CTS_BITS_AND, &r->sections);
-    cts_each_section(r->workers, r->n_threads, cts_open_section, &r->gone,
-                     cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm), &r->gone);
-    const double lost_mm3 = (double)cts_bits_count(&r->gone) * r->plan.voxel_mm3;
+    cts_bits_combine(&r->sections, CTS_BITS_AND, &r->gone);
+    cts_each_section(r->workers, r->n_threads, cts_open_section, &r->sections,
+                     cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm), &r->sections);
+    const double lost_mm3 = (double)cts_bits_count(&r->sections) * r->plan.voxel_mm3;
     if (lost_mm3 > LOST_SHARE * r->body.mm3)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
@@ -236,7 +290,7 @@ static double report_lost(Removal *r, CtsReport *report)
 }
 
 /* Warns where room air and lungs cannot be distinguished: the table may stay. */
-static void report_air(const Removal *r, CtsReport *report)
+static void report_air(const CtsTableSearch *r, CtsReport *report)
 {
     if (r->body.air.is_unknown)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
@@ -245,7 +299,7 @@ static void report_air(const Removal *r, CtsReport *report)
 }
 
 /* Warns about possible tables that are kept: thin parts, and plates along the scanner's axis. */
-static void report_uncertain(const Removal *r, CtsReport *report)
+static void report_uncertain(const CtsTableSearch *r, CtsReport *report)
 {
     const uint64_t n_doubtful = cts_bits_count_common(&r->plates_found.doubtful, &r->body.dense, r->n_threads);
     const double plates_mm3 = (double)n_doubtful * r->plan.voxel_mm3;
@@ -257,36 +311,35 @@ static void report_uncertain(const Removal *r, CtsReport *report)
                               kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 
-static CtsStatus remove_table(Removal *r, CtsModel *model, const CtsVolume *seen, bool finds_inside, CtsReport *report,
-                              CtsError *err)
+static CtsStatus search(CtsTableSearch *r, const CtsVolume *v, bool finds_inside, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    if ((st = find_dense_sections(r, seen, err)) || !is_usable(r, seen, report) || (st = find_sections(r, err)) ||
+    if ((st = find_dense_sections(r, v, err)) || !is_usable(r, v, report) || (st = find_sections(r, err)) ||
         (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
         (st = cts_plates_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->plates_found, err)) ||
-        (st = cts_body_find(&r->plan, seen, &r->sections, &r->plates_found.plates, r->workers, r->n_threads, &r->body,
+        (st = cts_body_find(&r->plan, v, &r->sections, &r->plates_found.plates, r->workers, r->n_threads, &r->body,
                             err)) ||
         (st = find_gone(r, err)))
         return st;
     if (!finds_inside)
         cts_report_skip(report, "inside of the body", "only modes minip and average use it");
-    else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &model->body, err)))
+    else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &r->inside, err)))
         return st;
     report_air(r, report);
     report_uncertain(r, report);
     if (report)
         report->table = (CtsTableFact){.known = true, .body_mm3 = r->body.mm3};
     const uint64_t n_gone = cts_bits_count_common(&r->sections, &r->gone, r->n_threads);
-    if ((double)n_gone * r->plan.voxel_mm3 < NOTHING_MM3) {
+    r->removes = (double)n_gone * r->plan.voxel_mm3 >= NOTHING_MM3;
+    if (!r->removes) {
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
         return st;
     }
-    clear(r, model->volume);
-    cts_model_changed(model);
-    const double gone_mm3 = (double)r->n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
+    const uint64_t n_dense_gone = count_dense_gone(r);
+    const double gone_mm3 = (double)n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
     cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVED,
                           "table removal: %llu voxels above %g HU removed (%.1f cm3, %.1f %% of the body)",
-                          (unsigned long long)r->n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
+                          (unsigned long long)n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
                           100 * gone_mm3 / r->body.mm3);
     const double thick_mm3 = report_lost(r, report);
     if (report)
@@ -294,20 +347,93 @@ static CtsStatus remove_table(Removal *r, CtsModel *model, const CtsVolume *seen
     return st;
 }
 
-CtsStatus cts_model_remove_table(CtsModel *model, const CtsVolume *seen, bool finds_inside, int n_threads,
-                                 CtsReport *report, CtsError *err)
+CtsStatus cts_table_search(const CtsVolume *volume, const CtsLinearLayers *layers, bool finds_inside, int n_threads,
+                           CtsTableSearch **found, CtsReport *report, CtsError *err)
 {
-    const CtsVolume *const volume = model->volume;
-    Removal r = {.n_threads = cts_threads(n_threads)};
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
-    if (!cts_section_plan(volume, SECTION_MM, &r.plan)) {
+    CtsTableSearch *const r = *found = calloc(1, sizeof *r);
+    if (!r)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    r->n_threads = cts_threads(n_threads);
+    memcpy(r->dims, volume->dims, sizeof r->dims);
+    memcpy(r->air_before, volume->air_before, sizeof r->air_before);
+    if (!cts_section_plan(volume, SECTION_MM, &r->plan)) {
         cts_report_skip(report, WHAT, "the voxel steps do not span space");
         return CTS_OK;
     }
-    const CtsStatus st = remove_table(&r, model, seen ? seen : volume, finds_inside, report, err);
-    removal_free(&r);
+    r->plan.layers = layers;
+    const CtsStatus st = search(r, volume, finds_inside, report, err);
+    r->plan.layers = NULL;
+    free_all_but_results(r);
+    if (st)
+        cts_table_search_free(found);
     const uint64_t n = cts_volume_n_voxels(volume);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n,
                      n * sizeof *volume->grey);
+    return st;
+}
+
+/* Extends first and last to row (i, k) of the sections' bits, as far as voxels stay there. */
+static void extend_box(const CtsTableSearch *r, int j, int k, int low[3], int high[3])
+{
+    const uint64_t *const gone = cts_bits_row(&r->gone, j, k);
+    int first = -1, last = -1;
+    for (size_t w = 0; w < r->gone.row_words; w++) {
+        const uint64_t stay = ~gone[w] & cts_bits_mask(&r->gone, w);
+        if (!stay)
+            continue;
+        last = (int)(64 * w) + 63 - __builtin_clzll(stay);
+        first = first >= 0 ? first : (int)(64 * w) + __builtin_ctzll(stay);
+    }
+    if (first < 0)
+        return;
+    const int n = r->plan.n_slices, head = r->dims[r->plan.axis[2]] - 1;
+    const int at[3][2] = {{first, last}, {j, j}, {k * n, k * n + n - 1 < head ? k * n + n - 1 : head}};
+    for (int a = 0; a < 3; a++) {
+        const int axis = r->plan.axis[a];
+        low[axis] = at[a][0] < low[axis] ? at[a][0] : low[axis];
+        high[axis] = at[a][1] > high[axis] ? at[a][1] : high[axis];
+    }
+}
+
+void cts_table_kept_box(const CtsTableSearch *found, const CtsVolume *volume, int low[3], int high[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = found->removes ? found->dims[axis] : 0;
+        high[axis] = found->removes ? -1 : found->dims[axis] - 1;
+    }
+    for (int k = 0; found->removes && k < found->gone.dims[2]; k++)
+        for (int j = 0; j < found->gone.dims[1]; j++)
+            extend_box(found, j, k, low, high);
+    cts_volume_widen_box(volume, low, high);
+}
+
+void cts_table_clear(CtsTableSearch *found, CtsModel *model, CtsReport *report)
+{
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    Clearing clearing = {.found = found, .volume = model->volume};
+    for (int axis = 0; axis < 3; axis++)
+        clearing.at[axis] = model->volume->air_before[axis] - found->air_before[axis];
+    if (found->inside) {
+        cts_body_mask_free(&model->body);
+        model->body = found->inside;
+        found->inside = NULL;
+        for (int axis = 0; axis < 3; axis++)
+            model->body->first[axis] += clearing.at[axis];
+    }
+    if (!found->removes)
+        return;
+    cts_parallel(found->n_threads, (size_t)model->volume->dims[2], 0, clear_slices, &clearing);
+    cts_model_changed(model);
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
+}
+
+CtsStatus cts_model_remove_table(CtsModel *model, bool finds_inside, int n_threads, CtsReport *report, CtsError *err)
+{
+    CtsTableSearch *found;
+    const CtsStatus st = cts_table_search(model->volume, NULL, finds_inside, n_threads, &found, report, err);
+    if (!st)
+        cts_table_clear(found, model, report);
+    cts_table_search_free(&found);
     return st;
 }

@@ -16,6 +16,8 @@ typedef struct CtsSectionPlan {
     double spacing_mm[3]; /* between columns, rows and sections */
     double voxel_mm3;     /* of one bit of a section */
     int dims[3];          /* of the sections' bits */
+    /* Grey levels of the volume, where it has none of its own; or NULL. */
+    const CtsLinearLayers *layers;
 } CtsSectionPlan;
 
 /* False when the volume's steps do not span space. */

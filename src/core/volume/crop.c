@@ -1,4 +1,4 @@
-#include "ctsplat/volume.h"
+#include "core/volume/crop.h"
 
 #include <limits.h>
 #include <math.h>
@@ -82,15 +82,13 @@ static void move_rows(CtsVolume *v, const VoxelBox *box, const double lo[3], con
 }
 
 /* The rows of the box have been moved to the front. */
-static void become_box(CtsVolume *v, const VoxelBox *box, int first[3])
+static void become_box(CtsVolume *v, const int low[3], const int high[3])
 {
     for (int axis = 0; axis < 3; axis++) {
-        v->dims[axis] = box->hi[axis] - box->lo[axis] + 1;
+        v->dims[axis] = high[axis] - low[axis] + 1;
         for (int c = 0; c < 3; c++)
-            v->origin_lps[c] += box->lo[axis] * v->step_lps[axis][c];
+            v->origin_lps[c] += low[axis] * v->step_lps[axis][c];
     }
-    if (first)
-        memcpy(first, box->lo, sizeof box->lo);
 }
 
 CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], int first[3], CtsError *err)
@@ -107,7 +105,9 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
     move_rows(v, &box, lo_lps, hi_lps);
     memset(v->air_before, 0, sizeof v->air_before);
     memset(v->air_behind, 0, sizeof v->air_behind);
-    become_box(v, &box, first);
+    become_box(v, box.lo, box.hi);
+    if (first)
+        memcpy(first, box.lo, sizeof box.lo);
     return CTS_OK;
 }
 
@@ -135,37 +135,54 @@ static VoxelBox find_box_above_air(const CtsVolume *v)
                 box.lo[axis] = at[axis - 1] < box.lo[axis] ? at[axis - 1] : box.lo[axis];
                 box.hi[axis] = at[axis - 1] > box.hi[axis] ? at[axis - 1] : box.hi[axis];
             }
-            for (int i = 0; i < box.lo[0]; i++)
-                if (row[i])
-                    box.lo[0] = i;
-            for (int i = nx - 1; i > box.hi[0]; i--)
-                if (row[i])
-                    box.hi[0] = i;
+            /* Few rows reach beyond those before them. */
+            if (!holds_air(row, box.lo[0]))
+                for (box.lo[0] = 0; !row[box.lo[0]];)
+                    box.lo[0]++;
+            if (!holds_air(row + box.hi[0] + 1, nx - 1 - box.hi[0]))
+                for (box.hi[0] = nx - 1; !row[box.hi[0]];)
+                    box.hi[0]--;
         }
     return box;
 }
 
-void cts_volume_crop_air(CtsVolume *v, int first[3])
+void cts_volume_widen_box(const CtsVolume *v, int low[3], int high[3])
 {
     /* Gradients reach two voxels beyond the last one above air, and the field of occlusion a block of 2.5 mm
      * (core/scene/openness.h). A box that begins at a multiple of 8 voxels keeps the places of macro-cells. */
     enum { GRADIENT = 2, PLACES = 8 };
     const double OCCLUSION_MM = 2.5;
-    VoxelBox box = find_box_above_air(v);
-    if (box.hi[2] < 0)
-        box = (VoxelBox){{0, 0, 0}, {v->dims[0] - 1, v->dims[1] - 1, v->dims[2] - 1}};
+    const bool is_empty = low[2] > high[2];
     for (int axis = 0; axis < 3; axis++) {
         const int last = v->dims[axis] - 1;
         const int margin = (int)fmin(GRADIENT + ceil(OCCLUSION_MM / cts_volume_spacing_mm(v, axis)), last);
-        box.lo[axis] = (box.lo[axis] > margin ? box.lo[axis] - margin : 0) / PLACES * PLACES;
-        box.hi[axis] = box.hi[axis] < last - margin ? box.hi[axis] + margin : last;
-        v->air_before[axis] += box.lo[axis];
-        v->air_behind[axis] += last - box.hi[axis];
+        low[axis] = !is_empty && low[axis] > margin ? (low[axis] - margin) / PLACES * PLACES : 0;
+        high[axis] = !is_empty && high[axis] < last - margin ? high[axis] + margin : last;
     }
+}
+
+void cts_volume_become_air_box(CtsVolume *v, const int low[3], const int high[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        v->air_before[axis] += low[axis];
+        v->air_behind[axis] += v->dims[axis] - 1 - high[axis];
+    }
+    become_box(v, low, high);
+}
+
+void cts_volume_crop_air(CtsVolume *v, int first[3])
+{
+    VoxelBox box = find_box_above_air(v);
+    cts_volume_widen_box(v, box.lo, box.hi);
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box.hi[0] - box.lo[0] + 1);
     uint16_t *to = v->grey;
     for (int k = box.lo[2]; k <= box.hi[2]; k++)
-        for (int j = box.lo[1]; j <= box.hi[1]; j++, to += n)
-            memmove(to, v->grey + ((size_t)k * ny + (size_t)j) * nx + (size_t)box.lo[0], n * sizeof *to);
-    become_box(v, &box, first);
+        for (int j = box.lo[1]; j <= box.hi[1]; j++, to += n) {
+            const uint16_t *const row = v->grey + ((size_t)k * ny + (size_t)j) * nx + (size_t)box.lo[0];
+            if (to != row)
+                memmove(to, row, n * sizeof *to);
+        }
+    if (first)
+        memcpy(first, box.lo, sizeof box.lo);
+    cts_volume_become_air_box(v, box.lo, box.hi);
 }

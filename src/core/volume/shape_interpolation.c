@@ -131,6 +131,11 @@ INLINE int least(int a, int b)
     return a < b ? a : b;
 }
 
+INLINE int most(int a, int b)
+{
+    return a > b ? a : b;
+}
+
 /* Means of 2 x 2 pixels. */
 INLINE void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row, int n, uint16_t *restrict to)
 {
@@ -238,7 +243,7 @@ INLINE void reach_row(int16_t *restrict d, int16_t *restrict known, int n)
     memcpy(known + 1, d, (size_t)n * sizeof *d);
 }
 
-static size_t n_layer_voxels(const CtsShapeStack *t)
+static size_t n_slice_voxels(const CtsShapeStack *t)
 {
     return (size_t)t->n_columns * (size_t)t->n_rows;
 }
@@ -246,8 +251,19 @@ static size_t n_layer_voxels(const CtsShapeStack *t)
 static const uint16_t *stored_slice(const Shaping *s, int slice)
 {
     const CtsShapeStack *const t = s->stack;
-    return slice < s->end ? t->slices + (size_t)slice * n_layer_voxels(t)
-                          : t->layers + (size_t)slice * (size_t)t->n_parts * n_layer_voxels(t);
+    return slice < s->end ? t->slices + (size_t)slice * n_slice_voxels(t)
+                          : t->layers + (size_t)slice * (size_t)t->n_parts * n_slice_voxels(t);
+}
+
+/* Voxels of a layer, within the box. */
+static size_t n_layer_voxels(const CtsShapeStack *t)
+{
+    return (size_t)(t->end[0] - t->low[0]) * (size_t)(t->end[1] - t->low[1]);
+}
+
+static uint16_t *stored_layer(const CtsShapeStack *t, int layer)
+{
+    return t->layers + (size_t)(layer - t->low[2]) * n_layer_voxels(t);
 }
 
 /* From rows above, from rows below, then within rows: a shortest path has its diagonal steps first. */
@@ -310,11 +326,29 @@ INLINE uint64_t flag_blocks(const Shaping *s, const Scratch *c, size_t at, int n
     return bits;
 }
 
+/* Blocks low[] <= n < end[]. */
+typedef struct BlockBox {
+    int low[2], end[2];
+} BlockBox;
+
+/* Those of the box, and so many around it. */
+INLINE BlockBox blocks_of_box(const Shaping *s, int margin)
+{
+    BlockBox box;
+    for (int axis = 0; axis < 2; axis++) {
+        const int low = s->stack->low[axis] / BLOCK - margin, end = (s->stack->end[axis] - 1) / BLOCK + 1 + margin;
+        box.low[axis] = low > 0 ? low : 0;
+        box.end[axis] = least(end, s->n_blocks[axis]);
+    }
+    return box;
+}
+
 INLINE void find_any_moves(const Shaping *s, Scratch *c)
 {
     const int nx = s->n_blocks[0];
-    uint64_t *bits = c->bits;
-    for (int j = 0; j < s->n_blocks[1]; j++)
+    const BlockBox box = blocks_of_box(s, 1);
+    uint64_t *bits = c->bits + (size_t)box.low[1] * n_row_words(s);
+    for (int j = box.low[1]; j < box.end[1]; j++)
         for (int i = 0; i <= nx; i += CHUNK) {
             const size_t at = (size_t)j * (size_t)nx + (size_t)i;
             *bits++ = nx - i < CHUNK ? flag_blocks(s, c, at, nx - i) : flag_blocks(s, c, at, CHUNK);
@@ -323,14 +357,22 @@ INLINE void find_any_moves(const Shaping *s, Scratch *c)
 
 CTS_CPU_VARIANTS(void, find_moves, (const Shaping *s, Scratch *c), find_any_moves(s, c))
 
-/* Lists the blocks whose bit is set. */
-static void list_flagged(const Shaping *s, const uint64_t *bits, ShapeBlocks *list)
+/* Bits of word w of a row that are columns of the box. */
+static uint64_t word_of_box(const BlockBox *box, size_t w)
 {
-    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_row_words(s);
+    const int low = box->low[0] - 64 * (int)w, end = box->end[0] - 64 * (int)w;
+    const uint64_t from = low <= 0 ? ~UINT64_C(0) : low < 64 ? ~UINT64_C(0) << low : 0;
+    return end >= 64 ? from : end > 0 ? from & ((UINT64_C(1) << end) - 1) : 0;
+}
+
+/* Lists the blocks of a box whose bit is set. */
+static void list_flagged(const Shaping *s, const uint64_t *bits, const BlockBox *box, ShapeBlocks *list)
+{
+    const size_t nx = (size_t)s->n_blocks[0], n = n_row_words(s);
     list->n = 0;
-    for (size_t j = 0; j < ny; j++)
+    for (size_t j = (size_t)box->low[1]; j < (size_t)box->end[1]; j++)
         for (size_t w = 0; w < n; w++)
-            for (uint64_t left = bits[j * n + w]; left; left &= left - 1) {
+            for (uint64_t left = bits[j * n + w] & word_of_box(box, w); left; left &= left - 1) {
                 list->at[list->n] = (uint32_t)(j * nx + 64 * w + (size_t)__builtin_ctzll(left));
                 list->row[list->n++] = (uint32_t)j;
             }
@@ -350,18 +392,19 @@ static void widen_row(const uint64_t *own, int n_blocks, uint64_t *to)
  * adjacent blocks affect a pixel, too. */
 static void list_blocks(const Shaping *s, Scratch *c)
 {
-    const size_t ny = (size_t)s->n_blocks[1], n = n_row_words(s);
+    const size_t n = n_row_words(s);
+    const BlockBox box = blocks_of_box(s, 0), wide = blocks_of_box(s, 1);
     CTS_CPU_CHOICE(cts_cpu_flags(), find_moves)(s, c);
-    for (size_t j = 0; j < ny; j++)
-        widen_row(c->bits + j * n, s->n_blocks[0], c->near + j * n);
-    list_flagged(s, c->bits, &c->gap.moving);
-    for (size_t j = 0; j < ny; j++) {
-        const uint64_t *const own = c->near + j * n, *const above = j > 0 ? own - n : own;
-        const uint64_t *const below = j + 1 < ny ? own + n : own;
+    for (int j = wide.low[1]; j < wide.end[1]; j++)
+        widen_row(c->bits + (size_t)j * n, s->n_blocks[0], c->near + (size_t)j * n);
+    list_flagged(s, c->bits, &wide, &c->gap.moving);
+    for (int j = box.low[1]; j < box.end[1]; j++) {
+        const uint64_t *const own = c->near + (size_t)j * n, *const above = j > wide.low[1] ? own - n : own;
+        const uint64_t *const below = j + 1 < wide.end[1] ? own + n : own;
         for (size_t w = 0; w < n; w++)
-            c->bits[j * n + w] = above[w] | own[w] | below[w];
+            c->bits[(size_t)j * n + w] = above[w] | own[w] | below[w];
     }
-    list_flagged(s, c->bits, &c->gap.written);
+    list_flagged(s, c->bits, &box, &c->gap.written);
 }
 
 /* Clears the displacements of listed blocks and of their neighbours in the row, run by run. */
@@ -388,10 +431,9 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap)
     list_blocks(s, c);
     for (int i = 0; i < 2 * N_SURFACES; i++)
         c->gap.distance[i / N_SURFACES][i % N_SURFACES] = c->field[i / N_SURFACES].distance[i % N_SURFACES];
-    for (int j = (int)floor(from) + 1; j < to && j < t->n_layers; j++) {
-        const ShapeLayer made = {{stored_slice(s, gap), stored_slice(s, gap + 1)},
-                                 t->layers + (size_t)j * n_layer_voxels(t),
-                                 (float)((j - from) / (to - from))};
+    for (int j = most((int)floor(from) + 1, t->low[2]); j < to && j < t->end[2]; j++) {
+        const ShapeLayer made = {
+            {stored_slice(s, gap), stored_slice(s, gap + 1)}, stored_layer(t, j), (float)((j - from) / (to - from))};
         c->sums.n_voxels += n_layer_voxels(t);
         s->find(&c->gap, made.part);
         s->write(&c->gap, &made, &c->sums);
@@ -399,26 +441,48 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap)
     clear_moves(&c->gap);
 }
 
-/* n voxels of the layers from a slice to the next one: a copy of the slice, then cubics. */
-static void blend_gap(const Shaping *s, int gap, size_t at, size_t n)
+/* Layers from a slice before the next one, or the last slice's own. */
+typedef struct LayerRange {
+    int first, end;
+} LayerRange;
+
+static LayerRange layers_of_gap(const CtsShapeStack *t, int gap)
+{
+    const double from = place_of_slice(t, gap);
+    const int first = gap > 0 ? (int)ceil(from) : 0;
+    const int end = gap + 1 == t->n_slices ? t->end[2] : (int)ceil(place_of_slice(t, gap + 1));
+    return (LayerRange){most(first, t->low[2]), least(end, t->end[2])};
+}
+
+/* Some rows of n voxels, the first from voxel `from` of the slices and `to` of the layers on. */
+typedef struct RowGroup {
+    size_t from, to, n, n_rows, stride_from, stride_to;
+} RowGroup;
+
+/* Rows of the layers from a slice to the next one: a copy of the slice, then cubics. */
+static void blend_gap(const Shaping *s, int gap, const RowGroup *r)
 {
     const CtsShapeStack *const t = s->stack;
     const int last = t->n_slices - 1, a = gap > 0 ? gap - 1 : gap, c = least(gap + 1, last), d = least(gap + 2, last);
-    const uint16_t *const slices[4] = {stored_slice(s, a) + at, stored_slice(s, gap) + at, stored_slice(s, c) + at,
-                                       stored_slice(s, d) + at};
+    const uint16_t *const of[4] = {stored_slice(s, a), stored_slice(s, gap), stored_slice(s, c), stored_slice(s, d)};
     const double from = place_of_slice(t, gap), here = place_of_slice(t, c) - from;
     const double before = a < gap ? from - place_of_slice(t, a) : here;
     const double behind = d > c ? place_of_slice(t, d) - place_of_slice(t, c) : here;
-    for (int j = gap > 0 ? (int)ceil(from) : 0; j < t->n_layers && (gap == last || j < from + here); j++) {
-        uint16_t *const to = t->layers + (size_t)j * n_layer_voxels(t) + at;
-        if (gap == last || j <= from) {
-            if (to != slices[1])
-                memcpy(to, slices[1], n * sizeof *to);
-            continue;
+    const double distance[3] = {before / t->n_parts, here / t->n_parts, behind / t->n_parts};
+    const LayerRange made = layers_of_gap(t, gap);
+    for (int j = made.first; j < made.end; j++) {
+        const bool is_copy = gap == last || j <= from;
+        const CtsInterpolationWeights weights =
+            is_copy ? (CtsInterpolationWeights){0} : cts_slice_interpolation_weights((j - from) / here, distance);
+        for (size_t row = 0; row < r->n_rows; row++) {
+            const size_t at = r->from + row * r->stride_from;
+            const uint16_t *const slices[4] = {of[0] + at, of[1] + at, of[2] + at, of[3] + at};
+            uint16_t *const to = stored_layer(t, j) + r->to + row * r->stride_to;
+            if (!is_copy)
+                cts_slice_interpolation_row(to, slices, (int)r->n, &weights);
+            else if (to != slices[1])
+                memcpy(to, slices[1], r->n * sizeof *to);
         }
-        const double distance[3] = {before / t->n_parts, here / t->n_parts, behind / t->n_parts};
-        const CtsInterpolationWeights weights = cts_slice_interpolation_weights((j - from) / here, distance);
-        cts_slice_interpolation_row(to, slices, (int)n, &weights);
     }
 }
 
@@ -428,18 +492,27 @@ static void make_gaps(void *context, int worker, size_t first, size_t end)
 {
     enum { SPAN = 8192 }; /* voxels of a slice */
     const Shaping *const s = context;
-    const size_t n = n_layer_voxels(s->stack);
+    const CtsShapeStack *const t = s->stack;
     Scratch *const c = s->scratch ? &s->scratch[worker] : NULL;
     const unsigned cpu = cts_cpu_flags();
-    for (size_t at = 0; at < n; at += SPAN)
+    /* Rows of whole slices are one. */
+    const bool whole = t->end[0] - t->low[0] == t->n_columns;
+    const size_t nx = (size_t)t->n_columns, n = (size_t)(t->end[0] - t->low[0]), n_all = n_layer_voxels(t);
+    const size_t from = (size_t)t->low[1] * nx + (size_t)t->low[0], n_rows = SPAN / n > 0 ? SPAN / n : 1;
+    for (size_t at = 0; at < n_all; at += whole ? SPAN : n_rows * n) {
+        const RowGroup rows =
+            whole ? (RowGroup){from + at, at, n_all - at < SPAN ? n_all - at : SPAN, 1, 0, 0}
+                  : (RowGroup){from + at / n * nx, at, n, (n_all - at) / n < n_rows ? (n_all - at) / n : n_rows, nx, n};
         for (size_t gap = first; gap < end; gap++)
-            blend_gap(s, s->first + (int)gap, at, n - at < SPAN ? n - at : SPAN);
+            blend_gap(s, s->first + (int)gap, &rows);
+    }
     for (int gap = s->first + (int)first; gap < s->first + (int)end; gap++) {
-        if (gap + 1 == s->stack->n_slices || !c || (!c->grey && scratch_new(s, c, NULL)))
+        const LayerRange made = layers_of_gap(t, gap);
+        if (gap + 1 == t->n_slices || made.first >= made.end || !c || (!c->grey && scratch_new(s, c, NULL)))
             continue;
-        const SliceField t = c->field[0];
+        const SliceField f = c->field[0];
         c->field[0] = c->field[1];
-        c->field[1] = t;
+        c->field[1] = f;
         if (c->slice != gap)
             CTS_CPU_CHOICE(cpu, read_field)(s, gap, c, &c->field[0]);
         CTS_CPU_CHOICE(cpu, read_field)(s, c->slice = gap + 1, c, &c->field[1]);

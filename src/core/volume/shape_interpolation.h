@@ -6,11 +6,14 @@
 
 #include "ctsplat/volume.h"
 
-/* n_slices slices, one after the other, and n_layers layers to be made of them. */
+/* n_slices slices, one after the other, and a box of the layers to be made of them. */
 typedef struct CtsShapeStack {
-    const uint16_t *slices; /* may be the first layers; then `layer` is NULL, and they are overwritten */
-    uint16_t *layers;
-    int n_columns, n_rows, n_slices, n_layers;
+    const uint16_t *slices; /* may be the first layers; then `layer` is NULL, `low` is 0, and they are overwritten */
+    uint16_t *layers;       /* of the box alone */
+    int n_columns, n_rows, n_slices;
+    /* Columns, rows and layers of the box: from low[] on (columns and rows: even), before end[]. Grey levels are those
+     * of the whole layers. */
+    int low[3], end[3];
     const double *layer; /* position of each slice in layers, rising; NULL: n_parts apart */
     int n_parts;         /* with `layer`: 1 */
     double hu_offset, hu_step;

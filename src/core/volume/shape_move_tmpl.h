@@ -269,11 +269,18 @@ typedef struct LaneSums {
     vi n_moved, differences;
 } LaneSums;
 
+/* Grey levels from `at` on that may be read or written as a vector. */
+INLINE size_t n_left(size_t n_voxels, size_t at)
+{
+    return n_voxels - at < LANES ? n_voxels - at : LANES;
+}
+
 /* The first n of LANES pixels of each row. The others are read and written unchanged as far as the layer has them. */
 INLINE void write_some(const ShapeGap *g, const ShapeLayer *l, const Pixels *p, size_t n, LaneSums *sums)
 {
     const CtsShapeStack *const t = g->stack;
     const vmask some = mask_of_bits((1U << n) - 1);
+    const size_t n_columns = (size_t)(t->end[0] - t->low[0]), n_rows = (size_t)(t->end[1] - t->low[1]);
     vf share[ROWS], move[SHAPE_SHARE][ROWS], first[ROWS], second[ROWS];
     between_blocks(g->move[SHAPE_SHARE], p, share);
     if (!mask_any((vf_gt(share[0], vf_of(0)) | vf_gt(share[1], vf_of(0))) & some))
@@ -283,12 +290,14 @@ INLINE void write_some(const ShapeGap *g, const ShapeLayer *l, const Pixels *p, 
     displaced(t, l->slices[0], p, move[0], move[1], first);
     displaced(t, l->slices[1], p, move[2], move[3], second);
     for (int v = 0; v < p->n_rows; v++) {
-        const size_t at = (size_t)(p->y + v) * (size_t)t->n_columns + (size_t)p->x;
-        const size_t left = (size_t)t->n_columns * (size_t)t->n_rows - at, n_read = left < LANES ? left : LANES;
+        const size_t in_slice = (size_t)(p->y + v) * (size_t)t->n_columns + (size_t)p->x;
+        const size_t at = (size_t)(p->y + v - t->low[1]) * n_columns + (size_t)(p->x - t->low[0]);
+        const size_t n_in_slice = n_left((size_t)t->n_columns * (size_t)t->n_rows, in_slice);
+        const size_t n_in_layer = n_left(n_columns * n_rows, at);
         const vf part = vf_of(l->part), a = first[v], b = second[v];
-        const vf own = to_float(words_load(l->slices[0] + at, n_read)),
-                 other = to_float(words_load(l->slices[1] + at, n_read));
-        const vi before = words_load(l->grey + at, n_read);
+        const vf own = to_float(words_load(l->slices[0] + in_slice, n_in_slice)),
+                 other = to_float(words_load(l->slices[1] + in_slice, n_in_slice));
+        const vi before = words_load(l->grey + at, n_in_layer);
         const vf blended = to_float(before), straight = own + part * (other - own), half = vf_abs(other - own) / 2;
         const vf alike = within(2 - vf_abs(b - a) / vf_max(half, vf_of(g->edges)), 0, 1);
         const vf made = blended + share[v] * alike * (a + part * (b - a) - blended);
@@ -297,7 +306,7 @@ INLINE void write_some(const ShapeGap *g, const ShapeLayer *l, const Pixels *p, 
         const vmask same = vi_eq(level, before);
         sums->n_moved += vi_select(same, vi_of(0), vi_of(1));
         sums->differences += vi_select(same, vi_of(0), difference);
-        words_store(l->grey + at, level, n_read);
+        words_store(l->grey + at, level, n_in_layer);
     }
 }
 
@@ -313,11 +322,11 @@ INLINE size_t write_row(const ShapeGap *g, const ShapeLayer *l, size_t k, ShapeS
     while (k < b->n && b->row[k] == (uint32_t)row) {
         const uint32_t first = b->at[k] - (uint32_t)row * (uint32_t)g->n_blocks[0],
                        end = b->at[k] + LANES / SHAPE_BLOCK;
-        const int x = SHAPE_BLOCK * (int)first, n = t->n_columns - x < LANES ? t->n_columns - x : LANES;
+        const int x = SHAPE_BLOCK * (int)first, n = t->end[0] - x < LANES ? t->end[0] - x : LANES;
         const int y = SHAPE_BLOCK * row, to_above = row > 0 ? -1 : 0, to_below = row + 1 < g->n_blocks[1];
         const Pixels p = {.x = x,
                           .y = y,
-                          .n_rows = t->n_rows - y < ROWS ? t->n_rows - y : ROWS,
+                          .n_rows = t->end[1] - y < ROWS ? t->end[1] - y : ROWS,
                           .near = shape_place(b->at[k], b->row[k]),
                           .far = {shape_place(b->at[k], b->row[k]) + (size_t)(to_above * stride),
                                   shape_place(b->at[k], b->row[k]) + (size_t)(to_below * stride)}};

@@ -93,7 +93,7 @@ CtsStatus cts_volume_interpolate(CtsVolume *v, int n_parts, CtsInterpolation how
                                                   .n_columns = v->dims[0],
                                                   .n_rows = v->dims[1],
                                                   .n_slices = v->dims[2],
-                                                  .n_layers = (int)n_layers,
+                                                  .end = {v->dims[0], v->dims[1], (int)n_layers},
                                                   .n_parts = n_parts,
                                                   .hu_offset = v->hu_offset,
                                                   .hu_step = v->hu_step},

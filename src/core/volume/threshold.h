@@ -30,3 +30,6 @@ static inline uint16_t cts_dense_grey(const CtsVolume *v)
 /* The voxels whose level is at least grey_min; grey has the dimensions of bits. Returns how many runs their rows have.
  */
 uint64_t cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads);
+/* The same of layers between slices, of which bits has the dimensions. */
+CtsStatus cts_bits_threshold_layers(CtsBits *bits, const CtsLinearLayers *layers, uint16_t grey_min, int n_threads,
+                                    uint64_t *n_runs, CtsError *err);

@@ -1,42 +1,22 @@
 #include "input/load/load.h"
 
-#include "base/cpu.h"
 #include "base/parallel.h"
+#include "core/volume/linear_layers.h"
 #include "core/volume/slice_interpolation.h"
 #include <string.h>
 
 enum { CHUNK = 4096 }; /* voxels of one layer that a thread follows up the stack */
 
-/* The slice at or below layer j. Called with rising j, from where the last search ended. */
-static int slice_below(const double *layer, int n_slices, int j, int from)
-{
-    while (from + 1 < n_slices && layer[from + 1] <= j)
-        from++;
-    return from;
-}
-
 int cts_resample_offset(const double *layer, int n_slices, int n_layers)
 {
-    int offset = 0, below = 0;
+    int offset = 0;
     for (int j = 0; j < n_layers; j++) {
-        below = slice_below(layer, n_slices, j, below);
+        const int below = cts_slice_below(layer, n_slices, j);
         offset = j - below > offset ? j - below : offset;
     }
     /* A cubic also needs the slice before the two that enclose the layer. */
     return offset + 1;
 }
-
-static inline __attribute__((always_inline)) void blend_any(uint16_t *to, const uint16_t *low, const uint16_t *high,
-                                                            size_t n, float weight)
-{
-    for (size_t i = 0; i < n; i++) {
-        const float a = low[i], b = high[i];
-        to[i] = (uint16_t)(int32_t)(a + (b - a) * weight + 0.5f);
-    }
-}
-
-CTS_CPU_VARIANTS(void, blend_layers, (uint16_t * to, const uint16_t *low, const uint16_t *high, size_t n, float weight),
-                 blend_any(to, low, high, n, weight))
 
 /* n voxels of the layer `past` layers above slice k; to must not overlap slices still needed, but may be the place of
  * slice k - 1. */
@@ -63,18 +43,16 @@ typedef struct Stack {
 static void resample_some(const Stack *stack, size_t first, size_t n)
 {
     const CtsResampling *const s = stack->resampling;
-    void (*const blend)(uint16_t *, const uint16_t *, const uint16_t *, size_t, float) =
-        CTS_CPU_CHOICE(cts_cpu_flags(), blend_layers);
-    int below = 0;
     for (int j = 0; j < s->n_layers; j++) {
-        below = slice_below(s->layer, s->n_slices, j, below);
+        const int below = cts_slice_below(s->layer, s->n_slices, j);
         uint16_t *to = stack->grey + (size_t)j * s->layer_voxels + first;
         const uint16_t *low = stack->grey + (size_t)(s->offset + below) * s->layer_voxels + first;
         const double past = j - s->layer[below];
         if (below + 1 == s->n_slices || !(past > 0))
             memmove(to, low, n * sizeof *to);
         else if (s->linear)
-            blend(to, low, low + s->layer_voxels, n, (float)(past / (s->layer[below + 1] - s->layer[below])));
+            cts_slice_blend_row(to, low, low + s->layer_voxels, n,
+                                (float)(past / (s->layer[below + 1] - s->layer[below])));
         else
             blend_cubic(s, to, low, below, past, n);
     }

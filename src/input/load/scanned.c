@@ -1,5 +1,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "core/volume/crop.h"
 #include "core/volume/shape_interpolation.h"
 #include "core/volume/volume_new.h"
 #include "ctsplat/series.h"
@@ -67,7 +68,7 @@ static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, in
                                                       .n_columns = v->dims[0],
                                                       .n_rows = v->dims[1],
                                                       .n_slices = s->n_slices,
-                                                      .n_layers = v->dims[2],
+                                                      .end = {v->dims[0], v->dims[1], v->dims[2]},
                                                       .layer = s->layer,
                                                       .n_parts = 1,
                                                       .hu_offset = v->hu_offset,
@@ -96,6 +97,40 @@ CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over
         return st;
     if (s->layer)
         resample(s, *volume, how, cts_threads(n_threads), made);
+    return CTS_OK;
+}
+
+CtsLinearLayers cts_scanned_linear_layers(const CtsScanned *s)
+{
+    return (CtsLinearLayers){s->even->grey + (size_t)s->offset * cts_scanned_layer_voxels(s), s->n_slices, s->layer};
+}
+
+CtsStatus cts_scanned_box(CtsScanned *s, CtsInterpolation how, const int low[3], const int high[3], bool last,
+                          int n_threads, CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err)
+{
+    CtsVolume box = *s->even;
+    cts_volume_become_air_box(&box, low, high);
+    const double n_bytes = (double)cts_volume_n_voxels(&box) * sizeof *box.grey;
+    *volume = NULL;
+    if (!cts_memory_allows(n_bytes, cts_memory_available()))
+        return cts_fail(err, CTS_ERR_MEMORY, "layers need %.0f MiB more memory than is free", n_bytes / 1048576);
+    const CtsStatus st = cts_volume_new_like(volume, &box, box.dims[2], err);
+    if (st)
+        return st;
+    cts_shape_interpolate_layers(&(CtsShapeStack){.slices = cts_scanned_linear_layers(s).slices,
+                                                  .layers = (*volume)->grey,
+                                                  .n_columns = s->even->dims[0],
+                                                  .n_rows = s->even->dims[1],
+                                                  .n_slices = s->n_slices,
+                                                  .low = {low[0], low[1], low[2]},
+                                                  .end = {high[0] + 1, high[1] + 1, high[2] + 1},
+                                                  .layer = s->layer,
+                                                  .n_parts = 1,
+                                                  .hu_offset = s->even->hu_offset,
+                                                  .hu_step = s->even->hu_step},
+                                 how, n_threads, made);
+    if (last)
+        cts_free(&s->even->grey);
     return CTS_OK;
 }
 
