@@ -68,8 +68,9 @@ static void test_same_pictures(void **state)
     cts_model_free(&model);
 }
 
-/* The mask of the first small frames marks whole blocks, that of later ones single cells: the same pictures. Two
- * renderers of one model share its copy for views from the side. */
+/* Error control marches few rays of a picture by sheets through whole blocks, and groups of pixels through tested
+ * cells: the same pictures before and after the first such test. Two renderers of one model share its copy for views
+ * from the side. */
 static void test_masks(void **state)
 {
     CtsModel model = {.volume = phantom_head(96, 100, 88, 20)};

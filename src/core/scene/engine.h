@@ -15,8 +15,9 @@ typedef struct CtsPlan {
     int samples;          /* sub-sheets per layer; 0: chosen by the engine */
     double max_error;     /* in 1/255 rms; 0: the engine's default */
     CtsEngineLevel level; /* of an engine that has levels (CtsEngine.levels); CTS_LEVEL_AUTO: as max_error needs */
-    bool few_rays; /* so few that preparing single cells does not pay: probe renderings, and the sample of another
-                      engine's pixels that error control re-renders. Rounding of a ray may depend on it */
+    bool few_rays; /* so few that testing single cells does not pay: probe renderings, the sample that chooses a level,
+                      and the sample of another engine's pixels that error control re-renders; not at level hybrid,
+                      whose marched groups need the test. Rounding of a ray may depend on it */
     int n_tried; /* levels that were tried before this one was chosen, itself among them, which share the chance that a
                     limit of the error is too low; 0 counts as 1 */
 } CtsPlan;

@@ -69,8 +69,8 @@ static CtsStatus make_appearances(TiledCache *k, const CtsScene *scene, CtsError
 }
 
 /* Cells of visible blocks are tested for many rays alone (CtsPlan.few_rays): one ray loses the time in which 1.5 to 5
- * blocks are tested (measured on heads and a chest). It depends on the purpose, not on whether an earlier frame tested
- * them, since a ray's rounding differs. */
+ * blocks are tested (measured on heads and a chest). The purpose of the rays decides, not whether an earlier frame
+ * tested cells: a ray's rounding depends on it, and a picture must not depend on the frames before it. */
 static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
                            CtsError *err)
 {
