@@ -108,9 +108,11 @@ void cts_render_defaults(CtsRenderSettings *settings);
 /* Checks without a volume: a setting out of its bounds, an engine without a requested feature. */
 CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err);
 
-/* True where cropping the air around the patient changes a picture by rounding only
- * (cts_volume_crop_air()): the preset does not show it, and the mode is not mip, which shows it black. False for the
- * reference and the paper's engines, whose times refer to all voxels. */
+/* True where cropping the air around the patient changes a picture by rounding only (cts_volume_crop_air()): the preset
+ * does not show it, the mode is not mip, which shows it black, and all 16 bits of grey levels are used: with fewer,
+ * level 0 is the window's lower end, which the preset may show. False for the reference and the paper's engines, whose
+ * times refer to all voxels. Not to be cropped either: models with labels, which may give air an opacity, and those
+ * without a body mask for minip and average, which would count it. */
 bool cts_render_ignores_air(const CtsPreset *preset, const CtsRenderSettings *settings);
 
 /* One picture, premultiplied, not yet blended over a background. Threads never change a bit of it.

@@ -25,7 +25,8 @@ typedef struct CtsVolume {
     int slice_layers;
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
     /* Voxels of grey 0 along each axis around the stored ones, as cts_volume_crop_air() counted them. The volume's box,
-     * centre and diagonal contain them, so a picture's geometry does not change. */
+     * centre and diagonal contain them, and so do frames, the blocks of the field of occlusion, histograms and the
+     * cells of a trace; indices of voxels begin at the stored ones. */
     int air_before[3], air_behind[3];
 } CtsVolume;
 
@@ -62,8 +63,9 @@ int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
 CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], int first[3],
                           CtsError *err);
 
-/* Shrinks to the box of the voxels above grey 0, with a margin for gradients; the others are counted as air around it.
- * first: as above. A volume of air alone is unchanged. */
+/* Shrinks to the box of the voxels above grey 0, with a margin for gradients and the field of occlusion; the others are
+ * counted as air around it. first: as above. A volume of air alone is unchanged. cts_render_ignores_air() says for
+ * which pictures. */
 void cts_volume_crop_air(CtsVolume *volume, int first[3]);
 
 /* Gives back the memory behind the last voxel that crops have left for layers. */

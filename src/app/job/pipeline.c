@@ -84,8 +84,8 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
             100 * (double)made->n_moved / (double)made->n_voxels, made->sum_of_differences_hu / (double)made->n_moved);
 }
 
-/* Table removal left air around the patient. It stays where minip and average have no mask of the body, which would
- * show it, and where labels may give it an opacity. */
+/* Crop of the air that table removal left around the patient. Beside crops_air (cts_render_ignores_air()), it stays
+ * where labels may give it an opacity, and where minip and average lack the body mask that would exclude it. */
 static void crop_air(const CtsSource *source, bool has_labels, CtsModel *model, CtsReport *report)
 {
     const CtsVolume *const v = model->volume;
