@@ -123,7 +123,7 @@ CtsStatus cts_render(const CtsModel *model, const CtsPreset *preset, const CtsRe
 /* Several pictures of one model with one preset from different views, as a rotation: state that does not change from
  * frame to frame (the transfer function's tables, the macro-cells, distances to visible voxels, the transposed copy of
  * the volume) is computed once, and the report says what a frame could reuse. Each frame is the picture that
- * cts_render() renders, bit by bit. */
+ * cts_render() renders, bit by bit; samples that max_error chooses for the paper's engines are the first frame's. */
 typedef struct CtsRenderer CtsRenderer;
 
 /* Checks all settings. The model's parts must stay as they are until the end; the rest is copied. */
