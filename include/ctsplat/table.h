@@ -55,6 +55,8 @@ void cts_table_kept_box(const CtsTableSearch *found, const CtsVolume *volume, in
 /* Clears what was found; the model gets the inside of the body. Its volume is the one that was searched, or a box of it
  * that counts the voxels around itself as air. */
 void cts_table_clear(CtsTableSearch *found, CtsModel *model, CtsReport *report);
+/* The same of the volume that was searched, which shrinks to the box of cts_table_kept_box(), in one pass. */
+void cts_table_crop(CtsTableSearch *found, CtsModel *model);
 
 CTS_API_END
 #endif

@@ -22,7 +22,7 @@ static double trunk_on_table(double x, double y)
     return fabs(y - 77) < 2 ? 100 : -1000;
 }
 
-static CtsModel model_without_table(void)
+static CtsModel model_with_table(void)
 {
     CtsModel model = {0};
     CtsError err = {0};
@@ -34,6 +34,13 @@ static CtsModel model_without_table(void)
         for (int j = 0; j < NY; j++)
             for (int i = 0; i < NX; i++, at++)
                 model.volume->grey[at] = (uint16_t)lround(fmax(trunk_on_table(i, j), -1024) + 1024);
+    return model;
+}
+
+static CtsModel model_without_table(void)
+{
+    CtsModel model = model_with_table();
+    CtsError err = {0};
     if (cts_model_remove_table(&model, true, 2, NULL, &err))
         fail_msg("%s", err.text);
     assert_non_null(model.body);
@@ -116,6 +123,68 @@ static CtsScanned scan_of_trunk(double layer[N_SLICES])
     return scanned;
 }
 
+/* The model with the scanner's axis along columns (0) or rows (1) of the volume. */
+static CtsModel along_axis(int head)
+{
+    CtsModel model = {0}, whole = model_with_table();
+    CtsError err = {0};
+    const int dims[3] = {head == 0 ? NZ : NX, head == 0 ? NX : NZ, NY};
+    assert_int_equal(cts_volume_new(&model.volume, dims[0], dims[1], dims[2], &err), CTS_OK);
+    memset(model.volume->step_lps, 0, sizeof model.volume->step_lps);
+    model.volume->step_lps[head][2] = SLICE_MM;
+    model.volume->step_lps[1 - head][0] = STEP_MM;
+    model.volume->step_lps[2][1] = STEP_MM;
+    for (int z = 0, at = 0; z < NZ; z++)
+        for (int y = 0; y < NY; y++)
+            for (int x = 0; x < NX; x++, at++)
+                model.volume->grey[(y * dims[1] + (head == 0 ? x : z)) * dims[0] + (head == 0 ? z : x)] =
+                    whole.volume->grey[at];
+    cts_model_free(&whole);
+    return model;
+}
+
+/* The same box of the same volume. */
+static void expect_same(const CtsModel models[2])
+{
+    const CtsVolume *const a = models[0].volume, *const b = models[1].volume;
+    assert_memory_equal(a->dims, b->dims, sizeof a->dims);
+    assert_memory_equal(a->air_before, b->air_before, sizeof a->air_before);
+    assert_memory_equal(a->air_behind, b->air_behind, sizeof a->air_behind);
+    assert_memory_equal(models[0].body->first, models[1].body->first, sizeof models[0].body->first);
+    for (int c = 0; c < 3; c++)
+        assert_true(fabs(a->origin_lps[c] - b->origin_lps[c]) < 1e-9);
+    for (size_t i = 0; i < cts_volume_n_voxels(a); i++)
+        if (a->grey[i] != b->grey[i])
+            fail_msg("voxel %zu of %d x %d x %d: expected grey %d, actual %d", i, a->dims[0], a->dims[1], a->dims[2],
+                     a->grey[i], b->grey[i]);
+}
+
+/* Clearing and cropping in one pass is clearing, then cropping: also where the scanner's axis runs along rows or
+ * columns. */
+static void test_crop_of_table(void **state)
+{
+    for (int head = 0; head < 3; head++) {
+        CtsModel models[2];
+        for (int at_once = 0; at_once < 2; at_once++) {
+            CtsModel *const model = &models[at_once];
+            CtsTableSearch *found;
+            CtsError err = {0};
+            *model = head == 2 ? model_with_table() : along_axis(head);
+            assert_int_equal(cts_table_search(model->volume, NULL, true, 2, &found, NULL, &err), CTS_OK);
+            if (at_once)
+                cts_table_crop(found, model);
+            else
+                cts_table_clear(found, model, NULL);
+            cts_table_search_free(&found);
+            assert_true((model->volume->dims[0] < (head == 0 ? NZ : NX)) == (at_once && head > 0));
+            cts_model_crop_air(model);
+        }
+        expect_same(models);
+        cts_model_free(&models[0]);
+        cts_model_free(&models[1]);
+    }
+}
+
 /* Layers made only where the table search keeps voxels, and whole layers that are cleared and cropped, are the same. */
 static void test_layers_in_box(void **state)
 {
@@ -145,17 +214,7 @@ static void test_layers_in_box(void **state)
         cts_model_crop_air(model);
         cts_volume_free(&scanned.even);
     }
-    const CtsVolume *const a = models[0].volume, *const b = models[1].volume;
-    assert_memory_equal(a->dims, b->dims, sizeof a->dims);
-    assert_memory_equal(a->air_before, b->air_before, sizeof a->air_before);
-    assert_memory_equal(a->air_behind, b->air_behind, sizeof a->air_behind);
-    assert_memory_equal(models[0].body->first, models[1].body->first, sizeof models[0].body->first);
-    for (int c = 0; c < 3; c++)
-        assert_true(fabs(a->origin_lps[c] - b->origin_lps[c]) < 1e-9);
-    for (size_t i = 0; i < cts_volume_n_voxels(a); i++)
-        if (a->grey[i] != b->grey[i])
-            fail_msg("voxel %zu of %d x %d x %d: expected grey %d, actual %d", i, a->dims[0], a->dims[1], a->dims[2],
-                     a->grey[i], b->grey[i]);
+    expect_same(models);
     cts_model_free(&models[0]);
     cts_model_free(&models[1]);
 }
@@ -272,11 +331,9 @@ static void test_needs_air(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_box),
-        cmocka_unit_test(test_layers_in_box),
-        cmocka_unit_test(test_nothing_to_crop),
-        cmocka_unit_test(test_same_pictures),
-        cmocka_unit_test(test_needs_air),
+        cmocka_unit_test(test_box),           cmocka_unit_test(test_layers_in_box),
+        cmocka_unit_test(test_crop_of_table), cmocka_unit_test(test_nothing_to_crop),
+        cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_needs_air),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

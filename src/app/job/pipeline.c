@@ -277,10 +277,17 @@ static CtsStatus make_volume(const CtsSource *source, CtsScanned *scanned, bool 
     return st;
 }
 
+/* True if crop_air() sees the volume as it is after table removal, so that both may be one step. Smoothing and another
+ * crop first see the whole volume. */
+static bool crops_with_table(const CtsSource *source, bool has_labels)
+{
+    return source->crops_air && !has_labels && !source->crop.given && !(source->smooth_mm > 0);
+}
+
 /* Unevenly spaced slices become layers after the search for the table: shape-based interpolation would displace a plate
  * that is cut obliquely like a surface; linear interpolation does not. Layers are made only where crop_air() keeps
- * them; smoothing and a crop first see the whole volume. */
-static CtsStatus make_layers_without_table(const CtsSource *source, CtsScanned *scanned, bool last, bool has_labels,
+ * them. */
+static CtsStatus make_layers_without_table(const CtsSource *source, CtsScanned *scanned, bool last, bool crops,
                                            CtsModel *model, CtsInterpolationCounts *made, CtsReport *report,
                                            CtsError *err)
 {
@@ -292,7 +299,7 @@ static CtsStatus make_layers_without_table(const CtsSource *source, CtsScanned *
     if (st)
         return st;
     st = CTS_ERR_MEMORY;
-    if (source->crops_air && !has_labels && !source->crop.given && !(source->smooth_mm > 0)) {
+    if (crops) {
         cts_table_kept_box(found, scanned->even, low, high);
         st = cts_scanned_box(scanned, source->interpolation, low, high, last, source->n_threads, &model->volume, made,
                              NULL);
@@ -305,21 +312,38 @@ static CtsStatus make_layers_without_table(const CtsSource *source, CtsScanned *
     return st;
 }
 
+static CtsStatus make_volume_without_table(const CtsSource *source, CtsScanned *scanned, bool last, bool crops,
+                                           CtsModel *model, CtsInterpolationCounts *made, CtsReport *report,
+                                           CtsError *err)
+{
+    CtsTableSearch *found;
+    CtsStatus st = make_volume(source, scanned, last, &model->volume, made, err);
+    if (st ||
+        (st = cts_table_search(model->volume, NULL, !source->inside_unseen, source->n_threads, &found, report, err)))
+        return st;
+    if (crops)
+        cts_table_crop(found, model);
+    else
+        cts_table_clear(found, model, report);
+    cts_table_search_free(&found);
+    return st;
+}
+
 static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, CtsLoaded *loaded, CtsReport *report,
                       CtsError *err)
 {
     CtsStatus st;
     CtsInterpolationCounts made = {0};
     CtsModel *const model = &loaded->model;
-    const bool has_labels = loaded->labels != NULL;
+    const bool has_labels = loaded->labels != NULL, crops = crops_with_table(source, has_labels);
     report_volume(scanned->even, report);
-    if (source->remove_table && scanned->layer && scanned->even->grey &&
-        source->interpolation != CTS_INTERPOLATION_LINEAR)
-        st = make_layers_without_table(source, scanned, last, has_labels, model, &made, report, err);
-    else if (!(st = make_volume(source, scanned, last, &model->volume, &made, err)) && source->remove_table)
-        st = cts_model_remove_table(model, !source->inside_unseen, source->n_threads, report, err);
-    if (!source->remove_table)
+    if (!source->remove_table) {
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
+        st = make_volume(source, scanned, last, &model->volume, &made, err);
+    } else if (scanned->layer && scanned->even->grey && source->interpolation != CTS_INTERPOLATION_LINEAR)
+        st = make_layers_without_table(source, scanned, last, crops, model, &made, report, err);
+    else
+        st = make_volume_without_table(source, scanned, last, crops, model, &made, report, err);
     if (!st)
         st = process_model(source, has_labels, model, &made, report, err);
     return st ? st : take_labels(source, loaded, report, err);

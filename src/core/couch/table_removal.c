@@ -227,26 +227,29 @@ static uint64_t count_dense_gone(const CtsTableSearch *r)
     return atomic_load(&count.n_dense);
 }
 
-/* Voxels first <= i < end of a row become air, as far as the row has them. */
-static void clear_run(uint16_t *grey, int n, int first, int end)
+/* A row of n voxels, from bit `at` of a row of bits on, without those that are gone, at its own place or at one before
+ * it in memory. */
+static void move_kept_row(uint16_t *to, const uint16_t *from, int n, int at, const uint64_t *gone)
 {
-    first = first > 0 ? first : 0;
-    end = end < n ? end : n;
-    if (first < end)
-        memset(grey + first, 0, (size_t)(end - first) * sizeof *grey);
-}
-
-/* A row of n voxels, from bit `at` of a row of n_words on, becomes air where it is gone. */
-static void clear_row(uint16_t *grey, int n, int at, const uint64_t *gone, size_t n_words)
-{
-    int first = -1;
-    for (size_t w = 0; w < n_words; w++) {
+    bool is_gone = gone[at >> 6] >> (at & 63) & 1;
+    int done = 0;
+    for (int w = at >> 6; done < n; w++) {
+        const bool is_last = w == (at + n - 1) >> 6;
         uint64_t edges = gone[w] ^ (gone[w] << 1 | (w ? gone[w - 1] >> 63 : 0));
-        for (; edges; edges &= edges - 1) {
-            const int edge = (int)(64 * w) + __builtin_ctzll(edges);
-            if (first >= 0)
-                clear_run(grey, n, first - at, edge - at);
-            first = first >= 0 ? -1 : edge;
+        for (;; edges &= edges - 1) {
+            const int edge = edges ? 64 * w + __builtin_ctzll(edges) - at : n, end = edge < n ? edge : n;
+            if (!edges && !is_last)
+                break;
+            if (end <= done)
+                continue;
+            if (is_gone)
+                memset(to + done, 0, (size_t)(end - done) * sizeof *to);
+            else if (to != from)
+                memmove(to + done, from + done, (size_t)(end - done) * sizeof *to);
+            is_gone = !is_gone;
+            done = end;
+            if (done == n)
+                return;
         }
     }
 }
@@ -269,7 +272,7 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
         for (int j = 0; j < v->dims[1]; j++, row += n) {
             uint64_t made[CTS_BITS_ROW_WORDS];
             const uint64_t *const gone = gone_row(c->found, j + at[1], k + at[2], made);
-            clear_row(row, v->dims[0], at[0], gone, (size_t)c->found->dims[0] / 64 + 1);
+            move_kept_row(row, row, v->dims[0], at[0], gone);
         }
 }
 
@@ -408,24 +411,49 @@ void cts_table_kept_box(const CtsTableSearch *found, const CtsVolume *volume, in
     cts_volume_widen_box(volume, low, high);
 }
 
+/* The model, whose volume begins at this place of the one that was searched, gets the inside of the body. */
+static void give_inside(CtsTableSearch *found, CtsModel *model, const int at[3])
+{
+    if (!found->inside)
+        return;
+    cts_body_mask_free(&model->body);
+    model->body = found->inside;
+    found->inside = NULL;
+    for (int axis = 0; axis < 3; axis++)
+        model->body->first[axis] += at[axis];
+}
+
 void cts_table_clear(CtsTableSearch *found, CtsModel *model, CtsReport *report)
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     Clearing clearing = {.found = found, .volume = model->volume};
     for (int axis = 0; axis < 3; axis++)
         clearing.at[axis] = model->volume->air_before[axis] - found->air_before[axis];
-    if (found->inside) {
-        cts_body_mask_free(&model->body);
-        model->body = found->inside;
-        found->inside = NULL;
-        for (int axis = 0; axis < 3; axis++)
-            model->body->first[axis] += clearing.at[axis];
-    }
+    give_inside(found, model, clearing.at);
     if (!found->removes)
         return;
     cts_parallel(found->n_threads, (size_t)model->volume->dims[2], 0, clear_slices, &clearing);
     cts_model_changed(model);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
+}
+
+void cts_table_crop(CtsTableSearch *found, CtsModel *model)
+{
+    CtsVolume *const v = model->volume;
+    const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1];
+    int low[3], high[3];
+    cts_table_kept_box(found, v, low, high);
+    const int n = high[0] - low[0] + 1;
+    uint16_t *to = v->grey;
+    for (int k = low[2]; found->removes && k <= high[2]; k++)
+        for (int j = low[1]; j <= high[1]; j++, to += n) {
+            uint64_t made[CTS_BITS_ROW_WORDS];
+            move_kept_row(to, v->grey + ((size_t)k * ny + (size_t)j) * nx + low[0], n, low[0],
+                          gone_row(found, j, k, made));
+        }
+    give_inside(found, model, low);
+    cts_volume_become_air_box(v, low, high);
+    cts_model_changed(model);
 }
 
 CtsStatus cts_model_remove_table(CtsModel *model, bool finds_inside, int n_threads, CtsReport *report, CtsError *err)
