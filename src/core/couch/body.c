@@ -3,6 +3,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
+#include <stdatomic.h>
 #include <string.h>
 
 /* Fingers and the tips of ears are twice as thick, blankets, tubes and plates are not. */
@@ -18,97 +19,161 @@ static const double SKIN_MM = 3;
 static const double AROUND_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
-/* flags[]: the largest part, and those of sufficient size that are mostly thick; sized[]: the latter. */
-static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsComponents *p, CtsMorphology *workers,
-                                int n_threads, uint8_t *flags, uint8_t *sized, CtsError *err)
+/* Parameters of the search, and what its loops over sections need. */
+typedef struct BodySearch {
+    const CtsSectionPlan *plan;
+    const CtsVolume *volume;
+    const CtsBits *sections;
+    CtsBits *plates_found; /* from find_thin() on, the body's thin protrusions */
+    bool has_table;
+    CtsMorphology *workers;
+    int n_threads;
+    CtsBody *body;
+    CtsComponents parts;
+    const uint8_t *flags, *others; /* of parts */
+    _Atomic uint64_t n_thin;
+} BodySearch;
+
+/* flags[]: the largest part, and those of sufficient size that are mostly thick; sized[]: the other ones of sufficient
+ * size. Overwrites body->dense. */
+static CtsStatus choose_patient(BodySearch *s, uint8_t *flags, uint8_t *sized, CtsError *err)
 {
+    const CtsComponents *const p = &s->parts;
+    CtsBits *const others = &s->body->dense;
     CtsStatus st;
-    CtsBits others = {0};
     uint64_t *thick = NULL;
     uint32_t largest = 0, n_sized = 0;
     for (uint32_t n = 1; n < p->n_parts; n++)
         largest = p->parts[n].n_voxels > p->parts[largest].n_voxels ? n : largest;
     for (uint32_t n = 0; n < p->n_parts; n++) {
         flags[n] = n == largest;
-        sized[n] = n != largest && (double)p->parts[n].n_voxels * plan->voxel_mm3 >= NOISE_MM3;
+        sized[n] = n != largest && (double)p->parts[n].n_voxels * s->plan->voxel_mm3 >= NOISE_MM3;
         n_sized += sized[n];
     }
     if (!n_sized)
         return CTS_OK;
-    if ((st = cts_bits_new_unset(&others, plan->dims, err)))
-        goto end;
-    cts_components_paint(p, sized, NULL, &others);
-    cts_each_section(workers, n_threads, cts_open_section, &others, cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm),
-                     &others);
-    if ((st = cts_components_count_in(p, &others, &thick, err)))
-        goto end;
+    cts_components_paint(p, sized, others);
+    cts_each_section(s->workers, s->n_threads, cts_open_section, others,
+                     cts_reach_mm(THICK_RADIUS_MM, s->plan->spacing_mm), others);
+    if ((st = cts_components_count_in(p, others, &thick, err)))
+        return st;
     for (uint32_t n = 0; n < p->n_parts; n++)
         if (sized[n] && 2 * thick[n] >= p->parts[n].n_voxels) {
             flags[n] = 1;
             sized[n] = 0;
         }
-end:
-    cts_bits_free(&others);
     cts_free(&thick);
-    return st;
+    return CTS_OK;
+}
+
+/* The voxels outside plates and not next to them. */
+static void find_rest(void *context, int worker, size_t first, size_t end)
+{
+    const BodySearch *const s = context;
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits section = cts_bits_slice(s->sections, k);
+        CtsBits rest = cts_bits_slice(&s->body->foreign, k);
+        cts_dilate_section(&s->workers[worker], cts_bits_row(s->plates_found, 0, k), ONE, rest.words);
+        cts_bits_combine(&rest, CTS_BITS_NOT, &rest);
+        cts_bits_combine(&rest, CTS_BITS_AND, &section);
+    }
+}
+
+/* The patient's parts, with their neighbours in plates' margins, and foreign ones with the plates. */
+static void paint_dense(void *context, int worker, size_t first, size_t end)
+{
+    const BodySearch *const s = context;
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits section = cts_bits_slice(s->sections, k), plates = cts_bits_slice(s->plates_found, k);
+        CtsBits dense = cts_bits_slice(&s->body->dense, k), foreign = cts_bits_slice(&s->body->foreign, k);
+        cts_components_paint_slice(&s->parts, s->flags, k, NULL, &dense);
+        cts_components_paint_slice(&s->parts, s->others, k, &plates, &foreign);
+        cts_dilate_section(&s->workers[worker], dense.words, ONE, dense.words);
+        cts_bits_combine(&dense, CTS_BITS_AND, &section);
+        cts_bits_combine(&dense, CTS_BITS_AND_NOT, &plates);
+    }
+}
+
+static void each_section(BodySearch *s, cts_work_fn work)
+{
+    cts_parallel(s->n_threads, (size_t)s->plan->dims[2], 1, work, s);
 }
 
 /* The patient's dense bits: connected parts after removal of the plates' voxels and their neighbours, which are added
  * again afterwards. */
-static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *plates_found,
-                            CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
+static CtsStatus find_dense(BodySearch *s, CtsError *err)
 {
     CtsStatus st;
-    CtsComponents parts = {0};
+    CtsComponents *const p = &s->parts;
     uint8_t *flags = NULL, *sized = NULL;
-    CtsBits *const rest = &body->foreign; /* first the voxels outside plates, then those not of the patient */
-    if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new_unset(&body->dense, plan->dims, err)))
-        return st;
-    cts_each_section(workers, n_threads, cts_dilate_section, plates_found, ONE, rest);
-    cts_bits_combine(rest, CTS_BITS_NOT, rest);
-    cts_bits_combine(rest, CTS_BITS_AND, sections);
-    if ((st = cts_components_find(&parts, rest, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
-        (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
-        (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
+    each_section(s, find_rest);
+    if ((st = cts_components_find(p, &s->body->foreign, true, err)) ||
+        (st = cts_alloc_array(&flags, p->n_parts, err)) || (st = cts_alloc_array(&sized, p->n_parts, err)) ||
+        (st = choose_patient(s, flags, sized, err)))
         goto end;
-    cts_components_paint(&parts, flags, NULL, &body->dense);
-    cts_components_paint(&parts, sized, plates_found, rest);
-    cts_each_section(workers, n_threads, cts_dilate_section, &body->dense, ONE, &body->dense);
-    cts_bits_combine(&body->dense, CTS_BITS_AND, sections);
-    cts_bits_combine(&body->dense, CTS_BITS_AND_NOT, plates_found);
-    for (uint32_t n = 0; n < parts.n_parts; n++)
-        body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
+    s->flags = flags;
+    s->others = sized;
+    each_section(s, paint_dense);
+    for (uint32_t n = 0; n < p->n_parts; n++)
+        s->body->mm3 += flags[n] ? (double)p->parts[n].n_voxels * s->plan->voxel_mm3 : 0;
 end:
-    cts_components_free(&parts);
     cts_free(&flags);
     cts_free(&sized);
     return st;
 }
 
-static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, bool has_table, CtsBody *body,
-                            CtsError *err)
+static void find_air(void *context, int worker, size_t first, size_t end)
+{
+    const BodySearch *const s = context;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits dense = cts_bits_slice(&s->body->dense, k);
+        CtsBits air = cts_bits_slice(&s->body->whole, k);
+        cts_bits_combine(&air, CTS_BITS_NOT, &dense);
+    }
+}
+
+/* Only what lies outside does not belong to the patient, and the whole is the complement. */
+static void paint_whole(void *context, int worker, size_t first, size_t end)
+{
+    const BodySearch *const s = context;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++) {
+        CtsBits whole = cts_bits_slice(&s->body->whole, k), foreign = cts_bits_slice(&s->body->foreign, k);
+        cts_components_paint_slice(&s->parts, s->flags, k, NULL, &whole);
+        cts_bits_combine(&foreign, CTS_BITS_AND, &whole);
+        cts_bits_combine(&whole, CTS_BITS_NOT, &whole);
+    }
+}
+
+static CtsStatus find_whole(BodySearch *s, CtsError *err)
 {
     CtsStatus st;
-    CtsBits air = {0};
-    CtsComponents parts = {0};
     uint8_t *outside = NULL;
-    if ((st = cts_bits_new_unset(&air, plan->dims, err)))
-        return st;
-    cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
-    if ((st = cts_components_find(&parts, &air, false, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
-
-        (st = cts_air_outside(plan, v, &parts, has_table, &body->air, outside, err)) ||
-        (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
-        goto end;
-    cts_components_paint(&parts, outside, NULL, &body->whole);
-    /* The painted voxels are outside: only these do not belong to the patient, and the whole is the complement. */
-    cts_bits_combine(&body->foreign, CTS_BITS_AND, &body->whole);
-    cts_bits_combine(&body->whole, CTS_BITS_NOT, &body->whole);
-end:
-    cts_bits_free(&air);
-    cts_components_free(&parts);
+    each_section(s, find_air);
+    if (!(st = cts_components_find(&s->parts, &s->body->whole, false, err)) &&
+        !(st = cts_alloc_array(&outside, s->parts.n_parts, err)) &&
+        !(st = cts_air_outside(s->plan, s->volume, &s->parts, s->has_table, &s->body->air, outside, err))) {
+        s->flags = outside;
+        each_section(s, paint_whole);
+    }
     cts_free(&outside);
     return st;
+}
+
+static void find_thin(void *context, int worker, size_t first, size_t end)
+{
+    BodySearch *const s = context;
+    uint64_t n_thin = 0;
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits dense = cts_bits_slice(&s->body->dense, k);
+        CtsBits thin = cts_bits_slice(s->plates_found, k);
+        cts_thin_section(&s->workers[worker], cts_bits_row(&s->body->whole, 0, k),
+                         cts_reach_mm(THICK_RADIUS_MM, s->plan->spacing_mm), thin.words);
+        cts_bits_combine(&thin, CTS_BITS_AND, &dense);
+        n_thin += cts_bits_count(&thin);
+    }
+    atomic_fetch_add(&s->n_thin, n_thin);
 }
 
 static bool is_long(const CtsSectionPlan *plan, const CtsComponent *part)
@@ -144,46 +209,47 @@ static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, c
 }
 
 /* Marks masks and straps on the body as not part of the patient. */
-static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, bool has_table, CtsBits *thin,
-                             CtsBody *body, CtsError *err)
+static CtsStatus drop_shells(BodySearch *s, CtsError *err)
 {
     CtsStatus st;
-    CtsComponents parts = {0};
+    CtsBody *const body = s->body;
+    CtsBits *const thin = s->plates_found;
     uint8_t *flags = NULL;
     double mm3 = 0;
-    if ((st = cts_components_find(&parts, thin, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
-        (st = choose_shells(plan, v, &parts, flags, &mm3, err)) || mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
+    if ((st = cts_components_find(&s->parts, thin, true, err)) ||
+        (st = cts_alloc_array(&flags, s->parts.n_parts, err)) ||
+        (st = choose_shells(s->plan, s->volume, &s->parts, flags, &mm3, err)) || mm3 == 0 ||
+        mm3 > SHELL_SHARE * body->mm3)
         goto end;
-    cts_components_paint(&parts, flags, NULL, thin);
+    cts_components_paint(&s->parts, flags, thin);
     cts_bits_combine(&body->foreign, CTS_BITS_OR, thin);
-    cts_bits_combine(thin, CTS_BITS_NOT, thin);
-    cts_bits_combine(&body->dense, CTS_BITS_AND, thin);
+    cts_bits_combine(&body->dense, CTS_BITS_AND_NOT, thin);
     body->mm3 -= mm3;
     body->thin_mm3 -= mm3;
-    cts_bits_free(&body->whole);
-    st = find_whole(plan, v, has_table, body, err);
+    st = find_whole(s, err);
 end:
-    cts_components_free(&parts);
     cts_free(&flags);
     return st;
 }
 
-CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,
-                        const CtsBits *plates_found, CtsMorphology *workers, int n_threads, CtsBody *body,
-                        CtsError *err)
+CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections, CtsBits *plates_found,
+                        CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
 {
-    CtsBits thin = {0};
     CtsStatus st;
-    const bool has_table = cts_bits_any(plates_found);
-    if (!(st = find_dense(plan, sections, plates_found, workers, n_threads, body, err)) &&
-        !(st = find_whole(plan, v, has_table, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
-        cts_each_section(workers, n_threads, cts_thin_section, &body->whole,
-                         cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), &thin);
-        cts_bits_combine(&thin, CTS_BITS_AND, &body->dense);
-        body->thin_mm3 = (double)cts_bits_count(&thin) * plan->voxel_mm3;
-        st = drop_shells(plan, v, has_table, &thin, body, err);
+    BodySearch s = {.plan = plan, .volume = v, .sections = sections, .plates_found = plates_found};
+    s.has_table = cts_bits_any(plates_found);
+    s.workers = workers;
+    s.n_threads = n_threads;
+    s.body = body;
+    if (!(st = cts_bits_new_unset(&body->dense, plan->dims, err)) &&
+        !(st = cts_bits_new_unset(&body->whole, plan->dims, err)) &&
+        !(st = cts_bits_new_unset(&body->foreign, plan->dims, err)) && !(st = find_dense(&s, err)) &&
+        !(st = find_whole(&s, err))) {
+        each_section(&s, find_thin);
+        body->thin_mm3 = (double)atomic_load(&s.n_thin) * plan->voxel_mm3;
+        st = drop_shells(&s, err);
     }
-    cts_bits_free(&thin);
+    cts_components_free(&s.parts);
     return st;
 }
 

@@ -3,8 +3,9 @@
 #include "base/mem.h"
 #include <string.h>
 
-/* The start of a run sets one bit and its end, one past the last voxel, another; both alternate. */
-static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
+/* The start of a run sets one bit and its end, one past the last voxel, another; both alternate. Run number n is the
+ * next to be stored; returns the number behind the row's runs. */
+static uint32_t list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *runs, uint32_t n)
 {
     uint64_t before = 0;
     bool inside = false;
@@ -14,14 +15,15 @@ static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
         for (; edges; edges &= edges - 1) {
             const uint32_t at = (uint32_t)(64 * w) + (uint32_t)__builtin_ctzll(edges);
             if (!inside)
-                run->first = at;
+                runs[n] = (CtsRun){.first = at, .part = n};
             else
-                run++->end = at;
+                runs[n++].end = at;
             inside = !inside;
         }
     }
     if (inside)
-        run->end = (uint32_t)nx;
+        runs[n++].end = (uint32_t)nx;
+    return n;
 }
 
 /* CtsRun.part is the parent link until the labels are known: a run's parent never follows it. */
@@ -69,44 +71,49 @@ static void add_run(CtsComponent *part, const CtsRun *run, int j, int k)
     part->n_voxels += run->end - run->first;
 }
 
+/* Room for so many runs is made at first: few volumes need more (a noisy chest has 3). */
+enum { RUNS_A_ROW = 4 };
+
 static CtsStatus list_runs(CtsComponents *p, const CtsBits *bits, CtsError *err)
 {
     const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2], n_words = bits->row_words;
+    const size_t most = (size_t)bits->dims[0] / 2 + 1; /* of a row */
+    size_t room = RUNS_A_ROW * n_rows + most;
+    uint32_t n = 0;
     CtsStatus st;
     cts_components_free(p);
     *p = (CtsComponents){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
-    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)))
+    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)) || (st = cts_alloc_array(&p->runs, room, err)))
         return st;
     for (size_t row = 0; row < n_rows; row++) {
-        p->row_start[row] = (uint32_t)p->n_runs;
-        p->n_runs += cts_bits_count_runs(bits->words + row * n_words, n_words);
+        if (n >= UINT32_MAX - most)
+            return cts_fail(err, CTS_ERR_MEMORY, "a mask of more than %u runs is too ragged", n);
+        if (room - n < most && (st = cts_resize_array(&p->runs, n, room = 2 * room, err)))
+            return st;
+        p->row_start[row] = n;
+        n = list_row(bits->words + row * n_words, n_words, bits->dims[0], p->runs, n);
     }
-    p->row_start[n_rows] = (uint32_t)p->n_runs;
-    if (p->n_runs >= UINT32_MAX)
-        return cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)p->n_runs);
-    if ((st = cts_alloc_array(&p->runs, p->n_runs, err)))
-        return st;
-    for (size_t row = 0; row < n_rows; row++)
-        list_row(bits->words + row * n_words, n_words, bits->dims[0], p->runs + p->row_start[row]);
-    for (uint32_t run = 0; run < p->n_runs; run++)
-        p->runs[run].part = run;
+    p->row_start[n_rows] = n;
+    p->n_runs = n;
     return CTS_OK;
 }
 
 /* Runs are in order and parents precede their children, so one pass suffices. */
 static CtsStatus number_components(CtsComponents *p, CtsError *err)
 {
-    const uint32_t ny = (uint32_t)p->dims[1];
+    const size_t ny = (size_t)p->dims[1];
     for (uint32_t run = 0; run < p->n_runs; run++)
         p->n_parts += p->runs[run].part == run;
     const CtsStatus st = cts_alloc_zeroed(&p->parts, p->n_parts, err);
     uint32_t next = 0;
-    for (uint32_t row = 0; row < ny * (uint32_t)p->dims[2] && !st; row++)
-        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
-            CtsRun *const run = &p->runs[r];
-            run->part = run->part == r ? next++ : p->runs[run->part].part;
-            add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
-        }
+    uint32_t r = 0;
+    for (int k = 0; k < p->dims[2] && !st; k++)
+        for (int j = 0; j < p->dims[1]; j++)
+            for (const uint32_t end = p->row_start[(size_t)k * ny + (size_t)j + 1]; r < end; r++) {
+                CtsRun *const run = &p->runs[r];
+                run->part = run->part == r ? next++ : p->runs[run->part].part;
+                add_run(&p->parts[run->part], run, j, k);
+            }
     return st;
 }
 
@@ -114,12 +121,13 @@ CtsStatus cts_components_find(CtsComponents *p, const CtsBits *bits, bool across
 {
     const size_t ny = (size_t)bits->dims[1];
     CtsStatus st = list_runs(p, bits, err);
-    for (size_t row = 0; row < ny * (size_t)bits->dims[2] && !st; row++) {
-        if (row % ny > 0)
-            join_rows(p, row - 1, row);
-        if (row >= ny && across_slices)
-            join_rows(p, row - ny, row);
-    }
+    for (size_t k = 0, row = 0; k < (size_t)bits->dims[2] && !st; k++)
+        for (size_t j = 0; j < ny; j++, row++) {
+            if (j > 0)
+                join_rows(p, row - 1, row);
+            if (k > 0 && across_slices)
+                join_rows(p, row - ny, row);
+        }
     if (st || (st = number_components(p, err)))
         cts_components_free(p);
     return st;
@@ -145,15 +153,25 @@ void cts_components_free(CtsComponents *p)
     cts_free(&p->parts);
 }
 
-void cts_components_paint(const CtsComponents *p, const uint8_t *flags, const CtsBits *under, CtsBits *bits)
+void cts_components_paint_slice(const CtsComponents *p, const uint8_t *flags, int k, const CtsBits *under,
+                                CtsBits *slice)
 {
-    const size_t n_bytes = cts_bits_n_words(bits) * sizeof *bits->words;
+    const size_t n_bytes = cts_bits_n_words(slice) * sizeof *slice->words;
+    const uint32_t *const row_start = p->row_start + (size_t)k * (size_t)p->dims[1];
     if (under)
-        memcpy(bits->words, under->words, n_bytes);
+        memcpy(slice->words, under->words, n_bytes);
     else
-        memset(bits->words, 0, n_bytes);
-    for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
-        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+        memset(slice->words, 0, n_bytes);
+    for (int j = 0; j < p->dims[1]; j++)
+        for (uint32_t r = row_start[j]; r < row_start[j + 1]; r++)
             if (flags[p->runs[r].part])
-                cts_bits_fill(cts_bits_row(bits, row, 0), (int)p->runs[r].first, (int)p->runs[r].end);
+                cts_bits_fill(cts_bits_row(slice, j, 0), (int)p->runs[r].first, (int)p->runs[r].end);
+}
+
+void cts_components_paint(const CtsComponents *p, const uint8_t *flags, CtsBits *bits)
+{
+    for (int k = 0; k < p->dims[2]; k++) {
+        CtsBits slice = cts_bits_slice(bits, k);
+        cts_components_paint_slice(p, flags, k, NULL, &slice);
+    }
 }

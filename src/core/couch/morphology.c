@@ -23,12 +23,12 @@ enum { MARGIN = 32, EMPTY = MARGIN };
 
 CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)
 {
-    *m = (CtsMorphology){.row_words = like->row_words, .n_words = like->row_words * (size_t)like->dims[1]};
+    *m = (CtsMorphology){.row_words = like->row_words, .ny = like->dims[1]};
+    m->n_words = like->row_words * (size_t)like->dims[1];
     m->last_word = cts_bits_mask(like, like->row_words - 1);
     /* At least one word between two rows: half of it is margin of one, half of the other. */
     m->stride = like->row_words + (like->dims[0] % 64 != 0);
-    m->n_rows = (size_t)like->dims[1];
-    m->n_copy = m->stride * (m->n_rows + 2 * (MARGIN + EMPTY)) + 2;
+    m->n_copy = m->stride * ((size_t)like->dims[1] + 2 * (MARGIN + EMPTY)) + 2;
     const CtsStatus st = cts_alloc_zeroed(&m->buffer, 2 * m->n_copy, err);
     m->a = m->buffer + 1 + (MARGIN + EMPTY) * m->stride;
     m->b = m->a + m->n_copy;
@@ -55,16 +55,38 @@ void cts_morphologies_free(CtsMorphology **workers, int n_threads)
     cts_free(workers);
 }
 
-static void read_section(CtsMorphology *m, const uint64_t *in)
+static void copy_rows(uint64_t *to, size_t to_stride, const uint64_t *from, size_t from_stride, size_t n_rows)
 {
-    for (size_t j = 0; j < m->n_rows; j++)
-        memcpy(m->a + j * m->stride, in + j * m->row_words, m->row_words * sizeof *in);
+    const size_t words = to_stride < from_stride ? to_stride : from_stride;
+    if (to_stride == from_stride)
+        memcpy(to, from, n_rows * words * sizeof *to);
+    else
+        for (size_t j = 0; j < n_rows; j++)
+            memcpy(to + j * to_stride, from + j * from_stride, words * sizeof *to);
 }
 
-static void write_section(const CtsMorphology *m, uint64_t *out)
+/* Behind the rows, a longer copy may have left bits. */
+static void read_section(CtsMorphology *m, const uint64_t *in, CtsBitRows rows)
 {
-    for (size_t j = 0; j < m->n_rows; j++)
-        memcpy(out + j * m->row_words, m->a + j * m->stride, m->row_words * sizeof *out);
+    m->n_rows = (size_t)(rows.end - rows.first);
+    copy_rows(m->a, m->stride, in + (size_t)rows.first * m->row_words, m->row_words, m->n_rows);
+    for (int copy = 0; copy < 2; copy++)
+        memset((copy ? m->b : m->a) + m->n_rows * m->stride, 0, (MARGIN + EMPTY) * m->stride * sizeof *m->a);
+}
+
+/* Other rows of the section become 0. */
+static void write_section(const CtsMorphology *m, uint64_t *out, CtsBitRows rows)
+{
+    const size_t first = (size_t)rows.first * m->row_words, end = (size_t)rows.end * m->row_words;
+    memset(out, 0, first * sizeof *out);
+    copy_rows(out + first, m->row_words, m->a, m->stride, m->n_rows);
+    memset(out + end, 0, (m->n_words - end) * sizeof *out);
+}
+
+/* The rows that have bits, and so many on either side. */
+static CtsBitRows rows_with_bits(const CtsMorphology *m, const uint64_t *in, int margin)
+{
+    return cts_bits_rows_around(cts_bits_set_rows(in, m->row_words, (size_t)m->ny), margin, m->ny);
 }
 
 typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
@@ -155,6 +177,8 @@ static void grow_line(CtsMorphology *m, Way way, int steps)
 
 static void dilate(CtsMorphology *m, CtsReach reach)
 {
+    if (!m->n_rows)
+        return;
     grow_diamond(m, reach.diamond);
     grow_line(m, ALONG, reach.box[0]);
     grow_line(m, ACROSS, reach.box[1]);
@@ -169,14 +193,16 @@ static void invert(CtsMorphology *m)
 
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    read_section(m, in);
+    const CtsBitRows rows = rows_with_bits(m, in, reach.diamond + reach.box[1]);
+    read_section(m, in, rows);
     dilate(m, reach);
-    write_section(m, out);
+    write_section(m, out, rows);
 }
 
-static void opened(CtsMorphology *m, const uint64_t *in, CtsReach reach)
+/* Outside the rows, the voxels at their border are continued, as outside the section. */
+static void opened(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitRows rows)
 {
-    read_section(m, in);
+    read_section(m, in, rows);
     invert(m);
     dilate(m, reach);
     invert(m);
@@ -185,17 +211,31 @@ static void opened(CtsMorphology *m, const uint64_t *in, CtsReach reach)
 
 void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    opened(m, in, reach);
-    write_section(m, out);
+    const CtsBitRows rows = rows_with_bits(m, in, 1); /* beside an empty row nothing is continued */
+    opened(m, in, reach, rows);
+    write_section(m, out, rows);
+}
+
+void cts_thin_rows(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitRows rows, uint64_t *out)
+{
+    /* Voxels further away than both steps of the opening and a voxel do not matter. */
+    const CtsBitRows near = cts_bits_rows_around(rows, 2 * (reach.diamond + reach.box[1]) + 1, m->ny);
+    const CtsBitRows set = rows_with_bits(m, in, 1);
+    CtsBitRows band = {set.first > near.first ? set.first : near.first, set.end < near.end ? set.end : near.end};
+    if (band.first >= band.end)
+        band = (CtsBitRows){0, 0};
+    opened(m, in, reach, band);
+    dilate(m, ONE);
+    invert(m);
+    for (size_t j = 0; j < m->n_rows; j++)
+        for (size_t w = 0; w < m->row_words; w++)
+            m->a[j * m->stride + w] &= in[((size_t)band.first + j) * m->row_words + w];
+    write_section(m, out, band);
 }
 
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    opened(m, in, reach);
-    dilate(m, ONE);
-    for (size_t j = 0; j < m->n_rows; j++)
-        for (size_t w = 0; w < m->row_words; w++)
-            out[j * m->row_words + w] = in[j * m->row_words + w] & ~m->a[j * m->stride + w];
+    cts_thin_rows(m, in, reach, (CtsBitRows){0, m->ny}, out);
 }
 
 typedef struct Sections {
@@ -209,13 +249,8 @@ typedef struct Sections {
 static void change_some(void *context, int worker, size_t first, size_t end)
 {
     const Sections *const s = context;
-    for (int k = (int)first; k < (int)end; k++) {
-        const CtsBits section = cts_bits_slice(s->in, k);
-        if (cts_bits_any(&section))
-            s->change(&s->workers[worker], cts_bits_row(s->in, 0, k), s->reach, cts_bits_row(s->out, 0, k));
-        else
-            memset(cts_bits_row(s->out, 0, k), 0, s->workers->n_words * sizeof *s->out->words);
-    }
+    for (int k = (int)first; k < (int)end; k++)
+        s->change(&s->workers[worker], cts_bits_row(s->in, 0, k), s->reach, cts_bits_row(s->out, 0, k));
 }
 
 void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,

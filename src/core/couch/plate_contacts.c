@@ -9,6 +9,7 @@ typedef struct Face {
     const CtsBits *always, *ever;
     CtsBits *plates;
     int axis, side, way;
+    int *row_end; /* no plate lies in this row or behind it */
 } Face;
 
 static bool get(const Face *f, const CtsBits *bits, int along, int across)
@@ -72,8 +73,9 @@ static int depth(const Face *f, int along, int across, int n_most)
 static void set_strip(const Face *f, int along, int across, int thick)
 {
     for (int n = 0; n < depth(f, along, across, thick); n++) {
-        const int c = across - n * f->side;
-        cts_bits_set(f->plates, f->axis ? c : along, f->axis ? along : c, 0);
+        const int c = across - n * f->side, row = f->axis ? along : c;
+        cts_bits_set(f->plates, f->axis ? c : along, row, 0);
+        *f->row_end = row < *f->row_end ? *f->row_end : row + 1;
     }
 }
 
@@ -126,28 +128,40 @@ static uint64_t shifted_by_column(const CtsBits *bits, int j, ptrdiff_t w, int b
     return by < 0 ? own << 1 | next >> 63 : own >> 1 | next << 63;
 }
 
-/* True where one of the three voxels that follow along the face is set. */
+/* Of the three voxels that follow along the face: the middle one is set; one of the other two is. */
 static uint64_t next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
 {
-    if (axis)
-        return shifted_by_column(bits, j + way, w, -1) | word_at(bits, j + way, w) |
-               shifted_by_column(bits, j + way, w, 1);
-    return shifted_by_column(bits, j - 1, w, way) | shifted_by_column(bits, j, w, way) |
-           shifted_by_column(bits, j + 1, w, way);
+    return axis ? word_at(bits, j + way, w) : shifted_by_column(bits, j, w, way);
+}
+
+static uint64_t beside_next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
+{
+    return axis ? shifted_by_column(bits, j + way, w, -1) | shifted_by_column(bits, j + way, w, 1)
+                : shifted_by_column(bits, j - 1, w, way) | shifted_by_column(bits, j + 1, w, way);
+}
+
+/* The ends of plates in word w of row j that continue into other voxels. */
+static uint64_t ends_of(const CtsBits *always, const CtsBits *plates, int axis, int way, int j, ptrdiff_t w)
+{
+    /* Most voxels have one of the plate next to them. */
+    const uint64_t ends = cts_bits_row(plates, j, 0)[w] & ~next_set(plates, axis, way, j, w);
+    return ends ? ends & ~beside_next_set(plates, axis, way, j, w) &
+                      (next_set(always, axis, way, j, w) | beside_next_set(always, axis, way, j, w))
+                : 0;
 }
 
 /* Starts from all ends of plates that continue into other voxels. */
 static void add_from_ends(const CtsBits *always, const CtsBits *ever, CtsBits *plates, int axis, int way)
 {
-    for (int j = 0; j < plates->dims[1]; j++)
-        for (ptrdiff_t w = 0; w < (ptrdiff_t)plates->row_words; w++) {
-            uint64_t ends = word_at(plates, j, w);
-            if (ends)
-                ends &= ~next_set(plates, axis, way, j, w) & next_set(always, axis, way, j, w);
+    CtsBitRows rows = cts_bits_set_rows(plates->words, plates->row_words, (size_t)plates->dims[1]);
+    for (int j = rows.first; j < rows.end; j++) {
+        const uint64_t *const row = cts_bits_row(plates, j, 0);
+        for (int w = 0; w < (int)plates->row_words; w++) {
+            uint64_t ends = row[w] ? ends_of(always, plates, axis, way, j, w) : 0;
             for (; ends; ends &= ends - 1) {
-                const int i = 64 * (int)w + __builtin_ctzll(ends), along = axis ? j : i, across = axis ? i : j;
+                const int i = 64 * w + __builtin_ctzll(ends), along = axis ? j : i, across = axis ? i : j;
                 for (int side = -1; side <= 1; side += 2) {
-                    const Face f = {always, ever, plates, axis, side, way};
+                    const Face f = {always, ever, plates, axis, side, way, &rows.end};
                     int at = across;
                     while (at != across + WAVER * side && get(&f, always, along, at + side))
                         at += side;
@@ -156,6 +170,7 @@ static void add_from_ends(const CtsBits *always, const CtsBits *ever, CtsBits *p
                 }
             }
         }
+    }
 }
 
 void cts_plate_contacts_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates)

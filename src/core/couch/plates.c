@@ -1,5 +1,6 @@
 #include "core/couch/table_removal.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
@@ -28,13 +29,41 @@ typedef struct Windows {
     int length, step, n, last; /* the last one begins here */
 } Windows;
 
+/* Words of a section that are scanned together: with those of its neighbours they stay in the first-level cache. */
+enum { SCAN_WORDS = 256 };
+
+/* For n words of a section and of both its neighbours. */
+typedef void (*ScanWords)(const uint64_t *own, const uint64_t *before, const uint64_t *behind, uint64_t *always,
+                          uint64_t *ever, size_t n);
+
+static inline __attribute__((always_inline)) void scan_any_words(const uint64_t *own, const uint64_t *before,
+                                                                 const uint64_t *behind, uint64_t *restrict always,
+                                                                 uint64_t *restrict ever, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        always[i] &= own[i] | (before[i] & behind[i]);
+        ever[i] |= own[i];
+    }
+}
+
+CTS_CPU_VARIANTS(void, scan_words,
+                 (const uint64_t *own, const uint64_t *before, const uint64_t *behind, uint64_t *always, uint64_t *ever,
+                  size_t n),
+                 scan_any_words(own, before, behind, always, ever, n))
+
 typedef struct Search {
     const CtsSectionPlan *plan;
-    CtsBits wide; /* the sections dilated by a voxel: wavering by a voxel counts as static */
+    const CtsBits *sections;
+    CtsPlates *found;
+    /* The sections dilated by a voxel: wavering by a voxel counts as static. In the memory of found->doubtful. */
+    CtsBits wide;
     Windows windows, shorter;
     CtsBits plates, doubtful; /* by window */
     CtsBits followed;         /* by shorter window */
+    /* of these, the rows with set bits */
+    CtsBitRows *plate_rows, *doubtful_rows, *followed_rows;
     CtsReach reach, doubt_reach;
+    ScanWords scan;
     double least_voxels, sure_voxels;
 } Search;
 
@@ -85,31 +114,47 @@ static void scan_window_columns(const Search *s, Window window, Worker *w)
     const int last = s->plan->dims[2] - 1;
     memset(w->always.words, 0xff, n * sizeof *w->always.words);
     memset(w->ever.words, 0, n * sizeof *w->ever.words);
-    for (int k = window.first; k < window.end; k++) {
-        const uint64_t *own = cts_bits_row(&s->wide, 0, k), *before = cts_bits_row(&s->wide, 0, k ? k - 1 : 0);
-        const uint64_t *behind = cts_bits_row(&s->wide, 0, k < last ? k + 1 : last);
-        for (size_t i = 0; i < n; i++) {
-            w->always.words[i] &= own[i] | (before[i] & behind[i]);
-            w->ever.words[i] |= own[i];
+    for (size_t i = 0; i < n; i += SCAN_WORDS)
+        for (int k = window.first; k < window.end; k++) {
+            const uint64_t *own = cts_bits_row(&s->wide, 0, k), *before = cts_bits_row(&s->wide, 0, k ? k - 1 : 0);
+            const uint64_t *behind = cts_bits_row(&s->wide, 0, k < last ? k + 1 : last);
+            s->scan(own + i, before + i, behind + i, w->always.words + i, w->ever.words + i,
+                    n - i < SCAN_WORDS ? n - i : SCAN_WORDS);
         }
-    }
+}
+
+/* These rows of section a become a op b. */
+static void combine_rows(CtsBits *a, CtsBitsOp op, const CtsBits *b, CtsBitRows rows)
+{
+    CtsBits some = cts_bits_band(a, rows);
+    const CtsBits same = cts_bits_band(b, rows);
+    cts_bits_combine(&some, op, &same);
+}
+
+static CtsBitRows section_rows(const CtsBits *section)
+{
+    return cts_bits_set_rows(section->words, section->row_words, (size_t)section->dims[1]);
 }
 
 /* Of the thin parts, those that are static, as far as they are. */
 static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
 {
+    const CtsBitRows rows = section_rows(&w->thin);
+    const CtsBits thin = cts_bits_band(&w->thin, rows), always = cts_bits_band(&w->always, rows);
+    CtsBits to = cts_bits_band(chosen_parts, rows);
     uint64_t *count = NULL;
     uint8_t *chosen = NULL;
     CtsComponents *const p = &w->parts;
     CtsStatus st;
-    if ((st = cts_components_find(p, &w->thin, false, err)) ||
-        (st = cts_components_count_in(p, &w->always, &count, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
+    memset(chosen_parts->words, 0, cts_bits_n_words(chosen_parts) * sizeof *chosen_parts->words);
+    if ((st = cts_components_find(p, &thin, false, err)) || (st = cts_components_count_in(p, &always, &count, err)) ||
+        (st = cts_alloc_array(&chosen, p->n_parts, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)
         chosen[n] = (double)count[n] >= s->sure_voxels ||
                     ((double)count[n] >= s->least_voxels && 2 * count[n] >= p->parts[n].n_voxels);
-    cts_components_paint(p, chosen, NULL, chosen_parts);
-    cts_bits_combine(chosen_parts, CTS_BITS_AND, &w->always);
+    cts_components_paint(p, chosen, &to);
+    cts_bits_combine(&to, CTS_BITS_AND, &always);
 end:
     cts_free(&count);
     cts_free(&chosen);
@@ -127,8 +172,12 @@ static CtsStatus find_plates_in_window(const Search *s, int n, Worker *w, CtsErr
     if ((st = choose_parts(s, w, &plates, err)))
         return st;
     cts_plate_contacts_add(&w->always, &w->ever, &plates);
+    s->plate_rows[n] = section_rows(&plates);
     cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
-    return choose_parts(s, w, &doubtful, err);
+    if ((st = choose_parts(s, w, &doubtful, err)))
+        return st;
+    s->doubtful_rows[n] = section_rows(&doubtful);
+    return CTS_OK;
 }
 
 /* The end of an obliquely cut plate moves, so that it ends before the contact; in a shorter window more of it is
@@ -143,18 +192,22 @@ static void follow_plates(const Search *s, int n, Worker *w)
         const Window longer = window_at(&s->windows, l);
         const CtsBits plates = cts_bits_slice(&s->plates, l);
         if (longer.first <= window.first && longer.end >= window.end)
-            cts_bits_combine(&followed, CTS_BITS_OR, &plates);
+            combine_rows(&followed, CTS_BITS_OR, &plates, s->plate_rows[l]);
     }
-    if (!cts_bits_any(&followed))
+    const CtsBitRows plate_rows = section_rows(&followed);
+    s->followed_rows[n] = plate_rows;
+    if (!plate_rows.end)
         return;
+    const CtsBitRows rows = cts_bits_rows_around(plate_rows, waver.diamond + waver.box[1], followed.dims[1]);
     scan_window_columns(s, window, w);
     /* In the longer window the plate wavered: extend it to its faces in this one. */
-    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
-    cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
+    cts_thin_rows(w->morphology, w->ever.words, s->reach, rows, w->thin.words);
+    combine_rows(&w->thin, CTS_BITS_OR, &followed, plate_rows);
     cts_dilate_section(w->morphology, followed.words, waver, followed.words);
-    cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
-    cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
+    combine_rows(&followed, CTS_BITS_AND, &w->thin, rows);
+    combine_rows(&followed, CTS_BITS_AND, &w->always, rows);
     cts_plate_contacts_add(&w->always, &w->ever, &followed);
+    s->followed_rows[n] = section_rows(&followed);
 }
 
 typedef struct WindowSearch {
@@ -178,21 +231,50 @@ static void follow_in_windows(void *context, int worker, size_t first, size_t en
         follow_plates(l->search, n, &l->workers[worker]);
 }
 
-static CtsStatus search_plates(Search *s, const CtsBits *sections, CtsMorphology *morphology, int n_threads,
-                               CtsError *err)
+/* Section k gets the union of the results of its windows. */
+static void gather(const Windows *windows, const CtsBits *found, const CtsBitRows *rows, int k, CtsBits *section)
+{
+    for (int n = 0; n < windows->n; n++) {
+        const Window window = window_at(windows, n);
+        const CtsBits from = cts_bits_slice(found, n);
+        if (window.first <= k && k < window.end)
+            combine_rows(section, CTS_BITS_OR, &from, rows[n]);
+    }
+}
+
+static void gather_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Search *const s = context;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits section = cts_bits_slice(s->sections, k);
+        CtsBits plates = cts_bits_slice(&s->found->plates, k), doubtful = cts_bits_slice(&s->found->doubtful, k);
+        memset(plates.words, 0, cts_bits_n_words(&plates) * sizeof *plates.words);
+        memset(doubtful.words, 0, cts_bits_n_words(&doubtful) * sizeof *doubtful.words);
+        gather(&s->windows, &s->plates, s->plate_rows, k, &plates);
+        gather(&s->shorter, &s->followed, s->followed_rows, k, &plates);
+        gather(&s->windows, &s->doubtful, s->doubtful_rows, k, &doubtful);
+        cts_bits_combine(&plates, CTS_BITS_AND, &section);
+        cts_bits_combine(&doubtful, CTS_BITS_AND, &section);
+    }
+}
+
+static CtsStatus search_plates(Search *s, CtsMorphology *morphology, int n_threads, CtsError *err)
 {
     Worker *workers;
     CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
-        st = worker_new(&workers[t], sections->dims, &morphology[t], err);
+        st = worker_new(&workers[t], s->plan->dims, &morphology[t], err);
     if (st)
         goto end;
     WindowSearch looking = {.search = s, .workers = workers};
-    cts_each_section(morphology, n_threads, cts_dilate_section, sections, (CtsReach){.diamond = 1}, &s->wide);
+    cts_each_section(morphology, n_threads, cts_dilate_section, s->sections, (CtsReach){.diamond = 1}, &s->wide);
     cts_parallel(n_threads, (size_t)s->windows.n, 1, find_plates_in_windows, &looking);
     cts_parallel(n_threads, (size_t)s->shorter.n, 1, follow_in_windows, &looking);
     if (atomic_load(&looking.n_failed))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    else
+        cts_parallel(n_threads, (size_t)s->plan->dims[2], 1, gather_sections, s);
 end:
     for (int t = 0; workers && t < n_threads; t++)
         plates_worker_free(&workers[t]);
@@ -200,53 +282,44 @@ end:
     return st;
 }
 
-/* Each section gets the union of the results of its windows. */
-static void gather(const Windows *windows, const CtsBits *found, CtsBits *to)
-{
-    for (int at = 0; at < windows->n; at++) {
-        const CtsBits from = cts_bits_slice(found, at);
-        const Window window = window_at(windows, at);
-        if (!cts_bits_any(&from))
-            continue;
-        for (int k = window.first; k < window.end; k++) {
-            CtsBits section = cts_bits_slice(to, k);
-            cts_bits_combine(&section, CTS_BITS_OR, &from);
-        }
-    }
-}
-
 CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
                           CtsPlates *plates_found, CtsError *err)
 {
     CtsStatus st;
     Search s = {.plan = plan,
+                .sections = sections,
+                .found = plates_found,
                 .reach = cts_reach_mm(PLATE_RADIUS_MM, plan->spacing_mm),
                 .doubt_reach = cts_reach_mm(DOUBT_RADIUS_MM, plan->spacing_mm)};
     const double mm2 = plan->spacing_mm[0] * plan->spacing_mm[1];
+    s.scan = CTS_CPU_CHOICE(cts_cpu_flags(), scan_words);
     s.least_voxels = MIN_MM2 / mm2;
     s.sure_voxels = SURE_MM2 / mm2;
     s.windows = windows_of(plan, PLATE_MM);
     s.shorter = windows_of(plan, FOLLOWED_MM);
-    if ((st = cts_bits_new(&plates_found->plates, plan->dims, err)) ||
-        (st = cts_bits_new(&plates_found->doubtful, plan->dims, err)) || s.windows.n == 0)
-        return st;
+    if (s.windows.n == 0) {
+        st = cts_bits_new(&plates_found->plates, plan->dims, err);
+        return st ? st : cts_bits_new(&plates_found->doubtful, plan->dims, err);
+    }
     const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
     const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
-    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new_unset(&s.plates, by_window, err)) ||
-        (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
-        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) ||
-        (st = search_plates(&s, sections, workers, n_threads, err)))
-        goto end;
-    gather(&s.windows, &s.plates, &plates_found->plates);
-    gather(&s.shorter, &s.followed, &plates_found->plates);
-    gather(&s.windows, &s.doubtful, &plates_found->doubtful);
-    cts_bits_combine(&plates_found->plates, CTS_BITS_AND, sections);
-    cts_bits_combine(&plates_found->doubtful, CTS_BITS_AND, sections);
-end:
-    cts_bits_free(&s.wide);
+    if (!(st = cts_bits_new_unset(&plates_found->plates, plan->dims, err)) &&
+        !(st = cts_bits_new_unset(&plates_found->doubtful, plan->dims, err)) &&
+        !(st = cts_bits_new_unset(&s.plates, by_window, err)) &&
+        !(st = cts_bits_new_unset(&s.doubtful, by_window, err)) &&
+        !(st = cts_bits_new_unset(&s.followed, by_shorter, err)) &&
+        !(st = cts_alloc_zeroed(&s.plate_rows, (size_t)s.windows.n, err)) &&
+        !(st = cts_alloc_zeroed(&s.doubtful_rows, (size_t)s.windows.n, err)) &&
+        !(st = cts_alloc_zeroed(&s.followed_rows, (size_t)s.shorter.n, err))) {
+        s.wide = plates_found->doubtful;
+        st = search_plates(&s, workers, n_threads, err);
+    }
     cts_bits_free(&s.plates);
     cts_bits_free(&s.doubtful);
     cts_bits_free(&s.followed);
+    cts_free(&s.plate_rows);
+    cts_free(&s.doubtful_rows);
+    cts_free(&s.followed_rows);
     return st;
 }
 

@@ -139,51 +139,61 @@ static bool is_usable(const CtsTableSearch *r, const CtsVolume *v, CtsReport *re
     return false;
 }
 
-/* Parameters of find_gone_sections(), and a section for each worker. */
+/* Parameters of find_gone_sections() and find_lost_sections(). */
 typedef struct Leaving {
     CtsTableSearch *removal;
-    CtsReach margin;
-    CtsBits near;
+    CtsReach margin; /* or half the thickness of what is lost */
+    CtsBits near;    /* a section for each worker */
+    _Atomic uint64_t n_voxels;
 } Leaving;
 
 /* Voxels beyond the margin of the body become air, and in the margin the soft edges of removed parts, except for the
  * voxels next to the body. The body of a section is that of its neighbours, too. */
 static void find_gone_sections(void *context, int worker, size_t first, size_t end)
 {
-    const Leaving *const l = context;
+    Leaving *const l = context;
     CtsTableSearch *const r = l->removal;
     const CtsReach one = {.diamond = 1}, two = {.diamond = 1, .box = {1, 1}};
     const CtsBits *const whole = &r->body.whole;
     CtsBits near = cts_bits_slice(&l->near, worker);
     CtsMorphology *const m = &r->workers[worker];
+    uint64_t n_gone = 0;
     for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits section = cts_bits_slice(&r->sections, k);
         CtsBits gone = cts_bits_slice(&r->gone, k), foreign = cts_bits_slice(&r->body.foreign, k);
-        for (int from = k > 0 ? k - 1 : k; from <= k + 1 && from < whole->dims[2]; from++) {
+        memcpy(gone.words, cts_bits_row(whole, 0, k), m->n_words * sizeof *gone.words);
+        for (int from = k > 0 ? k - 1 : k + 1; from <= k + 1 && from < whole->dims[2]; from += 2) {
             const CtsBits beside = cts_bits_slice(whole, from);
             cts_bits_combine(&gone, CTS_BITS_OR, &beside);
         }
         cts_dilate_section(m, gone.words, l->margin, gone.words);
         cts_bits_combine(&gone, CTS_BITS_NOT, &gone);
-        if (!cts_bits_any(&foreign))
-            continue;
-        cts_bits_combine(&gone, CTS_BITS_OR, &foreign);
-        cts_dilate_section(m, cts_bits_row(whole, 0, k), one, near.words);
-        cts_dilate_section(m, foreign.words, two, foreign.words);
-        cts_bits_combine(&foreign, CTS_BITS_AND_NOT, &near);
-        cts_bits_combine(&gone, CTS_BITS_OR, &foreign);
+        if (cts_bits_any(&foreign)) {
+            cts_bits_combine(&gone, CTS_BITS_OR, &foreign);
+            cts_dilate_section(m, cts_bits_row(whole, 0, k), one, near.words);
+            cts_dilate_section(m, foreign.words, two, foreign.words);
+            cts_bits_combine(&foreign, CTS_BITS_AND_NOT, &near);
+            cts_bits_combine(&gone, CTS_BITS_OR, &foreign);
+        }
+        n_gone += cts_bits_count_common(&section, &gone, 1);
     }
+    atomic_fetch_add(&l->n_voxels, n_gone);
 }
 
-/* Finds r->gone; r->body.foreign is dilated. */
-static CtsStatus find_gone(CtsTableSearch *r, CtsError *err)
+/* Finds r->gone, in the memory of the plates, and the number of its dense bits; r->body.foreign is dilated. */
+static CtsStatus find_gone(CtsTableSearch *r, uint64_t *n_gone, CtsError *err)
 {
-    CtsStatus st;
     Leaving l = {.removal = r, .margin = cts_reach_mm(MARGIN_MM, r->plan.spacing_mm)};
     for (int n = 0; n < 2; n++)
         l.margin.box[n] = l.margin.diamond + l.margin.box[n] < 2 ? 2 - l.margin.diamond : l.margin.box[n];
-    if (!(st = cts_bits_new(&r->gone, r->plan.dims, err)) &&
-        !(st = cts_bits_new_unset(&l.near, (const int[]){r->plan.dims[0], r->plan.dims[1], r->n_threads}, err)))
+    const CtsStatus st =
+        cts_bits_new_unset(&l.near, (const int[]){r->plan.dims[0], r->plan.dims[1], r->n_threads}, err);
+    if (!st) {
+        r->gone = r->plates_found.plates;
+        r->plates_found.plates = (CtsBits){0};
         cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_gone_sections, &l);
+        *n_gone = atomic_load(&l.n_voxels);
+    }
     cts_bits_free(&l.near);
     return st;
 }
@@ -276,13 +286,27 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
         }
 }
 
+/* Keeps of the sections the removed voxels that are part of something thicker than tables. */
+static void find_lost_sections(void *context, int worker, size_t first, size_t end)
+{
+    Leaving *const l = context;
+    uint64_t n_lost = 0;
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsBits gone = cts_bits_slice(&l->removal->gone, k);
+        CtsBits lost = cts_bits_slice(&l->removal->sections, k);
+        cts_bits_combine(&lost, CTS_BITS_AND, &gone);
+        cts_open_section(&l->removal->workers[worker], lost.words, l->margin, lost.words);
+        n_lost += cts_bits_count(&lost);
+    }
+    atomic_fetch_add(&l->n_voxels, n_lost);
+}
+
 /* The volume of removed parts that are thicker than tables. Overwrites the sections. */
 static double report_lost(CtsTableSearch *r, CtsReport *report)
 {
-    cts_bits_combine(&r->sections, CTS_BITS_AND, &r->gone);
-    cts_each_section(r->workers, r->n_threads, cts_open_section, &r->sections,
-                     cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm), &r->sections);
-    const double lost_mm3 = (double)cts_bits_count(&r->sections) * r->plan.voxel_mm3;
+    Leaving l = {.removal = r, .margin = cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm)};
+    cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_lost_sections, &l);
+    const double lost_mm3 = (double)atomic_load(&l.n_voxels) * r->plan.voxel_mm3;
     if (lost_mm3 > LOST_SHARE * r->body.mm3)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
@@ -317,12 +341,13 @@ static void report_uncertain(const CtsTableSearch *r, CtsReport *report)
 static CtsStatus search(CtsTableSearch *r, const CtsVolume *v, bool finds_inside, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
+    uint64_t n_gone;
     if ((st = find_dense_sections(r, v, err)) || !is_usable(r, v, report) || (st = find_sections(r, err)) ||
         (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
         (st = cts_plates_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->plates_found, err)) ||
         (st = cts_body_find(&r->plan, v, &r->sections, &r->plates_found.plates, r->workers, r->n_threads, &r->body,
                             err)) ||
-        (st = find_gone(r, err)))
+        (st = find_gone(r, &n_gone, err)))
         return st;
     if (!finds_inside)
         cts_report_skip(report, "inside of the body", "only modes minip and average use it");
@@ -332,7 +357,6 @@ static CtsStatus search(CtsTableSearch *r, const CtsVolume *v, bool finds_inside
     report_uncertain(r, report);
     if (report)
         report->table = (CtsTableFact){.known = true, .body_mm3 = r->body.mm3};
-    const uint64_t n_gone = cts_bits_count_common(&r->sections, &r->gone, r->n_threads);
     r->removes = (double)n_gone * r->plan.voxel_mm3 >= NOTHING_MM3;
     if (!r->removes) {
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);

@@ -44,8 +44,9 @@ CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2]);
 /* Scratch for sections of one size, of one thread. */
 typedef struct CtsMorphology {
     size_t row_words, n_words;
+    int ny;
     uint64_t last_word; /* mask of a row's last word inside the section */
-    /* of the two copies a and b, with margins: rows, words from row to row, and in total */
+    /* of the two copies a and b, with margins: rows that the present call needs, words from row to row, and in total */
     size_t n_rows, stride, n_copy;
     uint64_t *buffer, *a, *b;
 } CtsMorphology;
@@ -56,13 +57,15 @@ void cts_morphology_free(CtsMorphology *m);
 CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
 void cts_morphologies_free(CtsMorphology **workers, int n_threads);
 
-/* Sections of n_words words; in and out may be the same. Outside the section all voxels are 0 for dilation; for opening
- * the border voxels are continued, like a patient cut off by the field of view. */
+/* Sections of n_words words; in and out may be the same. Empty rows cost little. Outside the section all voxels are 0
+ * for dilation; for opening the border voxels are continued, like a patient cut off by the field of view. */
 typedef void (*cts_section_fn)(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 /* The parts that an opening removes: the section without its opening dilated by a voxel. */
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+/* Only these rows of it; out has no others. */
+void cts_thin_rows(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitRows rows, uint64_t *out);
 /* One of these for all sections, which may be changed in place. */
 void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
                       CtsBits *out);
@@ -86,7 +89,7 @@ typedef struct CtsComponents {
     int dims[3];
     CtsRun *runs;
     uint32_t *row_start;
-    uint64_t n_runs; /* at most UINT32_MAX - 1 */
+    uint32_t n_runs;
     CtsComponent *parts;
     uint32_t n_parts;
 } CtsComponents;
@@ -99,8 +102,11 @@ void cts_components_free(CtsComponents *parts);
 /* For each part, the number of its voxels that are set in bits; free with cts_free(). */
 CtsStatus cts_components_count_in(const CtsComponents *parts, const CtsBits *bits, uint64_t **count, CtsError *err);
 
-/* Sets the bits of the parts whose flag is set; all other bits become those of `under` (NULL: 0). */
-void cts_components_paint(const CtsComponents *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits);
+/* Sets the bits of the parts whose flag is set; all other bits become 0. */
+void cts_components_paint(const CtsComponents *parts, const uint8_t *flags, CtsBits *bits);
+/* The same for slice k alone, where other bits become those of `under` (NULL: 0). */
+void cts_components_paint_slice(const CtsComponents *parts, const uint8_t *flags, int k, const CtsBits *under,
+                                CtsBits *slice);
 
 /* Extruded structures along the scanner's axis: constant thin cross-sections. */
 
@@ -148,10 +154,9 @@ typedef struct CtsBody {
 } CtsBody;
 
 /* sections without the plates are the patient's candidates; both and the volume in memory are in the plan's
- * orientation. workers[]: one per thread. */
+ * orientation. workers[]: one per thread. Overwrites the plates' bits. */
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
-                        const CtsBits *plates_found, CtsMorphology *workers, int n_threads, CtsBody *body,
-                        CtsError *err);
+                        CtsBits *plates_found, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err);
 void cts_body_free(CtsBody *body);
 
 /* The voxels that minip and average use: the whole body except its outermost 3 mm, which contain the soft edge of the
