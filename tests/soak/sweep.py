@@ -359,13 +359,14 @@ def main():
     p.add_argument('--only', type=int, default=0)
     p.add_argument('--seed', type=int, default=1)
     p.add_argument('--real', type=float, default=0.25, help='share of the rounds on DATA')
-    p.add_argument('--engine', default='auto')
+    p.add_argument('--engine', help='default: auto; with --smooth sheets, since auto marches small pictures')
     p.add_argument('--smooth', action='store_true', help='no preset with a step; errors asked for are 1/255 to 8/255')
     p.add_argument('--threads', type=int, default=0)
     p.add_argument('--failures', default='soak-failures')
     p.add_argument('--large', action='store_true', help='errors asked for are all 1/255 or more')
     p.add_argument('--cautious', action='store_true', help='a warning of an error four times too large is a fault too')
     args = p.parse_args()
+    args.engine = args.engine or ('sheets' if args.smooth else 'auto')
     sweep, rounds, end = Sweep(args), 0, time.monotonic() + 60 * args.minutes
     while time.monotonic() < end and (not args.rounds or rounds < args.rounds):
         rounds += 1

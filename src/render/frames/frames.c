@@ -429,8 +429,8 @@ static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const
     const double requested = 255 * cts_scene_requested_error(scene);
     cts_report_stage(report, CTS_STAGE_SPLAT, c->wall_ms, c->cpu_ms, c->n_pixels, 0);
     if (c->n_tried == 0)
-        cts_report_plan(report, "no level of engine %s is tried for an error of %.3g/255 and pixels of %.3g mm",
-                        engine->name, requested, scene->view.mm_per_pixel);
+        cts_report_plan(report, "no level of engine %s is tried for an error of %.3g/255 and %d x %d pixels of %.3g mm",
+                        engine->name, requested, scene->view.width, scene->view.height, scene->view.mm_per_pixel);
     else if (c->level == CTS_LEVEL_AUTO)
         cts_report_plan(report,
                         "no level of engine %s suffices: %d tried on %zu pixels, the last may come to %.3g/255, %.3g "
@@ -459,7 +459,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     *control = (CtsErrorControl){.scene = *scene, .has_opacity_step = has_step(scene->preset)};
     control->scene.cache = &f->engine_cache[march];
     if (f->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
-        if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, err)))
+        if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, is_auto, err)))
             return st;
         report_level(f->engine, &choice, scene, report);
         control->whole_strips = true;

@@ -16,6 +16,7 @@ typedef struct CtsLevelChoice {
     double wall_ms, cpu_ms;
 } CtsLevelChoice;
 
-/* scene: as the engine gets it; march_scene: as the exact march does. */
+/* scene: as the engine gets it; march_scene: as the exact march does. may_march: no level is tried where the march
+ * takes less time. */
 CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, const CtsScene *scene,
-                           const CtsEngine *march, const CtsScene *march_scene, CtsError *err);
+                           const CtsEngine *march, const CtsScene *march_scene, bool may_march, CtsError *err);
