@@ -153,7 +153,7 @@ def test_moved_with_its_libraries(tmp_path):
         library = next(line.split()[-1] for line in maps if "/libctsplat.so" in line)
     shutil.copytree(package, tmp_path / "ctsplat")
     (tmp_path / "lib" / "ctsplat").mkdir(parents=True)
-    shutil.copy(library, tmp_path / "lib" / "libctsplat.so.1")
+    shutil.copy(library, tmp_path / "lib" / "libctsplat.so.2")
     parts = glob.glob(os.path.dirname(library) + "/c*/libctsplat-*.so")
     assert len(parts) == 3, parts
     for part in parts:

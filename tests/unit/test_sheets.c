@@ -262,15 +262,20 @@ static void choice_of_auto(void **state)
         const char *what;
         const CtsPreset *preset;
         double max_error;
-        int mode;
+        int mode, size;
+        double mm_per_pixel; /* voxels of 1, 1 and 1.5 mm; 0: the whole volume */
         const char *engine;
-    } cases[] = {{"smooth", &skin, 8, CTS_MODE_COMPOSITE, "sheets"},
-                 {"a step", &step, 8, CTS_MODE_COMPOSITE, "tiled"},
-                 {"mip", &skin, 8, CTS_MODE_MIP, "tiled"},
-                 {"0.1 asked", &skin, 0.1, CTS_MODE_COMPOSITE, "tiled"}};
+    } cases[] = {{"smooth", &skin, 8, CTS_MODE_COMPOSITE, 128, 0, "sheets"},
+                 {"a step", &step, 8, CTS_MODE_COMPOSITE, 128, 0, "tiled"},
+                 {"mip", &skin, 8, CTS_MODE_MIP, 128, 0, "tiled"},
+                 {"0.1 asked", &skin, 0.1, CTS_MODE_COMPOSITE, 128, 0, "tiled"},
+                 {"few pixels", &skin, 2, CTS_MODE_COMPOSITE, 99, 0, "tiled"},
+                 {"preview of coarse pixels", &skin, 8, CTS_MODE_COMPOSITE, 128, 2.5, "tiled"},
+                 {"coarse pixels", &skin, 2, CTS_MODE_COMPOSITE, 128, 2.5, "sheets"}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        CtsRenderSettings s = settings_for(CTS_ENGINE_AUTO, 128, 20, 10);
+        CtsRenderSettings s = settings_for(CTS_ENGINE_AUTO, cases[i].size, 20, 10);
         s.max_error = cases[i].max_error;
+        s.mm_per_pixel = cases[i].mm_per_pixel;
         s.mode = cases[i].mode;
         s.shade = CTS_OFF;
         CtsPicture *p = render(v, cases[i].preset, &s, NULL);
