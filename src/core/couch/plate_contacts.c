@@ -116,9 +116,12 @@ static void bridge(const Face *f, int along, int across)
     }
 }
 
+/* Rows outside are 0. The words -1 and row_words are those of other rows: of the former only the spare last bit is
+ * used, which is 0, and the latter's first bit becomes a spare one. */
 static uint64_t word_at(const CtsBits *bits, int j, ptrdiff_t w)
 {
-    return j >= 0 && j < bits->dims[1] && w >= 0 && w < (ptrdiff_t)bits->row_words ? cts_bits_row(bits, j, 0)[w] : 0;
+    const ptrdiff_t at = j * (ptrdiff_t)bits->row_words + w;
+    return (size_t)at < cts_bits_n_words(bits) ? bits->words[at] : 0;
 }
 
 /* Word w of row j shifted by one column: each bit is that of the column to the left (by -1) or to the right (by 1). */
