@@ -94,8 +94,8 @@ static void crop_air(const CtsSource *source, bool has_labels, CtsModel *model, 
         return;
     cts_model_crop_air(model);
     if (memcmp(before, v->dims, sizeof before) != 0)
-        cts_report_skip(report, "air around the patient", "%d x %d x %d of %d x %d x %d voxels contain all the others",
-                        v->dims[0], v->dims[1], v->dims[2], before[0], before[1], before[2]);
+        cts_report_skip(report, "air around the patient", "of %d x %d x %d voxels %d x %d x %d contain the patient",
+                        before[0], before[1], before[2], v->dims[0], v->dims[1], v->dims[2]);
 }
 
 /* The field between voxels: less noise, and no terraces between thick slices. */

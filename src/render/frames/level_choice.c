@@ -30,9 +30,10 @@ enum {
 /* Number of pixels below which tables, blocks and probes of a level (14 to 20 ms) cost more than it saves: the march of
  * 96 x 96 pixels takes 0.7 to 0.95 of the time, that of 160 x 160 as much (measured on heads and a chest). */
 #define MIN_PIXELS 10000.0
-/* Previews of pixels so coarse, in voxels: the windows of a level's groups pass 8 voxels, from where on these are
- * gathered, and the march interpolates from an error of 4/255 on (engine/tiled). It takes 0.63 to 1.03 of the time at 2
- * voxels and more, 0.7 to 1.15 at 1.5, 0.9 to 1.4 at 1 (measured on the same, bone and skin). */
+/* Requested error from which a picture is a preview, whose pixels the march interpolates (INTERPOLATED_FROM,
+ * engine/tiled/tiled.c), and voxels per pixel from which previews are marched: the windows of a level's groups exceed 8
+ * voxels there and are gathered. The march takes 0.63 to 1.03 of the time at 2 voxels and more, 0.7 to 1.15 at 1.5, 0.9
+ * to 1.4 at 1 (measured on the same, bone and skin). */
 #define MIN_PREVIEW (4.0 / 255)
 #define COARSE_VOXELS 1.5
 
