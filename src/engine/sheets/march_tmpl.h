@@ -194,63 +194,122 @@ INLINE wmask may_show(const SheetsLevels *l, ws highest, ws lowest)
     return may;
 }
 
-/* Opacity of a slab whose field goes from level `end` to `extreme` and may stay there. */
-INLINE wf opacity_towards(const SheetsJob *j, wf end, wf extreme, const bool half, wmask lanes)
+/* Opacity of a slab whose field goes from a level to that of `extreme` and may stay there. */
+INLINE wf opacity_towards(const SheetsJob *j, wi from, wf extreme, wmask lanes)
 {
-    const wi from = level_of(&j->levels, end), to = level_of(&j->levels, extreme);
+    const wi to = level_of(&j->levels, extreme);
     const wmask near = wmask_and(lanes, visible_between(&j->levels, from, to));
     if (!wmask_any(near))
         return wf_of(0);
-    const uint64_t *const opacity = j->opacity[half ? 0 : 1];
-    return wf_select(
-        near, wf_max(look_up_slab(opacity, from, to, near).alpha, look_up_slab(opacity, to, to, near).alpha), wf_of(0));
+    const wi pair = wi_gather_pairs(j->near, wi_add(wi_shl(from, 8), to), near);
+    return wf_select(near, sheets_unpack(wi_lower_half(pair)), wf_of(0));
 }
 
-/* Opacity of a slab by levels that its field may pass between samples, of which `highest` and `lowest` are known and
- * whose second differences are `bend`; of lanes none of whose samples sees anything. A parabola through three samples
- * passes the highest of them by an eighth of their second difference at most, and the lowest likewise; the field is a
- * cubic, and a quarter is taken. The lowest counts only for a preset that shows nothing of its highest levels: else
- * samples that see nothing lie below all that is visible. */
-INLINE wf near_miss(const SheetsJob *j, wf highest, wf lowest, const wf bend[2], const bool half, wmask lanes)
+/* Values and levels of samples, of which the lowest and the highest are known. */
+typedef struct Extremes {
+    wf low, high;
+    wi low_level, high_level;
+} Extremes;
+
+INLINE Extremes extremes_of(const SheetSamples *k, int one, int other)
 {
-    if (!wmask_any(lanes))
-        return wf_of(0);
+    return (Extremes){wf_min(k->value[one], k->value[other]), wf_max(k->value[one], k->value[other]),
+                      wi_min(k->level[one], k->level[other]), wi_max(k->level[one], k->level[other])};
+}
+
+/* Opacity of a slab by levels that its field may pass between samples, of which the extremes are known and whose second
+ * differences are `bend`; of lanes none of whose samples sees anything. A parabola through three samples passes the
+ * highest of them by an eighth of their second difference at most, and the lowest likewise; the field is a cubic, and a
+ * quarter is taken. The lowest counts only for a preset that shows nothing of its highest levels: else samples that see
+ * nothing lie below all that is visible. */
+INLINE wf near_miss(const SheetsJob *j, const Extremes *e, const wf bend[2], wmask lanes)
+{
     const wf above = wf_max(wf_max(bend[0], bend[1]), wf_of(0)), below = wf_min(wf_min(bend[0], bend[1]), wf_of(0));
-    const wf over = opacity_towards(j, highest, wf_mul_add(above, wf_of(NEAR_MISS_SHARE), highest), half, lanes);
+    const wf over = opacity_towards(j, e->high_level, wf_mul_add(above, wf_of(NEAR_MISS_SHARE), e->high), lanes);
     return j->levels.last == SHEETS_LEVELS - 1
                ? over
                : wf_max(over,
-                        opacity_towards(j, lowest, wf_mul_add(below, wf_of(NEAR_MISS_SHARE), lowest), half, lanes));
+                        opacity_towards(j, e->low_level, wf_mul_add(below, wf_of(NEAR_MISS_SHARE), e->low), lanes));
 }
 
 /* A near miss by samples in front, in the middle and at the back. */
-INLINE wf near_miss_of_three(const SheetsJob *j, wf front, wf middle, wf back, const bool half, wmask lanes)
+INLINE wf near_miss_of_three(const SheetsJob *j, const SheetSamples *k, int front, wmask lanes)
 {
-    const wf bend = wf_sub(wf_add(middle, middle), wf_add(front, back));
-    return near_miss(j, wf_max(wf_max(front, back), middle), wf_min(wf_min(front, back), middle), (wf[]){bend, bend},
-                     half, lanes);
+    if (!wmask_any(lanes))
+        return wf_of(0);
+    const wf bend =
+        wf_sub(wf_add(k->value[front + 1], k->value[front + 1]), wf_add(k->value[front], k->value[front + 2]));
+    const Extremes ends = extremes_of(k, front, front + 2);
+    const Extremes all = {wf_min(ends.low, k->value[front + 1]), wf_max(ends.high, k->value[front + 1]),
+                          wi_min(ends.low_level, k->level[front + 1]), wi_max(ends.high_level, k->level[front + 1])};
+    return near_miss(j, &all, (wf[]){bend, bend}, lanes);
 }
 
 /* A near miss by samples of the sheets of a slab and of those beside it. */
-INLINE wf near_miss_of_sheets(const SheetsJob *j, const Block *b, int slab, wmask lanes)
+INLINE wf near_miss_of_sheets(const SheetsJob *j, const SheetSamples *k, int slab, wmask lanes)
 {
+    if (!wmask_any(lanes))
+        return wf_of(0);
     const int at = 2 * slab;
-    const wf before = b->sample[slab > 0 ? at - 2 : at], front = b->sample[at], back = b->sample[at + 2],
-             after = b->sample[slab < SHEETS_BLOCK - 1 ? at + 4 : at + 2];
+    const wf before = k->value[slab > 0 ? at - 2 : at], front = k->value[at], back = k->value[at + 2],
+             after = k->value[slab < SHEETS_BLOCK - 1 ? at + 4 : at + 2];
     const wf rise = wf_sub(back, front),
              bend[2] = {wf_sub(wf_sub(front, before), rise), wf_sub(rise, wf_sub(after, back))};
-    return near_miss(j, wf_max(front, back), wf_min(front, back), bend, false, lanes);
+    const Extremes ends = extremes_of(k, at, at + 2);
+    return near_miss(j, &ends, bend, lanes);
 }
 
-INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit, const bool window, int x, int y,
-                       State *s, SlabShading *light, SheetsCounts *counts)
+INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, const bool half, const bool lit,
+                     const bool window, int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
 {
     const SheetsJob *const j = m->job;
     const float slab_mm = (float)j->view.slab_mm;
-    ws highest = b->highest[0], lowest = b->lowest[0];
+    const wmask before = s->alive;
+    const wmask may = wmask_and(before, may_show(&j->levels, ws_max(k->highest[slab], k->highest[slab + 1]),
+                                                 ws_min(k->lowest[slab], k->lowest[slab + 1])));
+    wf near = wf_of(0);
+    if (wmask_any(may)) {
+        wmask visible = wmask_of_bits(0);
+        if (half) {
+            sample_middle(m, b, slab, window, k);
+            counts->sheets += 2;
+        }
+        for (int part = 0; part <= half; part++) {
+            const int front = 2 * slab + part, back = half ? front + 1 : front + 2;
+            const SlabPart t = {slab,
+                                k->value[front],
+                                k->value[back],
+                                k->level[front],
+                                k->level[back],
+                                wf_of(0.5f * (float)part),
+                                wf_of(half ? 0.5f * (float)(part + 1) : 1),
+                                wf_of(1),
+                                !half  ? WHOLE
+                                : part ? BACK_HALF
+                                       : FRONT_HALF,
+                                half ? slab_mm / 2 : slab_mm,
+                                j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1],
+                                j->light};
+            visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
+        }
+        const wmask unseen = wmask_and(may, wmask_not(visible));
+        near = half ? near_miss_of_three(j, k, 2 * slab, unseen) : near_miss_of_sheets(j, k, slab, unseen);
+    }
+    if (half)
+        composite_coarse(m, k->level[2 * slab], k->level[2 * slab + 2], j->opacity[1], before, s);
+    else if (slab % 2 == 1)
+        composite_coarse(m, k->level[2 * slab - 2], k->level[2 * slab + 2], j->opacity[2], before, s);
+    advance_missed(s, near);
+}
+
+INLINE void run_inside(const March *m, const Block *b, SheetSamples *k, const bool half, const bool lit,
+                       const bool window, int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
+{
+    const SheetsJob *const j = m->job;
+    ws highest = k->highest[0], lowest = k->lowest[0];
     for (int i = 1; i <= SHEETS_BLOCK; i++) {
-        highest = ws_max(highest, b->highest[i]);
-        lowest = ws_min(lowest, b->lowest[i]);
+        highest = ws_max(highest, k->highest[i]);
+        lowest = ws_min(lowest, k->lowest[i]);
     }
     if (!wmask_any(wmask_and(s->alive, may_show(&j->levels, highest, lowest)))) {
         /* Both near misses that are kept count with the transmittance before what is left out. */
@@ -258,72 +317,43 @@ INLINE void run_inside(const March *m, Block *b, const bool half, const bool lit
         advance_missed(s, wf_of(0));
         return;
     }
-    const wf all_of_it = wf_of(1);
-    for (int i = 0; i < SHEETS_BLOCK; i++) {
-        const wmask may = wmask_and(s->alive, may_show(&j->levels, ws_max(b->highest[i], b->highest[i + 1]),
-                                                       ws_min(b->lowest[i], b->lowest[i + 1])));
-        wmask visible = wmask_of_bits(0);
-        const wmask before = s->alive;
-        if (wmask_any(may)) {
-            if (half) {
-                sample_middle(m, b, i, window);
-                counts->sheets += 2;
-            }
-            for (int k = 0; k <= half; k++) {
-                const int front = 2 * i + k, back = half ? front + 1 : front + 2;
-                const SlabPart t = {i,
-                                    b->sample[front],
-                                    b->sample[back],
-                                    b->level[front],
-                                    b->level[back],
-                                    wf_of(0.5f * (float)k),
-                                    wf_of(half ? 0.5f * (float)(k + 1) : 1),
-                                    all_of_it,
-                                    !half ? WHOLE
-                                    : k   ? BACK_HALF
-                                          : FRONT_HALF,
-                                    half ? slab_mm / 2 : slab_mm,
-                                    j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1],
-                                    j->light};
-                visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
-            }
-        }
-        if (half)
-            composite_coarse(m, b->level[2 * i], b->level[2 * i + 2], j->opacity[1], before, s);
-        else if (i % 2 == 1)
-            composite_coarse(m, b->level[2 * i - 2], b->level[2 * i + 2], j->opacity[2], before, s);
-        const wmask unseen = wmask_and(may, wmask_not(visible));
-        advance_missed(
-            s, half ? near_miss_of_three(j, b->sample[2 * i], b->sample[2 * i + 1], b->sample[2 * i + 2], true, unseen)
-                    : near_miss_of_sheets(j, b, i, unseen));
+    /* Four copies keep samples in registers; of the code that lights slabs they would fill the instruction cache. */
+    if (lit) {
+#pragma GCC unroll 1
+        for (int i = 0; i < SHEETS_BLOCK; i++)
+            run_slab(m, b, k, i, half, lit, window, x, y, s, light, counts);
+    } else {
+#pragma GCC unroll 4
+        for (int i = 0; i < SHEETS_BLOCK; i++)
+            run_slab(m, b, k, i, half, lit, window, x, y, s, light, counts);
     }
 }
 
-OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool lit, int x, int y, State *s,
+OUTLINE void run_partial(const March *m, const Block *b, const bool half, const bool lit, int x, int y, State *s,
                          SlabShading *light, SheetsCounts *counts)
 {
     const SheetsJob *const j = m->job;
     const float slab_mm = (float)j->view.slab_mm;
     for (int i = 0; i < b->n && wmask_any(s->alive); i++) {
-        clip_slab(m, b, i, x, y);
-        const wmask lanes = wmask_and(s->alive, wf_gt(b->share[i], wf_of(0)));
+        const Clip clip = clip_slab(m, b, i, x, y);
+        const wmask lanes = wmask_and(s->alive, wf_gt(clip.share, wf_of(0)));
         if (!wmask_any(lanes))
             continue;
-        const PartialSlab p = sample_partial(m, b, i);
+        const SheetSamples p = sample_partial(m, b, i, &clip);
         wmask visible = wmask_of_bits(0);
         counts->sheets += 3;
         for (int k = 0; k <= half; k++) {
             const int front = k, back = half ? k + 1 : 2;
-            const wf length = wf_times(b->share[i], half ? 0.5f : 1);
-            const wf from = wf_mul_add(length, wf_of((float)k), b->from[i]);
+            const wf length = wf_times(clip.share, half ? 0.5f : 1);
+            const wf from = wf_mul_add(length, wf_of((float)k), clip.from);
             const SlabPart t = {i,
-                                p.sample[front],
-                                p.sample[back],
+                                p.value[front],
+                                p.value[back],
                                 p.level[front],
                                 p.level[back],
                                 from,
                                 wf_add(from, length),
-                                b->share[i],
+                                clip.share,
                                 CLIPPED,
                                 half ? slab_mm / 2 : slab_mm,
                                 j->opacity[half ? 0 : 1],
@@ -331,17 +361,16 @@ OUTLINE void run_partial(const March *m, Block *b, const bool half, const bool l
             visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
         }
         Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2], lanes);
-        take_share(j, p.level[0], p.level[2], slab_mm, b->share[i], lanes, &coarse);
+        take_share(j, p.level[0], p.level[2], slab_mm, clip.share, lanes, &coarse);
         blend(s->coarse_rgb, &s->coarse_left, &coarse,
               wmask_and(lanes, visible_between(&j->levels, p.level[0], p.level[2])));
-        advance_missed(s, near_miss_of_three(j, p.sample[0], p.sample[1], p.sample[2], half,
-                                             wmask_and(lanes, wmask_not(visible))));
+        advance_missed(s, near_miss_of_three(j, &p, 0, wmask_and(lanes, wmask_not(visible))));
     }
     light->back_sheet = light->open_sheet = light->middle_sheet = NO_SHEET;
 }
 
-/* Voxels along a, b and p that a block's samples take, least and most. */
-INLINE void place_block(const March *m, Block *b)
+/* Place of a block, or of several that follow each other, by the voxels along a, b and p that its samples take. */
+OUTLINE void place_block(const March *m, Block *b)
 {
     const SheetsJob *const j = m->job;
     const SheetsView *const v = &j->view;
@@ -355,7 +384,7 @@ INLINE void place_block(const March *m, Block *b)
     }
     low[2] = last < b->sheet ? last : b->sheet;
     high[2] = last < b->sheet ? b->sheet : last;
-    b->inside = b->n == SHEETS_BLOCK && j->all_depths;
+    b->inside = b->n >= SHEETS_BLOCK && j->all_depths;
     b->lit_inside = true;
     for (int c = 0; c < 3; c++) {
         b->inside &= low[c] >= 0 && high[c] <= v->n[c] - 1;
@@ -369,20 +398,24 @@ INLINE void place_block(const March *m, Block *b)
     b->window = m->window_rows > 0 && sheets * v->sheet + (first_row + rows - 1) * v->row + first_column + 8 + 1 <= n;
 }
 
-INLINE void run_block(const March *m, Block *b, const Block *last, const bool half, const bool lit, const bool window,
-                      int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
+INLINE void run_block(const March *m, const Block *b, SheetSamples *k, const bool half, const bool lit,
+                      const bool window, int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
 {
-    const bool goes_on = last->inside && last->sheet + SHEETS_BLOCK * m->job->view.step == b->sheet;
-    if (goes_on) {
-        b->sample[0] = last->sample[2 * SHEETS_BLOCK];
-        b->level[0] = last->level[2 * SHEETS_BLOCK];
-        b->highest[0] = last->highest[SHEETS_BLOCK];
-        b->lowest[0] = last->lowest[SHEETS_BLOCK];
+    if (k->last_sheet == b->sheet) {
+        k->value[0] = k->value[2 * SHEETS_BLOCK];
+        k->level[0] = k->level[2 * SHEETS_BLOCK];
+        k->highest[0] = k->highest[SHEETS_BLOCK];
+        k->lowest[0] = k->lowest[SHEETS_BLOCK];
+    } else {
+        sample_sheet(m, b, 0, window, k);
+        counts->sheets++;
     }
-    for (int i = goes_on; i <= SHEETS_BLOCK; i++)
-        sample_sheet(m, b, i, window);
-    counts->sheets += SHEETS_BLOCK + !goes_on;
-    run_inside(m, b, half, lit, window, x, y, s, light, counts);
+#pragma GCC unroll 4
+    for (int i = 1; i <= SHEETS_BLOCK; i++)
+        sample_sheet(m, b, i, window, k);
+    counts->sheets += SHEETS_BLOCK;
+    k->last_sheet = b->sheet + SHEETS_BLOCK * m->job->view.step;
+    run_inside(m, b, k, half, lit, window, x, y, s, light, counts);
 }
 
 INLINE void finish(const March *m, const State *s, const SlabShading *light, const bool lit, SheetsPixels *out)
@@ -408,6 +441,30 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
     wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));
 }
 
+/* All blocks from the first visible layer to the last, as if they were one. */
+INLINE Block span_of(const March *m, const uint64_t *visible, const int64_t first[2], const int64_t along[2])
+{
+    const SheetsView *const v = &m->job->view;
+    const int n_words = cts_sheets_words(m->job->blocks->n_layers);
+    int from = 0, to = n_words - 1;
+    while (from < to && !visible[from])
+        from++;
+    while (to > from && !visible[to])
+        to--;
+    Block all = {.sheet = 0};
+    if (!visible[from])
+        return all;
+    const int low = (from * 64 + __builtin_ctzll(visible[from])) * SHEETS_BLOCK;
+    const int end = (to * 64 + 64 - __builtin_clzll(visible[to])) * SHEETS_BLOCK,
+              high = end < v->n[2] - 1 ? end : v->n[2] - 1;
+    all.sheet = v->step > 0 ? low : high;
+    all.n = high - low;
+    for (int c = 0; c < 2; c++)
+        all.corner.at[c] = first[c] + all.sheet * along[c];
+    place_block(m, &all);
+    return all;
+}
+
 INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, const uint64_t *visible, const bool half,
                   const bool lit, const int window_rows, SheetsPixels *out, SheetsCounts *counts)
 {
@@ -422,18 +479,15 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     const wf none = wf_of(0), all = wf_of(1);
     State s = {{none, none, none},    all,  {none, none, none}, all, wf_of(FAR_MM), wf_of(FAR_MM),
                wmask_of_bits(0xffff), none, {none, none}};
-    SlabShading light = {.back_sheet = NO_SHEET,
-                         .middle_sheet = NO_SHEET,
-                         .open = {all, all},
-                         .open_sheet = NO_SHEET,
-                         .bend = none,
-                         .plain = {none, none, none}};
-    Block blocks[2]; /* the one at hand, and the one before */
-    blocks[1].inside = false;
+    SlabShading light;
+    SheetSamples samples;
+    start_shading(&light);
+    start_samples(&samples);
     const int n_layers = j->blocks->n_layers, n_words = cts_sheets_words(n_layers);
     const int side = (SHEETS_SIDE - 1) * grid->pitch;
     const SheetsShaft shaft = cts_sheets_shaft(v, (const int[]){x, x + side}, (const int[]){y, y + side});
-    int now = 0;
+    const Block span = span_of(&m, visible, first, along);
+    const bool all_inside = span.inside && span.window && (span.lit_inside || !j->shade);
     counts->groups++;
     for (int i = 0; i < n_words && wmask_any(s.alive); i++) {
         const int word = v->step > 0 ? i : n_words - 1 - i;
@@ -445,19 +499,26 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
                 continue;
             const int low = (word * 64 + bit) * SHEETS_BLOCK;
             const int high = low + SHEETS_BLOCK < v->n[2] - 1 ? low + SHEETS_BLOCK : v->n[2] - 1;
-            Block *const b = &blocks[now], *const last = &blocks[!now];
-            b->sheet = v->step > 0 ? low : high;
-            b->n = high - low;
+            Block b;
+            b.sheet = v->step > 0 ? low : high;
+            b.n = high - low;
             for (int c = 0; c < 2; c++)
-                b->corner.at[c] = first[c] + b->sheet * along[c];
-            place_block(&m, b);
-            if (!b->inside)
-                run_partial(&m, b, half, lit, x, y, &s, &light, counts);
-            else if (window_rows > 0 && b->window)
-                run_block(&m, b, last, half, lit, true, x, y, &s, &light, counts);
-            else
-                run_block(&m, b, last, half, lit, false, x, y, &s, &light, counts);
-            now = !now;
+                b.corner.at[c] = first[c] + b.sheet * along[c];
+            if (all_inside) {
+                b.inside = b.n == SHEETS_BLOCK;
+                b.lit_inside = b.window = true;
+            } else {
+                place_block(&m, &b);
+            }
+            if (!b.inside) {
+                State partial = s; /* a copy, so that the march's own state can be in registers */
+                run_partial(&m, &b, half, lit, x, y, &partial, &light, counts);
+                s = partial;
+            } else if (window_rows > 0 && b.window) {
+                run_block(&m, &b, &samples, half, lit, true, x, y, &s, &light, counts);
+            } else {
+                run_block(&m, &b, &samples, half, lit, false, x, y, &s, &light, counts);
+            }
         }
     }
     advance_missed(&s, none);

@@ -158,19 +158,33 @@ INLINE wmask visible_between(const SheetsLevels *l, wi front, wi back)
     return wmask_and(wi_gt(wi_max(front, back), wi_of(l->first - 1)), wi_lt(wi_min(front, back), wi_of(l->last + 1)));
 }
 
-/* Sheets of a block front to back, and the planes in the middle of its slabs: sample and level at 2 s and 2 s + 1. */
-enum { AT_ONCE = 2 * SHEETS_BLOCK + 1 };
+/* Slabs between successive sheets that are void or visible as a whole. */
 typedef struct Block {
     int sheet, n; /* its front sheet; slabs */
     Corner corner;
     bool inside;     /* no lane leaves the volume or the part of it that is looked at */
     bool lit_inside; /* nor do the neighbours that gradients take */
     bool window;     /* windows can be loaded whole */
-    wf sample[AT_ONCE];
-    wi level[AT_ONCE];
-    ws highest[SHEETS_BLOCK + 1], lowest[SHEETS_BLOCK + 1]; /* of the two rows of voxels that a sample takes */
-    wf from[SHEETS_BLOCK], share[SHEETS_BLOCK];             /* not inside: part of each slab that lies in the volume */
 } Block;
+
+/* Samples of a block inside, sheets front to back at 2 s, and the planes in the middle of its slabs at 2 s + 1. */
+enum { AT_ONCE = 2 * SHEETS_BLOCK + 1 };
+typedef struct SheetSamples {
+    wf value[AT_ONCE];
+    wi level[AT_ONCE];
+    ws highest[SHEETS_BLOCK + 1], lowest[SHEETS_BLOCK + 1]; /* of the two rows of voxels that a sheet's samples take */
+    int last_sheet;                                         /* the sheet that the last of them are of; NO_SHEET: none */
+} SheetSamples;
+enum { NO_SHEET = -9 };
+
+/* No sheet's samples yet. */
+INLINE void start_samples(SheetSamples *k)
+{
+    k->last_sheet = NO_SHEET;
+    k->value[2 * SHEETS_BLOCK] = wf_of(0);
+    k->level[2 * SHEETS_BLOCK] = wi_of(0);
+    k->highest[SHEETS_BLOCK] = k->lowest[SHEETS_BLOCK] = ws_of(0);
+}
 
 INLINE Corner corner_at(const March *m, const Block *b, int slab)
 {
@@ -182,20 +196,19 @@ INLINE const uint16_t *sheet_at(const March *m, int sheet)
     return m->job->view.grey + (ptrdiff_t)sheet * m->job->view.sheet;
 }
 
-INLINE void sample_sheet(const March *m, Block *b, int slab, bool window)
+INLINE void sample_sheet(const March *m, const Block *b, int slab, bool window, SheetSamples *k)
 {
     ws pairs[2];
     const Footprint f = footprint_of(m, corner_at(m, b, slab), window);
     load_pairs(m, &f, sheet_at(m, b->sheet + slab * m->job->view.step) + f.first, window, pairs);
-    b->sample[2 * slab] =
-        across_rows((Rows){along_row(pairs[0], f.along_a), along_row(pairs[1], f.along_a)}, f.along_b);
-    b->level[2 * slab] = level_of(&m->job->levels, b->sample[2 * slab]);
-    b->highest[slab] = ws_max(pairs[0], pairs[1]);
-    b->lowest[slab] = ws_min(pairs[0], pairs[1]);
+    k->value[2 * slab] = across_rows((Rows){along_row(pairs[0], f.along_a), along_row(pairs[1], f.along_a)}, f.along_b);
+    k->level[2 * slab] = level_of(&m->job->levels, k->value[2 * slab]);
+    k->highest[slab] = ws_max(pairs[0], pairs[1]);
+    k->lowest[slab] = ws_min(pairs[0], pairs[1]);
 }
 
 /* The middle of a slab: the mean of both sheets where the ray is half way. */
-INLINE void sample_middle(const March *m, Block *b, int slab, bool window)
+INLINE void sample_middle(const March *m, const Block *b, int slab, bool window, SheetSamples *k)
 {
     Corner corner = corner_at(m, b, slab);
     for (int c = 0; c < 2; c++)
@@ -205,8 +218,8 @@ INLINE void sample_middle(const March *m, Block *b, int slab, bool window)
     const Rows front = sample_rows(m, &f, sheet_at(m, b->sheet + slab * step), window);
     const Rows back = sample_rows(m, &f, sheet_at(m, b->sheet + (slab + 1) * step), window);
     const Rows sum = {wi_add(front.upper, back.upper), wi_add(front.lower, back.lower)};
-    b->sample[2 * slab + 1] = wf_mul(across_rows(sum, f.along_b), wf_of(0.5f));
-    b->level[2 * slab + 1] = level_of(&m->job->levels, b->sample[2 * slab + 1]);
+    k->value[2 * slab + 1] = wf_mul(across_rows(sum, f.along_b), wf_of(0.5f));
+    k->level[2 * slab + 1] = level_of(&m->job->levels, k->value[2 * slab + 1]);
 }
 
 /* Near the volume's faces and at the ends of what is looked at, positions are floats, and each lane has its own part of
@@ -267,12 +280,6 @@ INLINE wf sample_at(const March *m, const Lanes *front, const Lanes *back, wf sh
     return wf_lerp(of[0], of[1], share);
 }
 
-/* Samples at both ends of the part of a slab that lies in the volume, and in its middle. */
-typedef struct PartialSlab {
-    wf sample[3];
-    wi level[3];
-} PartialSlab;
-
 /* Millimetres along the rays where they meet a sheet, from the plane through the view's centre. */
 INLINE wf mm_at(const SheetsView *v, const SheetsGrid *g, int x, int y, int sheet)
 {
@@ -283,7 +290,12 @@ INLINE wf mm_at(const SheetsView *v, const SheetsGrid *g, int x, int y, int shee
     return wf_load(lane);
 }
 
-OUTLINE void clip_slab(const March *m, Block *b, int slab, int x, int y)
+/* Part of a slab that lies in the volume: from where, and how much of it. */
+typedef struct Clip {
+    wf from, share;
+} Clip;
+
+OUTLINE Clip clip_slab(const March *m, const Block *b, int slab, int x, int y)
 {
     const SheetsView *const v = &m->job->view;
     const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
@@ -295,19 +307,19 @@ OUTLINE void clip_slab(const March *m, Block *b, int slab, int x, int y)
         clip(mm_at(v, m->grid, x, y, sheet), mm_at(v, m->grid, x, y, sheet + v->step), (float)v->near_mm,
              (float)v->far_mm, &from, &to);
     }
-    b->from[slab] = from;
-    b->share[slab] = wf_max(wf_sub(to, from), wf_of(0));
+    return (Clip){from, wf_max(wf_sub(to, from), wf_of(0))};
 }
 
-OUTLINE PartialSlab sample_partial(const March *m, const Block *b, int slab)
+/* Samples at both ends of the part of a slab that lies in the volume, and in its middle: the first three. */
+OUTLINE SheetSamples sample_partial(const March *m, const Block *b, int slab, const Clip *clip)
 {
     const int step = m->job->view.step, sheet = b->sheet + slab * step;
     const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
-    PartialSlab s;
+    SheetSamples s;
     for (int i = 0; i < 3; i++) {
-        const wf at = wf_clamp(wf_mul_add(b->share[slab], wf_of(0.5f * (float)i), b->from[slab]), 0, 1);
-        s.sample[i] = sample_at(m, &front, &back, at, sheet, sheet + step);
-        s.level[i] = level_of(&m->job->levels, s.sample[i]);
+        const wf at = wf_clamp(wf_mul_add(clip->share, wf_of(0.5f * (float)i), clip->from), 0, 1);
+        s.value[i] = sample_at(m, &front, &back, at, sheet, sheet + step);
+        s.level[i] = level_of(&m->job->levels, s.value[i]);
     }
     return s;
 }

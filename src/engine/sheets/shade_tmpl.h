@@ -270,7 +270,17 @@ typedef struct SlabShading {
     wf bend;             /* sum of squares of slabs' bends of light (bend_of_light()) by their weights */
     wf plain[3];         /* colours without light, beside the coarse ones */
 } SlabShading;
-enum { NO_SHEET = -9 };
+
+/* All that is read before it is computed. */
+INLINE void start_shading(SlabShading *light)
+{
+    const wf none = wf_of(0), all = wf_of(1);
+    light->middle_sheet = light->back_sheet = light->open_sheet = NO_SHEET;
+    light->open[0] = light->open[1] = all;
+    light->bend = none;
+    for (int c = 0; c < 3; c++)
+        light->plain[c] = none;
+}
 
 /* At a sheet where the rays are at `corner`. */
 INLINE Differences differences_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)

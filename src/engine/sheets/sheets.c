@@ -42,9 +42,9 @@ static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, bool half, c
     if (!k->transfer.mean && (st = cts_sheets_transfer_init(&k->transfer, scene, m->all.high, err)))
         return st;
     for (int i = half ? 0 : 1; i < (half ? 2 : 3); i++)
-        if ((st =
-                 cts_sheets_opacity_find(&k->opacity[i], &k->transfer, scene->view.layer_mm * ldexp(1, i - 1),
-                                         scene->preset->shade && i == !half, kernels, scene->settings->n_threads, err)))
+        if ((st = cts_sheets_opacity_find(&k->opacity[i], &k->transfer, scene->view.layer_mm * ldexp(1, i - 1),
+                                          i == !half, i == !half && scene->preset->shade, kernels,
+                                          scene->settings->n_threads, err)))
             return st;
     cts_report_stage(report, CTS_STAGE_FOOTPRINT, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
                      2 * (uint64_t)SHEETS_LEVELS * SHEETS_LEVELS, 0);
@@ -90,7 +90,8 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
 {
     *j = (SheetsJob){.levels = k->transfer.levels,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
-                     .light = k->opacity[half ? 0 : 1].light,
+                     .light = k->opacity[!half].light,
+                     .near = k->opacity[!half].near,
                      .mean = (const float(*)[4])k->transfer.mean,
                      .all_depths = scene->view.near_mm == -INFINITY && scene->view.far_mm == INFINITY,
                      .blocks = &k->blocks[scene->view.axis],

@@ -57,6 +57,9 @@ typedef struct SheetsOpacity {
     /* The same index: shares of a slab's absorbed light that each quarter of it takes, in 255ths, the first lowest;
      * NULL where nothing is lit. */
     uint32_t *light;
+    /* The same index: opacity of a slab that goes from the front level to the back level or stays at the back level,
+     * the larger, for near misses; one more entry. NULL where the table is for comparison alone. */
+    uint16_t *near;
     double length_mm, extinction_scale;
 } SheetsOpacity;
 
@@ -100,7 +103,8 @@ typedef struct SheetsJob {
     SheetsGrid grid[2]; /* every pixel; every second */
     SheetsLevels levels;
     const uint64_t *opacity[3]; /* of half a slab, a slab, two slabs */
-    const uint32_t *light;      /* of the finest of these in use */
+    const uint32_t *light;      /* of the finest of these in use, */
+    const uint16_t *near;       /* likewise */
     const float (*mean)[4];     /* SheetsTransfer.mean */
     bool all_depths;            /* rays are looked at all along */
     const SheetsVoid *blocks;
@@ -136,9 +140,10 @@ extern const SheetsKernels cts_sheets_c, cts_sheets_avx2, cts_sheets_avx512;
 
 CtsStatus cts_sheets_transfer_init(SheetsTransfer *transfer, const CtsScene *scene, int largest_grey, CtsError *err);
 void cts_sheets_transfer_free(SheetsTransfer *transfer);
-/* Makes the table again only where length or extinction differ from those that it was made for. */
-CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm, bool lit,
-                                  const SheetsKernels *kernels, int n_threads, CtsError *err);
+/* Makes the table again only where length or extinction differ from those that it was made for. finest: with `near`,
+ * and where slabs are lit with `light`. */
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm, bool finest,
+                                  bool lit, const SheetsKernels *kernels, int n_threads, CtsError *err);
 void cts_sheets_opacity_free(SheetsOpacity *opacity);
 
 /* grey: the volume's, or for p = 0 its transposed copy. */

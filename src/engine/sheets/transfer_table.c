@@ -174,20 +174,37 @@ static void fill_some(void *context, int worker, size_t first, size_t end)
                                first * SHEETS_LEVELS, end * SHEETS_LEVELS, f->opacity->light);
 }
 
-CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transfer, double length_mm, bool lit,
-                                  const SheetsKernels *kernels, int n_threads, CtsError *err)
+static void fill_near(SheetsOpacity *o)
+{
+    const size_t n = SHEETS_LEVELS;
+    uint16_t at_back[SHEETS_LEVELS];
+    for (size_t back = 0; back < n; back++)
+        at_back[back] = (uint16_t)(o->rgba[back * n + back] >> 48);
+    for (size_t i = 0; i < n * n; i++) {
+        const uint16_t one = (uint16_t)(o->rgba[i] >> 48), other = at_back[i % n];
+        o->near[i] = one > other ? one : other;
+    }
+    o->near[n * n] = 0;
+}
+
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transfer, double length_mm, bool finest,
+                                  bool lit, const SheetsKernels *kernels, int n_threads, CtsError *err)
 {
     CtsStatus st;
-    if (o->rgba && (o->light || !lit) && o->length_mm == length_mm && o->extinction_scale == transfer->extinction_scale)
+    const size_t n = (size_t)SHEETS_LEVELS * SHEETS_LEVELS;
+    if (o->rgba && (o->light || !lit) && (o->near || !finest) && o->length_mm == length_mm &&
+        o->extinction_scale == transfer->extinction_scale)
         return CTS_OK;
-    if (lit && !o->light && (st = cts_alloc_array(&o->light, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)))
-        return st;
-    if (!o->rgba && (st = cts_alloc_array(&o->rgba, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)))
+    if ((lit && !o->light && (st = cts_alloc_array(&o->light, n, err))) ||
+        (finest && !o->near && (st = cts_alloc_array(&o->near, n + 1, err))) ||
+        (!o->rgba && (st = cts_alloc_array(&o->rgba, n, err))))
         return st;
     o->length_mm = length_mm;
     o->extinction_scale = transfer->extinction_scale;
     Filling f = {transfer, kernels, o};
     cts_parallel(n_threads, SHEETS_LEVELS, 32, fill_some, &f);
+    if (o->near)
+        fill_near(o);
     return CTS_OK;
 }
 
@@ -195,4 +212,5 @@ void cts_sheets_opacity_free(SheetsOpacity *o)
 {
     cts_free(&o->rgba);
     cts_free(&o->light);
+    cts_free(&o->near);
 }
