@@ -109,7 +109,7 @@ SIMD_OP(vf, vf_abs, (vf a), (vf)((vi)(a) & (sizeof(real) == 4 ? (whole)INT32_MAX
 SIMD_OP(vi, lower_half, (vi pair), pair & 0xffff)
 SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
 
-/* Each path defines, with 0 in the lanes outside a gather's mask, for which nothing is read:
+/* Each path defines:
  *
  * - vf_min, vf_max, vi_min, vi_max: the second operand unless the first is smaller, or larger
  * - vf_sqrt: correctly rounded
@@ -117,14 +117,16 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * - vf_select, vi_select(mask, yes, no)
  * - mask_any(mask); mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
  * - vf_look_up(table, n, index): table[index] of n entries; LANES entries may be read where n is less
- * - vi_gather_bytes(from, index, mask): from[index] of 8 bits; the three bytes behind may be read, too
+ * - vi_take_bytes(from, index): from[index] of 8 bits; the three bytes behind may be read, too
+ * - vi_gather_bytes(from, index, mask), vi_gather() and vi_gather_pairs(): the same of some lanes, the others are 0 and
+ *   nothing is read for them
  *
  * and, unless SIMD_DOUBLE is defined:
  *
- * - vi_gather(from, index, mask): from[index] of 32 bits
+ * - vi_take(from, index): from[index] of 32 bits
  * - vi_load_shorts(from), vi_load_words(from): LANES elements of 16 bits, with and without sign
- * - vi_gather_pairs(from, index, mask): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
- * - vi_gather_64(from, index, mask, &second): from[index] of two int32_t, the first returned
+ * - vi_take_pairs(from, index): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
+ * - vi_take_64(from, index, &second): from[index] of two int32_t, the first returned
  * - vs_madd(a, b): a[2 l] * b[2 l] + a[2 l + 1] * b[2 l + 1] in lane l, 32 bits
  * - vs_unsigned_max, vs_unsigned_min(a, b); vs_excess(a, b): a - b where a is more, else 0; of 16 bits without a sign
  * - vs_mul_high(a, b): upper half of the product of two unsigned 16-bit integers
@@ -162,6 +164,21 @@ typedef struct ws {
 
 SIMD_OP(vmask, vf_gt, (vf a, vf b), vf_lt(b, a))
 SIMD_OP(vmask, vi_gt, (vi a, vi b), vi_lt(b, a))
+
+#ifndef SIMD_PATH_AVX512
+#define SIMD_GATHER(suffix)                                                                                            \
+    INLINE vi vi_gather##suffix(const void *from, vi index, vmask mask)                                                \
+    {                                                                                                                  \
+        if (!mask_any(mask))                                                                                           \
+            return vi_of(0);                                                                                           \
+        return vi_select(mask, vi_take##suffix(from, vi_select(mask, index, first_index(index, mask))), vi_of(0));     \
+    }
+SIMD_GATHER(_bytes)
+#ifndef SIMD_DOUBLE
+SIMD_GATHER()
+SIMD_GATHER(_pairs)
+#endif
+#endif
 
 #ifndef SIMD_DOUBLE
 typedef struct wf {
@@ -248,8 +265,9 @@ SIMD_EACH(wi, wi_gather, (const void *from, wi at, wmask mask), vi_gather(from, 
 SIMD_EACH(wi, wi_load_shorts, (const int16_t *from), vi_load_shorts(from + LANES * p))
 SIMD_EACH(wi, wi_load_words, (const uint16_t *from), vi_load_words(from + LANES * p))
 SIMD_EACH(wi, wi_gather_pairs, (const void *from, wi at, wmask mask), vi_gather_pairs(from, at.part[p], mask.part[p]))
-SIMD_EACH(wi, wi_gather_64, (const int32_t (*from)[2], wi at, wmask mask, wi *second),
-          vi_gather_64(from, at.part[p], mask.part[p], &second->part[p]))
+SIMD_EACH(wi, wi_take, (const void *from, wi at), vi_take(from, at.part[p]))
+SIMD_EACH(wi, wi_take_pairs, (const void *from, wi at), vi_take_pairs(from, at.part[p]))
+SIMD_EACH(wi, wi_take_64, (const int32_t (*from)[2], wi at, wi *second), vi_take_64(from, at.part[p], &second->part[p]))
 
 SIMD_EACH(wmask, wmask_and, (wmask a, wmask b), a.part[p] & b.part[p])
 SIMD_EACH(wmask, wmask_or, (wmask a, wmask b), a.part[p] | b.part[p])

@@ -1,5 +1,5 @@
 /* Operations of base/simd.h with AVX2. */
-#include <immintrin.h>
+#include "base/simd_loads_tmpl.h"
 
 SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)_mm256_blendv_ps((__m256)no, (__m256)yes, (__m256)mask))
 SIMD_OP(vi, vi_select, (vmask mask, vi yes, vi no), (vi)_mm256_blendv_epi8((__m256i)no, (__m256i)yes, (__m256i)mask))
@@ -21,31 +21,29 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
 {
     if (n <= LANES)
         return (vf)_mm256_permutevar8x32_ps(_mm256_loadu_ps(table), (__m256i)index);
-    return (vf)_mm256_i32gather_ps(table, (__m256i)index, 4);
+    return (vf)load_eight_32(table, (__m256i)index, sizeof *table);
 }
 
 SIMD_OP(vi, vi_load_shorts, (const int16_t *from), (vi)_mm256_cvtepi16_epi32(_mm_loadu_si128((const void *)from)))
 SIMD_OP(vi, vi_load_words, (const uint16_t *from), (vi)_mm256_cvtepu16_epi32(_mm_loadu_si128((const void *)from)))
 
-SIMD_OP(vi, vi_gather, (const void *from, vi index, vmask mask),
-        (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 4))
-SIMD_OP(vi, vi_gather_bytes, (const void *from, vi index, vmask mask),
-        (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 1) & 255)
-SIMD_OP(vi, vi_gather_pairs, (const void *from, vi index, vmask mask),
-        (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 2))
-SIMD_OP(__m256, four_of_64, (const int32_t (*from)[2], __m128i index, __m128i mask),
-        (__m256)_mm256_mask_i32gather_epi64(_mm256_setzero_si256(), (const void *)from, index,
-                                            _mm256_cvtepi32_epi64(mask), 8))
+SIMD_OP(vi, vi_take, (const void *from, vi index), (vi)load_eight_32(from, (__m256i)index, 4))
+SIMD_OP(vi, vi_take_bytes, (const void *from, vi index), (vi)load_eight_32(from, (__m256i)index, 1) & 255)
+SIMD_OP(vi, vi_take_pairs, (const void *from, vi index), (vi)load_eight_32(from, (__m256i)index, 2))
 
-INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *second)
+INLINE vi vi_take_64(const int32_t (*from)[2], vi index, vi *second)
 {
-    const __m256i at = (__m256i)index, lanes = (__m256i)mask;
-    const __m256 low = four_of_64(from, _mm256_castsi256_si128(at), _mm256_castsi256_si128(lanes));
-    const __m256 high = four_of_64(from, _mm256_extracti128_si256(at, 1), _mm256_extracti128_si256(lanes, 1));
+    __m256i four[2];
+    load_eight_64(from, (__m256i)index, four);
+    const __m256 low = (__m256)four[0], high = (__m256)four[1];
     const __m256d even = (__m256d)_mm256_shuffle_ps(low, high, 0x88), odd = (__m256d)_mm256_shuffle_ps(low, high, 0xdd);
     *second = (vi)_mm256_permute4x64_pd(odd, 0xd8);
     return (vi)_mm256_permute4x64_pd(even, 0xd8);
 }
+
+/* The first index of the mask, in every lane. */
+SIMD_OP(vi, first_index, (vi index, vmask mask),
+        (vi)_mm256_permutevar8x32_epi32((__m256i)index, _mm256_set1_epi32(__builtin_ctz(mask_bits(mask)))))
 
 SIMD_OP(vi, vs_madd, (vs a, vs b), (vi)_mm256_madd_epi16((__m256i)a, (__m256i)b))
 SIMD_OP(vs, vs_unsigned_max, (vs a, vs b), (vs)_mm256_max_epu16((__m256i)a, (__m256i)b))

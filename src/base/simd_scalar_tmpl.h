@@ -62,25 +62,28 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
     return v;
 }
 
-INLINE vi vi_gather_bytes(const void *from, vi index, vmask mask)
+INLINE vi vi_take_bytes(const void *from, vi index)
 {
-    vi v = vi_of(0);
+    vi v;
     for (int l = 0; l < LANES; l++)
-        if (mask[l])
-            v[l] = ((const uint8_t *)from)[index[l]];
+        v[l] = ((const uint8_t *)from)[index[l]];
     return v;
 }
 
-#ifndef SIMD_DOUBLE
-INLINE vi vi_gather(const void *from, vi index, vmask mask)
+INLINE vi first_index(vi index, vmask mask)
 {
-    vi v = vi_of(0);
-    for (int l = 0; l < LANES; l++)
-        if (mask[l]) {
-            int32_t one;
-            memcpy(&one, (const char *)from + 4 * (ptrdiff_t)index[l], sizeof one);
-            v[l] = one;
-        }
+    return vi_of(index[__builtin_ctz(mask_bits(mask))]);
+}
+
+#ifndef SIMD_DOUBLE
+INLINE vi vi_take(const void *from, vi index)
+{
+    vi v;
+    for (int l = 0; l < LANES; l++) {
+        int32_t one;
+        memcpy(&one, (const char *)from + 4 * (ptrdiff_t)index[l], sizeof one);
+        v[l] = one;
+    }
     return v;
 }
 
@@ -100,27 +103,24 @@ INLINE vi vi_load_words(const uint16_t *from)
     return v;
 }
 
-INLINE vi vi_gather_pairs(const void *from, vi index, vmask mask)
+INLINE vi vi_take_pairs(const void *from, vi index)
 {
-    vi v = vi_of(0);
-    for (int l = 0; l < LANES; l++)
-        if (mask[l]) {
-            uint16_t pair[2];
-            memcpy(pair, (const char *)from + 2 * (ptrdiff_t)index[l], sizeof pair);
-            v[l] = (int32_t)(pair[0] | (uint32_t)pair[1] << 16);
-        }
+    vi v;
+    for (int l = 0; l < LANES; l++) {
+        uint16_t pair[2];
+        memcpy(pair, (const char *)from + 2 * (ptrdiff_t)index[l], sizeof pair);
+        v[l] = (int32_t)(pair[0] | (uint32_t)pair[1] << 16);
+    }
     return v;
 }
 
-INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *second)
+INLINE vi vi_take_64(const int32_t (*from)[2], vi index, vi *second)
 {
-    vi first = vi_of(0);
-    *second = vi_of(0);
-    for (int l = 0; l < LANES; l++)
-        if (mask[l]) {
-            first[l] = from[index[l]][0];
-            (*second)[l] = from[index[l]][1];
-        }
+    vi first;
+    for (int l = 0; l < LANES; l++) {
+        first[l] = from[index[l]][0];
+        (*second)[l] = from[index[l]][1];
+    }
     return first;
 }
 

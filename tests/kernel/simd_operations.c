@@ -11,9 +11,9 @@ static wmask all_lanes(bool set)
     return wmask_of_bits(set ? 0xffff : 0);
 }
 
-static wi gather_64(const int32_t (*from)[2], wi at, wmask mask, int which)
+static wi take_64(const int32_t (*from)[2], wi at, int which)
 {
-    wi second, first = wi_gather_64(from, at, mask, &second);
+    wi second, first = wi_take_64(from, at, &second);
     return which ? second : first;
 }
 

@@ -39,8 +39,10 @@ WHOLES(wi_load_words, wi_load_words(in->grey + 3), in->grey[3 + l])
 WHOLES(wi_gather_pairs, wi_gather_pairs(in->grey, b, m),
        m ? (int32_t)(in->grey[b] | (uint32_t)in->grey[b + 1] << 16) : 0)
 WHOLES(wi_gather_bytes, wi_gather_bytes(in->grey, b, m), m ? ((const uint8_t *)in->grey)[b] : 0)
-WHOLES(wi_gather_64, gather_64(in->twos, b, m, 0), m ? in->twos[b][0] : 0)
-WHOLES(wi_gather_64 second, gather_64(in->twos, b, m, 1), m ? in->twos[b][1] : 0)
+WHOLES(wi_take, wi_take(in->twos, b), (&in->twos[0][0])[b])
+WHOLES(wi_take_pairs, wi_take_pairs(in->grey, b), (int32_t)(in->grey[b] | (uint32_t)in->grey[b + 1] << 16))
+WHOLES(wi_take_64, take_64(in->twos, b, 0), in->twos[b][0])
+WHOLES(wi_take_64 second, take_64(in->twos, b, 1), in->twos[b][1])
 
 TRUTHS(wmask_of_bits, m, m)
 TRUTHS(wf_lt, wf_lt(f, g), f < g)

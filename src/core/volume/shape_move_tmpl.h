@@ -219,7 +219,6 @@ INLINE void displaced(const CtsShapeStack *t, const uint16_t *slice, const Pixel
                       const vf dy[ROWS], vf made[ROWS])
 {
     const vi last_x = vi_of(t->n_columns - 1), last_y = vi_of(t->n_rows - 1);
-    const vmask all = mask_of_bits((1U << LANES) - 1);
     const uint16_t *const row = slice + (size_t)p->y * (size_t)t->n_columns;
     vi lane, above[ROWS], below[ROWS];
     vf u[ROWS], w[ROWS];
@@ -232,7 +231,7 @@ INLINE void displaced(const CtsShapeStack *t, const uint16_t *slice, const Pixel
         const vi cx = vi_min(to_int(x), last_x - 1), cy = vi_min(to_int(y), last_y - 1);
         const vi at = (cy - p->y) * t->n_columns + cx;
         u[v] = x - to_float(cx), w[v] = y - to_float(cy);
-        above[v] = vi_gather_pairs(row, at, all), below[v] = vi_gather_pairs(row + t->n_columns, at, all);
+        above[v] = vi_take_pairs(row, at), below[v] = vi_take_pairs(row + t->n_columns, at);
     }
     for (int v = 0; v < ROWS; v++) {
         const vf a = to_float(lower_half(above[v])), b = to_float(upper_half(above[v]));

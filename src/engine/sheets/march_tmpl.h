@@ -74,25 +74,24 @@ typedef struct SlabPart {
 } SlabPart;
 
 /* Gradients at both ends of a slab part; those of sheets are kept for the next slab. */
-INLINE void find_gradients(const March *m, const Block *b, const SlabPart *t, wmask heavy, wmask alive,
-                           SlabShading *light, const Gradient *end[2])
+INLINE void find_gradients(const March *m, const Block *b, const SlabPart *t, SlabShading *light,
+                           const Gradient *end[2])
 {
     const int step = m->job->view.step, sheet = b->sheet + t->slab * step;
     if (t->kind == CLIPPED) {
-        light->clipped[0] = gradient_of_part(m, b, t->slab, t->from, heavy);
-        light->clipped[1] = gradient_of_part(m, b, t->slab, t->to, heavy);
+        light->clipped[0] = gradient_of_part(m, b, t->slab, t->from);
+        light->clipped[1] = gradient_of_part(m, b, t->slab, t->to);
         end[0] = &light->clipped[0];
         end[1] = &light->clipped[1];
         return;
     }
     if (light->back_sheet != sheet + step) {
-        light->front =
-            light->back_sheet == sheet ? light->back : gradient_of(m, b, corner_at(m, b, t->slab), sheet, alive);
-        light->back = gradient_of(m, b, corner_at(m, b, t->slab + 1), sheet + step, alive);
+        light->front = light->back_sheet == sheet ? light->back : gradient_of(m, b, corner_at(m, b, t->slab), sheet);
+        light->back = gradient_of(m, b, corner_at(m, b, t->slab + 1), sheet + step);
         light->back_sheet = sheet + step;
     }
     if (t->kind != WHOLE && light->middle_sheet != sheet) {
-        light->middle = gradient_in_middle(m, b, t->slab, alive);
+        light->middle = gradient_in_middle(m, b, t->slab);
         light->middle_sheet = sheet;
     }
     end[0] = t->kind == BACK_HALF ? &light->middle : &light->front;
@@ -130,7 +129,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
         visible = wmask_and(visible, wf_gt(t->share, wf_of(0)));
     if (!wmask_any(visible))
         return visible;
-    Slab slab = look_up_slab(t->opacity, t->front_level, t->back_level, visible);
+    Slab slab = look_up_slab(t->opacity, t->front_level, t->back_level);
     if (t->kind == CLIPPED)
         take_share(j, t->front_level, t->back_level, t->length_mm, t->share, visible, &slab);
     counts->slabs++;
@@ -141,11 +140,11 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
             light->plain[c] = wf_mul_add(wf_select(visible, s->left, wf_of(0)), slab.rgb[c], light->plain[c]);
         if (wmask_any(heavy)) {
             const Gradient *end[2];
-            find_gradients(m, b, t, heavy, s->alive, light, end);
-            const LitShares shares = lit_shares(t->light, t->front_level, t->back_level, heavy);
+            find_gradients(m, b, t, light, end);
+            const LitShares shares = lit_shares(t->light, t->front_level, t->back_level);
             wf open[2], bend;
             if (j->open) {
-                find_openness(m, b, t->slab, false, s->alive, light);
+                find_openness(m, b, t->slab, false, light);
                 open[0] = wf_lerp(light->open[0], light->open[1], t->from);
                 open[1] = wf_lerp(light->open[0], light->open[1], t->to);
             }
@@ -156,7 +155,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
         } else {
             wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse), none; /* 0.5: the mean of |n.v| */
             if (j->open) {
-                find_openness(m, b, t->slab, true, s->alive, light);
+                find_openness(m, b, t->slab, true, light);
                 dim(j->shade, wf_of(0.5f), wf_of(0), light->open[1], &colour, &none);
             }
             for (int c = 0; c < 3; c++)
@@ -179,7 +178,7 @@ INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *
     const wmask visible = wmask_and(lanes, visible_between(&m->job->levels, front, back));
     if (!wmask_any(visible))
         return;
-    const Slab slab = look_up_slab(opacity, front, back, visible);
+    const Slab slab = look_up_slab(opacity, front, back);
     blend(s->coarse_rgb, &s->coarse_left, &slab, visible);
 }
 
@@ -201,7 +200,7 @@ INLINE wf opacity_towards(const SheetsJob *j, wi from, wf extreme, wmask lanes)
     const wmask near = wmask_and(lanes, visible_between(&j->levels, from, to));
     if (!wmask_any(near))
         return wf_of(0);
-    const wi pair = wi_gather_pairs(j->near, wi_add(wi_shl(from, 8), to), near);
+    const wi pair = wi_take_pairs(j->near, wi_add(wi_shl(from, 8), to));
     return wf_select(near, sheets_unpack(wi_lower_half(pair)), wf_of(0));
 }
 
@@ -360,7 +359,7 @@ OUTLINE void run_partial(const March *m, const Block *b, const bool half, const 
                                 j->light};
             visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
         }
-        Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2], lanes);
+        Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2]);
         take_share(j, p.level[0], p.level[2], slab_mm, clip.share, lanes, &coarse);
         blend(s->coarse_rgb, &s->coarse_left, &coarse,
               wmask_and(lanes, visible_between(&j->levels, p.level[0], p.level[2])));

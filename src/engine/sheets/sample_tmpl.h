@@ -93,11 +93,10 @@ INLINE void pick_pairs(const Footprint *f, ws first, ws others, int rows, ws pai
     pairs[1] = rows > 4 ? ws_permute2(first, others, below) : ws_permute(first, below);
 }
 
-INLINE void gather_pairs(const March *m, const Footprint *f, const uint16_t *from, ws pairs[2])
+INLINE void take_pairs(const March *m, const Footprint *f, const uint16_t *from, ws pairs[2])
 {
-    const wmask all = wmask_of_bits(0xffff);
-    pairs[0] = wi_as_short(wi_gather_pairs(from, f->at, all));
-    pairs[1] = wi_as_short(wi_gather_pairs(from + m->job->view.row, f->at, all));
+    pairs[0] = wi_as_short(wi_take_pairs(from, f->at));
+    pairs[1] = wi_as_short(wi_take_pairs(from + m->job->view.row, f->at));
 }
 
 /* Pairs as by pick_pairs(), of voxels; a window begins at `from`. */
@@ -106,7 +105,7 @@ INLINE void load_pairs(const March *m, const Footprint *f, const uint16_t *from,
     const int rows = m->window_rows;
     const ptrdiff_t row = m->job->view.row;
     if (!window) {
-        gather_pairs(m, f, from, pairs);
+        take_pairs(m, f, from, pairs);
         return;
     }
     const ws first = ws_load_rows((const int16_t *)from, row, 4);
@@ -133,7 +132,7 @@ INLINE wi level_of(const SheetsLevels *l, wf sample)
     return wf_to_int(wf_clamp(wf_add(coarse, fine), 0, SHEETS_LEVELS - 1));
 }
 
-/* Colour and opacity of slabs; 0 outside the mask. */
+/* Colour and opacity of slabs. */
 typedef struct Slab {
     wf rgb[3], alpha;
 } Slab;
@@ -143,11 +142,11 @@ INLINE wf sheets_unpack(wi number)
     return wi_as_float(wi_add(wi_shl(number, 12), wi_of((127 - 31) << 23)));
 }
 
-INLINE Slab look_up_slab(const uint64_t *opacity, wi front, wi back, wmask lanes)
+INLINE Slab look_up_slab(const uint64_t *opacity, wi front, wi back)
 {
     wi blue_alpha;
     const wi at = wi_add(wi_shl(front, 8), back);
-    const wi red_green = wi_gather_64((const int32_t(*)[2])opacity, at, lanes, &blue_alpha);
+    const wi red_green = wi_take_64((const int32_t(*)[2])opacity, at, &blue_alpha);
     return (Slab){{sheets_unpack(wi_lower_half(red_green)), sheets_unpack(wi_upper_half(red_green)),
                    sheets_unpack(wi_lower_half(blue_alpha))},
                   sheets_unpack(wi_upper_half(blue_alpha))};
@@ -269,12 +268,11 @@ INLINE wf sample_at(const March *m, const Lanes *front, const Lanes *back, wf sh
     /* Two weights of 16 bits; the second may be 2^14, the first then is 0. */
     const ws weights = wi_as_short(wi_add(wi_sub(wi_shl(second, 16), second), wi_of(1 << SHEETS_WEIGHT_BITS)));
     const wi at = wi_add(wi_mul(cell[1], wi_of((int32_t)v->row)), cell[0]);
-    const wmask all = wmask_of_bits(0xffff);
     wf of[2];
     for (int i = 0; i < 2; i++) {
         const uint16_t *const from = sheet_at(m, i == 0 ? sheet : next);
-        const wi upper = along_row(wi_as_short(wi_gather_pairs(from, at, all)), weights);
-        const wi lower = along_row(wi_as_short(wi_gather_pairs(from + v->row, at, all)), weights);
+        const wi upper = along_row(wi_as_short(wi_take_pairs(from, at)), weights);
+        const wi lower = along_row(wi_as_short(wi_take_pairs(from + v->row, at)), weights);
         of[i] = wf_lerp(wi_to_float(upper), wi_to_float(lower), part[1]);
     }
     return wf_lerp(of[0], of[1], share);

@@ -54,8 +54,8 @@ INLINE wf difference_of(const March *m, const Footprint *f, const uint16_t *shee
                    pairs);
     } else {
         ws of_less[2];
-        gather_pairs(m, f, more, pairs);
-        gather_pairs(m, f, less, of_less);
+        take_pairs(m, f, more, pairs);
+        take_pairs(m, f, less, of_less);
         for (int i = 0; i < 2; i++)
             pairs[i] = ws_difference(pairs[i], of_less[i]);
     }
@@ -77,26 +77,24 @@ typedef struct Neighbours {
     wi of[2];
 } Neighbours;
 
-/* Of the lanes' voxels `index` and the next; any numbers for voxels outside the volume, which are not read. */
-INLINE Neighbours neighbours_at(const SheetsJob *job, wi index, wmask lanes)
+/* Of voxels `index` and the next; any numbers for voxels outside the volume, which are not read. */
+INLINE Neighbours neighbours_at(const SheetsJob *job, wi index)
 {
     const SheetsView *const v = &job->view;
     const wi read = wi_min(wi_max(index, wi_of(0)), wi_of(v->n[0] * v->n[1] * v->n[2] - 2));
-    const wi pair = wi_gather_pairs(job->view.grey, read, lanes);
+    const wi pair = wi_take_pairs(job->view.grey, read);
     const wi low = wi_lower_half(pair), high = wi_upper_half(pair);
     return (Neighbours){{wi_select(wi_gt(index, read), high, low), wi_select(wi_lt(index, read), low, high)}};
 }
 
 /* Differences along an axis at voxels `index`, which lie at `at` along it, and at the next along a: to air beyond the
  * border, or one-sided and twice. */
-INLINE Neighbours neighbour_differences(const SheetsJob *job, int axis, wi at, wi index, const Neighbours *own,
-                                        wmask lanes)
+INLINE Neighbours neighbour_differences(const SheetsJob *job, int axis, wi at, wi index, const Neighbours *own)
 {
     const SheetsView *const v = &job->view;
     const int32_t stride[3] = {1, (int32_t)v->row, (int32_t)v->sheet}, step = job->shade->step[axis];
     const wi by = wi_of(step * stride[axis]);
-    const Neighbours less = neighbours_at(job, wi_sub(index, by), lanes),
-                     more = neighbours_at(job, wi_add(index, by), lanes);
+    const Neighbours less = neighbours_at(job, wi_sub(index, by)), more = neighbours_at(job, wi_add(index, by));
     Neighbours d;
     for (int i = 0; i < 2; i++) {
         const wi place = axis == 0 ? wi_add(at, wi_of(i)) : at;
@@ -113,7 +111,7 @@ INLINE Neighbours neighbour_differences(const SheetsJob *job, int axis, wi at, w
 
 /* At points near the volume's faces or at the ends of rays; in voxels along a, b and p. Those outside the volume count
  * as on its faces. */
-OUTLINE Differences differences_at(const March *m, const wf at[3], wmask lanes)
+OUTLINE Differences differences_at(const March *m, const wf at[3])
 {
     const SheetsView *const v = &m->job->view;
     wi cell[3];
@@ -133,9 +131,9 @@ OUTLINE Differences differences_at(const March *m, const wf at[3], wmask lanes)
             const wi index = wi_add(first, wi_of((int32_t)(j * v->row + k * v->sheet)));
             Neighbours own = {{wi_of(0), wi_of(0)}};
             if (!m->job->shade->air_beyond)
-                own = neighbours_at(m->job, index, lanes);
+                own = neighbours_at(m->job, index);
             for (int axis = 0; axis < 3; axis++) {
-                const Neighbours n = neighbour_differences(m->job, axis, corner[axis], index, &own, lanes);
+                const Neighbours n = neighbour_differences(m->job, axis, corner[axis], index, &own);
                 row[axis][j] = wf_lerp(wi_to_float(n.of[0]), wi_to_float(n.of[1]), part[0]);
             }
         }
@@ -210,9 +208,9 @@ typedef struct LitShares {
     wf of[SHEETS_LIT];
 } LitShares;
 
-INLINE LitShares lit_shares(const uint32_t *light, wi front, wi back, wmask lanes)
+INLINE LitShares lit_shares(const uint32_t *light, wi front, wi back)
 {
-    const wi packed = wi_gather(light, wi_add(wi_shl(front, 8), back), lanes);
+    const wi packed = wi_take(light, wi_add(wi_shl(front, 8), back));
     LitShares s;
     for (int i = 0; i < SHEETS_LIT; i++)
         s.of[i] = wf_times(wi_to_float(wi_and(wi_shr(packed, 8 * i), wi_of(255))), 1 / 255.0f);
@@ -283,51 +281,51 @@ INLINE void start_shading(SlabShading *light)
 }
 
 /* At a sheet where the rays are at `corner`. */
-INLINE Differences differences_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)
+INLINE Differences differences_of(const March *m, const Block *b, Corner corner, int sheet)
 {
     if (!b->lit_inside) {
         const Lanes l = lanes_at(m, corner);
-        return differences_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)}, lanes);
+        return differences_at(m, (const wf[]){l.at[0], l.at[1], wf_of((float)sheet)});
     }
     const Footprint f = footprint_of(m, corner, b->window);
     return b->window ? differences_inside(m, &f, sheet_at(m, sheet), true)
                      : differences_inside(m, &f, sheet_at(m, sheet), false);
 }
 
-INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int sheet, wmask lanes)
+INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int sheet)
 {
-    const Differences d = differences_of(m, b, corner, sheet, lanes);
+    const Differences d = differences_of(m, b, corner, sheet);
     return gradient_in_view(m->job->shade, &d);
 }
 
 /* In the middle of a slab: the mean of both sheets where the ray is half way. */
-OUTLINE Gradient gradient_in_middle(const March *m, const Block *b, int slab, wmask lanes)
+OUTLINE Gradient gradient_in_middle(const March *m, const Block *b, int slab)
 {
     const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
     Corner corner = corner_at(m, b, slab);
     for (int c = 0; c < 2; c++)
         corner.at[c] += m->shear[c] / 2;
-    Differences d = differences_of(m, b, corner, sheet, lanes);
-    const Differences back = differences_of(m, b, corner, next, lanes);
+    Differences d = differences_of(m, b, corner, sheet);
+    const Differences back = differences_of(m, b, corner, next);
     for (int c = 0; c < 3; c++)
         d.along[c] = wf_lerp(d.along[c], back.along[c], wf_of(0.5f));
     return gradient_in_view(m->job->shade, &d);
 }
 
 /* At a share of the way through a slab that is each ray's own. */
-OUTLINE Gradient gradient_of_part(const March *m, const Block *b, int slab, wf share, wmask lanes)
+OUTLINE Gradient gradient_of_part(const March *m, const Block *b, int slab, wf share)
 {
     const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
     wf at[3];
     for (int c = 0; c < 2; c++)
         at[c] = wf_lerp(front.at[c], back.at[c], share);
     at[2] = wf_scale(share, (float)m->job->view.step, (float)(b->sheet + slab * m->job->view.step));
-    const Differences d = differences_at(m, at, lanes);
+    const Differences d = differences_at(m, at);
     return gradient_in_view(m->job->shade, &d);
 }
 
 /* Openness at a sheet, between the middles of 2 x 2 x 2 blocks. */
-OUTLINE wf openness_of(const March *m, const Block *b, int slab, wmask lanes)
+OUTLINE wf openness_of(const March *m, const Block *b, int slab)
 {
     const SheetsView *const v = &m->job->view;
     const CtsOpenness *const o = m->job->open;
@@ -348,7 +346,7 @@ OUTLINE wf openness_of(const March *m, const Block *b, int slab, wmask lanes)
     }
     wf plane[2];
     for (int k = 0; k < 2; k++) {
-        const wi square = wi_gather(o->square + k * o->plane, at, lanes);
+        const wi square = wi_take(o->square + k * o->plane, at);
         wf corners[4];
         for (int i = 0; i < 4; i++)
             corners[i] = wi_to_float(wi_and(wi_shr(square, 8 * i), wi_of(255)));
@@ -359,16 +357,16 @@ OUTLINE wf openness_of(const March *m, const Block *b, int slab, wmask lanes)
 }
 
 /* Openness at both sheets of a slab. Where the slab is faint, that of two sheets away will do. */
-INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, wmask alive, SlabShading *light)
+INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, SlabShading *light)
 {
     const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
     if (light->open_sheet == next || (faint && abs(next - light->open_sheet) <= 2))
         return;
     if (faint)
-        light->open[0] = light->open[1] = openness_of(m, b, slab + 1, alive);
+        light->open[0] = light->open[1] = openness_of(m, b, slab + 1);
     else {
-        light->open[0] = light->open_sheet == sheet ? light->open[1] : openness_of(m, b, slab, alive);
-        light->open[1] = openness_of(m, b, slab + 1, alive);
+        light->open[0] = light->open_sheet == sheet ? light->open[1] : openness_of(m, b, slab);
+        light->open[1] = openness_of(m, b, slab + 1);
     }
     light->open_sheet = next;
 }
