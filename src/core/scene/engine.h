@@ -67,7 +67,8 @@ static inline double cts_scene_requested_error(const CtsScene *scene)
 }
 
 /* Voxels from one pixel to the next, at most, along any axis of the volume. Engines with levels place groups of pixels
- * by whole numbers, which hold up to CTS_SCENE_COARSEST_PIXEL. */
+ * by whole numbers, which hold some 5000 (six pixels by 16 bits of fraction); at CTS_SCENE_COARSEST_PIXEL a scan of 512
+ * voxels is eight pixels wide, and samples between which nothing is read say little of it. */
 enum { CTS_SCENE_COARSEST_PIXEL = 64 };
 static inline double cts_scene_voxels_per_pixel(const CtsScene *scene)
 {

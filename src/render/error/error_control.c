@@ -45,7 +45,7 @@ enum {
     ONE_IN = 512,
     AT_FIRST = 256,          /* of so many pixels of a strip at most one is re-rendered in the first round, */
     AT_LAST = 12,            /* and in all rounds */
-    GROWTH = 6,              /* of the probability from round to round */
+    GROWTH = 6,              /* of the probability from round to round: AT_LAST is reached two rounds after the first */
     ROUNDS = 4,              /* at most; beyond them whole strips are re-rendered where the caller allows it */
     PREDICTED = 2 * AT_LAST, /* of so many pixels one is re-rendered in a prediction: what rounds come to on average */
     SMALL = 1024,            /* so many pixels of a picture may be re-rendered in any case */

@@ -38,8 +38,9 @@ struct CtsFrames {
     bool is_fitted;
 };
 
-/* An opacity that rises by more than this within STEP_HU is a step: its picture is an isosurface, whose thinnest parts
- * change whole pixels, which a sample of pixels may miss. */
+/* An opacity that rises by more than this, a visible edge, within STEP_HU is a step: its picture is an isosurface,
+ * whose thinnest parts change whole pixels, which a sample of pixels may miss. 20 HU are about the noise of soft tissue
+ * in thin slices, which takes voxels of one tissue to both ends of a steeper rise. */
 #define STEP_OPACITY 0.25
 #define STEP_HU 20.0
 /* Grey level 0, where all bits of it are used (ctsplat/volume.h). */
