@@ -166,6 +166,7 @@ SIMD_OP(vmask, vf_gt, (vf a, vf b), vf_lt(b, a))
 SIMD_OP(vmask, vi_gt, (vi a, vi b), vi_lt(b, a))
 
 #ifndef SIMD_PATH_AVX512
+/* Lanes outside the mask read what its first lane reads (first_index()), since all lanes are loaded. */
 #define SIMD_GATHER(suffix)                                                                                            \
     INLINE vi vi_gather##suffix(const void *from, vi index, vmask mask)                                                \
     {                                                                                                                  \

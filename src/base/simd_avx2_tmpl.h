@@ -41,7 +41,7 @@ INLINE vi vi_take_64(const int32_t (*from)[2], vi index, vi *second)
     return (vi)_mm256_permute4x64_pd(even, 0xd8);
 }
 
-/* The first index of the mask, in every lane. */
+/* Index of the first lane of the mask, in every lane. */
 SIMD_OP(vi, first_index, (vi index, vmask mask),
         (vi)_mm256_permutevar8x32_epi32((__m256i)index, _mm256_set1_epi32(__builtin_ctz(mask_bits(mask)))))
 

@@ -30,7 +30,8 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
 SIMD_OP(vi, vi_load_shorts, (const int16_t *from), (vi)_mm512_cvtepi16_epi32(_mm256_loadu_si256((const void *)from)))
 SIMD_OP(vi, vi_load_words, (const uint16_t *from), (vi)_mm512_cvtepu16_epi32(_mm256_loadu_si256((const void *)from)))
 
-/* A gather of 16 lanes of 32 bits takes no longer than one of eight, and less than loads of some of them. */
+/* Gathers, not loads: one of 16 lanes of 32 bits takes no longer than one of eight, and the exact march, which gathers
+ * for some lanes, takes 1.08 to 1.13 of the time with loads (measured). */
 #define SIMD_GATHER(suffix, scale, bits)                                                                               \
     SIMD_OP(vi, vi_take##suffix, (const void *from, vi index),                                                         \
             (vi)_mm512_i32gather_epi32((__m512i)index, from, scale) & (bits))                                          \

@@ -39,6 +39,12 @@ WHOLES(wi_load_words, wi_load_words(in->grey + 3), in->grey[3 + l])
 WHOLES(wi_gather_pairs, wi_gather_pairs(in->grey, b, m),
        m ? (int32_t)(in->grey[b] | (uint32_t)in->grey[b + 1] << 16) : 0)
 WHOLES(wi_gather_bytes, wi_gather_bytes(in->grey, b, m), m ? ((const uint8_t *)in->grey)[b] : 0)
+/* Indices outside the mask lie a gigabyte away: reading them would end the test. */
+WHOLES(wi_gather of some lanes, wi_gather(in->twos, wi_select(m, b, wi_of(1 << 28)), m), m ? (&in->twos[0][0])[b] : 0)
+WHOLES(wi_gather_pairs of some lanes, wi_gather_pairs(in->grey, wi_select(m, b, wi_of(1 << 29)), m),
+       m ? (int32_t)(in->grey[b] | (uint32_t)in->grey[b + 1] << 16) : 0)
+WHOLES(wi_gather_bytes of some lanes, wi_gather_bytes(in->grey, wi_select(m, b, wi_of(1 << 30)), m),
+       m ? ((const uint8_t *)in->grey)[b] : 0)
 WHOLES(wi_take, wi_take(in->twos, b), (&in->twos[0][0])[b])
 WHOLES(wi_take_pairs, wi_take_pairs(in->grey, b), (int32_t)(in->grey[b] | (uint32_t)in->grey[b + 1] << 16))
 WHOLES(wi_take_64, take_64(in->twos, b, 0), in->twos[b][0])

@@ -316,7 +316,8 @@ INLINE void run_inside(const March *m, const Block *b, SheetSamples *k, const bo
         advance_missed(s, wf_of(0));
         return;
     }
-    /* Four copies keep samples in registers; of the code that lights slabs they would fill the instruction cache. */
+    /* Four copies keep samples in registers: 0.85 of the time with AVX2, unlit. Code that lights slabs is no faster in
+     * four copies, and three times as long. */
     if (lit) {
 #pragma GCC unroll 1
         for (int i = 0; i < SHEETS_BLOCK; i++)
@@ -440,7 +441,7 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
     wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));
 }
 
-/* All blocks from the first visible layer to the last, as if they were one. */
+/* Blocks from the first visible layer to the last, as if they were one. */
 INLINE Block span_of(const March *m, const uint64_t *visible, const int64_t first[2], const int64_t along[2])
 {
     const SheetsView *const v = &m->job->view;

@@ -172,11 +172,11 @@ typedef struct SheetSamples {
     wf value[AT_ONCE];
     wi level[AT_ONCE];
     ws highest[SHEETS_BLOCK + 1], lowest[SHEETS_BLOCK + 1]; /* of the two rows of voxels that a sheet's samples take */
-    int last_sheet;                                         /* the sheet that the last of them are of; NO_SHEET: none */
+    int last_sheet;                                         /* sheet of the last of them; NO_SHEET: none */
 } SheetSamples;
 enum { NO_SHEET = -9 };
 
-/* No sheet's samples yet. */
+/* Samples of no sheet; those that the next block may take over are set, so that compilers see them set. */
 INLINE void start_samples(SheetSamples *k)
 {
     k->last_sheet = NO_SHEET;
