@@ -7,7 +7,7 @@
 
 SHEETS_MARCH(march_gathered, 0)
 
-const SheetsKernels cts_sheets_avx2 = {"AVX2", march_gathered, fill_opacity, fill_light};
+const SheetsKernels cts_sheets_avx2 = {"AVX2", march_gathered, find_visible, fill_opacity, fill_light};
 
 #else
 

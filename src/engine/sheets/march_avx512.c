@@ -20,7 +20,7 @@ static void march_windows(SHEETS_MARCH_ARGUMENTS)
                  : march_gathered)(j, g, x, y, visible, out, counts);
 }
 
-const SheetsKernels cts_sheets_avx512 = {"AVX-512", march_windows, fill_opacity, fill_light};
+const SheetsKernels cts_sheets_avx512 = {"AVX-512", march_windows, find_visible, fill_opacity, fill_light};
 
 #else
 

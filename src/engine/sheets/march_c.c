@@ -4,4 +4,4 @@
 
 SHEETS_MARCH(march_gathered, 0)
 
-const SheetsKernels cts_sheets_c = {"plain C", march_gathered, fill_opacity, fill_light};
+const SheetsKernels cts_sheets_c = {"plain C", march_gathered, find_visible, fill_opacity, fill_light};

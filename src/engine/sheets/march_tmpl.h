@@ -1,12 +1,12 @@
 /* The march of a group through the sheets, front to back; included once for each SIMD path. Every path does the same
  * operations lane by lane: whole numbers up to a sample's level, then floats rounded after each operation. */
-#include "engine/sheets/void_blocks.h"
-
 #include "engine/sheets/sample_tmpl.h"
 
 #include "engine/sheets/shade_tmpl.h"
 
 #include "engine/sheets/table_tmpl.h"
+
+#include "engine/sheets/void_tmpl.h"
 #include <math.h>
 
 /* Accumulated state of a march. */
@@ -483,21 +483,21 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     SheetSamples samples;
     start_shading(&light);
     start_samples(&samples);
-    const int n_layers = j->blocks->n_layers, n_words = cts_sheets_words(n_layers);
+    const int n_chunks = (j->blocks->n_layers + SHEETS_LANES - 1) / SHEETS_LANES;
     const int side = (SHEETS_SIDE - 1) * grid->pitch;
     const SheetsShaft shaft = cts_sheets_shaft(v, (const int[]){x, x + side}, (const int[]){y, y + side});
     const Block span = span_of(&m, visible, first, along);
     const bool all_inside = span.inside && span.window && (span.lit_inside || !j->shade);
     counts->groups++;
-    for (int i = 0; i < n_words && wmask_any(s.alive); i++) {
-        const int word = v->step > 0 ? i : n_words - 1 - i;
-        uint64_t bits = visible[word];
+    for (int i = 0; i < n_chunks && wmask_any(s.alive); i++) {
+        const int first_layer = SHEETS_LANES * (v->step > 0 ? i : n_chunks - 1 - i);
+        unsigned bits = (unsigned)(visible[first_layer / 64] >> first_layer % 64) & ((1U << SHEETS_LANES) - 1);
+        if (bits)
+            bits = visible_layers(j, &shaft, first_layer, bits);
         while (bits && wmask_any(s.alive)) {
-            const int bit = v->step > 0 ? __builtin_ctzll(bits) : 63 - __builtin_clzll(bits);
-            bits ^= UINT64_C(1) << bit;
-            if (!cts_sheets_shaft_is_visible(&shaft, v, j->blocks, word * 64 + bit))
-                continue;
-            const int low = (word * 64 + bit) * SHEETS_BLOCK;
+            const int bit = v->step > 0 ? __builtin_ctz(bits) : 31 - __builtin_clz(bits);
+            bits ^= 1U << bit;
+            const int low = (first_layer + bit) * SHEETS_BLOCK;
             const int high = low + SHEETS_BLOCK < v->n[2] - 1 ? low + SHEETS_BLOCK : v->n[2] - 1;
             Block b;
             b.sheet = v->step > 0 ? low : high;

@@ -84,7 +84,7 @@ static bool find_visible(const Picturing *p, const SheetsPatch *patch, int i, in
     int x[2], y[2];
     pixels_of(patch->x0, patch->grid->pitch, i, across, x);
     pixels_of(patch->y0, patch->grid->pitch, j, down, y);
-    return cts_sheets_visible(p->job, x, y, of, bits);
+    return p->kernels->find_visible(p->job, x, y, of, bits);
 }
 
 /* True if a point of the lattice within a tile of pixels sees anything, so that the tile is not void. */

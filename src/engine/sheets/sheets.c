@@ -58,7 +58,7 @@ static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const CtsMac
     const int p = scene->view.axis;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     CtsStatus st = CTS_OK;
-    if (!k->blocks[p].at) {
+    if (!k->blocks[p].bits) {
         st = cts_sheets_void_init(&k->blocks[p], m, scene->lut, p, err);
         k->blocks_frame[p] = scene->frame;
     } else if (k->blocks_frame[p] != scene->frame) {

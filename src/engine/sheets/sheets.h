@@ -63,11 +63,13 @@ typedef struct SheetsOpacity {
     double length_mm, extinction_scale;
 } SheetsOpacity;
 
-/* How many blocks of 4^3 cells may be visible in rectangles of each layer of blocks: prefix sums over both of its axes.
- * at[(layer * (n[1] + 1) + j) * (n[0] + 1) + i]: of blocks below i and j. */
+/* Blocks of 4^3 cells that may be visible, a bit each, layer by layer and row by row along a. Words overlap: word k of
+ * a row has the blocks from 16 k to 16 k + 31, so that 17 successive ones lie within one. */
+enum { SHEETS_WORD_STEP = 16 };
 typedef struct SheetsVoid {
-    int n[2], n_layers;
-    uint32_t *at;
+    int n[2], n_layers, row_words;
+    uint32_t *bits; /* [(layer * n[1] + j) * row_words + k] */
+    size_t n_visible;
 } SheetsVoid;
 
 /* Intersections of the pixels' rays with the sheets, in voxels along a and b: origin + x * right + y * down + k * shear
@@ -82,6 +84,7 @@ typedef struct SheetsView {
     double slab_mm;                                                 /* length of a ray between two sheets */
     double start_mm, start_right_mm, start_down_mm, start_sheet_mm; /* of a ray where it meets a sheet, likewise */
     double near_mm, far_mm;
+    double margin; /* voxels by which shafts are wider than the rays of their pixels */
 } SheetsView;
 
 /* A grid of pixels, every one or every second, and its groups' lanes. */
@@ -131,6 +134,9 @@ typedef struct SheetsKernels {
     /* March a group whose first pixel is (x, y). visible: a bit a block of slabs that may show something. */
     void (*march)(const SheetsJob *job, const SheetsGrid *grid, int x, int y, const uint64_t *visible,
                   SheetsPixels *pixels, SheetsCounts *counts);
+    /* Bits of the layers of blocks that may be visible to pixels x[0] to x[1], y[0] to y[1]; of those that `of` has
+     * (NULL: all). True where there are any. */
+    bool (*find_visible)(const SheetsJob *job, const int x[2], const int y[2], const uint64_t *of, uint64_t *bits);
     /* Entries first to end - 1 (multiples of 16) of SheetsOpacity.rgba, for slabs of this length. */
     void (*fill_opacity)(const float (*mean)[4], float length_mm, size_t first, size_t end, uint64_t *rgba);
     /* The same of SheetsOpacity.light. */
@@ -155,9 +161,6 @@ CtsStatus cts_sheets_void_init(SheetsVoid *blocks, const CtsMacrocells *macrocel
 /* Visible blocks as a share of all. */
 double cts_sheets_visible_share(const SheetsVoid *blocks);
 void cts_sheets_void_free(SheetsVoid *blocks);
-/* Bits of the layers of blocks that may be visible to pixels x to x + width - 1, y to y + height - 1; of those that
- * `of` has (NULL: all). True where there are any. */
-bool cts_sheets_visible(const SheetsJob *job, const int x[2], const int y[2], const uint64_t *of, uint64_t *bits);
 static inline int cts_sheets_words(int n_layers)
 {
     return (n_layers + 63) / 64;

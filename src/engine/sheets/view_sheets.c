@@ -2,6 +2,17 @@
 
 #include <math.h>
 
+/* A sample's position is rounded to 2^-16 voxels, and shafts to floats: four times, by up to 2^-24 of the largest
+ * position each. Margins of 2^-10 voxels and 2^-20 of it are more than both. */
+static double margin_of(const SheetsView *v, int width, int height)
+{
+    double most = 0;
+    for (int c = 0; c < 2; c++)
+        most = fmax(most, fabs(v->origin[c]) + width * fabs(v->right[c]) + height * fabs(v->down[c]) +
+                              v->n[2] * fabs(v->shear[c]));
+    return 0x1p-10 + most * 0x1p-20;
+}
+
 void cts_sheets_view_init(SheetsView *v, const CtsView *camera, const uint16_t *grey)
 {
     static const int within[3][2] = {{1, 2}, {0, 2}, {0, 1}};
@@ -37,6 +48,7 @@ void cts_sheets_view_init(SheetsView *v, const CtsView *camera, const uint16_t *
         v->down[c] = at[c][2] - at[c][0];
         v->shear[c] = along[c == 0 ? a : b] / along[p];
     }
+    v->margin = margin_of(v, camera->width, camera->height);
     v->start_mm = mm[0];
     v->start_right_mm = mm[1] - mm[0];
     v->start_down_mm = mm[2] - mm[0];
