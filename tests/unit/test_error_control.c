@@ -1,6 +1,8 @@
 /* Error control against marches whose errors are known. */
 #include "render/error/error_control.h"
 #include "unit.h"
+#include <math.h>
+#include <string.h>
 
 enum { SIDE = 64 };
 /* Values of the pixels, those that a fast march finds, and those of the frame. */
@@ -51,8 +53,65 @@ static void reference_where_doubtful(void **state)
     cts_picture_free(&picture);
 }
 
+/* The reference of expected_error(). */
+static CtsStatus march_black(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
+                             double error, float (*rgba)[4], float *off, CtsError *err)
+{
+    memset(rgba, 0, n * sizeof *rgba);
+    memset(off, 0, n * sizeof *off);
+    return CTS_OK;
+}
+
+/* The estimate's expectation is the squared error of the pixels that were not re-rendered: each pixel is drawn with the
+ * probability that its estimate assumes, alone or together with others, beside interpolated pixels, and among the last
+ * few pixels. The requested error is so large that one round suffices: low estimates end the rounds. */
+static void expected_error(void **state)
+{
+    enum { WIDTH = 37, HEIGHT = 61, N = WIDTH * HEIGHT, PICTURES = 1000 };
+    const CtsEngine engine = {.name = "tiled", .render_pixels = march_black, .indicator = CTS_INDICATOR_ESTIMATE};
+    const CtsRenderSettings settings = {.n_threads = 1};
+    CtsPreset preset = {0};
+    CtsPicture *picture;
+    CtsError err;
+    static float indicator[N];
+    static uint8_t origin[N];
+    CtsErrorMap errors = {origin, indicator, 0, 0};
+    double sum_estimated = 0, sum_actual = 0, variance = 0;
+    assert_int_equal(cts_picture_new(&picture, WIDTH, HEIGHT, 4, &err), CTS_OK);
+    for (int number = 0; number < PICTURES; number++) {
+        CtsErrorControl control = {.engine = &engine, .march = &engine};
+        control.scene.preset = &preset;
+        control.scene.settings = &settings;
+        control.scene.plan.max_error = 48;
+        control.scene.view.width = WIDTH;
+        control.scene.view.height = 8 * HEIGHT;
+        picture->first_row = number * HEIGHT; /* another sample */
+        for (size_t i = 0; i < N; i++) {
+            const bool is_likely = i % 1000 < 50;
+            const float error = is_likely ? 0.1F : 0.02F * (float)(i % 4);
+            for (size_t c = 0; c < 4; c++)
+                picture->pixels[4 * i + c] = c == 3 ? 0 : error;
+            indicator[i] = i % 500 == 7 ? 3 : is_likely ? 1 : error;
+            origin[i] = i > N / 2 && i % 5 == 0 ? CTS_PIXEL_INTERPOLATED : CTS_PIXEL_RENDERED;
+        }
+        assert_int_equal(cts_error_control_enforce(&control, picture, &errors, &err), CTS_OK);
+        double actual = 0;
+        for (size_t i = 0; i < N; i++)
+            if (origin[i] == CTS_PIXEL_RENDERED)
+                actual += (double)picture->pixels[4 * i] * (double)picture->pixels[4 * i];
+        sum_estimated += control.sum;
+        sum_actual += actual;
+        variance += (control.sum - actual) * (control.sum - actual);
+    }
+    const double deviation = sqrt(variance);
+    if (fabs(sum_estimated - sum_actual) > 4 * deviation || deviation > 0.005 * sum_actual)
+        fail_msg("sum of squared errors of %d pictures: expected %g, actual %g (standard deviation %g)", PICTURES,
+                 sum_actual, sum_estimated, deviation);
+    cts_picture_free(&picture);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(reference_where_doubtful)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(reference_where_doubtful), cmocka_unit_test(expected_error)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -36,6 +36,10 @@
  * chosen for the samples that estimate them, so that the estimate is too low. */
 #define UNMARCHED_SHARE 0.8
 
+/* Bound of the relative error of Squares.sum: a term is a product, and at most 15 additions lead to the sum, each
+ * rounded by 2^-24 at most. */
+#define ROUGH 1e-6
+
 /* A probability, divided by b^2 + f^2, at which every pixel is re-rendered. */
 #define CERTAIN 1e30
 
@@ -50,6 +54,17 @@ enum {
     PREDICTED = 2 * AT_LAST, /* of so many pixels one is re-rendered in a prediction: what rounds come to on average */
     SMALL = 1024,            /* so many pixels of a picture may be re-rendered in any case */
 };
+
+/* Pixels that share a random number where their probabilities sum to 1 at most: one of them is drawn, or none.
+ * Chernoff's bound holds as for independent draws: the expectation of the product of e^-tx over them is 1 + the sum of
+ * a, at most the product of 1 + a, with a = p (e^-tx - 1) of each, between -1 and 0. */
+enum { DRAWN_TOGETHER = 16 };
+
+/* Of DRAWN_TOGETHER pixels those that may be sampled. */
+typedef struct Squares {
+    float sum; /* of b^2 */
+    float n;   /* number of pixels */
+} Squares;
 
 /* State of one strip of CTS_BAND_ROWS rows. */
 typedef struct Strip {
@@ -77,9 +92,10 @@ typedef struct Round {
     const CtsErrorControl *control;
     CtsPicture *band;
     CtsErrorMap *errors;
-    double error;  /* of re-rendered pixels, rms; 0: reference precision */
-    double small;  /* share of a small picture that may be re-rendered in any case */
-    double one_in; /* one pixel of so many is re-rendered where the indicators equal the requested error */
+    double error;     /* of re-rendered pixels, rms; 0: reference precision */
+    double small;     /* share of a small picture that may be re-rendered in any case */
+    double one_in;    /* one pixel of so many is re-rendered where the indicators equal the requested error */
+    Squares *squares; /* of this round, for each DRAWN_TOGETHER pixels of the band */
     Strip *strips;
     size_t n_strips;
     int number;
@@ -147,62 +163,67 @@ static double probability_at(const Round *r, const Strip *s, size_t at)
     return at_most_1(s->probability * square_at(r, s, at));
 }
 
-/* Pixels that share a random number where their probabilities sum to 1 at most: one of them is drawn, or none.
- * Chernoff's bound holds as for independent draws: the expectation of the product of e^-tx over them is 1 + the sum of
- * a, at most the product of 1 + a, with a = p (e^-tx - 1) of each, between -1 and 0. */
-enum { DRAWN_TOGETHER = 16 };
-
-/* True where DRAWN_TOGETHER pixels from `first` on are all as the engine rendered them, as most are in a first round.
- */
-static bool all_rendered(const Round *r, const Strip *s, size_t first)
+static float sum_of_eight(f32x8 v)
 {
-    static const uint8_t rendered[DRAWN_TOGETHER] = {CTS_PIXEL_RENDERED};
-    _Static_assert(CTS_PIXEL_RENDERED == 0, "the table of origins is zeros");
-    return s->end - first >= DRAWN_TOGETHER && memcmp(r->errors->origin + first, rendered, sizeof rendered) == 0;
+    const f32x4 w = SHUFFLE(v, v, 0, 1, 2, 3) + SHUFFLE(v, v, 4, 5, 6, 7);
+    return (w[0] + w[1]) + (w[2] + w[3]);
 }
 
-/* b^2 of four pixels that are all sampled. */
-static f64x4 four_squares(const Round *r, size_t at)
+/* Of DRAWN_TOGETHER pixels from `first` on. */
+static Squares sum_squares(const CtsErrorMap *errors, size_t first)
 {
-    const f64x4 b = WORTH * CONVERT(*(const f32x4 *)(r->errors->indicator + at), f64x4);
-    return b * b;
+    _Static_assert(CTS_PIXEL_RENDERED % 2 == 0 && CTS_PIXEL_INTERPOLATED % 2 == 1 && CTS_PIXEL_MARCHED % 2 == 0 &&
+                       CTS_PIXEL_REFERENCE % 2 == 1,
+                   "pixels of odd origin are not sampled");
+    f32x8 sum = {0};
+    i32x8 n_odd = {0};
+    for (size_t at = first; at < first + DRAWN_TOGETHER; at += 8) {
+        const f32x8 b = (float)WORTH * *(const f32x8 *)(errors->indicator + at);
+        const i32x8 odd = CONVERT(*(const u8x8 *)(errors->origin + at), i32x8) & 1;
+        sum += (f32x8)((i32x8)(b * b) & (odd - 1));
+        n_odd += odd;
+    }
+    return (Squares){sum_of_eight(sum), DRAWN_TOGETHER - sum_of_eight(CONVERT(n_odd, f32x8))};
 }
 
-static double sum_of_four(f64x4 v)
-{
-    return (v[0] + v[1]) + (v[2] + v[3]);
-}
-
-/* Sum of b^2 over a strip's pixels that may be sampled, whose number is *n. */
-static double sum_squares(const Round *r, const Strip *s, size_t *n)
+/* Sum of b^2 over a strip's pixels that may be sampled, and r->squares of them. */
+static double sum_strip(const Round *r, const Strip *s)
 {
     double sum = 0;
-    f64x4 sums = {0};
-    *n = 0;
     for (size_t first = s->first; first < s->end; first += DRAWN_TOGETHER) {
-        if (all_rendered(r, s, first)) {
-            for (size_t i = 0; i < DRAWN_TOGETHER; i += 4)
-                sums += four_squares(r, first + i);
-            *n += DRAWN_TOGETHER;
-            continue;
-        }
-        for (size_t i = first; i < s->end && i < first + DRAWN_TOGETHER; i++) {
-            const bool open = is_open(r->errors, i);
-            const double b = open ? WORTH * (double)r->errors->indicator[i] : 0;
-            sum += b * b;
-            *n += open;
-        }
+        Squares squares = {0};
+        if (s->end - first >= DRAWN_TOGETHER)
+            squares = sum_squares(r->errors, first);
+        else
+            for (size_t i = first; i < s->end; i++) {
+                const float b = (float)WORTH * r->errors->indicator[i];
+                squares.sum += is_open(r->errors, i) ? b * b : 0;
+                squares.n += is_open(r->errors, i);
+            }
+        r->squares[first / DRAWN_TOGETHER] = squares;
+        sum += (double)squares.sum;
     }
-    return sum + sum_of_four(sums);
+    return sum;
+}
+
+/* Sum of the probabilities of up to DRAWN_TOGETHER pixels from `first` on, not limited to 1 each, with a relative error
+ * of at most ROUGH. */
+static double rough_probability(const Round *r, const Strip *s, size_t first)
+{
+    const Squares squares = r->squares[first / DRAWN_TOGETHER];
+    return s->probability * ((double)squares.sum + (double)squares.n * s->floor);
 }
 
 static double share_of(const Round *r, Strip *s)
 {
+    const uint8_t *const origin = r->errors->origin;
     size_t n_visible = 0;
-    for (size_t i = s->first; i < s->end; i++)
-        s->n_interpolated += r->errors->origin[i] == CTS_PIXEL_INTERPOLATED;
-    for (size_t i = s->first; i < s->end && s->n_interpolated > 0; i++)
-        n_visible += r->errors->origin[i] != CTS_PIXEL_INTERPOLATED && r->band->pixels[4 * i + 3] > 0;
+    if (!memchr(origin + s->first, CTS_PIXEL_INTERPOLATED, s->end - s->first))
+        return 1;
+    for (size_t i = s->first; i < s->end; i++) {
+        s->n_interpolated += origin[i] == CTS_PIXEL_INTERPOLATED;
+        n_visible += origin[i] != CTS_PIXEL_INTERPOLATED && r->band->pixels[4 * i + 3] > 0;
+    }
     return n_visible > 0 ? 1 + (double)s->n_interpolated / (double)n_visible : 1;
 }
 
@@ -231,44 +252,41 @@ static CtsStatus add_place(Strip *s, size_t at, CtsError *err)
 static double find_probabilities(const Round *r, const Strip *s, size_t first, double probability[DRAWN_TOGETHER])
 {
     double sum = 0;
-    if (all_rendered(r, s, first)) {
-        f64x4 sums = {0};
-        for (size_t i = 0; i < DRAWN_TOGETHER; i += 4) {
-            f64x4 p = s->probability * (four_squares(r, first + i) + s->floor);
-            for (int k = 0; k < 4; k++)
-                p[k] = at_most_1(p[k]);
-            memcpy(probability + i, &p, sizeof p);
-            sums += p;
-        }
-        return sum_of_four(sums);
-    }
     for (size_t i = 0; i < DRAWN_TOGETHER && first + i < s->end; i++)
         sum += probability[i] = probability_at(r, s, first + i);
     return sum;
 }
 
+/* Expected number of pixels that are drawn. */
+static double count_expected(const Round *r, const Strip *s)
+{
+    double n = 0, probability[DRAWN_TOGETHER];
+    for (size_t first = s->first; first < s->end; first += DRAWN_TOGETHER) {
+        const double rough = rough_probability(r, s, first);
+        n += rough < 1 ? rough : find_probabilities(r, s, first, probability);
+    }
+    return n;
+}
+
+/* Draw pixels. Most random numbers exceed the sum of their pixels' probabilities by more than its rounding error; the
+ * others select a pixel by the probabilities of the estimate. */
 static CtsStatus draw(const Round *r, Strip *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (size_t first = s->first; first < s->end && !st; first += DRAWN_TOGETHER) {
-        const size_t n = s->end - first < DRAWN_TOGETHER ? s->end - first : DRAWN_TOGETHER;
-        double probability[DRAWN_TOGETHER];
-        const double sum = find_probabilities(r, s, first, probability);
-        if (sum == 0)
+        const double rough = rough_probability(r, s, first), number = uniform_at(r, first);
+        double probability[DRAWN_TOGETHER], until = 0;
+        if (rough < 1 && number >= (1 + ROUGH) * rough)
             continue;
-        if (sum > 1) {
-            for (size_t i = 0; i < n && !st; i++)
-                if (uniform_at(r, first + i) < probability[i])
-                    st = add_place(s, first + i, err);
-            continue;
-        }
-        const double number = uniform_at(r, first);
-        double until = 0;
-        for (size_t i = 0; number < sum && i < n; i++)
-            if (number < (until += probability[i])) {
-                st = add_place(s, first + i, err);
+        const bool alone = find_probabilities(r, s, first, probability) > 1;
+        for (size_t i = 0; i < DRAWN_TOGETHER && first + i < s->end && !st; i++) {
+            until = alone ? probability[i] : until + probability[i];
+            if ((alone ? uniform_at(r, first + i) : number) >= until)
+                continue;
+            st = add_place(s, first + i, err);
+            if (!alone)
                 break;
-            }
+        }
     }
     return st;
 }
@@ -279,9 +297,8 @@ static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
 {
     const double requested = cts_scene_requested_error(&r->control->scene), n = (double)(s->end - s->first);
     const bool first = r->number == 0 || s->marched;
-    double most = n * at_most_1(r->small + 1.0 / (first ? AT_FIRST : AT_LAST)), expected;
-    size_t n_open;
-    const double sum = sum_squares(r, s, &n_open);
+    double most = n * at_most_1(r->small + 1.0 / (first ? AT_FIRST : AT_LAST));
+    const double sum = sum_strip(r, s);
     if (r->number == 0)
         s->share = share_of(r, s);
     if (first) {
@@ -294,13 +311,8 @@ static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
         s->probability = CERTAIN;
         most = INFINITY;
     }
-    expected = s->probability * (sum + (double)n_open * s->floor); /* at most */
-    if (expected > most) {
-        expected = 0;
-        for (size_t i = s->first; i < s->end; i++)
-            expected += probability_at(r, s, i);
-        s->probability *= expected > most ? most / expected : 1;
-    }
+    const double expected = count_expected(r, s);
+    s->probability *= expected > most ? most / expected : 1;
     return draw(r, s, err);
 }
 
@@ -371,9 +383,12 @@ static bool choose_groups(const Round *r, Strip *s)
 {
     const double requested = cts_scene_requested_error(&r->control->scene);
     StripOfRound context = {r, s};
-    if (s->last_from == 0 || (s->sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested &&
-                              r->number == 0 && has_more(r, s)))
+    if (!r->samples || s->last_from == 0 ||
+        (s->sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested && r->number == 0 &&
+         has_more(r, s)))
         return false;
+    for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++)
+        r->samples[i].group = group_at(r, s, r->place[i]);
     const float from = cts_group_threshold(r->samples + s->first_sampled, s->n_sampled, would_meet, &context);
     /* The samples of a first choice flatter it, those of a second seldom do. */
     s->marched_from = r->number > 1 ? 0 : from < s->last_from ? from : s->last_from / 2;
@@ -397,20 +412,20 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
                          square = error * error;
             s->sum += s->share * square * (1 - p) / p + off * off;
             if (r->samples)
-                r->samples[i] = (CtsGroupSample){group_at(r, s, at), s->share * square * (1 - p) / p,
-                                                 p < 1 ? square / square_at(r, s, at) : 0};
+                r->samples[i] =
+                    (CtsGroupSample){0, s->share * square * (1 - p) / p, p < 1 ? square / square_at(r, s, at) : 0};
             if (p < 1)
                 s->excess = fmax(s->excess, square / square_at(r, s, at));
             if (!CTS_MUTATED(UNCAST))
                 memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
         }
+        s->n_rerendered += s->n_sampled;
+        s->missed = s->open ? is_missed(r, s) : s->missed;
+        s->open = s->missed && (choose_groups(r, s) || has_more(r, s));
         for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
             r->errors->origin[r->place[i]] = CTS_PIXEL_REFERENCE;
             r->errors->indicator[r->place[i]] = 0;
         }
-        s->n_rerendered += s->n_sampled;
-        s->missed = s->open ? is_missed(r, s) : s->missed;
-        s->open = s->missed && ((r->samples && choose_groups(r, s)) || has_more(r, s));
     }
 }
 
@@ -594,8 +609,9 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
                .small = SMALL / pixels,
                .one_in = fmax(fmin(pixels / ONE_IN, ONE_IN), 1)};
     CtsStatus st;
-    if ((st = cts_alloc_zeroed(&r.strips, r.n_strips, err)))
-        return st;
+    if ((st = cts_alloc_zeroed(&r.strips, r.n_strips, err)) ||
+        (st = cts_alloc_array(&r.squares, (n + DRAWN_TOGETHER - 1) / DRAWN_TOGETHER, err)))
+        goto end;
     for (size_t i = 0; i < r.n_strips; i++)
         r.strips[i] = (Strip){.first = i * strip,
                               .end = i + 1 < r.n_strips ? (i + 1) * strip : n,
@@ -630,8 +646,9 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
 end:
     control->wall_ms += cts_wall_ms() - wall;
     control->cpu_ms += cts_cpu_ms() - cpu;
-    for (size_t i = 0; i < r.n_strips; i++)
+    for (size_t i = 0; r.strips && i < r.n_strips; i++)
         cts_free(&r.strips[i].place);
+    cts_free(&r.squares);
     cts_free(&r.strips);
     cts_free(&r.place);
     cts_free(&r.rgba);
