@@ -4,6 +4,9 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#ifdef __SSE__
+#include <immintrin.h>
+#endif
 
 #define SHUFFLE __builtin_shufflevector
 #define CONVERT __builtin_convertvector
@@ -21,6 +24,25 @@ SIMD_FIXED(i64x4, int64_t, 4);
 SIMD_FIXED(f32x4, float, 4);
 SIMD_FIXED(f32x8, float, 8);
 SIMD_FIXED(f64x4, double, 4);
+
+/* Lane by lane: b unless a is smaller, or larger. By name, since gcc makes four instructions of the operators. */
+static inline f32x4 f32x4_min(f32x4 a, f32x4 b)
+{
+#ifdef __SSE__
+    return (f32x4)_mm_min_ps((__m128)a, (__m128)b);
+#else
+    return (f32x4)(((a < b) & (i32x4)a) | (~(a < b) & (i32x4)b));
+#endif
+}
+
+static inline f32x4 f32x4_max(f32x4 a, f32x4 b)
+{
+#ifdef __SSE__
+    return (f32x4)_mm_max_ps((__m128)a, (__m128)b);
+#else
+    return (f32x4)(((a > b) & (i32x4)a) | (~(a > b) & (i32x4)b));
+#endif
+}
 
 /* Eight rows of eight elements, in_stride apart, become eight columns, out_stride apart. */
 static inline void transpose_8x8(const uint16_t *in, size_t in_stride, uint16_t *out, size_t out_stride)

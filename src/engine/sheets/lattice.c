@@ -24,8 +24,8 @@ static float range_of(const f32x4 rgba[], int n)
 {
     f32x4 low = rgba[0], high = rgba[0];
     for (int i = 1; i < n; i++) {
-        low = sheets_smaller4(rgba[i], low);
-        high = sheets_larger4(rgba[i], high);
+        low = f32x4_min(rgba[i], low);
+        high = f32x4_max(rgba[i], high);
     }
     const f32x4 range = high - low;
     return sheets_larger(sheets_larger(range[0], range[1]), sheets_larger(range[2], range[3]));
@@ -62,10 +62,10 @@ static void interpolate_four(SheetsPatch *to, size_t at, size_t row, const Sheet
                                                                                              4 * (corner + across));
     const float *const above = from->indicator + corner, *const below = above + across;
     const f32x4 beside = upper[0] + upper[1], under = upper[0] + lower[0], all = beside + lower[0] + lower[1];
-    const f32x4 low[2] = {sheets_smaller4(upper[0], upper[1]), sheets_smaller4(lower[0], lower[1])},
-                high[2] = {sheets_larger4(upper[0], upper[1]), sheets_larger4(lower[0], lower[1])};
-    const f32x4 range[3] = {high[0] - low[0], sheets_larger4(upper[0], lower[0]) - sheets_smaller4(upper[0], lower[0]),
-                            sheets_larger4(high[0], high[1]) - sheets_smaller4(low[0], low[1])};
+    const f32x4 low[2] = {f32x4_min(upper[0], upper[1]), f32x4_min(lower[0], lower[1])},
+                high[2] = {f32x4_max(upper[0], upper[1]), f32x4_max(lower[0], lower[1])};
+    const f32x4 range[3] = {high[0] - low[0], f32x4_max(upper[0], lower[0]) - f32x4_min(upper[0], lower[0]),
+                            f32x4_max(high[0], high[1]) - f32x4_min(low[0], low[1])};
     const f32x4 most = sheets_largest_channels(range[0], range[1], range[2], range[2]);
     f32x4 *const rgba = (f32x4 *)(to->rgba + 4 * at), *const next = (f32x4 *)(to->rgba + 4 * (at + row));
     float *const indicator = to->indicator + at;

@@ -22,9 +22,9 @@ static inline int sheets_at_most(int n, int most)
     return n < most ? n : most;
 }
 
-static inline float sheets_smaller(float a, float b)
+static inline int sheets_at_least(int n, int least)
 {
-    return a < b ? a : b;
+    return n > least ? n : least;
 }
 
 static inline float sheets_larger(float a, float b)
@@ -32,27 +32,12 @@ static inline float sheets_larger(float a, float b)
     return a > b ? a : b;
 }
 
-static inline f32x4 sheets_select4(i32x4 mask, f32x4 yes, f32x4 no)
-{
-    return (f32x4)((mask & (i32x4)yes) | (~mask & (i32x4)no));
-}
-
-static inline f32x4 sheets_smaller4(f32x4 a, f32x4 b)
-{
-    return sheets_select4(a < b, a, b);
-}
-
-static inline f32x4 sheets_larger4(f32x4 a, f32x4 b)
-{
-    return sheets_select4(a > b, a, b);
-}
-
 /* The largest channel of each of four pixels: they are transposed, half by half. */
 static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)
 {
-    const f32x4 ab = sheets_larger4(SHUFFLE(a, b, 0, 4, 1, 5), SHUFFLE(a, b, 2, 6, 3, 7)),
-                cd = sheets_larger4(SHUFFLE(c, d, 0, 4, 1, 5), SHUFFLE(c, d, 2, 6, 3, 7));
-    return sheets_larger4(SHUFFLE(ab, cd, 0, 1, 4, 5), SHUFFLE(ab, cd, 2, 3, 6, 7));
+    const f32x4 ab = f32x4_max(SHUFFLE(a, b, 0, 4, 1, 5), SHUFFLE(a, b, 2, 6, 3, 7)),
+                cd = f32x4_max(SHUFFLE(c, d, 0, 4, 1, 5), SHUFFLE(c, d, 2, 6, 3, 7));
+    return f32x4_max(SHUFFLE(ab, cd, 0, 1, 4, 5), SHUFFLE(ab, cd, 2, 3, 6, 7));
 }
 
 /* The lattice of a patch; its points are functions of their place alone, so that no band or tile sees its borders. */

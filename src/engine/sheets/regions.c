@@ -1,10 +1,10 @@
 /* A picture, region by region. */
-#include "engine/sheets/lattice.h"
+#include "engine/sheets/contrast.h"
 
 #include "base/mem.h"
-#include "base/mutation.h"
 #include "base/parallel.h"
 #include <math.h>
+#include <stdatomic.h>
 #include <string.h>
 
 _Static_assert(CTS_BAND_ROWS % SHEETS_REGION == 0, "a band is whole regions, or the picture would depend on it");
@@ -13,7 +13,6 @@ _Static_assert(SHEETS_REGION % SHEETS_TILE_X == 0 && SHEETS_REGION % SHEETS_TILE
 typedef struct SheetsWorker {
     SheetsCounts counts;
     uint64_t *region, *tile; /* bits of visible layers of blocks */
-    float *extremes;         /* of rows of pixels: SheetsExtremes */
 } SheetsWorker;
 
 typedef struct Picturing {
@@ -22,6 +21,7 @@ typedef struct Picturing {
     const CtsScene *scene;
     SheetsWorker *workers;
     SheetsPatch pixels, lattice;
+    atomic_int *regions_left; /* to render, of each strip of the pixels' regions */
 } Picturing;
 
 /* A row of a group: four channels of four pixels, transposed. */
@@ -154,10 +154,22 @@ static void run_patch(const Picturing *p, int worker, const SheetsPatch *patch, 
         run_region(p, &p->workers[worker], &to, (int)(i % across) * SHEETS_REGION, (int)(i / across) * SHEETS_REGION);
 }
 
+/* Adds the contrast of a region's strip if this was the last of its regions, while the strip is in the cache. Strip by
+ * strip, so that no band sees another's pixels. */
+static void finish_region(const Picturing *p, size_t region)
+{
+    const size_t strip = region / (size_t)regions_along(p->pixels.width);
+    const int y0 = (int)strip * SHEETS_REGION;
+    if (atomic_fetch_sub(&p->regions_left[strip], 1) == 1)
+        cts_sheets_add_contrast(&p->pixels, y0, sheets_at_most(y0 + SHEETS_REGION, p->pixels.height));
+}
+
 static void run_pixels(void *context, int worker, size_t first, size_t end)
 {
     const Picturing *const p = context;
     run_patch(p, worker, &p->pixels, first, end);
+    for (size_t i = first; i < end; i++)
+        finish_region(p, i);
 }
 
 static void run_lattice(void *context, int worker, size_t first, size_t end)
@@ -166,101 +178,14 @@ static void run_lattice(void *context, int worker, size_t first, size_t end)
     run_patch(p, worker, &p->lattice, first, end);
 }
 
-/* A share of how far a pixel lies from its neighbours: where they differ, samples may have missed an edge between them.
- */
-#define CONTRAST_SHARE (1.0F / 16)
-
-/* First pixel of a row that shows anything, and one past the last. */
-static void visible_extent(const SheetsPatch *p, int y, int extent[2])
-{
-    const float *const alpha = p->rgba + 4 * (size_t)p->width * (size_t)y + 3;
-    extent[0] = 0;
-    extent[1] = p->width;
-    while (extent[0] < extent[1] && !(alpha[4 * (size_t)extent[0]] > 0))
-        extent[0]++;
-    while (extent[1] > extent[0] && !(alpha[4 * (size_t)(extent[1] - 1)] > 0))
-        extent[1]--;
-}
-
-/* Largest difference of each pixel of row y to one of its eight neighbours, over channels. extremes: room for 12
- * (width + 2) numbers. extent: of the rows above, here, and below; no other pixel has a neighbour that differs. */
-static void add_row_contrast(const SheetsPatch *p, int y, int first, int end, const int extent[3][2], float *extremes,
-                             float *indicator)
-{
-    int from = p->width, to = 0;
-    for (int i = 0; i < 3; i++) {
-        if (extent[i][0] == extent[i][1])
-            continue;
-        from = sheets_at_most(from, extent[i][0]);
-        to = extent[i][1] > to ? extent[i][1] : to;
-    }
-    if (from >= to)
-        return;
-    from = from > 0 ? from - 1 : 0;
-    to = sheets_at_most(to + 1, p->width);
-    const size_t row = 4 * (size_t)p->width, n = 4 * (size_t)(to - from);
-    const float *const here = p->rgba + row * (size_t)y + 4 * (size_t)from;
-    const float *const above = y > first ? here - row : here, *const below = y + 1 < end ? here + row : here;
-    float *const low = extremes + 4, *const high = extremes + n + 12, *const spread = extremes + 2 * n + 16;
-    indicator += from;
-    for (size_t i = 0; i < n; i++) {
-        low[i] = sheets_smaller(sheets_smaller(above[i], below[i]), here[i]);
-        high[i] = sheets_larger(sheets_larger(above[i], below[i]), here[i]);
-    }
-    for (size_t c = 0; c < 4; c++) { /* beyond the ends as at them */
-        (low - 4)[c] = low[c];
-        (high - 4)[c] = high[c];
-        low[n + c] = low[n - 4 + c];
-        high[n + c] = high[n - 4 + c];
-    }
-    for (size_t i = 0; i < n; i++) {
-        const float up = sheets_larger(sheets_larger((high - 4)[i], high[i + 4]), high[i]) - here[i];
-        const float down = here[i] - sheets_smaller(sheets_smaller((low - 4)[i], low[i + 4]), low[i]);
-        spread[i] = sheets_larger(up, down);
-    }
-    const f32x4 *const pixel = (const f32x4 *)spread;
-    size_t x = 0;
-    for (; x + 4 <= n / 4 && !CTS_MUTATED(INDICATOR_CONTRAST); x += 4)
-        *(f32x4 *)(indicator + x) +=
-            CONTRAST_SHARE * sheets_largest_channels(pixel[x], pixel[x + 1], pixel[x + 2], pixel[x + 3]);
-    for (; x < n / 4 && !CTS_MUTATED(INDICATOR_CONTRAST); x++)
-        indicator[x] += CONTRAST_SHARE * sheets_largest_channels(pixel[x], pixel[x], pixel[x], pixel[x])[0];
-}
-
-/* Rows y0 to y1 - 1 of a patch, whose neighbours beyond these are not looked at. */
-static void add_contrast(const SheetsPatch *p, int y0, int y1, float *extremes)
-{
-    int extent[3][2] = {{0, 0}, {0, 0}, {0, 0}};
-    visible_extent(p, y0, extent[2]);
-    for (int y = y0; y < y1; y++) {
-        memmove(extent[0], extent[1], 2 * sizeof *extent);
-        if (y + 1 < y1)
-            visible_extent(p, y + 1, extent[2]);
-        else
-            extent[2][0] = extent[2][1] = 0;
-        add_row_contrast(p, y, y0, y1, (const int(*)[2])extent, extremes, p->indicator + (size_t)y * (size_t)p->width);
-    }
-}
-
-/* Strip by strip, so that no band sees another's pixels. */
-static void add_contrasts(void *context, int worker, size_t first, size_t end)
-{
-    const Picturing *const p = context;
-    const SheetsPatch *const to = &p->pixels;
-    for (size_t strip = first; strip < end; strip++) {
-        const int y0 = (int)strip * SHEETS_REGION, y1 = sheets_at_most(y0 + SHEETS_REGION, to->height);
-        add_contrast(to, y0, y1, p->workers[worker].extremes);
-    }
-}
-
-static CtsStatus start_workers(SheetsWorker **workers, const SheetsJob *job, int width, int n_threads, CtsError *err)
+static CtsStatus start_workers(SheetsWorker **workers, const SheetsJob *job, int n_threads, CtsError *err)
 {
     const size_t words = (size_t)cts_sheets_words(job->blocks->n_layers);
     CtsStatus st = cts_alloc_zeroed(workers, (size_t)n_threads, err);
     for (int i = 0; i < n_threads && !st; i++) {
         SheetsWorker *const w = &(*workers)[i];
-        if (!(st = cts_alloc_array(&w->region, words, err)) && !(st = cts_alloc_array(&w->tile, words, err)))
-            st = cts_alloc_array(&w->extremes, 12 * ((size_t)width + 2), err);
+        if (!(st = cts_alloc_array(&w->region, words, err)))
+            st = cts_alloc_array(&w->tile, words, err);
     }
     return st;
 }
@@ -278,7 +203,6 @@ static void end_workers(SheetsWorker **workers, int n_threads, SheetsCounts *tot
         total->void_tiles += c->void_tiles;
         cts_free(&w->region);
         cts_free(&w->tile);
-        cts_free(&w->extremes);
     }
     cts_free(workers);
 }
@@ -299,18 +223,22 @@ CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, con
                    .pixels = {&job->grid[0], 0, picture->first_row, picture->width, picture->height, picture->pixels,
                               indicator, picture->depth_mm}};
     const size_t down = (size_t)regions_along(picture->height);
-    CtsStatus st = start_workers(&p.workers, job, picture->width, n_threads, err);
+    CtsStatus st = start_workers(&p.workers, job, n_threads, err);
+    if (!st)
+        st = cts_alloc_array(&p.regions_left, down, err);
+    for (size_t i = 0; !st && i < down; i++)
+        atomic_init(&p.regions_left[i], regions_along(picture->width));
     for (size_t i = 0; picture->depth_mm && i < (size_t)picture->width * (size_t)picture->height; i++)
         picture->depth_mm[i] = SHEETS_FAR;
     if (!st && job->lattice && !(st = cts_sheets_lattice_init(&p.lattice, job, &p.pixels, err)))
         cts_parallel(n_threads, n_regions(&p.lattice), 1, run_lattice, &p);
     if (!st) {
         cts_parallel(n_threads, n_regions(&p.pixels), 1, run_pixels, &p);
-        cts_parallel(n_threads, down, 1, add_contrasts, &p);
         finish_depth(&p.pixels, job->camera_mm);
         st = cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
     }
     cts_sheets_lattice_free(&p.lattice);
+    cts_free(&p.regions_left);
     end_workers(&p.workers, n_threads, total);
     return st;
 }
@@ -346,7 +274,7 @@ static CtsStatus probe_tile(const TileProbing *probing, int worker, size_t tile,
     cts_sheets_lattice_free(&p.lattice);
     /* Neighbours outside the tile are not rendered: at its border contrast may be larger in the picture. */
     if (!st)
-        add_contrast(&p.pixels, 0, SHEETS_TILE_Y, w->extremes);
+        cts_sheets_add_contrast(&p.pixels, 0, SHEETS_TILE_Y);
     return st;
 }
 
@@ -367,7 +295,7 @@ CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, c
                      .rgba = rgba,
                      .indicator = indicator};
     SheetsCounts counts = {0};
-    CtsStatus st = start_workers(&p.picturing.workers, job, SHEETS_TILE_X, n_threads, err);
+    CtsStatus st = start_workers(&p.picturing.workers, job, n_threads, err);
     if (!st && !(st = cts_alloc_zeroed(&p.status, (size_t)n_threads, err)) &&
         !(st = cts_alloc_zeroed(&p.err, (size_t)n_threads, err)))
         cts_parallel(n_threads, n, 1, probe_some, &p);
