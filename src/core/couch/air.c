@@ -6,21 +6,28 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Air is -1000 HU in a calibrated scanner; a lung, even an emphysematous one, is mostly denser than this. */
+/* Air is -1000 HU in a calibrated scanner; a lung, even an emphysematous one, is mostly denser than this. Measured:
+ * -980 to -850 HU give the same. */
 static const double LUNG_HU = -930;
-/* Difference from air to the least dense lung, independent of the scanner's level for air. */
+/* Difference from air to the least dense lung, LUNG_HU + 1000, whatever the scanner's level of air is. */
 static const double AIR_TO_LUNG_HU = 70;
-/* One voxel in so many is sampled, along rows and across. */
+/* Distances between sampled voxels, along rows and across: 512 samples of a section of 512 x 512 voxels. Measured: 8 to
+ * 128 columns and 4 to 64 rows give the same. */
 enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
-/* Half size of the window whose mean reduces noise, limited to this number of voxels each way. */
+/* Half size of the window whose mean reduces noise: 5 x 5 voxels of 0.9 mm leave 10 of 50 HU, less than half of
+ * AIR_TO_LUNG_HU. Measured: 0.5 to 4 mm pass the tests. */
 static const double MEAN_MM = 2;
+/* Largest half size in voxels: 9 x 9 leave a ninth of the noise, and more take time. */
 enum { MEAN_MOST = 4 };
-/* Room air is a large, sharp peak of the histogram around a patient: a third of it lies within half of AIR_TO_LUNG_HU
- * of its level; foam and edges make up the rest. Lungs cut by the field of view have a flatter peak. Measured: room air
- * 65 to 86 %, lungs 52 to 60 %. */
-static const double PEAK_SHARE = 1 / 3.0, SHARP_SHARE = 2 / 3.0;
-/* More than this share of all air, deeper inside the patient and darker than a lung's level by AIR_TO_LUNG_HU, is the
- * windpipe or gas of the bowel, and not noise. */
+/* Least share of the air around a patient in a large peak of its histogram, within half of AIR_TO_LUNG_HU of a level.
+ * Foam and edges are the rest. Measured: a fifth takes lungs for room air, 0.45 passes the tests. */
+static const double PEAK_SHARE = 1 / 3.0;
+/* Least share in a sharp peak, which is room air: lungs that the field of view cuts have a flatter one. Measured: room
+ * air 65 to 86 %, lungs 52 to 60 %; 0.58 to 0.75 pass the tests. */
+static const double SHARP_SHARE = 2 / 3.0;
+/* Largest share of all air that is noise where it does not reach the border and is darker than a peak by
+ * AIR_TO_LUNG_HU: more of it is the windpipe or gas of the bowel, so the peak is a lung's. Measured: 0 to 0.01 pass the
+ * tests. */
 static const double DARKER_SHARE = 0.001;
 
 /* Counts of one connected part of the air: sampled voxels, and those as dense as a lung. */
@@ -54,7 +61,7 @@ double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *v, int i, int
     return cts_volume_hu(v, *cts_linear_layer_row(&layer, in_layer, 1, &made));
 }
 
-/* The field of view is round, and padding lies outside it. */
+/* True within the round field of view; padding lies outside it. */
 static bool in_view(const int dims[3], int i, int j)
 {
     const double x = (2.0 * i + 1) / dims[0] - 1, y = (2.0 * j + 1) / dims[1] - 1;
@@ -77,7 +84,7 @@ static void visit_samples(const Air *a, Visit visit, void *context)
         }
 }
 
-/* Counts samples as dense as a lung, by part. */
+/* Numbers of samples as dense as a lung, by part. */
 typedef struct LungCount {
     double lung_hu;
     Sample *of_part;
@@ -97,7 +104,7 @@ static void count_lung(void *context, const Air *a, uint32_t part, int i, int j,
     c->n_lung += is_lung;
 }
 
-/* No padding, and no table or blanket. */
+/* True for a voxel that is not padding, table or blanket. */
 static bool is_air(const Air *a, int i, int j, int k)
 {
     const double hu = cts_section_hu(a->plan, a->volume, i, j, k);
@@ -145,8 +152,8 @@ static int by_float(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The middle of the darkest large peak of n sorted values, and the share of them that it holds; where no peak is large,
- * of the largest. */
+/* The middle of the darkest large peak of n sorted values, and its share of them; without a large peak, those of the
+ * largest one. */
 static double darkest_peak(const float *hu, size_t n, double *share)
 {
     size_t most = 0, peak_first = 0;

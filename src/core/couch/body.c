@@ -6,16 +6,25 @@
 #include <stdatomic.h>
 #include <string.h>
 
-/* Fingers and the tips of ears are twice as thick, blankets, tubes and plates are not. */
+/* Half the thickness of thick parts. Fingers and the tips of ears are thicker than 6 mm, blankets, tubes and plates are
+ * not. Measured: 2 to 4 mm remove the same; with 2 mm a mask stays in a test. */
 static const double THICK_RADIUS_MM = 3;
-/* Smaller parts are noise; they are kept only in the margin around the patient. */
+/* Volume below which a part is noise, kept only in the margin around the patient: a cube of 8 mm. Measured: 250 to 2000
+ * mm3 give the same. */
 static const double NOISE_MM3 = 500;
-/* A thin thing that is longer than an ear, a nose or a fold of skin is a mask, a strap or a blanket, but not where it
- * is bone, or where such things make up more of the body than a mask does of a head: that may be all that there is. */
-static const double SHELL_MM = 100, BONE_HU = 300, SHELL_SHARE = 0.1;
-/* The skin's soft edge. */
+/* Diagonal of a thin part that is longer than an ear, a nose or a fold of skin: a mask, a strap or a blanket, unless it
+ * is bone. Measured: 80 to 200 mm give the same. */
+static const double SHELL_MM = 100;
+/* HU of bone, denser than masks and straps. Measured: 200 to 600 HU give the same. */
+static const double BONE_HU = 300;
+/* Largest share of the body that such parts may have: more than a mask has of a head may be all that there is.
+ * Measured: a twentieth keeps the mask of a test, a fifth removes a doubtful part of another. */
+static const double SHELL_SHARE = 0.1;
+/* Depth to which the soft edge of the skin reaches. Measured: -150 HU is reached within 1.4 mm at 99 of 100 places of a
+ * chest and a head. */
 static const double SKIN_MM = 3;
-/* Distance of the nodes of the body's mask, and half a side of the cube of which a node has the share. */
+/* Distance of the nodes of the body's mask, and half a side of the cube of which a node has the share. As large as
+ * SKIN_MM, so that the share falls to about 0 at the skin. */
 static const double AROUND_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
@@ -66,7 +75,7 @@ static CtsStatus choose_patient(BodySearch *s, uint8_t *flags, uint8_t *sized, C
     return CTS_OK;
 }
 
-/* The voxels outside plates and not next to them. */
+/* Voxels that lie neither in plates nor next to them. */
 static void find_rest(void *context, int worker, size_t first, size_t end)
 {
     const BodySearch *const s = context;
@@ -133,7 +142,7 @@ static void find_air(void *context, int worker, size_t first, size_t end)
     }
 }
 
-/* Only what lies outside does not belong to the patient, and the whole is the complement. */
+/* The whole is the complement of the air outside. */
 static void paint_whole(void *context, int worker, size_t first, size_t end)
 {
     const BodySearch *const s = context;

@@ -6,19 +6,21 @@
 #include <math.h>
 #include <string.h>
 
-/* In a regular octagon the box has this share of the radius. */
+/* Share of the box in the radius of a regular octagon: sqrt(2) - 1. */
 static const double BOX_SHARE = 0.4142;
 static const CtsReach ONE = {.diamond = 1};
 
 CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2])
 {
+    /* At most 10000 voxels, which voxels of 1.6 micrometres need for the largest radius, 16 mm. */
     const int r[2] = {(int)fmin(fmax(round(radius_mm / spacing_mm[0]), 1), 10000),
                       (int)fmin(fmax(round(radius_mm / spacing_mm[1]), 1), 10000)};
     const int least = r[0] < r[1] ? r[0] : r[1], diamond = least - (int)lround(BOX_SHARE * least);
     return (CtsReach){diamond, {r[0] - diamond, r[1] - diamond}};
 }
 
-/* MARGIN: rows outside the section that may be set between steps; EMPTY: rows beyond them that stay 0. */
+/* MARGIN: rows and columns outside the section that may be set between steps, half of the word between two rows;
+ * EMPTY: rows beyond them that stay 0, as far as a step reads. */
 enum { MARGIN = 32, EMPTY = MARGIN };
 
 CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)

@@ -1,7 +1,11 @@
 #include "core/couch/table_removal.h"
 
-/* The far face wavers by so many voxels, no more, and behind it nothing may lie. */
-enum { WAVER = 3, TAPER = 40 };
+/* Number of voxels by which the far face of a plate may waver; nothing may lie behind them. Measured: 3 to 6 differ by
+ * less than 0.3 % of a holder, 1 leaves a sixth of it. */
+enum { WAVER = 3 };
+/* Number of steps from a plate's end over which it may taper. Measured: 30 to 100 differ by less than 0.2 % of a
+ * holder, 5 leave an eighth of it. */
+enum { TAPER = 40 };
 
 /* Orientation of the search in a section: plates run along `axis`, their far face is towards larger (side 1) or smaller
  * (-1) coordinates across; they are followed to larger (way 1) or smaller (-1) coordinates along. */
@@ -131,12 +135,13 @@ static uint64_t shifted_by_column(const CtsBits *bits, int j, ptrdiff_t w, int b
     return by < 0 ? own << 1 | next >> 63 : own >> 1 | next << 63;
 }
 
-/* Of the three voxels that follow along the face: the middle one is set; one of the other two is. */
+/* Bits of word w of row j where the next voxel along the face is set. */
 static uint64_t next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
 {
     return axis ? word_at(bits, j + way, w) : shifted_by_column(bits, j, w, way);
 }
 
+/* The same where one of the two voxels beside the next one is set. */
 static uint64_t beside_next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
 {
     return axis ? shifted_by_column(bits, j + way, w, -1) | shifted_by_column(bits, j + way, w, 1)

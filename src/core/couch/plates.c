@@ -7,17 +7,23 @@
 #include <stdatomic.h>
 #include <string.h>
 
-/* Longer than an ear, a nose or a fold of skin is straight. */
+/* Length over which a plate keeps its position: longer than the straight part of an ear, a nose or a fold of skin.
+ * Measured: with 50 mm a sixth more of a skull phantom is removed, with 70 mm a tenth of a holder stays. */
 static const double PLATE_MM = 60;
-/* Length over which a plate in contact with the patient is followed by static voxels. */
+/* Length over which a plate in contact with the patient is followed by static voxels. Measured: 12 to 40 mm differ by
+ * less than 1 % of a holder, 60 mm leave an eighth of it. */
 static const double FOLLOWED_MM = 24;
-/* Half the thickness up to which a thing is a plate or a rail, with the voxel that is added on either side. */
+/* Half the thickness up to which a thin part is a plate or a rail, with the voxel that is added on either side.
+ * Measured: 6 to 8 mm pass the tests and differ by less than 0.5 % of a holder. */
 static const double PLATE_RADIUS_MM = 7;
-/* Up to here it may be one. */
+/* Half the thickness up to which a part may be a plate, and is doubtful. Measured: 12 mm report too little of a
+ * doubtful part in a test, 20 mm cause a warning about a chest whose table is removed. */
 static const double DOUBT_RADIUS_MM = 16;
-/* A smaller cross-section is noise; from SURE_MM2 on it counts although most of the part moves, as where an ear leans
- * on a wall. */
-static const double MIN_MM2 = 40, SURE_MM2 = 100;
+/* Least static cross-section of a plate; a smaller one is noise. Measured: 10 to 160 mm2 remove the same. */
+static const double MIN_MM2 = 40;
+/* Static cross-section from which a part is a plate although most of it moves, as where an ear leans on a wall.
+ * Measured: with 60 mm2 2 % more of a skull phantom is removed, with 150 mm2 2 % of a holder stay. */
+static const double SURE_MM2 = 100;
 
 /* Sections first to end of the stack, evaluated together. */
 typedef struct Window {
@@ -29,7 +35,8 @@ typedef struct Windows {
     int length, step, n, last; /* the last one begins here */
 } Windows;
 
-/* Words of a section that are scanned together: with those of its neighbours they stay in the first-level cache. */
+/* Words of a section that are scanned together: 2 KiB, which with those of its neighbours and both results stay in the
+ * first-level cache. */
 enum { SCAN_WORDS = 256 };
 
 /* For n words of a section and of both its neighbours. */
@@ -60,7 +67,7 @@ typedef struct Search {
     Windows windows, shorter;
     CtsBits plates, doubtful; /* by window */
     CtsBits followed;         /* by shorter window */
-    /* of these, the rows with set bits */
+    /* the rows with set bits, of each of the three */
     CtsBitRows *plate_rows, *doubtful_rows, *followed_rows;
     CtsReach reach, doubt_reach;
     ScanWords scan;
@@ -69,6 +76,7 @@ typedef struct Search {
 
 static Windows windows_of(const CtsSectionPlan *plan, double length_mm)
 {
+    /* The step is an eighth of the length: at either end of a plate less than that lies outside all windows. */
     Windows w = {.length = (int)ceil(length_mm / plan->spacing_mm[2])};
     w.step = w.length > 8 ? w.length / 8 : 1;
     w.last = plan->dims[2] - w.length;
@@ -136,7 +144,7 @@ static CtsBitRows section_rows(const CtsBits *section)
     return cts_bits_set_rows(section->words, section->row_words, (size_t)section->dims[1]);
 }
 
-/* Of the thin parts, those that are static, as far as they are. */
+/* Chooses the static voxels of the thin parts that are static. */
 static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
 {
     const CtsBitRows rows = section_rows(&w->thin);

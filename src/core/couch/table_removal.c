@@ -11,19 +11,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Resolution along the scanner's axis that shows tables, which run along it; thinner slices are joined. */
+/* Thickness of a section; thinner slices are joined. A table runs along the scanner's axis, so thick sections show it.
+ * Measured: 3 to 3.7 mm pass the tests; with 2 mm more than 5 % of a skull is doubtful, with 4 mm 3 % more than the
+ * table of a chest is removed. */
 static const double SECTION_MM = 3.5;
-/* Width of the margin kept around the body. */
+/* Width of the margin kept around the body, which holds the soft edge of the skin. Measured:
+ * nine of ten places reach air, to 50 HU, within 2.3 mm in a chest and 3.2 mm in a head of thick slices. */
 static const double MARGIN_MM = 3;
-/* Less than this outside the body is noise. */
+/* Least volume outside the body that is removed: a cube of 3 mm. Measured: 0.001 to 1000 mm3 give the same. */
 static const double NOTHING_MM3 = 30;
-/* Thin parts beyond this share of the body cause a warning. */
+/* Share of the body from which doubtful parts cause a warning. Measured where the table is removed: thin parts are 3.2
+ * % of a skull phantom, plates 2.1 % of a chest. */
 static const double UNCERTAIN_SHARE = 0.05;
-/* Shells of tables, mattresses and holders that are denser than air are thinner than 20 mm: thicker removed parts cause
- * a warning, as they may be a limb, unless they are below this share of the body. */
-static const double NO_SHELL_RADIUS_MM = 10, LOST_SHARE = 0.001;
-/* Runs of dense voxels in a row: a body has few. More than one for so many voxels is noise, and memory would grow. */
-enum { VOXELS_PER_RUN = 32, RUNS_ANYWAY = 1 << 16 };
+/* Half the thickness from which removed parts cause a warning, as they may be a limb: shells of tables, mattresses and
+ * holders that are denser than air are thinner than 20 mm. Measured: no removed part is as thick as 12 mm. */
+static const double NO_SHELL_RADIUS_MM = 10;
+/* Share of the body that these parts need for the warning: 12 cm3 of a chest. Measured: 0 in the four series. */
+static const double LOST_SHARE = 0.001;
+/* Least number of voxels for each run of dense voxels in a row. Measured: 170 to 330; noise of which half is dense
+ * has 4. A CtsRun takes 12 bytes, so runs take less than a fifth of the memory of 16-bit voxels. */
+enum { VOXELS_PER_RUN = 32 };
+/* Number of runs that any volume may have, as small ones need more than that share: they take 0.8 MB. */
+enum { RUNS_ANYWAY = 1 << 16 };
 
 static const char *const WHAT = "table removal";
 
@@ -37,12 +46,12 @@ struct CtsTableSearch {
     CtsPlates plates_found;
     CtsBody body;
     CtsBits gone; /* of the sections: voxels that become air; in find_gone_sections() first those that stay */
-    bool removes; /* something outside the body, so voxels in `gone` become air */
+    bool removes; /* voxels lie outside the body: those in `gone` become air */
     CtsBodyMask *inside;
     int dims[3], air_before[3]; /* of the volume that was searched */
 };
 
-/* All but the results. */
+/* Frees everything except the results. */
 static void free_all_but_results(CtsTableSearch *r)
 {
     cts_morphologies_free(&r->workers, r->n_threads);
@@ -184,6 +193,7 @@ static void find_gone_sections(void *context, int worker, size_t first, size_t e
 static CtsStatus find_gone(CtsTableSearch *r, uint64_t *n_gone, CtsError *err)
 {
     Leaving l = {.removal = r, .margin = cts_reach_mm(MARGIN_MM, r->plan.spacing_mm)};
+    /* At least two voxels: a soft edge is as wide, however large the voxels are. */
     for (int n = 0; n < 2; n++)
         l.margin.box[n] = l.margin.diamond + l.margin.box[n] < 2 ? 2 - l.margin.diamond : l.margin.box[n];
     const CtsStatus st =
@@ -286,7 +296,7 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
         }
 }
 
-/* Keeps of the sections the removed voxels that are part of something thicker than tables. */
+/* Sets the sections to the removed voxels that form parts thicker than tables. */
 static void find_lost_sections(void *context, int worker, size_t first, size_t end)
 {
     Leaving *const l = context;
@@ -400,7 +410,7 @@ CtsStatus cts_table_search(const CtsVolume *volume, const CtsLinearLayers *layer
     return st;
 }
 
-/* Extends first and last to row (i, k) of the sections' bits, as far as voxels stay there. */
+/* Extends the box to the voxels that stay in row (j, k) of the sections' bits. */
 static void extend_box(const CtsTableSearch *r, int j, int k, int low[3], int high[3])
 {
     const uint64_t *const gone = cts_bits_row(&r->gone, j, k);
@@ -435,7 +445,7 @@ void cts_table_kept_box(const CtsTableSearch *found, const CtsVolume *volume, in
     cts_volume_widen_box(volume, low, high);
 }
 
-/* The model, whose volume begins at this place of the one that was searched, gets the inside of the body. */
+/* Moves the inside of the body into the model. at: place of the model's volume in the one that was searched. */
 static void give_inside(CtsTableSearch *found, CtsModel *model, const int at[3])
 {
     if (!found->inside)
