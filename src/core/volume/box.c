@@ -15,7 +15,7 @@ static void flip(CtsBox *b, int axis)
     }
 }
 
-/* The share of a step along one of the patient's axes. */
+/* The cosine between a step and one of the patient's axes, 0 to 1. */
 static double along(const CtsBox *b, int axis, int c)
 {
     return fabs(b->step_lps[axis][c]) / cts_norm3(b->step_lps[axis]);
@@ -34,8 +34,9 @@ static int longest_axis(const CtsBox *b)
     return best;
 }
 
-/* Rows run where the body's axis is not, and to the left before to the back; columns to the back, or to the feet; the
- * three are right-handed. So PS3.3 C.7.6.2 has axial, coronal and sagittal slices. */
+/* Rows run across the body's axis, rather to the left than to the back; columns run to the back, or to the feet; the
+ * three axes are right-handed, as in axial, coronal and sagittal slices of PS3.3 C.7.6.2. lead: 0 in an axial slice, 1
+ * or -1 in the others, so that 0.5 lies halfway. */
 CtsBox cts_box_as_scanned(const CtsBox *box, int slice_axis)
 {
     const int k = slice_axis == CTS_BOX_ANY ? longest_axis(box) : slice_axis;

@@ -11,7 +11,7 @@ typedef struct CtsBox {
     double origin_lps[3], step_lps[3][3];
 } CtsBox;
 
-enum { CTS_BOX_ANY = -1 };
+enum { CTS_BOX_ANY = -1 }; /* no axis: see cts_box_as_scanned() */
 
 /* The same voxels in the order in which a scanner would have stored them: columns, rows and slices along axes 0, 1, 2,
  * rows to the left or the back, columns to the back or the feet. slice_axis is the box's axis from slice to slice;

@@ -8,7 +8,7 @@ static bool inside(const CtsVolume *v, int i, int j, int k, const double lo[3], 
 {
     for (int c = 0; c < 3; c++) {
         const double x = v->origin_lps[c] + i * v->step_lps[0][c] + j * v->step_lps[1][c] + k * v->step_lps[2][c];
-        if (!(x >= lo[c] - 1e-6 && x <= hi[c] + 1e-6))
+        if (!(x >= lo[c] - 1e-6 && x <= hi[c] + 1e-6)) /* mm: rounding of sums of steps */
             return false;
     }
     return true;
@@ -119,7 +119,7 @@ static bool holds_air(const uint16_t *grey, int n)
     return !any;
 }
 
-/* Reads rows only as far as they may enlarge the box. */
+/* The box of the voxels above air. Reads rows only as far as they may enlarge it. */
 static VoxelBox find_box_above_air(const CtsVolume *v)
 {
     const int nx = v->dims[0];

@@ -42,7 +42,7 @@ int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3])
     cts_cross3(s[1], s[2], cross);
     const double det = cts_dot3(s[0], cross);
     const double scale = cts_norm3(s[0]) * cts_norm3(s[1]) * cts_norm3(s[2]);
-    if (!(fabs(det) > 1e-6 * scale))
+    if (!(fabs(det) > 1e-6 * scale)) /* flatter than the rounding of directions with six decimals */
         return 0;
     for (int axis = 0; axis < 3; axis++) {
         cts_cross3(s[(axis + 1) % 3], s[(axis + 2) % 3], inverse[axis]);

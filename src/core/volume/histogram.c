@@ -4,7 +4,8 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 
-/* Neighbours are often equal: four interleaved tables avoid dependent increments. */
+/* TABLES: neighbours are often equal, and interleaved tables avoid dependent increments. MAX_PARTS: largest number of
+ * threads, which need 2 MiB each. */
 enum { N_GREY = 65536, TABLES = 4, MAX_PARTS = 64 };
 
 typedef struct Count {

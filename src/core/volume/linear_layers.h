@@ -6,10 +6,10 @@
 /* The last slice at or below layer k. */
 int cts_slice_below(const double *layer, int n_slices, int k);
 
-/* n voxels at this share of the way from the first row to the second; in-place for either. */
+/* n voxels at this fraction of the distance from the first row to the second; in place for either. */
 void cts_slice_blend_row(uint16_t *to, const uint16_t *low, const uint16_t *high, size_t n, float share);
 
-/* One layer: a slice (high is NULL), or this share of the way between two. */
+/* One layer: a slice (high is NULL), or one between two slices; share: fraction of the distance from low. */
 typedef struct CtsLinearLayer {
     const uint16_t *low, *high;
     float share;

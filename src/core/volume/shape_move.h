@@ -5,12 +5,14 @@
 #include "core/volume/shape_interpolation.h"
 
 /* Distances are computed on blocks of 2 x 2 pixels, whose means have less noise: a quarter of the work. Their unit is a
- * twelfth of a block, so that a step to the side has 12. SHAPE_FAR: there is no surface. */
+ * twelfth of a block, so that a step to the side has 12. SHAPE_FAR: without a surface; twice that fits int16_t, and so
+ * do sums with a step. */
 enum { SHAPE_BLOCK = 2, SHAPE_SURFACES = 2, SHAPE_SIDE = 12, SHAPE_FAR = 16000 };
 
-/* A surface that moves by less than its own edge, a quarter of a block, is blended well. SHAPE_GOES_WITH: factor of the
- * displacement: pixels nearer to the surface are displaced with it, and none passes another, as the transition back to
- * zero is longer than the displacement. */
+/* SHAPE_MOVES_FROM: a surface that moves by less than its own edge, a quarter of a block, is blended well.
+ * SHAPE_GOES_WITH: factor of the displacement: pixels nearer to the surface are displaced with it, and none passes
+ * another, as the transition back to zero is longer than the displacement. Measured (shape_interpolation.c): factors of
+ * 1 to 6 change the error by less than 0.5 %. */
 enum { SHAPE_MOVES_FROM = SHAPE_SIDE / 4, SHAPE_GOES_WITH = 3 };
 
 /* Numbers of a displacement: x and y in the slice before, x and y in the slice behind, in pixels, and its weight. */

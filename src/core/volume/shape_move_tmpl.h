@@ -4,11 +4,13 @@
 
 static const float BLOCK_OF_UNIT = 1.0F / SHAPE_SIDE;
 
-/* Displacements in blocks: from three times SHAPE_MOVES_FROM on, all that there is moves with a surface. */
+/* Displacements in blocks: from MOVES_FROM to MOVES_ALL displaced pixels replace blended ones. Measured
+ * (shape_interpolation.c): 0.3 to 1.5 blocks for MOVES_ALL change the error by less than 0.4 %. */
 static const float MOVES_FROM = (float)SHAPE_MOVES_FROM / SHAPE_SIDE, MOVES_ALL = 3.0F * SHAPE_MOVES_FROM / SHAPE_SIDE;
 static const float GOES_WITH = SHAPE_GOES_WITH;
-/* Midway between two surfaces the distance has no direction: its gradient over two blocks is shorter than this, in
- * units. */
+/* Shortest gradient over two blocks, in units, whose direction is used: a quarter of the 2 * SHAPE_SIDE beside one
+ * surface. Midway between two surfaces the distance has no direction. Measured (shape_interpolation.c): 1 to 12 change
+ * the error by less than 0.6 %. */
 static const float SHORTEST = SHAPE_SIDE / 2;
 
 #ifdef SIMD_PATH_PLAIN

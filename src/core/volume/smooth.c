@@ -5,10 +5,11 @@
 #include "ctsplat/volume.h"
 #include <math.h>
 
-/* Beyond three standard deviations lies 0.3 % of a Gaussian; the weights are scaled to make it good. */
+/* Half width of the kernel in standard deviations: 0.3 % of a Gaussian lies beyond; the weights are scaled to a sum of
+ * 1. */
 #define REACH_SD 3
 
-enum { LANES = 16 }; /* lines smoothed side by side */
+enum { LANES = 16 }; /* lines smoothed side by side: a register of the widest vectors in float */
 
 /* The lines along one axis: line (o, i) begins at o * outer_step + i * lane_step. */
 typedef struct VoxelLines {
@@ -101,7 +102,7 @@ CtsStatus cts_volume_smooth(CtsVolume *v, double sd_mm, int n_threads, CtsError 
                         CTS_MAX_SMOOTH_MM);
     for (int axis = 0; axis < 3 && !st; axis++) {
         const double sd_voxels = sd_mm / cts_volume_spacing_mm(v, axis);
-        /* Below a tenth of a voxel a neighbour's weight is nothing. */
+        /* Below a tenth of a voxel a neighbour's weight is less than exp(-50). */
         if (v->dims[axis] > 1 && sd_voxels > 0.1)
             st = smooth_axis(v, axis, sd_voxels, cts_threads(n_threads), err);
     }

@@ -71,7 +71,7 @@ static void threshold_slices(void *context, int worker, size_t first, size_t end
 static void threshold_between(uint64_t *words, const uint64_t *low, const uint64_t *high, const CtsLinearLayer *layer,
                               size_t first, size_t n, uint16_t min)
 {
-    enum { COLUMNS = 64 };
+    enum { COLUMNS = 64 }; /* of a word */
     for (size_t i = 0; i < n; i += COLUMNS, words++, low++, high++) {
         uint16_t made[COLUMNS];
         const size_t n_columns = n - i < COLUMNS ? n - i : COLUMNS;

@@ -9,8 +9,9 @@
 /* Lower limit of dense voxels: below fat and skin, above foam, paper and most cloth. */
 static const double CTS_DENSE_HU = -350;
 
-/* True for voxels and dense extent of a micro-CT specimen, which is no patient and has no table. Cone beams for teeth
- * and ears of patients have such voxels too, and show less than a head. */
+/* True for voxels and dense extent of a micro-CT specimen, which is no patient and has no table. A specimen is smaller
+ * than a head is long, 200 mm, and has voxels of 0.005 to 0.2 mm. Cone beams for teeth and ears of patients have such
+ * voxels too, and show less than a head. */
 static inline bool cts_is_specimen(const double spacing_mm[3], const double size_mm[3])
 {
     static const double finest_mm = 0.005, coarsest_mm = 0.2, largest_mm = 200;
@@ -20,7 +21,7 @@ static inline bool cts_is_specimen(const double spacing_mm[3], const double size
     return true;
 }
 
-/* The first grey level that does. */
+/* The first grey level of dense voxels. */
 static inline uint16_t cts_dense_grey(const CtsVolume *v)
 {
     const double grey = ceil((CTS_DENSE_HU - v->hu_offset) / v->hu_step);
