@@ -3,6 +3,8 @@
 #include "base/mem.h"
 #include <math.h>
 
+#define INLINE static inline __attribute__((always_inline))
+
 /* Points of a lattice that hold n pixels between them, with one point beyond the last pixel. */
 static int lattice_points(int n)
 {
@@ -19,6 +21,11 @@ static int lattice_points(int n)
 /* Error of an interpolated pixel as a share of the difference of the marched ones around it. */
 #define INTERPOLATED_SHARE 0.25F
 
+static float largest_channel(f32x4 rgba)
+{
+    return sheets_larger(sheets_larger(rgba[0], rgba[1]), sheets_larger(rgba[2], rgba[3]));
+}
+
 /* The largest range of a channel. */
 static float range_of(const f32x4 rgba[], int n)
 {
@@ -27,8 +34,7 @@ static float range_of(const f32x4 rgba[], int n)
         low = f32x4_min(rgba[i], low);
         high = f32x4_max(rgba[i], high);
     }
-    const f32x4 range = high - low;
-    return sheets_larger(sheets_larger(range[0], range[1]), sheets_larger(range[2], range[3]));
+    return largest_channel(high - low);
 }
 
 /* Pixel of a patch as the mean of n (1, 2 or 4) marched ones. Where these see nothing, or lie far apart in depth, the
@@ -52,32 +58,85 @@ static void interpolate(SheetsPatch *to, size_t at, const SheetsPatch *from, con
     to->depth_mm[at] = depth_mm < SHEETS_FAR / 8 ? depth_mm : from->depth_mm[corner[0]];
 }
 
-/* interpolate() for the pixels whose first of two by two is pixel `at`, without depth: `row` is the number of pixels in
- * a row, `corner` points to the marched one, `across` is the number of points in a row. */
-static void interpolate_four(SheetsPatch *to, size_t at, size_t row, const SheetsPatch *from, size_t corner,
-                             size_t across)
+/* Two neighbouring points of a row. */
+typedef struct Pair {
+    f32x4 sum, low, high;
+} Pair;
+
+static Pair pair_of(const f32x4 *point)
 {
-    const f32x4 *const upper = (const f32x4 *)(from->rgba + 4 * corner), *const lower =
-                                                                             (const f32x4 *)(from->rgba +
-                                                                                             4 * (corner + across));
-    const float *const above = from->indicator + corner, *const below = above + across;
-    const f32x4 beside = upper[0] + upper[1], under = upper[0] + lower[0], all = beside + lower[0] + lower[1];
-    const f32x4 low[2] = {f32x4_min(upper[0], upper[1]), f32x4_min(lower[0], lower[1])},
-                high[2] = {f32x4_max(upper[0], upper[1]), f32x4_max(lower[0], lower[1])};
-    const f32x4 range[3] = {high[0] - low[0], f32x4_max(upper[0], lower[0]) - f32x4_min(upper[0], lower[0]),
-                            f32x4_max(high[0], high[1]) - f32x4_min(low[0], low[1])};
-    const f32x4 most = sheets_largest_channels(range[0], range[1], range[2], range[2]);
-    f32x4 *const rgba = (f32x4 *)(to->rgba + 4 * at), *const next = (f32x4 *)(to->rgba + 4 * (at + row));
-    float *const indicator = to->indicator + at;
-    rgba[0] = upper[0];
-    rgba[1] = beside * 0.5F;
-    next[0] = under * 0.5F;
-    next[1] = all * 0.25F;
-    indicator[0] = above[0];
-    indicator[1] = above[0] * 0.5F + above[1] * 0.5F + INTERPOLATED_SHARE * most[0];
-    indicator[row] = above[0] * 0.5F + below[0] * 0.5F + INTERPOLATED_SHARE * most[1];
-    indicator[row + 1] =
-        above[0] * 0.25F + above[1] * 0.25F + below[0] * 0.25F + below[1] * 0.25F + INTERPOLATED_SHARE * most[2];
+    return (Pair){point[0] + point[1], f32x4_min(point[0], point[1]), f32x4_max(point[0], point[1])};
+}
+
+/* interpolate() for two rows of four pixels. point, pair: of the row of three points above, and of the one below;
+ * a, b: indicators of these points, and one number more. */
+static void interpolate_rows(float *rgba, float *indicator, size_t width, const f32x4 *const point[2],
+                             const Pair pair[2][2], f32x4 a, f32x4 b)
+{
+    const f32x4 none = {0}, marched = {1, 0.5F, 1, 0.5F}, between = {0.5F, 0.25F, 0.5F, 0.25F};
+    f32x4 *const upper = (f32x4 *)rgba, *const lower = (f32x4 *)(rgba + 4 * width), range[2], under[4];
+    for (int i = 0; i < 2; i++) {
+        const f32x4 above = point[0][i], below = point[1][i];
+        const Pair *const first = &pair[0][i], *const second = &pair[1][i];
+        upper[2 * i] = above;
+        upper[2 * i + 1] = first->sum * 0.5F;
+        lower[2 * i] = (above + below) * 0.5F;
+        lower[2 * i + 1] = (first->sum + below + point[1][i + 1]) * 0.25F;
+        range[i] = first->high - first->low;
+        under[2 * i] = f32x4_max(above, below) - f32x4_min(above, below);
+        under[2 * i + 1] = f32x4_max(first->high, second->high) - f32x4_min(first->low, second->low);
+    }
+    *(f32x4 *)indicator = SHUFFLE(a, a, 0, 0, 1, 1) * marched + SHUFFLE(a * 0.5F, none, 4, 1, 4, 2) +
+                          INTERPOLATED_SHARE * sheets_largest_channels(none, range[0], none, range[1]);
+    *(f32x4 *)(indicator + width) =
+        SHUFFLE(a, a, 0, 0, 1, 1) * between + SHUFFLE(a * 0.25F, none, 4, 1, 4, 2) +
+        SHUFFLE(b, b, 0, 0, 1, 1) * between + SHUFFLE(b * 0.25F, none, 4, 1, 4, 2) +
+        INTERPOLATED_SHARE * sheets_largest_channels(under[0], under[1], under[2], under[3]);
+}
+
+/* Prefetches the group in the next tile, since processors do not foresee rows as short as a tile's: half of the time of
+ * interpolation (measured). Addresses beyond the end do no harm. gcc removes the call where it is not inlined. */
+INLINE void prefetch_next(const SheetsPatch *to, size_t at, const SheetsPatch *from, size_t corner)
+{
+    for (size_t j = 0; j < SHEETS_SIDE; j++) {
+        const size_t pixel = at + SHEETS_TILE_X + j * (size_t)to->width;
+        __builtin_prefetch(to->rgba + 4 * pixel, 1);
+        __builtin_prefetch(to->indicator + pixel, 1);
+    }
+    for (size_t j = 0; j < 3; j++) {
+        const size_t point = corner + SHEETS_TILE_X / 2 + j * (size_t)from->width;
+        __builtin_prefetch(from->rgba + 4 * point);
+        __builtin_prefetch(from->indicator + point);
+    }
+}
+
+/* cts_sheets_interpolate() for a whole group without depth: the same numbers in fewer steps. */
+static bool interpolate_whole(const SheetsPatch *to, const SheetsPatch *from, int x0, int y0, float refined_from)
+{
+    const size_t across = (size_t)from->width, width = (size_t)to->width;
+    const size_t corner = (size_t)(y0 / 2) * across + (size_t)(x0 / 2), at = (size_t)y0 * width + (size_t)x0;
+    const f32x4 *point[3];
+    Pair pair[3][2];
+    f32x4 low[3], high[3];
+    prefetch_next(to, at, from, corner);
+    for (size_t j = 0; j < 3; j++) {
+        point[j] = (const f32x4 *)(from->rgba + 4 * (corner + j * across));
+        for (int i = 0; i < 2; i++)
+            pair[j][i] = pair_of(point[j] + i);
+        low[j] = f32x4_min(pair[j][0].low, pair[j][1].low);
+        high[j] = f32x4_max(pair[j][0].high, pair[j][1].high);
+    }
+    const f32x4 most = f32x4_max(f32x4_max(high[0], high[1]), high[2]),
+                least = f32x4_min(f32x4_min(low[0], low[1]), low[2]);
+    if (!(most[3] > SEEN_FROM) || largest_channel(most - least) > refined_from)
+        return false;
+    for (size_t j = 0; j < 2; j++) {
+        const size_t row = at + 2 * j * width;
+        const float *const indicator = from->indicator + corner + j * across;
+        interpolate_rows(to->rgba + 4 * row, to->indicator + row, width, point + j, pair + j, *(const f32x4 *)indicator,
+                         *(const f32x4 *)(indicator + across));
+    }
+    return true;
 }
 
 /* The 4 x 4 pixels of a group between 3 x 3 points of the lattice, two by two. */
@@ -90,10 +149,6 @@ static void interpolate_group(SheetsPatch *to, const SheetsPatch *from, int x0, 
             const size_t beside[4] = {first, first + 1, first + across, first + across + 1};
             const size_t above[2] = {first, first + across}, at = (size_t)(y0 + j) * width + (size_t)(x0 + i);
             const bool right = x0 + i + 1 < to->width, below = y0 + j + 1 < to->height;
-            if (right && below && !to->depth_mm) {
-                interpolate_four(to, at, width, from, first, across);
-                continue;
-            }
             interpolate(to, at, from, beside, 1);
             if (right)
                 interpolate(to, at + 1, from, beside, 2);
@@ -140,7 +195,8 @@ CtsStatus cts_sheets_lattice_init(SheetsPatch *l, const SheetsJob *job, const Sh
                        .width = lattice_points(pixels->width),
                        .height = lattice_points(pixels->height)};
     const size_t n = (size_t)l->width * (size_t)l->height;
-    if ((st = cts_alloc_zeroed(&l->rgba, 4 * n, err)) || (st = cts_alloc_zeroed(&l->indicator, n, err)) ||
+    /* Indicators of three points are loaded as four. */
+    if ((st = cts_alloc_zeroed(&l->rgba, 4 * n, err)) || (st = cts_alloc_zeroed(&l->indicator, n + 1, err)) ||
         (pixels->depth_mm && (st = cts_alloc_array(&l->depth_mm, n, err))))
         return st;
     for (size_t i = 0; l->depth_mm && i < n; i++)
@@ -151,6 +207,8 @@ CtsStatus cts_sheets_lattice_init(SheetsPatch *l, const SheetsJob *job, const Sh
 bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, int y0, float refined_from,
                             double slab_mm)
 {
+    if (x0 + SHEETS_SIDE <= to->width && y0 + SHEETS_SIDE <= to->height && !to->depth_mm)
+        return interpolate_whole(to, from, x0, y0, refined_from);
     f32x4 corner[9];
     bool any = false;
     for (int j = 0; j < 3; j++)
