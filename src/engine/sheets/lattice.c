@@ -96,7 +96,7 @@ static void interpolate_rows(float *rgba, float *indicator, size_t width, const 
 
 /* Prefetches the group in the next tile, since processors do not foresee rows as short as a tile's: half of the time of
  * interpolation (measured). Addresses beyond the end do no harm. gcc removes the call where it is not inlined. */
-INLINE void prefetch_next(const SheetsPatch *to, size_t at, const SheetsPatch *from, size_t corner)
+INLINE void prefetch_group(const SheetsPatch *to, size_t at, const SheetsPatch *from, size_t corner)
 {
     for (size_t j = 0; j < SHEETS_SIDE; j++) {
         const size_t pixel = at + SHEETS_TILE_X + j * (size_t)to->width;
@@ -118,7 +118,7 @@ static bool interpolate_whole(const SheetsPatch *to, const SheetsPatch *from, in
     const f32x4 *point[3];
     Pair pair[3][2];
     f32x4 low[3], high[3];
-    prefetch_next(to, at, from, corner);
+    prefetch_group(to, at, from, corner);
     for (size_t j = 0; j < 3; j++) {
         point[j] = (const f32x4 *)(from->rgba + 4 * (corner + j * across));
         for (int i = 0; i < 2; i++)
