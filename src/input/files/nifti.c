@@ -10,6 +10,9 @@
 #include <unistd.h>
 #include <zlib.h>
 
+/* SIZE_1, SIZE_2: bytes of the headers of NIfTI-1 and NIfTI-2. CHUNK: bytes that are read at a time, which stay in the
+ * L2 cache. MAX_EXTENSION: longest extension that is read for names of labels, 256 bytes for each of 65536. MAX_DIM:
+ * largest dimension of NIfTI-1. */
 enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MAX_EXTENSION = 16 << 20, MAX_DIM = 32767 };
 enum { MAX_PACKED = 1032 }; /* largest ratio of deflate: matches of 258 bytes in 2 bits */
 
@@ -54,7 +57,7 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path)
 /* zlib reads packed and plain files alike. */
 static CtsStatus read_nifti_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
 {
-    enum { MOST = 1 << 30 };
+    enum { MOST = 1 << 30 }; /* gzread() returns an int */
     while (n > 0) {
         const unsigned part = n < MOST ? (unsigned)n : MOST;
         int why = Z_OK;
@@ -111,7 +114,7 @@ static double real_of(const CtsNifti *f, const uint8_t *h, const NiftiLayout *l,
     return real_at(f, h + at + i * l->real_bytes, l->real_bytes);
 }
 
-/* Rotation by the quaternion (a, b, c, d), a found from the others. */
+/* Rotation by the quaternion (a, b, c, d), a found from the others; 1e-7 as in the reference, nifti1_io. */
 static void from_quaternion(const CtsNifti *f, const uint8_t *h, const NiftiLayout *l, double m[3][4])
 {
     const double b = real_of(f, h, l, l->quatern, 0), c = real_of(f, h, l, l->quatern, 1),
@@ -335,7 +338,7 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
     const double offset = second ? (double)signed_at(f, h + l->offset, 8) : real_at(f, h + l->offset, 4);
     if ((st = read_shape(f, h, l, err)) || (st = read_forms(f, h, l, err)))
         return st;
-    if (!(offset >= 0 && offset <= 1e9))
+    if (!(offset >= 0 && offset <= 1e9)) /* bytes; headers and extensions are far smaller */
         return cts_fail(err, CTS_ERR_READ, "its voxels begin at byte %g", offset);
     return read_extension(f, offset > 0 ? (uint64_t)offset : size + 4, err);
 }

@@ -69,7 +69,7 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
     return s;
 }
 
-/* The checks of a DICOM slice's position. */
+/* The checks of a DICOM slice's position, with the limits of dicom/header. */
 static void check_place(CtsSlice *s)
 {
     if (fabs(cts_dot3(s->row_lps, s->column_lps)) > 1e-3)

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { MAX_DEPTH = 32 };
+enum { MAX_DEPTH = 32 }; /* each level of folders holds an open file */
 
 void cts_file_list_free(CtsFileList *list)
 {

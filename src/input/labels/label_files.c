@@ -11,7 +11,7 @@
 #include <sys/stat.h>
 
 enum {
-    HEAD_BYTES = 4096,
+    HEAD_BYTES = 4096, /* enough to detect a file's format: DICOM's preamble and meta header, NIfTI's header */
     SOP_UID = 0x00080018,
     STUDY_UID = 0x0020000D,
     SERIES_UID = 0x0020000E,

@@ -7,7 +7,9 @@
 #include <string.h>
 
 enum { CHARSET = 0x00080005, CLASS = 0x00080016 };
-static const uint64_t MAX_BYTES = 1u << 30; /* in front of the pixels, or inflated */
+/* Largest number of bytes in front of the pixels, or inflated. Measured: segmentations have up to 1.5 kB for each
+ * frame, so that this holds 700,000. */
+static const uint64_t MAX_BYTES = 1u << 30;
 
 bool cts_label_is_dicom(const uint8_t *head, size_t n, char class_uid[65])
 {

@@ -6,8 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A pixel this near to a voxel's centre counts as that voxel; offsets of resampled masks are far smaller. */
+/* Distance up to which a pixel at a voxel's centre is that voxel; offsets of resampled masks are far smaller. */
 #define NEAR_PIXELS 0.02
+/* Distance to a pixel's centre up to which a point counts as it: rounding of positions in mm with three decimals. */
 #define SNAP_PIXELS 1e-3
 
 /* Scanned column i, row j of a slice lies at pixel (at[0] + i * by[0][0] + j * by[1][0], at[1] + ...) of a plane. */
@@ -264,7 +265,7 @@ static void mix_plane(const LabelField *f, int plane, double weight, double x, d
     }
 }
 
-/* The value of the pixel nearest to a point: ties are resolved in one direction independent of rounding. */
+/* The value of the pixel nearest to a point. 1e-9: ties are resolved in one direction, whatever the rounding. */
 static int nearest_value(const LabelField *f, int plane, double u, double v)
 {
     const CtsMask *const m = f->placing->mask;
@@ -359,8 +360,10 @@ static int by_place(const void *a, const void *b)
     return x->at_mm != y->at_mm ? (x->at_mm < y->at_mm ? -1 : 1) : x->plane - y->plane;
 }
 
-/* Half the gap between planes. Where the file does not give the gap and every plane is a slice, slices without a plane
- * get nothing from their neighbours: empty planes are omitted from such files. */
+/* Half the gap between planes, and a thousandth more, so that a point halfway between planes is covered in spite of
+ * rounding. Planes within 1 % of the slices' gap are one; where all are within 5 % of slices, every plane is a slice.
+ * Where the file does not give the gap and every plane is a slice, slices without a plane get nothing from their
+ * neighbours: empty planes are omitted from such files. */
 static void find_plane_reach(MaskPlacing *p)
 {
     double gap = INFINITY, scanned_gap = INFINITY, farthest = 0;

@@ -3,7 +3,8 @@
 #include "input/labels/label_reading.h"
 #include <string.h>
 
-/* Grids count as equal when their corners are this near to each other, in voxels. */
+/* Distance of corners, in voxels, up to which grids count as equal: less than an edge moves by interpolation, and more
+ * than rounding to float. */
 #define SAME_VOXELS 0.1
 
 /* True if a point is a corner of the file's box under a form. */

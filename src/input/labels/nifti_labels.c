@@ -24,7 +24,7 @@ static const double rounding = 1e-3;
 
 static CtsStatus read_numbers(Map *m, CtsError *err)
 {
-    enum { PART = 4096 };
+    enum { PART = 4096 }; /* 32 KiB of values on the stack; changes no result */
     size_t n = 0;
     double values[PART];
     CtsStatus st = cts_nifti_count(&m->nifti, sizeof *m->numbers, &n, err);

@@ -22,7 +22,7 @@ enum {
     OBSERVATIONS = 0x30060080,
     REFERENCED_ROI = 0x30060084,
     INTERPRETED_TYPE = 0x300600A4,
-    MAX_POINTS = 10000000
+    MAX_POINTS = 10000000 /* of one file: 400 MB at 40 bytes each */
 };
 
 typedef struct Contour {
@@ -52,7 +52,7 @@ static size_t n_values_of(CtsElements value)
     return n;
 }
 
-/* A vertex on a voxel's centre is snapped to it, in spite of its rounded decimals. */
+/* A vertex within 1e-6 pixels of a voxel's centre is snapped to it: rounding of its decimals. */
 static double snapped_vertex(double x)
 {
     return fabs(x - rint(x)) < 1e-6 ? rint(x) : x;

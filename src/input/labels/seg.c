@@ -32,8 +32,8 @@ enum {
     MAXIMUM = 0x0062000E,
     SHARED_GROUPS = 0x52009229,
     FRAME_GROUPS = 0x52009230,
-    MAX_FRAMES = 1000000,
-    MAX_NUMBERS = 65536
+    MAX_FRAMES = 1000000, /* 50 segments in each of 20000 slices; their positions take 24 MB */
+    MAX_NUMBERS = 65536   /* of 16 bits */
 };
 
 typedef enum Type { BINARY, FRACTIONAL, LABELMAP } Type;

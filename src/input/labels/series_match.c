@@ -50,8 +50,8 @@ static bool names_slice(const char *uid, const CtsSeries *series)
     return false;
 }
 
-/* Searches items only, since the object's own series is another one. Slices are compared only where no series is
- * referenced. */
+/* Searches items only, to a depth of 12 (structure sets refer to slices at a depth of 4), since the object's own series
+ * is another one. Slices are compared only where no series is referenced. */
 static bool refers(CtsElements elements, const CtsSeries *series, int depth, bool slices)
 {
     CtsElement e;

@@ -19,6 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* HU of grey level 0: the least HU of scanners' 12-bit scale; lower HU and padding become it. */
 #define HU_OFFSET (-1024.0)
 enum { GREY_MAX = 65535 };
 

@@ -11,12 +11,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A constant below this is the scanner's air. */
+/* Largest constant that is the scanner's air: cone beams have up to -760 HU. */
 static const double FILL_HU = -700;
-/* Runs of equal voxels this long are not tissue: reconstruction noise makes two neighbours equal once in ten times at
- * most. DEEP: at one corner alone several rows are needed, since reslicing may leave two. */
+/* EQUAL: runs of equal voxels this long are not tissue: reconstruction noise makes two neighbours equal once in ten
+ * times at most, and 15 pairs once in 1e15. DEEP: rows needed at one corner alone, twice the two that reslicing may
+ * leave. */
 enum { EQUAL = 16, DEEP = 4 };
-/* Less between the darkest and the brightest voxel is no scan of a body, as in a label map. */
+/* Least difference between the darkest and the brightest voxel of a scan, a tenth of that of air and water; a label map
+ * has less. */
 static const double MIN_RANGE_HU = 100;
 
 static const uint16_t *slice_of(const CtsScanned *s, int k)

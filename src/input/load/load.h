@@ -13,7 +13,7 @@
 /* Voxels of a NIfTI CT -> 16-bit pixels in memory, which are read like those of any slice. */
 
 /* Reads all voxels of the file of these n slices, placed by this form, and sets each slice's pixel offset and HU scale:
- * exact where the values are whole and span at most 65535, else in steps of 1/131068 of their span. Non-finite values
+ * exact where the values are whole and span at most 65534, else in steps of 1/65534 of their span. Non-finite values
  * become padding. stop: as in CtsWordWatch. *words is the caller's, also after a failure; free with cts_free(). */
 CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const volatile sig_atomic_t *stop,
                           uint16_t **words, CtsReport *report, CtsError *err);

@@ -4,7 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Beyond these they are no accidents. */
+/* Limits of accidents; more outliers are values of another kind. VOXELS_PER_OUTLIER: 26 in a slice of 512 x 512.
+ * LARGEST_PART: the 2 x 2 x 2 voxels over which resampling spreads one. */
 enum { VOXELS_PER_OUTLIER = 10000, LARGEST_PART = 8 };
 
 static size_t n_voxels(const int dims[3])

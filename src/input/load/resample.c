@@ -5,7 +5,9 @@
 #include "core/volume/slice_interpolation.h"
 #include <string.h>
 
-enum { CHUNK = 4096 }; /* voxels of one layer that a thread follows up the stack */
+/* Voxels of one layer that a thread follows up the stack: 8 KiB of each of five layers stay in the cache. Changes no
+ * result. */
+enum { CHUNK = 4096 };
 
 int cts_resample_offset(const double *layer, int n_slices, int n_layers)
 {

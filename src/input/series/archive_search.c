@@ -10,7 +10,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Headers that are read together before any is handed on. */
+/* Headers that are read together before any is handed on: work for many threads, in little memory. Changes no result.
+ */
 enum { GROUP = 256 };
 
 typedef struct FoundFile {

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_NAMED = 8 }; /* missing parts that are listed individually */
+enum { MAX_NAMED = 8 }; /* missing parts that are listed individually, so that the message stays short */
 
 static bool is_part(const CtsSlice *s)
 {

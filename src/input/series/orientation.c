@@ -6,8 +6,8 @@
 #include <string.h>
 
 /* MAX_MOVED_PIXELS: a tenth of a pixel is less than the displacement of an edge by interpolation. A drift is detected
- * where two halves of the stack differ by more than a fiftieth, and by more than three times the effect of their
- * scatter. */
+ * where two halves of the stack differ by more than MIN_DRIFT_PIXELS, a fifth of that, and by more than
+ * DRIFT_DEVIATIONS standard deviations of their means. */
 #define MAX_MOVED_PIXELS 0.1
 #define MIN_DRIFT_PIXELS 0.02
 #define DRIFT_DEVIATIONS 3
@@ -58,7 +58,7 @@ static int by_place(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The mean of some, and the scatter about it as the variance of that mean. */
+/* The mean of n deviations, and the variance of that mean by their scatter. */
 static double mean_off(const Deviation *off, int n, double mean[3])
 {
     double variance = 0;

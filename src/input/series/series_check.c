@@ -11,6 +11,7 @@
 #include <string.h>
 #include <strings.h>
 
+/* MAX_SLICES: 2 m in steps of 0.1 mm. MIN_SHARE_PERCENT: like missing slices, at most a tenth is left out. */
 enum { MAX_SLICES = 20000, MIN_SHARE_PERCENT = 90 };
 
 static void end(CtsSeries *series, CtsStatus status, const char *format, va_list args)
@@ -48,6 +49,7 @@ static const char *plural(int n)
     return n == 1 ? "" : "s";
 }
 
+/* 1e-4: the last of 512 pixels moves by a twentieth of a pixel. The same holds for pixel spacings. */
 static bool same_direction(const double a[3], const double b[3])
 {
     for (int c = 0; c < 3; c++)
@@ -124,8 +126,8 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
     return CTS_OK;
 }
 
-/* Adds slices with the pixel grid of one and nearly its orientation, which may jitter; keep marks them, and n_kept
- * counts those beyond its group. */
+/* Adds slices with the pixel grid of one and nearly its orientation, which may jitter (normals within 8 degrees;
+ * cts_slice_set_settle() is stricter); keep marks them, and n_kept counts them. */
 static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep, int *n_kept)
 {
     int n = 0;
@@ -141,8 +143,8 @@ static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSerie
                         "more than a tenth of a pixel, and is used");
 }
 
-/* One size, orientation and pixel spacing: the largest group, when it is nearly all. A few images at right angles to it
- * are scouts without the type. */
+/* One size, orientation and pixel spacing: the largest group, when it is nearly all. Up to three images at right angles
+ * to it, within 6 degrees, are scouts without the type: a scan has one or two, frontal and lateral. */
 static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
 {
     const CtsSlice *best = NULL;
@@ -225,6 +227,7 @@ static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
     return same;
 }
 
+/* Least number of slices whose even positions are no chance; two always lie evenly. */
 enum { FEWEST_OWN_FRAMES = 5 };
 
 static int by_frame_uid(const void *a, const void *b)
@@ -294,7 +297,7 @@ static void check_modality(const CtsSliceSet *set, CtsSeries *series)
     }
 }
 
-/* Positions nearer than *same_mm are one position; negative when all are. */
+/* Positions nearer than *same_mm are one position; negative when all are. Gaps up to 1e-3 mm are rounding. */
 static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError *err)
 {
     double *gaps = malloc((size_t)set->n * sizeof *gaps);
@@ -349,6 +352,7 @@ static void describe_odd(CtsSeries *series)
     }
 }
 
+/* The plane across the axis within 37 degrees of the normal; at most one axis is. */
 static const char *orientation_of(const double normal[3])
 {
     static const char *const names[3] = {"sagittal", "coronal", "axial"};

@@ -6,9 +6,10 @@
 
 /* From the slices of one SeriesInstanceUID to series that can be loaded, or that are refused with a reason. */
 
-/* The slices of a series while they are being checked; owned. */
-enum { CTS_MAX_PARTS = 64 }; /* volumes in one series */
+/* Largest number of volumes in one series; a heart has 10 to 20 phases. */
+enum { CTS_MAX_PARTS = 64 };
 
+/* The slices of a series while they are being checked; owned. */
 typedef struct CtsSliceSet {
     CtsSlice **items;
     int n;
@@ -53,9 +54,9 @@ bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end);
 /* Acquisitions of three slices or more that follow each other along the stack, each in an order of its own. */
 bool cts_slice_set_each_in_order(const CtsSliceSet *set);
 
-/* Slices that instance numbers (0020,0013) count between those that are there: a gap of a sorted set holds n - 1 of
- * them where the number steps by n over it, the slices are much thinner than it, a slice a step is a step as thick as
- * they are or as the smallest gap is, and most of the numbers that are passed are no other object's of the study. */
+/* Missing slices, counted by instance numbers (0020,0013): a gap of a sorted set lacks n - 1 slices if the number steps
+ * by n over it, the slices are much thinner than the gap, an n-th of the gap is about as wide as a slice is thick or as
+ * the smallest gap, and most of the skipped numbers belong to no other object of the study. */
 typedef struct CtsMissingSlices {
     int n;     /* 0: none */
     int every; /* n, if every gap misses n slices; else 0 */

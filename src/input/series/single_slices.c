@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* FEWEST: two slices always lie evenly. MAX_GRIDS: bounds the time, which grows with slices times grids. */
+/* FEWEST: two slices always lie evenly. MAX_GRIDS: bounds the time, which grows with slices times grids; a study has
+ * few. */
 enum { FEWEST = 3, MAX_GRIDS = 64 };
 
 bool cts_slice_place(const CtsSlice *slice, CtsSlicePlace *place)

@@ -77,12 +77,12 @@ void cts_study_numbers_free(CtsStudyNumbers *numbers)
     *numbers = (CtsStudyNumbers){0};
 }
 
-/* THIN_SHARE: a slice's thickness fills most of its gap unless slices are missing. A step larger than the largest
- * number of slices counts as none. */
+/* THIN_SHARE: largest share of its gap that a slice's thickness has where slices are missing: half where every second
+ * one is, all where none is. MAX_STEPS: a step larger than the largest number of slices counts as none. */
 #define THIN_SHARE 0.6
 enum { MAX_STEPS = 20000 };
 
-/* Within a quarter of the larger one. */
+/* True for lengths that differ by up to a quarter of the larger one; lengths of 2 and 3 slices differ by a third. */
 static bool is_near(double a_mm, double b_mm)
 {
     return fabs(a_mm - b_mm) <= 0.25 * fmax(a_mm, b_mm) + 1e-6;

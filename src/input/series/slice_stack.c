@@ -9,7 +9,8 @@ double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *sl
     return cts_dot3(reference->normal_lps, slice->position_lps);
 }
 
-/* Precision of stored positions; smaller deviations are ignored. */
+/* Precision of stored positions; smaller deviations are ignored. Files have jitter of up to 0.01 mm (ITK issues 1476,
+ * 1607 and 1616). */
 #define JITTER_MM 0.02
 
 double cts_slice_stack_tolerance_mm(double median_gap_mm)
@@ -23,7 +24,8 @@ void cts_slice_stack_free(CtsSliceStack *stack)
     *stack = (CtsSliceStack){0};
 }
 
-/* The multiple of the median that a gap is, within 5 % (but at least 0.02 mm); else 0. */
+/* The multiple of the median that a gap is, within 5 % (but at least 0.02 mm); else 0. A multiple above the largest
+ * number of slices, 20000, counts as none. */
 static int multiple_of(double gap_mm, double median_mm)
 {
     const double k = floor(gap_mm / median_mm + 0.5);
@@ -33,7 +35,8 @@ static int multiple_of(double gap_mm, double median_mm)
     return (int)k;
 }
 
-/* Three equal wide gaps in a row are a change of protocol, not three accidents. */
+/* True for three equal wide gaps in a row: a change of protocol, not three accidents. Wide: nearer to two gaps than to
+ * one. */
 static bool changes_protocol(const double *gaps, int n_gaps, double median_mm)
 {
     const double tolerance = cts_slice_stack_tolerance_mm(median_mm);
@@ -82,7 +85,7 @@ static void number_layers(CtsSliceStack *s, const double *gaps, int n)
 {
     if (s->kind == CTS_STACK_UNEQUAL) {
         const double first = s->layer[0], span = s->layer[n - 1] - first;
-        const double wanted = ceil(span / s->smallest_gap_mm - 1e-3) + 1;
+        const double wanted = ceil(span / s->smallest_gap_mm - 1e-3) + 1; /* 1e-3: rounding of positions */
         s->n_layers = (int)fmin(wanted, CTS_STACK_GROWTH * (double)n);
         for (int i = 0; i < n; i++)
             s->layer[i] = (s->layer[i] - first) / span * (s->n_layers - 1);
@@ -141,10 +144,10 @@ static CtsStatus check_positions(const CtsSliceStack *s, const CtsSlice *const *
             "elsewhere %.3f mm (fetch the whole series, or give `allow-missing-slices`)",
             s->n_missing, n + s->n_missing, next - at, at, next, s->spacing_mm);
     }
-    if (s->tilt_deg > 60)
+    if (s->tilt_deg > 60) /* gantries tilt by 30 degrees at most */
         return cts_fail(err, CTS_ERR_GEOMETRY, "the line of slice positions is %.1f degrees off the slice normal",
                         s->tilt_deg);
-    if (s->sideways_mm > 0.5 * pixel_mm)
+    if (s->sideways_mm > 0.5 * pixel_mm) /* from there on another pixel is nearer */
         return cts_fail(err, CTS_ERR_GEOMETRY,
                         "the slice positions do not lie on a line: one is %.3f mm beside it, with pixels of %.3f mm",
                         s->sideways_mm, pixel_mm);

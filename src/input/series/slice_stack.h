@@ -26,7 +26,8 @@ typedef struct CtsSliceStack {
     int first_gap; /* the first missing slice would follow this one */
 } CtsSliceStack;
 
-enum { CTS_STACK_GROWTH = 4 }; /* an unequal stack becomes at most this many times its slices */
+/* Largest number of layers of an unequal stack, for each slice: one narrow gap must not multiply the memory further. */
+enum { CTS_STACK_GROWTH = 4 };
 
 /* True if more than a tenth of all slices are missing. */
 bool cts_slice_stack_lacks_many(int n_missing, int n);
