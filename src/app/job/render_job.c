@@ -30,17 +30,19 @@ static const double fine_mm = 0.2;
 static void saturation_add(Saturation *saturation, const CtsPicture *band)
 {
     const size_t n = (size_t)band->width * (size_t)band->height, channels = (size_t)band->n_channels;
+    Saturation s = *saturation; /* in registers; comparisons, since fmaxf() is a call */
     for (size_t i = 0; i < n; i += EVERY) {
-        const float *p = &band->pixels[i * channels], *last = p + (channels == 1 ? 0 : 2);
-        const float most = fmaxf(fmaxf(p[0], p[channels / 3]), *last);
-        const float least = fminf(fminf(p[0], p[channels / 3]), *last);
-        saturation->most = fmaxf(saturation->most, most);
-        saturation->n_black += most <= black;
-        saturation->n_white += least >= white;
-        saturation->n_seen += p[0] > 0;
-        saturation->n_full += p[0] >= 1;
-        saturation->n++;
+        const float *p = &band->pixels[i * channels], *last = p + (channels == 1 ? 0 : 2), middle = p[channels / 3];
+        const float low = p[0] < middle ? p[0] : middle, high = p[0] > middle ? p[0] : middle;
+        const float least = *last < low ? *last : low, most = *last > high ? *last : high;
+        s.most = most > s.most ? most : s.most;
+        s.n_black += most <= black;
+        s.n_white += least >= white;
+        s.n_seen += p[0] > 0;
+        s.n_full += p[0] >= 1;
+        s.n++;
     }
+    *saturation = s;
 }
 
 /* Warns where half of a projection's visible pixels are white, or nearly all of a picture is black or white. */

@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "base/simd_fixed.h"
 #include "ctsplat/bounds.h"
 #include <stdlib.h>
 
@@ -41,19 +42,17 @@ void cts_picture_free(CtsPicture **picture)
 }
 
 typedef struct Over {
-    float *pixels;
-    float background[3];
+    f32x4 *pixels;
+    f32x4 background; /* alpha 0 */
 } Over;
 
 static void over_pixels(void *context, int worker, size_t first, size_t end)
 {
     const Over *const o = context;
     (void)worker;
-    for (float *p = o->pixels + 4 * first; p < o->pixels + 4 * end; p += 4) {
-        const float through = 1.0f - p[3];
-        for (int c = 0; c < 3; c++)
-            p[c] += through * o->background[c];
-        p[3] = 1.0f;
+    for (f32x4 *p = o->pixels + first; p < o->pixels + end; p++) {
+        *p += (1.0f - (*p)[3]) * o->background;
+        (*p)[3] = 1.0f;
     }
 }
 
@@ -61,7 +60,7 @@ void cts_picture_over(CtsPicture *picture, const double background[3], int n_thr
 {
     if (picture->n_channels != 4)
         return;
-    Over over = {picture->pixels, {(float)background[0], (float)background[1], (float)background[2]}};
+    Over over = {(f32x4 *)picture->pixels, {(float)background[0], (float)background[1], (float)background[2]}};
     cts_parallel(cts_threads(n_threads), (size_t)picture->width * picture->height, 0, over_pixels, &over);
     picture->has_alpha = false;
     picture->info.grey &= background[0] == background[1] && background[1] == background[2];
