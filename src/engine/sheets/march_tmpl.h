@@ -418,6 +418,21 @@ INLINE void run_block(const March *m, const Block *b, SheetSamples *k, const boo
     run_inside(m, b, k, half, lit, window, x, y, s, light, counts);
 }
 
+/* Prefetch of a block's windows while another is rendered: its rows lie a row or a layer of voxels apart, further than
+ * a processor guesses by itself. An unlit picture's march takes 0.93 to 0.97 of the time on heads (AMD Zen 5), 1.0 on a
+ * chest, and a lit one, whose gradients take other rows too, 1.0. */
+INLINE void prefetch_block(const March *m, int low, const int64_t first[2], const int64_t along[2])
+{
+    const SheetsView *const v = &m->job->view;
+    for (int sheet = low; sheet <= low + SHEETS_BLOCK; sheet++) {
+        const ptrdiff_t column = (ptrdiff_t)((first[0] + sheet * along[0]) >> 32),
+                        row = (ptrdiff_t)((first[1] + sheet * along[1]) >> 32);
+        const uint16_t *const window = sheet_at(m, sheet) + row * v->row + column;
+        for (int i = 0; i < m->grid->reach[1]; i++)
+            __builtin_prefetch(window + i * v->row);
+    }
+}
+
 INLINE void finish(const March *m, const State *s, const SlabShading *light, const bool lit, SheetsPixels *out)
 {
     const wmask ended = wf_le(s->left, wf_of(m->job->min_transmittance));
@@ -465,6 +480,12 @@ INLINE Block span_of(const March *m, const uint64_t *visible, const int64_t firs
     return all;
 }
 
+/* The layer that rays meet first, of those whose bits are set. */
+INLINE int front_bit(unsigned bits, int step)
+{
+    return step > 0 ? __builtin_ctz(bits) : 31 - __builtin_clz(bits);
+}
+
 INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, const uint64_t *visible, const bool half,
                   const bool lit, const int window_rows, SheetsPixels *out, SheetsCounts *counts)
 {
@@ -495,7 +516,7 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
         if (bits)
             bits = visible_layers(j, &shaft, first_layer, bits);
         while (bits && wmask_any(s.alive)) {
-            const int bit = v->step > 0 ? __builtin_ctz(bits) : 31 - __builtin_clz(bits);
+            const int bit = front_bit(bits, v->step);
             bits ^= 1U << bit;
             const int low = (first_layer + bit) * SHEETS_BLOCK;
             const int high = low + SHEETS_BLOCK < v->n[2] - 1 ? low + SHEETS_BLOCK : v->n[2] - 1;
@@ -504,6 +525,8 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
             b.n = high - low;
             for (int c = 0; c < 2; c++)
                 b.corner.at[c] = first[c] + b.sheet * along[c];
+            if (!lit && all_inside && bits)
+                prefetch_block(&m, (first_layer + front_bit(bits, v->step)) * SHEETS_BLOCK, first, along);
             if (all_inside) {
                 b.inside = b.n == SHEETS_BLOCK;
                 b.lit_inside = b.window = true;
