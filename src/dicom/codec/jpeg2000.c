@@ -112,7 +112,7 @@ static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c
 
 static opj_stream_t *open_source(Source *source)
 {
-    opj_stream_t *stream = opj_stream_create(64 << 10, OPJ_TRUE);
+    opj_stream_t *stream = opj_stream_create(64 << 10, OPJ_TRUE); /* buffer; changes no pixel */
     if (!stream)
         return NULL;
     opj_stream_set_read_function(stream, read_bytes);

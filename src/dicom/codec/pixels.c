@@ -3,7 +3,7 @@
 #include "base/bytes.h"
 #include <string.h>
 
-/* Size of reads, small enough that the data are still in the L1 or L2 cache when they are processed. */
+/* Size of reads, small enough that the data are still in the L2 cache when they are processed. */
 enum { PART_BYTES = 64 << 10 };
 
 /* Removes the 8-byte item headers between the fragments of a frame; most frames have one fragment, which needs no

@@ -16,7 +16,7 @@
 namespace
 {
 
-const size_t MAX_BYTES = 4 << 20;
+const size_t MAX_BYTES = 4 << 20; /* of a dictionary's file; DCMTK's largest has 0.25 MB */
 
 /* Access to the private member that holds the dictionary, before DCMTK creates one: an explicit instantiation may name
  * private members. */

@@ -216,6 +216,7 @@ bool read_shape(CtsAttributes &item, CtsSlice *s)
         const char *name;
         int *value, low, high;
     } needed[] = {
+        /* Matrices of scanners have up to 2048 rows and columns. */
         {DCM_Rows, "Rows", &s->rows, 1, 4096},
         {DCM_Columns, "Columns", &s->columns, 1, 4096},
         {DCM_BitsAllocated, "BitsAllocated", &s->bits_allocated, 8, 16},
@@ -283,6 +284,7 @@ void read_rescale(CtsAttributes &item, CtsSlice *s)
                         "pixels are not Hounsfield units (set the right ones with dcmodify)");
         return;
     }
+    /* A range of 65535 * 1e-6 HU is none, and 1e7 HU is no scanner's. */
     if (std::fabs(s->slope) < 1e-6 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
                         s->intercept);

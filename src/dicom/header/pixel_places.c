@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* MAX_FRAGMENTS: 50 for each of 20000 frames; their offsets take 8 MB. ITEM_BYTES: tag and length. */
 enum { MAX_FRAGMENTS = 1 << 20, ITEM_BYTES = 8 };
 
 /* The items of an encapsulated value; the first, the offset table, apart. */

@@ -175,7 +175,8 @@ CtsStored cts_slice_stored(const CtsSlice *slice);
 void cts_slice_widen(const CtsSlice *slice, const uint8_t *bytes, uint16_t *words, size_t first, size_t end);
 
 /* Samples of grey levels of 1 HU (0: padding, and -1024 HU or less) at the centres of a grid over the slice, from its
- * stored words or, where are_grey, from such grey levels. */
+ * stored words or, where are_grey, from such grey levels. The grid's 1024 samples are one in 256 of 512 x 512 pixels.
+ */
 enum { CTS_SAMPLE_SIDE = 32, CTS_SAMPLES = CTS_SAMPLE_SIDE * CTS_SAMPLE_SIDE };
 void cts_slice_sample(const CtsSlice *slice, const uint16_t *words, bool are_grey, uint16_t sample[CTS_SAMPLES]);
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_CHARACTERS = 64 };
+enum { MAX_CHARACTERS = 64 }; /* of DICOM's texts of one line: LO has 64, and each group of PN */
 
 /* ASCII in a single-byte set or UTF-8 (ISO_IR 100 to 192), all of which hold ASCII unchanged: the usual case. */
 static bool is_same_in_utf8(const char *text, const char *charset)

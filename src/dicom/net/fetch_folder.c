@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 static const char prefix[] = "ctsplat-from-";
-enum { TRIES = 8 };
+enum { TRIES = 8 }; /* to lock a new folder that others may remove */
 
 /* Locks a folder of this program; -1 when it belongs to another program, is in use, or does not exist. */
 static int lock_folder(const char *path)

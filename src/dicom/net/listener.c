@@ -8,6 +8,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+/* Connections that wait to be accepted, so that a burst of many peers is not refused; the system has a limit of its
+ * own. */
 enum { BACKLOG = 512 };
 
 static CtsStatus resolve(const char *text, struct addrinfo **found, CtsError *err)

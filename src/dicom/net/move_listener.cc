@@ -16,6 +16,8 @@
 namespace
 {
 
+/* TICK_MS: interval at which the listener sees that it is to end. MAX_SERVED: connections of the peer at a time, a
+ * thread for each. */
 enum { TICK_MS = 100, MAX_SERVED = 16 };
 
 /* The address alone, without the port. */

@@ -13,6 +13,7 @@ typedef struct CtsPartSink {
     void *context;
 } CtsPartSink;
 
+/* Longest boundary by RFC 2046 (5.1.1); longest header of a part, which has a few lines. */
 enum { CTS_MAX_BOUNDARY = 70, CTS_MAX_PART_HEADER = 8192 };
 
 typedef struct CtsMultipart {

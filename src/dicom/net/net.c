@@ -52,7 +52,7 @@ CtsStatus cts_protocol_find(const CtsPeer *peer, const CtsProtocol **protocol, C
     return (st = cts_dcm_readers(&dcm, err)) ? st : dcm->start(err);
 }
 
-/* Sleeps in short intervals, to react to a request to stop. */
+/* Sleeps in intervals of 50 ms, to react at once to a request to stop. */
 static void wait_ms(const CtsNet *net, int ms)
 {
     for (; ms > 0 && !cts_net_stopped(net); ms -= 50)
@@ -98,7 +98,7 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
     if (!st && !(st = pack(paths, n_paths, outgoing_files, err)) && !(st = cts_protocol_find(peer, &protocol, err))) {
         int sent = 0;
         for (int k = 0; sent < n_paths && k < net.n_tries; k++) {
-            wait_ms(&net, k > 0 ? 500 << k : 0);
+            wait_ms(&net, k > 0 ? 500 << k : 0); /* 1, 2 and 4 s with the default of 4 tries */
             if (cts_net_stopped(&net))
                 break;
             result = (CtsAttempt){0};

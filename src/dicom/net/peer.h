@@ -10,9 +10,9 @@
 CTS_C_BEGIN
 
 enum {
-    CTS_FETCH_MAX_FILES = 50000,
-    CTS_FETCH_MAX_FILE_MIB = 4096, /* an enhanced object holds all slices */
-    CTS_FETCH_MAX_MIB = 65536
+    CTS_FETCH_MAX_FILES = 50000,   /* a series has at most 20000 slices; a study of several series fits */
+    CTS_FETCH_MAX_FILE_MIB = 4096, /* an enhanced object holds all slices: 8000 of 512 x 512 */
+    CTS_FETCH_MAX_MIB = 65536      /* 50000 slices of 512 x 512 take 25 GiB */
 };
 
 /* Folder for fetched files: private, with our own file names, under limits. */

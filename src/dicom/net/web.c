@@ -13,6 +13,9 @@
 #include <string.h>
 #include <strings.h>
 
+/* Bytes of buffers. MAX_CREDENTIALS: signed tokens have 1 to 2 kB. MAX_ANSWER: of an upload's answer or a search's.
+ * MAX_QUERY: four keys of up to 64 characters, three bytes each when encoded, are 768, and their names less than 100.
+ */
 enum { MAX_CREDENTIALS = 4096, MAX_ANSWER = 1 << 20, MAX_QUERY = 1200 };
 
 /* One request and its resources. */

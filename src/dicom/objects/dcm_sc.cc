@@ -14,7 +14,7 @@
 namespace
 {
 
-const int frame_ms = 100;
+const int frame_ms = 100; /* 36 frames of a rotation last 3.6 s */
 
 /* Body parts of PS3.16 Annex L that are paired, or parts of a limb. */
 bool is_paired(const char *part)

@@ -86,7 +86,7 @@ static void put_header(Profile *p)
 size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES])
 {
     static const char names[10][5] = {"desc", "cprt", "wtpt", "chad", "rXYZ", "gXYZ", "bXYZ", "rTRC", "gTRC", "bTRC"};
-    enum { N_TAGS = 10, TABLE = 132 };
+    enum { N_TAGS = 10, TABLE = 132 }; /* TABLE: the header's 128 bytes and the count */
     Profile p = {profile, 0};
     size_t start[N_TAGS], end[N_TAGS];
     memset(profile, 0, CTS_ICC_BYTES);

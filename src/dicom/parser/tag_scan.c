@@ -96,6 +96,7 @@ const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n)
 
 CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan)
 {
+    /* 132: preamble and DICM. 4096: more than a meta header has. 1 MiB: limit of one element. */
     *scan = (CtsMetaScan){0};
     size_t pos = 0;
     if (n >= 132 && memcmp(bytes + 128, "DICM", 4) == 0) {
