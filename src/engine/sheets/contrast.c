@@ -37,20 +37,21 @@ static bool any_visible(const float *rgba, int n)
     return any[0] | any[1] | any[2] | any[3];
 }
 
-/* Pixels of a row outside of which nothing is visible: the first, and one past the last. */
+/* Pixels of a row: the first, and one past the last. */
 typedef struct Extent {
     int from, to;
 } Extent;
 
-/* In whole steps, which cost less than a branch for each pixel. */
-static Extent visible_extent(const SheetsPatch *p, int y)
+/* Of an extent of row y, the pixels outside of which nothing is visible. In whole steps, which cost less than a branch
+ * for each pixel. */
+static Extent visible_extent(const SheetsPatch *p, int y, Extent e)
 {
     enum { STEP = 16 };
     const float *const row = p->rgba + 4 * (size_t)p->width * (size_t)y;
-    Extent e = {0, p->width};
-    while (e.to - e.from >= STEP && !any_visible(row + 4 * (size_t)e.from, STEP))
+    while (e.from < e.to && !any_visible(row + 4 * (size_t)e.from, sheets_at_most(STEP, e.to - e.from)))
         e.from += STEP;
-    while (e.to - e.from >= STEP && !any_visible(row + 4 * (size_t)(e.to - STEP), STEP))
+    while (e.from < e.to &&
+           !any_visible(row + 4 * (size_t)sheets_at_least(e.to - STEP, e.from), sheets_at_most(STEP, e.to - e.from)))
         e.to -= STEP;
     return e.from < e.to ? e : (Extent){p->width, 0};
 }
@@ -79,22 +80,21 @@ static void add_row_contrast(const float *const row[3], int from, int to, int wi
     }
 }
 
-void cts_sheets_add_contrast(const SheetsPatch *p, int y0, int y1)
+void cts_sheets_add_contrast(const SheetsPatch *p, int x0, int x1, int y0, int y1)
 {
     const size_t width = (size_t)p->width;
-    const Extent none = {p->width, 0};
-    Extent above, here = none, below = visible_extent(p, y0);
+    const Extent all = {sheets_at_least(x0 - 1, 0), sheets_at_most(x1 + 1, p->width)}, none = {p->width, 0};
+    Extent above, here = none, below = visible_extent(p, y0, all);
     for (int y = y0; y < y1 && !CTS_MUTATED(INDICATOR_CONTRAST); y++) {
         above = here;
         here = below;
-        below = y + 1 < y1 ? visible_extent(p, y + 1) : none;
+        below = y + 1 < y1 ? visible_extent(p, y + 1, all) : none;
         const int from = sheets_at_most(sheets_at_most(above.from, below.from), here.from),
                   to = sheets_at_least(sheets_at_least(above.to, below.to), here.to);
         const float *const row = p->rgba + 4 * width * (size_t)y;
         if (from < to)
             add_row_contrast(
                 (const float *const[]){y > y0 ? row - 4 * width : row, row, y + 1 < y1 ? row + 4 * width : row},
-                sheets_at_least(from - 1, 0), sheets_at_most(to + 1, p->width), p->width,
-                p->indicator + width * (size_t)y);
+                sheets_at_least(from - 1, x0), sheets_at_most(to + 1, x1), p->width, p->indicator + width * (size_t)y);
     }
 }

@@ -21,7 +21,7 @@ typedef struct Picturing {
     const CtsScene *scene;
     SheetsWorker *workers;
     SheetsPatch pixels, lattice;
-    atomic_int *regions_left; /* to render, of each strip of the pixels' regions */
+    atomic_int *regions_left; /* to render before the contrast of each of the pixels' regions */
 } Picturing;
 
 /* A row of a group: four channels of four pixels, transposed. */
@@ -154,22 +154,25 @@ static void run_patch(const Picturing *p, int worker, const SheetsPatch *patch, 
         run_region(p, &p->workers[worker], &to, (int)(i % across) * SHEETS_REGION, (int)(i / across) * SHEETS_REGION);
 }
 
-/* Adds the contrast of a region's strip if this was the last of its regions, while the strip is in the cache. Strip by
- * strip, so that no band sees another's pixels. */
-static void finish_region(const Picturing *p, size_t region)
+/* Adds the contrast of a region once it and its neighbours of the strip are rendered, while they are in the cache.
+ * Strip by strip, so that no band sees another's pixels. */
+static void finish_region(const Picturing *p, int i, int j)
 {
-    const size_t strip = region / (size_t)regions_along(p->pixels.width);
-    const int y0 = (int)strip * SHEETS_REGION;
-    if (atomic_fetch_sub(&p->regions_left[strip], 1) == 1)
-        cts_sheets_add_contrast(&p->pixels, y0, sheets_at_most(y0 + SHEETS_REGION, p->pixels.height));
+    const SheetsPatch *const to = &p->pixels;
+    const int across = regions_along(to->width), x0 = i * SHEETS_REGION, y0 = j * SHEETS_REGION;
+    if (i >= 0 && i < across && atomic_fetch_sub(&p->regions_left[j * across + i], 1) == 1)
+        cts_sheets_add_contrast(to, x0, sheets_at_most(x0 + SHEETS_REGION, to->width), y0,
+                                sheets_at_most(y0 + SHEETS_REGION, to->height));
 }
 
 static void run_pixels(void *context, int worker, size_t first, size_t end)
 {
     const Picturing *const p = context;
+    const size_t across = (size_t)regions_along(p->pixels.width);
     run_patch(p, worker, &p->pixels, first, end);
-    for (size_t i = first; i < end; i++)
-        finish_region(p, i);
+    for (size_t region = first; region < end; region++)
+        for (int i = -1; i <= 1; i++)
+            finish_region(p, (int)(region % across) + i, (int)(region / across));
 }
 
 static void run_lattice(void *context, int worker, size_t first, size_t end)
@@ -222,18 +225,18 @@ CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, con
                    .scene = scene,
                    .pixels = {&job->grid[0], 0, picture->first_row, picture->width, picture->height, picture->pixels,
                               indicator, picture->depth_mm}};
-    const size_t down = (size_t)regions_along(picture->height);
+    const size_t n = n_regions(&p.pixels), across = (size_t)regions_along(picture->width);
     CtsStatus st = start_workers(&p.workers, job, n_threads, err);
     if (!st)
-        st = cts_alloc_array(&p.regions_left, down, err);
-    for (size_t i = 0; !st && i < down; i++)
-        atomic_init(&p.regions_left[i], regions_along(picture->width));
+        st = cts_alloc_array(&p.regions_left, n, err);
+    for (size_t i = 0; !st && i < n; i++)
+        atomic_init(&p.regions_left[i], 1 + (i % across > 0) + (i % across < across - 1));
     for (size_t i = 0; picture->depth_mm && i < (size_t)picture->width * (size_t)picture->height; i++)
         picture->depth_mm[i] = SHEETS_FAR;
     if (!st && job->lattice && !(st = cts_sheets_lattice_init(&p.lattice, job, &p.pixels, err)))
         cts_parallel(n_threads, n_regions(&p.lattice), 1, run_lattice, &p);
     if (!st) {
-        cts_parallel(n_threads, n_regions(&p.pixels), 1, run_pixels, &p);
+        cts_parallel(n_threads, n, 1, run_pixels, &p);
         finish_depth(&p.pixels, job->camera_mm);
         st = cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
     }
@@ -274,7 +277,7 @@ static CtsStatus probe_tile(const TileProbing *probing, int worker, size_t tile,
     cts_sheets_lattice_free(&p.lattice);
     /* Neighbours outside the tile are not rendered: at its border contrast may be larger in the picture. */
     if (!st)
-        cts_sheets_add_contrast(&p.pixels, 0, SHEETS_TILE_Y);
+        cts_sheets_add_contrast(&p.pixels, 0, SHEETS_TILE_X, 0, SHEETS_TILE_Y);
     return st;
 }
 
