@@ -25,7 +25,7 @@ typedef struct CtsBatchLists {
 CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsError *err);
 void cts_batch_lists_free(CtsBatchLists *lists);
 
-/* Limit of concurrent series. */
+/* Largest number of concurrent series, more than the cores of most machines; each is a process. */
 enum { CTS_BATCH_MAX_JOBS = 256 };
 
 /* Series are counted by UID, so that their number does not change when one turns out to contain several volumes. */

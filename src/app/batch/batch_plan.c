@@ -13,6 +13,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* MAX_WARNINGS: folders that cannot be searched and are named; the rest is counted. LONGEST_RECORD: bytes of a file's
+ * record, 16 times the longest path. */
 enum { MAX_WARNINGS = 12, LONGEST_RECORD = 1 << 16 };
 
 /* A file; its record in the list has the details. */

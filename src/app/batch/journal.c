@@ -14,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-/* Time to wait for a run that is ending. */
+/* Time to wait for a run that is ending: 2 s, like GRACE_MS of its workers (worker.c). */
 enum { LOCK_TRIES = 20, LOCK_PAUSE_MS = 100 };
 
 struct CtsJournal {

@@ -32,7 +32,7 @@ void cts_journal_close(CtsJournal **journal);
 void cts_journal_leave(CtsJournal *journal);
 
 /* journal_record.c: a journal record as JSON, and the outputs of it that are up to date. */
-enum { CTS_RECORD_STEM = 160 };
+enum { CTS_RECORD_STEM = 160 }; /* bytes of a picture's name: of its preset and its view */
 
 /* A picture, or a rotation, that has to be made of a series. */
 typedef struct CtsBatchPicture {

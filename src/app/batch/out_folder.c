@@ -32,7 +32,7 @@ CtsStatus cts_batch_open_folder(const CtsBatchSettings *settings, CtsError *err)
 
 CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
 {
-    enum { PROBE = 1 << 20 };
+    enum { PROBE = 1 << 20 }; /* bytes, about a picture's */
     char path[PATH_MAX];
     CtsTempFile *temp = NULL;
     if (snprintf(path, sizeof path, "%s/probe", settings->options->output_dir) >= PATH_MAX)

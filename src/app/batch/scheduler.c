@@ -17,12 +17,14 @@
 #include <sys/socket.h>
 #include <sys/wait.h>
 
-/* TICK_MS: interval of timeout checks; SYNC_MS: of writing the journal to the disk; MAX_UNSENT: failures to send in a
- * row after which the PACS is given up. */
+/* TICK_MS: interval of timeout checks; timeouts are given in seconds. SYNC_MS: interval of writing the journal to the
+ * disk: a machine that fails loses the records of 2 s. MAX_UNSENT: failures to send in a row after which the PACS is
+ * given up; each has several attempts of its own (dicom/net/net.c). */
 enum { TICK_MS = 200, SYNC_MS = 2000, MAX_UNSENT = 3 };
 /* Rendering workers, one that reads ahead, and the sender. */
 #define N_WORKERS(n_jobs) ((n_jobs) + 2)
-/* Memory estimate of a series: 16-bit voxels and their copies during processing, and the buffers of pictures. */
+/* Memory estimate of a series: 16-bit voxels and their copies during processing, and the buffers of pictures. Measured:
+ * previews of four series of 5 to 37 million voxels take 0.2 to 0.8 of it. */
 static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
 
 typedef struct Run {
@@ -554,7 +556,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     cts_sweep_all(o->output_dir, o->shard.i, o->shard.n);
     if ((st = search_series(&r, err)))
         goto end;
-    r.free_bytes = 0.9 * (double)cts_memory_available();
+    r.free_bytes = 0.9 * (double)cts_memory_available(); /* a tenth stays for other programs */
     r.sheet_stale = true;
     r.start_ms = cts_wall_ms(); /* of the search nothing is learned for the pictures */
     st = run_all_series(&r);

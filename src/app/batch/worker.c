@@ -9,7 +9,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* GRACE_MS: time for a worker to end by itself before it is killed. */
+/* GRACE_MS: time for a worker to end by itself before it is killed. MAX_MESSAGE: longest message in bytes, a journal
+ * record with all files of a series; a longer one ends the worker. */
 enum { GRACE_MS = 2000, MAX_MESSAGE = 64 << 20 };
 
 bool cts_worker_read(CtsWorker *w, void (*take)(void *context, CtsWorker *worker, const char *message), void *context)

@@ -135,7 +135,7 @@ static void limit_worker(double mib)
         setrlimit(RLIMIT_DATA, &data);
     const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
     if (fd >= 0) {
-        const ssize_t n = write(fd, "1000", 4);
+        const ssize_t n = write(fd, "1000", 4); /* the largest score */
         (void)n;
         close(fd);
     }

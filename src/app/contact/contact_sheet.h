@@ -35,8 +35,9 @@ extern const size_t cts_contact_head_bytes, cts_contact_tail_bytes;
 
 typedef struct CtsThumbnail CtsThumbnail;
 
-/* Usual longest side of a thumbnail in pixels (smaller pictures keep their size), and the most frames of a rotation
- * side by side; longer rotations are subsampled evenly. */
+/* CTS_THUMBNAIL_SIDE: usual longest side in pixels; smaller pictures keep their size. CTS_THUMBNAIL_FRAMES: largest
+ * number of frames of a rotation side by side, steps of 10 degrees; longer rotations are subsampled evenly. The strip
+ * of 8640 pixels is narrower than WebP's limit, 16383. */
 enum { CTS_THUMBNAIL_SIDE = 240, CTS_THUMBNAIL_FRAMES = 36 };
 
 /* One file that cts_thumbnail_end() wrote: the stem with suffix behind it. */
@@ -61,7 +62,7 @@ CtsStatus cts_thumbnail_end(CtsThumbnail **thumb, CtsThumbnailFile files[CTS_THU
 /* Frees without writing; *thumb may be NULL. */
 void cts_thumbnail_discard(CtsThumbnail **thumb);
 
-enum { CTS_LABEL_SLICES_SIDE = 240 };
+enum { CTS_LABEL_SLICES_SIDE = 240 }; /* of a section, as of a thumbnail */
 
 /* Three sections side by side, each of side x side pixels: a scanned slice as stored, then sections along its rows and
  * along its columns with the last slice at the top; through the centre of the labelled voxels. All at one scale, in a

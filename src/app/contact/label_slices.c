@@ -109,6 +109,7 @@ static float grey_at(const Drawing *d, const int voxel[3])
 /* CSS Color 4: hsl(hue 90% 60%). */
 static void colour_of(int label, float rgb[3])
 {
+    /* Steps of the golden ratio put each hue into the largest gap between those before it. */
     const double hue = fmod(label * 0.618034, 1), light = 0.6, reach = 0.9 * (1 - light);
     for (int c = 0; c < 3; c++) {
         const double k = fmod((c == 0 ? 0 : c == 1 ? 8 : 4) + hue * 12, 12);

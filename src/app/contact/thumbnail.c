@@ -8,7 +8,8 @@
 #include <string.h>
 #include <webp/encode.h>
 
-/* 12 bits of display value are finer than an 8-bit thumbnail can show. */
+/* LEVELS: 12 bits of display value are finer than an 8-bit thumbnail can show. QUALITY, TURN_QUALITY: WebP's, 0 to 100.
+ * Measured: a head of 240 x 240 pixels takes 2 to 3 kB, its rotation of 36 frames 70 to 80 kB. */
 enum { LEVELS = 4096, QUALITY = 80, TURN_QUALITY = 70 };
 
 struct CtsThumbnail {

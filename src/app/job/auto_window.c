@@ -5,8 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* SIDE: enough pixels for percentiles of the values. ROUND_HU: readable limits that do not change with small changes of
- * a series. NARROWEST_HU: noise alone has a wider histogram. */
+/* SIDE: pixels of a side; 16384 pixels have 160 in the top percentile. MAX_VIEWS: from the front and from the side,
+ * between which a rotation's pictures lie. ROUND_HU: readable limits that do not change with small changes of a series.
+ * NARROWEST_HU: noise alone has a wider histogram. */
 enum { SIDE = 128, MAX_VIEWS = 2, ROUND_HU = 10, NARROWEST_HU = 50 };
 
 static int by_value(const void *a, const void *b)
@@ -43,6 +44,7 @@ static CtsStatus render_projection(const CtsModel *model, const CtsPreset *wide,
     return st;
 }
 
+/* Sets the window from the 5th to the 99th percentile of the values, at least NARROWEST_HU wide. */
 static void set_window(CtsPreset *preset, const CtsPreset *wide, const float *values, size_t n)
 {
     const double width = wide->window_high_hu - wide->window_low_hu;

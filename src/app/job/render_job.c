@@ -18,12 +18,15 @@ typedef struct Saturation {
     float most;                   /* the brightest pixel */
 } Saturation;
 
-/* Five grey levels of 255 are indistinguishable from black or white; a two-hundredth of a picture is negligible. */
-enum { EVERY = 7 }; /* every EVERY-th pixel is sampled */
+/* Every EVERY-th pixel is sampled: an odd number, so that samples of rows of even width lie in different columns. */
+enum { EVERY = 7 };
+/* Five grey levels of 255 are indistinguishable from black or white. */
 static const float black = 5.0f / 255, white = 250.0f / 255;
+/* Share of a picture that counts as all of it: a two-hundredth is negligible. */
 static const double nearly_all = 0.995;
-/* With micro-CT voxels rays are short, and opacity per millimetre leaves all of a picture darker than this. */
+/* Brightness that no pixel reaches where rays are short, as with micro-CT voxels, and opacity is per millimetre. */
 static const float low_opacity = 1 / 8.0f;
+/* Largest voxels of a micro-CT (core/volume/threshold.h). */
 static const double fine_mm = 0.2;
 
 /* Counts a band over its background, before anything is drawn on it. */

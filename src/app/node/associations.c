@@ -45,6 +45,7 @@ static CtsRate *rate_of(CtsAssociations *v, const CtsAddress *address, double no
         if (r->since_ms < oldest->since_ms)
             oldest = r;
     }
+    /* 60000: rates are numbers in a minute. */
     if (memcmp(&oldest->address, address, sizeof *address) || now_ms - oldest->since_ms > 60000)
         *oldest = (CtsRate){.address = *address, .since_ms = now_ms};
     return oldest;

@@ -50,12 +50,14 @@ void cts_spool_temp(const CtsSpool *spool, int i, char *path, size_t size);
 /* True if there is room for an object of n_bytes. */
 bool cts_spool_has_room(const CtsSpool *spool, uint64_t n_bytes);
 
-enum { CTS_SPOOL_STUDY = 80 };
+enum { CTS_SPOOL_STUDY = 80 }; /* bytes of a folder's name: ST_ and a UID of up to 64, or a hash */
 /* Moves a complete object into its study's folder (returned in study) once it is on the disk; removes one that is not a
  * CT image or not the announced one. *replaced: it replaced the same instance. */
 CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY],
                            bool *replaced);
 
+/* CTS_MAX_ASSOCIATIONS: processes at a time; with the default, 8 addresses have all theirs. CTS_MAX_STUDY_COUNTS:
+ * studies that an association's record names; further ones are counted together. */
 enum { CTS_MAX_ASSOCIATIONS = 64, CTS_MAX_STUDY_COUNTS = 16 };
 
 /* associations.c: current peers, one process each, and their limits. This part is memory shared with the process that
@@ -87,7 +89,7 @@ typedef struct CtsRate {
 typedef struct CtsAssociations {
     CtsAssociationProcess peer_processes[CTS_MAX_ASSOCIATIONS];
     CtsAssociationRecord *shared; /* of all */
-    CtsRate rates[256];           /* the oldest makes room */
+    CtsRate rates[256];           /* of the last 256 addresses: the oldest makes room */
     int max_of_one, max_a_minute;
 } CtsAssociations;
 

@@ -16,6 +16,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+/* REPORT_MS: at most one record of rejections in a minute, so that a port scan does not fill the disk. GRACE_MS: time
+ * for a peer's process to end by itself before it is killed. PAUSE_MS: between two checks of an unavailable resource.
+ * CHILD_BYTES, CHILD_FILES: limits of a peer's process, which writes objects to a file as they come. */
 enum { REPORT_MS = 60000, GRACE_MS = 2000, PAUSE_MS = 10, CHILD_BYTES = 512 << 20, CHILD_FILES = 64 };
 
 typedef struct Receiver {

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* MAX_NAMES: the largest number of a label, of 16 bits. MAX_BYTES: 256 for each. */
 enum { MAX_NAMES = 65535, MAX_BYTES = 16 << 20 };
 
 void cts_appearance_file_free(CtsAppearanceFile *look)

@@ -97,7 +97,7 @@ CtsStatus cts_parse_view(CtsOptions *options, const char *text, CtsError *err)
 
 CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err)
 {
-    enum { MOST = 16 };
+    enum { MOST = 16 }; /* more than there are formats */
     const char *names[MOST];
     int n = 0;
     for (; n < MOST && cts_format((size_t)n); n++)
@@ -231,7 +231,7 @@ CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err)
 
 CtsStatus cts_parse_fill(CtsOptions *options, const char *text, CtsError *err)
 {
-    static const double most = 131072; /* beyond any scanner's extended scale */
+    static const double most = 131072; /* HU; twice the range of 16 bits, which no scanner's scale exceeds */
     double hu;
     if (!cts_number(text, &hu) || fabs(hu) > most)
         return cts_fail(err, CTS_ERR_USAGE, "`fill` %s: not a number of HU, such as 0", text);

@@ -9,6 +9,8 @@
 #include <strings.h>
 #include <sys/random.h>
 
+/* MADE_BYTES: 128 random bits cannot be guessed. MIN_CHARACTERS: of a token from a file; random hex digits are 64 bits.
+ */
 enum { MADE_BYTES = 16, MIN_CHARACTERS = 16 };
 
 static CtsStatus make_token(CtsServer *server, CtsError *err)

@@ -9,7 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
-/* LAST_MS: how long the last answers have to leave when the server stops. */
+/* MAX_CONNECTIONS: each is an open file; one thread serves all. SILENCE_S: a connection without traffic is closed after
+ * it. LAST_MS: time for the last answers to be sent when the server stops. POLL_MS: between checks whether they are. */
 enum { MAX_CONNECTIONS = 2000, SILENCE_S = 30, LAST_MS = 3000, POLL_MS = 5 };
 
 struct CtsHttpServer {

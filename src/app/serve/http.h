@@ -21,7 +21,7 @@ typedef struct CtsHttpSettings {
     void *context;
 } CtsHttpSettings;
 
-enum { CTS_HTTP_HEADERS = 8 };
+enum { CTS_HTTP_HEADERS = 8 }; /* of one answer, beside libmicrohttpd's own */
 
 typedef struct CtsHttpAnswer {
     int status;

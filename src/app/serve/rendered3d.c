@@ -175,7 +175,7 @@ static CtsStatus take_camera(const CtsQuery *from, CtsQuery *words, CtsError *er
     return CTS_OK;
 }
 
-/* Pictures in each direction where no step is given. */
+/* Number of pictures in each direction of a swivel where no step is given, as many as of a thumbnail's rotation. */
 enum { SWEEP_FRAMES = 36 };
 
 static CtsStatus positive(const CtsQuery *from, const char *name, double *value, CtsError *err)
@@ -200,7 +200,7 @@ static CtsStatus take_swivel(CtsRenderQuery *render_query, const CtsQuery *from,
     if (render_query->swivel_step_deg == 0)
         render_query->swivel_step_deg = render_query->swivel_range_deg / SWEEP_FRAMES;
     if (render_query->rate == 0)
-        render_query->rate = 10;
+        render_query->rate = 10; /* a second: a swivel of SWEEP_FRAMES, there and back, takes 7.2 s */
     cts_query_make(&render_query->query, "swivel", "%.17g,%.17g", render_query->swivel_range_deg,
                    render_query->swivel_step_deg);
     cts_query_make(&render_query->query, "frame-rate", "%.17g", render_query->rate);

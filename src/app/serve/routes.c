@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_PARTS = 8 };
+enum { MAX_PARTS = 8 }; /* studies/UID/series/UID/instances/UID/rendered3D, the longest address, has 7 */
 
 /* The segments of a path: "/series/1/picture.png" has three. */
 typedef struct Parts {

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Idle renderers of one volume: as many presets as a page has at hand. */
+/* Largest number of idle renderers of one volume, each of one preset: ctsplat's own six for volumes, bone to metal. */
 enum { MAX_IDLE_RENDERERS = 6 };
 
 static void free_renderer(CtsCachedRenderer *renderer)

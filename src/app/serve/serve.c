@@ -30,7 +30,7 @@ static void allow_connections(void)
 /* A PEM file; the caller's to free. */
 static CtsStatus read_pem(const char *path, char **text, CtsError *err)
 {
-    enum { MOST = 1 << 20 };
+    enum { MOST = 1 << 20 }; /* bytes; a chain of certificates has about 10 kB */
     size_t n;
     const CtsStatus st = cts_file_text(path, MOST, CTS_ERR_READ, text, &n, err);
     return st || n ? st : cts_fail(err, CTS_ERR_READ, "%s: is empty", path);

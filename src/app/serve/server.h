@@ -10,7 +10,8 @@
 #include <signal.h>
 #include <stddef.h>
 
-/* query.c, rendered3d.c: translation and checks of a request's query as ctsplat's options. */
+/* query.c, rendered3d.c: translation and checks of a request's query as ctsplat's options. CTS_QUERY_PARTS: a request
+ * may have fewer than 50 options. CTS_QUERY_MADE: PS3.18's parameters become at most five. */
 enum { CTS_QUERY_PARTS = 64, CTS_QUERY_MADE = 8 };
 
 /* A query: names and values as the request has them, or made here. */
@@ -66,8 +67,9 @@ typedef struct CtsPageAsset {
 extern const CtsPageAsset cts_page_assets[];
 extern const size_t cts_page_n_assets;
 
-/* Numbers of threads that render (at most one less of one series, so that a slow series or picture leaves room for
- * others) and of queued requests; further clients are asked to retry. */
+/* CTS_SERVE_WORKERS: threads that render, at most one less of one series, so that a slow series or picture leaves room
+ * for others. CTS_SERVE_WAITING: queued requests, 16 for each thread; further clients are asked to retry after
+ * CTS_SERVE_RETRY_S. */
 enum { CTS_SERVE_WORKERS = 4, CTS_SERVE_WAITING = 64, CTS_SERVE_RETRY_S = 1 };
 
 /* One request for a picture. */

@@ -90,9 +90,8 @@ enum { CTS_ICC_BYTES = 600 }; /* room for the profile below */
  * C.11.15). Returns its length, a multiple of 4. Always the same bytes. */
 size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES]);
 
-enum {
-    CTS_STATE_ENTRIES = 4096
-}; /* of a presentation state's colour tables: steps of 1 HU over a preset's range of 4096 HU */
+/* Entries of a presentation state's colour tables: steps of 1 HU over a preset's range of 4096 HU. */
+enum { CTS_STATE_ENTRIES = 4096 };
 
 /* Private attributes for settings that the standard's attributes cannot represent exactly. */
 enum { CTS_STATE_GROUP = 0x0073, CTS_STATE_CREATOR = 0x0010, CTS_STATE_PRESET = 0x1001, CTS_STATE_OPTIONS = 0x1002 };
