@@ -85,7 +85,7 @@ static void write_section(const CtsMorphology *m, uint64_t *out, CtsBitRows rows
     memset(out + end, 0, (m->n_words - end) * sizeof *out);
 }
 
-/* The rows that have bits, and so many on either side. */
+/* The rows that have bits, and `margin` rows on either side. */
 static CtsBitRows rows_with_bits(const CtsMorphology *m, const uint64_t *in, int margin)
 {
     return cts_bits_rows_around(cts_bits_set_rows(in, m->row_words, (size_t)m->ny), margin, m->ny);
@@ -129,7 +129,7 @@ static void dilate_far(CtsMorphology *m, Way way, int n, int reach)
     m->b = t;
 }
 
-/* Clears voxels outside the section in both copies, where so many rows on either side may be set. */
+/* Clears voxels outside the section in both copies, where `rows` rows on either side may be set. */
 static void clear_outside(CtsMorphology *m, int rows)
 {
     const size_t margin = (size_t)rows * m->stride, n = m->stride * m->n_rows;

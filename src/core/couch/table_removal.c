@@ -247,8 +247,8 @@ static uint64_t count_dense_gone(const CtsTableSearch *r)
     return atomic_load(&count.n_dense);
 }
 
-/* A row of n voxels, from bit `at` of a row of bits on, without those that are gone, at its own place or at one before
- * it in memory. */
+/* Moves a row of n voxels to its own place or to one before it in memory; those that are gone become air. at: bit of
+ * the row's first voxel in `gone`. */
 static void move_kept_row(uint16_t *to, const uint16_t *from, int n, int at, const uint64_t *gone)
 {
     bool is_gone = gone[at >> 6] >> (at & 63) & 1;

@@ -338,7 +338,7 @@ typedef struct BlockBox {
     int low[2], end[2];
 } BlockBox;
 
-/* The blocks of the box, and so many around it. */
+/* The blocks of the box, and `margin` blocks around it. */
 INLINE BlockBox blocks_of_box(const Shaping *s, int margin)
 {
     BlockBox box;

@@ -30,8 +30,7 @@ enum { EIGHT = 8, FOUR_ROWS = 4 };
 
 SIMD_EACH(ws, nearest, (ws a, ws b), vs_unsigned_min(a.part[p], b.part[p]))
 
-/* In each row of eight the element so many places before, or the first one; with a negative number behind, or the
- * last. */
+/* In each row of eight the element `by` places before, or the first one; with a negative number behind, or the last. */
 INLINE ws shifted(ws x, int by)
 {
     ws from;
@@ -121,7 +120,7 @@ INLINE vi to_right(const int16_t *d, const Places *p)
     return vi_select(p->last, vi_load_shorts(d + p->at), vi_load_shorts(d + p->at + 1));
 }
 
-/* Adds a displacement of so many blocks, along the gradient of the distances, to x and y. */
+/* Adds a displacement, in blocks, along the gradient of the distances to x and y. */
 INLINE void go(const int16_t *d, const Places *p, vf blocks, vf *x, vf *y)
 {
     const vf along_x = to_float(to_right(d, p) - to_left(d, p));
