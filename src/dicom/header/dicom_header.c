@@ -62,8 +62,8 @@ static CtsStatus scan_plain(CtsDicomHeader *h, CtsError *err)
     return CTS_OK;
 }
 
-/* Inflates the start of a deflated data set in the sandbox. The answer is a size_t, then so many bytes: at most as many
- * as there is room for. */
+/* Inflates the start of a deflated data set in the sandbox. The answer is a size_t, then that number of bytes, at
+ * most as many as there is room for. */
 static CtsStatus inflate_apart(const void *order, const uint8_t *stream, size_t n, void *head, size_t n_head,
                                CtsError *err)
 {

@@ -143,7 +143,8 @@ static double spanned(const CtsNiftiPlace *p)
     return cts_dot3(normal, p->step_lps[2]);
 }
 
-/* From RAS rows in units of so many mm to LPS: x and y change sign. */
+/* From RAS rows to LPS: x and y change sign. mm: length of the rows' unit. Axes that span less than 1e-3 of an upright
+ * cell lie in one plane. */
 static void set_place(CtsNiftiPlace *p, const double m[3][4], double mm)
 {
     for (int row = 0; row < 3; row++) {

@@ -138,7 +138,7 @@ typedef struct CtsMask {
  * span no plane. */
 bool cts_mask_axes(const double step_lps[2][3], double inverse[2][3]);
 
-/* *on_grid: whether its pixels are scanned voxels. Where they are not, no two planes may lie in one place. */
+/* *on_grid: true if its pixels are scanned voxels. Where they are not, no two planes may lie in one place. */
 CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, bool *on_grid, CtsError *err);
 
 /* Adds runs and fractions to the labels, sorted. Warns about parts outside the volume; adds the volume of the mask's

@@ -63,7 +63,8 @@ static Affine affine_of(const MaskPlacing *p, int slice, int plane)
     return a;
 }
 
-/* Makes it whole numbers of pixels, in the same or in the opposite order, where it is; false where it is not. */
+/* Rounds *a to whole numbers of pixels, in the same or in the opposite order; false where that displaces a corner by
+ * NEAR_PIXELS or more. */
 static bool make_whole(const MaskPlacing *p, Affine *a)
 {
     const Affine r = {{rint(a->at[0]), rint(a->at[1])}, {{rint(a->by[0][0]), 0}, {0, rint(a->by[1][1])}}};
@@ -164,7 +165,8 @@ static int plane_behind(const MaskPlacing *p, double at_mm)
 }
 
 /* The planes before and behind a position along the normal, -1 for none, and their weights: linear from plane to plane,
- * and falling to 0 where the next plane is missing. Returns the nearest; -1: no plane covers the position. */
+ * and falling to 0 where the next plane is missing: planes more than 1.5 gaps apart, nearer to two than to one. Returns
+ * the nearest; -1: no plane covers the position. */
 static int planes_about(const MaskPlacing *p, double at_mm, int plane[2], double weight[2])
 {
     const int behind = plane_behind(p, at_mm);
@@ -389,7 +391,7 @@ static void find_plane_reach(MaskPlacing *p)
     p->reach_mm = 0.5 * (gap < INFINITY ? gap : scanned_gap) * 1.001;
 }
 
-/* Warns of a label of which so much, in any unit, lies outside. */
+/* Warns of a label of which more than half lies outside. inside, whole: its sizes in any unit. */
 static void report_label_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole)
 {
     if (whole > 0 && inside < 0.5 * whole)
@@ -461,7 +463,8 @@ static CtsStatus begin_placing(MaskPlacing *p, CtsError *err)
     return CTS_OK;
 }
 
-/* Planes lie in slices, pixel on voxel, or away from all. */
+/* True if all planes lie in slices, pixel on voxel, or away from all. A mask leans where its ends lie a tenth of a gap
+ * apart along the normal; a plane with a weight of 1 % or less is away. */
 static bool is_on_grid(const MaskPlacing *p)
 {
     const CtsLabelGrid *const g = p->grid;

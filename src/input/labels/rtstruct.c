@@ -68,6 +68,7 @@ static CtsStatus add_points(Outline *o, const double (*lps)[3], size_t n, CtsErr
         low = fmin(low, at_mm);
         high = fmax(high, at_mm);
     }
+    /* Far less than the half of a gap that separates slices; 0.01 mm: rounding. */
     if (!(high - low <= 0.2 * gap_mm + 0.01))
         return cts_fail(err, CTS_ERR_GEOMETRY, "a contour is not parallel to the slices: it spans %.3g mm across them",
                         high - low);
@@ -175,7 +176,7 @@ static int by_place(const void *a, const void *b)
     return x->at_mm != y->at_mm ? (x->at_mm < y->at_mm ? -1 : 1) : x->first < y->first ? -1 : x->first > y->first;
 }
 
-/* The contours of one plane, from *at on; the next plane's begin at *at then. */
+/* The contours of one plane, within 0.01 mm, from *at on; the next plane's begin at *at then. */
 static const Contour *next_plane(const Outline *o, size_t *at, const Contour **end)
 {
     const Contour *const first = o->contours + *at;
@@ -185,7 +186,7 @@ static const Contour *next_plane(const Outline *o, size_t *at, const Contour **e
     return first;
 }
 
-/* The slice of a contour plane: at most half the distance to the next slice away. */
+/* The slice of a contour plane: at most half the distance to the next slice away; 1e-6 mm is rounding. */
 static int slice_at(const CtsLabelGrid *g, double at_mm)
 {
     for (int k = 0; k < g->n_slices; k++) {

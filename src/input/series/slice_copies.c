@@ -122,7 +122,9 @@ static bool same_hu(Copies *c, const CtsSlice *a, const CtsSlice *b)
     return true;
 }
 
-/* Of one acquisition; what separates acquisitions is kept by all that encode a slice again. */
+/* True for slices of one acquisition: the attributes that separate acquisitions are the same in all encodings of a
+ * slice.
+ */
 static bool same_acquisition(const CtsSlice *a, const CtsSlice *b)
 {
     return a->acquisition_number == b->acquisition_number && a->temporal_index == b->temporal_index &&

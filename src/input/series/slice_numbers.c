@@ -94,7 +94,7 @@ static double gap_mm(const CtsSliceSet *set, int i)
            cts_slice_stack_position_mm(set->items[0], set->items[i]);
 }
 
-/* By how much the number steps over gap i where it may hold slices that are missing; else 0. */
+/* Step of the instance number over gap i if the gap may hold missing slices; else 0. */
 static int64_t step_over(const CtsSliceSet *set, int i, double smallest_mm, double *thickness_mm)
 {
     const CtsSlice *a = set->items[i], *b = set->items[i + 1];
