@@ -455,7 +455,7 @@ static void watch_clock(Run *r)
         else if (!w->killed && now_ms > w->deadline_ms)
             cts_worker_kill(w, "it took longer than --series-timeout allows");
     }
-    if (now_ms - r->reported_ms > 1000)
+    if (now_ms - r->reported_ms > 1000) /* progress for readers: once a second */
         report_batch_progress(r);
     if (now_ms - r->synced_ms > SYNC_MS) {
         CtsError err;

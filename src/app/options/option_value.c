@@ -203,6 +203,7 @@ CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+/* Up to 1e6 mm, far beyond any position of a slice (1e5 mm). */
 CtsStatus cts_parse_centre(CtsOptions *options, const char *text, CtsError *err)
 {
     double *const centre = options->render.centre_lps;
@@ -239,7 +240,8 @@ CtsStatus cts_parse_fill(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
-/* K, M, G and T are powers of 1024, and so are KiB to TiB; KB to TB too, as memory is counted so. */
+/* K, M, G and T are powers of 1024, and so are KiB to TiB; KB to TB too, as memory is counted so. 1 MiB to 1e15 bytes,
+ * which no machine has. */
 CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err)
 {
     static const char units[] = "KMGTkmgt";
@@ -257,6 +259,7 @@ CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+/* Up to 1e6 HU, far beyond any volume's range. */
 CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err)
 {
     double hu[2];

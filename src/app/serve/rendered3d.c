@@ -113,7 +113,7 @@ static CtsStatus read_vector(const CtsQuery *from, const char *name, const char 
     return CTS_OK;
 }
 
-/* The camera's angles; *level: it looks neither straight up nor down, where only `up` determines the azimuth. */
+/* The camera's angles. If it looks straight up or down, but for 1e-9 of rounding, only `up` determines the azimuth. */
 static void angles_of(const Camera *c, double deg[2])
 {
     const double degree = 180 / acos(-1);
@@ -130,7 +130,8 @@ static void angles_of(const Camera *c, double deg[2])
                     : degree * (back[2] > 0 ? atan2(-c->up_lps[0], c->up_lps[1]) : atan2(c->up_lps[0], -c->up_lps[1]));
 }
 
-/* True if `up` is the camera's own up vector, so that the picture has no roll. */
+/* True if `up` is the camera's own up vector, so that the picture has no roll; a roll of 1e-3 moves the
+ * edge of 1000 pixels by half a pixel. */
 static bool is_upright(const Camera *c, const double deg[2])
 {
     const double degree = 180 / acos(-1), a = deg[0] / degree, e = deg[1] / degree;
@@ -207,7 +208,8 @@ static CtsStatus take_swivel(CtsRenderQuery *render_query, const CtsQuery *from,
     return CTS_OK;
 }
 
-/* Centre, width and function (PS3.3 C.11.2.1.2, C.11.2.1.3). */
+/* Centre, width and function (PS3.3 C.11.2.1.2, C.11.2.1.3). A linear window of width 1 is a step, which has no width
+ * left; 1.001 and 1e-6 leave some. */
 static CtsStatus take_window(const CtsQuery *from, CtsQuery *words, CtsError *err)
 {
     const char *window = cts_query_value(from, "window"), *function = window ? strrchr(window, ',') : NULL;
