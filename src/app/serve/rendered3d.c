@@ -113,7 +113,7 @@ static CtsStatus read_vector(const CtsQuery *from, const char *name, const char 
     return CTS_OK;
 }
 
-/* The camera's angles. If it looks straight up or down, but for 1e-9 of rounding, only `up` determines the azimuth. */
+/* The camera's angles. If it looks straight up or down, up to 1e-9 of rounding, only `up` determines the azimuth. */
 static void angles_of(const Camera *c, double deg[2])
 {
     const double degree = 180 / acos(-1);
