@@ -126,7 +126,7 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * - vi_take(from, index): from[index] of 32 bits
  * - vi_load_shorts(from), vi_load_words(from): LANES elements of 16 bits, with and without sign
  * - vi_take_pairs(from, index): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
- * - vi_take_64(from, index, &second): from[index] of two int32_t, the first returned
+ * - vi_take_64(from, index, scale, &second): two int32_t that begin index * scale bytes on, the first returned
  * - vs_madd(a, b): a[2 l] * b[2 l] + a[2 l + 1] * b[2 l + 1] in lane l, 32 bits
  * - vs_unsigned_max, vs_unsigned_min(a, b); vs_excess(a, b): a - b where a is more, else 0; of 16 bits without a sign
  * - vs_mul_high(a, b): upper half of the product of two unsigned 16-bit integers
@@ -268,7 +268,8 @@ SIMD_EACH(wi, wi_load_words, (const uint16_t *from), vi_load_words(from + LANES 
 SIMD_EACH(wi, wi_gather_pairs, (const void *from, wi at, wmask mask), vi_gather_pairs(from, at.part[p], mask.part[p]))
 SIMD_EACH(wi, wi_take, (const void *from, wi at), vi_take(from, at.part[p]))
 SIMD_EACH(wi, wi_take_pairs, (const void *from, wi at), vi_take_pairs(from, at.part[p]))
-SIMD_EACH(wi, wi_take_64, (const int32_t (*from)[2], wi at, wi *second), vi_take_64(from, at.part[p], &second->part[p]))
+SIMD_EACH(wi, wi_take_64, (const void *from, wi at, ptrdiff_t scale, wi *second),
+          vi_take_64(from, at.part[p], scale, &second->part[p]))
 
 SIMD_EACH(wmask, wmask_and, (wmask a, wmask b), a.part[p] & b.part[p])
 SIMD_EACH(wmask, wmask_or, (wmask a, wmask b), a.part[p] | b.part[p])

@@ -31,10 +31,10 @@ SIMD_OP(vi, vi_take, (const void *from, vi index), (vi)load_eight_32(from, (__m2
 SIMD_OP(vi, vi_take_bytes, (const void *from, vi index), (vi)load_eight_32(from, (__m256i)index, 1) & 255)
 SIMD_OP(vi, vi_take_pairs, (const void *from, vi index), (vi)load_eight_32(from, (__m256i)index, 2))
 
-INLINE vi vi_take_64(const int32_t (*from)[2], vi index, vi *second)
+INLINE vi vi_take_64(const void *from, vi index, ptrdiff_t scale, vi *second)
 {
     __m256i four[2];
-    load_eight_64(from, (__m256i)index, four);
+    load_eight_64(from, (__m256i)index, scale, four);
     const __m256 low = (__m256)four[0], high = (__m256)four[1];
     const __m256d even = (__m256d)_mm256_shuffle_ps(low, high, 0x88), odd = (__m256d)_mm256_shuffle_ps(low, high, 0xdd);
     *second = (vi)_mm256_permute4x64_pd(odd, 0xd8);

@@ -46,12 +46,12 @@ INLINE __m512i of_halves(__m256i low, __m256i high)
     return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
 }
 
-INLINE vi vi_take_64(const int32_t (*from)[2], vi index, vi *second)
+INLINE vi vi_take_64(const void *from, vi index, ptrdiff_t scale, vi *second)
 {
     const __m512i at = (__m512i)index;
     __m256i four[4];
-    load_eight_64(from, _mm512_castsi512_si256(at), four);
-    load_eight_64(from, _mm512_extracti64x4_epi64(at, 1), four + 2);
+    load_eight_64(from, _mm512_castsi512_si256(at), scale, four);
+    load_eight_64(from, _mm512_extracti64x4_epi64(at, 1), scale, four + 2);
     const __m512i low = of_halves(four[0], four[1]), high = of_halves(four[2], four[3]);
     const vi even = {0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30};
     *second = (vi)_mm512_permutex2var_epi32(low, (__m512i)(even + 1), high);

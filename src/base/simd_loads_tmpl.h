@@ -24,17 +24,17 @@ INLINE __m256i load_eight_32(const void *from, __m256i index, ptrdiff_t scale)
     return _mm256_set_m128i(load_four_32(from, at + 4, scale), load_four_32(from, at, scale));
 }
 
-INLINE __m128i load_two_64(const int32_t (*from)[2], const int32_t at[2])
+INLINE __m128i load_two_64(const char *from, const int32_t at[2], ptrdiff_t scale)
 {
-    return _mm_unpacklo_epi64(_mm_loadl_epi64((const __m128i *)from[at[0]]),
-                              _mm_loadl_epi64((const __m128i *)from[at[1]]));
+    return _mm_unpacklo_epi64(_mm_loadl_epi64((const __m128i *)(from + at[0] * scale)),
+                              _mm_loadl_epi64((const __m128i *)(from + at[1] * scale)));
 }
 
-/* from[index] of 64 bits, of four lanes in each of two registers. */
-INLINE void load_eight_64(const int32_t (*from)[2], __m256i index, __m256i four[2])
+/* 64 bits at from + index * scale bytes, of four lanes in each of two registers. */
+INLINE void load_eight_64(const void *from, __m256i index, ptrdiff_t scale, __m256i four[2])
 {
     int32_t at[8];
     _mm256_storeu_si256((__m256i *)at, index);
     for (int i = 0; i < 2; i++)
-        four[i] = _mm256_set_m128i(load_two_64(from, at + 4 * i + 2), load_two_64(from, at + 4 * i));
+        four[i] = _mm256_set_m128i(load_two_64(from, at + 4 * i + 2, scale), load_two_64(from, at + 4 * i, scale));
 }

@@ -114,12 +114,14 @@ INLINE vi vi_take_pairs(const void *from, vi index)
     return v;
 }
 
-INLINE vi vi_take_64(const int32_t (*from)[2], vi index, vi *second)
+INLINE vi vi_take_64(const void *from, vi index, ptrdiff_t scale, vi *second)
 {
     vi first;
     for (int l = 0; l < LANES; l++) {
-        first[l] = from[index[l]][0];
-        (*second)[l] = from[index[l]][1];
+        int32_t both[2];
+        memcpy(both, (const char *)from + index[l] * scale, sizeof both);
+        first[l] = both[0];
+        (*second)[l] = both[1];
     }
     return first;
 }

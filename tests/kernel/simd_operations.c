@@ -13,7 +13,7 @@ static wmask all_lanes(bool set)
 
 static wi take_64(const int32_t (*from)[2], wi at, int which)
 {
-    wi second, first = wi_take_64(from, at, &second);
+    wi second, first = wi_take_64(from, at, sizeof *from, &second);
     return which ? second : first;
 }
 

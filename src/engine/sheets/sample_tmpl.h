@@ -146,7 +146,7 @@ INLINE Slab look_up_slab(const uint64_t *opacity, wi front, wi back)
 {
     wi blue_alpha;
     const wi at = wi_add(wi_shl(front, 8), back);
-    const wi red_green = wi_take_64((const int32_t(*)[2])opacity, at, &blue_alpha);
+    const wi red_green = wi_take_64(opacity, at, sizeof *opacity, &blue_alpha);
     return (Slab){{sheets_unpack(wi_lower_half(red_green)), sheets_unpack(wi_upper_half(red_green)),
                    sheets_unpack(wi_lower_half(blue_alpha))},
                   sheets_unpack(wi_upper_half(blue_alpha))};

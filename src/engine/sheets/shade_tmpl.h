@@ -62,14 +62,38 @@ INLINE wf difference_of(const March *m, const Footprint *f, const uint16_t *shee
     return across_rows((Rows){ws_madd(pairs[0], f->along_a), ws_madd(pairs[1], f->along_a)}, f->along_b);
 }
 
+/* Along a and b of neighbouring voxels, for a window that is gathered: four voxels of a row at once, and the two in
+ * their middle for both axes. */
+INLINE void gather_differences(const March *m, const Footprint *f, const uint16_t *from, wf along[2])
+{
+    const ptrdiff_t row = m->job->view.row;
+    ws own[2], pairs[2][2];
+    for (int i = 0; i < 2; i++) {
+        wi after;
+        const wi before = wi_take_64(from + i * row - 1, f->at, sizeof *from, &after);
+        pairs[0][i] = ws_difference(wi_as_short(after), wi_as_short(before));
+        own[i] = wi_as_short(wi_or(wi_upper_half(before), wi_shl(after, 16)));
+    }
+    pairs[1][0] = ws_difference(own[1], wi_as_short(wi_take_pairs(from - row, f->at)));
+    pairs[1][1] = ws_difference(wi_as_short(wi_take_pairs(from + 2 * row, f->at)), own[0]);
+    for (int c = 0; c < 2; c++)
+        along[c] = across_rows((Rows){ws_madd(pairs[c][0], f->along_a), ws_madd(pairs[c][1], f->along_a)}, f->along_b);
+}
+
 /* Inside, where all neighbours exist. */
 INLINE Differences differences_inside(const March *m, const Footprint *f, const uint16_t *sheet, bool window)
 {
     const SheetsView *const v = &m->job->view;
     const int *const step = m->job->shade->step;
-    return (Differences){
-        {difference_of(m, f, sheet, step[0], window), difference_of(m, f, sheet, step[1] * v->row, window),
-         difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window)}};
+    Differences d;
+    if (!window && step[0] == 1 && step[1] == 1) {
+        gather_differences(m, f, sheet + f->first, d.along);
+    } else {
+        d.along[0] = difference_of(m, f, sheet, step[0], window);
+        d.along[1] = difference_of(m, f, sheet, step[1] * v->row, window);
+    }
+    d.along[2] = difference_of(m, f, sheet, (CTS_MUTATED(SHEET_LIGHT) ? -1 : 1) * step[2] * v->sheet, window);
+    return d;
 }
 
 /* Grey levels of two neighbours along a, or their differences. */
