@@ -35,7 +35,6 @@ GROUPS = {
     "march": [("--max-error " + e, ["--engine", "tiled", "--max-error", e]) for e in ERRORS],
     "splatting": [YARDSTICK, ("--engine combined", ["--engine", "combined"])],
 }
-SWIVEL_FRAMES = 5  # of 8 degrees in steps of 2
 # README's rows.
 TABLE = [("VolPack", "a further view"), ("ctsplat, a further frame", "--max-error 8"), ("ctsplat", "--max-error 8"),
          ("ctsplat", "default"), ("splatting", "--engine classic"), ("VTK, fixed-point", "2 samples a voxel")]
@@ -97,7 +96,9 @@ def measure(folder):
             # With several frames: the largest.
             rmse = max(e["rmse"] for e in log if e["event"] == "error")
             level = next((e.get("level") or e.get("engine") or "" for e in log if e["event"] == "bound"), "")
-            rows.append({"group": group, "label": label, "options": options, "rmse": rmse, "level": level, "ms": []})
+            frames = next(e["frames"] for e in log if e["event"] == "picture")
+            rows.append({"group": group, "label": label, "options": options, "rmse": rmse, "level": level, "ms": [],
+                         "frames": frames})
     for _ in range(ROUNDS):
         for row in rows:
             row["ms"].append(cpu_ms(events(folder, row["options"])))
@@ -106,7 +107,7 @@ def measure(folder):
     for row in rows:
         if "--swivel" in row["options"]:
             first = next(r["ms"] for r in rows if r["options"] == row["options"][2:])
-            row["ms"] = (row["ms"] - first) / (SWIVEL_FRAMES - 1)
+            row["ms"] = (row["ms"] - first) / (row["frames"] - 1)
     return rows
 
 
