@@ -428,8 +428,10 @@ INLINE void prefetch_block(const March *m, int low, const int64_t first[2], cons
         const ptrdiff_t column = (ptrdiff_t)((first[0] + sheet * along[0]) >> 32),
                         row = (ptrdiff_t)((first[1] + sheet * along[1]) >> 32);
         const uint16_t *const window = sheet_at(m, sheet) + row * v->row + column;
-        for (int i = 0; i < m->grid->reach[1]; i++)
+        for (int i = 0; i < m->grid->reach[1]; i++) { /* in one cache line or in two */
             __builtin_prefetch(window + i * v->row);
+            __builtin_prefetch(window + i * v->row + m->grid->reach[0] - 1);
+        }
     }
 }
 
