@@ -1,6 +1,6 @@
 /* Loads of elements that lie apart, for the SIMD paths of x86: one after the other instead of by gather instructions.
- * On the processor where they were measured (an Intel server's of 2019, with AVX-512) a gather of eight lanes takes 30
- * cycles, and eight loads take 8 (of 32 bits) or 11 (of 64). Other processors were not measured. */
+ * On an Intel server's processor of 2019 a gather of eight lanes takes 30 cycles, and eight loads take 8 (of 32 bits)
+ * or 11 (of 64); on AMD Zen 5 a gather of sixteen lanes takes 18 cycles and sixteen loads 17, of either width. */
 #include <immintrin.h>
 
 INLINE __m128i load_32(const char *from)

@@ -55,7 +55,7 @@ INLINE vf exp2_of(vf x, vf *less)
     p = p * f + (real)0.693147182f;
     p = p * f;
     const vf power = (vf)((vi)(p + (real)1.0f) + (n << FRACTION_BITS));
-    /* Not by x, which is more than -0.5 where x - 0.5 is rounded to -1, and n with it. */
+    /* The exponent n decides, not x: for the x next to -0.5, x - 0.5 is rounded to -1. */
     *less = vf_select(vi_eq(n, vi_of(0)), -p, (real)1.0f - power);
     return power;
 }

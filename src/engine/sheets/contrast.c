@@ -42,8 +42,8 @@ typedef struct Extent {
     int from, to;
 } Extent;
 
-/* Of an extent of row y, the pixels outside of which nothing is visible. In whole steps, which cost less than a branch
- * for each pixel. */
+/* Part of an extent of row y outside of which nothing is visible, in whole steps: they cost less than a branch for each
+ * pixel. */
 static Extent visible_extent(const SheetsPatch *p, int y, Extent e)
 {
     enum { STEP = 16 };

@@ -508,7 +508,7 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     start_samples(&samples);
     const int n_chunks = (j->blocks->n_layers + SHEETS_LANES - 1) / SHEETS_LANES;
     const int side = (SHEETS_SIDE - 1) * grid->pitch;
-    const SheetsShaft shaft = cts_sheets_shaft(v, (const int[]){x, x + side}, (const int[]){y, y + side});
+    const Shaft shaft = shaft_of(v, (const int[]){x, x + side}, (const int[]){y, y + side});
     const Block span = span_of(&m, visible, first, along);
     const bool all_inside = span.inside && span.window && (span.lit_inside || !j->shade);
     counts->groups++;

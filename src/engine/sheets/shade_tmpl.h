@@ -62,8 +62,8 @@ INLINE wf difference_of(const March *m, const Footprint *f, const uint16_t *shee
     return across_rows((Rows){ws_madd(pairs[0], f->along_a), ws_madd(pairs[1], f->along_a)}, f->along_b);
 }
 
-/* Along a and b of neighbouring voxels, for a window that is gathered: four voxels of a row at once, and the two in
- * their middle for both axes. */
+/* Differences along a and b of neighbouring voxels, for a window that is gathered: four voxels of a row are loaded at
+ * once, and the two in their middle serve both axes. */
 INLINE void gather_differences(const March *m, const Footprint *f, const uint16_t *from, wf along[2])
 {
     const ptrdiff_t row = m->job->view.row;

@@ -65,7 +65,7 @@ typedef struct SheetsOpacity {
 
 /* Blocks of 4^3 cells that may be visible, a bit each, layer by layer and row by row along a. Words overlap: word k of
  * a row has the blocks from 16 k to 16 k + 31, so that 17 successive ones lie within one. */
-enum { SHEETS_WORD_STEP = 16 };
+enum { SHEETS_WORD_SHIFT = 4, SHEETS_WORD_STEP = 1 << SHEETS_WORD_SHIFT };
 typedef struct SheetsVoid {
     int n[2], n_layers, row_words;
     uint32_t *bits; /* [(layer * n[1] + j) * row_words + k] */

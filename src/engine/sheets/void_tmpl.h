@@ -4,32 +4,22 @@
 
 /* Box of voxels along a and b that the rays of a rectangle of pixels pass in layer 0 of blocks, and its shift from
  * layer to layer; voxels. */
-typedef struct SheetsShaft {
+typedef struct Shaft {
     float low[2], high[2], shift[2];
-} SheetsShaft;
+} Shaft;
 
-INLINE double sheets_least(double a, double b)
+/* Shaft of pixels x[0] to x[1], y[0] to y[1]. That of a part of them lies within it, also as rounded. */
+INLINE Shaft shaft_of(const SheetsView *v, const int x[2], const int y[2])
 {
-    return a < b ? a : b;
-}
-
-INLINE double sheets_most(double a, double b)
-{
-    return a > b ? a : b;
-}
-
-/* Of pixels x[0] to x[1], y[0] to y[1]. The shaft of a part of them lies within it, also as rounded. */
-INLINE SheetsShaft cts_sheets_shaft(const SheetsView *v, const int x[2], const int y[2])
-{
-    SheetsShaft s;
+    Shaft s;
     for (int c = 0; c < 2; c++) {
-        const double r[2] = {x[0] * v->right[c], x[1] * v->right[c]}, d[2] = {y[0] * v->down[c], y[1] * v->down[c]},
-                     shift = SHEETS_BLOCK * v->shear[c];
+        const bool left = v->right[c] < 0, up = v->down[c] < 0; /* where positions fall along rows or columns */
+        const double shift = SHEETS_BLOCK * v->shear[c];
         s.shift[c] = (float)shift;
-        s.low[c] = (float)(v->origin[c] + sheets_least(r[0], r[1]) + sheets_least(d[0], d[1]) + sheets_least(shift, 0) -
-                           v->margin);
-        s.high[c] = (float)(v->origin[c] + sheets_most(r[0], r[1]) + sheets_most(d[0], d[1]) + sheets_most(shift, 0) +
-                            v->margin);
+        s.low[c] =
+            (float)(v->origin[c] + x[left] * v->right[c] + y[up] * v->down[c] + (shift < 0 ? shift : 0) - v->margin);
+        s.high[c] =
+            (float)(v->origin[c] + x[!left] * v->right[c] + y[!up] * v->down[c] + (shift > 0 ? shift : 0) + v->margin);
     }
     return s;
 }
@@ -39,14 +29,14 @@ SIMD_EACH(wi, wi_shr_each, (wi a, wi bits), (vi)((vu)a.part[p] >> (vu)bits.part[
 
 /* Most blocks that a shaft meets along an axis of a layer: two more than its width in whole blocks, and one for
  * rounding. */
-INLINE int blocks_across(const SheetsShaft *s, const SheetsVoid *v, int axis)
+INLINE int blocks_across(const Shaft *s, const SheetsVoid *v, int axis)
 {
     const float width = (s->high[axis] - s->low[axis]) * (1.0f / SHEETS_BLOCK);
     return width < (float)v->n[axis] ? (int)width + 3 : v->n[axis];
 }
 
-/* Bits of `of`, of layers from `first` on, in which the shaft meets a block that may show something. */
-INLINE unsigned visible_layers(const SheetsJob *job, const SheetsShaft *shaft, int first, unsigned of)
+/* Bits of `of`, of layers from `first` on, in which the shaft meets a potentially visible block. */
+INLINE unsigned visible_layers(const SheetsJob *job, const Shaft *shaft, int first, unsigned of)
 {
     static const int32_t lanes[SHEETS_LANES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
     const SheetsVoid *const v = job->blocks;
@@ -69,7 +59,7 @@ INLINE unsigned visible_layers(const SheetsJob *job, const SheetsShaft *shaft, i
         /* Up to 15 bits of the word lie in front of the shaft's first block. */
         const wi begin = wi_add(from[0], wi_of(column)), n = wi_sub(wi_add(to[0], wi_of(1)), begin);
         const wi bit = wi_and(begin, wi_of(SHEETS_WORD_STEP - 1));
-        const wi word = wi_min(wi_shr(begin, 4), wi_of(v->row_words - 1));
+        const wi word = wi_min(wi_shr(begin, SHEETS_WORD_SHIFT), wi_of(v->row_words - 1));
         const wi above = wi_sub(wi_of(32), wi_min(wi_max(n, wi_of(1)), wi_of(SHEETS_WORD_STEP)));
         wi some = wi_of(0);
         for (int row = 0; row < rows; row++) {
@@ -84,7 +74,7 @@ INLINE unsigned visible_layers(const SheetsJob *job, const SheetsShaft *shaft, i
 static bool find_visible(const SheetsJob *job, const int x[2], const int y[2], const uint64_t *of, uint64_t *bits)
 {
     const int n_layers = job->blocks->n_layers;
-    const SheetsShaft shaft = cts_sheets_shaft(&job->view, x, y);
+    const Shaft shaft = shaft_of(&job->view, x, y);
     uint64_t any = 0;
     for (int word = 0; word < cts_sheets_words(n_layers); word++) {
         bits[word] = 0;

@@ -50,18 +50,19 @@ enum {
     /* Of so many pixels one is re-rendered to estimate the error; more of a small picture. The 512 of 512 x 512 pixels
      * add ln 1000 / 512 of f^2 to the limit (cts_mean_limit()), a ninth of f. */
     ONE_IN = 512,
-    /* So many of a strip where that is fewer, in pictures wider than 1024 pixels. Limits are 0.96 to 1.09 times as
-     * large then (8 of 255 requested, 2048 x 2048 pixels, mean 1.03) or 1.00 (2 of 255); with 64, limits of 1024 x 1024
-     * pixels would be 1.00 to 1.13 times as large (measured: means of 8 to 16 samples, heads and a chest). */
+    /* Pixels re-rendered of a strip where ONE_IN would be more, in pictures wider than 1024 pixels. Limits are 0.96
+     * to 1.09 times as large then (8 of 255 requested, 2048 x 2048 pixels, mean 1.03) or 1.00 (2 of 255); with 64,
+     * limits of 1024 x 1024 pixels would be 1.00 to 1.13 times as large (measured: means of 8 to 16 samples, heads and
+     * a chest). */
     IN_STRIP = 128,
     AT_FIRST = 256, /* of so many pixels of a strip at most one is re-rendered in the first round, */
     AT_LAST = 12,   /* and in all rounds */
     ROUNDS = 4,     /* at most; beyond them whole strips are re-rendered where the caller allows it */
-    /* Of the probability from round to round: from ONE_IN to about AT_LAST in two rounds (512 / 36 = 14). It hardly
-     * matters: with 3 and 12, 24 pictures of 512 x 512 pixels of four series take 1.0 of the time, single ones 0.7 to
-     * 1.6. */
+    /* Factor of the probability from round to round: from ONE_IN to about AT_LAST in two rounds (512 / 36 = 14). It
+     * hardly matters: with 3 and 12, 24 pictures of 512 x 512 pixels of four series take 1.0 of the time, single ones
+     * 0.7 to 1.6. */
     GROWTH = 6,
-    /* Of so many pixels one is re-rendered in a prediction. It and AT_LAST hardly matter, either: with a half, twice
+    /* Pixels for each that is re-rendered in a prediction. It and AT_LAST hardly matter, either: with a half, twice
      * and four times both, the 24 pictures take 0.99 to 1.01 of the time, single ones with four times up to 1.4. */
     PREDICTED = 2 * AT_LAST,
     SMALL = 1024, /* so many pixels of a picture may be re-rendered in any case */
@@ -72,7 +73,7 @@ enum {
  * a, at most the product of 1 + a, with a = p (e^-tx - 1) of each, between -1 and 0. */
 enum { DRAWN_TOGETHER = 16 };
 
-/* Of DRAWN_TOGETHER pixels those that may be sampled. */
+/* Sums over those of DRAWN_TOGETHER pixels that may be sampled. */
 typedef struct Squares {
     float sum; /* of b^2 */
     float n;   /* number of pixels */
@@ -181,7 +182,7 @@ static float sum_of_eight(f32x8 v)
     return (w[0] + w[1]) + (w[2] + w[3]);
 }
 
-/* Of DRAWN_TOGETHER pixels from `first` on. */
+/* Squares of DRAWN_TOGETHER pixels from `first` on. */
 static Squares sum_squares(const CtsErrorMap *errors, size_t first)
 {
     _Static_assert(CTS_PIXEL_RENDERED % 2 == 0 && CTS_PIXEL_INTERPOLATED % 2 == 1 && CTS_PIXEL_MARCHED % 2 == 0 &&
