@@ -63,7 +63,7 @@ INI
 [ -f "$build/build.ninja" ] || meson setup "$build" --cross-file "$folder/cross.ini" --werror -Dpython=disabled </dev/null
 # qemu-user has no seccomp, which the first line's tests need to read compressed pixels, and threads of its own, which `parallel`
 # counts. Those of the second line take minutes there; what they test is in the scenes, too.
-left_out=(archive frames limits sandbox sc parallel
+left_out=(archive codecs frames limits sandbox sc parallel
     framing mixture mutation openness paper_equal renderer rows sheets table tiled tiled_light verify)
 mapfile -t names < <(find tests/unit -name 'test_*.c' -printf '%f\n' | sed 's/^test_//; s/\.c$//' |
     grep -vxF "$(printf '%s\n' "${left_out[@]}")" | sort)
