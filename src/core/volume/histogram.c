@@ -16,9 +16,14 @@ typedef struct Count {
 static void count_voxels(void *context, int worker, size_t first, size_t end)
 {
     const Count *const c = context;
-    uint64_t *mine = c->tables + (size_t)worker * TABLES * N_GREY;
-    for (size_t i = first; i < end; i++)
-        mine[i % TABLES * N_GREY + c->grey[i]]++;
+    const uint16_t *const grey = c->grey;
+    uint64_t *const mine = c->tables + (size_t)worker * TABLES * N_GREY;
+    size_t i = first;
+    for (; i + TABLES <= end; i += TABLES)
+        for (size_t t = 0; t < TABLES; t++)
+            mine[t * N_GREY + grey[i + t]]++;
+    for (; i < end; i++)
+        mine[grey[i]]++;
 }
 
 CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t **count, CtsError *err)
