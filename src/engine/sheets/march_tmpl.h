@@ -292,11 +292,12 @@ INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, 
             visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
         }
         const wmask unseen = wmask_and(may, wmask_not(visible));
-        near = half ? near_miss_of_three(j, k, 2 * slab, unseen) : near_miss_of_sheets(j, k, slab, unseen);
+        if (j->near)
+            near = half ? near_miss_of_three(j, k, 2 * slab, unseen) : near_miss_of_sheets(j, k, slab, unseen);
     }
     if (half)
         composite_coarse(m, k->level[2 * slab], k->level[2 * slab + 2], j->opacity[1], before, s);
-    else if (slab % 2 == 1)
+    else if (slab % 2 == 1 && j->near)
         composite_coarse(m, k->level[2 * slab - 2], k->level[2 * slab + 2], j->opacity[2], before, s);
     advance_missed(s, near);
 }
@@ -360,6 +361,8 @@ OUTLINE void run_partial(const March *m, const Block *b, const bool half, const 
                                 j->light};
             visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
         }
+        if (!j->near)
+            continue;
         Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2]);
         take_share(j, p.level[0], p.level[2], slab_mm, clip.share, lanes, &coarse);
         blend(s->coarse_rgb, &s->coarse_left, &coarse,
@@ -446,7 +449,7 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
         off = wf_max(off, wf_abs(wf_sub(plain, s->coarse_rgb[c])));
         wf_store(out->rgba[c], wf_mul(s->rgb[c], scale));
     }
-    if (CTS_MUTATED(INDICATOR_LEVELS))
+    if (!m->job->near || CTS_MUTATED(INDICATOR_LEVELS))
         off = wf_of(0);
     if (lit && !CTS_MUTATED(INDICATOR_LIGHT))
         off = wf_add(off, wf_mul(light->bend, wf_inverse_root(wf_max(light->bend, wf_of(1e-12f)))));

@@ -31,23 +31,30 @@ static void free_cache(void *cache)
     free(k);
 }
 
-/* Slabs are cut in two where the level asks for it; the coarser table is what a slab's error is estimated by. */
-static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, bool half, const SheetsKernels *kernels,
+/* Number of the finest table that a level takes: of half a slab or of a slab. */
+static int finest_of(CtsEngineLevel level)
+{
+    return level >= CTS_LEVEL_HALF_SHEETS ? 0 : 1;
+}
+
+/* The coarser table and near misses are what the errors of slabs are estimated by. */
+static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, CtsEngineLevel level, const SheetsKernels *kernels,
                              const CtsMacrocells *m, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
+    const int finest = finest_of(level), n = level == CTS_LEVEL_LATTICE ? 1 : 2;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if (k->transfer.mean && k->transfer.extinction_scale != scene->extinction_scale)
         cts_sheets_transfer_free(&k->transfer);
     if (!k->transfer.mean && (st = cts_sheets_transfer_init(&k->transfer, scene, m->all.high, err)))
         return st;
-    for (int i = half ? 0 : 1; i < (half ? 2 : 3); i++)
+    for (int i = finest; i < finest + n; i++)
         if ((st = cts_sheets_opacity_find(&k->opacity[i], &k->transfer, scene->view.layer_mm * ldexp(1, i - 1),
-                                          i == !half, i == !half && scene->preset->shade, kernels,
+                                          i == finest && n > 1, i == finest && scene->preset->shade, kernels,
                                           scene->settings->n_threads, err)))
             return st;
     cts_report_stage(report, CTS_STAGE_FOOTPRINT, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
-                     2 * (uint64_t)SHEETS_LEVELS * SHEETS_LEVELS, 0);
+                     (uint64_t)n * SHEETS_LEVELS * SHEETS_LEVELS, 0);
     return CTS_OK;
 }
 
@@ -85,17 +92,20 @@ static double at_least(double least, const CtsScene *scene)
     return fmax(least, fmin(cts_scene_requested_error(scene) / 2, 1.0 / 64));
 }
 
-static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, const uint16_t *grey, bool half,
-                     const CtsShade *shade)
+static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, const uint16_t *grey,
+                     CtsEngineLevel level, const CtsShade *shade)
 {
+    const SheetsOpacity *const finest = &k->opacity[finest_of(level)];
+    const bool half = level >= CTS_LEVEL_HALF_SHEETS, lattice = level == CTS_LEVEL_LATTICE;
     *j = (SheetsJob){.levels = k->transfer.levels,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
-                     .light = k->opacity[!half].light,
-                     .near = k->opacity[!half].near,
+                     .light = finest->light,
+                     .near = lattice ? NULL : finest->near,
                      .mean = (const float(*)[4])k->transfer.mean,
                      .all_depths = scene->view.near_mm == -INFINITY && scene->view.far_mm == INFINITY,
                      .blocks = &k->blocks[scene->view.axis],
                      .half = half,
+                     .lattice = lattice,
                      .min_transmittance = (float)(half ? MIN_TRANSMITTANCE : at_least(MIN_TRANSMITTANCE, scene)),
                      .min_shaded_weight = (float)(half ? MIN_SHADED_HALF : at_least(MIN_SHADED, scene)),
                      .shade = shade,
@@ -149,20 +159,18 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
     const CtsMacrocells *macrocells;
     const uint16_t *grey;
     *s = (Session){.kernels = choose_kernels(), .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
-    const bool half = s->level >= CTS_LEVEL_HALF_SHEETS;
     if ((st = refuse(scene, err)))
         return st;
     if (!(s->cache = cts_scene_cache(scene, sizeof *s->cache, err)))
         return CTS_ERR_MEMORY;
     if ((st = cts_scene_macrocells(scene, &s->cache->own_macrocells, &macrocells, report, err)) ||
         (st = find_blocks(s->cache, scene, macrocells, &grey, report, err)) ||
-        (st = find_tables(s->cache, scene, half, s->kernels, macrocells, report, err)))
+        (st = find_tables(s->cache, scene, s->level, s->kernels, macrocells, report, err)))
         return st;
     const int p = scene->view.axis, axes[3] = {p == 0 ? 1 : 0, p == 2 ? 1 : 2, p};
     if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))
         return st;
-    init_job(&s->job, scene, s->cache, grey, half, scene->preset->shade ? &s->shade : NULL);
-    s->job.lattice = s->level == CTS_LEVEL_LATTICE;
+    init_job(&s->job, scene, s->cache, grey, s->level, scene->preset->shade ? &s->shade : NULL);
     return CTS_OK;
 }
 

@@ -107,7 +107,7 @@ typedef struct SheetsJob {
     SheetsLevels levels;
     const uint64_t *opacity[3]; /* of half a slab, a slab, two slabs */
     const uint32_t *light;      /* of the finest of these in use, */
-    const uint16_t *near;       /* likewise */
+    const uint16_t *near;       /* likewise; NULL: indicators have no errors of slabs */
     const float (*mean)[4];     /* SheetsTransfer.mean */
     bool all_depths;            /* rays are looked at all along */
     const SheetsVoid *blocks;
