@@ -19,6 +19,9 @@ typedef enum CtsScCompression {
 } CtsScCompression;
 extern const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS];
 
+/* CTS_QUALITY_DEFAULT: errors of 1.3 to 2.6 of 255 rms (.jpg) and 1.5 to 2.2 (.webp) at 0.2 to 0.25 and 0.11 to 0.2 of
+ * a PNG's bytes; 95 has 0.65 to 0.8 of the error at 1.3 to 1.4 times the bytes (three series, 512 x 512 pixels).
+ * CTS_FRAME_RATE_DEFAULT: frames a second; a rotation of 36 takes 3.6 s. */
 enum { CTS_QUALITY_DEFAULT = 90, CTS_FRAME_RATE_DEFAULT = 10 };
 
 struct CtsLabels;

@@ -10,7 +10,8 @@
 #include <unistd.h>
 
 /* MAX_CONNECTIONS: each is an open file; one thread serves all. SILENCE_S: a connection without traffic is closed after
- * it. LAST_MS: time for the last answers to be sent when the server stops. POLL_MS: between checks whether they are. */
+ * it, except one that waits for its picture. LAST_MS: time for the last answers to be sent when the server stops.
+ * POLL_MS: between checks whether they are. */
 enum { MAX_CONNECTIONS = 2000, SILENCE_S = 30, LAST_MS = 3000, POLL_MS = 5 };
 
 struct CtsHttpServer {

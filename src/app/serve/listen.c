@@ -12,7 +12,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-/* BACKLOG: connections that wait to be accepted; a page opens many at a time. FIRST_HANDED: the first descriptor that
+/* BACKLOG: connections that wait to be accepted; 80 browsers with six each. FIRST_HANDED: the first descriptor that
  * systemd passes (SD_LISTEN_FDS_START). */
 enum { BACKLOG = 512, FIRST_HANDED = 3 };
 static const char LOCAL[] = "unix:";

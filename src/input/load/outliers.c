@@ -4,8 +4,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Limits of accidents; more outliers are values of another kind. VOXELS_PER_OUTLIER: 26 in a slice of 512 x 512.
- * LARGEST_PART: the 2 x 2 x 2 voxels over which resampling spreads one. */
+/* Limits of accidents; more outliers are values of another kind. VOXELS_PER_OUTLIER: a cube of 1 cm of a head's 10
+ * litres; what is larger may be an object of the scene. LARGEST_PART: the 2 x 2 x 2 voxels over which resampling
+ * spreads one. */
 enum { VOXELS_PER_OUTLIER = 10000, LARGEST_PART = 8 };
 
 static size_t n_voxels(const int dims[3])

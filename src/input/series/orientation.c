@@ -6,8 +6,9 @@
 #include <string.h>
 
 /* MAX_MOVED_PIXELS: a tenth of a pixel is less than the displacement of an edge by interpolation. A drift is detected
- * where two halves of the stack differ by more than MIN_DRIFT_PIXELS, a fifth of that, and by more than
- * DRIFT_DEVIATIONS standard deviations of their means. */
+ * where two halves of the stack differ by more than MIN_DRIFT_PIXELS, a fifth of that and five times what directions
+ * rounded to five decimals displace a corner of 512 x 512 pixels, and by more than DRIFT_DEVIATIONS standard deviations
+ * of their means. */
 #define MAX_MOVED_PIXELS 0.1
 #define MIN_DRIFT_PIXELS 0.02
 #define DRIFT_DEVIATIONS 3

@@ -26,7 +26,8 @@ typedef struct CtsSliceStack {
     int first_gap; /* the first missing slice would follow this one */
 } CtsSliceStack;
 
-/* Largest number of layers of an unequal stack, for each slice: one narrow gap must not multiply the memory further. */
+/* Largest number of layers of an unequal stack, for each slice: one narrow gap must not multiply the memory further. A
+ * head in slices of 5 mm with some of 1.25 mm, a usual mixture, has all of its layers. */
 enum { CTS_STACK_GROWTH = 4 };
 
 /* True if more than a tenth of all slices are missing. */
