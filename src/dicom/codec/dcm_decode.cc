@@ -83,7 +83,7 @@ try {
     const size_t n_bytes = cts_frame_bytes(format);
     Uint32 fragment = 0;
     OFString colour_model;
-    cts_dcm_log_reset();
+    CtsDcmLog log;
     result = pixel_data.getUncompressedFrame(&data_set, 0, fragment, pixels, static_cast<Uint32>(n_bytes + n_bytes % 2),
                                              colour_model);
     if (result.bad())
@@ -91,8 +91,8 @@ try {
                         result.text());
     if (format->n_colours > 0 && colour_model != "RGB")
         return cts_fail(err, CTS_ERR_PIXELS, "its pixels decode to %s, not to RGB", colour_model.c_str());
-    if (cts_dcm_log().n > 0)
-        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", cts_dcm_log().first);
+    if (log.n > 0)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", log.first);
     return CTS_OK;
 } catch (...) {
     return cts_dcm_caught(err, CTS_ERR_PIXELS);

@@ -12,14 +12,19 @@
 
 class OFCondition;
 
-/* Warnings and errors that DCMTK logged in this thread since the last reset, and the first one's text. */
-struct CtsDcmLog {
-    unsigned n;
-    char first[120];
+/* Warnings and errors that DCMTK logs in this thread during the object's life, one object at a time, and the first
+ * one's text. Not thread_local: memory for that is allocated at its first use, and without memory ends the program. */
+class CtsDcmLog final
+{
+  public:
+    /* Throws std::bad_alloc. */
+    CtsDcmLog();
+    ~CtsDcmLog();
+    CtsDcmLog(const CtsDcmLog &) = delete;
+    CtsDcmLog &operator=(const CtsDcmLog &) = delete;
+    unsigned n = 0;
+    char first[120] = "";
 };
-
-CtsDcmLog &cts_dcm_log();
-void cts_dcm_log_reset();
 
 /* Lock held while a thread is inside DCMTK, so that no lock of DCMTK is taken during a fork (base/sandbox.h). */
 std::shared_mutex &cts_dcm_in_use();

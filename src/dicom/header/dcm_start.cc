@@ -17,17 +17,6 @@
 
 namespace log4cplus = dcmtk::log4cplus;
 
-CtsDcmLog &cts_dcm_log()
-{
-    static thread_local CtsDcmLog log;
-    return log;
-}
-
-void cts_dcm_log_reset()
-{
-    cts_dcm_log() = CtsDcmLog();
-}
-
 CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
 {
     return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
@@ -35,6 +24,18 @@ CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
 
 namespace
 {
+
+/* The key under which each thread keeps its log; throws std::bad_alloc. */
+pthread_key_t log_key()
+{
+    static const pthread_key_t key = [] {
+        pthread_key_t made;
+        if (pthread_key_create(&made, nullptr))
+            throw std::bad_alloc();
+        return made;
+    }();
+    return key;
+}
 
 class CountingAppender : public log4cplus::Appender
 {
@@ -51,9 +52,9 @@ class CountingAppender : public log4cplus::Appender
   protected:
     void append(const log4cplus::spi::InternalLoggingEvent &event) override
     {
-        CtsDcmLog &log = cts_dcm_log();
-        if (log.n++ == 0)
-            std::snprintf(log.first, sizeof log.first, "%s", event.getMessage().c_str());
+        auto *const log = static_cast<CtsDcmLog *>(pthread_getspecific(log_key()));
+        if (log && log->n++ == 0)
+            std::snprintf(log->first, sizeof log->first, "%s", event.getMessage().c_str());
     }
 };
 
@@ -93,6 +94,17 @@ bool start_decoders()
 }
 
 } // namespace
+
+CtsDcmLog::CtsDcmLog()
+{
+    if (pthread_setspecific(log_key(), this))
+        throw std::bad_alloc();
+}
+
+CtsDcmLog::~CtsDcmLog()
+{
+    pthread_setspecific(log_key(), nullptr);
+}
 
 std::shared_mutex &cts_dcm_in_use()
 {
