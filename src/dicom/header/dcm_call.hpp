@@ -12,14 +12,24 @@
 
 class OFCondition;
 
+class CtsDcmLog;
+/* Has this thread's messages counted there; NULL: nowhere. */
+bool cts_dcm_log_into(CtsDcmLog *log);
+
 /* Warnings and errors that DCMTK logs in this thread during the object's life, one object at a time, and the first
  * one's text. Not thread_local: memory for that is allocated at its first use, and without memory ends the program. */
 class CtsDcmLog final
 {
   public:
-    /* Throws std::bad_alloc. */
-    CtsDcmLog();
-    ~CtsDcmLog();
+    CtsDcmLog()
+    {
+        if (!cts_dcm_log_into(this))
+            throw std::bad_alloc();
+    }
+    ~CtsDcmLog()
+    {
+        cts_dcm_log_into(nullptr);
+    }
     CtsDcmLog(const CtsDcmLog &) = delete;
     CtsDcmLog &operator=(const CtsDcmLog &) = delete;
     unsigned n = 0;

@@ -95,15 +95,9 @@ bool start_decoders()
 
 } // namespace
 
-CtsDcmLog::CtsDcmLog()
+bool cts_dcm_log_into(CtsDcmLog *log)
 {
-    if (pthread_setspecific(log_key(), this))
-        throw std::bad_alloc();
-}
-
-CtsDcmLog::~CtsDcmLog()
-{
-    pthread_setspecific(log_key(), nullptr);
+    return pthread_setspecific(log_key(), log) == 0;
 }
 
 std::shared_mutex &cts_dcm_in_use()
