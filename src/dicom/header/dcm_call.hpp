@@ -13,7 +13,7 @@
 class OFCondition;
 
 class CtsDcmLog;
-/* Has this thread's messages counted there; NULL: nowhere. */
+/* Log that counts this thread's messages from now on; NULL: none. Returns false without memory. */
 bool cts_dcm_log_into(CtsDcmLog *log);
 
 /* Warnings and errors that DCMTK logs in this thread during the object's life, one object at a time, and the first

@@ -81,6 +81,7 @@ class Decoders final
 bool start_decoders()
 {
     OFLog::configure(OFLogger::WARN_LOG_LEVEL);
+    log_key(); /* made here, so that an appender never throws */
     log4cplus::Logger root = log4cplus::Logger::getRoot();
     /* Silenced, not removed: an appender's destructor allocates, and without memory ends the program. */
     for (const log4cplus::SharedAppenderPtr &appender : root.getAllAppenders())

@@ -146,10 +146,10 @@ extern const SheetsKernels cts_sheets_c, cts_sheets_avx2, cts_sheets_avx512;
 
 CtsStatus cts_sheets_transfer_init(SheetsTransfer *transfer, const CtsScene *scene, int largest_grey, CtsError *err);
 void cts_sheets_transfer_free(SheetsTransfer *transfer);
-/* Makes the table again only where length or extinction differ from those that it was made for. finest: with `near`,
- * and where slabs are lit with `light`. */
-CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm, bool finest,
-                                  bool lit, const SheetsKernels *kernels, int n_threads, CtsError *err);
+/* Makes the table again only where length or extinction differ from those that it was made for. with_near, lit: with
+ * `near` and `light`. */
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm,
+                                  bool with_near, bool lit, const SheetsKernels *kernels, int n_threads, CtsError *err);
 void cts_sheets_opacity_free(SheetsOpacity *opacity);
 
 /* grey: the volume's, or for p = 0 its transposed copy. */

@@ -187,16 +187,16 @@ static void fill_near(SheetsOpacity *o)
     o->near[n * n] = 0;
 }
 
-CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transfer, double length_mm, bool finest,
+CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transfer, double length_mm, bool with_near,
                                   bool lit, const SheetsKernels *kernels, int n_threads, CtsError *err)
 {
     CtsStatus st;
     const size_t n = (size_t)SHEETS_LEVELS * SHEETS_LEVELS;
-    if (o->rgba && (o->light || !lit) && (o->near || !finest) && o->length_mm == length_mm &&
+    if (o->rgba && (o->light || !lit) && (o->near || !with_near) && o->length_mm == length_mm &&
         o->extinction_scale == transfer->extinction_scale)
         return CTS_OK;
     if ((lit && !o->light && (st = cts_alloc_array(&o->light, n, err))) ||
-        (finest && !o->near && (st = cts_alloc_array(&o->near, n + 1, err))) ||
+        (with_near && !o->near && (st = cts_alloc_array(&o->near, n + 1, err))) ||
         (!o->rgba && (st = cts_alloc_array(&o->rgba, n, err))))
         return st;
     o->length_mm = length_mm;

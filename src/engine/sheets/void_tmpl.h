@@ -13,7 +13,7 @@ INLINE Shaft shaft_of(const SheetsView *v, const int x[2], const int y[2])
 {
     Shaft s;
     for (int c = 0; c < 2; c++) {
-        const bool left = v->right[c] < 0, up = v->down[c] < 0; /* where positions fall along rows or columns */
+        const bool left = v->right[c] < 0, up = v->down[c] < 0; /* positions decrease along a row or a column */
         const double shift = SHEETS_BLOCK * v->shear[c];
         s.shift[c] = (float)shift;
         s.low[c] =
