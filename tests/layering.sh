@@ -51,7 +51,7 @@ src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h 
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.
 public='
 base | api status bounds diagnostic report helper | base
-core | mixture preset volume model labels table picture render | base core
+core | mixture preset quantity volume model labels table picture render | base core
 dicom | series net | base core dicom
 input | label_files | base core dicom input
 engine | | base core

@@ -13,6 +13,7 @@
 #include "ctsplat/net.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
+#include "ctsplat/quantity.h"
 #include "ctsplat/reference.h"
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"

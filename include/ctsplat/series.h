@@ -1,4 +1,4 @@
-/* CT series: found in folders from their headers alone, then loaded as a volume. */
+/* Series: found in folders from their headers alone, then loaded as a volume. */
 #ifndef CTSPLAT_SERIES_H
 #define CTSPLAT_SERIES_H
 
@@ -44,8 +44,10 @@ typedef struct CtsSeries {
     /* Like the description it may identify the patient: print only when requested. */
     char study_date[11]; /* (0008,0020) as YYYY-MM-DD; "" where missing */
     int series_number;   /* (0020,0011); negative where missing */
-    char modality[17];
-    char *description; /* (0008,103E), UTF-8, may identify the patient: print only when requested */
+    char modality[17];   /* as stored */
+    CtsModality modality_id;
+    CtsQuantity quantity; /* of the volume that loading makes */
+    char *description;    /* (0008,103E), UTF-8, may identify the patient: print only when requested */
     char transfer_syntax[65];
     char orientation[16]; /* axial, coronal, sagittal or oblique */
     int n_slices, columns, rows;

@@ -1,7 +1,8 @@
-/* A CT volume as grey levels, with its place in the patient. */
+/* A volume as grey levels, with its place in the patient. */
 #ifndef CTSPLAT_VOLUME_H
 #define CTSPLAT_VOLUME_H
 
+#include "ctsplat/quantity.h"
 #include "ctsplat/status.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -17,9 +18,17 @@ typedef struct CtsVolume {
     uint16_t *grey;
     double origin_lps[3];
     double step_lps[3][3];
-    /* HU = hu_offset + hu_step * grey. Usually -1024 and 1; hu_step is a negative power of two for a fractional
-     * rescale slope. Grey 0 is air or padding, the paper's invalid data. */
+    CtsModality modality;
+    /* Names with "hu", here and wherever values of a volume are meant, stand for its quantity. */
+    CtsQuantity quantity;
+    /* Value = hu_offset + hu_step * grey. Of HU usually -1024 and 1; hu_step is a negative power of two for a
+     * fractional rescale slope. Of another quantity its lowest value, and 1, 2 or 5 times a power of ten. Grey 0 is air
+     * or padding, the paper's invalid data. */
     double hu_offset, hu_step;
+    /* Of a quantity other than HU, measured on the scanned voxels before crop, smoothing and labels: the level of air,
+     * Otsu's threshold between air and the rest, and the 99.5th percentile of the rest. A relative preset's 0 is
+     * air_value, its 1 bright_value. All 0: not measured. */
+    double air_value, air_limit, bright_value;
     /* Number of layers from one scanned slice to the next: 1, or more where layers were interpolated. Gradients along
      * the slice axis are taken over this distance, since interpolated layers contain no measured detail. */
     int slice_layers;
