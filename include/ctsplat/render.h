@@ -61,6 +61,9 @@ typedef enum CtsSwitch { CTS_AS_PRESET, CTS_ON, CTS_OFF } CtsSwitch;
 /* Of CtsRenderSettings.occlusion. */
 #define CTS_OCCLUSION_AS_PRESET (-1.0)
 
+/* Default target in 1/255 rms: half a level of an 8-bit display, which is invisible. */
+#define CTS_DEFAULT_ERROR 0.5
+
 /* Plain data, filled by cts_render_defaults(); 0 or AS_PRESET means "chosen by ctsplat". */
 typedef struct CtsRenderSettings {
     int width, height;    /* pixels, 1 to 32768; default 1024 */
@@ -79,7 +82,7 @@ typedef struct CtsRenderSettings {
     double kernel_radius; /* voxels; 0: the kernel's own */
     int samples;          /* sub-sheets per layer; 0: chosen by the engine */
     CtsEngineLevel level; /* of an engine that has levels */
-    double max_error;     /* in 1/255 rms, met with the confidence of error control; 0: the engine's default */
+    double max_error;     /* in 1/255 rms, met with the confidence of error control; 0: CTS_DEFAULT_ERROR is aimed at */
     /* engines void and combined treat improbable voxels as void (lossy; the report contains the loss); the others warn
      * that it has no effect */
     bool void_key;

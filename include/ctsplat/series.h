@@ -50,6 +50,7 @@ typedef struct CtsSeries {
     char *description;    /* (0008,103E), UTF-8, may identify the patient: print only when requested */
     char transfer_syntax[65];
     char orientation[16]; /* axial, coronal, sagittal or oblique */
+    char traits[128];     /* what distinguishes it without naming the patient: kernel, thickness, spacing, contrast */
     int n_slices, columns, rows;
     /* column, row, slice (along the slice normal, the median where it varies; 0: fewer than two positions) */
     double spacing_mm[3];
@@ -167,7 +168,8 @@ typedef struct CtsArchiveSearch {
 CtsStatus cts_archive_search(const CtsArchiveSearch *search, CtsArchiveCounts *counts, CtsError *err);
 
 /* The series named by uid (NULL: the renderable one with the most slices, or the first). "UID#2" names the second
- * volume of a UID that contains several. CTS_ERR_USAGE when there is none. */
+ * volume of a UID that contains several, "2" the second series of the list. CTS_ERR_USAGE when there is none, and for
+ * NULL where several renderable ones have the most slices. */
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
 /* The scanned slices of a series with their positions. Constant after reading; cts_scanned_volume() makes volumes for

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static void print_plan_lines(const char *plan)
 {
@@ -143,8 +144,11 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
         st = begin_render(options, log, preset, &job, &standard_output, &report, err);
     cts_stage_timer_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
-        CliWatch seen = {
-            .log = log, .reported_later = standard_output.path, .names = options->show_paths ? NULL : &names};
+        CliWatch seen = {.log = log,
+                         .reported_later = standard_output.path,
+                         .names = options->show_paths ? NULL : &names,
+                         .summed_up = options->summary || isatty(STDERR_FILENO) ? &job : NULL,
+                         .picture_start_ms = whole.wall_ms};
         const CtsWatch watch = cli_watch(&seen);
         st = cts_job_run(&job, &watch, &report, err);
         cli_progress_clear();

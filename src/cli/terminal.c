@@ -197,9 +197,30 @@ static void loaded(void *context)
 
 static void output(void *context, const char *path, const char *format, uint64_t bytes)
 {
-    const CliWatch *seen = context;
-    if (!seen->reported_later || strcmp(path, seen->reported_later))
+    CliWatch *seen = context;
+    const bool later = seen->reported_later && !strcmp(path, seen->reported_later);
+    const size_t n = strlen(seen->files);
+    if (!later)
         cts_log_output(seen->log, path, format, bytes);
+    snprintf(seen->files + n, sizeof seen->files - n, "%s%s", n ? ", " : "", later ? "standard output" : path);
+}
+
+/* One line a picture: files, size, error and what was asked, time. Without files, those of a rotation's last frame hold
+ * it. */
+static void frame(void *context, const CtsErrorBound *bound)
+{
+    CliWatch *seen = context;
+    const CtsRenderSettings *const s = &seen->summed_up->render;
+    const double now_ms = cts_wall_ms(), error = 255 * bound->rmse;
+    const double asked = s->max_error > 0 ? s->max_error : CTS_DEFAULT_ERROR;
+    char text[120] = "error not estimated";
+    if (bound->known)
+        snprintf(text, sizeof text, "error %.3g/255 (%s %.3g%s)", error, s->max_error > 0 ? "asked" : "default", asked,
+                 error > asked ? ", not met" : "");
+    cli_note("%s%s%dx%d  %s  %.2f s", seen->files, seen->files[0] ? "  " : "", s->width, s->height, text,
+             (now_ms - seen->picture_start_ms) / 1000);
+    seen->picture_start_ms = now_ms;
+    seen->files[0] = 0;
 }
 
 CtsWatch cli_watch(CliWatch *seen)
@@ -209,5 +230,6 @@ CtsWatch cli_watch(CliWatch *seen)
                       .diagnostics = diagnostics,
                       .found = found,
                       .loaded = loaded,
-                      .output = output};
+                      .output = output,
+                      .frame = seen->summed_up ? frame : NULL};
 }

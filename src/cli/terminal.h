@@ -41,6 +41,9 @@ typedef struct CliWatch {
     size_t n_diagnostics;       /* of the report, printed so far */
     CtsNames *names;            /* of input files, for the log to leave out; or NULL */
     double frames_start_ms;     /* when the first frame began */
+    const CtsJob *summed_up;    /* a line for each of its pictures; NULL: none */
+    double picture_start_ms;    /* when the picture began: the program's start, or the end of the one before */
+    char files[400];            /* of the picture, by name; cut where there are many */
 } CliWatch;
 
 /* From loading on, signals ask the job to stop. */

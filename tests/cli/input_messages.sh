@@ -18,9 +18,9 @@ for file in "$data"/phantom/IM000?.dcm "$data"/phantom/IM001?.dcm; do
 done
 ok render many $small -o taken.png --log log
 larger=$("$ctsplat" info many/larger | sed -n 's/^series //p')
-has err "^ctsplat: warning: 3 series found; taking 2\.25\.2004 \([0-9]+ slices\), .*can be rendered; --series takes another$"
-has err "^ctsplat: warning: not taken: $larger \(19 slices\): transfer syntax 1\.2\.840\.10008\.1\.2\.9 "
-has err '^ctsplat: warning: not taken: 2\.25\.2005 \([0-9]+ slices\): fewer slices$'
+has err "^ctsplat: warning: 3 series found; taking 2\.25\.2004 \([^)]*\\), .*can be rendered; --series takes another, by UID or number"
+has err "^ctsplat: warning: not taken: 1, $larger \([0-9]+ x [0-9]+ x 19, [^)]*\): transfer syntax 1\.2\.840\.10008\.1\.2\.9 "
+has err '^ctsplat: warning: not taken: 3, 2\.25\.2005 \([^)]*\): fewer slices$'
 [ "$(wc -l <err)" = 3 ] || fail "expected 3 lines, one for each series"
 ok render many $small --series 2.25.2004 -o named.png
 [ ! -s err ] || fail "note 'series found' printed although --series was given"

@@ -91,3 +91,10 @@ exit 0
 for film in turn.gif turn.MP4; do
     refused 2 'animated \.webp holds a --rotation; .*ffmpeg' render "$data/phantom" $small --rotation 4 -o $film
 done
+
+# A line for each picture, on request where stderr is no terminal.
+grep -q "16x16  error" err && fail "a summary without --summary"
+ok render "$data/phantom" --size 16x16 -o line.png -o line.jpg --summary
+has err '^ctsplat: line.png, line.jpg  16x16  error [0-9.e-]+/255 \(default 0\.5[a-z, ]*\)  [0-9.]+ s$'
+ok render "$data/phantom" --size 16x16 -o turn.png --rotation 2 --summary --max-error 8
+[ "$(grep -cE '^ctsplat: turn-00[01].png  16x16  error [0-9.e-]+/255 \(asked 8\)' err)" = 2 ] || fail "not a line for each frame"

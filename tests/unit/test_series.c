@@ -462,8 +462,13 @@ static void test_choose(void **state)
     for (int u = 0; u < 4; u++)
         assert_string_equal(f.list->items[u].uid, wanted[u]);
     const CtsSeries *s = NULL;
-    assert_int_equal(cts_series_choose(f.list, NULL, &s, &f.err), CTS_OK);
-    assert_string_equal(s->uid, "1.2.4");
+    /* Two of equal right are listed, with their numbers, which choose one. */
+    assert_int_equal(cts_series_choose(f.list, NULL, &s, &f.err), CTS_ERR_USAGE);
+    assert_non_null(strstr(f.err.text, "2 series have 5 slices each"));
+    assert_non_null(strstr(f.err.text, "UID 1.2.4); 3 ("));
+    assert_int_equal(cts_series_choose(f.list, "3", &s, &f.err), CTS_OK);
+    assert_string_equal(s->uid, "1.2.5");
+    assert_int_equal(cts_series_choose(f.list, "5", &s, &f.err), CTS_ERR_USAGE);
     assert_int_equal(cts_series_choose(f.list, "1.2.1", &s, &f.err), CTS_OK);
     assert_int_equal(s->n_slices, 3);
     assert_int_equal(cts_series_choose(f.list, "1.2", &s, &f.err), CTS_ERR_USAGE);

@@ -26,23 +26,23 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
     if (list->n < 2)
         return;
     if (taken->renderable)
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES,
-                              "%zu series found; taking %s (%d slices), the one with the most slices%s; `series` takes "
-                              "another",
-                              list->n, name_of_series(taken).text, taken->n_slices,
-                              taken == list->items ? "" : " of those that can be rendered");
+        cts_report_diagnostic(
+            report, CTS_DIAGNOSTIC_SEVERAL_SERIES,
+            "%zu series found; taking %s (%s), the one with the most slices%s; `series` takes another, "
+            "by UID or number (ctsplat info; there `show_patient` adds date and description)",
+            list->n, name_of_series(taken).text, taken->traits,
+            taken == list->items ? "" : " of those that can be rendered");
     else
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES, "%zu series found, and none can be rendered",
                               list->n);
     for (size_t i = 0; i < list->n; i++) {
         const CtsSeries *s = &list->items[i];
-        if (s == taken)
-            continue;
-        const char *why = !s->renderable                  ? s->reason
-                          : s->n_slices < taken->n_slices ? "fewer slices"
-                                                          : "as many slices";
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SERIES_NOT_TAKEN, "not taken: %s (%d slice%s): %s",
-                              name_of_series(s).text, s->n_slices, s->n_slices == 1 ? "" : "s", why);
+        const char *const why = !s->renderable                  ? s->reason
+                                : s->n_slices < taken->n_slices ? "fewer slices"
+                                                                : "another volume of the same series";
+        if (s != taken)
+            cts_report_diagnostic(report, CTS_DIAGNOSTIC_SERIES_NOT_TAKEN, "not taken: %zu, %s (%s): %s", i + 1,
+                                  name_of_series(s).text, s->traits, why);
     }
 }
 
@@ -56,9 +56,10 @@ static CtsStatus find_series_of_source(const CtsSource *source, CtsLoaded *loade
         return cts_context(err, "`from`");
     const CtsSeriesSearch search = {
         .paths = paths, .n_paths = n_paths, .n_threads = source->n_threads, .rules = source->rules};
-    if ((st = cts_series_search(&search, &loaded->list, report, err)) ||
-        (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
+    if ((st = cts_series_search(&search, &loaded->list, report, err)))
         return st;
+    if ((st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
+        return n_paths == 1 ? cts_context(err, "%s", paths[0]) : st;
     if (report)
         memcpy(report->series_uid, loaded->series->uid, sizeof report->series_uid);
     const CtsDiagnostics *found = &loaded->list->diagnostics;

@@ -259,10 +259,22 @@ static void add_verified(CtsVerified *all, const CtsVerified *frame)
     cts_error_limits(all);
 }
 
+/* Adds a frame's bound to that of all. */
+static void add_bound(CtsErrorBound *all, const CtsErrorBound *frame)
+{
+    const CtsErrorBound before = *all;
+    *all = *frame;
+    all->known |= before.known;
+    all->rmse = fmax(before.rmse, frame->rmse);
+    all->max = before.max < 0 || frame->max < 0 ? -1 : fmax(before.max, frame->max);
+    all->n_rerendered += before.n_rerendered;
+}
+
 static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRenderer *renderer, CtsFiles *files,
                                CtsReport *report, CtsError *err)
 {
     CtsVerified pooled = {0};
+    CtsErrorBound bound = {0};
     CtsStatus st = CTS_OK;
     Frame frame = {.job = job, .model = model, .files = files, .report = report};
     if (n_frames_of(job) > 1)
@@ -271,14 +283,19 @@ static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRend
     /* A rotation's plan is that of its first view. */
     const int n_frames = job->render.explain ? 1 : n_frames_of(job);
     for (; frame.number < n_frames && !st; frame.number++) {
+        report->bound = (CtsErrorBound){0};
         if ((st = render_frame(renderer, &frame, files->watch, err)))
             break;
         add_verified(&pooled, &report->verified);
         if (frame.number == n_frames - 1)
             report->verified = pooled;
         st = cts_files_frame_done(files, frame.number, report, err);
+        if (!st && files->watch->frame)
+            files->watch->frame(files->watch->context, &report->bound);
+        add_bound(&bound, &report->bound);
     }
     report->verified = pooled;
+    report->bound = bound;
     if (!st)
         saturation_report(&frame.saturation, job, model->volume, &files->first, report);
     cts_watch_diagnostics(files->watch, report);

@@ -21,6 +21,8 @@ typedef struct CtsWatch {
     void (*band)(void *context, int frame, CtsPicture *band);
     /* A file is complete. */
     void (*output)(void *context, const char *path, const char *format, uint64_t bytes);
+    /* A frame is complete, with the files that end with it; bound: of its error. */
+    void (*frame)(void *context, const CtsErrorBound *bound);
 } CtsWatch;
 
 static inline void cts_watch_step(const CtsWatch *watch, double done, int all, const char *what)

@@ -94,7 +94,7 @@ typedef struct CtsOptions {
     CtsTextList hosts;
     uint64_t memory_bytes; /* 0: half of the free memory */
 
-    bool help, json, show_patient, show_paths, paper, full;
+    bool help, json, show_patient, show_paths, summary, paper, full;
     const char *only; /* NULL when not given */
 
     CtsJobOption *words; /* options in order of appearance, n_words */

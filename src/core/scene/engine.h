@@ -60,10 +60,10 @@ typedef struct CtsScene {
     int frame;               /* its number among those; bands of one picture have the same */
 } CtsScene;
 
-/* Default target: half a level of an 8-bit display, which is invisible; as a fraction of the display range. */
+/* Requested error as a fraction of the display range. */
 static inline double cts_scene_requested_error(const CtsScene *scene)
 {
-    return (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255;
+    return (scene->plan.max_error > 0 ? scene->plan.max_error : CTS_DEFAULT_ERROR) / 255;
 }
 
 /* Voxels from one pixel to the next, at most, along any axis of the volume. Engines with levels place groups of pixels

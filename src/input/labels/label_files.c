@@ -275,5 +275,5 @@ CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList 
                 *series = &list->items[k];
                 return CTS_OK;
             }
-    return cts_series_choose(list, NULL, series, err);
+    return cts_series_choose(list, "1", series, err); /* which says why the labels are not its own */
 }

@@ -410,25 +410,61 @@ CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list,
     return st;
 }
 
-CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err)
+/* The series of option `series`: UID, UID#VOLUME, or a number as `ctsplat info` numbers them. NULL: none. */
+static const CtsSeries *named_series(const CtsSeriesList *list, const char *name)
 {
-    *series = NULL;
-    if (!uid) {
-        for (size_t i = 0; i < list->n && !*series; i++)
-            if (list->items[i].renderable)
-                *series = &list->items[i];
-        if (!*series && list->n)
-            *series = &list->items[0];
-        return *series ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "no CT series");
-    }
+    char *end;
+    const unsigned long number = strtoul(name, &end, 10);
     for (size_t i = 0; i < list->n; i++) {
         const CtsSeries *s = &list->items[i];
         char numbered[sizeof s->uid + 16];
         snprintf(numbered, sizeof numbered, "%s#%d", s->uid, s->part);
-        if ((s->part > 0 && strcmp(numbered, uid) == 0) || (s->part <= 1 && strcmp(s->uid, uid) == 0)) {
-            *series = s;
-            return CTS_OK;
-        }
+        if ((s->part > 0 && !strcmp(numbered, name)) || (s->part <= 1 && !strcmp(s->uid, name)))
+            return s;
     }
-    return cts_fail(err, CTS_ERR_USAGE, "no series %.80s among the %zu found (ctsplat info lists them)", uid, list->n);
+    return *end || number < 1 || number > list->n ? NULL : &list->items[number - 1];
+}
+
+/* True if nothing but the order of their UIDs puts one series before the other. */
+static bool is_equal_right(const CtsSeries *a, const CtsSeries *b)
+{
+    return b->renderable && a->n_slices == b->n_slices && !strcmp(a->modality, b->modality) && strcmp(a->uid, b->uid);
+}
+
+/* Refuses a choice that only the order of UIDs would make. */
+static CtsStatus check_choice(const CtsSeriesList *list, const CtsSeries *series, CtsError *err)
+{
+    char equals[700] = "";
+    size_t n = 0, length = 0;
+    for (size_t i = 0; i < list->n; i++) {
+        const CtsSeries *s = &list->items[i];
+        if (s != series && !is_equal_right(series, s))
+            continue;
+        n++;
+        if (length < sizeof equals)
+            length += (size_t)snprintf(equals + length, sizeof equals - length, "%s%zu (%s, UID %s)", n > 1 ? "; " : "",
+                                       i + 1, s->traits, s->uid[0] ? s->uid : "missing");
+    }
+    if (n < 2)
+        return CTS_OK;
+    return cts_fail(err, CTS_ERR_USAGE,
+                    "%zu series have %d slices each, and none comes first: %s%s (choose one by its number or UID with "
+                    "`series`)",
+                    n, series->n_slices, equals, length < sizeof equals ? "" : "...");
+}
+
+CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err)
+{
+    *series = uid ? named_series(list, uid) : NULL;
+    if (uid && !*series)
+        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s among the %zu found (ctsplat info lists them)", uid,
+                        list->n);
+    for (size_t i = 0; i < list->n && !*series; i++)
+        if (list->items[i].renderable)
+            *series = &list->items[i];
+    if (!*series && list->n)
+        *series = &list->items[0];
+    if (!*series)
+        return cts_fail(err, CTS_ERR_NO_SERIES, "no CT series");
+    return uid || !(*series)->renderable ? CTS_OK : check_choice(list, *series, err);
 }

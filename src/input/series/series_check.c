@@ -666,6 +666,8 @@ CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const 
         copy_diagnostics(&series[p].diagnostics, &series[0].diagnostics);
     for (int p = 0; !st && p < n_parts; p++)
         st = finish_series(&series[p], &parts[p], numbers, n_parts == 1, err);
+    for (int p = 0; !st && p < n_parts; p++)
+        cts_series_describe(&series[p]);
     if (!st)
         *n_series = n_parts;
     for (int p = 0; p < n_parts; p++)

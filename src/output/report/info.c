@@ -38,10 +38,10 @@ static void print_labels(FILE *file, const CtsPixelFacts *f)
     cts_table_free(&table);
 }
 
-static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
+static void print_series(FILE *file, int number, const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
 {
     fprintf(file, "series %s\n", s->uid[0] ? s->uid : "(without UID)");
-    fprintf(file, "  modality         %s\n", s->modality);
+    fprintf(file, "  number           %d (for --series)\n  modality         %s\n", number, s->modality);
     if (show_patient && s->study_date[0])
         fprintf(file, "  study date       %s\n", s->study_date);
     if (show_patient && s->series_number >= 0)
@@ -53,6 +53,7 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
     if (s->spacing_mm[2] > 0)
         fprintf(file, " x %.4g", s->spacing_mm[2]);
     fprintf(file, " mm\n");
+    fprintf(file, "  distinguished by %s\n", s->traits);
     fprintf(file, "  tilt             %.2f degrees\n", s->tilt_deg);
     if (f->known) {
         fprintf(file, "  range            %.6g to %.6g HU\n", f->hu_min, f->hu_max);
@@ -83,7 +84,7 @@ void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *
     print_diagnostics(file, &list->diagnostics, "", NULL);
     for (size_t i = 0; i < list->n; i++) {
         fputc('\n', file);
-        print_series(file, &list->items[i], &facts[i], show_patient);
+        print_series(file, (int)i + 1, &list->items[i], &facts[i], show_patient);
     }
 }
 
@@ -151,9 +152,9 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
     for (size_t i = 0; i < f->n_labels; i++)
         json_array_append_new(labels, cts_label_json(&f->labels[i]));
     json_t *object = json_pack(
-        "{s:o,s:o,s:o,s:i,s:[i,i,i],s:[o,o,o],s:o,s:o,s:o,s:o,s:o,s:o,s:b,s:b,s:o,s:o*}", "series_uid",
-        cts_json_new_text(s->uid), "modality", cts_json_new_text(s->modality), "study", text_if(study), "slices",
-        s->n_slices, "dims", s->columns, s->rows, s->n_slices, "spacing_mm",
+        "{s:o,s:o,s:o,s:o,s:i,s:[i,i,i],s:[o,o,o],s:o,s:o,s:o,s:o,s:o,s:o,s:b,s:b,s:o,s:o*}", "series_uid",
+        cts_json_new_text(s->uid), "traits", cts_json_new_text(s->traits), "modality", cts_json_new_text(s->modality),
+        "study", text_if(study), "slices", s->n_slices, "dims", s->columns, s->rows, s->n_slices, "spacing_mm",
         number_if(s->spacing_mm[0] > 0, s->spacing_mm[0]), number_if(s->spacing_mm[1] > 0, s->spacing_mm[1]),
         number_if(s->spacing_mm[2] > 0, s->spacing_mm[2]), "tilt_deg", cts_json_new_number(s->tilt_deg), "hu_min",
         number_if(f->known, f->hu_min), "hu_max", number_if(f->known, f->hu_max), "box_mm",
