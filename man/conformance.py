@@ -66,7 +66,6 @@ statement = [
       ("Query of studies and series (C-FIND)", "yes: --from", "no"),
       ("Retrieve (C-GET)", "yes: --from", "no"),
       ("Retrieve (C-MOVE)", "yes: --from with --move-port", "storage of what was asked for alone"),
-      ("Storage of CT (C-STORE), verification", "no", "ctsplat receive, ctsplat-node"),
       ("DICOMweb QIDO-RS, WADO-RS, STOW-RS", "yes: a URL in --from, --send", "no"),
       ("DICOMweb rendered3D (Retrieve Rendered Volume)", "no", "ctsplat serve"),
       ("Storage commitment, worklist, MPPS, printing, media", "no", "no")]),
@@ -75,19 +74,16 @@ statement = [
         "(PS3.1 to PS3.18); AE is application entity, SCU and SCP service class user and provider."),
     (H, "Networking"),
     (S, "Implementation model"),
-    (P, "One AE, that of the command that runs: it fetches a series, renders it, writes files, and stores them. The "
-        "second, ctsplat receive, listens and stores what comes as files. ctsplat-node joins them: it renders each study "
-        "when it has been quiet for a while, and stores the captures. Nothing is done without a command or a study that arrives."),
+    (P, "One AE, that of the command that runs: it fetches a series, renders it, writes files, and stores them. "
+        "Nothing is done without a command. Studies that scanners send are received by Orthanc or DCMTK's storescp, which "
+        "have conformance statements of their own; ctsplat batch renders the files that they store."),
     (S, "AE titles and ports"),
     (P, "The calling AE title is CTSPLAT unless --aet says otherwise; the called one stands in AET@HOST:PORT. C-MOVE "
-        "receives at --move-port, from the addresses and the AE title of the peer that it asked. ctsplat receive listens at --listen, 127.0.0.1:11112 by default, under --aet, and takes "
-        "nothing that calls another AE title."),
+        "receives at --move-port, from the addresses and the AE title of the peer that it asked, and takes nothing that calls another AE title."),
     (S, "Associations"),
-    (P, "One at a time as SCU. As SCP up to 64 at a time, each in a process of its own: from the addresses and AE titles "
-        "that --allow names (none: from this machine alone), --per-peer of one address at a time and --per-minute begun "
-        "in a minute; one ends after --association-time, after --peer-timeout of silence, and when an object exceeds "
-        "--object-size or the disk is as full as --keep-free lets it be. Others are closed before they can ask for an "
-        "association. Maximum PDU size 16384 bytes, DCMTK's default. "
+    (P, "One at a time as SCU. As SCP, while C-MOVE runs, up to 16 at a time from the peer that was asked; one ends after "
+        "--peer-timeout of silence, and when the fetch exceeds its limits or the disk is nearly full. Others are closed "
+        "before they can ask for an association. Maximum PDU size 16384 bytes, DCMTK's default. "
         "No asynchronous operations. A peer that is down, refuses or breaks off is tried four times, after one, two "
         "and four seconds; a silent one is given up after --peer-timeout, 30 seconds."),
     (S, "SOP classes of storage, as SCU"),
@@ -102,12 +98,10 @@ statement = [
     (S, "SOP classes accepted while retrieving"),
     (T, ("SOP class", "UID"), ct_classes + captures),
     (T, ("Transfer syntax", "UID"), listed(storage, "cts_ct_syntaxes")),
-    (S, "SOP classes accepted as SCP"),
-    (T, ("SOP class", "UID"), [("VerificationSOPClass", uid_of["VerificationSOPClass"])] + ct_classes),
-    (P, "Verification in Explicit and Implicit VR Little Endian, CT in the transfer syntaxes above, the first of them that "
-        "a presentation context offers. Objects are stored as they come, bit by bit. Status A700: no room; A900: it is "
-        "no CT image, or another instance than its command names. An instance that comes again takes the former one's "
-        "place. No storage commitment."),
+    (P, "By C-GET, and by C-MOVE as SCP of storage while the fetch runs, with verification in Explicit and Implicit VR "
+        "Little Endian (VerificationSOPClass, " + uid_of["VerificationSOPClass"] + "); the first of the transfer syntaxes "
+        "above that a presentation context offers. Objects are kept as they come until the picture is made. Status A700: "
+        "no room. No storage commitment."),
     (S, "DICOMweb"),
     (P, "QIDO-RS: GET of /studies with the same keys, and of /studies/UID/series with Modality, SeriesInstanceUID and "
         "includefield, as application/dicom+json. WADO-RS: GET of /studies/UID and /studies/UID/series/UID as "
@@ -201,7 +195,7 @@ statement = [
         "whenever skin may be visible, by the preset, the window or the look of labels. No audit trail, no user identity negotiation, no digital signatures. "
         "Compressed pixels are decoded in processes without files and network."),
     (H, "Configuration"),
-    (P, "Options of the command line; settings of the node in /etc/ctsplat/node.conf, see ctsplat-node(1)."),
+    (P, "Options of the command line; settings of the service in /etc/ctsplat/batch.conf, see ctsplat-batch(1)."),
 ]
 
 

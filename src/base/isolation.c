@@ -153,16 +153,3 @@ int cts_isolation_enter(int keep_fd, size_t n_bytes)
         result = cts_isolation_leave_all(keep_fd);
     return result ? result : load_filter();
 }
-
-int cts_isolation_stay_inside(void)
-{
-    static const int reaching[] = {SCMP_SYS(execve), SCMP_SYS(execveat),        SCMP_SYS(socket), SCMP_SYS(connect),
-                                   SCMP_SYS(bind),   SCMP_SYS(listen),          SCMP_SYS(accept), SCMP_SYS(accept4),
-                                   SCMP_SYS(ptrace), SCMP_SYS(process_vm_readv)};
-    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
-    int result = ADD_CALLS(filter, SCMP_ACT_KILL_PROCESS, reaching);
-    if (!result)
-        result = seccomp_load(filter);
-    seccomp_release(filter);
-    return -result;
-}

@@ -12,6 +12,3 @@ int cts_isolation_enter(int keep_fd, size_t n_bytes);
 
 /* Only the separation of a child process from its parent: signals, files, no core files. */
 int cts_isolation_leave_all(int keep_fd);
-
-/* For a process that serves a peer: it can start no program and open no connection. 0, or an errno. */
-int cts_isolation_stay_inside(void);

@@ -1,5 +1,4 @@
-/* ctsplat serve and ctsplat receive: until a signal stops them. */
-#include "app/node/node.h"
+/* ctsplat serve: until a signal stops it. */
 #include "app/serve/server.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
@@ -22,13 +21,4 @@ CtsStatus cli_serve(const CtsOptions *options, int *exit_code, CtsError *err)
     (void)exit_code;
     cli_interrupt_sets_stop();
     return cts_serve(options, ready, print_note, err);
-}
-
-CtsStatus cli_receive(const CtsOptions *options, int *exit_code, CtsError *err)
-{
-    (void)exit_code;
-    if (!options->output_dir)
-        return cts_fail(err, CTS_ERR_USAGE, "receive: no folder to write into (give -O DIR)");
-    cli_interrupt_sets_stop();
-    return cts_receive(options, print_note, err);
 }

@@ -12,7 +12,6 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
     {"serve", "PATH... [options]", "Turn volumes in a browser; answers PS3.18 rendered3D.", 0, INT_MAX, "PATH",
      cli_serve},
     {"presets", "[NAME or FILE] [--json]", "List the presets, or show one.", 0, 1, "NAME", cli_presets},
-    {"receive", "-O DIR [options]", "Receive CT images from scanners and archives (C-STORE).", 0, 0, "", cli_receive},
     {"bench", "PATH... {-O DIR | --paper} [options]", "Measure error against run time of engines and settings.", 1,
      INT_MAX, "PATH", cli_bench},
     {"check", "[options]", "Run the numerical stability suite.", 0, 0, "", cli_check},

@@ -19,7 +19,7 @@ typedef struct CliCommand {
 enum { CLI_N_COMMANDS = CTS_FOR_JOB };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
-CliRun cli_batch, cli_bench, cli_check, cli_info, cli_render, cli_compare, cli_presets, cli_receive, cli_serve;
+CliRun cli_batch, cli_bench, cli_check, cli_info, cli_render, cli_compare, cli_presets, cli_serve;
 
 /* argv[0] is the command's name. */
 CtsStatus cli_arguments(CtsOptions *options, int command, int argc, const char *const *argv, CtsError *err);

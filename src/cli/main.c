@@ -25,6 +25,12 @@ static int find_command(const char *name, CtsError *err)
         strncat(list, " ", sizeof list - strlen(list) - 1);
         strncat(list, names[c], sizeof list - strlen(list) - 1);
     }
+    if (!strcmp(name, "receive")) {
+        cts_fail(err, CTS_ERR_USAGE,
+                 "receive: gone since 0.5.0: Orthanc or storescp receives, and batch with `settled` renders what came "
+                 "(see man ctsplat-batch, RECEIVERS)");
+        return CLI_N_COMMANDS;
+    }
     cts_fail(err, CTS_ERR_USAGE, "%s: not one of:%s%s (see ctsplat --help)", name, list,
              cts_did_you_mean(name, strlen(name), names, CLI_N_COMMANDS).text);
     return CLI_N_COMMANDS;

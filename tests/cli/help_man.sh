@@ -1,6 +1,6 @@
 # The man page lists the options and commands that --help lists, no more and no fewer.
 man=$root/man/ctsplat.1
-for command in info render bench check compare presets receive; do
+for command in info render bench check compare presets; do
     ok $command --help
     cat out >>help
 done

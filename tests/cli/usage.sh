@@ -1,6 +1,8 @@
 # Wrong usage: exit code 2, one line, and what to do.
 refused 2 'a command is missing'
-refused 2 'frobnicate: not one of: info render batch serve presets receive bench check compare' frobnicate
+refused 2 'frobnicate: not one of: info render batch serve presets bench check compare' frobnicate
+refused 2 'receive: gone since 0.5.0: Orthanc or storescp receives, and batch with .* renders' receive --folder in
+refused 2 'receive: gone' receive --listen 127.0.0.1:0
 refused 2 '--json: no such option before the command' --json
 refused 2 'render: PATH is missing' render
 refused 2 'render: no output' render "$data/phantom"
@@ -76,7 +78,7 @@ has out '^ctsplat [0-9]+\.[0-9]+\.[0-9]+$'
 for library in DCMTK OpenEXR libpng jansson; do
     has out "^$library [0-9]"
 done
-for command in info render batch serve presets receive bench check compare; do
+for command in info render batch serve presets bench check compare; do
     ok $command --help
     has out "^Usage: ctsplat $command"
 done

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Names in the manuals of batch and node exist: manuals.sh SOURCE_ROOT CTSPLAT
+# Names in the manuals of batch and serve exist: manuals.sh SOURCE_ROOT CTSPLAT
 set -eu
 root=$1 ctsplat=$2
 work=$(mktemp -d)
@@ -11,19 +11,6 @@ same()
     sort -u "$work/b" >"$work/b.sorted"
     diff "$work/a.sorted" "$work/b.sorted" >&2 || { echo "FAIL: $1" && exit 1; }
 }
-
-settings()
-{
-    grep -oE 'CTSPLAT_NODE_[A-Z]+' "$1"
-}
-settings "$root/src/app/deploy/ctsplat-node" >"$work/a"
-[ "$(sort -u "$work/a" | wc -l)" -ge 8 ]
-settings "$root/man/ctsplat-node.1" >"$work/b"
-same "settings of ctsplat-node (<) and of its manual (>) differ"
-# The unit sets the folder.
-settings "$root/src/app/deploy/node.conf" | cat - "$root/src/app/deploy/ctsplat-node.service" |
-    grep -oE 'CTSPLAT_NODE_[A-Z]+' >"$work/b"
-same "settings of ctsplat-node (<) and of node.conf with the unit (>) differ"
 
 # options FILE: those that have an entry in the section OPTIONS of a manual
 options()

@@ -19,12 +19,7 @@ void cts_options_begin(CtsOptions *options)
     *options = (CtsOptions){.shard.n = 1,
                             .series_timeout_s = 3600,
                             .find.modality = "CT",
-                            .listen = "127.0.0.1:11112",
-                            .max_of_one = 8,
-                            .max_a_minute = 600,
-                            .deadline_s = 3600,
-                            .object_mib = 2048,
-                            .free_percent = 10};
+                            .listen = "127.0.0.1:8484"};
     cts_render_defaults(&options->render);
     options->export.quality = CTS_QUALITY_DEFAULT;
     options->export.frame_rate = CTS_FRAME_RATE_DEFAULT;

@@ -16,7 +16,6 @@ typedef enum CtsCommand {
     CTS_FOR_BATCH,
     CTS_FOR_SERVE,
     CTS_FOR_PRESETS,
-    CTS_FOR_RECEIVE,
     CTS_FOR_BENCH,
     CTS_FOR_CHECK,
     CTS_FOR_COMPARE,
@@ -86,11 +85,7 @@ typedef struct CtsOptions {
     bool resume, fresh;
     const char *merge;
 
-    const char *listen; /* receive, serve */
-    CtsTextList allow;
-    int max_of_one, max_a_minute, deadline_s;
-    double object_mib, free_percent;
-    const char *token_file, *allow_origin; /* serve: NULL when not given */
+    const char *listen, *token_file, *allow_origin; /* serve: the last two NULL when not given */
     CtsTextList hosts;
     uint64_t memory_bytes; /* 0: half of the free memory */
 

@@ -17,12 +17,6 @@
 enum { BACKLOG = 512, FIRST_HANDED = 3 };
 static const char LOCAL[] = "unix:";
 
-static const char *address_of(const CtsServer *server)
-{
-    const char *given = cts_options_given(server->options, "listen");
-    return given ? given : "127.0.0.1:8484";
-}
-
 static CtsStatus fail_listen(const char *address, const char *what, CtsError *err)
 {
     return cts_fail(err, CTS_ERR_READ, "%s: %s: %s (choose another with `listen`)", address, what, strerror(errno));
@@ -84,17 +78,17 @@ static CtsStatus name_url(CtsServer *server, int fd, char **url, CtsError *err)
     socklen_t size = sizeof a;
     char where[80];
     if (getsockname(fd, (struct sockaddr *)&a, &size))
-        return fail_listen(address_of(server), "is no socket", err);
+        return fail_listen(server->options->listen, "is no socket", err);
     server->local_socket = a.ss_family == AF_UNIX;
     if (server->local_socket) {
-        *url = strdup(is_handed_over() ? LOCAL : address_of(server));
+        *url = strdup(is_handed_over() ? LOCAL : server->options->listen);
         return *url ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
     if (!is_loopback(&a) && !server->tls && !server->options->net.insecure_http)
         return cts_fail(err, CTS_ERR_USAGE,
                         "`listen` %s: beyond this machine the patient's pictures need TLS (give "
                         "`tls-cert` and `tls-key`, or `insecure-http`)",
-                        address_of(server));
+                        server->options->listen);
     cts_listener_name(fd, where, sizeof where);
     return asprintf(url, "%s://%s/", server->tls ? "https" : "http", where) < 0
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
@@ -103,7 +97,7 @@ static CtsStatus name_url(CtsServer *server, int fd, char **url, CtsError *err)
 
 CtsStatus cts_listen_open(CtsServer *server, int *fd, char **url, CtsError *err)
 {
-    const char *address = address_of(server);
+    const char *address = server->options->listen;
     CtsStatus st = CTS_OK;
     *fd = -1;
     *url = NULL;
@@ -120,7 +114,7 @@ CtsStatus cts_listen_open(CtsServer *server, int *fd, char **url, CtsError *err)
 
 void cts_listen_close(const CtsServer *server)
 {
-    const char *address = address_of(server);
+    const char *address = server->options->listen;
     if (server->local_socket && !is_handed_over())
         unlink(address + strlen(LOCAL));
 }

@@ -310,5 +310,5 @@ try {
     return cts_dcm_caught(err, CTS_ERR_READ);
 }
 
-const CtsProtocol cts_protocol_dimse = {dimse_send, dimse_fetch, dimse_find, cts_store_scp_serve, cts_store_scp_check};
+const CtsProtocol cts_protocol_dimse = {dimse_send, dimse_fetch, dimse_find};
 }

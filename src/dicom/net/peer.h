@@ -61,9 +61,6 @@ typedef struct CtsRequest {
     int *n_promised; /* number of objects by the peer's own count, if given */
 } CtsRequest;
 
-struct CtsStoreScpRules;
-struct CtsAssociationInfo;
-
 /* The functions of a protocol. send transmits the files not yet sent, in order, and marks them. */
 typedef struct CtsProtocol {
     void (*send)(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
@@ -71,9 +68,6 @@ typedef struct CtsProtocol {
     CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
     CtsStatus (*find)(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                       CtsError *err);
-    /* Of DIMSE alone: dicom/net/store_scp.h. */
-    void (*accept)(const struct CtsStoreScpRules *rules, int socket, struct CtsAssociationInfo *info);
-    CtsStatus (*accept_check)(const CtsNet *net, CtsError *err);
 } CtsProtocol;
 
 /* The protocols are in a plug-in library, CTS_NET_PLUGIN, with all network dependencies, since loading it takes longer
