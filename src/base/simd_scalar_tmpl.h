@@ -64,7 +64,7 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
 
 INLINE vi vi_take_bytes(const void *from, vi index)
 {
-    vi v;
+    vi v = {0};
     for (int l = 0; l < LANES; l++)
         v[l] = ((const uint8_t *)from)[index[l]];
     return v;
@@ -78,7 +78,7 @@ INLINE vi first_index(vi index, vmask mask)
 #ifndef SIMD_DOUBLE
 INLINE vi vi_take(const void *from, vi index)
 {
-    vi v;
+    vi v = {0};
     for (int l = 0; l < LANES; l++) {
         int32_t one;
         memcpy(&one, (const char *)from + 4 * (ptrdiff_t)index[l], sizeof one);
@@ -89,7 +89,7 @@ INLINE vi vi_take(const void *from, vi index)
 
 INLINE vi vi_load_shorts(const int16_t *from)
 {
-    vi v;
+    vi v = {0};
     for (int l = 0; l < LANES; l++)
         v[l] = from[l];
     return v;
@@ -97,7 +97,7 @@ INLINE vi vi_load_shorts(const int16_t *from)
 
 INLINE vi vi_load_words(const uint16_t *from)
 {
-    vi v;
+    vi v = {0};
     for (int l = 0; l < LANES; l++)
         v[l] = from[l];
     return v;
@@ -105,7 +105,7 @@ INLINE vi vi_load_words(const uint16_t *from)
 
 INLINE vi vi_take_pairs(const void *from, vi index)
 {
-    vi v;
+    vi v = {0};
     for (int l = 0; l < LANES; l++) {
         uint16_t pair[2];
         memcpy(pair, (const char *)from + 2 * (ptrdiff_t)index[l], sizeof pair);
@@ -116,7 +116,7 @@ INLINE vi vi_take_pairs(const void *from, vi index)
 
 INLINE vi vi_take_64(const void *from, vi index, ptrdiff_t scale, vi *second)
 {
-    vi first;
+    vi first = {0};
     for (int l = 0; l < LANES; l++) {
         int32_t both[2];
         memcpy(both, (const char *)from + index[l] * scale, sizeof both);
@@ -145,7 +145,7 @@ INLINE vs vs_mul_high(vs a, vs b)
 
 INLINE vs vs_permute_rows(vs table, vs index)
 {
-    vs v;
+    vs v = {0};
     for (int l = 0; l < 2 * LANES; l++)
         v[l] = table[(l & ~7) | index[l]];
     return v;

@@ -58,15 +58,20 @@ static CtsStatus run_arguments(int argc, const char *const *argv, int *exit_code
     if (argc < 2)
         return cts_fail(err, CTS_ERR_USAGE, "a command is missing (see ctsplat --help)");
     if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "help")) {
-        cli_help();
+        const int command = argc > 2 && argv[2][0] != '-' ? find_command(argv[2], err) : CLI_N_COMMANDS;
+        if (argc > 2 && command == CLI_N_COMMANDS && err->status)
+            return err->status;
+        command == CLI_N_COMMANDS ? cli_help() : cli_help_command(command);
         return CTS_OK;
     }
     if (!strcmp(argv[1], "--version")) {
         cli_version();
         return CTS_OK;
     }
+    static const char *const words[] = {"--version", "--help"};
     if (argv[1][0] == '-')
-        return cts_fail(err, CTS_ERR_USAGE, "%s: no such option before the command (see ctsplat --help)", argv[1]);
+        return cts_fail(err, CTS_ERR_USAGE, "%s: no such option before the command (see ctsplat --help)%s", argv[1],
+                        cts_did_you_mean(argv[1], strlen(argv[1]), words, 2).text);
     return run_command(argc - 1, argv + 1, exit_code, err);
 }
 

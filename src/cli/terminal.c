@@ -57,6 +57,9 @@ const char *cli_with_options(const char *text, char *out, size_t size)
 
 enum { BAR_WIDTH = 24 };
 
+/* The bar on the terminal, "" for none: it is drawn again only when it changes. */
+static char drawn[200];
+
 bool cli_progress_shows(void)
 {
     const char *term = getenv("TERM");
@@ -72,8 +75,13 @@ void cli_progress(double done, int all, const char *what)
     memset(bar, ' ', BAR_WIDTH);
     memset(bar, '#', (size_t)filled);
     bar[BAR_WIDTH] = 0;
-    fprintf(stderr, "\r\033[K[%s] %s", bar, what);
+    char line[sizeof drawn];
+    snprintf(line, sizeof line, "[%s] %s", bar, what);
+    if (!strcmp(line, drawn))
+        return;
+    fprintf(stderr, "\r\033[K%s", line);
     fflush(stderr);
+    memcpy(drawn, line, sizeof drawn);
 }
 
 CliTimeLeft cli_time_left(double seconds)
@@ -94,6 +102,7 @@ void cli_progress_clear(void)
         return;
     fputs("\r\033[K", stderr);
     fflush(stderr);
+    drawn[0] = 0;
 }
 
 /* One message is one line, whatever a header or a file name contains. */

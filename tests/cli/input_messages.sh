@@ -51,7 +51,7 @@ cp other/mr.dcm other/mr-2.dcm
 with_uid "$data/phantom/IM0001.dcm" other/odd.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.826.0.1.99999.5.1.4.2
 echo text >other/notes.txt
 ok info "$data/phantom" other
-has out '4 files passed over \(2 MR Image, 1 not DICOM, 1 of SOP class 1\.2\.826\.0\.1\.99999\.5\.1\.4\.2\), 0 not readable$'
+has out '4 passed over \(2 MR Image, 1 not DICOM, 1 of SOP class 1\.2\.826\.0\.1\.99999\.5\.1\.4\.2\), 0 not readable$'
 ok info "$data/phantom" other --json
 grep -A4 '"others"' out | tr -d ' \n' | grep -qF '{"MRImage":2,"notDICOM":1,"ofSOPclass1.2.826.0.1.99999.5.1.4.2":1}' ||
     fail "the JSON counts other files otherwise: $(grep -A4 others out)"

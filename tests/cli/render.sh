@@ -12,6 +12,9 @@ refused 5 'a.png.*(exist|force)' render "$data/phantom" $small -o new.png -o a.p
 ok render "$data/phantom" $small -o a.png --force
 cmp a.png again.png || fail "--force changes the picture"
 refused 5 'no-such-folder' render "$data/phantom" $small -o no-such-folder/a.png
+refused 3 '^ctsplat: error: nowhere: No such file' render nowhere $small -o a.png
+ok render "$data/phantom" $small -o same.jpeg -o same.jpg
+cmp same.jpeg same.jpg || fail ".jpeg is not .jpg"
 refused 2 'x.bmp' render "$data/phantom" $small -o x.bmp
 refused 2 'given twice' render "$data/phantom" $small -o x.png -o ./x.png
 refused 5 'folder' render "$data/phantom" $small -o x.png --log no-such-folder/log

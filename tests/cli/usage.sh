@@ -3,6 +3,12 @@ refused 2 'a command is missing'
 refused 2 'frobnicate: not one of: info render batch serve presets bench check compare' frobnicate
 refused 2 'receive: gone since 0.5.0: Orthanc or storescp receives, and batch with .* renders' receive --folder in
 refused 2 'receive: gone' receive --listen 127.0.0.1:0
+ok help render
+cp out help
+ok render --help
+cmp out help || fail "help render is not render --help"
+refused 2 'frobnicate' help frobnicate
+refused 2 'did you mean --version' --verison
 refused 2 '--json: no such option before the command' --json
 refused 2 'render: PATH is missing' render
 refused 2 'render: no output' render "$data/phantom"

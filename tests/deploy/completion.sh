@@ -7,7 +7,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work" || exit 1
 mkdir bin folder
-touch picture.png folder/x
+touch picture.png own.json folder/x
 ln -s "$ctsplat" bin/ctsplat
 export PATH=$work/bin:$PATH HOME=$work XDG_CONFIG_HOME=$work/config
 for name in ctsplat.bash _ctsplat; do
@@ -67,7 +67,8 @@ expect raycast
 typed=(render --view '')
 expect anterior posterior left right head feet
 typed=(render -p '')
-expect bone skin ct-bone picture.png
+expect bone skin ct-bone own.json
+grep -q picture.png offered && fail "bash offers a picture for a preset"
 typed=(render folder -o pic)
 expect picture.png
 typed=(bench -O '')

@@ -7,9 +7,11 @@
 #include "base/stage_timer.h"
 #include "ctsplat/annotate.h"
 #include "ctsplat/labels.h"
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 /* Counts of nearly black and nearly white pixels, for a warning. */
 typedef struct Saturation {
@@ -412,6 +414,15 @@ bool cts_job_finds_body(const CtsJob *job)
     return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE;
 }
 
+/* An input that does not exist comes before an output that does. */
+static CtsStatus check_inputs_exist(const CtsSource *source, CtsStatus st, CtsError *err)
+{
+    for (int i = 0; st == CTS_ERR_OUTPUT && !source->from && i < source->n_paths; i++)
+        if (access(source->paths[i], F_OK))
+            return cts_fail(err, CTS_ERR_READ, "%s: %s", source->paths[i], strerror(errno));
+    return st;
+}
+
 CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err)
 {
     CtsLoaded loaded = {0};
@@ -419,7 +430,7 @@ CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *repor
     CtsStatus st;
     CtsStageTimer meter = cts_stage_timer_start(report);
     source.inside_unseen = !cts_job_finds_body(job);
-    st = cts_job_check(job, report, err);
+    st = check_inputs_exist(&source, cts_job_check(job, report, err), err);
     cts_watch_diagnostics(watch, report);
     cts_stage_timer_stop(meter, report, CTS_STAGE_SCAN);
     if (st)

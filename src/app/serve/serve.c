@@ -27,13 +27,13 @@ static void allow_connections(void)
     setrlimit(RLIMIT_NOFILE, &files);
 }
 
-/* A PEM file; the caller's to free. */
-static CtsStatus read_pem(const char *path, char **text, CtsError *err)
+/* A PEM file that holds a part of this kind; the caller's to free. */
+static CtsStatus read_pem(const char *path, const char *kind, char **text, CtsError *err)
 {
     enum { MOST = 1 << 20 }; /* bytes; a chain of certificates has about 10 kB */
     size_t n;
     const CtsStatus st = cts_file_text(path, MOST, CTS_ERR_READ, text, &n, err);
-    return st || n ? st : cts_fail(err, CTS_ERR_READ, "%s: is empty", path);
+    return st || strstr(*text, kind) ? st : cts_fail(err, CTS_ERR_READ, "%s: holds no %s in PEM", path, kind);
 }
 
 /* Messages must not contain paths below the folders of series loaded on demand either. */
@@ -89,8 +89,9 @@ static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, const Ct
     return st;
 }
 
+/* The address is opened before the archive is searched, so that a wrong one is reported at once. */
 static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, const char *key,
-                                  void (*ready)(const char *url), CtsError *err)
+                                  void (*ready)(const char *url), void (*note)(const char *text), CtsError *err)
 {
     char *url;
     CtsHttpServer *http = NULL;
@@ -101,7 +102,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         free(url);
         return st;
     }
-    if (!(st = cts_access_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
+    if (!(st = search_served(server, note, err)) && !(st = cts_access_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
         cts_names_add(&server->names, server->folder);
         st = begin_threads(server, &http, &settings, err);
     }
@@ -146,10 +147,9 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
     pthread_cond_init(&server->work, NULL);
     allow_connections();
     if (!(st = cts_helper_start(err)) && !(st = cts_http(&server->http, err)) &&
-        (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, &certificate, err)) &&
-                                   !(st = read_pem(options->net.tls_key, &key, err)))) &&
-        !(st = search_served(server, note, err)))
-        st = listen_and_serve(server, certificate, key, ready, err);
+        (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, "CERTIFICATE", &certificate, err)) &&
+                                   !(st = read_pem(options->net.tls_key, "PRIVATE KEY", &key, err)))))
+        st = listen_and_serve(server, certificate, key, ready, note, err);
     cts_series_cache_free(&server->cache);
     cts_names_free(&server->names);
     pthread_mutex_destroy(&server->lock);

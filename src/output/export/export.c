@@ -48,8 +48,9 @@ static const CtsFormat *format_of_path(const char *path)
 {
     const char *slash = strrchr(path, '/');
     const char *dot = strrchr(slash ? slash : path, '.');
-    for (int i = 0; dot && i < N_FORMATS; i++)
-        if (strcasecmp(dot + 1, formats[i]->info.name) == 0)
+    const char *ending = !dot ? "" : strcasecmp(dot, ".jpeg") ? dot + 1 : "jpg";
+    for (int i = 0; i < N_FORMATS; i++)
+        if (strcasecmp(ending, formats[i]->info.name) == 0)
             return formats[i];
     return NULL;
 }

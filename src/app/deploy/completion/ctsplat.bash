@@ -7,6 +7,10 @@ _ctsplat_offer()
     for word; do
         case $word in
         @files) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -- "$current") && compopt -o filenames ;;
+        @json)
+            mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -X '!*.json' -- "$current" && compopt -o filenames)
+            mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -d -S / -- "$current" && compopt -o nospace)
+            ;;
         @folders) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -d -- "$current") && compopt -o filenames ;;
         @presets) words+=" $(ctsplat presets 2>/dev/null | awk 'NR > 1 { print $1 }')" ;;
         @nothing | @list) ;;
@@ -44,7 +48,7 @@ _ctsplat()
     if [[ $current == -* ]]; then
         _ctsplat_offer "${words[@]}"
     else
-        _ctsplat_offer @files $([ "$command" != presets ] || echo @presets)
+        _ctsplat_offer $([ "$command" = presets ] && echo @presets @json || echo @files)
     fi
 }
 complete -F _ctsplat ctsplat

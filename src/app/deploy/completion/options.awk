@@ -2,7 +2,7 @@
 function kind(name, argument, help)
 {
     if (name == "--preset")
-        return "@presets @files"
+        return "@presets @json"
     if (name == "--presets")
         return "@list @presets"
     if (name ~ /^--views?$/)
