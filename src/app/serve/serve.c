@@ -102,7 +102,8 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         free(url);
         return st;
     }
-    if (!(st = search_served(server, note, err)) && !(st = cts_access_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
+    if (!(st = search_served(server, note, err)) && !(st = cts_access_token(server, err)) &&
+        !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
         cts_names_add(&server->names, server->folder);
         st = begin_threads(server, &http, &settings, err);
     }

@@ -80,7 +80,8 @@ void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *
     char others[1000];
     cts_series_list_others(list, others, sizeof others);
     fprintf(file, "%d file%s: %zu CT series, %d passed over%s%s%s, %d not readable\n", list->n_files,
-            list->n_files == 1 ? "" : "s", list->n, list->n_not_ct, others[0] ? " (" : "", others, others[0] ? ")" : "", list->n_unreadable);
+            list->n_files == 1 ? "" : "s", list->n, list->n_not_ct, others[0] ? " (" : "", others, others[0] ? ")" : "",
+            list->n_unreadable);
     print_diagnostics(file, &list->diagnostics, "", NULL);
     for (size_t i = 0; i < list->n; i++) {
         fputc('\n', file);
