@@ -41,8 +41,8 @@ def value_of(text, vr, k):
         text = before + str(eval(inside, {'k': k, 'math': math})) + after
     if vr in (b'US', b'SS'):
         return struct.pack('<H' if vr == b'US' else '<h', int(text))
-    if vr == b'FD':
-        return struct.pack('<d', float(text))
+    if vr in (b'FL', b'FD'):
+        return struct.pack('<f' if vr == b'FL' else '<d', float(text))
     raw = text.encode('latin-1')
     return raw + (b'\0' if vr == b'UI' else b' ') * (len(raw) % 2)
 

@@ -123,7 +123,8 @@ phases_of()
 }
 phases_of
 refused 4 'neither acquisition, tube voltage, .* time separates complete volumes' render c --size 32x32 -o refused.png
-for part in '0008,0033,TM=12000{k // 10}' '0008,0033,TM=1200{10 + k}' '0020,9241,FD={40 + 30 * (k // 10)}' \
+for part in '0008,0033,TM=12000{k // 10}' '0008,0033,TM=1200{10 + k}' '0020,9241,FL={40 + 70 * (k // 10)}' \
+    '0020,9241,FD={40 + 30 * (k // 10)}' \
     '0020,9153,FD={100.5 * (k // 10)}' '0018,1210,SH={["B30", "B70"][k // 10]}'; do
     phases_of "$part"
     warned acquisitions_parted \
@@ -133,7 +134,7 @@ done
 phases_of '0018,1210,SH={["B30", "B70"][k % 10 > 4]}' # no group of which is complete
 refused 4 'separates complete volumes' render c --size 32x32 -o refused.png
 # One volume whose slices each have a time, a phase or a kernel of their own stays one.
-case_of 'IM*' '0008,0033,TM=1200{10 + k}' '0020,9241,FD={k}' '0018,1210,SH=B{k // 24}'
+case_of 'IM*' '0008,0033,TM=1200{10 + k}' '0020,9241,FL={k}' '0018,1210,SH=B{k // 24}'
 quiet
 
 # Acquisitions whose slices take turns are volumes of their own; those that follow each other are one.

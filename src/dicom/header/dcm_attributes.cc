@@ -168,6 +168,13 @@ bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value
         std::memcpy(value, &bits, sizeof bits);
         return std::isfinite(*value);
     }
+    if (is_one_of(found, "FL") && length_of(found) == 4) {
+        const uint32_t bits = number_of(found);
+        float single;
+        std::memcpy(&single, &bits, sizeof bits);
+        *value = static_cast<double>(single);
+        return std::isfinite(*value);
+    }
     const std::string_view text = cts_attribute_text(item, tag);
     return !text.empty() && cts_dcm_parse_ds(text.data(), text.size(), value, 1);
 }

@@ -33,7 +33,7 @@ bool cts_attribute_has(const CtsAttributes &item, const DcmTagKey &tag);
 std::string_view cts_attribute_text(CtsAttributes &item, const DcmTagKey &tag);
 /* A single number of VR US or UL. */
 bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value);
-/* A single number of VR FD, or of DS. */
+/* A single number of VR FL, FD or DS. */
 bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value);
 /* A single US value. */
 bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *value);
