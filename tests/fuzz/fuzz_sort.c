@@ -40,6 +40,7 @@ static CtsSlice *invent(const uint8_t *b, int k)
     s->time_s = b[10] == 0 ? -1 : b[10] + 256 * (b[11] & 3);
     s->instance_number = b[12];
     s->localizer = b[13] > 250;
+    s->thickness_mm = b[13] & 3;
     if (b[14] > 250)
         cts_slice_fault(s, b[14] & 1 ? CTS_ERR_PIXELS : CTS_ERR_SYNTAX, "invented");
     s->memory = pixels[b[15] & 1];
@@ -59,30 +60,23 @@ static int check(const CtsSeries *s)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 {
     const int n_slices = n / BYTES < MAX_SLICES ? (int)(n / BYTES) : MAX_SLICES;
-    static CtsSeries series[CTS_MAX_PARTS];
-    int n_series = 0, kept = 0;
+    int kept = 0;
     if (n_slices == 0)
         return 0;
     CtsSliceSet set = {malloc((size_t)n_slices * sizeof *set.items), n_slices};
     for (int k = 0; k < n_slices; k++)
         set.items[k] = invent(data + (size_t)k * BYTES, k);
-    memset(series, 0, sizeof series);
+    CtsSeriesList *list = calloc(1, sizeof *list);
+    assert(list);
     CtsError err = {0};
     /* Its first byte decides, too. */
     const CtsSeriesRules rules = {.allow_missing_slices = data[0] & 1};
     const CtsStudyNumbers numbers = {0};
-    assert(cts_series_check(&set, &rules, &numbers, series, &n_series, &err) == CTS_OK);
-    assert(n_series >= 1 && n_series <= CTS_MAX_PARTS);
-    for (int i = 0; i < n_series; i++) {
-        kept += check(&series[i]);
-        for (int k = 0; k < series[i].n_slices; k++) {
-            cts_slice_clear(series[i].slices[k]);
-            free(series[i].slices[k]);
-        }
-        free(series[i].slices);
-        free(series[i].description);
-        cts_diagnostics_free(&series[i].diagnostics);
-    }
+    assert(cts_series_check(&set, &rules, &numbers, list, &err) == CTS_OK);
+    assert(list->n >= 1);
+    for (size_t i = 0; i < list->n; i++)
+        kept += check(&list->items[i]);
+    cts_series_list_free(&list);
     assert(kept <= n_slices);
     return 0;
 }

@@ -37,30 +37,24 @@ static CtsSliceSet stack_of(int n, int side)
     return set;
 }
 
-static void clear(CtsSeries *series)
+static CtsSeriesList *list_of(int n, int side)
 {
-    for (int k = 0; k < series->n_slices; k++) {
-        cts_slice_clear(series->slices[k]);
-        free(series->slices[k]);
-    }
-    free(series->slices);
-    free(series->description);
-    cts_diagnostics_free(&series->diagnostics);
+    CtsSliceSet set = stack_of(n, side);
+    CtsSeriesList *list = calloc(1, sizeof *list);
+    CtsError err = {0};
+    assert_non_null(list);
+    assert_int_equal(cts_series_check(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, list, &err), CTS_OK);
+    return list;
 }
 
 static void test_slices(void **state)
 {
     for (int n = 20000; n <= 20001; n++) {
-        CtsSeries series[CTS_MAX_PARTS] = {0};
-        CtsError err = {0};
-        int n_series = 0;
-        CtsSliceSet set = stack_of(n, 4);
-        assert_int_equal(cts_series_check(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
-                         CTS_OK);
-        assert_int_equal(n_series, 1);
-        assert_int_equal(series[0].refusal, n <= 20000 ? CTS_OK : CTS_ERR_GEOMETRY);
-        assert_true(n <= 20000 || strstr(series[0].reason, "has 20001 slices, more than 20000"));
-        clear(&series[0]);
+        CtsSeriesList *list = list_of(n, 4);
+        assert_int_equal(list->n, 1);
+        assert_int_equal(list->items[0].refusal, n <= 20000 ? CTS_OK : CTS_ERR_GEOMETRY);
+        assert_true(n <= 20000 || strstr(list->items[0].reason, "has 20001 slices, more than 20000"));
+        cts_series_list_free(&list);
     }
 }
 
@@ -76,20 +70,16 @@ static void test_share(void **state)
 /* More than the available memory: refused by the headers, before a pixel is read (there are none). */
 static void test_volume(void **state)
 {
-    CtsSeries series[CTS_MAX_PARTS] = {0};
     CtsError err = {0};
     CtsVolume *volume = NULL;
-    int n_series = 0;
-    CtsSliceSet set = stack_of(20000, 4096);
     if ((double)cts_memory_available() > 1e12)
         skip();
-    assert_int_equal(cts_series_check(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
-                     CTS_OK);
-    assert_true(series[0].renderable);
-    assert_int_equal(cts_series_load(&series[0], 1, NULL, &volume, NULL, &err), CTS_ERR_MEMORY);
+    CtsSeriesList *list = list_of(20000, 4096);
+    assert_true(list->items[0].renderable);
+    assert_int_equal(cts_series_load(&list->items[0], 1, NULL, &volume, NULL, &err), CTS_ERR_MEMORY);
     assert_non_null(strstr(err.text, "needs 640000 MiB of memory"));
     assert_null(volume);
-    clear(&series[0]);
+    cts_series_list_free(&list);
 }
 
 /* 64 MiB before the pixels, and two bytes more: lengths are even. */

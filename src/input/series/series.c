@@ -241,23 +241,6 @@ static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, 
     return CTS_OK;
 }
 
-static CtsStatus add_series(const HeaderSearch *s, CtsSliceSet *set, CtsError *err)
-{
-    CtsSeriesList *const list = s->list;
-    int n = 0;
-    CtsSeries *items = realloc(list->items, (list->n + CTS_MAX_PARTS) * sizeof *items);
-    if (!items) {
-        cts_slice_set_free(set);
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
-    list->items = items;
-    memset(items + list->n, 0, CTS_MAX_PARTS * sizeof *items);
-    const CtsStatus st = cts_series_check(set, &s->asked->rules, s->asked->numbers ? s->asked->numbers : &s->numbers,
-                                          items + list->n, &n, err);
-    list->n += st ? CTS_MAX_PARTS : (size_t)n;
-    return st;
-}
-
 /* Volumes of one UID get numbers: stacks, phases, single slices beside frames. */
 static void number_parts(CtsSeriesList *list)
 {
@@ -305,7 +288,8 @@ static CtsStatus group(const HeaderSearch *s, CtsSlice **slices, size_t n, CtsEr
             else
                 cts_slice_free(slices[i]);
         if (!st)
-            st = add_series(s, &set, err);
+            st = cts_series_check(&set, &s->asked->rules, s->asked->numbers ? s->asked->numbers : &s->numbers, list,
+                                  err);
         else
             free(set.items);
     }

@@ -1,6 +1,7 @@
 #include "input/series/series_check.h"
 
 #include "base/compare.h"
+#include "base/mem.h"
 #include "base/text.h"
 #include "base/vec3.h"
 #include "dicom/header/dcm_readers.h"
@@ -589,14 +590,12 @@ static bool is_watch(const CtsSliceSet *set)
     return true;
 }
 
-/* Removes copies and separates phases. The parts own the slices afterwards; one part when nothing had to be split. */
-static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts[CTS_MAX_PARTS], int *n_parts,
-                          CtsError *err)
+/* Removes copies and separates phases. The parts own the slices afterwards, where there are any. */
+static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **parts, int *n_parts, CtsError *err)
 {
     int n_dropped = 0;
     double same_mm = -1;
     const char *by = NULL;
-    *n_parts = 0;
     cts_slice_set_sort(set, set->items[0]);
     CtsStatus st = same_position(set, &same_mm, err);
     if (st || (st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err)))
@@ -612,7 +611,7 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
     else if (same_mm < 0)
         refuse_series(series, CTS_ERR_GEOMETRY,
                       "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
-    else if (!(st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, &by, err))) {
+    else if (!(st = cts_slice_set_split(set, same_mm, parts, n_parts, &by, err))) {
         if (*n_parts)
             cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_ACQUISITIONS_PARTED,
                                 "%s separates %d volumes, whose slices lie at the same positions or alternate", by,
@@ -630,11 +629,6 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
                 "temporal position, trigger, cardiac phase, kernel nor time separates complete volumes (split the "
                 "series)");
     }
-    if (!st && *n_parts == 0) {
-        parts[0] = *set;
-        *set = (CtsSliceSet){0};
-        *n_parts = 1;
-    }
     return st;
 }
 
@@ -644,34 +638,39 @@ static void copy_diagnostics(CtsDiagnostics *to, const CtsDiagnostics *from)
         cts_diagnostics_add(to, from->items[i].id, "%s", from->items[i].text);
 }
 
-CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
-                           CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err)
+/* Add one volume, with what was found about the whole series. */
+static CtsStatus add_volume(CtsSeriesList *list, const CtsSeries *whole, CtsSliceSet *part,
+                            const CtsStudyNumbers *numbers, bool is_whole, CtsError *err)
 {
-    CtsSliceSet parts[CTS_MAX_PARTS] = {0};
+    CtsStatus st = cts_grow(&list->items, list->n, err);
+    if (st)
+        return st;
+    CtsSeries *const series = &list->items[list->n++];
+    *series = *whole;
+    series->diagnostics = (CtsDiagnostics){0};
+    copy_diagnostics(&series->diagnostics, &whole->diagnostics);
+    if (!(st = finish_series(series, part, numbers, is_whole, err)))
+        cts_series_describe(series);
+    return st;
+}
+
+CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
+                           CtsSeriesList *list, CtsError *err)
+{
+    CtsSeries whole = {.rules = *rules};
+    CtsSliceSet *parts = NULL;
     int n_parts = 0;
-    *n_series = 1;
-    for (int p = 0; p < CTS_MAX_PARTS; p++)
-        series[p].rules = *rules;
-    CtsStatus st = check_each_slice(set, &series[0], err);
-    if (!st && series[0].refusal) {
-        parts[0] = *set;
-        *set = (CtsSliceSet){0};
-        n_parts = 1;
-    } else if (!st) {
-        st = separate(set, &series[0], parts, &n_parts, err);
-    }
-    for (int p = 1; !st && p < n_parts; p++)
-        series[p].frames_differ = series[0].frames_differ;
-    for (int p = 1; !st && p < n_parts; p++)
-        copy_diagnostics(&series[p].diagnostics, &series[0].diagnostics);
+    CtsStatus st = check_each_slice(set, &whole, err);
+    if (!st && !whole.refusal)
+        st = separate(set, &whole, &parts, &n_parts, err);
+    if (!st && !n_parts)
+        st = add_volume(list, &whole, set, numbers, true, err);
     for (int p = 0; !st && p < n_parts; p++)
-        st = finish_series(&series[p], &parts[p], numbers, n_parts == 1, err);
-    for (int p = 0; !st && p < n_parts; p++)
-        cts_series_describe(&series[p]);
-    if (!st)
-        *n_series = n_parts;
+        st = add_volume(list, &whole, &parts[p], numbers, false, err);
     for (int p = 0; p < n_parts; p++)
         cts_slice_set_free(&parts[p]);
+    free(parts);
     cts_slice_set_free(set);
+    cts_diagnostics_free(&whole.diagnostics);
     return st;
 }

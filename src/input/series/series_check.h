@@ -6,9 +6,6 @@
 
 /* From the slices of one SeriesInstanceUID to series that can be loaded, or that are refused with a reason. */
 
-/* Largest number of volumes in one series; a heart has 10 to 20 phases. */
-enum { CTS_MAX_PARTS = 64 };
-
 /* The slices of a series while they are being checked; owned. */
 typedef struct CtsSliceSet {
     CtsSlice **items;
@@ -19,11 +16,10 @@ void cts_slice_set_free(CtsSliceSet *set);
 /* Keeps the slices for which keep[i] is set, frees the others. */
 void cts_slice_set_filter(CtsSliceSet *set, const bool *keep);
 
-/* Checks a set by the rules, with the instance numbers of all objects of the study; empties the set; fills the first of
- * CTS_MAX_PARTS zeroed series, or several where one series UID holds several volumes. Fails only without memory; the
- * caller must free the series then too. */
+/* Checks a set by the rules, with the instance numbers of all objects of the study; empties the set; adds a series to
+ * the list, or several where one series UID holds several volumes. Fails only without memory. */
 CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
-                           CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err);
+                           CtsSeriesList *list, CtsError *err);
 
 /* Fills traits of a series that has its slices. */
 void cts_series_describe(CtsSeries *series);
@@ -45,11 +41,12 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
 bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
 
 /* Splits a set into complete parts where several slices share positions, or slices of two acquisitions alternate along
- * the stack: by acquisition number, tube voltage, temporal position, trigger time, cardiac phase, kernel, or time.
- * *n_parts is 0, and the set unchanged, when no split is needed or none gives complete parts. *by: the criterion that
- * separates, or would separate, them; NULL: none does. */
-CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
-                              const char **by, CtsError *err);
+ * the stack: by acquisition number, tube voltage, temporal position, trigger time, cardiac phase, kernel, or time; and
+ * into slices of different thickness that share a range of positions, complete or not. *n_parts is 0, and the set
+ * unchanged, when no split is needed or none gives complete parts. *by: the criterion that separates, or would
+ * separate, them; NULL: none does. */
+CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet **parts, int *n_parts, const char **by,
+                              CtsError *err);
 
 /* True if the instance numbers of slices first <= i < end rise or fall monotonically; repeated numbers show no
  * order. */

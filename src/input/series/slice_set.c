@@ -84,6 +84,7 @@ enum {
     BY_TRIGGER,
     BY_PHASE_PERCENT,
     BY_PHASE_DELAY,
+    BY_THICKNESS,
     BY_KERNEL,
     BY_OBJECT,
     BY_TIME,
@@ -103,6 +104,7 @@ static const struct {
     [BY_TRIGGER] = {"TriggerTime (0018,1060)", true, false},
     [BY_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true},
     [BY_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true},
+    [BY_THICKNESS] = {"SliceThickness (0018,0050)", true, false},
     [BY_KERNEL] = {"ConvolutionKernel (0018,1210)", false, true},
     [BY_CONTENT_TIME] = {"ContentTime (0008,0033)", false, true},
     [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true},
@@ -131,24 +133,43 @@ static double acquisition_label(const CtsSlice *s, int way)
     }
 }
 
-/* Kernels are numbered in the order of the slices; false where one is missing, or there are too many. */
-static bool label_kernels(const CtsSliceSet *set, double *part)
+/* Number of the first slice with the same text, kernel or object (file); false where one is missing. */
+static bool label_texts(const CtsSliceSet *set, int way, double *part)
 {
-    const char *kernels[CTS_MAX_PARTS];
-    int n = 0, k;
     for (int i = 0; i < set->n; i++) {
-        const char *kernel = set->items[i]->kernel;
-        if (!kernel || !*kernel)
+        const char *text = way == BY_KERNEL ? set->items[i]->kernel : set->items[i]->path;
+        if (!text || !*text || (way == BY_OBJECT && !set->items[i]->n_frames))
             return false;
-        for (k = 0; k < n && strcmp(kernels[k], kernel) != 0;)
-            k++;
-        if (k == CTS_MAX_PARTS)
-            return false;
-        if (k == n)
-            kernels[n++] = kernel;
-        part[i] = k;
+        part[i] = i;
+        for (int k = 0; k < i && part[i] == i; k++)
+            if (part[k] == k && !strcmp(way == BY_KERNEL ? set->items[k]->kernel : set->items[k]->path, text))
+                part[i] = k;
     }
     return true;
+}
+
+/* Groups of thicknesses: sorted, each is within 10 % of the one before, as rounding and oblique planes vary them. False
+ * for one group, or where a thickness is missing. */
+static bool label_thickness(const CtsSliceSet *set, double *part)
+{
+    struct {
+        double thickness_mm; /* first, as cts_compare_double() sorts by it */
+        int slice;
+    } *const sorted = malloc((size_t)set->n * sizeof *sorted);
+    int n_groups = 1;
+    for (int i = 0; sorted && i < set->n; i++) {
+        sorted[i].thickness_mm = set->items[i]->thickness_mm;
+        sorted[i].slice = i;
+    }
+    if (sorted)
+        qsort(sorted, (size_t)set->n, sizeof *sorted, cts_compare_double);
+    const bool known = sorted && sorted[0].thickness_mm > 0;
+    for (int k = 0; known && k < set->n; k++) {
+        n_groups += k && sorted[k].thickness_mm > 1.1 * sorted[k - 1].thickness_mm;
+        part[sorted[k].slice] = n_groups;
+    }
+    free(sorted);
+    return known && n_groups > 1;
 }
 
 /* Rank of a slice among those at its position by ContentTime; false where two of one position have equal times. */
@@ -172,24 +193,19 @@ static bool label_content_order(const CtsSliceSet *set, double same_mm, double *
 /* part[i] for each slice by a criterion; false when it does not separate them. */
 static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
-    if (way == BY_KERNEL)
-        return label_kernels(set, part);
+    if (way == BY_KERNEL || way == BY_OBJECT)
+        return label_texts(set, way, part);
+    if (way == BY_THICKNESS)
+        return label_thickness(set, part);
     if (way == BY_CONTENT_ORDER)
         return label_content_order(set, same_mm, part);
     for (int i = 0; i < set->n; i++) {
         const CtsSlice *s = set->items[i];
         const bool repeats = i > 0 && cts_slice_same_place(set->items[i - 1], s, same_mm);
-        if (way < BY_KERNEL || way == BY_CONTENT_TIME) {
+        if (way < BY_THICKNESS || way == BY_CONTENT_TIME) {
             part[i] = acquisition_label(s, way);
             if (isnan(part[i]))
                 return false;
-        } else if (way == BY_OBJECT) {
-            if (!s->n_frames)
-                return false;
-            part[i] = i;
-            for (int j = 0; j < i && part[i] == i; j++)
-                if (strcmp(set->items[j]->path, s->path) == 0)
-                    part[i] = part[j];
         } else {
             part[i] = repeats ? part[i - 1] + 1 : 0;
             if (s->time_s < 0 || (repeats && !(s->time_s > set->items[i - 1]->time_s)))
@@ -221,56 +237,90 @@ static bool in_turn(const CtsSliceSet *parts, int n_parts, int way)
     return true;
 }
 
-/* Distributes the slices by rising label to parts that do not own them. *n_parts is 0 when there are too many. */
-static CtsStatus deal(const CtsSliceSet *set, const double *part, CtsSliceSet *parts, int max_parts, int *n_parts,
-                      CtsError *err)
-{
-    *n_parts = 0;
-    int n_labels = 0;
-    double *labels = malloc((size_t)set->n * sizeof *labels);
-    if (!labels)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    memcpy(labels, part, (size_t)set->n * sizeof *labels);
-    qsort(labels, (size_t)set->n, sizeof *labels, cts_compare_double);
-    for (int i = 0; i < set->n; i++)
-        if (i == 0 || labels[i] != labels[i - 1])
-            labels[n_labels++] = labels[i];
-    if (n_labels >= 2 && n_labels <= max_parts) {
-        for (int p = 0; p < n_labels; p++) {
-            parts[p] = (CtsSliceSet){.items = malloc((size_t)set->n * sizeof *parts[p].items)};
-            ++*n_parts;
-            for (int i = 0; parts[p].items && i < set->n; i++)
-                if (part[i] == labels[p])
-                    parts[p].items[parts[p].n++] = set->items[i];
-        }
-    }
-    free(labels);
-    return CTS_OK;
-}
-
-static void free_parts(CtsSliceSet *parts, int *n_parts)
+static void free_parts(CtsSliceSet **parts, int *n_parts)
 {
     for (int p = 0; p < *n_parts; p++)
-        free(parts[p].items);
+        free((*parts)[p].items);
+    free(*parts);
+    *parts = NULL;
     *n_parts = 0;
+}
+
+/* Distributes the slices by rising label to parts that do not own them; NULL where all have one label. labels: of
+ * set->n values. */
+static CtsStatus deal(const CtsSliceSet *set, const double *part, double *labels, CtsSliceSet **parts, int *n_parts,
+                      CtsError *err)
+{
+    CtsSliceSet *const p = *parts = calloc((size_t)set->n, sizeof *p);
+    bool made = p;
+    *n_parts = 0;
+    memcpy(labels, part, (size_t)set->n * sizeof *labels);
+    qsort(labels, (size_t)set->n, sizeof *labels, cts_compare_double);
+    for (int i = 0, n_same = 1; made && i < set->n; i++, n_same++) {
+        if (i + 1 < set->n && labels[i + 1] == labels[i])
+            continue;
+        made = (p[*n_parts].items = malloc((size_t)n_same * sizeof *p->items));
+        labels[(*n_parts)++] = labels[i];
+        n_same = 0;
+    }
+    for (int i = 0; made && i < set->n; i++) {
+        const double *const found = bsearch(&part[i], labels, (size_t)*n_parts, sizeof *labels, cts_compare_double);
+        p[found - labels].items[p[found - labels].n++] = set->items[i];
+    }
+    if (!made || *n_parts < 2)
+        free_parts(parts, n_parts);
+    return made ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
 /* True if slices of two parts alternate repeatedly: each part has more than one run along the stack. A single block
- * within another part is no alternation. */
-static bool takes_turns(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts)
+ * within another part is no alternation. runs: of n values. */
+static bool takes_turns(const double *part, int n, double *runs)
 {
-    int n_turning = 0;
-    for (int p = 0; p < n_parts; p++) {
-        int n_runs = 0, next = 0; /* position in the part */
-        for (int i = 0, within = 0; i < set->n; i++) {
-            const int is_here = next < parts[p].n && parts[p].items[next] == set->items[i];
-            n_runs += is_here && !within;
-            next += is_here;
-            within = is_here;
-        }
-        n_turning += n_runs > 1;
-    }
+    int n_runs = 0, n_turning = 0;
+    for (int i = 0; i < n; i++)
+        if (!i || part[i] != part[i - 1])
+            runs[n_runs++] = part[i];
+    qsort(runs, (size_t)n_runs, sizeof *runs, cts_compare_double);
+    for (int i = 1; i < n_runs; i++)
+        n_turning += runs[i] == runs[i - 1] && (i < 2 || runs[i] != runs[i - 2]);
     return n_turning > 1;
+}
+
+typedef enum Within { OUTSIDE, IN_A_GAP, IN_A_FILLED_GAP } Within;
+
+/* The gap of `outer` that holds a slice of `inner`: a usual one, nearer to one gap than to two, as there none is
+ * missing; filled if as narrow beside the thickness. */
+static Within lies_within(const CtsSliceSet *inner, const CtsSliceSet *outer)
+{
+    CtsSliceStack stack;
+    const CtsSlice *const reference = outer->items[0];
+    Within within = OUTSIDE;
+    cts_slice_stack_plan((const CtsSlice *const *)outer->items, outer->n, true, &stack, NULL);
+    const double usual_mm = stack.spacing_mm;
+    cts_slice_stack_free(&stack);
+    for (int i = 1, k = 0; i < outer->n && within < IN_A_FILLED_GAP; i++) {
+        const double low = cts_slice_stack_position_mm(reference, outer->items[i - 1]),
+                     high = cts_slice_stack_position_mm(reference, outer->items[i]);
+        while (k < inner->n && cts_slice_stack_position_mm(reference, inner->items[k]) < low)
+            k++;
+        if (high - low < 1.5 * usual_mm && k < inner->n &&
+            cts_slice_stack_position_mm(reference, inner->items[k]) < high)
+            within = high - low < 1.5 * outer->items[i]->thickness_mm ? IN_A_FILLED_GAP : IN_A_GAP;
+    }
+    return within;
+}
+
+/* True if two parts scan a range of positions both, unlike blocks of slices that follow each other: slices of each lie
+ * in gaps of the other, or in gaps that the other's slices fill. */
+static bool share_range(const CtsSliceSet *parts, int n_parts)
+{
+    for (int p = 0; p < n_parts; p++)
+        for (int q = 0; q < p; q++) {
+            const Within a = lies_within(&parts[p], &parts[q]), b = lies_within(&parts[q], &parts[p]);
+            if ((a && b) || a == IN_A_FILLED_GAP || b == IN_A_FILLED_GAP)
+                return true;
+        }
+    return false;
 }
 
 /* True if all parts share a range of positions, unlike ends of two scans that meet in a slice. */
@@ -285,32 +335,53 @@ static bool parts_overlap(const CtsSliceSet *parts, int n_parts)
     return begin < finish;
 }
 
-CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
-                              const char **by, CtsError *err)
+static bool all_whole(const CtsSliceSet *parts, int n_parts, double same_mm)
+{
+    for (int p = 0; p < n_parts; p++)
+        if (!is_whole(&parts[p], same_mm))
+            return false;
+    return true;
+}
+
+/* True if thicknesses make volumes of their own, complete or not. In an even stack an attribute that varies without
+ * order is wrong rather than the positions: it stays one volume. */
+static bool thicknesses_part(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts, double same_mm)
+{
+    for (int p = 0; p < n_parts; p++)
+        if (parts[p].n < 2)
+            return false;
+    return share_range(parts, n_parts) && (!is_whole(set, same_mm) || all_whole(parts, n_parts, same_mm));
+}
+
+static bool are_volumes(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts, int way, double same_mm)
+{
+    if (way == BY_THICKNESS)
+        return thicknesses_part(set, parts, n_parts, same_mm);
+    return n_parts > 0 && ((way != BY_TIME && way != BY_CONTENT_ORDER) || in_turn(parts, n_parts, way)) &&
+           all_whole(parts, n_parts, same_mm) && (!ways[way].must_overlap || parts_overlap(parts, n_parts));
+}
+
+CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet **parts, int *n_parts, const char **by,
+                              CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const bool repeats = cts_slice_set_repeats(set, same_mm);
     *n_parts = 0;
+    *parts = NULL;
     *by = NULL;
-    double *part = malloc((size_t)set->n * sizeof *part);
+    double *const part = malloc(2 * (size_t)set->n * sizeof *part), *const scratch = part ? part + set->n : NULL;
     if (!part)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int way = 0; !st && way < N_WAYS && *n_parts == 0; way++) {
-        if ((!repeats && !ways[way].takes_turns) || !label(set, way, same_mm, part) ||
-            (st = deal(set, part, parts, max_parts, n_parts, err)))
+        const bool tried = repeats ? way != BY_THICKNESS : ways[way].takes_turns;
+        if (!tried || !label(set, way, same_mm, part) ||
+            (!repeats && way != BY_THICKNESS && !takes_turns(part, set->n, scratch)) ||
+            (st = deal(set, part, scratch, parts, n_parts, err)))
             continue;
-        if (!repeats && !takes_turns(set, parts, *n_parts)) {
-            free_parts(parts, n_parts);
-            continue;
-        }
-        *by = repeats ? NULL : ways[way].name;
-        bool whole = *n_parts > 0 && ((way != BY_TIME && way != BY_CONTENT_ORDER) || in_turn(parts, *n_parts, way));
-        for (int p = 0; whole && p < *n_parts; p++)
-            whole = is_whole(&parts[p], same_mm);
-        whole &= !whole || !ways[way].must_overlap || parts_overlap(parts, *n_parts);
-        if (whole)
-            *by = ways[way].name;
-        else
+        const bool fits = are_volumes(set, *parts, *n_parts, way, same_mm);
+        if (fits || way != BY_THICKNESS)
+            *by = fits || !repeats ? ways[way].name : NULL;
+        if (!fits)
             free_parts(parts, n_parts);
     }
     if (*n_parts) {
