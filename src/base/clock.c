@@ -15,13 +15,18 @@ double cts_wall_ms(void)
     return read_ms(CLOCK_MONOTONIC);
 }
 
+CtsUtc cts_utc_at(int64_t seconds)
+{
+    CtsUtc at = {""};
+    struct tm utc;
+    if (gmtime_r(&(time_t){seconds}, &utc))
+        strftime(at.text, sizeof at.text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    return at;
+}
+
 CtsUtc cts_utc_now(void)
 {
-    CtsUtc now = {""};
-    struct tm utc;
-    if (gmtime_r(&(time_t){time(NULL)}, &utc))
-        strftime(now.text, sizeof now.text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-    return now;
+    return cts_utc_at((int64_t)time(NULL));
 }
 
 static double seconds_ms(const struct timeval *t)

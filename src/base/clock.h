@@ -16,6 +16,7 @@ typedef struct CtsUtc {
     char text[24];
 } CtsUtc;
 CtsUtc cts_utc_now(void);
+CtsUtc cts_utc_at(int64_t seconds); /* since 1970 */
 
 /* Adds the usage of processes that are not this one's children; returns their CPU time in ms. */
 double cts_cpu_add_usage(const struct rusage *usage);

@@ -119,15 +119,18 @@ static CtsStatus run_found(const CtsOptions *options, CtsBatchLists *lists, CtsR
 
 static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
 {
-    char bad[80] = "", stood[64] = "", passed[64] = "";
+    char bad[80] = "", stood[64] = "", passed[64] = "", waiting[80] = "";
     if (r->n_stood)
         snprintf(stood, sizeof stood, " (%zu of them in earlier runs)", r->n_stood);
     if (r->n_passed)
         snprintf(passed, sizeof passed, ", %zu passed (no volumes)", r->n_passed);
     if (r->n_refused || r->n_failed)
         snprintf(bad, sizeof bad, ", %zu refused, %zu failed", r->n_refused, r->n_failed);
-    cli_note("%zu of %zu series%s done%s%s%s: %s", r->n_done, r->n_series,
-             r->n_series > r->n_uids ? " (some UIDs hold several)" : "", stood, passed, bad, options->output_dir);
+    if (r->n_waiting)
+        snprintf(waiting, sizeof waiting, ", %zu waiting for their last files", r->n_waiting);
+    cli_note("%zu of %zu series%s done%s%s%s%s: %s", r->n_done, r->n_series,
+             r->n_series > r->n_uids ? " (some UIDs hold several)" : "", stood, passed, waiting, bad,
+             options->output_dir);
     if (r->n_unreadable)
         cli_note("files that cannot be read: %llu", (unsigned long long)r->n_unreadable);
     if (r->n_packed)
@@ -152,14 +155,16 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "batch: no folder to write into (give -O DIR)");
     if (options->fresh && options->resume)
         return cts_fail(err, CTS_ERR_USAGE, "batch: --fresh starts over, --resume does not: give one of them");
+    if (options->settled_s && options->from.given)
+        return cts_fail(err, CTS_ERR_USAGE, "batch: --settled is about files that come to a PATH, not for --from");
     cli_interrupt_sets_stop();
     if (!(st = cts_batch_lists(options, &lists, &report, err)))
         st = options->from.given ? run_found(options, &lists, &report, &result, err)
                                  : run_batch(options, &lists, &report, &result, err);
     cli_progress_clear();
-    if (result.n_series)
+    if (result.n_series && !result.is_idle)
         print_summary(options, &result);
-    if (!st && result.n_done + result.n_passed < result.n_series)
+    if (!st && result.n_done + result.n_passed + result.n_waiting < result.n_series)
         *exit_code = 8;
     cts_batch_lists_free(&lists);
     cts_report_free(&report);

@@ -665,6 +665,76 @@ def test_circles(b):
     check(len(b.lines("p")[b.name(0).decode()]["outputs"]) == 2, "without --rotation")
 
 
+def test_settled(b):
+    """Series that grow wait, what nothing changes costs no reading, failures are tried again ever more rarely."""
+    def run(code, *more):
+        return b.ok(code, "in", "-O", "o", "--settled", "1", "--size", "32x32", "--formats", "dcm", *more).stderr
+
+    def line(i):
+        return b.lines("o")[b.name(i).decode()]
+
+    os.mkdir("in")
+    check(run(0) == "", "an empty folder is no error, and says nothing")
+    b.add("in", 0)
+    check("1 waiting" in run(0) and line(0)["status"] == "waiting" and not line(0)["outputs"], line(0))
+    time.sleep(2.1)
+    b.add("in", 1, lambda data, k: data if k < 7 else None)
+    check("done: " in run(0) and line(0)["status"] == "done" and line(1)["status"] == "waiting", line(0), line(1))
+    time.sleep(2.1)
+    run(0)
+    check(run(0) == "", "a run that has nothing to do speaks:", run(0))
+    before = b.outputs("o")
+    # A state that is lost, whole or in part, means a search, which comes to the same.
+    for lose in (lambda: os.remove("o/.batch.idle"), lambda: open("o/.batch.idle", "w").close(),
+                 lambda: os.remove("o/index.html"), lambda: os.utime("o/batch.jsonl")):
+        lose()
+        check("2 of 2 series done (2 of them" in run(0) and b.outputs("o") == before, "not the same")
+    # The last slices come: the series waits, keeps its picture until then, and gets that of the whole series.
+    shutil.rmtree("in/series1")
+    b.add("in", 1)
+    check("1 waiting" in run(0) and line(1)["outputs"] and b.outputs("o") == before, line(1))
+    time.sleep(2.1)
+    run(0)
+    check(line(1)["files"] == 10 and b.outputs("o") != before, line(1))
+    check(run(0, "--fresh") and run(0, "--presets", "skin"), "--fresh, and another preset, take all series")
+    # A failed series is tried again after 1 s, 2 s ... 64 s, and not before; a changed one at once.
+    def pause():
+        again, ended = (time.mktime(time.strptime(line(0)[key], "%Y-%m-%dT%H:%M:%SZ")) for key in ("try_again", "ended"))
+        return again - ended
+
+    shutil.rmtree("o")
+    os.mkdir("o")
+    with open("o/" + b.name(0).decode(), "w") as f:
+        f.write("no folder")
+    check("is not a folder" in run(8) and line(0)["tries"] == 1 and 1 <= pause() <= 2, line(0))
+    for tries, seconds in (3, 8), (6, 64), (40, 64):
+        with open("o/batch.jsonl") as f:
+            text = re.sub('"tries":[0-9]+', '"tries":%d' % tries, f.read())
+        with open("o/batch.jsonl", "w") as f:
+            f.write(re.sub('"try_again":"[^"]*"', '"try_again":"2026-01-01T00:00:00Z"', text))
+        check("is not a folder" in run(8) and line(0)["tries"] == tries + 1 and seconds <= pause() <= seconds + 1, line(0))
+        check("is not a folder" not in run(8) and line(0)["tries"] == tries + 1, "tried before it was due:", line(0))
+    os.utime("in/series0/000.dcm")
+    time.sleep(2.1)
+    check("is not a folder" in run(8) and line(0)["tries"] == 1, "a changed series is not tried at once:", line(0))
+    # A second run while one lasts ends with a message; killed in any phase, the next one comes to the same files.
+    shutil.rmtree("o")
+    run(0)
+    expected = b.outputs("o")
+    r = random.Random(b.args.seed)
+    for i in range(b.args.kills):
+        shutil.rmtree("o")
+        first = b.start("batch", "in", "-O", "o", "--settled", "1", "--size", "32x32", "--formats", "dcm")
+        time.sleep(r.uniform(0, 0.3))
+        first.kill()
+        first.communicate()
+        run(0)
+        check(run(0) == "" and b.outputs("o") == expected, "other files after kill", i)
+    # Files that vanish, as when the receiver removes a study: its pictures stay.
+    shutil.rmtree("in/series0")
+    check("1 of 1 series done" in run(0) and b.outputs("o") == expected, "vanished")
+
+
 def test_odd_names(b):
     """A UID from outside never leaves DIR."""
     for i, odd in enumerate((b"../../x", b"/etc/x\\y", b"..", b"1.2.3 $(x)")):

@@ -80,7 +80,7 @@ struct CtsBatchPlan {
 /* A record: these numbers, then path, series UID and SOP UID with their zeros. */
 typedef struct FileRecord {
     uint64_t bytes, n_voxels;
-    int64_t mtime_ns;
+    int64_t mtime_ns, came_ns;
     bool lost; /* it cannot be read; its name is that of its folder */
 } FileRecord;
 
@@ -142,9 +142,18 @@ static CtsStatus add_entry(Entry **entries, size_t *n, Entry entry, CtsError *er
     return st;
 }
 
+/* Time at which a file came to its folder: no program can set its last change of status, which a copy with the times of
+ * its original has, too. A member of a zip file came with that. */
+static int64_t came_ns(const CtsArchiveFile *file)
+{
+    struct stat info;
+    return lstat(file->path, &info) ? file->mtime_ns : (int64_t)info.st_ctim.tv_sec * 1000000000 + info.st_ctim.tv_nsec;
+}
+
 static CtsStatus keep_record(CtsBatchPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
 {
-    const FileRecord record = {file->bytes, file->n_voxels, file->mtime_ns, file->why};
+    const FileRecord record = {file->bytes, file->n_voxels, file->mtime_ns, p->options->settled_s ? came_ns(file) : 0,
+                               file->why};
     const size_t n_path = strlen(file->path) + 1, n_name = strlen(name) + 1, n_sop = strlen(file->sop_uid) + 1;
     const size_t size = sizeof record + n_path + n_name + n_sop;
     if (size > LONGEST_RECORD)
@@ -649,6 +658,8 @@ CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *ser
     qsort(files, unit->n, sizeof *files, by_path);
     for (size_t k = 0; k < unit->n; k++) {
         series->n_voxels += files[k].record.n_voxels;
+        if (files[k].record.came_ns > series->newest_ns)
+            series->newest_ns = files[k].record.came_ns;
         if (series->n_paths && !strcmp(series->paths[series->n_paths - 1], files[k].path))
             continue;
         series->paths[series->n_paths] = files[k].path;

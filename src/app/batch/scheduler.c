@@ -1,5 +1,7 @@
 /* The scheduler: reads only headers, assigns series to worker processes, keeps the journal. */
 #include "app/batch/batch.h"
+#include "app/batch/idle.h"
+#include "app/batch/later.h"
 #include "app/batch/worker.h"
 #include "app/contact/contact_sheet.h"
 #include "base/clock.h"
@@ -45,6 +47,7 @@ typedef struct Run {
     size_t n_pictures, n_uids_ended, n_unknown;
     double sheet_ms, sheet_took_ms;
     bool sheet_stale;
+    CtsLater later;
     CtsStatus status; /* why no more series are started */
     CtsError *err;
 } Run;
@@ -177,13 +180,16 @@ static void end_series(Run *r, json_t *record, bool stood)
         cts_worker_set_status(record, 5, "not sent yet");
         queue_to_send(r, record);
     }
+    if (n_waiting == 0 && !stood)
+        cts_later_set_try(&r->later, r->settings, record);
     add_record(r, record);
     if (n_waiting == 0)
         count_record(r, record, stood);
 }
 
-static void end_sending(Run *r, const json_t *record)
+static void end_sending(Run *r, json_t *record)
 {
+    cts_later_set_try(&r->later, r->settings, record);
     r->n_unsent = strcmp(cts_json_text_of(record, "status"), "done") ? r->n_unsent + 1 : 0;
     add_record(r, record);
     count_record(r, record, false);
@@ -335,6 +341,34 @@ static bool is_up_to_date(Run *r, const CtsPlanSeries *series)
     return settled;
 }
 
+/* True if a series failed and its next try is not due. */
+static bool is_held(Run *r, const CtsPlanSeries *series)
+{
+    json_t *record = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
+    const bool held = record && cts_later_is_held(&r->later, r->settings, record, series->input_sha256);
+    if (held)
+        count_record(r, record, true);
+    r->n_unknown -= held;
+    r->n_uids_ended += held;
+    json_decref(record);
+    return held;
+}
+
+/* True if files of a series still come. */
+static bool waits(Run *r, const CtsPlanSeries *series)
+{
+    json_t *record = cts_journal_find(r->journal, series->uid);
+    bool changed = false;
+    const bool waits = cts_later_waits(&r->later, r->settings, series, &record, &changed);
+    if (changed)
+        add_record(r, record);
+    r->result->n_waiting += waits;
+    r->n_unknown -= waits;
+    r->n_uids_ended += waits;
+    json_decref(record);
+    return waits;
+}
+
 /* One thread more than an equal share, to use the time in which other workers wait for the disk. */
 static int threads_of_one(const Run *r, int at_once)
 {
@@ -354,7 +388,7 @@ static bool start_next(Run *r)
             give_up_batch(r, st, &err);
             return false;
         }
-        if (is_up_to_date(r, &w->series)) {
+        if (is_held(r, &w->series) || is_up_to_date(r, &w->series) || waits(r, &w->series)) {
             cts_plan_series_free(&w->series);
             r->next++;
             if (cts_wall_ms() - r->reported_ms > TICK_MS)
@@ -419,6 +453,7 @@ static void leave_unsent(Run *r)
     if (n == 0 || r->status || interrupted(r))
         return;
     r->result->n_failed += n;
+    r->later.due.text[0] = '0'; /* before any time: the next run begins with them */
     snprintf(text, sizeof text, "%zu more series are not sent, as %d before them could not be (run the batch again)", n,
              MAX_UNSENT);
     r->settings->listener.warning(r->settings->listener.context, text);
@@ -517,10 +552,7 @@ static CtsStatus run_all_series(Run *r)
 static CtsStatus search_series(Run *r, CtsError *err)
 {
     const CtsOptions *o = r->settings->options;
-    const CtsExportSettings *e = &o->export;
-    CtsStatus st = e->deidentify ? cts_key_load(e->key, o->shard.n == 1, &r->key, err) : CTS_OK;
-    if (!st)
-        st = cts_plan_new(&r->plan, r->settings, e->deidentify ? &r->key : NULL, &r->found, err);
+    const CtsStatus st = cts_plan_new(&r->plan, r->settings, o->export.deidentify ? &r->key : NULL, &r->found, err);
     if (st)
         return st;
     const CtsArchiveCounts counts = r->found.counts;
@@ -531,7 +563,7 @@ static CtsStatus search_series(Run *r, CtsError *err)
     r->result->n_packed += counts.n_packed;
     if (!r->found.n_series && o->shard.n == 1 && o->source.series_uid)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->source.series_uid);
-    if (!r->found.n_series && o->shard.n == 1)
+    if (!r->found.n_series && o->shard.n == 1 && !o->settled_s)
         return cts_fail(err, CTS_ERR_NO_SERIES,
                         "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (give these, and "
                         "links to folders, as a PATH each)",
@@ -551,6 +583,14 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     r.n_workers = N_WORKERS(r.n_jobs);
     if (!(r.workers = calloc((size_t)r.n_workers, sizeof *r.workers)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsExportSettings *e = &o->export;
+    if (e->deidentify && (st = cts_key_load(e->key, o->shard.n == 1, &r.key, err)))
+        goto end;
+    CtsIdle idle;
+    if (cts_idle_begin(&idle, settings, e->deidentify ? &r.key : NULL, result)) {
+        st = CTS_OK;
+        goto end;
+    }
     if ((st = cts_journal_open(&r.journal, o->output_dir, o->shard.i, o->shard.n, o->fresh, err)))
         goto end;
     cts_sweep_all(o->output_dir, o->shard.i, o->shard.n);
@@ -568,6 +608,8 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
         *err = finish_err;
         st = finished;
     }
+    if (!st)
+        cts_idle_end(&idle, settings, &r.later, result);
 end:
     cts_plan_free(&r.plan);
     cts_journal_close(&r.journal);

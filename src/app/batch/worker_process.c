@@ -200,10 +200,11 @@ static void take_record(CtsWorkerProcess *c, const char *uid)
         json_decref(c->known);
         c->known = NULL;
     }
-    static const char *const lists[] = {"outputs", "thumbnails", "errors"};
-    for (int i = 0; i < 3; i++)
-        if (json_is_array(json_object_get(c->known, lists[i])))
-            json_object_set(c->record, lists[i], json_object_get(c->known, lists[i]));
+    static const char *const kept[] = {"outputs", "thumbnails", "errors", "tries"};
+    for (int i = 0; i < 4; i++)
+        if (i < 3 ? json_is_array(json_object_get(c->known, kept[i]))
+                  : json_is_integer(json_object_get(c->known, kept[i])))
+            json_object_set(c->record, kept[i], json_object_get(c->known, kept[i]));
 }
 
 /* The missing outputs of a picture; if nothing is missing, its paths and stem stay NULL. */

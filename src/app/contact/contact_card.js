@@ -7,6 +7,7 @@ const $$ = (selector, root = document) => [...root.querySelectorAll(selector)];
 
 const STATES = {
   done: {word: 'Done', mark: '✓', rank: 4}, passed: {word: 'Passed', mark: '–', rank: 3},
+  waiting: {word: 'Waiting', mark: '…', rank: 2},
   working: {word: 'Under way', mark: '…', rank: 2}, refused: {word: 'Refused', mark: '⊘', rank: 1},
   failed: {word: 'Failed', mark: '✕', rank: 0}
 };

@@ -105,7 +105,7 @@ const distinct = values => [...new Set(values)];
 
 function setUp() {
   const all = name => series.filter(s => name === 'all' || s.state === name).length;
-  const states = Object.keys(STATES).filter(name => !['working', 'passed'].includes(name) || all(name));
+  const states = Object.keys(STATES).filter(name => !['waiting', 'working', 'passed'].includes(name) || all(name));
   $('#status').append(...['all', ...states].map(name => {
     const button = make('button', {type: 'button', value: name});
     if (STATES[name])

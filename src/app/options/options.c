@@ -16,10 +16,7 @@ const CtsOption *cts_option(const char *name, size_t length)
 
 void cts_options_begin(CtsOptions *options)
 {
-    *options = (CtsOptions){.shard.n = 1,
-                            .series_timeout_s = 3600,
-                            .find.modality = "CT",
-                            .listen = "127.0.0.1:8484"};
+    *options = (CtsOptions){.shard.n = 1, .series_timeout_s = 3600, .find.modality = "CT", .listen = "127.0.0.1:8484"};
     cts_render_defaults(&options->render);
     options->export.quality = CTS_QUALITY_DEFAULT;
     options->export.frame_rate = CTS_FRAME_RATE_DEFAULT;
