@@ -2,8 +2,10 @@
 #include "app/serve/server.h"
 
 #include "base/json.h"
+#include "dicom/header/slice.h"
 #include <jansson.h>
 #include <stdlib.h>
+#include <string.h>
 
 static char *dumped(json_t *json, size_t flags)
 {
@@ -38,15 +40,39 @@ char *cts_list_labels(CtsServer *server, const char *id)
     return dumped(list, JSON_COMPACT);
 }
 
-/* Contains nothing that identifies the patient. */
+/* State of the series' requests; "" without one. */
+static const char *state_of(const CtsCachedSeries *cached)
+{
+    if (!cached->n_requested)
+        return "";
+    return cached->busy ? (cached->bytes ? "preparing" : "reading") : cached->n_running ? "rendering" : "waiting";
+}
+
+/* Adds date, description and the folder of the slices, which may identify the patient, where they were asked for. */
+static void add_identifying(const CtsOptions *options, const CtsSeries *s, json_t *json)
+{
+    const size_t n = s->n_slices ? (size_t)(cts_slice_name(s->slices[0]) - s->slices[0]->path) : 0;
+    if (options->show_patient)
+        json_object_update_new(json, json_pack("{s:s, s:o}", "study_date", s->study_date, "description",
+                                               cts_json_new_text(s->description ? s->description : "")));
+    char *const folder = options->show_paths ? strndup(n ? s->slices[0]->path : ".", n ? n : 1) : NULL;
+    if (folder)
+        json_object_set_new(json, "path", cts_json_new_text(folder));
+    free(folder);
+}
+
+/* Contains nothing that identifies the patient unless asked for. */
 static json_t *series_json(const CtsServer *server, const CtsCachedSeries *cached)
 {
     const CtsSeries *const s = cached->series;
     char *const reason = s->renderable ? NULL : cts_server_masked(server, cached, s->reason);
     json_t *const json = json_pack(
-        "{s:s, s:s, s:b, s:b, s:[iii], s:[fff], s:s, s:b}", "id", cached->id, "modality", s->modality, "renderable",
-        s->renderable, "passed", s->passed, "dims", s->columns, s->rows, s->n_slices, "spacing_mm", s->spacing_mm[0],
-        s->spacing_mm[1], s->spacing_mm[2], "orientation", s->orientation, "loaded", cached->processed_volumes != NULL);
+        "{s:s, s:s, s:o, s:s, s:b, s:b, s:[iii], s:[fff], s:s, s:b}", "id", cached->id, "state", state_of(cached),
+        "traits", cts_json_new_text(s->traits), "modality", s->modality, "renderable", s->renderable, "passed",
+        s->passed, "dims", s->columns, s->rows, s->n_slices, "spacing_mm", s->spacing_mm[0], s->spacing_mm[1],
+        s->spacing_mm[2], "orientation", s->orientation, "loaded", cached->processed_volumes != NULL);
+    if (json)
+        add_identifying(server->options, s, json);
     if (json && reason)
         json_object_set_new(json, "reason", cts_json_new_text(reason));
     free(reason);

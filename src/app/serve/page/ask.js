@@ -23,6 +23,17 @@ export function inTurn(make) {
   last = last.then(make);
 }
 
+// What the server does for a series: shows it until the picture is there.
+export async function showState(seriesId, isWaiting, show) {
+  const words = {reading: 'reading the slices …', preparing: 'preparing the volume …', rendering: 'rendering …'};
+  while (isWaiting()) {
+    const all = JSON.parse(await (await ask('series')).blob.text());
+    if (isWaiting())
+      show(words[all.find(s => s.id === seriesId)?.state] ?? 'waiting …');
+    await pause(300);
+  }
+}
+
 export function element(name, properties, ...children) {
   const e = Object.assign(document.createElement(name), properties);
   e.append(...children);

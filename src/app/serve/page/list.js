@@ -1,26 +1,41 @@
 // The series as cards: header data, and a thumbnail that is requested when its card becomes visible.
-import {ask, element, inTurn, status} from './ask.js';
+import {ask, element, inTurn, showState, status} from './ask.js';
 
 const THUMBNAIL = 'size=240x240&max-error=8&quality=80';
 
 function facts(series) {
-  const [columns, rows, slices] = series.dims;
-  const size = series.spacing_mm.map(mm => mm.toFixed(2)).join(' × ');
-  return [`${series.modality}, ${series.orientation}`, `${columns} × ${rows}, ${slices} slices`, `${size} mm`];
+  const shown = [series.study_date, series.description].filter(text => text).join(', ');
+  return [title(series), series.traits, ...(shown ? [shown] : [])];
+}
+
+export function title(series) {
+  return `${series.modality}, ${series.orientation}, ${series.dims[2]} slice${series.dims[2] === 1 ? '' : 's'}`;
 }
 
 function card(series) {
   const lines = facts(series).map(text => element('p', {textContent: text}));
   if (!series.renderable) {
     const why = element('p', {className: 'faint', textContent: series.reason});
-    return element('div', {className: 'card'}, element('div', {className: 'none'}), ...lines, why);
+    const none = element('div', {className: 'thumb'}, element('div', {className: 'none'}));
+    none.dataset.state = 'no picture';
+    return element('div', {className: 'card'}, none, ...lines, why);
   }
   const picture = element('img', {alt: '', width: 240, height: 240});
-  const link = element('a', {className: 'card', href: `#${series.id}`}, picture, ...lines);
+  const thumb = element('div', {className: 'thumb'}, picture);
+  const link = element('a', {className: 'card', href: `#${series.id}`}, thumb, ...lines);
   link.setAttribute('aria-label', facts(series).join(', '));
+  thumb.dataset.state = 'waiting …';
   link.make = async () => {
-    const {blob} = await ask(`series/${series.id}/picture.webp?${THUMBNAIL}`);
-    picture.src = URL.createObjectURL(blob);
+    let isWaiting = true;
+    showState(series.id, () => isWaiting, text => thumb.dataset.state = text);
+    try {
+      const {blob} = await ask(`series/${series.id}/picture.webp?${THUMBNAIL}`);
+      picture.src = URL.createObjectURL(blob);
+      thumb.dataset.state = '';
+    } catch (e) {
+      thumb.dataset.state = e.message;
+    }
+    isWaiting = false;
   };
   return link;
 }

@@ -1,6 +1,6 @@
 // One volume from all sides. In motion: previews, each requested once the last one is displayed; at rest: the full picture, with
 // its error estimate.
-import {ask, element, inTurn, pause, status} from './ask.js';
+import {ask, element, inTurn, pause, showState, status} from './ask.js';
 import {listen} from './hands.js';
 
 const SIDES = {a: ['anterior', 0, 0], p: ['posterior', 180, 0], l: ['left', 90, 0], r: ['right', 270, 0],
@@ -29,6 +29,8 @@ function options(coarse = 1) {
     w.window = look.window.join(',');
   if (look.occlusion !== undefined)
     w.occlusion = look.occlusion;
+  if (look.smooth)
+    w.smooth = 1;
   if (look.hidden.size)
     w.hide = [...look.hidden].join(',');
   if (look.colours)
@@ -69,7 +71,9 @@ function describe(scene, isPreview, coarse = 1) {
   const mm = (scene.mm_per_pixel / coarse).toPrecision(3);
   const view = `${scene.view[0].toFixed(0)}°, ${scene.view[1].toFixed(0)}°, ${mm} mm a pixel`;
   const bound = scene.bound_255 === undefined ? '' : `, estimated error ${scene.bound_255.toPrecision(2)}/255 rms`;
-  id('caption').textContent = isPreview ? view : view + bound;
+  id('caption').textContent = isPreview ? `${view}, refining …` : view + bound;
+  id('wait').hidden = true;
+  showCommand();
   id('stage').dataset.rests = !isPreview;
   id('picture').alt = `${look.preset}, ${view}`;
   if (!isPreview)
@@ -113,7 +117,7 @@ async function preview() {
       }
     }
   } catch (e) {
-    status(e.message);
+    fail(e);
   }
   isPreviewing = false;
   clearTimeout(restTimer);
@@ -133,12 +137,17 @@ async function showFull() {
     look.centre ??= scene.centre;
     describe(scene, false);
     showWindow(scene);
-    showCommand();
     await showLabels();
   } catch (e) {
     if (e.name !== 'AbortError')
-      status(e.message);
+      fail(e);
   }
+}
+
+// Without a picture the stage itself has the reason.
+function fail(e) {
+  status(e.message);
+  id('wait').textContent = e.message;
 }
 
 function showWindow(scene) {
@@ -148,11 +157,11 @@ function showWindow(scene) {
 }
 
 function showCommand() {
-  const quoted = value => /^[\w.,-]*$/.test(value) ? value : `'${value.replaceAll("'", "'\\''")}'`;
+  const quoted = value => /^[\w.,/-]*$/.test(value) ? value : `'${value.replaceAll("'", "'\\''")}'`;
   const labels = id('labels').hidden ? '' : '--labels LABELS ';
   const text = labels + Object.entries(options()).map(([name, value]) => `--${name} ${quoted(value)}`.trim()).join(' ');
   // Breaks lines between words, not after the first of two hyphens.
-  const command = `ctsplat render PATH -o picture.png --png-bits 8 ${text}`.split(' ');
+  const command = `ctsplat render ${series.path ? quoted(series.path) : 'PATH'} -o picture.png --png-bits 8 ${text}`.split(' ');
   id('command').replaceChildren(...command.flatMap(word => [element('span', {textContent: word}), ' ']));
   for (const a of id('downloads').children)
     a.href = path(a.dataset.ending);
@@ -234,7 +243,9 @@ function choose(preset) {
 
 function presetButton(preset) {
   const picture = element('img', {alt: '', width: 96, height: 96});
-  const button = element('button', {type: 'button', onclick: () => choose(preset)}, picture, preset.name);
+  const thumb = element('div', {className: 'thumb'}, picture);
+  thumb.dataset.state = '…';
+  const button = element('button', {type: 'button', onclick: () => choose(preset)}, thumb, preset.name);
   const own = series;
   button.dataset.name = preset.name;
   button.setAttribute('role', 'radio');
@@ -246,6 +257,7 @@ function presetButton(preset) {
       return;
     const query = new URLSearchParams({preset: preset.name, size: '96x96', 'max-error': PREVIEW, quality: 80});
     const answer = await ask(`series/${own.id}/picture.webp?${query}`).catch(() => null);
+    thumb.dataset.state = answer ? '' : 'no picture';
     if (answer)
       picture.src = URL.createObjectURL(answer.blob);
   });
@@ -276,6 +288,10 @@ function prepare() {
     look.occlusion = id('occlusion').value;
     preview();
   };
+  id('smooth').onchange = () => {
+    look.smooth = id('smooth').checked;
+    preview();
+  };
   id('low').onchange = id('high').onchange = changeWindow;
   listen(id('stage'), {turn, move, zoom, all, side, scale: () => Number(look.size.split('x')[0]) / id('stage').clientWidth});
   new ResizeObserver(() => {
@@ -300,11 +316,15 @@ export async function open(chosen) {
   times.fill(0);
   showLight(presets.find(p => p.name === look.preset));
   id('labels').hidden = true;
-  id('colours').checked = false;
+  id('colours').checked = id('smooth').checked = false;
   // Ours and the user's own; Slicer's have the names that begin with ct-.
   id('presets').replaceChildren(...presets.filter(p => !p.name.startsWith('ct-')).map(presetButton));
   id('picture').removeAttribute('src');
-  id('caption').textContent = 'reading …';
+  id('caption').textContent = '';
+  id('wait').hidden = false;
+  id('wait').textContent = 'waiting …';
+  const own = look;
+  showState(series.id, () => look === own && !id('wait').hidden && !id('picture').src, text => id('wait').textContent = text);
   id('stage').focus();
   showCommand();
   preview();
