@@ -125,27 +125,43 @@ static void sync_folder(const char *folder)
     }
 }
 
+bool cts_sync_file(int fd)
+{
+    return !fsync(fd) || errno == EINVAL || errno == ENOSYS || errno == EOPNOTSUPP;
+}
+
+bool cts_rename_new(const char *from, const char *to)
+{
+    struct stat info;
+    if (!renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE))
+        return true;
+    if (errno == EEXIST)
+        return false;
+    if (!link(from, to))
+        return unlink(from), true;
+    if (errno != EEXIST && lstat(to, &info))
+        return !rename(from, to);
+    errno = EEXIST;
+    return false;
+}
+
 CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err)
 {
     CtsTempFile *t = *temp;
     CtsStatus st = CTS_OK;
     struct stat info;
-    if (fstat(t->fd, &info) || fchmod(t->fd, (t->is_private ? 0640 : 0666) & ~current_umask()) ||
-        (!t->loose && fsync(t->fd)))
+    /* The mode is left as it is where the file system has one for all files, as CIFS, which answers EPERM. */
+    if (fchmod(t->fd, (t->is_private ? 0640 : 0666) & ~current_umask())) {
+    }
+    if (fstat(t->fd, &info) || (!t->loose && !cts_sync_file(t->fd)))
         st = fail_errno(err, t->target, "cannot be written");
     const int closed = close(t->fd);
     t->fd = -1;
     if (!st && closed)
         st = fail_errno(err, t->target, "cannot be written");
-    if (!st && renameat2(AT_FDCWD, t->path, AT_FDCWD, t->target, force ? 0 : RENAME_NOREPLACE)) {
-        /* A file system without NOREPLACE answers EINVAL; a hard link refuses an existing name just as well. */
-        if (!force && errno == EINVAL && link(t->path, t->target) == 0)
-            unlink(t->path);
-        else if (errno == EEXIST)
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (`force` overwrites it)", t->target);
-        else
-            st = fail_errno(err, t->target, "cannot be renamed into place");
-    }
+    if (!st && !(force ? !rename(t->path, t->target) : cts_rename_new(t->path, t->target)))
+        st = errno == EEXIST ? cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (`force` overwrites it)", t->target)
+                             : fail_errno(err, t->target, "cannot be renamed into place");
     if (!st) {
         if (bytes)
             *bytes = (uint64_t)info.st_size;

@@ -11,6 +11,15 @@ CTS_C_BEGIN
 /* Repeats short writes; false, with errno, on failure. */
 bool cts_write_all(int fd, const void *data, size_t n);
 
+/* fsync(); true, too, where the file system has none, as those of object stores, which keep a file once it is closed.
+ */
+bool cts_sync_file(int fd);
+
+/* Renames a file to a name that does not exist; false, with errno, on failure (EEXIST: it exists). In one step by
+ * RENAME_NOREPLACE or a hard link; on file systems with neither, after a check, so that the later of two programs that
+ * write one name at the same time wins there. */
+bool cts_rename_new(const char *from, const char *to);
+
 typedef struct CtsTempFile CtsTempFile;
 
 /* Makes an unpredictable name beside path (mode 0600 until the commit). CTS_ERR_OUTPUT with path and cause. */
@@ -21,7 +30,8 @@ CtsStatus cts_temp_write_at(CtsTempFile *temp, const void *data, size_t n, uint6
 /* For libraries that need a name or a descriptor, which remain the temp file's. */
 const char *cts_temp_path(const CtsTempFile *temp);
 int cts_temp_fd(const CtsTempFile *temp);
-/* fsync, close, mode 0666 less the umask, rename, fsync of the folder. Without force an existing path is
+/* fsync, close, mode 0666 less the umask (where the file system keeps modes), rename, fsync of the folder. Without
+ * force an existing path is
  * CTS_ERR_OUTPUT. Frees temp. bytes may be NULL. */
 CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err);
 /* A commit does not sync: for files that can be generated again after a power cut. */

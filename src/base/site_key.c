@@ -1,5 +1,6 @@
 #include "base/site_key.h"
 
+#include "base/file.h"
 #include "base/hash.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -29,7 +30,7 @@ static char *own_path(bool made)
     return path;
 }
 
-/* Written to a temporary file and linked, so that readers never see a partial file; the first of two writers wins. */
+/* Written to a temporary file and renamed, so that readers never see a partial file; the first of two writers wins. */
 static CtsStatus make_key_file(const char *path, CtsError *err)
 {
     uint8_t bytes[CTS_KEY_BYTES];
@@ -42,9 +43,9 @@ static CtsStatus make_key_file(const char *path, CtsError *err)
     if (asprintf(&temp, "%s.%ld", path, (long)getpid()) < 0)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     const int fd = open(temp, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
-    const bool written = fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text) && !fsync(fd);
+    const bool written = fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text) && cts_sync_file(fd);
     CtsStatus st = CTS_OK;
-    if (!written || (link(temp, path) && errno != EEXIST))
+    if (!written || (!cts_rename_new(temp, path) && errno != EEXIST))
         st = cts_fail(err, CTS_ERR_READ, "%s: a key cannot be made: %s (`key` takes another file)", path,
                       strerror(errno));
     if (fd >= 0) {

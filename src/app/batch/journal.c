@@ -20,6 +20,7 @@ enum { LOCK_TRIES = 20, LOCK_PAUSE_MS = 100 };
 struct CtsJournal {
     char folder[PATH_MAX], path[PATH_MAX];
     int lock_all, lock_own; /* descriptors, or -1 */
+    int lock_error;         /* errno of a file system that has no locks, or 0 */
     int fd;                 /* this shard's, which is the first of the lines' */
     uint64_t end;           /* of it */
     CtsJournalLines lines;  /* of others', too */
@@ -51,15 +52,18 @@ static CtsStatus read_others(CtsJournal *j, CtsError *err)
     return st;
 }
 
-/* Tries to get a lock, with a few repetitions. */
-static bool try_lock(int fd, int how)
+/* Tries to get a lock, with a few repetitions; true, too, where the file system has none (ENOSYS: Lustre, ENOLCK: NFS,
+ * EOPNOTSUPP: FUSE). */
+static bool try_lock(CtsJournal *j, int fd, int how)
 {
     const struct timespec pause = {0, LOCK_PAUSE_MS * 1000000L};
     for (int i = 0; i < LOCK_TRIES; i++) {
         if (!flock(fd, how | LOCK_NB))
             return true;
-        if (errno != EWOULDBLOCK && errno != EINTR)
-            return false;
+        if (errno != EWOULDBLOCK && errno != EINTR) {
+            j->lock_error = errno;
+            return true;
+        }
         nanosleep(&pause, NULL);
     }
     return false;
@@ -95,13 +99,13 @@ static CtsStatus another_batch(const CtsJournal *j, CtsError *err)
 static CtsStatus lock_shards(CtsJournal *j, int n_shards, CtsError *err)
 {
     char text[32] = "";
-    if (try_lock(j->lock_all, LOCK_EX)) {
+    if (try_lock(j, j->lock_all, LOCK_EX)) {
         const int n = snprintf(text, sizeof text, "%d\n", n_shards);
         if (ftruncate(j->lock_all, 0) || pwrite(j->lock_all, text, (size_t)n, 0) != n)
             return fail_journal(err, j->folder, "its lock cannot be written");
-        return flock(j->lock_all, LOCK_SH) ? fail_journal(err, j->folder, "cannot be locked") : CTS_OK;
+        return try_lock(j, j->lock_all, LOCK_SH) ? CTS_OK : another_batch(j, err);
     }
-    if (!try_lock(j->lock_all, LOCK_SH))
+    if (!try_lock(j, j->lock_all, LOCK_SH))
         return another_batch(j, err);
     if (pread(j->lock_all, text, sizeof text - 1, 0) <= 0 || atoi(text) != n_shards)
         return cts_fail(err, CTS_ERR_INTERNAL, "%s: a batch of %d shards is running there (--shard I/%d joins it)",
@@ -116,13 +120,13 @@ static CtsStatus lock(CtsJournal *j, int shard, int n_shards, CtsError *err)
     if ((st = open_lock(j->folder, ".batch.lock", &j->lock_all, err)))
         return st;
     if (n_shards == 1)
-        return try_lock(j->lock_all, LOCK_EX) ? CTS_OK : another_batch(j, err);
+        return try_lock(j, j->lock_all, LOCK_EX) ? CTS_OK : another_batch(j, err);
     if ((st = lock_shards(j, n_shards, err)))
         return st;
     snprintf(name, sizeof name, ".batch-%d-of-%d.lock", shard, n_shards);
     if ((st = open_lock(j->folder, name, &j->lock_own, err)))
         return st;
-    return try_lock(j->lock_own, LOCK_EX)
+    return try_lock(j, j->lock_own, LOCK_EX)
                ? CTS_OK
                : cts_fail(err, CTS_ERR_INTERNAL, "%s: another batch is running on shard %d/%d there (wait for it)",
                           j->folder, shard, n_shards);
@@ -157,6 +161,11 @@ CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, 
         (!fresh && (st = read_others(j, err))))
         cts_journal_close(journal);
     return st;
+}
+
+int cts_journal_lock_error(const CtsJournal *journal)
+{
+    return journal->lock_error;
 }
 
 json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid)
@@ -202,7 +211,7 @@ CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err)
     const CtsStatus st = check_locks(journal, err);
     if (st)
         return st;
-    return fdatasync(journal->fd) ? fail_journal(err, journal->path, "cannot be written") : CTS_OK;
+    return cts_sync_file(journal->fd) ? CTS_OK : fail_journal(err, journal->path, "cannot be written");
 }
 
 static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const CtsJournalLine *at,

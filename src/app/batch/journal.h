@@ -15,6 +15,8 @@ typedef struct CtsJournal CtsJournal;
  * records of earlier runs, of this or any other shard. fresh: ignores this shard's own. */
 CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, int n_shards, bool fresh,
                            CtsError *err);
+/* 0; or errno of a file system that has no locks, so that nothing keeps other batches out. */
+int cts_journal_lock_error(const CtsJournal *journal);
 /* The record of a series, a new reference; NULL when there is none. */
 json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid);
 /* True if that record is in this shard's own journal. */

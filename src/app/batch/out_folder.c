@@ -38,7 +38,7 @@ CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
     if (snprintf(path, sizeof path, "%s/probe", settings->options->output_dir) >= PATH_MAX)
         return CTS_OK;
     CtsStatus st = cts_temp_open(&temp, path, err);
-    if (!st && ((errno = posix_fallocate(cts_temp_fd(temp), 0, PROBE)) || fsync(cts_temp_fd(temp))))
+    if (!st && ((errno = posix_fallocate(cts_temp_fd(temp), 0, PROBE)) || !cts_sync_file(cts_temp_fd(temp))))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be written: %s", path, strerror(errno));
     if (st)
         cts_context(err, "%s takes no more files", settings->options->output_dir);

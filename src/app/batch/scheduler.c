@@ -572,6 +572,20 @@ static CtsStatus search_series(Run *r, CtsError *err)
     return CTS_OK;
 }
 
+static void warn_without_locks(const Run *r)
+{
+    const CtsBatchListener *const listener = &r->settings->listener;
+    const int error = cts_journal_lock_error(r->journal);
+    char text[PATH_MAX + 200];
+    snprintf(
+        text, sizeof text,
+        "%s: its file system has no locks (flock: %s): do not run two batches, or shards of different numbers, there "
+        "at once",
+        r->settings->options->output_dir, strerror(error));
+    if (error && listener->warning)
+        listener->warning(listener->context, text);
+}
+
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err)
 {
     CtsStatus st;
@@ -593,6 +607,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     }
     if ((st = cts_journal_open(&r.journal, o->output_dir, o->shard.i, o->shard.n, o->fresh, err)))
         goto end;
+    warn_without_locks(&r);
     cts_sweep_all(o->output_dir, o->shard.i, o->shard.n);
     if ((st = search_series(&r, err)))
         goto end;

@@ -15,14 +15,16 @@
 static const char prefix[] = "ctsplat-from-";
 enum { TRIES = 8 }; /* to lock a new folder that others may remove */
 
-/* Locks a folder of this program; -1 when it belongs to another program, is in use, or does not exist. */
-static int lock_folder(const char *path)
+/* Locks a folder of this program; -1 when it belongs to another program, is in use, or does not exist. Where the file
+ * system has no locks, a new one is taken without, and another stays. */
+static int lock_folder(const char *path, bool is_new)
 {
     struct stat info;
     const int fd = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0)
         return -1;
-    if (!fstat(fd, &info) && info.st_uid == geteuid() && !flock(fd, LOCK_EX | LOCK_NB) && !fstat(fd, &info) &&
+    if (!fstat(fd, &info) && info.st_uid == geteuid() &&
+        (!flock(fd, LOCK_EX | LOCK_NB) || (is_new && errno != EWOULDBLOCK && errno != EINTR)) && !fstat(fd, &info) &&
         info.st_nlink > 0)
         return fd;
     close(fd);
@@ -39,7 +41,7 @@ static void remove_stale(void)
         if (strncmp(entry->d_name, prefix, strlen(prefix)) ||
             asprintf(&path, "%s/%s", cts_temp_root(), entry->d_name) < 0)
             continue;
-        int lock = lock_folder(path);
+        int lock = lock_folder(path, false);
         if (lock >= 0)
             cts_fetch_folder_remove(&path, &lock);
         free(path);
@@ -51,7 +53,7 @@ static void remove_stale(void)
 static CtsStatus try_make(CtsFetchFolder *fetch_folder, CtsError *err)
 {
     const CtsStatus st = cts_temp_folder(prefix, &fetch_folder->folder, err);
-    if (st || (fetch_folder->lock = lock_folder(fetch_folder->folder)) >= 0)
+    if (st || (fetch_folder->lock = lock_folder(fetch_folder->folder, true)) >= 0)
         return st;
     free(fetch_folder->folder);
     fetch_folder->folder = NULL;
