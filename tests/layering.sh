@@ -18,14 +18,16 @@ src/core/couch    | core/volume/ core/model/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/model/ core/transfer/lut.h |
 src/dicom/parser  | |
-src/dicom/header  | core/volume/stored.h dicom/parser/ | iconv.h
-src/dicom/codec   | dicom/parser/ dicom/header/ | openjpeg.h
-src/dicom/objects | dicom/header/ dicom/codec/ | openjpeg.h
+src/dicom/protocol | dicom/parser/ |
+src/dicom/header  | core/volume/stored.h dicom/parser/ dicom/protocol/ | iconv.h
+src/dicom/codec   | dicom/protocol/ dicom/header/ |
+src/dicom/pixels  | dicom/parser/ dicom/protocol/ dicom/header/ | openjpeg.h zip.h
+src/dicom/objects | dicom/protocol/ dicom/header/ dicom/codec/ |
 src/dicom/net     | dicom/header/ | curl/ jansson.h netdb.h netinet/ openssl/
-src/input/files   | core/volume/box.h dicom/parser/ dicom/header/ | zlib.h zip.h
+src/input/files   | core/volume/box.h dicom/protocol/ dicom/header/ | zlib.h
 src/input/series  | dicom/header/ dicom/codec/ input/files/ |
 src/input/load    | core/volume/ dicom/header/slice.h dicom/codec/ input/files/ input/series/ |
-src/input/labels  | core/labels/ dicom/parser/ dicom/header/ dicom/codec/ input/files/ | expat.h
+src/input/labels  | core/labels/ dicom/parser/ dicom/protocol/ dicom/header/ dicom/codec/ input/files/ | expat.h
 src/engine/project | core/model/ core/scene/ |
 src/engine/tiled  | core/model/ core/scene/ engine/project/project.h |
 src/engine/sheets | core/model/ core/scene/ |
@@ -49,7 +51,7 @@ src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h 
 '
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.
 public='
-base | api status bounds diagnostic report helper | base
+base | api status bounds diagnostic report | base
 core | mixture preset quantity volume model labels table picture render | base core
 dicom | series net | base core dicom
 input | label_files | base core dicom input
@@ -64,7 +66,7 @@ include | | base core dicom input render output app
 
 everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw glob inttypes libgen limits locale math
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
- strings sys/file sys/mman sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/sysinfo sys/time sys/types
+ strings sys/auxv sys/file sys/mman sys/pidfd sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/sysinfo sys/time sys/types
  sys/wait time unistd wchar '
 cxx=' algorithm array atomic cctype charconv cerrno climits cmath condition_variable cstdarg cstddef cstdint cstdio cstdlib cstring exception
  functional limits map memory mutex new optional set shared_mutex stdexcept string string_view thread utility vector '

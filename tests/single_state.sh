@@ -13,7 +13,7 @@ with_state=$(objdump -t "$core" | awk '
     / F \.text/ && / g / { functions[file] = functions[file] " " $NF }
     END { for (file in state) print functions[file] }' | tr ' ' '\n' | grep .)
 # It must see something.
-printf '%s\n' "$with_state" | grep -qx cts_helper_fork || { echo 'single_state.sh is blind'; exit 1; }
+printf '%s\n' "$with_state" | grep -qx cts_cpu_add || { echo 'single_state.sh is blind'; exit 1; }
 for part in "$@"; do
     found=$(nm --defined-only "$part" | awk '$3 ~ /^cts_/ { print $3 }' | grep -xF -e "$with_state" || true)
     [ -z "$found" ] || {

@@ -1,6 +1,7 @@
 #include "base/clock.h"
 
 #include <stdatomic.h>
+#include <sys/resource.h>
 #include <time.h>
 
 static double read_ms(clockid_t id)
@@ -29,43 +30,25 @@ CtsUtc cts_utc_now(void)
     return cts_utc_at((int64_t)time(NULL));
 }
 
-static double seconds_ms(const struct timeval *t)
-{
-    return (double)t->tv_sec * 1e3 + (double)t->tv_usec * 1e-3;
-}
+/* Global state of this file: what cts_cpu_add() added. */
+static _Atomic int64_t added_us, added_kib;
 
-/* Global state of this file: time added by cts_cpu_add_usage(). */
-static _Atomic int64_t added_us;
-static atomic_long added_kib;
-
-void cts_cpu_add_ms(double ms)
+void cts_cpu_add(double ms, int64_t peak_kib)
 {
     added_us += (int64_t)(ms * 1e3);
-}
-
-double cts_cpu_add_usage(const struct rusage *usage)
-{
-    const double ms = seconds_ms(&usage->ru_utime) + seconds_ms(&usage->ru_stime);
-    cts_cpu_add_ms(ms);
-    for (long most = added_kib; usage->ru_maxrss > most;)
-        if (atomic_compare_exchange_weak(&added_kib, &most, usage->ru_maxrss))
+    for (int64_t most = added_kib; peak_kib > most;)
+        if (atomic_compare_exchange_weak(&added_kib, &most, peak_kib))
             break;
-    return ms;
 }
 
 double cts_cpu_ms(void)
 {
-    struct rusage children;
-    getrusage(RUSAGE_CHILDREN, &children);
-    return read_ms(CLOCK_PROCESS_CPUTIME_ID) + seconds_ms(&children.ru_utime) + seconds_ms(&children.ru_stime) +
-           (double)added_us * 1e-3;
+    return read_ms(CLOCK_PROCESS_CPUTIME_ID) + (double)added_us * 1e-3;
 }
 
 uint64_t cts_peak_rss_bytes(void)
 {
-    struct rusage self, children;
+    struct rusage self;
     getrusage(RUSAGE_SELF, &self);
-    getrusage(RUSAGE_CHILDREN, &children);
-    const long own = self.ru_maxrss > children.ru_maxrss ? self.ru_maxrss : children.ru_maxrss;
-    return (uint64_t)(own > added_kib ? own : added_kib) * 1024;
+    return (uint64_t)(self.ru_maxrss > added_kib ? self.ru_maxrss : added_kib) * 1024;
 }

@@ -3,13 +3,12 @@
 
 #include "ctsplat/api.h"
 #include <stdint.h>
-#include <sys/resource.h>
 
 CTS_C_BEGIN
 
 double cts_wall_ms(void);          /* monotonic */
-double cts_cpu_ms(void);           /* of this process, all threads, its terminated child processes, and time added */
-uint64_t cts_peak_rss_bytes(void); /* maximum of this process, its child processes and values added */
+double cts_cpu_ms(void);           /* of this process, all threads, and its sandboxes */
+uint64_t cts_peak_rss_bytes(void); /* maximum of this process and its sandboxes */
 
 /* Now, as YYYY-MM-DDTHH:MM:SSZ. */
 typedef struct CtsUtc {
@@ -18,8 +17,7 @@ typedef struct CtsUtc {
 CtsUtc cts_utc_now(void);
 CtsUtc cts_utc_at(int64_t seconds); /* since 1970 */
 
-/* Adds the usage of processes that are not this one's children; returns their CPU time in ms. */
-double cts_cpu_add_usage(const struct rusage *usage);
-void cts_cpu_add_ms(double ms);
+/* Adds CPU time that a sandbox reports, and the peak of its memory. */
+void cts_cpu_add(double ms, int64_t peak_kib);
 
 CTS_C_END

@@ -1,11 +1,12 @@
 #include "base/isolation.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <malloc.h>
 #include <seccomp.h>
 #include <signal.h>
-#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -13,23 +14,11 @@
 
 /* System calls of malloc, exit, and the communication with the parent. */
 static const int allowed[] = {
-    SCMP_SYS(brk),
-    SCMP_SYS(munmap),
-    SCMP_SYS(mremap),
-    SCMP_SYS(madvise),
-    SCMP_SYS(futex),
-    SCMP_SYS(recvfrom),
-    SCMP_SYS(sendto),
-    SCMP_SYS(exit),
-    SCMP_SYS(exit_group),
-    SCMP_SYS(rt_sigreturn),
-    SCMP_SYS(rt_sigprocmask),
-    SCMP_SYS(getpid),
-    SCMP_SYS(gettid),
-    SCMP_SYS(clock_gettime),
-    SCMP_SYS(gettimeofday),
-    SCMP_SYS(sched_yield),
-    SCMP_SYS(restart_syscall),
+    SCMP_SYS(brk),         SCMP_SYS(munmap),          SCMP_SYS(mremap),         SCMP_SYS(madvise),
+    SCMP_SYS(futex),       SCMP_SYS(recvfrom),        SCMP_SYS(sendto),         SCMP_SYS(exit),
+    SCMP_SYS(exit_group),  SCMP_SYS(rt_sigreturn),    SCMP_SYS(rt_sigprocmask), SCMP_SYS(getpid),
+    SCMP_SYS(gettid),      SCMP_SYS(clock_gettime),   SCMP_SYS(getrusage),      SCMP_SYS(gettimeofday),
+    SCMP_SYS(sched_yield), SCMP_SYS(restart_syscall),
 };
 
 /* System calls that the C library tries, and can do without. */
@@ -85,31 +74,22 @@ static int load_filter(void)
     return -result;
 }
 
-static size_t address_space(void)
-{
-    unsigned long pages = 0;
-    FILE *file = fopen("/proc/self/statm", "re");
-    if (file && fscanf(file, "%lu", &pages) != 1)
-        pages = 0;
-    if (file)
-        fclose(file);
-    return (size_t)pages * (size_t)sysconf(_SC_PAGESIZE);
-}
-
 static int limit_resource(int resource, size_t value)
 {
-    const struct rlimit both = {value, value};
+    struct rlimit both;
+    if (getrlimit(resource, &both))
+        return errno;
+    both.rlim_max = value < both.rlim_max ? value : both.rlim_max; /* the user's limit may be smaller */
+    both.rlim_cur = both.rlim_max;
     return setrlimit(resource, &both) ? errno : 0;
 }
 
 static int limit_resources(size_t n_bytes)
 {
-    const size_t now = address_space();
-    int result = CTS_SANITIZED ? 0 : limit_resource(RLIMIT_FSIZE, 0);
-    if (!result && !CTS_SANITIZED)
-        result = now ? limit_resource(RLIMIT_AS, now + n_bytes) : ENOSYS;
-    if (!result && !CTS_SANITIZED)
-        result = limit_resource(RLIMIT_NOFILE, 0);
+    int result = 0;
+    if (!CTS_SANITIZED)
+        (void)((result = limit_resource(RLIMIT_FSIZE, 0)) || (result = limit_resource(RLIMIT_AS, n_bytes)) ||
+               (result = limit_resource(RLIMIT_NOFILE, 0)));
     return result;
 }
 
@@ -127,29 +107,42 @@ static void leave_signals(void)
     sigprocmask(SIG_SETMASK, &none, NULL);
 }
 
-static int close_others(int keep_fd)
+static int close_between(int first, int end)
 {
-    const unsigned keep = (unsigned)keep_fd, first = CTS_SANITIZED ? 3 : 0;
-    if (keep > first && close_range(first, keep - 1, 0))
-        return errno;
-    return close_range(keep + 1, ~0u, 0) ? errno : 0;
+    return first < end && close_range((unsigned)first, (unsigned)end - 1, 0) ? errno : 0;
 }
 
-int cts_isolation_leave_all(int keep_fd)
+static int close_others(const int keep[2])
+{
+    const int first = CTS_SANITIZED ? 3 : 0, low = keep[0] < keep[1] ? keep[0] : keep[1],
+              high = keep[0] < keep[1] ? keep[1] : keep[0];
+    int result = close_between(first, low);
+    if (!result)
+        result = close_between(low + 1, high);
+    return result ? result : close_between(high + 1, INT_MAX);
+}
+
+int cts_isolation_leave_all(const int keep[2])
 {
     leave_signals();
     /* a core file would contain patient data; if this fails, the limit on core files still holds */
     prctl(PR_SET_DUMPABLE, 0);
     const int result = limit_resource(RLIMIT_CORE, 0);
-    return result ? result : close_others(keep_fd);
+    return result ? result : close_others(keep);
 }
 
-int cts_isolation_enter(int keep_fd, size_t n_bytes)
+int cts_isolation_enter(const int keep[2], size_t n_bytes)
 {
     mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, at a thread's first call */
     free(malloc(1));
-    int result = limit_resources(n_bytes); /* reads a file */
+    int result = cts_isolation_leave_all(keep);
     if (!result)
-        result = cts_isolation_leave_all(keep_fd);
+        result = limit_resources(n_bytes);
     return result ? result : load_filter();
+}
+
+bool cts_isolation_is_waived(void)
+{
+    const char *const value = secure_getenv(CTS_ISOLATION_WAIVED);
+    return value && !strcmp(value, "1");
 }

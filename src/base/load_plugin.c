@@ -1,11 +1,9 @@
 #include "base/load_plugin.h"
 
+#include "base/libexec.h"
 #include <dlfcn.h>
 #include <errno.h>
-#include <limits.h>
-#include <link.h>
 #include <pthread.h>
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,23 +13,11 @@
 static const char *const PLACES[] = {"", "cli/", "ctsplat/", "../" CTS_LIBDIR "/ctsplat/"};
 enum { N_PLACES = sizeof PLACES / sizeof *PLACES };
 
-/* The folder of the program, or of the shared library, with a slash behind it. */
-static bool find_folder(char folder[PATH_MAX])
-{
-    Dl_info info;
-    struct link_map *here;
-    if (!dladdr1(PLACES, &info, (void **)&here, RTLD_DL_LINKMAP) ||
-        !realpath(*here->l_name ? here->l_name : "/proc/self/exe", folder))
-        return false;
-    strrchr(folder, '/')[1] = 0;
-    return true;
-}
-
 static CtsStatus open_plugin(const char *file, void **plugin, CtsError *err)
 {
     char folder[PATH_MAX];
     *plugin = NULL;
-    if (!find_folder(folder))
+    if (!cts_program_folder(folder))
         return cts_fail(err, CTS_ERR_INTERNAL, "%s: where it should be is not known: %s", file, strerror(errno));
     for (int i = 0; i < N_PLACES; i++) {
         char *path;

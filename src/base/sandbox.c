@@ -1,15 +1,17 @@
 #include "base/sandbox.h"
 
-#include "base/helper_process.h"
-#include "base/isolation.h"
+#include "base/clock.h"
+#include "base/libexec.h"
+#include "base/sandbox_worker.h"
 #include <assert.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
+#include <sys/pidfd.h>
 #include <sys/shm.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -17,43 +19,29 @@
 #include <unistd.h>
 
 enum {
-    BASE_MEMORY = 256 << 20, /* memory of a codec for any stream */
-    ANSWER_MEMORY = 24,      /* and for each byte of the answer: OpenJPEG holds a pixel a few times as 32 bits */
-    STREAM_MEMORY = 4,       /* and for each byte of the stream */
+    PROGRAM_MEMORY = 128 << 20, /* address space of a program and its libraries; measured: 40 MiB with DCMTK */
+    BASE_MEMORY = 256 << 20,    /* memory of a codec for any stream */
+    ANSWER_MEMORY = 24,         /* and for each byte of the answer: OpenJPEG holds a pixel a few times as 32 bits */
+    STREAM_MEMORY = 4,          /* and for each byte of the stream */
     BASE_CPU_S = 10,
     BYTES_PER_CPU_S = 400000, /* a fiftieth of the speed of the slowest codec */
     QUIET_S = 60,
-    START_QUIET_S = 5,
-    GONE_MS = 10000,
-    START_TRIES = 4, /* another helper may well meet other locks */
     ROOM_STEP = 1 << 20
 };
 
-/* Parameters of a sandbox process. */
-typedef struct Order {
-    cts_sandbox_work_fn work;
-    size_t n_memory;
-    int memory_id;
-    bool own_bytes;
-} Order;
-
-typedef struct Answer {
-    CtsStatus status;
-    char text[240];
-} Answer;
-
-CtsSandbox cts_sandbox_make(cts_sandbox_work_fn work, const char *name)
+CtsSandbox cts_sandbox_make(const char *program, int task, const char *name)
 {
-    return (CtsSandbox){.work = work, .name = name, .n_slots = 1, .socket = -1};
+    return (CtsSandbox){.program = program, .task = task, .name = name, .n_slots = 1, .socket = -1};
 }
 
-CtsStatus cts_sandbox_new(CtsSandbox **sandbox, cts_sandbox_work_fn work, const char *name, int n_slots, CtsError *err)
+CtsStatus cts_sandbox_new(CtsSandbox **sandbox, const char *program, int task, const char *name, int n_slots,
+                          CtsError *err)
 {
     if (*sandbox)
         return CTS_OK;
     if (!(*sandbox = malloc(sizeof **sandbox)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    **sandbox = cts_sandbox_make(work, name);
+    **sandbox = cts_sandbox_make(program, task, name);
     (*sandbox)->n_slots = n_slots;
     return CTS_OK;
 }
@@ -63,57 +51,48 @@ static size_t slot_bytes(const CtsSandbox *d)
     return d->stream_capacity + d->answer_capacity;
 }
 
-static bool receive(int socket, void *message, size_t n)
+static void close_process(CtsSandbox *d)
 {
-    return TEMP_FAILURE_RETRY(recv(socket, message, n, 0)) == (ssize_t)n;
-}
-
-static bool transmit(int socket, const void *message, size_t n)
-{
-    return TEMP_FAILURE_RETRY(send(socket, message, n, MSG_NOSIGNAL)) == (ssize_t)n;
-}
-
-/* Main function of the sandbox process. Its first answer says whether the isolation succeeded. */
-static void serve(const void *order, int socket)
-{
-    Order o;
-    CtsSandboxJob job;
-    Answer a = {CTS_OK, ""};
-    memcpy(&o, order, sizeof o);
-    uint8_t *const shared = shmat(o.memory_id, NULL, 0);
-    int wall = shared == (void *)-1 ? errno : 0;
-    if (!wall)
-        wall = o.own_bytes ? cts_isolation_leave_all(socket) : cts_isolation_enter(socket, o.n_memory);
-    if (wall) {
-        a.status = CTS_ERR_INTERNAL;
-        snprintf(a.text, sizeof a.text, "%s", strerror(wall));
-    }
-    while (transmit(socket, &a, sizeof a) && !wall && receive(socket, &job, sizeof job)) {
-        CtsError why = {0};
-        a.status = o.work(job.order, shared + job.stream, job.n, shared + job.answer, job.n_answer, &why);
-        snprintf(a.text, sizeof a.text, "%.*s", (int)sizeof a.text - 1, why.text);
-    }
-    _exit(wall ? 1 : 0);
-}
-
-/* The process's wait status. Killing a helper kills its processes, but a moment later and without reaping: one that
- * still has its socket may write where the next one puts its answer. */
-static int end_child(CtsSandbox *d)
-{
-    if (!d->pid)
-        return 0;
-    shutdown(d->socket, SHUT_WR);
-    const int status = cts_helper_end(d->pid);
-    struct pollfd gone = {.fd = d->socket};
-    TEMP_FAILURE_RETRY(poll(&gone, 1, GONE_MS));
     close(d->socket);
-    d->socket = -1;
+    close(d->lifeline);
+    if (d->handle >= 0)
+        close(d->handle);
     d->pid = 0;
-    return status;
+}
+
+/* Ends the process: how it ended, all zero where the program has reaped it before. */
+static siginfo_t end_child(CtsSandbox *d)
+{
+    siginfo_t how = {0};
+    if (!d->pid)
+        return how;
+    const bool by_number = d->handle < 0;
+    if (by_number)
+        kill(d->pid, SIGKILL);
+    else
+        pidfd_send_signal(d->handle, SIGKILL, NULL, 0);
+    if (TEMP_FAILURE_RETRY(waitid(by_number ? P_PID : P_PIDFD, (id_t)(by_number ? d->pid : d->handle), &how, WEXITED)))
+        how = (siginfo_t){0};
+    close_process(d);
+    return how;
+}
+
+/* A process that this program's parent has started is the parent's, with its memory. */
+static void leave_inherited(CtsSandbox *d)
+{
+    if (d->owner == getpid() || !(d->pid || d->shared))
+        return;
+    if (d->pid)
+        close_process(d);
+    if (d->shared)
+        shmdt(d->shared);
+    d->shared = NULL;
+    d->n_jobs = 0;
 }
 
 void cts_sandbox_end(CtsSandbox *d)
 {
+    leave_inherited(d);
     end_child(d);
     d->n_jobs = 0;
 }
@@ -142,68 +121,100 @@ static double cpu_seconds(pid_t pid)
                                                                         : (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* True if an answer arrived; false when the process has ended, or (*still) has been idle for quiet_s. */
-static bool await(const CtsSandbox *d, Answer *a, int quiet_s, bool *still)
+/* CPU time is limited for each stream, since a busy machine is not the file's fault. */
+static int cpu_limit(const CtsSandbox *d)
+{
+    return d->cpu_limit_s ? d->cpu_limit_s : BASE_CPU_S + (int)(d->jobs[0].n_answer / BYTES_PER_CPU_S);
+}
+
+static int quiet_limit(const CtsSandbox *d)
+{
+    return d->quiet_limit_s ? d->quiet_limit_s : QUIET_S;
+}
+
+static bool receive(CtsSandbox *d, CtsSandboxAnswer *a)
+{
+    if (TEMP_FAILURE_RETRY(recv(d->socket, a, sizeof *a, 0)) != (ssize_t)sizeof *a)
+        return false;
+    if (a->cpu_us > d->cpu_us)
+        cts_cpu_add((double)(a->cpu_us - d->cpu_us) * 1e-3, a->peak_kib);
+    d->cpu_us = a->cpu_us;
+    a->text[sizeof a->text - 1] = 0;
+    for (char *c = a->text; *c; c++) /* of a process that a stream may control */
+        *c = (unsigned char)*c < ' ' || *c == 0x7F ? '?' : *c;
+    return true;
+}
+
+typedef enum Outcome { ANSWERED, ENDED, SILENT, OVERDUE } Outcome;
+
+/* The next message; the time of the stream began with the message before. */
+static Outcome await(CtsSandbox *d, CtsSandboxAnswer *a)
 {
     double before = -1;
-    *still = false;
-    for (int quiet = 0; quiet < quiet_s;) {
+    for (int quiet = 0; quiet < quiet_limit(d);) {
         struct pollfd wait = {.fd = d->socket, .events = POLLIN};
         const int n = poll(&wait, 1, 1000);
         if (n > 0)
-            return receive(d->socket, a, sizeof *a);
+            return receive(d, a) ? ANSWERED : ENDED;
         if (n < 0 && errno != EINTR)
-            return false;
+            return ENDED;
         const double now = cpu_seconds(d->pid);
+        if (now - (double)d->cpu_us * 1e-6 > cpu_limit(d))
+            return OVERDUE;
         quiet = n == 0 && now <= before ? quiet + 1 : 0;
         before = now;
     }
-    *still = true;
-    return false;
+    return SILENT;
 }
 
-/* Memory limit of the process. */
+/* Memory limit of the process: its address space. */
 static size_t memory_limit(const CtsSandbox *d)
 {
-    return d->memory_limit ? d->memory_limit
-                           : BASE_MEMORY + d->answer_capacity * ANSWER_MEMORY + d->stream_capacity * STREAM_MEMORY;
+    const size_t for_stream =
+        d->memory_limit ? d->memory_limit
+                        : BASE_MEMORY + d->answer_capacity * ANSWER_MEMORY + d->stream_capacity * STREAM_MEMORY;
+    return PROGRAM_MEMORY + (size_t)d->n_slots * slot_bytes(d) + for_stream;
 }
 
-static CtsStatus fork_child(CtsSandbox *d, CtsError *err)
+/* Starts the process with its ends of socket and pipe. */
+static CtsStatus start_with(CtsSandbox *d, const int theirs[2], CtsError *err)
 {
-    const Order o = {
-        .work = d->work, .n_memory = memory_limit(d), .memory_id = d->memory_id, .own_bytes = d->own_bytes};
-    CtsHelperOrder order = {.prepare = d->prepare, .live = serve};
-    _Static_assert(sizeof o <= sizeof order.order, "an order has room");
-    memcpy(order.order, &o, sizeof o);
-    const CtsStatus st = cts_helper_fork(&order, &d->pid, &d->socket, err);
-    if (st) {
-        d->pid = 0;
-        return cts_context(err, "a %s process cannot be started", d->name);
-    }
-    d->prepared = d->prepare;
+    char argument[128];
+    snprintf(argument, sizeof argument, "%s %d %d %d %d %zu", CTS_VERSION, d->task, theirs[0], theirs[1], d->memory_id,
+             memory_limit(d));
+    const CtsStatus st = cts_libexec_start(d->program, argument, theirs, 2, &d->pid, err);
+    if (st)
+        return cts_context(err, "a %s process is missing", d->name);
+    d->handle = pidfd_open(d->pid, 0);
+    d->started_task = d->task;
+    d->started = false;
+    d->cpu_us = 0;
     return CTS_OK;
 }
 
 static CtsStatus start_child(CtsSandbox *d, CtsError *err)
 {
-    Answer a = {CTS_ERR_INTERNAL, "it ended at once"};
-    bool still = true;
-    for (int tries = 0; still && tries < START_TRIES; tries++) {
-        const CtsStatus st = fork_child(d, err);
+    int sockets[2], pipes[2];
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, sockets))
+        return cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be reached: %s", d->name, strerror(errno));
+    CtsStatus st = pipe2(pipes, O_CLOEXEC)
+                       ? cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be reached: %s", d->name, strerror(errno))
+                       : CTS_OK;
+    if (!st) {
+        st = start_with(d, (int[]){sockets[1], pipes[0]}, err);
+        close(pipes[0]);
         if (st)
-            return st;
-        if (await(d, &a, START_QUIET_S, &still) && !a.status)
-            return CTS_OK;
-        end_child(d);
-        if (still)
-            cts_helper_renew();
+            close(pipes[1]);
     }
-    return cts_fail(
-        err, CTS_ERR_INTERNAL,
-        "compressed pixels are not decoded, because a %s process cannot be sandboxed: %.*s (convert them with "
-        "dcmdjpeg or gdcmconv --raw)",
-        d->name, (int)sizeof a.text, still ? "it makes no progress" : a.text);
+    close(sockets[1]);
+    if (st) {
+        close(sockets[0]);
+        d->pid = 0;
+        return st;
+    }
+    d->socket = sockets[0];
+    d->lifeline = pipes[1];
+    return CTS_OK;
 }
 
 static size_t round_up(size_t n, size_t step)
@@ -216,15 +227,11 @@ static bool slots_hold(const CtsSandbox *d, size_t n, size_t n_answer)
     return d->shared && n <= d->stream_capacity && n_answer <= d->answer_capacity;
 }
 
-/* The result for a stream must not depend on earlier streams. */
-static bool is_prepared(const CtsSandbox *d)
+bool cts_sandbox_fits(CtsSandbox *d, size_t n, size_t n_answer)
 {
-    return !d->prepare || d->prepare == d->prepared;
-}
-
-bool cts_sandbox_fits(const CtsSandbox *d, size_t n, size_t n_answer)
-{
-    return d->n_jobs == 0 || (d->pid && d->n_jobs < d->n_slots && slots_hold(d, n, n_answer) && is_prepared(d));
+    leave_inherited(d);
+    return d->n_jobs == 0 ||
+           (d->pid && d->n_jobs < d->n_slots && slots_hold(d, n, n_answer) && d->task == d->started_task);
 }
 
 /* Anonymous shared memory, freed with the last process that has it. A file would be subject to the limits on files. */
@@ -244,10 +251,12 @@ static CtsStatus share(CtsSandbox *d, size_t needed, CtsError *err)
 
 CtsStatus cts_sandbox_room(CtsSandbox *d, size_t n, size_t n_answer, uint8_t **stream, CtsError *err)
 {
+    leave_inherited(d);
     if (!slots_hold(d, n, n_answer))
         cts_sandbox_stop(d);
-    if (!is_prepared(d))
+    if (d->pid && d->task != d->started_task)
         cts_sandbox_end(d);
+    d->owner = getpid();
     if (!d->shared) {
         d->stream_capacity = round_up(n, ROOM_STEP);
         d->answer_capacity = round_up(n_answer, ROOM_STEP);
@@ -261,60 +270,75 @@ CtsStatus cts_sandbox_room(CtsSandbox *d, size_t n, size_t n_answer, uint8_t **s
     return d->pid ? CTS_OK : start_child(d, err);
 }
 
-/* SIGXCPU ends the process when the oldest frame takes too long. CPU time is limited, since a busy machine is not the
- * file's fault. */
-static int limit_cpu(const CtsSandbox *d)
+static CtsStatus report_death(const char *name, const siginfo_t *how, CtsError *err)
 {
-    const int limit_s = d->cpu_limit_s ? d->cpu_limit_s : BASE_CPU_S + (int)(d->jobs[0].n_answer / BYTES_PER_CPU_S);
-    const struct rlimit limit = {(rlim_t)cpu_seconds(d->pid) + (rlim_t)limit_s + 1, RLIM_INFINITY};
-    /* fails only when the process has ended, which reading the answer detects */
-    prlimit(d->pid, RLIMIT_CPU, &limit, NULL);
-    return limit_s;
-}
-
-static CtsStatus report_death(const char *name, int status, int limit_s, CtsError *err)
-{
-    if (!WIFSIGNALED(status))
-        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer (exit code %d)", name,
-                        WEXITSTATUS(status));
-    switch (WTERMSIG(status)) {
-    case SIGXCPU:
-        return cts_fail(err, CTS_ERR_PIXELS, "its %s was stopped after %d s of computing", name, limit_s);
+    if (!how->si_pid)
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer", name);
+    if (how->si_code == CLD_EXITED)
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer (exit code %d)", name, how->si_status);
+    switch (how->si_status) {
     case SIGSYS:
         return cts_fail(err, CTS_ERR_PIXELS, "its %s was stopped at a system call that no decoder needs", name);
     case SIGKILL:
         return cts_fail(err, CTS_ERR_PIXELS, "its %s was killed", name);
     default:
-        return cts_fail(err, CTS_ERR_PIXELS, "its %s crashed (signal %d)", name, WTERMSIG(status));
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s crashed (signal %d)", name, how->si_status);
     }
 }
 
-/* The oldest frame's answer. *killed: by a user or the OOM killer, and hardly by an effect of the stream: codecs do not
- * send SIGKILL. */
+/* A message. *killed: the process was, by a user or the OOM killer, and hardly by an effect of the stream, since codecs
+ * do not send SIGKILL; or the reason of its end is unknown. */
+static CtsStatus await_message(CtsSandbox *d, CtsSandboxAnswer *a, bool *killed, CtsError *err)
+{
+    const Outcome outcome = await(d, a);
+    *killed = false;
+    if (outcome == ANSWERED)
+        return CTS_OK;
+    const siginfo_t how = end_child(d);
+    if (outcome == SILENT)
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s made no progress for %d s", d->name, quiet_limit(d));
+    if (outcome == OVERDUE)
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s was stopped after %d s of computing", d->name, cpu_limit(d));
+    *killed = !how.si_pid || (how.si_code != CLD_EXITED && how.si_status == SIGKILL);
+    return report_death(d->name, &how, err);
+}
+
+/* Waits until the process reports that it is ready. */
+static CtsStatus await_start(CtsSandbox *d, bool *killed, CtsError *err)
+{
+    CtsSandboxAnswer a;
+    CtsError why = {0};
+    *killed = false;
+    if (d->started)
+        return CTS_OK;
+    CtsStatus st = await_message(d, &a, killed, &why);
+    d->started = !st && !a.status;
+    if (d->started)
+        return CTS_OK;
+    end_child(d);
+    return cts_fail(err, st ? CTS_ERR_INTERNAL : a.status, "a %s process does not start: %s", d->name,
+                    st ? why.text : a.text);
+}
+
+/* The oldest frame's answer. */
 static CtsStatus await_oldest(CtsSandbox *d, bool *killed, CtsError *err)
 {
-    Answer a;
-    bool still = false;
-    const int limit_s = limit_cpu(d), quiet_s = d->quiet_limit_s ? d->quiet_limit_s : QUIET_S;
-    *killed = false;
-    if (!await(d, &a, quiet_s, &still)) {
-        const int status = end_child(d);
-        *killed = !still && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
-        return still ? cts_fail(err, CTS_ERR_PIXELS, "its %s made no progress for %d s", d->name, quiet_s)
-                     : report_death(d->name, status, limit_s, err);
-    }
+    CtsSandboxAnswer a;
+    CtsStatus st = await_start(d, killed, err);
+    if (st || (st = await_message(d, &a, killed, err)))
+        return st;
     if (a.status == CTS_ERR_MEMORY)
         return cts_fail(err, CTS_ERR_PIXELS, "its %s asks for more memory than %zu bytes of pixels need", d->name,
                         d->jobs[0].n_answer);
-    return a.status ? cts_fail(err, a.status == CTS_ERR_SYNTAX ? CTS_ERR_SYNTAX : CTS_ERR_PIXELS, "%.*s",
-                               (int)sizeof a.text - 1, a.text)
+    return a.status ? cts_fail(err, a.status == CTS_ERR_SYNTAX ? CTS_ERR_SYNTAX : CTS_ERR_PIXELS, "%s", a.text)
                     : CTS_OK;
 }
 
 /* A process that has ended is detected when its answer is read. */
 static void send_job(const CtsSandbox *d, const CtsSandboxJob *job)
 {
-    transmit(d->socket, job, sizeof *job);
+    const ssize_t sent = TEMP_FAILURE_RETRY(send(d->socket, job, sizeof *job, MSG_NOSIGNAL));
+    (void)sent;
 }
 
 void cts_sandbox_send(CtsSandbox *d, const void *order, size_t n_order, const uint8_t *stream, size_t n,
@@ -329,8 +353,6 @@ void cts_sandbox_send(CtsSandbox *d, const void *order, size_t n_order, const ui
     if (n_order)
         memcpy(job->order, order, n_order);
     d->next_slot = (d->next_slot + 1) % d->n_slots;
-    if (d->n_jobs == 1)
-        limit_cpu(d);
     send_job(d, job);
 }
 

@@ -1,17 +1,17 @@
 /* Sandboxed processing of untrusted bytes: codecs, unpackers.
  *
- * A sandbox is one child process, for one thread: it gets a stream in shared memory, and answers there or with an
- * error. When it crashes, exceeds its memory or time, or makes a forbidden system call, that stream is refused and a
- * new process is started for the next one; if it is killed from outside, the stream is tried again. It has no access to
- * files, and a stream that takes control of it can do no harm to the program.
+ * A sandbox is one child process, for one thread: a program of libexec (base/libexec.h) that does one task of its table
+ * (base/sandbox_worker.h). It gets a stream in shared memory, and answers there or with an error. When it crashes,
+ * exceeds its memory or time, or makes a forbidden system call, that stream is refused and a new process is started for
+ * the next one; if it is killed from outside, the stream is tried again. It has no access to files, and a stream that
+ * takes control of it can do no harm to the program.
  *
  * With two slots the next stream is passed while the process works, so that it continues at once after an answer,
  * without waiting for its caller to wake up.
  *
- * The process is a fork of the helper (base/helper_process.h), since a library cannot know a program to execute
- * instead. A process that hangs at its start, on a lock that was held when the helper was forked, is abandoned together
- * with the helper; DCMTK's locks are free then (pthread_atfork() in dcm_start.cc), and the C library resets its own. A
- * process ends when its socket is closed, however the program ends. */
+ * The program may wait for all its child processes, or ignore SIGCHLD: then only the reason of a process's death is
+ * unknown. A process ends when the program closes its sockets, however the program ends. A process that the program
+ * forks leaves its parent's sandboxes alone, and starts its own. */
 #pragma once
 
 #include "ctsplat/status.h"
@@ -22,11 +22,6 @@
 
 enum { CTS_SANDBOX_SLOTS = 2, CTS_SANDBOX_ORDER_BYTES = 64 };
 
-/* The work of the process: n bytes of a stream become n_answer bytes. order: a copy of the caller's; pointers in it
- * must point to constants, which have the same address after a fork. CTS_ERR_MEMORY: the stream needs too much. */
-typedef CtsStatus (*cts_sandbox_work_fn)(const void *order, const uint8_t *stream, size_t n, void *answer,
-                                         size_t n_answer, CtsError *err);
-
 /* One stream; places are offsets into the shared memory. */
 typedef struct CtsSandboxJob {
     uint64_t order[CTS_SANDBOX_ORDER_BYTES / sizeof(uint64_t)];
@@ -34,14 +29,18 @@ typedef struct CtsSandboxJob {
 } CtsSandboxJob;
 
 typedef struct CtsSandbox {
-    cts_sandbox_work_fn work;
-    CtsStatus (*prepare)(CtsError *err);  /* preparation before the isolation, such as loading a library; NULL: none */
-    const char *name;                     /* for messages: "decoder" */
-    bool own_bytes;                       /* trusted input from this program: no isolation, and threads are allowed */
-    int n_slots;                          /* streams at a time, 1 to CTS_SANDBOX_SLOTS */
-    pid_t pid;                            /* 0: no process */
-    CtsStatus (*prepared)(CtsError *err); /* the preparation that the process has done */
-    int socket;                           /* to the process */
+    const char *program; /* of libexec */
+    int task;            /* its number in the program's table; another one starts another process */
+    const char *name;    /* for messages: "decoder" */
+    int n_slots;         /* streams at a time, 1 to CTS_SANDBOX_SLOTS */
+    pid_t owner;         /* the process that has this sandbox, when there is a process or memory */
+    pid_t pid;           /* 0: no process */
+    int handle;          /* pidfd of the process: its number may be another's when it was reaped; -1: none */
+    int socket;          /* to the process */
+    int lifeline;        /* pipe to the process, which is killed when it closes */
+    int started_task;    /* the process's task */
+    bool started;        /* it has reported that it is ready */
+    int64_t cpu_us;      /* that the process has reported */
     int memory_id;
     void *shared; /* slots, each of a stream, then its answer */
     size_t stream_capacity, answer_capacity;
@@ -49,22 +48,23 @@ typedef struct CtsSandbox {
     int n_jobs, next_slot;
     int cpu_limit_s;     /* for one stream; 0: as long as its answer's size lets expect */
     int quiet_limit_s;   /* idle time that counts as a deadlock; 0: a minute */
-    size_t memory_limit; /* memory limit of the process; 0: derived from the room's size */
+    size_t memory_limit; /* memory for a stream beside the room; 0: derived from the room's size */
 } CtsSandbox;
 
-/* A sandbox for untrusted bytes, without a process yet; name is a constant. */
-CtsSandbox cts_sandbox_make(cts_sandbox_work_fn work, const char *name);
+/* A sandbox without a process yet; program and name are constants. */
+CtsSandbox cts_sandbox_make(const char *program, int task, const char *name);
 
 /* Allocates one with n_slots, where *sandbox is NULL; and frees it. */
-CtsStatus cts_sandbox_new(CtsSandbox **sandbox, cts_sandbox_work_fn work, const char *name, int n_slots, CtsError *err);
+CtsStatus cts_sandbox_new(CtsSandbox **sandbox, const char *program, int task, const char *name, int n_slots,
+                          CtsError *err);
 void cts_sandbox_free(CtsSandbox **sandbox);
 
 /* True if another stream fits beside those in progress. */
-bool cts_sandbox_fits(const CtsSandbox *sandbox, size_t n, size_t n_answer);
+bool cts_sandbox_fits(CtsSandbox *sandbox, size_t n, size_t n_answer);
 
 /* Makes room for a stream of n bytes and its answer; starts a process when there is none, its room is too small, or it
- * is not prepared. The caller writes the bytes to *stream. With streams in progress only allowed where
- * cts_sandbox_fits(). */
+ * has another task, without waiting until it is ready. The caller writes the bytes to *stream. With streams in progress
+ * only allowed where cts_sandbox_fits(). */
 CtsStatus cts_sandbox_room(CtsSandbox *sandbox, size_t n, size_t n_answer, uint8_t **stream, CtsError *err);
 
 /* Passes the n bytes at stream, within the room, with n_order bytes of parameters, or none. */
@@ -72,7 +72,8 @@ void cts_sandbox_send(CtsSandbox *sandbox, const void *order, size_t n_order, co
                       size_t n_answer);
 
 /* Waits for the oldest stream's answer. *answer is in shared memory and valid until room is made for the next.
- * CTS_ERR_PIXELS, with the reason, for every failure that a stream can cause. */
+ * CTS_ERR_PIXELS, with the reason, for every failure that a stream can cause; CTS_ERR_INTERNAL or CTS_ERR_MEMORY when
+ * the process cannot be started or isolated. */
 CtsStatus cts_sandbox_take(CtsSandbox *sandbox, const void **answer, CtsError *err);
 
 /* Ends the process; answers remain, streams in progress are dropped. */

@@ -1,7 +1,7 @@
 /* ctsplat: looks up the command, runs it, turns its status into an exit code and at most one error line. */
 #include "base/did_you_mean.h"
 #include "base/exit_code.h"
-#include "base/helper_process.h"
+#include "base/isolation.h"
 #include "base/thread.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
@@ -107,7 +107,8 @@ int main(int argc, char **argv)
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
     cli_interrupt_init();
-    cts_helper_keep();
+    if (cts_isolation_is_waived())
+        cli_warning(CTS_ISOLATION_WAIVED "=1: where the system refuses a sandbox, files are read without one");
 
     CtsError err = {0};
     int exit_code = 0;
@@ -127,6 +128,5 @@ int main(int argc, char **argv)
         cli_error(&err);
         exit_code = cts_exit_code(st);
     }
-    cts_helper_stop();
     return exit_code;
 }

@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "base/file_bytes.h"
 #include "ctsplat/series.h"
-#include "dicom/codec/codec.h"
+#include "dicom/pixels/pixel_tasks.h"
 #include "dicom/header/dcm_read.h"
 #include "dicom/header/slice.h"
 #include <stdio.h>

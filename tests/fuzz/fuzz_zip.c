@@ -1,4 +1,5 @@
 /* A zip file through the unpacker and the list of its members, both in this process. */
+#include "dicom/pixels/pixel_tasks.h"
 #include "fuzz.h"
 #include "input/files/archive.h"
 #include <stdlib.h>
@@ -11,7 +12,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     uint8_t *room = calloc(1, ROOM);
     CtsArchive *archive = NULL;
     CtsError err = {0};
-    if (room && !cts_archive_unpack(NULL, data, n, room, ROOM, &err) && !cts_archive_list(room, ROOM, &archive, &err))
+    if (room && !cts_pixels_unzip(NULL, data, n, room, ROOM, &err) && !cts_archive_list(room, ROOM, &archive, &err))
         for (int i = 0; i < archive->n_members; i++) {
             const CtsMember m = archive->members[i];
             assert(m.name[0] && m.n_bytes > 0 && m.bytes >= room && m.n_bytes <= (uint64_t)(room + ROOM - m.bytes));

@@ -59,7 +59,8 @@ fi
 $cc -std=c11 -Wall -Wextra -Wpedantic -Werror "$root/man/example.c" -o example $flags
 [ "$(sed '1,/^int main/d' "$root/man/example.c" | wc -l)" -le 25 ] || fail "the example grows"
 export LD_LIBRARY_PATH="${library%/*}"
-for series in "$root/testdata/geometry/uneven" "$root/testdata/phantom"; do
+unset CTSPLAT_LIBEXEC # programs are found where they are installed
+for series in "$root/testdata/geometry/uneven" "$root/testdata/syntax/jpeg-2000" "$root/testdata/phantom"; do
     ./example "$series" mine.png
     "$ctsplat" render "$series" -o theirs.png --force --log log
     cmp mine.png theirs.png || fail "the library's picture of $series is not the program's"
@@ -74,8 +75,8 @@ grep -q no-such-folder err || fail "the example's error does not name no-such-fo
 # port 9.
 program=$(find tree -name ctsplat -path '*/bin/*')
 if command -v readelf >/dev/null; then
-    ! readelf -d "$program" "$library" | grep -E 'NEEDED.*lib(curl|dcm)' ||
-        fail "the network or DCMTK is loaded at the start"
+    ! readelf -d "$program" "$library" | grep -E 'NEEDED.*lib(curl|dcm|openjp|zip)' ||
+        fail "the network or a codec is loaded at the start"
 fi
 for peer in http://127.0.0.1:9 NOBODY@127.0.0.1:9; do
     if "$program" render --from $peer --study-uid 1.2.3 -o x.png 2>err; then
@@ -87,9 +88,11 @@ rm "$(find tree -name libctsplat-net.so)"
 "$program" render --from http://127.0.0.1:9 --study-uid 1.2.3 -o x.png 2>err || [ $? = 1 ] || fail "exit code without it"
 grep -q 'libctsplat-net.so' err || fail "without it: $(cat err)"
 
-# A plain series needs no DCMTK; its own formats do.
-rm "$(find tree -name libctsplat-dcmtk.so)"
+# A plain series needs neither DCMTK nor ctsplat-pixels; ctsplat's own formats and compressed series do.
+rm "$(find tree -name libctsplat-dcmtk.so)" "$(find tree -name ctsplat-pixels)"
 "$program" render "$root/testdata/phantom" -o plain.png
 cmp plain.png theirs.png || fail "without DCMTK the picture is another"
 "$program" render "$root/testdata/phantom" -o x.dcm 2>err && fail "a capture without DCMTK"
 grep -q 'libctsplat-dcmtk.so' err || fail "without DCMTK: $(cat err)"
+"$program" render "$root/testdata/syntax/jpeg-2000" -o x.png 2>err && fail "compressed pixels without their program"
+grep -q 'ctsplat-pixels is not where it was installed' err || fail "without ctsplat-pixels: $(cat err)"

@@ -1,21 +1,21 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, fork, shmget, poll, recv, wait4, getrandom, accept; kill: the helper, and with it its
- * processes, when one of them is sent data) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail
- * too. Calls are counted over all threads; child processes do not fail, or with CTS_FAIL_CHILD=1 only they do. When the
- * call was reached, a line is appended to the file CTS_FAIL_MARK. */
+ * write, fsync, rename, posix_spawn, shmget, poll, recv, waitid, getrandom, accept; kill: the
+ * process that was started last, when it is sent data) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later
+ * ones fail too. Calls are counted over all threads; child processes do not fail, or with CTS_FAIL_CHILD=1 only they
+ * do. When the call was reached, a line is appended to the file CTS_FAIL_MARK. */
 #undef _FILE_OFFSET_BITS /* both names of a call are needed: open() and open64() */
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <spawn.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
-#include <sys/resource.h>
 #include <sys/shm.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -31,18 +31,18 @@ enum Call {
     WRITE,
     FSYNC,
     RENAME,
-    FORK,
+    SPAWN,
     SHMGET,
     KILL,
     POLL,
     RECV,
-    WAIT4,
+    WAITID,
     GETRANDOM,
     ACCEPT,
     N_CALLS
 };
-static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync", "rename",    "fork",
-                                           "shmget", "kill", "poll", "recv",  "wait4", "getrandom", "accept"};
+static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync",  "rename",    "posix_spawn",
+                                           "shmget", "kill", "poll", "recv",  "waitid", "getrandom", "accept"};
 static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO,    ENOSPC,     EIO,    EACCES, EAGAIN,
                                     ENOMEM, 0,      ENOMEM, ECONNRESET, ECHILD, EAGAIN, EMFILE};
 
@@ -50,9 +50,10 @@ static int chosen = -1;
 static long fail_at;
 static int fail_on, fail_child;
 static pid_t self;
+static int is_started; /* by a process under test */
 static const char *mark;
 static atomic_long seen;
-static pid_t child; /* the helper, which is forked last */
+static pid_t child; /* that was started last */
 static _Thread_local int loading;
 
 /* Calls fail only inside main(): the loader and the libraries before and after it are not under test, nor is the
@@ -61,6 +62,9 @@ static void choose(void)
 {
     const char *call = getenv("CTS_FAIL"), *at = getenv("CTS_FAIL_AT");
     self = getpid();
+    is_started = getenv("CTS_FAIL_STARTED") != NULL;
+    if (call)
+        setenv("CTS_FAIL_STARTED", "1", 1);
     mark = getenv("CTS_FAIL_MARK");
     fail_on = getenv("CTS_FAIL_ON") != NULL;
     fail_child = getenv("CTS_FAIL_CHILD") != NULL;
@@ -94,7 +98,7 @@ int __libc_start_main(int (*main)(int, char **, char **), int argc, char **argv,
 
 static int fails(enum Call call)
 {
-    if (loading || (int)call != chosen || ((long)syscall(SYS_getpid) != (long)self) != fail_child)
+    if (loading || (int)call != chosen || (is_started || (long)syscall(SYS_getpid) != (long)self) != fail_child)
         return 0;
     const long n = atomic_fetch_add(&seen, 1) + 1;
     if (n != fail_at && !(fail_on && n > fail_at))
@@ -210,10 +214,16 @@ int renameat2(int from_fd, const char *from, int to_fd, const char *to, unsigned
     return fails(RENAME) ? -1 : NEXT(rename_fn, "renameat2")(from_fd, from, to_fd, to, flags);
 }
 
-pid_t fork(void)
+int posix_spawn(pid_t *pid, const char *path, const posix_spawn_file_actions_t *files, const posix_spawnattr_t *how,
+                char *const arguments[], char *const environment[])
 {
-    typedef pid_t (*fork_fn)(void);
-    return fails(FORK) ? -1 : (child = NEXT(fork_fn, "fork")());
+    typedef int (*spawn_fn)(pid_t *, const char *, const posix_spawn_file_actions_t *, const posix_spawnattr_t *,
+                            char *const *, char *const *);
+    if (fails(SPAWN))
+        return errors[SPAWN];
+    const int why = NEXT(spawn_fn, "posix_spawn")(pid, path, files, how, arguments, environment);
+    child = why ? child : *pid;
+    return why;
 }
 
 ssize_t send(int socket, const void *bytes, size_t n, int flags)
@@ -248,10 +258,10 @@ int accept4(int socket, struct sockaddr *from, socklen_t *n, int flags)
     return fails(ACCEPT) ? -1 : NEXT(accept_fn, "accept4")(socket, from, n, flags);
 }
 
-pid_t wait4(pid_t pid, int *how, int options, struct rusage *usage)
+int waitid(idtype_t by, id_t id, siginfo_t *how, int options)
 {
-    typedef pid_t (*wait_fn)(pid_t, int *, int, struct rusage *);
-    return fails(WAIT4) ? -1 : NEXT(wait_fn, "wait4")(pid, how, options, usage);
+    typedef int (*wait_fn)(idtype_t, id_t, siginfo_t *, int);
+    return fails(WAITID) ? -1 : NEXT(wait_fn, "waitid")(by, id, how, options);
 }
 
 ssize_t getrandom(void *bytes, size_t n, unsigned flags)

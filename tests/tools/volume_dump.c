@@ -4,7 +4,6 @@
 #include "base/exit_code.h"
 #include "base/mem.h"
 #include "ctsplat/ctsplat.h"
-#include "ctsplat/helper.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -142,7 +141,6 @@ int main(int argc, char **argv)
                 "usage: volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list] [--copy]\n");
         return 2;
     }
-    cts_helper_start(&err); /* before threads: a sanitizer's allocator does not outlive their forks */
     for (int i = 0; i < o.repeat && !err.status; i++)
         run(&o, i == o.repeat - 1, &err);
     if (err.status)

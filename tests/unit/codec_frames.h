@@ -2,7 +2,7 @@
 #pragma once
 
 #include "base/sandbox.h"
-#include "dicom/codec/codec.h"
+#include "dicom/pixels/pixel_tasks.h"
 #include "unit.h"
 
 static inline CtsFrameFormat format_16(int columns, int rows)

@@ -85,7 +85,7 @@ static void test_jpeg2000(void **state)
 static void expect_decoder_takes(const CtsFrameFormat *format, const Jpeg2000Bytes *bytes, const uint16_t *pixels)
 {
     static const char *const uids[] = {"1.2.840.10008.1.2.4.201", "1.2.840.10008.1.2.4.202", "1.2.840.10008.1.2.4.203"};
-    CtsSandbox d = cts_sandbox_make(cts_codec_work, "decoder");
+    CtsSandbox d = cts_codec_make();
     for (int i = 0; i < 3; i++) {
         CtsFrameFormat f = *format;
         CtsError err = {0};
@@ -144,7 +144,7 @@ static void damage_2000(bool high_throughput)
     Jpeg2000Bytes bytes = stream_of(&shape, high_throughput, samples);
     for (size_t n = 0; n + 3 < bytes.n; n += n < 150 ? 1 : 13)
         assert_int_equal(cts_jpeg2000_decode(&f, bytes.data, n, pixels, &err), CTS_ERR_PIXELS);
-    CtsSandbox d = cts_sandbox_make(cts_codec_work, "decoder");
+    CtsSandbox d = cts_codec_make();
     uint32_t random = 1;
     pixels[N] = 12345;
     for (int round = 0; round < 300; round++) {

@@ -1,7 +1,7 @@
 /* Limits of input: at each of them, and one beyond. */
 #include "base/file_bytes.h"
 #include "base/mem.h"
-#include "dicom/codec/codec.h"
+#include "dicom/pixels/pixel_tasks.h"
 #include "dicom/header/dcm_read.h"
 #include "dicom/header/dicom_header.h"
 #include "dicom/parser/tag_scan.h"

@@ -1,19 +1,20 @@
 /* Sandboxed codecs: their failures do not affect the program. */
 #include "base/clock.h"
-#include "base/helper_process.h"
 #include "base/isolation.h"
-#include "base/sandbox.h"
+#include "base/sandbox_worker.h"
 #include "codec_frames.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/futex.h>
 #include <pthread.h>
+#include <sched.h>
+#include <seccomp.h>
 #include <signal.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/mount.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -74,6 +75,8 @@ static CtsStatus act(const void *order, const uint8_t *stream, size_t n, void *p
         return syscall(SYS_tgkill, 1, 1, 0) ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no signal");
     case 'f':
         return fork() >= 0 ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no fork");
+    case 'A':
+        return cts_fail(err, (CtsStatus)12345, "a\033[31mb");
     case 'x':
         memory = mmap(NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
         return memory == MAP_FAILED ? cts_fail(err, CTS_ERR_PIXELS, "no code") : CTS_OK;
@@ -83,17 +86,30 @@ static CtsStatus act(const void *order, const uint8_t *stream, size_t n, void *p
     return cts_fail(err, CTS_ERR_PIXELS, "byte %d", stream[0]);
 }
 
-static CtsStatus run(CtsSandbox *d, const char *what, const void **pixels, CtsError *err)
+/* This program is its own sandbox. */
+static CtsSandbox make_actor(void)
+{
+    return cts_sandbox_make("test_sandbox", 0, "decoder");
+}
+
+static CtsStatus begin(CtsSandbox *d, const char *what, CtsError *err)
 {
     const CtsFrameFormat format = format_16(20, 10);
-    const size_t n = strlen(what);
+    const size_t n = strlen(what), n_pixels = cts_frame_bytes(&format);
     uint8_t *stream;
     *err = (CtsError){0};
-    const CtsStatus st = cts_codec_room(d, &format, n, &stream, err);
+    const CtsStatus st = cts_sandbox_room(d, n, n_pixels, &stream, err);
     if (st)
         return st;
     memcpy(stream, what, n);
-    return run_frame(d, &format, stream, n, pixels, err);
+    cts_sandbox_send(d, &format, sizeof format, stream, n, n_pixels);
+    return CTS_OK;
+}
+
+static CtsStatus run(CtsSandbox *d, const char *what, const void **pixels, CtsError *err)
+{
+    const CtsStatus st = begin(d, what, err);
+    return st ? st : cts_sandbox_take(d, pixels, err);
 }
 
 static void expect_decoded(CtsSandbox *d)
@@ -134,9 +150,8 @@ static void test_deaths(void **state)
         {"x", "system call", ""},
         {"?", "byte 63", "byte 63"},
     };
-    assert_int_equal(cts_helper_start(NULL), CTS_OK);
     const int files = open_files();
-    CtsSandbox d = cts_sandbox_make(act, "decoder");
+    CtsSandbox d = make_actor();
     for (size_t i = 0; i < sizeof deaths / sizeof *deaths; i++) {
         const char *reason = CTS_SANITIZED ? deaths[i].relaxed : deaths[i].reason;
         const void *pixels;
@@ -166,7 +181,7 @@ static void test_deaths(void **state)
 /* Killed between frames, and in the middle of one: the frame is decoded by another process, but not without limit. */
 static void test_killed(void **state)
 {
-    CtsSandbox d = cts_sandbox_make(act, "decoder");
+    CtsSandbox d = make_actor();
     const void *pixels;
     CtsError err;
     for (int round = 0; round < 3; round++) {
@@ -183,17 +198,14 @@ static void test_killed(void **state)
     cts_sandbox_stop(&d);
 }
 
+enum { SMALL = 2 * 20 * 10, LARGE = 2 * 1200 * 1000 }; /* bytes of frames */
+
 static void hand_over(CtsSandbox *d, const char *what)
 {
-    const CtsFrameFormat format = format_16(20, 10);
-    const size_t n = strlen(what);
-    uint8_t *stream;
     CtsError err;
-    assert_true(cts_codec_fits(d, &format, n));
-    if (cts_codec_room(d, &format, n, &stream, &err))
+    assert_true(cts_sandbox_fits(d, strlen(what), SMALL));
+    if (begin(d, what, &err))
         fail_msg("%s", err.text);
-    memcpy(stream, what, n);
-    cts_codec_send(d, &format, stream, n);
 }
 
 /* reason: NULL for pixels that begin with the stream. */
@@ -211,17 +223,15 @@ static void take(CtsSandbox *d, const char *stream, const char *reason)
 /* Two in progress: each has its own answer, independent of the other. */
 static void test_two_frames(void **state)
 {
-    const CtsFrameFormat small = format_16(20, 10), large = format_16(1200, 1000);
-    CtsError err;
     CtsSandbox *d = NULL;
-    assert_int_equal(cts_sandbox_new(&d, act, "decoder", 2, &err), CTS_OK);
+    assert_int_equal(cts_sandbox_new(&d, "test_sandbox", 0, "decoder", 2, NULL), CTS_OK);
     hand_over(d, "d1");
     for (int i = 0; i < 3; i++) {
         hand_over(d, "d23");
-        assert_false(cts_codec_fits(d, &small, 1));
+        assert_false(cts_sandbox_fits(d, 1, SMALL));
         take(d, "d1", NULL);
-        assert_true(cts_codec_fits(d, &small, 1));
-        assert_false(cts_codec_fits(d, &large, 1));
+        assert_true(cts_sandbox_fits(d, 1, SMALL));
+        assert_false(cts_sandbox_fits(d, 1, LARGE));
         hand_over(d, "d1");
         take(d, "d23", NULL);
     }
@@ -252,20 +262,6 @@ static void test_two_frames(void **state)
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1);
 }
 
-static pid_t parent_of(pid_t pid)
-{
-    char path[64], line[256];
-    int parent = 0;
-    snprintf(path, sizeof path, "/proc/%d/status", (int)pid);
-    FILE *file = fopen(path, "r");
-    while (file && fgets(line, sizeof line, file))
-        if (sscanf(line, "PPid: %d", &parent) == 1)
-            break;
-    if (file)
-        fclose(file);
-    return parent;
-}
-
 /* Within some seconds, for it ends by itself. */
 static bool is_gone(pid_t pid)
 {
@@ -275,176 +271,201 @@ static bool is_gone(pid_t pid)
     return kill(pid, 0) && errno == ESRCH;
 }
 
-static atomic_int n_signals;
-
-static void count_signal(int number)
+/* A program that ignores SIGCHLD, or a thread of which reaps all its child processes: deaths are noticed, of an unknown
+ * reason. */
+static void *reap_all(void *stop)
 {
-    n_signals++;
+    while (!__atomic_load_n((int *)stop, __ATOMIC_RELAXED))
+        waitpid(-1, NULL, 0);
+    return NULL;
 }
 
-/* A program that ignores SIGCHLD, waits for all its child processes, or has a handler: the helper's processes are
- * unaffected, and their deaths are reported. */
 static void test_children_taken(void **state)
 {
-    void (*const ways[])(int) = {SIG_IGN, SIG_DFL, count_signal};
-    CtsSandbox d = cts_sandbox_make(act, "decoder");
+    CtsSandbox d = make_actor();
     const void *pixels;
     CtsError err;
-    for (int i = 0; i < 3; i++) {
-        signal(SIGCHLD, ways[i]);
-        cts_helper_renew();
-        assert_int_equal(cts_helper_start(&err), CTS_OK);
-        n_signals = 0;
-        expect_decoded(&d);
-        assert_int_equal(waitpid(-1, NULL, 0), -1);
-        assert_int_equal(errno, ECHILD);
-        assert_int_equal(run(&d, "e", &pixels, &err), CTS_ERR_PIXELS);
-        assert_non_null(strstr(err.text, "exit code 7"));
-        expect_decoded(&d);
-        assert_int_equal(waitpid(-1, NULL, 0), -1);
-        assert_int_equal(n_signals, 0);
+    for (int reaps = 0; reaps < 2; reaps++) {
+        pthread_t reaper;
+        int stop = 0;
+        signal(SIGCHLD, reaps ? SIG_DFL : SIG_IGN);
+        if (reaps)
+            assert_int_equal(pthread_create(&reaper, NULL, reap_all, &stop), 0);
+        for (int i = 0; i < 3; i++) {
+            expect_decoded(&d);
+            assert_int_equal(run(&d, "e", &pixels, &err), CTS_ERR_PIXELS);
+            assert_non_null(strstr(err.text, "ended without an answer"));
+            expect_decoded(&d);
+            kill(d.pid, SIGKILL);
+            expect_decoded(&d);
+        }
+        cts_sandbox_stop(&d);
+        __atomic_store_n(&stop, 1, __ATOMIC_RELAXED);
+        if (reaps)
+            pthread_join(reaper, NULL);
     }
-    cts_sandbox_stop(&d);
     signal(SIGCHLD, SIG_DFL);
 }
 
-/* One helper for all; when it is killed its processes end, and another one continues the streams in progress. */
-static void test_helper(void **state)
+/* Answers of a process that a stream controls are read with care. */
+static void test_hostile_answer(void **state)
 {
-    CtsSandbox d = cts_sandbox_make(act, "decoder"), e = d;
-    expect_decoded(&d);
-    expect_decoded(&e);
-    const pid_t helper = parent_of(d.pid), child = d.pid;
-    assert_true(helper > 1 && helper != getpid() && helper == parent_of(e.pid));
-    hand_over(&d, "d1");
-    kill(helper, SIGKILL);
-    assert_true(is_gone(helper) && is_gone(child));
-    take(&d, "d1", NULL);
-    expect_decoded(&e);
-    assert_int_not_equal(parent_of(d.pid), helper);
-    cts_sandbox_stop(&d);
-    cts_sandbox_stop(&e);
-}
-
-/* A helper that dies between its fork and its reply, once: both processes live, one of them unknown. */
-static struct LostReply {
-    atomic_int n_forked, first_answered;
-} * lost;
-
-static void wait_for(const atomic_int *count, int wanted)
-{
-    const struct timespec pause = {0, 1000000};
-    for (int i = 0; i < 10000 && *count < wanted; i++)
-        nanosleep(&pause, NULL);
-}
-
-static void die_after_fork(void)
-{
-    wait_for(&lost->n_forked, 1);
-    raise(SIGKILL);
-}
-
-static CtsStatus lose_reply(CtsError *err)
-{
-    if (!lost->n_forked)
-        pthread_atfork(NULL, die_after_fork, NULL);
-    return CTS_OK;
-}
-
-/* The first one outlives its helper and is the first to answer. */
-static void live(const void *order, int socket)
-{
-    prctl(PR_SET_PDEATHSIG, 0);
-    const int number = ++lost->n_forked;
-    wait_for(number == 1 ? &lost->n_forked : &lost->first_answered, number == 1 ? 2 : 1);
-    send(socket, &number, sizeof number, MSG_NOSIGNAL);
-    lost->first_answered = 1;
-}
-
-/* After a retry the answer comes from the process that was reported, and no other. */
-static void test_lost_reply(void **state)
-{
-    const CtsHelperOrder order = {.prepare = lose_reply, .live = live};
-    int socket, number = 0;
-    pid_t pid;
+    CtsSandbox d = make_actor();
+    const void *pixels;
     CtsError err;
-    lost = mmap(NULL, sizeof *lost, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    assert_true(lost != MAP_FAILED);
-    cts_helper_renew();
-    assert_int_equal(cts_helper_fork(&order, &pid, &socket, &err), CTS_OK);
-    assert_int_equal(recv(socket, &number, sizeof number, 0), sizeof number);
-    assert_int_equal(number, 2);
-    assert_int_equal(lost->n_forked, 2);
-    close(socket);
-    cts_helper_end(pid);
-    munmap(lost, sizeof *lost);
+    expect_decoded(&d);
+    const double before = cts_cpu_ms();
+    assert_int_equal(run(&d, "A", &pixels, &err), CTS_ERR_PIXELS);
+    if (strcmp(err.text, "a?[31mb"))
+        fail_msg("a text with controls: %s", err.text);
+    assert_true(cts_cpu_ms() >= before);
+    expect_decoded(&d);
+    cts_sandbox_stop(&d);
 }
 
-/* A fork of the program has a helper of its own, and no process is left when it ends, however it does. */
+/* A fork of the program leaves its parent's process alone and starts its own, which ends with it, however it does: also
+ * in the middle of a stream. */
 static void test_forked(void **state)
 {
-    CtsSandbox d = cts_sandbox_make(act, "decoder");
+    CtsSandbox d = make_actor();
+    CtsError err;
     expect_decoded(&d);
-    for (int how = 0; how < 2; how++) {
-        pid_t pids[3] = {0}; /* the helper in here, in there, and its process */
+    const pid_t first = d.pid;
+    for (int how = 0; how < 3; how++) {
         int ends[2];
+        pid_t own = 0;
         assert_int_equal(pipe(ends), 0);
         const pid_t forked = fork();
         if (forked == 0) {
-            CtsSandbox own = cts_sandbox_make(act, "decoder");
-            expect_decoded(&own);
-            pids[1] = parent_of(own.pid);
-            pids[2] = own.pid;
-            if (write(ends[1], pids, sizeof pids) != sizeof pids || how == 0)
+            expect_decoded(&d);
+            if (how == 2 && begin(&d, "l", &err))
+                _exit(1);
+            own = d.pid;
+            if (write(ends[1], &own, sizeof own) != sizeof own || how == 0)
                 _exit(0);
             pause();
         }
-        assert_int_equal(read(ends[0], pids, sizeof pids), sizeof pids);
-        pids[0] = parent_of(d.pid);
-        assert_true(pids[1] > 1 && pids[0] != pids[1]);
+        assert_int_equal(read(ends[0], &own, sizeof own), sizeof own);
+        assert_int_not_equal(own, first);
         kill(forked, how ? SIGKILL : 0);
         assert_int_equal(waitpid(forked, NULL, 0), forked);
-        assert_true(is_gone(pids[1]) && is_gone(pids[2]));
+        assert_true(is_gone(own));
         close(ends[0]);
         close(ends[1]);
         expect_decoded(&d);
-        assert_int_equal(parent_of(d.pid), pids[0]);
+        assert_int_equal(d.pid, first);
     }
     cts_sandbox_stop(&d);
 }
 
-/* CPU time of the processes counts as the program's, once: also where the helper is its child process. */
+/* CPU time of the processes counts as the program's, as they report it, also where the program does not reap them. */
 static void test_computing_counts(void **state)
 {
     const void *pixels;
     CtsError err;
-    for (int keep = 0; keep < 2; keep++) {
-        int how = 0;
-        const pid_t forked = fork();
-        if (forked == 0) {
-            CtsSandbox d = cts_sandbox_make(act, "decoder");
-            if (keep)
-                cts_helper_keep();
-            const double before = cts_cpu_ms();
-            const bool done = run(&d, "b", &pixels, &err) == CTS_OK;
-            cts_sandbox_stop(&d);
-            const double counted = cts_cpu_ms() - before;
-            cts_helper_stop();
-            const double after = cts_cpu_ms() - before;
-            struct rusage children;
-            getrusage(RUSAGE_CHILDREN, &children);
-            const bool is_child = children.ru_utime.tv_usec + children.ru_stime.tv_usec > 400000;
-            _exit(!(done && counted > 450 && counted < 800 && after > 450 && after < 800 && is_child == keep));
-        }
-        assert_int_equal(waitpid(forked, &how, 0), forked);
-        assert_int_equal(how, 0);
+    for (int ignored = 0; ignored < 2; ignored++) {
+        CtsSandbox d = make_actor();
+        signal(SIGCHLD, ignored ? SIG_IGN : SIG_DFL);
+        const double before = cts_cpu_ms();
+        assert_int_equal(run(&d, "b", &pixels, &err), CTS_OK);
+        cts_sandbox_stop(&d);
+        const double counted = cts_cpu_ms() - before;
+        if (counted < 450 || counted > 800)
+            fail_msg("%.0f ms are counted of 500", counted);
     }
+    signal(SIGCHLD, SIG_DFL);
+}
+
+/* Programs that are missing, that may not be executed, and that are of another version. */
+static void test_programs(void **state)
+{
+    static const struct {
+        const char *program, *libexec, *reason;
+    } cases[] = {
+        {"ctsplat-nothing", NULL, "is not where it was installed"},
+        {"test_sandbox", "/nowhere", "not in the folder of CTSPLAT_LIBEXEC, /nowhere"},
+        {"passwd", "/etc", "cannot be started: "},
+        {"true", "/bin", "does not start"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        CtsSandbox d = cts_sandbox_make(cases[i].program, 0, "decoder");
+        const void *pixels;
+        CtsError err;
+        if (cases[i].libexec)
+            setenv("CTSPLAT_LIBEXEC", cases[i].libexec, 1);
+        const CtsStatus st = run(&d, "d", &pixels, &err);
+        if (st != CTS_ERR_INTERNAL || !strstr(err.text, cases[i].reason))
+            fail_msg("%s: %d %s, wanted %s", cases[i].program, st, err.text, cases[i].reason);
+        unsetenv("CTSPLAT_LIBEXEC");
+        cts_sandbox_stop(&d);
+    }
+}
+
+/* Runs one check in a process of its own, which may change its surroundings; 77: they cannot be changed here. */
+static void expect_apart(int (*check)(void))
+{
+    int how = 0;
+    const pid_t forked = fork();
+    if (forked == 0)
+        _exit(check());
+    assert_int_equal(waitpid(forked, &how, 0), forked);
+    if (WIFEXITED(how) && WEXITSTATUS(how) == 77)
+        skip();
+    assert_int_equal(how, 0);
+}
+
+static bool is_refused(CtsSandbox *d, const char *reason)
+{
+    const void *pixels;
+    CtsError err;
+    return run(d, "d", &pixels, &err) == CTS_ERR_INTERNAL && strstr(err.text, reason);
+}
+
+/* A system that refuses seccomp, as emulators and some containers do, decodes nothing unless the user says so. */
+static int decode_without_seccomp(void)
+{
+    CtsSandbox d = make_actor();
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+    seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(seccomp), 0);
+    seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1, SCMP_A0(SCMP_CMP_EQ, PR_SET_SECCOMP, 0));
+    if (seccomp_load(filter))
+        return 77;
+    if (!is_refused(&d, "CTSPLAT_NO_SANDBOX=1"))
+        return 1;
+    setenv(CTS_ISOLATION_WAIVED, "1", 1);
+    expect_decoded(&d);
+    cts_sandbox_stop(&d);
+    return 0;
+}
+
+static void test_without_seccomp(void **state)
+{
+    expect_apart(decode_without_seccomp);
+}
+
+/* Without /proc, and with the programs on a file system that is mounted noexec, which is named. */
+static int decode_without_proc(void)
+{
+    CtsSandbox d = make_actor();
+    if (unshare(CLONE_NEWUSER | CLONE_NEWNS) || mount("none", "/proc", "tmpfs", 0, NULL))
+        return 77;
+    expect_decoded(&d);
+    cts_sandbox_stop(&d);
+    if (mount("none", "/proc", "tmpfs", MS_NOEXEC, NULL) || creat("/proc/test_sandbox", 0700) < 0)
+        return 77;
+    setenv("CTSPLAT_LIBEXEC", "/proc", 1);
+    return !is_refused(&d, "mounted noexec");
+}
+
+static void test_without_proc(void **state)
+{
+    expect_apart(decode_without_proc);
 }
 
 /* Larger frames get more room; the process with the smaller room is replaced. */
 static void test_room(void **state)
 {
-    CtsSandbox d = cts_sandbox_make(act, "decoder");
+    CtsSandbox d = make_actor();
     CtsError err;
     const void *pixels;
     uint8_t *stream;
@@ -453,21 +474,21 @@ static void test_room(void **state)
     expect_decoded(&d);
     assert_int_equal(d.pid, first);
     const CtsFrameFormat large = format_16(1200, 1000);
-    assert_int_equal(cts_codec_room(&d, &large, 5 << 20, &stream, &err), CTS_OK);
+    assert_int_equal(cts_sandbox_room(&d, 5 << 20, LARGE, &stream, &err), CTS_OK);
     assert_int_not_equal(d.pid, first);
     stream[(5 << 20) - 1] = 'd';
-    assert_int_equal(run_frame(&d, &large, stream + (5 << 20) - 1, 1, &pixels, &err), CTS_OK);
-    assert_int_equal(((const uint8_t *)pixels)[2 * 1200 * 1000 - 1], 'd');
+    cts_sandbox_send(&d, &large, sizeof large, stream + (5 << 20) - 1, 1, LARGE);
+    assert_int_equal(cts_sandbox_take(&d, &pixels, &err), CTS_OK);
+    assert_int_equal(((const uint8_t *)pixels)[LARGE - 1], 'd');
     expect_decoded(&d);
     cts_sandbox_stop(&d);
 }
 
-/* Threads that start processes at the same time, while another one uses malloc and stdio all the time, also when the
- * helper is forked; and the program ignores SIGCHLD. */
+/* Threads that start processes at the same time, in a program that ignores SIGCHLD. */
 static void *start_many(void *failed)
 {
     for (int i = 0; i < 20; i++) {
-        CtsSandbox d = cts_sandbox_make(act, "decoder");
+        CtsSandbox d = make_actor();
         const void *pixels;
         CtsError err;
         *(int *)failed |= run(&d, "d123", &pixels, &err) != CTS_OK;
@@ -476,49 +497,35 @@ static void *start_many(void *failed)
     return NULL;
 }
 
-static void *be_busy(void *stop)
-{
-    while (!__atomic_load_n((int *)stop, __ATOMIC_RELAXED)) {
-        char *p = malloc(1000), line[64];
-        snprintf(line, sizeof line, "%p", (void *)p);
-        free(p);
-    }
-    return NULL;
-}
-
 static void test_many_threads(void **state)
 {
-    /* A sanitizer's malloc is not reset after a fork: there the helper must be forked before threads start, else its
-     * processes may wait for a lock that a thread held. */
-    const int n_busy = CTS_SANITIZED ? 0 : 1;
-    pthread_t starters[4], busy;
-    int failed[4] = {0}, stop = 0;
+    pthread_t starters[4];
+    int failed[4] = {0};
+    const int files = open_files();
     signal(SIGCHLD, SIG_IGN);
-    cts_helper_renew();
-    if (!n_busy)
-        assert_int_equal(cts_helper_start(NULL), CTS_OK);
-    if (n_busy)
-        pthread_create(&busy, NULL, be_busy, &stop);
     for (int t = 0; t < 4; t++)
         assert_int_equal(pthread_create(&starters[t], NULL, start_many, &failed[t]), 0);
     for (int t = 0; t < 4; t++) {
         pthread_join(starters[t], NULL);
         assert_int_equal(failed[t], 0);
     }
-    __atomic_store_n(&stop, 1, __ATOMIC_RELAXED);
-    if (n_busy)
-        pthread_join(busy, NULL);
     signal(SIGCHLD, SIG_DFL);
+    assert_int_equal(open_files(), files);
 }
 
-int main(void)
+int main(int argc, char **argv)
 {
+    static const CtsSandboxTask tasks[] = {{act, NULL, false}};
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_deaths),     cmocka_unit_test(test_killed),
-        cmocka_unit_test(test_two_frames), cmocka_unit_test(test_children_taken),
-        cmocka_unit_test(test_helper),     cmocka_unit_test(test_lost_reply),
-        cmocka_unit_test(test_forked),     cmocka_unit_test(test_computing_counts),
-        cmocka_unit_test(test_room),       cmocka_unit_test(test_many_threads),
+        cmocka_unit_test(test_deaths),       cmocka_unit_test(test_killed),
+        cmocka_unit_test(test_two_frames),   cmocka_unit_test(test_children_taken),
+        cmocka_unit_test(test_forked),       cmocka_unit_test(test_computing_counts),
+        cmocka_unit_test(test_room),         cmocka_unit_test(test_hostile_answer),
+        cmocka_unit_test(test_programs),     cmocka_unit_test(test_without_seccomp),
+        cmocka_unit_test(test_without_proc), cmocka_unit_test(test_many_threads),
     };
+    if (argc == 2)
+        return cts_sandbox_serve(argc, argv, tasks, 1);
+    unsetenv("CTSPLAT_LIBEXEC"); /* the sandbox lies beside this program */
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

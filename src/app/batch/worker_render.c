@@ -3,7 +3,6 @@
 
 #include "base/clock.h"
 #include "base/exit_code.h"
-#include "base/helper_process.h"
 #include "base/stage_timer.h"
 #include "output/report/log.h"
 #include <limits.h>
@@ -355,7 +354,6 @@ static void run_series(CtsWorkerProcess *c)
         cts_worker_send_record(c, CTS_WORKER_LAST_RECORD, NULL);
     }
     fflush(NULL);
-    cts_helper_stop();
     _exit(st == CTS_ERR_INTERRUPTED ? 130 : st == CTS_ERR_MEMORY ? CTS_WORKER_NO_MEMORY : 0);
 }
 

@@ -4,7 +4,6 @@
 #include "base/cpu.h"
 #include "base/file.h"
 #include "base/load_plugin.h"
-#include "ctsplat/helper.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -147,7 +146,7 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
     pthread_mutex_init(&server->lock, NULL);
     pthread_cond_init(&server->work, NULL);
     allow_connections();
-    if (!(st = cts_helper_start(err)) && !(st = cts_http(&server->http, err)) &&
+    if (!(st = cts_http(&server->http, err)) &&
         (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, "CERTIFICATE", &certificate, err)) &&
                                    !(st = read_pem(options->net.tls_key, "PRIVATE KEY", &key, err)))))
         st = listen_and_serve(server, certificate, key, ready, note, err);

@@ -83,20 +83,24 @@ bool cts_slice_is_compressed(const CtsSlice *s)
     return cts_syntax_encapsulated(s->syntax) || s->syntax->deflated;
 }
 
+static CtsStatus new_decoder(CtsSandbox **decoder, CtsError *err)
+{
+    return cts_sandbox_new(decoder, CTS_PIXELS_PROGRAM, CTS_PIXELS_DECODE, "decoder", CTS_SANDBOX_SLOTS, err);
+}
+
 bool cts_slice_begin(const CtsSlice *s, CtsSandbox **decoder)
 {
     uint64_t offset, n;
     const CtsFrameFormat format = format_of(s);
     find_stream(s, &offset, &n);
-    return cts_slice_is_compressed(s) &&
-           !cts_sandbox_new(decoder, cts_codec_work, "decoder", CTS_SANDBOX_SLOTS, NULL) &&
-           cts_codec_fits(*decoder, &format, (size_t)n) && !submit(s, &format, *decoder, NULL);
+    return cts_slice_is_compressed(s) && !new_decoder(decoder, NULL) && cts_codec_fits(*decoder, &format, (size_t)n) &&
+           !submit(s, &format, *decoder, NULL);
 }
 
 static CtsStatus decode(const CtsSlice *s, CtsSandbox **decoder, const void **pixels, CtsError *err)
 {
     const CtsFrameFormat format = format_of(s);
-    CtsStatus st = cts_sandbox_new(decoder, cts_codec_work, "decoder", CTS_SANDBOX_SLOTS, err);
+    CtsStatus st = new_decoder(decoder, err);
     if (!st && (*decoder)->n_jobs == 0)
         st = submit(s, &format, *decoder, err);
     return st ? st : cts_sandbox_take(*decoder, pixels, err);

@@ -1,7 +1,6 @@
 #include "dicom/header/dicom_header.h"
 
-#include "base/sandbox.h"
-
+#include "dicom/protocol/pixel_sandbox.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -62,38 +61,14 @@ static CtsStatus scan_plain(CtsDicomHeader *h, CtsError *err)
     return CTS_OK;
 }
 
-/* Inflates the start of a deflated data set in the sandbox. The answer is a size_t, then that number of bytes, at
- * most as many as there is room for. */
-static CtsStatus inflate_apart(const void *order, const uint8_t *stream, size_t n, void *head, size_t n_head,
-                               CtsError *err)
-{
-    size_t got = 0;
-    (void)order;
-    const CtsStatus st = cts_inflate(stream, n, 0, (uint8_t *)head + sizeof got, n_head - sizeof got, &got, err);
-    memcpy(head, &got, sizeof got);
-    return st;
-}
-
 /* The data set's first `want` bytes, inflated in a sandbox and copied, so that they cannot change while they are
  * parsed. */
 static CtsStatus inflate_head(const CtsDicomHeader *h, size_t want, size_t *got, CtsError *err)
 {
     CtsScratch *s = h->scratch;
-    const size_t n = h->n - h->meta.data_offset, n_head = want + sizeof *got;
-    uint8_t *stream;
-    const void *head;
-    CtsStatus st = cts_sandbox_new(&s->inflater, inflate_apart, "decoder", 1, err);
-    if (st || (st = cts_sandbox_room(s->inflater, n, n_head, &stream, err)))
-        return st;
-    memcpy(stream, s->file + h->meta.data_offset, n);
-    cts_sandbox_send(s->inflater, NULL, 0, stream, n, n_head);
-    if ((st = cts_sandbox_take(s->inflater, &head, err)))
-        return st;
-    memcpy(got, head, sizeof *got);
-    *got = *got < want ? *got : want;
-    if (!(st = cts_bytes_reserve(&s->inflated, &s->inflated_capacity, *got, err)) && *got)
-        memcpy(s->inflated, (const uint8_t *)head + sizeof *got, *got);
-    return st;
+    const size_t start = h->meta.data_offset;
+    const CtsStatus st = cts_bytes_reserve(&s->inflated, &s->inflated_capacity, want, err);
+    return st ? st : cts_codec_inflate(&s->inflater, s->file + start, h->n - start, s->inflated, want, got, err);
 }
 
 /* A deflated data set is inflated only up to its pixels, within the header limit. */

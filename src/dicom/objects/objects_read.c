@@ -96,7 +96,7 @@ static CtsStatus decode_object(ScFile *f, CtsError *err)
                                    .bits_stored = h->bits_stored,
                                    .high_bit = h->bits_stored - 1,
                                    .padding_word = -1};
-    CtsSandbox decoder = cts_sandbox_make(cts_codec_work, "decoder");
+    CtsSandbox decoder = cts_codec_make();
     uint64_t *offset = NULL;
     const void *pixels;
     CtsStatus st = cts_find_frames(&f->head.file, f->head.scan.pixel_offset, h->n_frames, &offset, err);

@@ -41,6 +41,16 @@ const CtsSyntax *cts_syntax_find(const char *uid)
     return NULL;
 }
 
+int cts_syntax_number(const CtsSyntax *syntax)
+{
+    return (int)(syntax - syntaxes);
+}
+
+const CtsSyntax *cts_syntax_by_number(int number)
+{
+    return &syntaxes[number];
+}
+
 const CtsSyntax *cts_syntax_native(bool explicit_vr, bool big_endian)
 {
     return &syntaxes[explicit_vr ? 1 + big_endian : 0];

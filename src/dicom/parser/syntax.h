@@ -33,6 +33,10 @@ typedef struct CtsSyntax {
 /* NULL for a UID that is not in the table. */
 const CtsSyntax *cts_syntax_find(const char *uid);
 
+/* Place of a syntax in the table, for messages to another process; and the syntax of a place. */
+int cts_syntax_number(const CtsSyntax *syntax);
+const CtsSyntax *cts_syntax_by_number(int number);
+
 /* The uncompressed syntax with this encoding of the data set. */
 const CtsSyntax *cts_syntax_native(bool explicit_vr, bool big_endian);
 

@@ -2,28 +2,16 @@
 
 #include "base/file_bytes.h"
 #include "base/mem.h"
-#include "dicom/parser/tag_scan.h"
+#include "dicom/protocol/pixel_sandbox.h"
 #include <stdlib.h>
 #include <string.h>
-#include <zip.h>
 
 enum {
     RATIO = 100,                  /* limit of unpacked bytes: CT packs three to one, an empty phantom fifty to one */
     EXTRA = 64 << 20,             /* added for small files: 128 slices of 512 x 512 of one grey level */
-    LOOK = 4096,                  /* bytes needed to detect a member's format */
-    MAX_NAME = 1024,              /* bytes; the rest is cut off */
     UNPACKING_MEMORY = 256 << 20, /* of the process: libzip's lists of up to CTS_MAX_MEMBERS */
-    UNPACKING_CPU_S = 120,        /* and 1 s for each 4 MiB; measured: zlib unpacks 250 MB/s, in 120 s 30 GB */
-    ALIGNMENT = 16                /* of any type */
+    UNPACKING_CPU_S = 120         /* and 1 s for each 4 MiB; measured: zlib unpacks 250 MB/s, in 120 s 30 GB */
 };
-
-/* Format of the unpacker's output, repeated: this record, the name with its NUL, the bytes. The last record has no
- * name. */
-typedef struct MemberRecord {
-    uint64_t n_bytes;
-    uint32_t n_name;
-    uint32_t is_bad;
-} MemberRecord;
 
 bool cts_archive_is_zip(const char *path)
 {
@@ -37,99 +25,6 @@ bool cts_archive_is_zip(const char *path)
     return is_zip;
 }
 
-/* State of the unpacker process. */
-typedef struct Writer {
-    uint8_t *bytes;
-    size_t n, pos;
-} Writer;
-
-static size_t aligned(size_t n)
-{
-    return (n + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
-}
-
-/* Unpack one member behind its name; a text instead where that fails. False when there is no room. */
-static bool unpack(Writer *w, zip_t *zip, zip_uint64_t index, const char *name)
-{
-    const size_t n_name = strnlen(name, MAX_NAME), start = w->pos + sizeof(MemberRecord) + n_name + 1;
-    MemberRecord r = {0, (uint32_t)n_name, 0};
-    if (start + LOOK > w->n)
-        return false;
-    memcpy(w->bytes + w->pos + sizeof r, name, n_name);
-    w->bytes[start - 1] = 0;
-    size_t end = start;
-    zip_file_t *file = zip_fopen_index(zip, index, 0);
-    const char *why = file ? NULL : zip_strerror(zip);
-    while (file && !why) {
-        const size_t room = w->n - end;
-        const zip_int64_t got = zip_fread(file, w->bytes + end, room < EXTRA ? room : EXTRA);
-        if (got < 0)
-            why = zip_file_strerror(file);
-        if (got <= 0)
-            break;
-        const bool first = end == start;
-        end += (size_t)got;
-        if (end == w->n)
-            return false;
-        CtsMetaScan scan;
-        if (first && cts_scan_meta(w->bytes + start, end - start, UINT64_MAX, &scan) == CTS_SCAN_NOT_DICOM)
-            end = start;
-        if (first && end == start)
-            break;
-    }
-    if (why) {
-        const size_t n_why = strnlen(why, LOOK - 1);
-        memcpy(w->bytes + start, why, n_why);
-        w->bytes[start + n_why] = 0;
-        end = start + n_why + 1;
-        r.is_bad = 1;
-    }
-    if (file)
-        zip_fclose(file);
-    r.n_bytes = end - start;
-    memcpy(w->bytes + w->pos, &r, sizeof r);
-    w->pos = aligned(end);
-    return true;
-}
-
-static CtsStatus unpack_members(Writer *w, zip_t *zip, CtsError *err)
-{
-    const zip_int64_t n_members = zip_get_num_entries(zip, 0);
-    if (n_members > CTS_MAX_MEMBERS)
-        return cts_fail(err, CTS_ERR_PIXELS, "holds more than %d files", CTS_MAX_MEMBERS);
-    for (zip_int64_t i = 0; i < n_members; i++) {
-        const char *name = zip_get_name(zip, (zip_uint64_t)i, ZIP_FL_ENC_RAW);
-        if (!name || !*name || name[strlen(name) - 1] == '/')
-            continue;
-        if (!unpack(w, zip, (zip_uint64_t)i, name))
-            return cts_fail(err, CTS_ERR_PIXELS, "holds more than %zu MiB (unpack it, and name the folder)",
-                            w->n >> 20);
-    }
-    const MemberRecord end = {0};
-    memcpy(w->bytes + w->pos, &end, sizeof end);
-    return CTS_OK;
-}
-
-CtsStatus cts_archive_unpack(const void *order, const uint8_t *stream, size_t n, void *room, size_t n_room,
-                             CtsError *err)
-{
-    (void)order;
-    Writer w = {room, n_room - sizeof(MemberRecord) - ALIGNMENT, 0};
-    zip_error_t why;
-    zip_error_init(&why);
-    zip_source_t *source = zip_source_buffer_create(stream, n, 0, &why);
-    zip_t *zip = source ? zip_open_from_source(source, ZIP_RDONLY | ZIP_CHECKCONS, &why) : NULL;
-    if (!zip) {
-        cts_fail(err, CTS_ERR_PIXELS, "is no sound zip file: %s", zip_error_strerror(&why));
-        zip_source_free(source);
-        zip_error_fini(&why);
-        return CTS_ERR_PIXELS;
-    }
-    const CtsStatus st = unpack_members(&w, zip, err);
-    zip_discard(zip);
-    return st;
-}
-
 int cts_member_by_name(const void *a, const void *b)
 {
     return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
@@ -139,7 +34,7 @@ int cts_member_by_name(const void *a, const void *b)
 static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
 {
     for (size_t pos = 0;;) {
-        MemberRecord r;
+        CtsMemberRecord r;
         if (pos > n || n - pos < sizeof r)
             break;
         memcpy(&r, bytes + pos, sizeof r);
@@ -149,13 +44,13 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
                 qsort(a->members, (size_t)a->n_members, sizeof *a->members, cts_member_by_name);
             return CTS_OK;
         }
-        if (r.n_name > MAX_NAME || n - pos < (size_t)r.n_name + 1 || bytes[pos + r.n_name] ||
+        if (r.n_name > CTS_MEMBER_MAX_NAME || n - pos < (size_t)r.n_name + 1 || bytes[pos + r.n_name] ||
             r.n_bytes > n - pos - r.n_name - 1 || a->n_members >= CTS_MAX_MEMBERS)
             break;
         const CtsMember m = {(const char *)bytes + pos, bytes + pos + r.n_name + 1, r.n_bytes, r.is_bad != 0};
         if (m.is_bad && (m.n_bytes == 0 || m.bytes[m.n_bytes - 1]))
             break;
-        pos = aligned(pos + r.n_name + 1 + r.n_bytes);
+        pos = cts_member_aligned(pos + r.n_name + 1 + r.n_bytes);
         if (m.n_bytes == 0) {
             a->n_other++;
             continue;
@@ -171,7 +66,7 @@ CtsStatus cts_archive_list(const uint8_t *bytes, size_t n, CtsArchive **archive,
 {
     if (!(*archive = calloc(1, sizeof **archive)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    (*archive)->unpacker = cts_sandbox_make(cts_archive_unpack, "unpacker");
+    (*archive)->unpacker = cts_sandbox_make(CTS_PIXELS_PROGRAM, CTS_PIXELS_UNZIP, "unpacker");
     const CtsStatus st = list_members(*archive, bytes, n, err);
     if (st)
         cts_archive_free(archive);
@@ -185,12 +80,12 @@ static CtsStatus read_archive(CtsArchive *a, const CtsFileBytes *file, CtsError 
     uint64_t limit = n * RATIO + EXTRA;
     if (free_bytes && (n > free_bytes / 2 || limit > free_bytes / 2 - n))
         limit = n > free_bytes / 2 ? 0 : free_bytes / 2 - n;
-    if (limit < LOOK)
+    if (limit < CTS_MEMBER_LOOK)
         return cts_fail(err, CTS_ERR_MEMORY, "a zip file of %llu MiB cannot be held in memory (unpack it)",
                         (unsigned long long)(n >> 20));
     uint8_t *stream;
     const void *bytes;
-    a->unpacker = cts_sandbox_make(cts_archive_unpack, "unpacker");
+    a->unpacker = cts_sandbox_make(CTS_PIXELS_PROGRAM, CTS_PIXELS_UNZIP, "unpacker");
     a->unpacker.memory_limit = UNPACKING_MEMORY;
     a->unpacker.cpu_limit_s = UNPACKING_CPU_S + (int)(n >> 22);
     CtsStatus st = cts_sandbox_room(&a->unpacker, (size_t)n, (size_t)limit, &stream, err);

@@ -12,9 +12,6 @@
 /* A zip file's members, unpacked in memory by a sandbox (base/sandbox.h): their names are data, no path is ever
  * made of them, and nothing is written anywhere. */
 
-/* Ten series of the largest size (20000 slices); a CtsMember takes 32 bytes. */
-enum { CTS_MAX_MEMBERS = 200000 };
-
 typedef struct CtsMember {
     const char *name; /* as in the archive: for messages */
     const uint8_t *bytes;
@@ -40,9 +37,7 @@ bool cts_archive_is_zip(const char *path);
 CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err);
 void cts_archive_free(CtsArchive **archive);
 
-/* The two halves of opening one, on a room of n_room bytes (4096 or more): unpacking in the sandbox, and parsing of its
- * untrusted output. */
-CtsStatus cts_archive_unpack(const void *order, const uint8_t *zip, size_t n, void *room, size_t n_room, CtsError *err);
+/* Parsing of the untrusted output of CTS_PIXELS_UNZIP (dicom/protocol/pixel_sandbox.h). */
 CtsStatus cts_archive_list(const uint8_t *room, size_t n_room, CtsArchive **archive, CtsError *err);
 
 /* Archives that stay in memory, and their members by path. */

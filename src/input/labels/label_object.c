@@ -2,6 +2,7 @@
 
 #include "base/text.h"
 #include "dicom/parser/tag_scan.h"
+#include "dicom/protocol/pixel_sandbox.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,7 +29,8 @@ static CtsStatus inflate_all(CtsLabelDicom *o, CtsError *err)
         return cts_fail(err, CTS_ERR_READ, "its deflated data set is too large (store it uncompressed)");
     if (!(o->inflated = malloc(n + 1)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = cts_inflate(o->scratch.file + start, o->head.n - start, 0, o->inflated, n, &got, err);
+    const CtsStatus st = cts_codec_inflate(&o->scratch.inflater, o->scratch.file + start, o->head.n - start,
+                                           o->inflated, n, &got, err);
     o->source = cts_file_bytes_in_memory(o->inflated, got);
     return st;
 }

@@ -379,7 +379,7 @@ static CtsStatus read_seg(Seg *s, CtsError *err)
 
 CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
 {
-    Seg s = {.reading = reading, .object = object, .decoder = cts_sandbox_make(cts_codec_work, "decoder")};
+    Seg s = {.reading = reading, .object = object, .decoder = cts_codec_make()};
     char frame_uid[65];
     cts_elements_text(object->elements, FRAME_UID, frame_uid, sizeof frame_uid);
     CtsStatus st = cts_label_check_space(reading, object, frame_uid, err);

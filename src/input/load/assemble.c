@@ -2,7 +2,6 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
-#include "base/helper_process.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/stage_timer.h"
@@ -432,20 +431,17 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
     CtsStatus st = cts_alloc_array(&in->slices, n, err);
     if (!st)
         st = cts_alloc_zeroed(&in->faults, n, err);
-    bool compressed = false;
     if (!st)
         st = cts_alloc_array(&in->number, n, err);
     for (size_t k = 0; !st && k < n; k++) {
         in->slices[k] = *series->slices[k];
         in->number[k] = (int)k;
-        compressed |= cts_slice_is_compressed(series->slices[k]);
     }
     in->n_slices = series->n_slices;
     in->n_threads = n_threads;
     if (!st && series->slices[0]->kind == CTS_OBJECT_NIFTI)
         st = read_nifti(series, in, report, err);
-    /* Before there are threads and a volume. */
-    return !st && compressed ? cts_helper_start(err) : st;
+    return st;
 }
 
 static void end_loading(Loading *in)

@@ -1,7 +1,6 @@
-#include "dicom/codec/codec.h"
+#include "dicom/pixels/pixel_tasks.h"
 
 #include "base/file_bytes.h"
-#include "dicom/codec/dcm_decoder.h"
 #include <string.h>
 
 /* A single frame, or a part of a deflated data set. */
@@ -15,33 +14,18 @@ static CtsStatus inflate_frame(const CtsFrameFormat *f, const uint8_t *stream, s
     return st;
 }
 
-static CtsStatus start_dcmtk(CtsError *err)
-{
-    const CtsDcmDecoder *dcm = NULL;
-    const CtsStatus st = cts_dcm_decoder(&dcm, err);
-    return st ? st : dcm->start(err);
-}
-
-static CtsStatus decode_by_dcmtk(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
-{
-    const CtsDcmDecoder *dcm = NULL;
-    const CtsStatus st = cts_dcm_decoder(&dcm, err);
-    return st ? st : dcm->decode(f, stream, n, pixels, err);
-}
-
 /* By CtsCodec. A stream that fails the check never reaches the decoder. */
 static const struct {
     CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
     cts_decode_fn decode;
-    CtsStatus (*prepare)(CtsError *err); /* CtsSandbox */
 } codecs[CTS_N_CODECS] = {
-    [CTS_CODEC_NATIVE] = {NULL, inflate_frame, NULL}, /* compressed only as part of a deflated data set */
-    [CTS_CODEC_RLE] = {cts_codec_check_rle, decode_by_dcmtk, start_dcmtk},
-    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
-    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
-    [CTS_CODEC_DEFLATE] = {NULL, inflate_frame, NULL},
+    [CTS_CODEC_NATIVE] = {NULL, inflate_frame}, /* compressed only as part of a deflated data set */
+    [CTS_CODEC_RLE] = {cts_codec_check_rle, cts_dcm_decode},
+    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode},
+    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode},
+    [CTS_CODEC_DEFLATE] = {NULL, inflate_frame},
     /* OpenJPEG checks the stream's dimensions before it decodes */
-    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode, NULL},
+    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode},
 };
 
 /* If the stream has more significant bits than the header states, and its precision is not a whole number of bytes,
@@ -72,34 +56,13 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_
     return st ? st : check_words(f, frame.precision, pixels, err);
 }
 
-CtsStatus cts_codec_work(const void *format, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
-                         CtsError *err)
+CtsStatus cts_pixels_decode(const void *order, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
+                            CtsError *err)
 {
-    (void)n_pixels;
-    return cts_codec_decode(format, stream, n, pixels, err);
-}
-
-/* DCMTK needs an even number of bytes. */
-static size_t room_for(const CtsFrameFormat *format)
-{
-    return cts_frame_bytes(format) + 1;
-}
-
-bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n)
-{
-    if (codecs[format->syntax->codec].prepare)
-        sandbox->prepare = codecs[format->syntax->codec].prepare;
-    return cts_sandbox_fits(sandbox, n, room_for(format));
-}
-
-CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err)
-{
-    if (codecs[format->syntax->codec].prepare)
-        sandbox->prepare = codecs[format->syntax->codec].prepare;
-    return cts_sandbox_room(sandbox, n, room_for(format), stream, err);
-}
-
-void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n)
-{
-    cts_sandbox_send(sandbox, format, sizeof *format, stream, n, room_for(format));
+    CtsFrameOrder o;
+    memcpy(&o, order, sizeof o);
+    o.format.syntax = cts_syntax_by_number(o.syntax_number);
+    if (n_pixels < cts_frame_bytes(&o.format))
+        return cts_fail(err, CTS_ERR_INTERNAL, "its frame has no room");
+    return cts_codec_decode(&o.format, stream, n, pixels, err);
 }

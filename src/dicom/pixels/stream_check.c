@@ -1,4 +1,4 @@
-#include "dicom/codec/codec.h"
+#include "dicom/pixels/pixel_tasks.h"
 
 #include "base/bytes.h"
 #include <stdbool.h>

@@ -1,30 +1,18 @@
-/* Decoders for one compressed frame. Untrusted bytes reach a codec only here, and only in a sandboxed process
- * (base/sandbox.h), since codecs crash, hang and overrun on damaged streams. */
+/* The program ctsplat-pixels, sandboxed (base/sandbox_worker.h): codecs, inflate and zip for bytes from outside. */
 #pragma once
 
-#include "base/sandbox.h"
+#include "base/sandbox_worker.h"
 #include "ctsplat/status.h"
-#include "dicom/parser/syntax.h"
-#include <stddef.h>
-#include <stdint.h>
+#include "dicom/protocol/pixel_sandbox.h"
 
 CTS_C_BEGIN
 
-/* Format of one frame by its header: grey pixels, or red, green, blue. */
-typedef struct CtsFrameFormat {
-    const CtsSyntax *syntax;
-    int n_colours; /* samples a pixel, side by side; 0: grey */
-    int columns, rows, bits_allocated, bits_stored, high_bit;
-    bool is_signed;
-    int padding_word;  /* as in CtsSlice */
-    uint64_t n_before; /* deflated: bytes of the data set before the pixels */
-} CtsFrameFormat;
-
-static inline size_t cts_frame_bytes(const CtsFrameFormat *format)
-{
-    const size_t n_samples = format->n_colours > 0 ? (size_t)format->n_colours : 1;
-    return (size_t)format->columns * (size_t)format->rows * n_samples * (size_t)(format->bits_allocated / 8);
-}
+/* Its tasks (CtsPixelsTask), by cts_sandbox_work_fn. */
+CtsStatus cts_pixels_decode(const void *order, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
+                            CtsError *err);
+CtsStatus cts_pixels_unzip(const void *order, const uint8_t *zip, size_t n, void *room, size_t n_room, CtsError *err);
+CtsStatus cts_pixels_encode(const void *order, const uint8_t *samples, size_t n, void *answer, size_t n_answer,
+                            CtsError *err);
 
 /* stream: the frame's fragments, joined; for a deflated data set all of it. Writes rows * columns words of
  * bits_allocated bits in native byte order. CTS_ERR_PIXELS when the stream contradicts the header, or the codec fails
@@ -39,14 +27,6 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, 
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);
-
-/* The same as a sandbox's work, whose orders are frame formats; and a sandbox's own functions for a frame, which see to
- * it that the codec's library is there. */
-CtsStatus cts_codec_work(const void *format, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
-                         CtsError *err);
-bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n);
-CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err);
-void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n);
 
 CTS_C_END
 

@@ -1,5 +1,5 @@
 /* JPEG 2000 and HTJ2K streams, decoded with OpenJPEG. */
-#include "dicom/codec/codec.h"
+#include "dicom/pixels/pixel_tasks.h"
 
 #include <openjpeg.h>
 #include <stdio.h>

@@ -1,8 +1,8 @@
 /* Decodes one RLE, JPEG or JPEG-LS frame with DCMTK's codecs. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/codec/codec.h"
 #include "dicom/header/dcm_call.hpp"
+#include "dicom/pixels/pixel_tasks.h"
 
 #include <cstring>
 #include <dcmtk/dcmdata/dcpxitem.h>

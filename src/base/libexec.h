@@ -1,0 +1,19 @@
+/* Programs of libexec, which the program and the library start and users do not call. */
+#pragma once
+
+#include "ctsplat/status.h"
+#include <limits.h>
+#include <stdbool.h>
+#include <sys/types.h>
+
+/* The folder of the program, or of the shared library, that contains this code, with a slash behind it. */
+bool cts_program_folder(char folder[PATH_MAX]);
+
+/* Path of the program: in the folder that the environment variable CTSPLAT_LIBEXEC names, else in the build folder or
+ * the installed folders, relative to the object that contains this code. CTS_ERR_INTERNAL when it is missing. */
+CtsStatus cts_libexec_find(const char *program, char path[PATH_MAX], CtsError *err);
+
+/* Starts the program with one argument. It inherits the n descriptors and no other one of this library's, and all
+ * signals are blocked until it unblocks them. A child process of this one: the caller reaps it. */
+CtsStatus cts_libexec_start(const char *program, const char *argument, const int *descriptors, int n, pid_t *pid,
+                            CtsError *err);
