@@ -730,9 +730,24 @@ def test_settled(b):
         first.communicate()
         run(0)
         check(run(0) == "" and b.outputs("o") == expected, "other files after kill", i)
-    # Files that vanish, as when the receiver removes a study: its pictures stay.
+    # Files that vanish, as when the receiver removes a study: its pictures stay until they are forgotten.
     shutil.rmtree("in/series0")
     check("1 of 1 series done" in run(0) and b.outputs("o") == expected, "vanished")
+    run(0, "--forget", "2")
+    check(b.outputs("o") == expected, "forgotten on the day")
+    with open("o/batch.jsonl") as f:
+        text = re.sub('"ended":"[^"]*"', '"ended":"2026-01-01T00:00:00Z"', f.read())
+    with open("o/batch.jsonl", "w") as f:
+        f.write(text)
+    shutil.move("in/series1", "series1")
+    run(0, "--forget", "2")
+    check(b.outputs("o") == expected, "forgotten since the folder is empty")
+    shutil.move("series1", "in/series1")
+    time.sleep(2.1)
+    run(0, "--forget", "2")
+    left = {path: digest for path, digest in expected.items() if path.startswith(b.name(1).decode())}
+    check(b.outputs("o") == left and list(b.lines("o")) == [b.name(1).decode()], "not forgotten, or more:", os.listdir("o"))
+    check(not os.path.exists("o/" + b.name(0).decode()), "an empty folder is left")
 
 
 def test_odd_names(b):

@@ -12,6 +12,17 @@ same()
     diff "$work/a.sorted" "$work/b.sorted" >&2 || { echo "FAIL: $1" && exit 1; }
 }
 
+settings()
+{
+    grep -ohE 'CTSPLAT_BATCH_[A-Z]+' "$@"
+}
+settings "$root/src/app/deploy/ctsplat-batch.service" >"$work/a"
+[ "$(sort -u "$work/a" | wc -l)" -ge 4 ]
+settings "$root/src/app/deploy/batch.conf" >"$work/b"
+same "settings of ctsplat-batch.service (<) and of batch.conf (>) differ"
+settings "$root/man/ctsplat-batch.1" >"$work/b"
+same "settings of ctsplat-batch.service (<) and of its manual (>) differ"
+
 # options FILE: those that have an entry in the section OPTIONS of a manual
 options()
 {

@@ -4,7 +4,7 @@ set -eu
 command -v systemd-analyze >/dev/null || { echo "skip: no systemd-analyze"; exit 77; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-for name in serve; do
+for name in batch serve; do
     unit=$work/ctsplat-$name.service
     sed "s#@BINDIR@#/usr/bin#" "$1/src/app/deploy/ctsplat-$name.service" >"$unit"
     systemd-analyze security --offline=true --no-pager "$unit" >"$work/said" 2>&1 || true

@@ -1,9 +1,9 @@
 #!/bin/sh
-# Runs one python test in an empty folder: net_runner.sh SCRIPT CTSPLAT LOOPBACK_SO DATA
+# Runs one python test in an empty folder: net_runner.sh SCRIPT CTSPLAT LOOPBACK_SO DATA [PROGRAM]
 set -eu
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-script=$(realpath "$1") ctsplat=$(realpath "$2") loopback=$(realpath "$3") data=$(realpath "$4")
+script=$(realpath "$1") ctsplat=$(realpath "$2") loopback=$(realpath "$3") data=$(realpath "$4") program=${5:+$(realpath "$5")}
 cd "$work"
 export OMP_WAIT_POLICY=PASSIVE HOME="$work"
 unset CTSPLAT_CREDENTIALS http_proxy https_proxy all_proxy HTTP_PROXY HTTPS_PROXY ALL_PROXY
@@ -11,5 +11,5 @@ unset CTSPLAT_CREDENTIALS http_proxy https_proxy all_proxy HTTP_PROXY HTTPS_PROX
 python=/usr/bin/python3
 [ -x $python ] || python=python3
 code=0
-"$python" -B "$script" "$ctsplat" "$loopback" "$data" || code=$?
+"$python" -B "$script" "$ctsplat" "$loopback" "$data" ${program:+"$program"} || code=$?
 exit $code

@@ -229,6 +229,29 @@ static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const CtsJou
     return st;
 }
 
+/* True if the series of a record, of which "UID#2" is a part, is a key. */
+static bool is_planned(const json_t *planned, const char *series_uid)
+{
+    char uid[80];
+    snprintf(uid, sizeof uid, "%.*s", (int)strcspn(series_uid, "#"), series_uid);
+    return json_object_get(planned, uid);
+}
+
+void cts_journal_forget(CtsJournal *journal, const json_t *planned, const char *before,
+                        void (*forget)(void *context, json_t *record), void *context)
+{
+    CtsJournalLines *const l = &journal->lines;
+    for (size_t i = 0; i < l->n; i++) {
+        if (l->items[i].file || strcmp(l->items[i].ended, before) >= 0 || is_planned(planned, l->items[i].series_uid))
+            continue;
+        json_t *record = cts_journal_lines_load(l, &l->items[i]);
+        if (record)
+            forget(context, record);
+        json_decref(record);
+        l->items[i].size = 0;
+    }
+}
+
 CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *line), void *context,
                              CtsError *err)
 {
@@ -239,7 +262,7 @@ CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, 
         st = cts_temp_open(&temp, journal->path, err);
     cts_journal_lines_sort(l);
     for (size_t i = 0; i < l->n && !st; i++)
-        if (l->items[i].file == 0)
+        if (l->items[i].file == 0 && l->items[i].size)
             st = write_line(temp, journal, &l->items[i], change, context, err);
     if (!st)
         st = cts_temp_commit(&temp, true, NULL, err);

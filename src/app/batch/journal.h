@@ -25,6 +25,10 @@ bool cts_journal_holds(const CtsJournal *journal, const char *series_uid);
 CtsStatus cts_journal_add(CtsJournal *journal, const json_t *record, CtsError *err);
 /* Makes all records so far survive a power cut. CTS_ERR_INTERNAL when the lock file was removed. */
 CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err);
+/* Forgets the records of this shard whose series is not among the keys of `planned` and ended before this time, and
+ * calls forget for each. */
+void cts_journal_forget(CtsJournal *journal, const json_t *planned, const char *before,
+                        void (*forget)(void *context, json_t *record), void *context);
 /* Replaces the file by one with one record per series, in order of UID. change may modify each record. */
 CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *record), void *context,
                              CtsError *err);

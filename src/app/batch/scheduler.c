@@ -48,6 +48,7 @@ typedef struct Run {
     double sheet_ms, sheet_took_ms;
     bool sheet_stale;
     CtsLater later;
+    json_t *planned;  /* keys: UIDs of the series below the paths, for `forget` */
     CtsStatus status; /* why no more series are started */
     CtsError *err;
 } Run;
@@ -388,6 +389,8 @@ static bool start_next(Run *r)
             give_up_batch(r, st, &err);
             return false;
         }
+        if (r->planned)
+            json_object_set_new(r->planned, w->series.uid, json_true());
         if (is_held(r, &w->series) || is_up_to_date(r, &w->series) || waits(r, &w->series)) {
             cts_plan_series_free(&w->series);
             r->next++;
@@ -612,10 +615,14 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     if ((st = search_series(&r, err)))
         goto end;
     r.free_bytes = 0.9 * (double)cts_memory_available(); /* a tenth stays for other programs */
+    r.planned = o->forget_days ? json_object() : NULL;
     r.sheet_stale = true;
     r.start_ms = cts_wall_ms(); /* of the search nothing is learned for the pictures */
     st = run_all_series(&r);
     CtsError finish_err;
+    /* Not where none is found at all, as where a disk is not mounted. */
+    if (!st && r.planned && r.found.n_series && r.next == r.found.n_series)
+        cts_later_forget(settings, r.journal, r.planned);
     CtsStatus finished = cts_journal_finish(r.journal, redact, (void *)settings, &finish_err);
     if (!finished)
         finished = write_sheet(&r, true, &finish_err);
@@ -626,6 +633,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     if (!st)
         cts_idle_end(&idle, settings, &r.later, result);
 end:
+    json_decref(r.planned);
     cts_plan_free(&r.plan);
     cts_journal_close(&r.journal);
     free(r.workers);

@@ -1,5 +1,6 @@
 """Pictures of volumes in Orthanc, made by `ctsplat serve`: PS3.18 rendered3D below /dicom-web, thumbnails of series, and
-previews that are made when a series is stable. Nothing is rendered inside Orthanc.
+previews that are made when a series is stable; and folders of stable series for `ctsplat batch`. Nothing is rendered inside
+Orthanc.
 
 Orthanc's configuration, with the Python plugin:
 
@@ -8,11 +9,12 @@ Orthanc's configuration, with the Python plugin:
       "Server": "unix:/run/ctsplat/serve.sock",
       "TokenFile": "",
       "Folder": "/var/lib/ctsplat-orthanc",
-      "Previews": true
+      "Previews": true,
+      "Batch": false
     }
 
 Server: the socket or the address of `ctsplat serve 'FOLDER/{series_uid}'`; TokenFile: where it is an address. Both programs
-must see Folder. A slice is a link there to the file that Orthanc stores, where that is as it came and can be read; else a
+must see Folder. Batch: each stable series of CT is put there, and Folder/.stable touched. A slice is a link there to the file that Orthanc stores, where that is as it came and can be read; else a
 copy."""
 import http.client
 import json
@@ -23,12 +25,13 @@ import socket
 import stat
 import tempfile
 import threading
+import time
 import urllib.parse
 
 import orthanc
 
 SETTINGS = {'Server': 'unix:/run/ctsplat/serve.sock', 'TokenFile': '', 'Folder': '/var/lib/ctsplat-orthanc',
-            'Previews': True}
+            'Previews': True, 'Batch': False}
 CONFIGURATION = json.loads(orthanc.GetConfiguration())
 SETTINGS.update(CONFIGURATION.get('Ctsplat', {}))
 STORAGE = CONFIGURATION.get('StorageDirectory', 'OrthancStorage')
@@ -37,6 +40,7 @@ PREVIEW = 4484  # the attachment of a series that holds its preview; numbers fro
 THUMBNAIL = 'viewport=256,256&max-error=2&accept=image/jpeg'
 CT = ('CT',)
 lock = threading.Lock()
+SETTLED_S = 3  # after which `batch --settled 1` takes what came, a second for each one that is begun
 
 
 class Refused(Exception):
@@ -247,9 +251,22 @@ def keep_preview(resource):
         pass  # no volume, or deleted meanwhile; a client that requests its thumbnail gets the reason
 
 
+def hand_over(resource):
+    """Puts a series where `ctsplat batch` finds it, and wakes ctsplat-batch.path."""
+    try:
+        place(api('/series/' + resource)['MainDicomTags']['SeriesInstanceUID'])
+        time.sleep(SETTLED_S)
+        with open(os.path.join(SETTINGS['Folder'], '.stable'), 'a', encoding='ascii'):
+            os.utime(os.path.join(SETTINGS['Folder'], '.stable'))
+    except (Refused, orthanc.OrthancException, KeyError):
+        pass  # no CT, or deleted meanwhile
+
+
 def changed(change, level, resource):
-    if change == orthanc.ChangeType.STABLE_SERIES and SETTINGS['Previews']:
-        threading.Thread(target=keep_preview, args=[resource], daemon=True).start()
+    if change == orthanc.ChangeType.STABLE_SERIES:
+        for setting, do in ('Previews', keep_preview), ('Batch', hand_over):
+            if SETTINGS[setting]:
+                threading.Thread(target=do, args=[resource], daemon=True).start()
     elif change == orthanc.ChangeType.DELETED and level == orthanc.ResourceType.SERIES:
         threading.Thread(target=clear_away, daemon=True).start()
 

@@ -250,6 +250,9 @@ const CtsOption cts_options[] = {
      "leave a series to which a file came in the last SECONDS to the next run, and try failed ones again at growing "
      "intervals; 0: off",
      "0", INT(settled_s), RANGE(0, 86400)},
+    {0, "forget", "DAYS", ON(BATCH), REMAKES(NOTHING),
+     "remove pictures and record of a series that is no longer below PATH, DAYS after it ended; 0: never", "0",
+     INT(forget_days), RANGE(0, 36500)},
     {0, "fresh", NULL, ON(BATCH), REMAKES(NOTHING), "start over: render every output again", NULL, FLAG(fresh)},
     {0, "merge", "DIR", ON(BATCH), REMAKES(NOTHING), "make one contact sheet of all shards in DIR, and render nothing",
      NULL, TEXT(merge)},

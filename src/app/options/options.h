@@ -78,7 +78,7 @@ typedef struct CtsOptions {
 
     const char *presets, *views, *formats; /* batch: lists, as given; NULL when not */
     int jobs;                              /* 0: as many as threads */
-    int settled_s;                         /* 0: off */
+    int settled_s, forget_days;            /* 0: off */
     struct CtsShard {
         int i, n; /* i of n */
     } shard;
