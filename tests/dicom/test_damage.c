@@ -288,13 +288,15 @@ static void test_deflate_bomb(void **state)
     free(file.data);
 }
 
-/* A DICOMDIR of four records: a file, one in lower case on disk, one that climbs out, one that is not there. */
+/* A DICOMDIR of files whose names changed in case and ending, one that climbs out, and one that is not there. */
 static void test_directory(void **state)
 {
-    static const char *const ids[] = {"IM1", "IM2", "..\\IM3", "IM4"};
+    static const char *const ids[] = {"IM1", "IM2", "..\\IM3", "IM4", "SUB\\IM5", "IM6", "IM7.DCM", "1.2.8"};
+    static const char *const names[] = {"IM1", "im2", "sub/Im5.dcm", "IM6.DCM;1", "IM7.ima", "1.2.8.dcm", "not-named"};
+    enum { N_IDS = sizeof ids / sizeof *ids, N_NAMES = sizeof names / sizeof *names };
     Bytes file = {0}, items = {0};
     const Slice directory = {.sop_class = "1.2.840.10008.1.3.10", .syntax = "1.2.840.10008.1.2.1"};
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < N_IDS; i++) {
         Bytes record = {0};
         put_text(&record, 0x00041430, "CS", "IMAGE");
         put_text(&record, 0x00041500, "CS", ids[i]);
@@ -305,30 +307,33 @@ static void test_directory(void **state)
     }
     put_meta(&file, &directory);
     put_element(&file, 0x00041220, "SQ", items.data, (uint32_t)items.n);
-    char folder[64], path[400];
+    char folder[64], subfolder[80], path[400];
     make_folder(folder);
     write_bytes(folder, "DICOMDIR", file.data, file.n);
-    StackTexts t;
-    Slice s = stack_slice(&t, 0, 0, 0, 0);
-    write_slice(folder, "IM1", &s);
-    s = stack_slice(&t, 1, 0, 0, 1);
-    write_slice(folder, "im2", &s);
-    s = stack_slice(&t, 2, 0, 0, 2);
-    write_slice(folder, "not-named", &s);
+    write_bytes(folder, "IM6.BMP", "BM", 2);
+    snprintf(subfolder, sizeof subfolder, "%s/sub", folder);
+    assert_int_equal(mkdir(subfolder, 0777), 0);
+    for (int i = 0; i < N_NAMES; i++) {
+        StackTexts t;
+        const Slice s = stack_slice(&t, i, 0, 0, i);
+        write_slice(folder, names[i], &s);
+    }
     snprintf(path, sizeof path, "%s/DICOMDIR", folder);
     const char *paths[] = {path};
     CtsSeriesList *list = NULL;
     CtsError err;
     assert_int_equal(cts_series_find(paths, 1, 1, &list, NULL, &err), CTS_OK);
-    assert_true(list->n == 1 && list->items[0].n_slices == 2 && list->n_unreadable == 1 && list->n_not_ct == 1);
+    assert_true(list->n == 1 && list->items[0].n_slices == N_NAMES - 1 && list->n_unreadable == 1 &&
+                list->n_not_ct == 1);
     assert_non_null(cts_diagnostics_find(&list->diagnostics, CTS_DIAGNOSTIC_DIRECTORY_ESCAPES));
     assert_non_null(cts_diagnostics_find(&list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE));
     cts_series_list_free(&list);
     /* found in a folder it is passed over, and the folder's own files count */
     paths[0] = folder;
     assert_int_equal(cts_series_find(paths, 1, 1, &list, NULL, &err), CTS_OK);
-    assert_true(list->items[0].n_slices == 3 && list->n_not_ct == 1 && list->n_unreadable == 0);
+    assert_true(list->items[0].n_slices == N_NAMES && list->n_not_ct == 2 && list->n_unreadable == 0);
     cts_series_list_free(&list);
+    remove_folder(subfolder);
     remove_folder(folder);
     free(items.data);
     free(file.data);

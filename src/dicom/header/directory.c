@@ -1,6 +1,7 @@
 /* DICOMDIR records -> file names. */
 #include "dicom/header/dicom_header.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -26,25 +27,6 @@ static bool make_relative(char *id)
     return true;
 }
 
-/* folder of `directory` + '/' + file; where that is missing, the lower-case name that some CD drives present. */
-static char *file_beside(const char *directory, const char *file)
-{
-    const char *slash = strrchr(directory, '/');
-    const size_t n = slash ? (size_t)(slash - directory) + 1 : 0;
-    char *path = malloc(n + strlen(file) + 1);
-    if (!path)
-        return NULL;
-    memcpy(path, directory, n);
-    memcpy(path + n, file, strlen(file) + 1);
-    CtsFileBytes probe;
-    if (cts_file_bytes_open(&probe, path, NULL))
-        for (char *c = path + n; *c; c++)
-            if (*c >= 'A' && *c <= 'Z')
-                *c = (char)(*c - 'A' + 'a');
-    cts_file_bytes_close(&probe);
-    return path;
-}
-
 CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
                                    CtsError *err)
 {
@@ -52,6 +34,8 @@ CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, vo
     CtsScratch scratch = {0};
     CtsElement records;
     CtsElements record;
+    const char *const slash = strrchr(path, '/');
+    const int n_folder = slash ? (int)(slash - path) + 1 : 0;
     *n_refused = 0;
     CtsStatus st = cts_dicom_header_open(&head, &(CtsFile){.path = path}, &scratch, err);
     if (!st && (head.kind != CTS_FILE_DICOM || !cts_elements_get(cts_dicom_header_elements(&head), RECORDS, &records)))
@@ -66,8 +50,12 @@ CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, vo
             ++*n_refused;
             continue;
         }
-        char *const file = file_beside(path, id);
-        st = file ? found(context, file, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        char *file;
+        if (asprintf(&file, "%.*s%s", n_folder, path, id) < 0) {
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            break;
+        }
+        st = found(context, file, err);
         free(file);
     }
     cts_dicom_header_close(&head);

@@ -5,6 +5,7 @@
 #include "base/string_pool.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
+#include "dicom/header/slice.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -40,6 +41,16 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
  * not entered. A zip file that is named counts as a folder. CTS_ERR_READ when one of paths itself cannot be read. */
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
                          CtsError *err);
+
+/* The files that a DICOMDIR names, in its order, by their names or, where these changed on the way to this disk, by
+ * names that differ in case and ending alone. */
+typedef struct CtsDirectoryCounts {
+    size_t n_refused; /* names that lead out of its folder */
+    size_t n_missing;
+} CtsDirectoryCounts;
+CtsStatus cts_directory_files(const char *path, cts_named_file_fn found, void *context, CtsDirectoryCounts *counts,
+                              CtsError *err);
+#define CTS_DIRECTORY_MISSING_TEXT "%s: %zu of its files are not there (name their folder instead of the DICOMDIR)"
 
 /* Add one file. */
 CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err);

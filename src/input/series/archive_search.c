@@ -6,6 +6,8 @@
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
 #include "input/series/single_slices.h"
+#include <limits.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -83,11 +85,17 @@ static CtsStatus add_named_file(void *context, const char *path, CtsError *err)
 /* The files that a DICOMDIR names, into the next group. */
 static CtsStatus follow_dicomdir(ArchiveSearch *s, const char *path, CtsError *err)
 {
-    size_t n_refused;
+    CtsDirectoryCounts counts;
+    char why[PATH_MAX + 100];
     s->in_directory = true;
-    const CtsStatus st = cts_slice_read_directory(path, add_named_file, s, &n_refused, err);
+    const CtsStatus st = cts_directory_files(path, add_named_file, s, &counts, err);
     s->in_directory = false;
-    return st;
+    if (st || !counts.n_missing)
+        return st;
+    snprintf(why, sizeof why, CTS_DIRECTORY_MISSING_TEXT, path, counts.n_missing);
+    s->counts->n_unreadable += counts.n_missing;
+    return s->asked->found(s->asked->context,
+                           &(CtsArchiveFile){.path = "", .why = why, .series_uid = "", .sop_uid = ""}, err);
 }
 
 static CtsStatus hand_on(ArchiveSearch *s, const FoundFile *f, char **directory, CtsError *err)

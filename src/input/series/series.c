@@ -133,11 +133,15 @@ static CtsStatus add_named(void *context, const char *path, CtsError *err)
 /* Add the files that one DICOMDIR names. */
 static CtsStatus follow_directory(HeaderSearch *s, const char *path, CtsError *err)
 {
-    size_t n_refused = 0;
-    const CtsStatus st = cts_slice_read_directory(path, add_named, &s->files, &n_refused, err);
-    if (n_refused)
+    CtsDirectoryCounts counts;
+    const CtsStatus st = cts_directory_files(path, add_named, &s->files, &counts, err);
+    if (counts.n_missing)
+        cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, CTS_DIRECTORY_MISSING_TEXT, path,
+                            counts.n_missing);
+    s->files.n_unreadable += (int)counts.n_missing;
+    if (counts.n_refused)
         cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_DIRECTORY_ESCAPES,
-                            "%s: %zu of its files do not lie in its folder; left out", path, n_refused);
+                            "%s: %zu of its files do not lie in its folder; left out", path, counts.n_refused);
     return st;
 }
 
