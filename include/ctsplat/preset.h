@@ -1,8 +1,10 @@
-/* Presets: window, transfer function (HU -> colour and opacity), lighting, blend mode, background. */
+/* Presets: window, transfer function (values -> colour and opacity), lighting, blend mode, background. */
 #ifndef CTSPLAT_PRESET_H
 #define CTSPLAT_PRESET_H
 
+#include "ctsplat/quantity.h"
 #include "ctsplat/status.h"
+#include "ctsplat/volume.h"
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -13,6 +15,20 @@ enum { CTS_MAX_POINTS = 256 };
 typedef enum CtsMode { CTS_MODE_COMPOSITE, CTS_MODE_MIP, CTS_MODE_MINIP, CTS_MODE_AVERAGE, CTS_N_MODES } CtsMode;
 extern const char *const cts_mode_names[CTS_N_MODES];
 
+/* Meaning of a preset's numbers: values of a quantity, or shares of a volume's own range, whose 0 is the level of air
+ * and whose 1 the 99.5th percentile of what is not air (CtsVolume). */
+typedef enum CtsScale {
+    CTS_SCALE_HU,
+    CTS_SCALE_SUVBW,
+    CTS_SCALE_BQML,
+    CTS_SCALE_STORED,
+    CTS_SCALE_RELATIVE,
+    CTS_N_SCALES
+} CtsScale;
+extern const char *const cts_scale_names[CTS_N_SCALES]; /* as in preset files */
+
+enum { CTS_ANY_MODALITY = -1 };
+
 typedef struct CtsOpacityPoint {
     double hu, opacity; /* opacity per unit_distance_mm, 0..1 */
 } CtsOpacityPoint;
@@ -21,11 +37,15 @@ typedef struct CtsColourPoint {
     double hu, rgb[3]; /* display values 0..1 */
 } CtsColourPoint;
 
-/* Plain data, no pointers: presets can be copied by assignment. Points never fall in HU; two at one HU are a step, of
- * which the later one holds from that HU on. */
+/* Plain data, no pointers: presets can be copied by assignment. Names with "hu" stand for values of the preset's scale.
+ * Points never fall in HU; two at one HU are a step, of which the later one holds from that HU on. */
 typedef struct CtsPreset {
     char name[64];
-    double window_low_hu, window_high_hu; /* black and white of mip, minip and average */
+    CtsScale scale;
+    int modality; /* CtsModality that the preset is meant for, or CTS_ANY_MODALITY */
+    /* Black and white of mip, minip and average: black may be the higher one. Equal: none. */
+    double window_low_hu, window_high_hu;
+    bool window_absolute; /* the window is in the volume's values although the scale is relative */
     CtsMode mode;
     double unit_distance_mm;
     bool shade;
@@ -58,6 +78,18 @@ CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, cons
 /* Names of the presets in the user's folder, sorted: an array that ends with NULL, to be freed with one free(). NULL
  * when memory runs out. */
 char **cts_preset_user_names(void);
+
+/* True if the preset's scale fits volumes of this quantity: the same, or relative where it is not HU. */
+bool cts_preset_fits(const CtsPreset *preset, CtsQuantity quantity);
+/* True if it fits, and is meant for this modality. A CT that is not HU counts as MR: values without a unit. */
+bool cts_preset_suits(const CtsPreset *preset, CtsModality modality, CtsQuantity quantity);
+/* The name of the built-in preset of a series for which none is chosen; composite: one for mode composite. */
+const char *cts_preset_default(CtsModality modality, CtsQuantity quantity, bool composite);
+/* CTS_OK where the preset fits; else CTS_ERR_PRESET, and the message names built-in presets that suit. */
+CtsStatus cts_preset_check(const CtsPreset *preset, CtsModality modality, CtsQuantity quantity, CtsError *err);
+/* Makes a relative preset one of the volume's quantity, by its levels of air and of bright voxels; another one is only
+ * checked. CTS_ERR_PIXELS for a volume without such levels: all of its voxels are equal. */
+CtsStatus cts_preset_resolve(CtsPreset *preset, const CtsVolume *volume, CtsError *err);
 
 /* The built-in presets by index; NULL past the last. */
 const CtsPreset *cts_preset_builtin(size_t index);

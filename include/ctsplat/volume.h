@@ -119,8 +119,8 @@ enum { CTS_MAX_SMOOTH_MM = 20 };
 CtsStatus cts_volume_smooth(CtsVolume *volume, double sd_mm, int n_threads, CtsError *err);
 
 /* A copy with the window's HU mapped to 2^bits grey levels, as the paper's pictures of 8 bits have it: below the window
- * 0, above it the largest. CTS_ERR_USAGE for an empty window. Free with cts_volume_free(). */
-CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
+ * 0, above it the largest, whichever end is black. CTS_ERR_USAGE for an empty window. Free with cts_volume_free(). */
+CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double black_hu, double white_hu, int n_threads,
                               CtsVolume **quantised, CtsError *err);
 
 /* Voxels by grey level, stored or air, 65536 exact counts, for any number of threads (0: all cores). Free with

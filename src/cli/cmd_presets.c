@@ -22,6 +22,8 @@ static CtsStatus add_preset(CtsTable *table, json_t *list, const CtsPreset *p, b
         return append_preset(list, p, err);
     cts_table_cell(table, "%s", p->name);
     cts_table_cell(table, "%s", cts_mode_names[p->mode]);
+    cts_table_cell(table, "%s", p->modality == CTS_ANY_MODALITY ? "" : cts_modality_names[p->modality]);
+    cts_table_cell(table, "%s", cts_scale_names[p->scale]);
     cts_table_cell(table, "%g", p->window_low_hu);
     cts_table_cell(table, "%g", p->window_high_hu);
     cts_table_cell(table, "%s", p->shade ? "lit" : "unlit");
@@ -61,19 +63,23 @@ static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
 
 static void print_one(const CtsPreset *p)
 {
-    printf("%s: %s, window %g to %g HU, opacity per %g mm", p->name, cts_mode_names[p->mode], p->window_low_hu,
+    printf("%s: %s, window %g to %g, opacity per %g mm", p->name, cts_mode_names[p->mode], p->window_low_hu,
            p->window_high_hu, p->unit_distance_mm);
     if (p->shade)
         printf(", lit (ambient %g, diffuse %g, specular %g, power %g, occlusion %g)", p->ambient, p->diffuse,
                p->specular, p->power, p->occlusion);
     else
         printf(", unlit");
-    printf(", table %s\n\n", p->remove_table ? "removed" : "kept");
-    char line[400];
+    printf(", table %s, scale %s", p->remove_table ? "removed" : "kept", cts_scale_names[p->scale]);
+    if (p->modality != CTS_ANY_MODALITY)
+        printf(", for %s", cts_modality_names[p->modality]);
+    printf("\n\n");
+    char line[400], value[16];
+    snprintf(value, sizeof value, ">%s", cts_scale_names[p->scale]);
     const char *const advice = cts_preset_advice(p->name);
     if (advice)
         printf("%s\n\n", cli_with_options(advice, line, sizeof line));
-    CtsTable *opacity = cts_table_new((const char *const[]){">HU", ">opacity"}, 2);
+    CtsTable *opacity = cts_table_new((const char *const[]){value, ">opacity"}, 2);
     for (int i = 0; i < p->n_opacity; i++) {
         cts_table_cell(opacity, "%.10g", p->opacity[i].hu);
         cts_table_cell(opacity, "%.6g", p->opacity[i].opacity);
@@ -81,7 +87,7 @@ static void print_one(const CtsPreset *p)
     cts_table_print(opacity, stdout);
     cts_table_free(&opacity);
     putchar('\n');
-    CtsTable *colour = cts_table_new((const char *const[]){">HU", ">red", ">green", ">blue"}, 4);
+    CtsTable *colour = cts_table_new((const char *const[]){value, ">red", ">green", ">blue"}, 4);
     for (int i = 0; i < p->n_colour; i++) {
         cts_table_cell(colour, "%.10g", p->colour[i].hu);
         for (int c = 0; c < 3; c++)
@@ -113,8 +119,8 @@ CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err)
             print_one(preset);
     } else {
         if (!list)
-            table =
-                cts_table_new((const char *const[]){"preset", "mode", ">from HU", ">to HU", "light", "table", ""}, 7);
+            table = cts_table_new(
+                (const char *const[]){"preset", "mode", "for", "scale", ">black", ">white", "light", "table", ""}, 9);
         st = list_all(table, list, err);
         cts_table_print(table, stdout);
     }

@@ -21,7 +21,7 @@ diff help-commands man-commands || fail "the commands differ"
 ok presets
 awk '$NF == "in" && $(NF - 1) == "built" || /built in$/ { print $1 }' out | sed '/^ct-/d' | sort >presets
 awk '/^\.SH/ { on = /BUILT-IN/ } on && /^\.BR .*,/ { print }' "$root/man/ctsplat-preset.5" | tr -d '\\' |
-    grep -oE '[a-z][a-z-]+' | grep -vxE 'ct-.*|and|mip|minip|average' | sort >listed
+    grep -oE '[a-z][a-z0-9-]+' | grep -vxE 'ct-.*|and|mip|minip|average' | sort >listed
 diff presets listed >difference || fail "presets (<) and ctsplat-preset(5) (>) differ: $(cat difference)"
 
 ok --version

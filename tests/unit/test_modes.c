@@ -59,8 +59,9 @@ static void modes_by_packets(void **state)
         CtsModel model = {.volume = i % 4 == 0 ? random_volume(37, 19, 26, 5 + i) : phantom_head(70, 36, 30, 30 * i)};
         if (i % 4)
             give_body(&model, i % 4 - 1, (unsigned)i);
-        preset.window_low_hu = i < 4 ? -1024 : 100;
-        preset.window_high_hu = i < 4 ? 64511 : 900;
+        /* Odd ones invert the window. */
+        (i % 2 ? &preset.window_high_hu : &preset.window_low_hu)[0] = i < 4 ? -1024 : 100;
+        (i % 2 ? &preset.window_low_hu : &preset.window_high_hu)[0] = i < 4 ? 64511 : 900;
         enum { STEP = CTS_SANITIZED ? 8 : 4 }; /* each view with some of the volumes */
         for (int view = i % STEP; view < N_VIEWS; view += STEP)
             for (int mode = CTS_MODE_MIP; mode < CTS_N_MODES; mode++) {
@@ -89,11 +90,49 @@ static void modes_by_packets(void **state)
     }
 }
 
+/* A relative preset gives each engine's picture of the same preset in the volume's values; grey bits too, and an
+ * inverted window is the picture's negative. */
+static void scales(void **state)
+{
+    static const CtsEngineId engines[] = {CTS_ENGINE_TILED, CTS_ENGINE_SHEETS, CTS_ENGINE_RAYCAST, CTS_ENGINE_VOID};
+    CtsVolume *v = phantom_head(28, 26, 20, 20);
+    v->quantity = CTS_QUANTITY_STORED;
+    v->modality = CTS_MODALITY_MR;
+    v->air_value = -1024;
+    v->bright_value = 976;
+    const CtsPreset relative = preset_named("mr"), window = preset_named("mr-mip");
+    CtsPreset stored = relative, inverted = window;
+    assert_int_equal(cts_preset_resolve(&stored, v, NULL), CTS_OK);
+    inverted.window_low_hu = window.window_high_hu;
+    inverted.window_high_hu = window.window_low_hu;
+    for (int i = 0; i < 4; i++) {
+        CtsRenderSettings s = settings_for(engines[i], 33, 30, 20);
+        s.grey_bits = i == 1 ? 8 : 16;
+        CtsPicture *a = render(v, &relative, &s, NULL), *b = render(v, &stored, &s, NULL);
+        assert_same_picture(a, b, "engine %s", cts_engine_names[engines[i]]);
+        cts_picture_free(&a);
+        cts_picture_free(&b);
+    }
+    for (int bits = 8; bits <= 16; bits += 8) {
+        CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 33, 30, 20);
+        s.grey_bits = bits;
+        CtsPicture *a = render(v, &window, &s, NULL), *b = render(v, &inverted, &s, NULL);
+        for (int at = 0; at < 4 * 33 * 33; at++)
+            if (a->pixels[at | 3] > 0 && at % 4 < 3 && !(fabsf(a->pixels[at] + b->pixels[at] - 1) < 1e-5f))
+                fail_msg("%d bits, value %d: %g and inverted %g", bits, at, (double)a->pixels[at],
+                         (double)b->pixels[at]);
+        cts_picture_free(&a);
+        cts_picture_free(&b);
+    }
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(modes_exact),
         cmocka_unit_test(modes_by_packets),
+        cmocka_unit_test(scales),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -94,13 +94,13 @@ static void slicer_numbers(void **state)
     }
 }
 
-/* Each of the 22 between its points, from the published points rounded to four digits: opacity at three HU, colour at
+/* Each of the 26 between its points, from the published points rounded to four digits: opacity at three HU, colour at
  * the second, class of lighting. */
 static void slicer_presets(void **state)
 {
     const struct {
         const char *name;
-        char light; /* A: glossy, B: matt, C: none */
+        char light; /* A: glossy, B: matt, C: none, D: of its own */
         double hu[3], opacity[3], rgb[3];
     } golden[] = {
         {"ct-bone", 'A', {312, 1856, 1956}, {0.3573, 0.7108, 0.7104}, {0.9529, 0.9078, 0.7764}},
@@ -113,6 +113,10 @@ static void slicer_presets(void **state)
         {"ct-air", 'A', {-1962, -700, -600}, {0.7108, 0.3579, 0.1789}, {0.2500, 0.6500, 1.0000}},
         {"ct-mip", 'A', {31, 1886, 1986}, {0.4999, 1.0000, 1.0000}, {1.0000, 1.0000, 1.0000}},
         {"ct-x-ray", 'C', {650, 2286, 2386}, {0.0250, 0.0500, 0.0500}, {1.0000, 1.0000, 1.0000}},
+        {"mr-angio", 'B', {154.8, 195.5, 2000}, {0.2177, 0.6564, 0.7368}, {0.9686, 0.9020, 0.8354}},
+        {"mr-default", 'B', {30, 80, 622}, {0.0750, 0.2250, 0.4375}, {0.5922, 0.3765, 0.2294}},
+        {"mr-mip-slicer", 'C', {200, 257.5, 2000}, {0.3193, 0.5, 1}, {1, 1, 1}},
+        {"mr-t2-brain", 'D', {127, 315, 526}, {0.0855, 0.5842, 1}, {0.2971, 0.6689, 0.6167}},
         {"ct-aaa", 'A', {155, 317, 1745}, {0.3465, 0.7647, 0.8186}, {1.0000, 0.9685, 0.9773}},
         {"ct-aaa2", 'A', {137.39, 283, 2325}, {0.0833, 0.7202, 0.8125}, {0.9961, 0.8785, 0.5258}},
         {"ct-cardiac", 'A', {9, 220, 1666}, {0.1435, 0.7018, 0.8616}, {0.8066, 0.4656, 0.4743}},
@@ -126,7 +130,7 @@ static void slicer_presets(void **state)
         {"ct-liver-vasculature", 'C', {153.5, 364, 2429}, {0.2411, 0.7447, 0.8437}, {0.7744, 0.7222, 0.5959}},
         {"ct-pulmonary-arteries", 'B', {-466, -113, 2020}, {0.0358, 0.5047, 0.8348}, {0.7277, 0.1840, 0.1138}},
     };
-    assert_int_equal(sizeof golden / sizeof *golden, 22);
+    assert_int_equal(sizeof golden / sizeof *golden, 26);
     for (size_t i = 0; i < sizeof golden / sizeof *golden; i++) {
         const CtsPreset *p = named(golden[i].name);
         double rgb[3];
@@ -135,11 +139,11 @@ static void slicer_presets(void **state)
         cts_preset_colour(p, golden[i].hu[1], rgb);
         for (int c = 0; c < 3; c++)
             near(rgb[c], golden[i].rgb[c], 2e-4);
+        static const double lights[4][4] = {{0.1, 0.9, 0.2, 10}, {0.2, 1, 0, 1}, {0.2, 1, 0, 1}, {0.3, 0.6, 0.5, 40}};
+        const double *const light = lights[golden[i].light - 'A'];
         assert_true(p->shade == (golden[i].light != 'C'));
-        near(p->ambient, golden[i].light == 'A' ? 0.1 : 0.2, 0);
-        near(p->diffuse, golden[i].light == 'A' ? 0.9 : 1, 0);
-        near(p->specular, golden[i].light == 'A' ? 0.2 : 0, 0);
-        near(p->power, golden[i].light == 'A' ? 10 : 1, 0);
+        assert_true(p->ambient == light[0] && p->diffuse == light[1] && p->specular == light[2] &&
+                    p->power == light[3]);
         assert_int_equal(p->mode, CTS_MODE_COMPOSITE);
     }
 }
@@ -173,7 +177,9 @@ static void builtin_are_valid(void **state)
             assert_string_not_equal(p->name, cts_preset_builtin(other)->name);
         assert_true(p->n_opacity >= 1 && p->n_colour >= 1);
         assert_true(p->n_opacity <= CTS_MAX_POINTS && p->n_colour <= CTS_MAX_POINTS);
-        assert_true(p->window_high_hu > p->window_low_hu && p->unit_distance_mm == 1);
+        assert_true(p->window_high_hu != p->window_low_hu && p->unit_distance_mm == 1);
+        assert_true(cts_preset_suits(p, (CtsModality)p->modality,
+                                     p->scale == CTS_SCALE_RELATIVE ? CTS_QUANTITY_BQML : (CtsQuantity)p->scale));
         for (int i = 0; i < p->n_opacity; i++) {
             assert_true(p->opacity[i].opacity >= 0 && p->opacity[i].opacity <= 1);
             assert_true(i == 0 || p->opacity[i].hu >= p->opacity[i - 1].hu);
@@ -210,12 +216,66 @@ static void own_looks(void **state)
     assert_int_equal(named("bone-window")->mode, CTS_MODE_MIP);
 }
 
+/* Which series a preset fits and suits, and the default of each. */
+static void scales(void **state)
+{
+    const struct {
+        CtsModality modality;
+        CtsQuantity quantity;
+        const char *usual, *composite, *fits, *not_fits, *listed;
+    } cases[] = {
+        {CTS_MODALITY_CT, CTS_QUANTITY_HU, "bone", "bone", "ct-bone", "mr-mip", " bone skin "},
+        {CTS_MODALITY_MR, CTS_QUANTITY_STORED, "mr-mip", "mr", "mr-t2-brain", "bone", ": mr mr-angio mr-default"},
+        {CTS_MODALITY_PT, CTS_QUANTITY_SUVBW, "pet-mip", "pet-mip", "pet-mip-relative", "mr-default",
+         ": pet-mip pet-mip-relative)"},
+        {CTS_MODALITY_PT, CTS_QUANTITY_BQML, "pet-mip-relative", "pet-mip-relative", "mr", "pet-mip",
+         ": pet-mip-relative)"},
+        {CTS_MODALITY_CT, CTS_QUANTITY_STORED, "mr-mip", "mr", "mr-mip", "bone", ": mr mr-angio"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const CtsModality m = cases[i].modality;
+        const CtsQuantity q = cases[i].quantity;
+        CtsError err = {0};
+        assert_string_equal(cts_preset_default(m, q, false), cases[i].usual);
+        assert_string_equal(cts_preset_default(m, q, true), cases[i].composite);
+        assert_true(cts_preset_suits(named(cases[i].usual), m, q));
+        assert_int_equal(cts_preset_check(named(cases[i].fits), m, q, NULL), CTS_OK);
+        assert_int_equal(cts_preset_check(named(cases[i].not_fits), m, q, &err), CTS_ERR_PRESET);
+        if (!strstr(err.text, cases[i].listed))
+            fail_msg("\"%s\" does not list \"%s\"", err.text, cases[i].listed);
+    }
+    assert_false(cts_preset_suits(named("mr"), CTS_MODALITY_PT, CTS_QUANTITY_BQML)); /* it only fits */
+}
+
+/* A relative preset's 0 and 1 are the volume's air and bright voxels; a window in the volume's values stays. */
+static void relative_values(void **state)
+{
+    CtsVolume v = {.modality = CTS_MODALITY_MR, .quantity = CTS_QUANTITY_STORED, .air_value = 20, .bright_value = 220};
+    CtsPreset p = *named("mr-mip");
+    assert_int_equal(cts_preset_resolve(&p, &v, NULL), CTS_OK);
+    assert_int_equal(p.scale, CTS_SCALE_STORED);
+    near(p.window_low_hu, 40, 1e-12);
+    near(p.window_high_hu, 340, 1e-12);
+    near(p.opacity[0].hu, 40, 1e-12);
+    near(p.colour[p.n_colour - 1].hu, 340, 1e-12);
+    CtsPreset absolute = *named("mr-mip");
+    absolute.window_absolute = true;
+    absolute.window_low_hu = 7;
+    assert_int_equal(cts_preset_resolve(&absolute, &v, NULL), CTS_OK);
+    near(absolute.window_low_hu, 7, 0);
+    v.bright_value = 20;
+    p = *named("mr-mip");
+    assert_int_equal(cts_preset_resolve(&p, &v, NULL), CTS_ERR_PIXELS);
+    v.quantity = CTS_QUANTITY_HU;
+    assert_int_equal(cts_preset_resolve(&p, &v, NULL), CTS_ERR_PRESET);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lines_and_steps), cmocka_unit_test(extinction),      cmocka_unit_test(slicer_numbers),
         cmocka_unit_test(slicer_presets),  cmocka_unit_test(slicer_lighting), cmocka_unit_test(builtin_are_valid),
-        cmocka_unit_test(own_looks),
+        cmocka_unit_test(own_looks),       cmocka_unit_test(scales),          cmocka_unit_test(relative_values),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

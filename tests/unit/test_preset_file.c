@@ -50,6 +50,28 @@ static void json_read(void **state)
     assert_true(p.background_none && !p.shade);
 }
 
+/* Numbers of another scale have the key "at"; an inverted window, and the text of it all read back. */
+static void json_scale(void **state)
+{
+#define AT "\"points\": [{\"at\": 2e6, \"opacity\": 1, \"rgb\": [1, 1, 1]}]"
+    CtsPreset p, again;
+    assert_int_equal(
+        parse("{\"name\": \"a\", " AT ", \"window\": [7, 0], \"scale\": \"Bq/ml\", \"modality\": \"PT\"}", &p, NULL),
+        CTS_OK);
+    assert_true(p.scale == CTS_SCALE_BQML && p.modality == CTS_MODALITY_PT && p.opacity[0].hu == 2e6);
+    assert_true(p.window_low_hu == 7 && p.window_high_hu == 0);
+    char *text = cts_preset_to_json(&p);
+    assert_int_equal(parse(text, &again, NULL), CTS_OK);
+    assert_memory_equal(&p, &again, sizeof p);
+    free(text);
+    assert_int_equal(parse(WITH(""), &p, NULL), CTS_OK);
+    assert_true(p.scale == CTS_SCALE_HU && p.modality == CTS_ANY_MODALITY);
+    refused("{\"name\": \"a\", " AT "}", 1, "unknown key \"at\" (known: hu");
+    refused(WITH(",\"scale\": \"relative\""), 1, "unknown key \"hu\" (known: at");
+    refused(WITH(",\"scale\": \"SUV\""), 2, "not one of: HU SUVbw Bq/ml stored relative");
+    refused(WITH(",\"modality\": \"US\""), 2, "not one of: CT MR PT");
+}
+
 /* Without a window it is the range of all points. */
 static void json_window(void **state)
 {
@@ -267,7 +289,7 @@ static void check_promises(const CtsPreset *p)
 {
     assert_true(p->n_opacity >= 1 && p->n_opacity <= CTS_MAX_POINTS && p->n_colour >= 1 &&
                 p->n_colour <= CTS_MAX_POINTS);
-    assert_true(p->window_high_hu > p->window_low_hu && p->unit_distance_mm > 0 && (unsigned)p->mode < CTS_N_MODES);
+    assert_true(p->window_high_hu != p->window_low_hu && p->unit_distance_mm > 0 && (unsigned)p->mode < CTS_N_MODES);
     assert_true(p->name[0] && memchr(p->name, 0, sizeof p->name) && memchr(p->note, 0, sizeof p->note));
     for (int i = 0; i < p->n_opacity; i++) {
         assert_true(p->opacity[i].opacity >= 0 && p->opacity[i].opacity <= 1 && isfinite(p->opacity[i].hu));
@@ -369,11 +391,12 @@ static void sizes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(json_read),           cmocka_unit_test(json_window),
-        cmocka_unit_test(json_refused),        cmocka_unit_test(json_lines),
-        cmocka_unit_test(json_round_trip),     cmocka_unit_test(slicer_text),
-        cmocka_unit_test(slicer_text_refused), cmocka_unit_test(slicer_json),
-        cmocka_unit_test(mutations),           cmocka_unit_test(sizes),
+        cmocka_unit_test(json_read),   cmocka_unit_test(json_window),
+        cmocka_unit_test(json_scale),  cmocka_unit_test(json_refused),
+        cmocka_unit_test(json_lines),  cmocka_unit_test(json_round_trip),
+        cmocka_unit_test(slicer_text), cmocka_unit_test(slicer_text_refused),
+        cmocka_unit_test(slicer_json), cmocka_unit_test(mutations),
+        cmocka_unit_test(sizes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

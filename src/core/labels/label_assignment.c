@@ -284,6 +284,9 @@ CtsStatus cts_model_take_labels(CtsModel *model, const CtsLabels *labels, const 
 {
     Deciding d = {.labels = labels, .choice = choice};
     CtsStatus st = choose_appearances(&d, err);
+    for (int i = 0; i < d.n_appearances && !st; i++)
+        if (d.appearances[i].preset && (st = cts_preset_resolve(d.appearances[i].preset, model->volume, err)))
+            cts_context(err, "`label`");
     cts_voxel_labels_free(&model->voxel_labels);
     if (!st && all_equal(&d)) {
         cts_report_skip(report, "labels in the picture", "nothing is hidden and all have the preset's appearance");

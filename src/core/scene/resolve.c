@@ -64,6 +64,8 @@ CtsStatus cts_scene_init(CtsSceneStore *store, const CtsModel *model, const CtsP
     s->n_threads = cts_threads(s->n_threads);
     s->kernel_radius = cts_kernel_radius(s->kernel, s->kernel_radius);
     *p = cts_scene_preset(preset, s);
+    if ((st = cts_preset_resolve(p, model->volume, err)))
+        return st;
     CtsScene *scene = &store->scene;
     *scene =
         (CtsScene){.model = &store->model, .volume = model->volume, .preset = p, .settings = s, .extinction_scale = 1};

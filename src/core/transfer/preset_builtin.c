@@ -4,9 +4,11 @@
 
 #include <string.h>
 
+#define GREY_LIGHT .ambient = 0.2, .diffuse = 0.8, .power = 10
+#define WHITE_BEHIND .background = {1, 1, 1}
 #define GREY_WINDOW(title, its_mode, low, high)                                                                        \
-    PRESET(title, low, high, .mode = (its_mode), .ambient = 0.2, .diffuse = 0.8, .power = 10,                          \
-           PRESET_OPACITY({(low), 0}, {(high), 0.1}), PRESET_COLOUR({(low), {0, 0, 0}}, {(high), {1, 1, 1}}))
+    PRESET(title, low, high, .mode = (its_mode), GREY_LIGHT, PRESET_OPACITY({(low), 0}, {(high), 0.1}),                \
+           PRESET_COLOUR({(low), {0, 0, 0}}, {(high), {1, 1, 1}}))
 
 /* Darkening of folds, chosen by eye from pairs of seven series (tests/tools/option_page.sh): at 0.3 the vault of a
  * skull is still burnt out and ribs barely part from what is behind them, at 0.6 open skin and bone are dull. */
@@ -37,15 +39,28 @@ static const CtsPreset looks[] = {
                          {450, {0.95, 0.70, 0.54}}, {700, {0.95, 0.89, 0.79}}, {3071, {1, 1, 0.98}})),
     PRESET("metal", 1500, 8000, PRESET_LIGHT(0.2, 0.7, 0.6, 40), PRESET_OPACITY({1900, 0}, {2300, 0.7}, {3071, 1}),
            PRESET_COLOUR({1900, {0.60, 0.65, 0.72}}, {2300, {0.66, 0.72, 0.80}}, {3071, {0.88, 0.92, 0.97}})),
+    PRESET_OF(MR, RELATIVE, "mr", 0, 1, PRESET_LIGHT(0.25, 0.75, 0.25, 20), FOLDS,
+              PRESET_OPACITY({0.12, 0}, {0.25, 0.08}, {0.5, 0.2}, {1, 0.6}, {1.5, 0.9}),
+              PRESET_COLOUR({0.12, {0.55, 0.35, 0.28}}, {0.4, {0.85, 0.66, 0.54}}, {0.8, {0.95, 0.85, 0.72}},
+                            {1.2, {0.98, 0.55, 0.42}}, {1.6, {0.95, 0.25, 0.18}})),
 };
 
 /* Grey windows, each with a mode that suits a whole head, chest or abdomen: mip for the densest structures, minip for
  * airways, average for those in between (brain: in a slab). */
 static const CtsPreset windows[] = {
-    GREY_WINDOW("brain", CTS_MODE_AVERAGE, 0, 80),          GREY_WINDOW("soft", CTS_MODE_AVERAGE, -160, 240),
-    GREY_WINDOW("lung-window", CTS_MODE_MINIP, -1350, 150), GREY_WINDOW("bone-window", CTS_MODE_MIP, -700, 1300),
-    GREY_WINDOW("abdomen", CTS_MODE_AVERAGE, -125, 225),    GREY_WINDOW("mediastinum", CTS_MODE_AVERAGE, -125, 225),
+    GREY_WINDOW("brain", CTS_MODE_AVERAGE, 0, 80),
+    GREY_WINDOW("soft", CTS_MODE_AVERAGE, -160, 240),
+    GREY_WINDOW("lung-window", CTS_MODE_MINIP, -1350, 150),
+    GREY_WINDOW("bone-window", CTS_MODE_MIP, -700, 1300),
+    GREY_WINDOW("abdomen", CTS_MODE_AVERAGE, -125, 225),
+    GREY_WINDOW("mediastinum", CTS_MODE_AVERAGE, -125, 225),
     GREY_WINDOW("vessel-window", CTS_MODE_MIP, -165, 485),
+    PRESET_OF(MR, RELATIVE, "mr-mip", 0.1, 1.6, .mode = CTS_MODE_MIP, GREY_LIGHT, PRESET_OPACITY({0.1, 0}, {1.6, 0.1}),
+              PRESET_COLOUR({0.1, {0, 0, 0}}, {1.6, {1, 1, 1}})),
+    PRESET_OF(PT, SUVBW, "pet-mip", 7, 0, .mode = CTS_MODE_MIP, GREY_LIGHT, WHITE_BEHIND,
+              PRESET_OPACITY({0, 0}, {7, 0.1}), PRESET_COLOUR({0, {1, 1, 1}}, {7, {0, 0, 0}})),
+    PRESET_OF(PT, RELATIVE, "pet-mip-relative", 1, 0, .mode = CTS_MODE_MIP, GREY_LIGHT, WHITE_BEHIND,
+              PRESET_OPACITY({0, 0}, {1, 0.1}), PRESET_COLOUR({0, {1, 1, 1}}, {1, {0, 0, 0}})),
 };
 
 /* Limitations of presets, with options that help. */

@@ -6,17 +6,24 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* The key of a point's value. */
+static const char *place_key(const CtsPreset *preset)
+{
+    return preset->scale == CTS_SCALE_HU ? "hu" : "at";
+}
+
 static CtsStatus read_points(const CtsJsonAt *points, bool opacity, bool colour, CtsPreset *preset, CtsError *err)
 {
-    static const char *const keys[] = {"hu", "opacity", "rgb"}, *const colour_keys[] = {"hu", "rgb"};
+    const char *const place = place_key(preset);
+    const char *const keys[] = {place, "opacity", "rgb"}, *const colour_keys[] = {place, "rgb"};
     CtsStatus st = cts_json_check_array(points, 1, CTS_MAX_POINTS, err);
     for (size_t i = 0; !st && i < json_array_size(points->value); i++) {
         const CtsJsonAt point = cts_json_element(points, i);
         st = cts_json_check_keys(&point, opacity ? keys : colour_keys, opacity && colour ? 3 : 2, err);
         if (!st && opacity)
-            st = cts_preset_read_opacity(&point, "hu", "opacity", preset, err);
+            st = cts_preset_read_opacity(&point, place, "opacity", preset, err);
         if (!st && colour)
-            st = cts_preset_read_colour(&point, "hu", "rgb", preset, err);
+            st = cts_preset_read_colour(&point, place, "rgb", preset, err);
     }
     return st;
 }
@@ -24,16 +31,16 @@ static CtsStatus read_points(const CtsJsonAt *points, bool opacity, bool colour,
 static CtsStatus read_window(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
 {
     double ends[2];
-    const CtsStatus st = cts_json_numbers(at, 2, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, ends, err);
+    const double most = cts_preset_max_value(preset);
+    const CtsStatus st = cts_json_numbers(at, 2, -most, most, ends, err);
     if (st)
         return st;
     preset->window_low_hu = ends[0];
     preset->window_high_hu = ends[1];
     const CtsJsonAt high = cts_json_element(at, 1);
-    return ends[1] > ends[0]
-               ? CTS_OK
-               : cts_json_fail(&high, err, "window goes from %.10g to %.10g (the larger value comes second)", ends[0],
-                               ends[1]);
+    return ends[1] != ends[0] ? CTS_OK
+                              : cts_json_fail(&high, err, "window goes from %.10g to %.10g (two values that differ)",
+                                              ends[0], ends[1]);
 }
 
 static CtsStatus read_shade(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
@@ -51,18 +58,35 @@ static CtsStatus read_shade(const CtsJsonAt *at, CtsPreset *preset, CtsError *er
     return st ? st : cts_preset_read_light(at, "power", preset, err);
 }
 
-static CtsStatus read_mode(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
+/* The member of this key, one of n names, as its index; *index is unchanged without the member. */
+static CtsStatus read_name(const CtsJsonAt *root, const char *key, const char *const *names, int n, int *index,
+                           CtsError *err)
 {
+    CtsJsonAt at;
     const char *name;
-    const CtsStatus st = cts_json_string(at, &name, err);
-    if (st)
-        return st;
-    for (int m = 0; m < CTS_N_MODES; m++)
-        if (!strcmp(name, cts_mode_names[m])) {
-            preset->mode = (CtsMode)m;
+    char list[80] = "";
+    if (!cts_json_member(root, key, &at))
+        return CTS_OK;
+    const CtsStatus st = cts_json_string(&at, &name, err);
+    for (int i = 0; i < n && !st; i++) {
+        if (!strcmp(name, names[i])) {
+            *index = i;
             return CTS_OK;
         }
-    return cts_json_fail(at, err, "mode \"%.40s\" is not one of: composite mip minip average", name);
+        strcat(strcat(list, " "), names[i]);
+    }
+    return st ? st : cts_json_fail(&at, err, "%s \"%.40s\" is not one of:%s", key, name, list);
+}
+
+static CtsStatus read_names(const CtsJsonAt *root, CtsPreset *preset, CtsError *err)
+{
+    int scale = CTS_SCALE_HU, mode = CTS_MODE_COMPOSITE;
+    CtsStatus st = read_name(root, "scale", cts_scale_names, CTS_N_SCALES, &scale, err);
+    if (!st && !(st = read_name(root, "modality", cts_modality_names, CTS_N_MODALITIES, &preset->modality, err)))
+        st = read_name(root, "mode", cts_mode_names, CTS_N_MODES, &mode, err);
+    preset->scale = (CtsScale)scale;
+    preset->mode = (CtsMode)mode;
+    return st;
 }
 
 static CtsStatus read_background(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
@@ -82,7 +106,8 @@ static CtsStatus read_background(const CtsJsonAt *at, CtsPreset *preset, CtsErro
 static CtsStatus read_preset(const CtsJsonAt *root, CtsPreset *preset, CtsError *err)
 {
     static const char *const keys[] = {
-        "name", "window", "points", "colour_points", "mode", "unit_distance_mm", "shade", "background", "remove_table"};
+        "name",  "window",     "points",       "colour_points", "mode",    "unit_distance_mm",
+        "shade", "background", "remove_table", "scale",         "modality"};
     CtsStatus st;
     CtsJsonAt at, colour_points;
     const char *name;
@@ -95,6 +120,8 @@ static CtsStatus read_preset(const CtsJsonAt *root, CtsPreset *preset, CtsError 
         return st;
     if (!cts_preset_set_name(preset, name))
         return cts_json_fail(&at, err, "name is not 1 to 63 bytes without slashes and control characters");
+    if ((st = read_names(root, preset, err)))
+        return st;
 
     const bool own_colours = cts_json_member(root, "colour_points", &colour_points);
     if (!cts_json_member(root, "points", &at))
@@ -105,7 +132,6 @@ static CtsStatus read_preset(const CtsJsonAt *root, CtsPreset *preset, CtsError 
     cts_preset_default_window(preset);
 
     if ((cts_json_member(root, "window", &at) && (st = read_window(&at, preset, err))) ||
-        (cts_json_member(root, "mode", &at) && (st = read_mode(&at, preset, err))) ||
         (cts_json_member(root, "unit_distance_mm", &at) &&
          (st = cts_json_number(&at, CTS_PRESET_MIN_UNIT_MM, CTS_PRESET_MAX_UNIT_MM, &preset->unit_distance_mm, err))) ||
         (cts_json_member(root, "shade", &at) && (st = read_shade(&at, preset, err))) ||
@@ -163,8 +189,8 @@ static json_t *points_to_json(const CtsPreset *p, bool with_colour)
 {
     json_t *points = json_array();
     for (int i = 0; i < p->n_opacity; i++)
-        json_array_append_new(points, json_pack("{s:o, s:o*, s:o}", "hu", cts_json_new_number(p->opacity[i].hu), "rgb",
-                                                with_colour ? rgb_to_json(p->colour[i].rgb) : NULL, "opacity",
+        json_array_append_new(points, json_pack("{s:o, s:o*, s:o}", place_key(p), cts_json_new_number(p->opacity[i].hu),
+                                                "rgb", with_colour ? rgb_to_json(p->colour[i].rgb) : NULL, "opacity",
                                                 cts_json_new_number(p->opacity[i].opacity)));
     return points;
 }
@@ -173,7 +199,7 @@ static json_t *colours_to_json(const CtsPreset *p)
 {
     json_t *points = json_array();
     for (int i = 0; i < p->n_colour; i++)
-        json_array_append_new(points, json_pack("{s:o,s:o}", "hu", cts_json_new_number(p->colour[i].hu), "rgb",
+        json_array_append_new(points, json_pack("{s:o,s:o}", place_key(p), cts_json_new_number(p->colour[i].hu), "rgb",
                                                 rgb_to_json(p->colour[i].rgb)));
     return points;
 }
@@ -193,12 +219,15 @@ char *cts_preset_to_json(const CtsPreset *p)
     json_t *background = p->background_none ? json_string("none")
                                             : json_sprintf("#%02x%02x%02x", (unsigned)lround(b[0] * 255),
                                                            (unsigned)lround(b[1] * 255), (unsigned)lround(b[2] * 255));
-    json_t *root =
-        json_pack("{s:s, s:[oo], s:o, s:o*, s:s, s:o, s:o?, s:o, s:b}", "name", p->name, "window",
-                  cts_json_new_number(p->window_low_hu), cts_json_new_number(p->window_high_hu), "points",
-                  points_to_json(p, together), "colour_points", together ? NULL : colours_to_json(p), "mode",
-                  cts_mode_names[p->mode], "unit_distance_mm", cts_json_new_number(p->unit_distance_mm), "shade",
-                  p->shade ? light_to_json(p) : NULL, "background", background, "remove_table", p->remove_table);
+    json_t *root = json_pack(
+        "{s:s, s:s, s:s*, s:[oo], s:o, s:o*, s:s, s:o, s:o?, s:o, s:b}", "name", p->name, "scale",
+        cts_scale_names[p->scale], "modality", p->modality == CTS_ANY_MODALITY ? NULL : cts_modality_names[p->modality],
+        "window", cts_json_new_number(p->window_low_hu), cts_json_new_number(p->window_high_hu), "points",
+        points_to_json(p, together), "colour_points", together ? NULL : colours_to_json(p), "mode",
+        cts_mode_names[p->mode], "unit_distance_mm", cts_json_new_number(p->unit_distance_mm), "shade",
+        p->shade ? light_to_json(p) : NULL, "background", background, "remove_table", p->remove_table);
+    if (p->window_absolute && p->scale == CTS_SCALE_RELATIVE)
+        json_object_set_new(root, "window_absolute", json_true());
     /* 15 digits are readable and nearly always exact. */
     char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(15));
     json_t *again = text ? json_loads(text, 0, NULL) : NULL;

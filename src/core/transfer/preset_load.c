@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 
 /* $XDG_CONFIG_HOME/ctsplat/presets, by default below ~/.config; false when neither is known. */
@@ -99,14 +100,24 @@ static void name_after_file(CtsPreset *preset, const char *path)
         cts_preset_set_name(preset, "preset");
 }
 
-static CtsStatus parse_json(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
-                            CtsError *err)
+/* Slicer's files say only by their names what their numbers are. */
+static void scale_of_slicer(CtsPreset *preset)
+{
+    if (strncasecmp(preset->name, "MR-", 3) != 0)
+        return;
+    preset->scale = CTS_SCALE_STORED;
+    preset->modality = CTS_MODALITY_MR;
+}
+
+static CtsStatus parse_json(const char *text, size_t size, const char *name, const char *which, bool *is_slicer,
+                            CtsPreset *preset, CtsError *err)
 {
     CtsJson json = {.name = name, .text = text, .size = size, .status = CTS_ERR_PRESET};
     CtsStatus st = cts_json_open(&json, err);
     if (st)
         goto end;
-    if (json_object_get(json.root, "volumeProperties"))
+    *is_slicer = json_object_get(json.root, "volumeProperties");
+    if (*is_slicer)
         st = cts_preset_from_slicer_json(&json, which, preset, err);
     else
         st = cts_preset_from_json(&json, which, preset, err);
@@ -119,6 +130,7 @@ CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, cons
                            CtsError *err)
 {
     CtsStatus st;
+    bool is_slicer = true;
     *preset = (CtsPreset){0};
     if (size > CTS_PRESET_MAX_BYTES)
         return cts_fail(err, CTS_ERR_PRESET, "%s: a preset of more than 1 MiB", name);
@@ -140,10 +152,12 @@ CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, cons
         st = cts_preset_from_vp(copy, name, preset, err);
         free(copy);
     } else {
-        st = parse_json(text, size, name, which, preset, err);
+        st = parse_json(text, size, name, which, &is_slicer, preset, err);
     }
     if (!st && !preset->name[0])
         name_after_file(preset, name);
+    if (!st && is_slicer)
+        scale_of_slicer(preset);
     return st;
 }
 

@@ -6,7 +6,8 @@
 
 void cts_preset_init(CtsPreset *preset)
 {
-    *preset = (CtsPreset){.unit_distance_mm = 1,
+    *preset = (CtsPreset){.modality = CTS_ANY_MODALITY,
+                          .unit_distance_mm = 1,
                           .ambient = 0.2,
                           .diffuse = 0.8,
                           .specular = 0.3,
@@ -18,7 +19,7 @@ void cts_preset_default_window(CtsPreset *preset)
 {
     double low = fmin(preset->opacity[0].hu, preset->colour[0].hu);
     double high = fmax(preset->opacity[preset->n_opacity - 1].hu, preset->colour[preset->n_colour - 1].hu);
-    /* Points at a single HU have no range; half a HU on each side makes the step they mean. */
+    /* Points at a single value have no range; a half on each side makes the step they mean. */
     if (!(high > low)) {
         low -= 0.5;
         high += 0.5;
@@ -29,7 +30,8 @@ void cts_preset_default_window(CtsPreset *preset)
 
 void cts_preset_hint_window(CtsPreset *preset, double low_hu, double high_hu)
 {
-    if (!(low_hu < high_hu && fabs(low_hu) <= CTS_PRESET_MAX_HU && fabs(high_hu) <= CTS_PRESET_MAX_HU))
+    const double most = cts_preset_max_value(preset);
+    if (!(low_hu < high_hu && fabs(low_hu) <= most && fabs(high_hu) <= most))
         return;
     preset->window_low_hu = low_hu;
     preset->window_high_hu = high_hu;
@@ -55,12 +57,13 @@ void cts_preset_note(CtsPreset *preset, const char *text)
     strncat(preset->note, text, sizeof preset->note - strlen(preset->note) - 1);
 }
 
-static CtsStatus read_place(const CtsJsonAt *point, const char *key, double previous_hu, double *hu, CtsError *err)
+static CtsStatus read_place(const CtsJsonAt *point, const char *key, double previous_hu, double most, double *hu,
+                            CtsError *err)
 {
     CtsJsonAt at;
     CtsStatus st = cts_json_need(point, key, &at, err);
     if (!st)
-        st = cts_json_number(&at, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, hu, err);
+        st = cts_json_number(&at, -most, most, hu, err);
     if (!st && *hu < previous_hu)
         st = cts_json_fail(&at, err, "%s falls from %.10g to %.10g (points go upwards)", key, previous_hu, *hu);
     return st;
@@ -71,7 +74,8 @@ CtsStatus cts_preset_read_opacity(const CtsJsonAt *point, const char *hu, const 
 {
     CtsJsonAt at;
     CtsOpacityPoint *p = &preset->opacity[preset->n_opacity];
-    CtsStatus st = read_place(point, hu, preset->n_opacity ? p[-1].hu : -INFINITY, &p->hu, err);
+    CtsStatus st =
+        read_place(point, hu, preset->n_opacity ? p[-1].hu : -INFINITY, cts_preset_max_value(preset), &p->hu, err);
     if (!st && !(st = cts_json_need(point, opacity, &at, err)) && !(st = cts_json_number(&at, 0, 1, &p->opacity, err)))
         preset->n_opacity++;
     return st;
@@ -82,7 +86,8 @@ CtsStatus cts_preset_read_colour(const CtsJsonAt *point, const char *hu, const c
 {
     CtsJsonAt at;
     CtsColourPoint *p = &preset->colour[preset->n_colour];
-    CtsStatus st = read_place(point, hu, preset->n_colour ? p[-1].hu : -INFINITY, &p->hu, err);
+    CtsStatus st =
+        read_place(point, hu, preset->n_colour ? p[-1].hu : -INFINITY, cts_preset_max_value(preset), &p->hu, err);
     if (!st && !(st = cts_json_need(point, rgb, &at, err)) && !(st = cts_json_numbers(&at, 3, 0, 1, p->rgb, err)))
         preset->n_colour++;
     return st;

@@ -11,6 +11,12 @@
 #define CTS_PRESET_MIN_UNIT_MM 1e-3
 #define CTS_PRESET_MAX_UNIT_MM 1e3
 enum { CTS_PRESET_MAX_BYTES = 1 << 20 };
+/* Largest value of the preset's points and window: of HU a thousand times that of metal. Activities and stored values
+ * have no usual range; this one leaves room for sums of them in double precision. */
+static inline double cts_preset_max_value(const CtsPreset *preset)
+{
+    return preset->scale == CTS_SCALE_HU ? CTS_PRESET_MAX_HU : 1e12;
+}
 
 /* A valid preset except for name and points: composite, unlit, black background, 1 mm. */
 void cts_preset_init(CtsPreset *preset);

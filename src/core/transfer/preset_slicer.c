@@ -1,7 +1,8 @@
-/* 3D Slicer's CT presets under their Slicer names, point by point as published in its presets.xml, with its lighting.
- * Table removal is ours, and without it a picture is Slicer's. Slicer stores no unit distance: VTK's
- * default of 1 applies. Its gradient opacity is 1 everywhere in these. The window is Slicer's effective range: from
- * the second point of the opacity to the last but one. */
+/* 3D Slicer's CT and MR presets under their Slicer names, point by point as published in its presets.xml, with its
+ * lighting. Those of MR are for values as stored, of the scan that each was made for. Table removal is ours, and
+ * without it a picture is Slicer's. Slicer stores no unit distance: VTK's default of 1 applies. Its gradient opacity is
+ * 1 everywhere in these. The window is Slicer's effective range: from the second point of the opacity to the last but
+ * one. */
 #include "core/transfer/preset_table.h"
 
 #define GLOSSY PRESET_LIGHT(0.1, 0.9, 0.2, 10)
@@ -116,4 +117,23 @@ const CtsPreset cts_presets_slicer[CTS_N_PRESETS_SLICER] = {
                          {240, {1, 1, 1}}, {3661, {1, 1, 1}})),
     PRESET("ct-x-ray", -200, 1500, UNLIT, PRESET_OPACITY({-3024, 0}, {-200, 0}, {1500, 0.05}, {3071, 0.05}),
            PRESET_COLOUR({-3024, {1, 1, 1}}, {3071, {1, 1, 1}})),
+    PRESET_OF(MR, STORED, "mr-angio", 151.354, 200.873, MATT,
+              PRESET_OPACITY({-2048, 0}, {151.354, 0}, {158.279, 0.4375}, {190.112, 0.580357}, {200.873, 0.732143},
+                             {3661, 0.741071}),
+              PRESET_COLOUR({-2048, {0, 0, 0}}, {151.354, {0, 0, 0}}, {158.279, {0.74902, 0.376471, 0}},
+                            {190.112, {1, 0.866667, 0.733333}}, {200.873, {0.937255, 0.937255, 0.937255}},
+                            {3661, {1, 1, 1}})),
+    PRESET_OF(MR, STORED, "mr-default", 0, 220, MATT,
+              PRESET_OPACITY({0, 0}, {20, 0}, {40, 0.15}, {120, 0.3}, {220, 0.375}, {1024, 0.5}),
+              PRESET_COLOUR({0, {0, 0, 0}}, {20, {0.168627, 0, 0}}, {40, {0.403922, 0.145098, 0.0784314}},
+                            {120, {0.780392, 0.607843, 0.380392}}, {220, {0.847059, 0.835294, 0.788235}},
+                            {1024, {1, 1, 1}})),
+    /* Its Slicer name, MR-MIP, is that of ctsplat's own preset for mode mip. */
+    PRESET_OF(MR, STORED, "mr-mip-slicer", 0, 416.637, UNLIT,
+              PRESET_OPACITY({0, 0}, {98.3725, 0}, {416.637, 1}, {2800, 1}),
+              PRESET_COLOUR({0, {1, 1, 1}}, {2800, {1, 1, 1}})),
+    PRESET_OF(MR, STORED, "mr-t2-brain", 0, 412.406, PRESET_LIGHT(0.3, 0.6, 0.5, 40),
+              PRESET_OPACITY({0, 0}, {36.05, 0}, {218.302, 0.171429}, {412.406, 1}, {641, 1}),
+              PRESET_COLOUR({0, {0, 0, 0}}, {98.7223, {0.956863, 0.839216, 0.192157}},
+                            {412.406, {0, 0.592157, 0.807843}}, {641, {1, 1, 1}})),
 };

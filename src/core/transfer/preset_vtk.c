@@ -77,7 +77,7 @@ static CtsStatus read_vtk_function(const char *name, const CtsVtkText values[], 
                             i, count);
         if (is_hu ? fabs(*x) > CTS_PRESET_MAX_HU : *x < 0 || *x > 1)
             return cts_fail(err, CTS_ERR_PRESET, "%s: line %d: %s has the value %.10g (%s)", name, line, what, *x,
-                            is_hu ? "at most a million HU" : "0 to 1");
+                            is_hu ? "at most a million" : "0 to 1");
         if (is_hu && i && *x < points[i / n_values - 1][0])
             return cts_fail(err, CTS_ERR_PRESET, "%s: line %d: %s falls from %.10g to %.10g (points go upwards)", name,
                             line, what, points[i / n_values - 1][0], *x);

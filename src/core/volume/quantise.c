@@ -19,12 +19,13 @@ static void map_voxels(void *context, int worker, size_t first, size_t end)
         m->to[i] = m->level[m->from[i]];
 }
 
-CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
+CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double black_hu, double white_hu, int n_threads,
                               CtsVolume **quantised, CtsError *err)
 {
     enum { N_GREY = 65536 };
+    const double low_hu = fmin(black_hu, white_hu), high_hu = fmax(black_hu, white_hu);
     *quantised = NULL;
-    if (bits < 1 || bits > 16 || !(high_hu > low_hu))
+    if (bits < 1 || bits > 16 || high_hu == low_hu)
         return cts_fail(err, CTS_ERR_USAGE, "%d grey bits for a window of %g to %g HU (1 to 16 bits of a real window)",
                         bits, low_hu, high_hu);
     uint16_t *level = NULL;

@@ -25,7 +25,7 @@ static void write_pixel(const Projecting *pr, double grey, float out[4])
     if (isinf(grey))
         return;
     const double hu = v->hu_offset + v->hu_step * grey;
-    const double shown = width_hu > 0 ? (hu - preset->window_low_hu) / width_hu : hu >= preset->window_low_hu;
+    const double shown = width_hu != 0 ? (hu - preset->window_low_hu) / width_hu : hu >= preset->window_low_hu;
     out[0] = out[1] = out[2] = cts_clamp_to_level(shown);
     out[3] = 1;
 }
@@ -64,10 +64,10 @@ static void narrow_window(const CtsScene *scene, CtsProjection *p)
     p->sign = preset->mode == CTS_MODE_MINIP ? -1 : 1;
     p->least = -INFINITY;
     p->enough = INFINITY;
-    if (!(preset->window_high_hu > preset->window_low_hu) || !(v->hu_step > 0))
+    if (preset->window_high_hu == preset->window_low_hu || !(v->hu_step > 0))
         return;
-    const double low = (preset->window_low_hu - v->hu_offset) / v->hu_step - 1;
-    const double high = (preset->window_high_hu - v->hu_offset) / v->hu_step + 1;
+    const double low = (fmin(preset->window_low_hu, preset->window_high_hu) - v->hu_offset) / v->hu_step - 1;
+    const double high = (fmax(preset->window_low_hu, preset->window_high_hu) - v->hu_offset) / v->hu_step + 1;
     p->least = p->sign > 0 ? low : -high;
     p->enough = p->sign > 0 ? high : -low;
 }

@@ -129,7 +129,7 @@ static void window_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgb
     double hu;
     if (!cts_raycast_extreme(caster, ray, &hu))
         return;
-    const double shown = width > 0 ? (hu - p->window_low_hu) / width : hu >= p->window_low_hu;
+    const double shown = width != 0 ? (hu - p->window_low_hu) / width : hu >= p->window_low_hu;
     rgba[0] = rgba[1] = rgba[2] = fmin(fmax(shown, 0), 1);
     rgba[3] = 1;
 }

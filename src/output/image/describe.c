@@ -60,7 +60,7 @@ bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size)
 {
     if (size)
         text[0] = 0;
-    if (info->mode == CTS_MODE_COMPOSITE || !(info->window_high_hu > info->window_low_hu))
+    if (info->mode == CTS_MODE_COMPOSITE || info->window_high_hu == info->window_low_hu)
         return false;
     number_pair(info->window_low_hu, info->window_high_hu, text, size);
     return true;

@@ -184,8 +184,8 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsModel *model, const CtsPre
     st = choose_model(&f->given, &store, f->engine, &f->original, err);
     f->model = f->original;
     if (!st && settings->grey_bits < 16) {
-        st = cts_volume_quantise(f->original->volume, settings->grey_bits, preset->window_low_hu,
-                                 preset->window_high_hu, settings->n_threads, &f->quantised.volume, err);
+        st = cts_volume_quantise(f->original->volume, settings->grey_bits, f->preset.window_low_hu,
+                                 f->preset.window_high_hu, settings->n_threads, &f->quantised.volume, err);
         if (!st && f->original->macrocells)
             st = cts_model_prepare(&f->quantised, settings->n_threads, err);
         f->quantised.body = f->original->body;

@@ -430,7 +430,12 @@ CtsStatus cts_framing_find(const CtsFramed *what, CtsRenderSettings *settings, C
 {
     double half[2] = {0, 0};
     CtsRenderSettings s = *settings;
-    Probing probing = {.what = what};
+    CtsPreset bright = *what->preset; /* an inverted window frames what the same window does that is not */
+    bright.window_low_hu = fmin(what->preset->window_low_hu, what->preset->window_high_hu);
+    bright.window_high_hu = fmax(what->preset->window_low_hu, what->preset->window_high_hu);
+    CtsFramed framed = *what;
+    framed.preset = &bright;
+    Probing probing = {.what = &framed};
     const CtsStatus st = (s.rotation_frames > 1 ? frame_rotation : frame_view)(&probing, &s, half, err);
     cts_lut_free(&probing.lut);
     s.mm_per_pixel = fmax(2 * half[0] / (FILLED * s.width), 2 * half[1] / (FILLED * s.height));
