@@ -79,7 +79,6 @@ static CtsStatus begin_render(const CtsOptions *options, CtsLog *log, CtsPreset 
     if ((st = cts_options_one_job(options, preset, job, report, err)) ||
         (st = cli_standard_output_begin(standard_output, options, job, err)))
         return st;
-    cts_log_picture(log, preset->name, &job->render, options->rotation ? options->rotation : 1);
     if (options->from.given)
         cli_interrupt_sets_stop(); /* from now on there is a folder to clear away */
     return CTS_OK;
@@ -143,12 +142,13 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     cts_stage_timer_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
         CliWatch seen = {.log = log,
+                         .job = &job,
                          .reported_later = standard_output.path,
                          .names = options->show_paths ? NULL : &names,
-                         .summed_up = options->summary || isatty(STDERR_FILENO) ? &job : NULL,
+                         .summed_up = options->summary || isatty(STDERR_FILENO),
                          .picture_start_ms = whole.wall_ms};
         const CtsWatch watch = cli_watch(&seen);
-        st = cts_job_run(&job, &watch, &report, err);
+        st = cts_options_run_job(options, preset, &job, &watch, &report, err);
         cli_progress_clear();
     }
     if (!st)

@@ -200,7 +200,10 @@ static void found(void *context, const CtsSeriesList *list)
 
 static void loaded(void *context)
 {
-    (void)context;
+    const CliWatch *seen = context;
+    const CtsJob *const job = seen->job;
+    if (job)
+        cts_log_picture(seen->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
     cli_interrupt_sets_stop();
 }
 
@@ -219,7 +222,7 @@ static void output(void *context, const char *path, const char *format, uint64_t
 static void frame(void *context, const CtsErrorBound *bound)
 {
     CliWatch *seen = context;
-    const CtsRenderSettings *const s = &seen->summed_up->render;
+    const CtsRenderSettings *const s = &seen->job->render;
     const double now_ms = cts_wall_ms(), error = 255 * bound->rmse;
     const double asked = s->max_error > 0 ? s->max_error : CTS_DEFAULT_ERROR;
     char text[120] = "error not estimated";

@@ -41,7 +41,8 @@ typedef struct CliWatch {
     size_t n_diagnostics;       /* of the report, printed so far */
     CtsNames *names;            /* of input files, for the log to leave out; or NULL */
     double frames_start_ms;     /* when the first frame began */
-    const CtsJob *summed_up;    /* a line for each of its pictures; NULL: none */
+    const CtsJob *job;          /* in the log, and of summed_up; NULL: not in the log */
+    bool summed_up;             /* a line for each of the job's pictures */
     double picture_start_ms;    /* when the picture began: the program's start, or the end of the one before */
     char files[400];            /* of the picture, by name; cut where there are many */
 } CliWatch;

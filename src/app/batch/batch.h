@@ -13,9 +13,9 @@ typedef struct CtsBatchView {
 typedef struct CtsBatchLists {
     char *texts[3]; /* copies that the names point into */
     const char **preset_names, **view_texts, **formats;
-    CtsPreset *presets;
+    CtsPreset *presets; /* n_presets: n_named as given, then those of series that none of these suits */
     CtsBatchView *views;
-    int n_presets, n_views, n_formats;
+    int n_presets, n_named, n_views, n_formats;
     /* options that affect all pictures, and .dcm files only: after a change these are rendered again */
     char *options, *dcm_options;
     char send_to[1100]; /* the PACS that gets .dcm files, as named in the journal; "": none */
@@ -24,6 +24,8 @@ typedef struct CtsBatchLists {
 /* Free with cts_batch_lists_free(), also after a failure. */
 CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsError *err);
 void cts_batch_lists_free(CtsBatchLists *lists);
+/* True if a series of this kind has pictures of the preset: one of those given that suit it, or its default. */
+bool cts_batch_takes(const CtsBatchLists *lists, int preset, CtsModality modality, CtsQuantity quantity);
 
 /* Largest number of concurrent series, more than the cores of most machines; each is a process. */
 enum { CTS_BATCH_MAX_JOBS = 256 };

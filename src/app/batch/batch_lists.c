@@ -39,21 +39,61 @@ static CtsStatus split(const char *option, const char *text, char **copy, const 
     return CTS_OK;
 }
 
+/* Kinds of series that have default presets of their own. */
+static const struct {
+    CtsModality modality;
+    CtsQuantity quantity;
+} kinds[] = {{CTS_MODALITY_CT, CTS_QUANTITY_HU},
+             {CTS_MODALITY_MR, CTS_QUANTITY_STORED},
+             {CTS_MODALITY_PT, CTS_QUANTITY_SUVBW},
+             {CTS_MODALITY_PT, CTS_QUANTITY_BQML}};
+enum { N_KINDS = sizeof kinds / sizeof *kinds };
+
+bool cts_batch_takes(const CtsBatchLists *l, int preset, CtsModality modality, CtsQuantity quantity)
+{
+    bool any = false;
+    for (int i = 0; i < l->n_named; i++)
+        any |= cts_preset_suits(&l->presets[i], modality, quantity);
+    if (any || preset < l->n_named)
+        return preset < l->n_named && cts_preset_suits(&l->presets[preset], modality, quantity);
+    const int kind = preset - l->n_named;
+    return !strcmp(cts_preset_default(modality, quantity, false),
+                   cts_preset_default(kinds[kind].modality, kinds[kind].quantity, false));
+}
+
+/* A window that was given is meant for the presets that were given. */
+static CtsStatus take_default(const CtsOptions *options, int kind, CtsBatchLists *l, CtsReport *report, CtsError *err)
+{
+    CtsPreset *const preset = &l->presets[l->n_presets++], own;
+    const char *const name =
+        cts_preset_default(kinds[kind].modality, kinds[kind].quantity, options->render.mode == CTS_MODE_COMPOSITE);
+    CtsStatus st = cts_options_preset(options, name, preset, l->n_named || kind ? NULL : report, err);
+    if (!st && l->n_named && !(st = cts_preset_load(name, &own, err))) {
+        preset->window_low_hu = own.window_low_hu;
+        preset->window_high_hu = own.window_high_hu;
+        preset->window_absolute = false;
+    }
+    return st;
+}
+
 static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsReport *report, CtsError *err)
 {
-    CtsStatus st = split("presets", options->presets ? options->presets : options->preset, &l->texts[0],
-                         &l->preset_names, &l->n_presets, err);
+    const char *const named = options->presets ? options->presets : options->preset;
+    CtsStatus st = named ? split("presets", named, &l->texts[0], &l->preset_names, &l->n_named, err) : CTS_OK;
     if (st)
         return st;
-    if (!(l->presets = calloc((size_t)l->n_presets, sizeof *l->presets)))
+    if (!(l->presets = calloc((size_t)l->n_named + N_KINDS, sizeof *l->presets)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int i = 0; i < l->n_presets && !st; i++) {
+    for (int i = 0; i < l->n_named && !st; i++) {
         st = cts_options_preset(options, l->preset_names[i], &l->presets[i], report, err);
         for (int k = 0; k < i && !st; k++)
             if (!strcmp(l->presets[k].name, l->presets[i].name))
                 st = cts_fail(err, CTS_ERR_USAGE, "`presets`: two are called %s (give one of them another name)",
                               l->presets[i].name);
     }
+    l->n_presets = l->n_named;
+    for (int kind = 0; kind < N_KINDS && !st; kind++)
+        st = take_default(options, kind, l, report, err);
     return st;
 }
 

@@ -71,8 +71,10 @@ void cts_journal_record_redact(json_t *record, const CtsBatchSettings *settings)
 /* True if the record has all details that the settings request. */
 bool cts_journal_record_is_complete(const json_t *record, const CtsBatchSettings *settings);
 
+/* True if a series with this record has pictures of the preset, by its modality and quantity. */
+bool cts_journal_record_takes(const CtsBatchSettings *settings, const json_t *record, int preset);
 /* True if the entry is a capture that this batch sends and the PACS does not have. */
-bool cts_journal_record_is_unsent(const CtsBatchSettings *settings, const json_t *entry);
+bool cts_journal_record_is_unsent(const CtsBatchSettings *settings, const json_t *record, const json_t *entry);
 /* The number of such entries. */
 int cts_journal_record_n_unsent(const CtsBatchSettings *settings, const json_t *record);
 /* The full path of an entry's file; false where it is not below -O. */

@@ -183,14 +183,32 @@ bool cts_journal_record_is_complete(const json_t *record, const CtsBatchSettings
            (!s->options->show_patient || !geometry || json_object_get(geometry, "study_date"));
 }
 
-bool cts_journal_record_is_unsent(const CtsBatchSettings *s, const json_t *entry)
+static int place_among(const char *name, const char *const *names, int n, int fallback)
+{
+    for (int i = 0; i < n; i++)
+        if (!strcmp(name, names[i]))
+            return i;
+    return fallback;
+}
+
+bool cts_journal_record_takes(const CtsBatchSettings *s, const json_t *record, int preset)
+{
+    const json_t *const about = json_object_get(record, "geometry");
+    const int modality =
+        place_among(cts_json_text_of(about, "modality"), cts_modality_names, CTS_N_MODALITIES, CTS_MODALITY_CT);
+    const int quantity =
+        place_among(cts_json_text_of(about, "quantity"), cts_quantity_names, CTS_N_QUANTITIES, CTS_QUANTITY_HU);
+    return cts_batch_takes(s->lists, preset, (CtsModality)modality, (CtsQuantity)quantity);
+}
+
+bool cts_journal_record_is_unsent(const CtsBatchSettings *s, const json_t *record, const json_t *entry)
 {
     const json_t *sent_to = json_object_get(entry, "sent_to");
     bool asked_for = false;
     for (int p = 0; s->lists->send_to[0] && p < s->lists->n_presets; p++)
         for (int v = 0; v < s->lists->n_views; v++) {
             const CtsBatchPicture picture = {.preset = p, .view = v};
-            asked_for |= is_of(entry, s, &picture, "dcm");
+            asked_for |= is_of(entry, s, &picture, "dcm") && cts_journal_record_takes(s, record, p);
         }
     for (size_t i = 0; i < json_array_size(sent_to) && asked_for; i++) {
         const char *peer = json_string_value(json_array_get(sent_to, i));
@@ -204,7 +222,8 @@ int cts_journal_record_n_unsent(const CtsBatchSettings *s, const json_t *record)
     int n = 0;
     size_t i;
     json_t *entry;
-    json_array_foreach(json_object_get(record, "outputs"), i, entry) n += cts_journal_record_is_unsent(s, entry);
+    json_array_foreach(json_object_get(record, "outputs"), i, entry) n +=
+        cts_journal_record_is_unsent(s, record, entry);
     return n;
 }
 
@@ -225,7 +244,7 @@ bool cts_journal_record_is_settled(const CtsBatchSettings *s, const json_t *reco
     if (strcmp(status, "done") && !json_object_get(record, "unsent"))
         return false;
     for (int p = 0; p < s->lists->n_presets; p++)
-        for (int v = 0; v < s->lists->n_views; v++) {
+        for (int v = 0; v < s->lists->n_views && cts_journal_record_takes(s, record, p); v++) {
             const CtsBatchPicture picture = {.preset = p, .view = v};
             for (int f = 0; f < s->lists->n_formats; f++)
                 if (!cts_journal_record_is_up_to_date(s, record, &picture, s->lists->formats[f]))

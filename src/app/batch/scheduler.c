@@ -61,7 +61,8 @@ static bool interrupted(const Run *r)
 /* A series whose state is unknown counts with all its pictures. */
 static double n_pictures_left(const Run *r)
 {
-    double n = (double)r->n_unknown * r->settings->lists->n_presets * r->settings->lists->n_views;
+    const CtsBatchLists *const l = r->settings->lists;
+    double n = (double)r->n_unknown * (l->n_named ? l->n_named : 1) * l->n_views;
     for (int i = 1; i < r->n_workers; i++)
         n += r->workers[i].n_left;
     return n;

@@ -51,7 +51,9 @@ static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
 CtsStatus cts_batch_check(const CtsBatchSettings *s, CtsReport *report, CtsError *err)
 {
     CtsStatus st = cts_log_check(s->options->log, err);
-    for (int p = 0; p < s->lists->n_presets && !st; p++)
+    /* Defaults are checked with their series: an archive of CT need not care for MR. */
+    const int n_checked = s->lists->n_named ? s->lists->n_named : 1;
+    for (int p = 0; p < n_checked && !st; p++)
         for (int f = 0; f < s->lists->n_formats && !st; f++) {
             char *path;
             if (asprintf(&path, "%s/check.%s", s->options->output_dir, s->lists->formats[f]) < 0)
@@ -195,7 +197,7 @@ static CtsStatus load_volume(Work *w, const CtsSource *source, bool last, CtsErr
 static CtsStatus prepare_renderer(Work *w, const CtsJob *job, CtsError *err)
 {
     const CtsPreset *const p = job->preset;
-    const bool is_fitted = p->mode != CTS_MODE_COMPOSITE && !(p->window_low_hu < p->window_high_hu);
+    const bool is_fitted = p->mode != CTS_MODE_COMPOSITE && p->window_low_hu == p->window_high_hu;
     if (w->prepared.renderer && w->prepared_preset == w->picture->preset && !is_fitted &&
         cts_job_change_settings(job, &w->prepared))
         return CTS_OK;
@@ -376,7 +378,7 @@ static CtsStatus list_captures(const CtsWorkerProcess *c, char ***paths, int *n,
     json_array_foreach(json_object_get(c->record, "outputs"), i, entry)
     {
         char path[PATH_MAX];
-        if (!cts_journal_record_is_unsent(c->settings, entry) ||
+        if (!cts_journal_record_is_unsent(c->settings, c->record, entry) ||
             !cts_journal_record_path(c->settings, entry, path, sizeof path))
             continue;
         if (!((*paths)[*n] = strdup(path)))

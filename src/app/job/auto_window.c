@@ -6,9 +6,12 @@
 #include <string.h>
 
 /* SIDE: pixels of a side; 16384 pixels have 160 in the top percentile. MAX_VIEWS: from the front and from the side,
- * between which a rotation's pictures lie. ROUND_HU: readable limits that do not change with small changes of a series.
- * NARROWEST_HU: noise alone has a wider histogram. */
-enum { SIDE = 128, MAX_VIEWS = 2, ROUND_HU = 10, NARROWEST_HU = 50 };
+ * between which a rotation's pictures lie. */
+enum { SIDE = 128, MAX_VIEWS = 2 };
+/* Readable limits that do not change with small changes of a series. */
+static const double round_hu = 10;
+/* Noise alone has a wider histogram. */
+static const double narrowest_hu = 50;
 
 static int by_value(const void *a, const void *b)
 {
@@ -33,8 +36,9 @@ static CtsStatus render_projection(const CtsModel *model, const CtsPreset *wide,
     s.n_threads = settings->n_threads;
     s.stop = settings->stop;
     const CtsStatus st = cts_render(model, wide, &s, &picture, NULL, err);
-    const double air =
-        (volume->hu_offset + volume->hu_step - wide->window_low_hu) / (wide->window_high_hu - wide->window_low_hu);
+    const double least_hu =
+        volume->quantity == CTS_QUANTITY_HU ? volume->hu_offset + volume->hu_step : volume->air_limit;
+    const double air = (least_hu - wide->window_low_hu) / (wide->window_high_hu - wide->window_low_hu);
     for (int i = 0; !st && i < SIDE * SIDE; i++) {
         const float value = picture->pixels[(size_t)i * (size_t)picture->n_channels];
         if (value >= air)
@@ -44,24 +48,34 @@ static CtsStatus render_projection(const CtsModel *model, const CtsPreset *wide,
     return st;
 }
 
-/* Sets the window from the 5th to the 99th percentile of the values, at least NARROWEST_HU wide. */
-static void set_window(CtsPreset *preset, const CtsPreset *wide, const float *values, size_t n)
+/* A tenth of this width, at most: 1, 2 or 5 times a power of ten. */
+static double round_step(double width)
 {
+    const double power = pow(10, floor(log10(width / 10))), times = width / 10 / power;
+    return power * (times >= 5 ? 5 : times >= 2 ? 2 : 1);
+}
+
+/* Sets the window from the 5th to the 99th percentile of the values, at least narrowest_hu or two grey levels wide. */
+static void set_window(CtsPreset *preset, const CtsPreset *wide, const CtsVolume *volume, const float *values, size_t n)
+{
+    const bool is_hu = volume->quantity == CTS_QUANTITY_HU;
     const double width = wide->window_high_hu - wide->window_low_hu;
     const double low = wide->window_low_hu + width * (n ? values[n / 20] : 0);
     const double high = wide->window_low_hu + width * (n ? values[n - 1 - n / 100] : 1);
-    const double middle = (low + high) / 2, half = fmax(high - low, NARROWEST_HU) / 2;
-    preset->window_low_hu = ROUND_HU * floor((middle - half) / ROUND_HU);
-    preset->window_high_hu = ROUND_HU * ceil((middle + half) / ROUND_HU);
+    const double middle = (low + high) / 2, half = fmax(high - low, is_hu ? narrowest_hu : 2 * volume->hu_step) / 2;
+    const double step = is_hu ? round_hu : round_step(2 * half);
+    preset->window_low_hu = step * floor((middle - half) / step);
+    preset->window_high_hu = step * ceil((middle + half) / step);
 }
 
-CtsStatus cts_auto_window(const CtsModel *model, const CtsRenderSettings *settings, CtsPreset *preset,
-                          CtsReport *report, CtsError *err)
+static CtsStatus auto_window(const CtsModel *model, const CtsRenderSettings *settings, CtsPreset *preset,
+                             CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsVolume *const volume = model->volume;
-    if (preset->mode == CTS_MODE_COMPOSITE || preset->window_low_hu < preset->window_high_hu)
+    if (preset->mode == CTS_MODE_COMPOSITE || preset->window_low_hu != preset->window_high_hu)
         return CTS_OK;
+    const char *const unit = cts_quantity_units[volume->quantity];
     CtsPreset wide = *preset;
     wide.window_low_hu = volume->hu_offset - volume->hu_step; /* level 0 lies outside the volume */
     wide.window_high_hu = volume->hu_offset + volume->hu_step * UINT16_MAX;
@@ -74,12 +88,27 @@ CtsStatus cts_auto_window(const CtsModel *model, const CtsRenderSettings *settin
         st = render_projection(model, &wide, settings, 90.0 * i, values, &n, err);
     if (!st) {
         qsort(values, n, sizeof *values, by_value);
-        set_window(preset, &wide, values, n);
-        cts_report_plan(report, "window %g to %g HU, fitted to mode %s (`window` gives another)", preset->window_low_hu,
-                        preset->window_high_hu, cts_mode_names[preset->mode]);
+        set_window(preset, &wide, volume, values, n);
+        cts_report_plan(report, "window %g to %g%s%s, fitted to mode %s (`window` gives another)",
+                        preset->window_low_hu, preset->window_high_hu, *unit ? " " : "", unit,
+                        cts_mode_names[preset->mode]);
     }
     free(values);
     return st;
+}
+
+CtsStatus cts_fit_preset(const CtsModel *model, const CtsRenderSettings *settings, CtsPreset *preset, CtsReport *report,
+                         CtsError *err)
+{
+    const CtsVolume *const v = model->volume;
+    const bool is_relative = preset->scale == CTS_SCALE_RELATIVE;
+    const CtsStatus st = cts_preset_resolve(preset, v, err);
+    if (!st && is_relative)
+        cts_report_plan(report,
+                        "preset %s is relative: its 0, the level of air, is %.6g, its 1, the 99.5th percentile of "
+                        "values above Otsu's threshold %.6g, is %.6g (%s)",
+                        preset->name, v->air_value, v->air_limit, v->bright_value, cts_quantity_names[v->quantity]);
+    return st ? st : auto_window(model, settings, preset, report, err);
 }
 
 static CtsStatus find_contrast(const CtsVolume *volume, int n_threads, bool *found, CtsError *err)

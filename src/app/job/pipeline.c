@@ -369,20 +369,26 @@ CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded,
     return st;
 }
 
-CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+CtsStatus cts_source_find(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
                           CtsReport *report, CtsError *err)
 {
-    CtsStatus st;
-    CtsStageTimer meter = cts_stage_timer_start(report);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
     cts_watch_step(watch, 0, n_steps, source->from ? "fetching" : "searching");
-    st = find_series_of_source(source, loaded, report, err);
+    const CtsStatus st = find_series_of_source(source, loaded, report, err);
     cts_watch_diagnostics(watch, report);
     cts_stage_timer_stop(meter, report, CTS_STAGE_SCAN);
     if (loaded->list && watch->found)
         watch->found(watch->context, loaded->list);
+    return st;
+}
+
+CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err)
+{
+    CtsStatus st = loaded->series ? CTS_OK : cts_source_find(source, watch, n_steps, loaded, report, err);
     if (st)
         return st;
-    meter = cts_stage_timer_start(report);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
     cts_watch_step(watch, 1, n_steps, "reading");
     if (!(st = cts_source_labels(source, loaded, report, err)))
         st = cts_source_read(source, loaded, report, err);

@@ -71,8 +71,10 @@ void cts_source_report_fill(const CtsSource *source, const CtsScanned *scanned, 
  * they become the volume in any case; loaded->scanned->even->grey is NULL then. */
 CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 
-/* Finds the series and decodes it. Reports the first two of n_steps to watch. Free with cts_loaded_free(), also after a
- * failure. */
+/* Finds the series, the first of n_steps. Free with cts_loaded_free(), also after a failure. */
+CtsStatus cts_source_find(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err);
+/* Finds the series where loaded has none, and decodes it, the second of n_steps. */
 CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
                           CtsReport *report, CtsError *err);
 /* cts_source_scan(), then cts_source_view() with last. */

@@ -16,7 +16,7 @@
 /* Counts of nearly black and nearly white pixels, for a warning. */
 typedef struct Saturation {
     uint64_t n, n_black, n_white; /* pixels sampled; of them practically black, practically white */
-    uint64_t n_seen, n_full;      /* of a projection: above black, and at the top of the window */
+    uint64_t n_seen, n_full;      /* of a projection: within the window or above, and at its top or above */
     float most;                   /* the brightest pixel */
 } Saturation;
 
@@ -35,6 +35,7 @@ static const double fine_mm = 0.2;
 static void saturation_add(Saturation *saturation, const CtsPicture *band)
 {
     const size_t n = (size_t)band->width * (size_t)band->height, channels = (size_t)band->n_channels;
+    const bool inverted = band->info.window_low_hu > band->info.window_high_hu;
     Saturation s = *saturation; /* in registers; comparisons, since fmaxf() is a call */
     for (size_t i = 0; i < n; i += EVERY) {
         const float *p = &band->pixels[i * channels], *last = p + (channels == 1 ? 0 : 2), middle = p[channels / 3];
@@ -43,8 +44,9 @@ static void saturation_add(Saturation *saturation, const CtsPicture *band)
         s.most = most > s.most ? most : s.most;
         s.n_black += most <= black;
         s.n_white += least >= white;
-        s.n_seen += p[0] > 0;
-        s.n_full += p[0] >= 1;
+        const float shown = inverted ? 1 - p[0] : p[0];
+        s.n_seen += shown > 0;
+        s.n_full += shown >= 1;
         s.n++;
     }
     *saturation = s;
@@ -55,6 +57,8 @@ static void saturation_report(const Saturation *s, const CtsJob *job, const CtsV
                               CtsReport *report)
 {
     const bool projects = info->mode != CTS_MODE_COMPOSITE, is_black = (double)s->n_black > nearly_all * (double)s->n;
+    const bool inverted = info->window_low_hu > info->window_high_hu;
+    const char *const unit = cts_quantity_units[v->quantity];
     double coarsest_mm = 0;
     for (int a = 0; a < 3; a++)
         coarsest_mm = fmax(coarsest_mm, cts_volume_spacing_mm(v, a));
@@ -68,18 +72,19 @@ static void saturation_report(const Saturation *s, const CtsJob *job, const CtsV
     if (projects && 2 * s->n_full > s->n_seen)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_MOSTLY_WHITE,
-            "%.0f %% of the visible pixels are white, %g HU or more (move the `window` up, or limit the "
+            "%.0f %% of the visible pixels are %s, %g%s%s or more (move the `window` up, or limit the "
             "depth with a `slab` of about 10 mm)",
-            100.0 * (double)s->n_full / (double)s->n_seen, info->window_high_hu);
+            100.0 * (double)s->n_full / (double)s->n_seen, inverted ? "black" : "white",
+            fmax(info->window_low_hu, info->window_high_hu), *unit ? " " : "", unit);
     else if ((is_black || (double)s->n_white > nearly_all * (double)s->n) &&
              !(report && cts_diagnostics_find(&report->diagnostics, CTS_DIAGNOSTIC_NOTHING_VISIBLE)))
         cts_report_diagnostic(
             report, is_black ? CTS_DIAGNOSTIC_NEARLY_BLACK : CTS_DIAGNOSTIC_NEARLY_WHITE,
             projects
-                ? "the picture is nearly all %s: little of it lies between %g and %g HU (move the "
+                ? "the picture is nearly all %s: little of it lies between %g and %g%s%s (move the "
                   "`window`; `mode` without a preset takes one that fits)"
-                : "the picture is nearly all %s (check which HU the preset shows, the `background`, and the scale)",
-            is_black ? "black" : "white", info->window_low_hu, info->window_high_hu);
+                : "the picture is nearly all %s (check which values the preset shows, the `background`, and the scale)",
+            is_black ? "black" : "white", info->window_low_hu, info->window_high_hu, *unit ? " " : "", unit);
 }
 
 /* Band height while a watch is set: few bands cost little, and enough of them show the progress. */
@@ -347,9 +352,9 @@ CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared 
     const CtsRenderSettings render = settings_of(job);
     CtsStatus st;
     *prepared = (CtsPrepared){.preset = *job->preset};
-    if (!(st = cts_contrast_check(model->volume, cts_threads(job->render.n_threads), &prepared->preset,
-                                  &prepared->no_contrast, err)))
-        st = cts_auto_window(model, &render, &prepared->preset, report, err);
+    if (!(st = cts_fit_preset(model, &render, &prepared->preset, report, err)))
+        st = cts_contrast_check(model->volume, cts_threads(job->render.n_threads), &prepared->preset,
+                                &prepared->no_contrast, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_CLASSIFY);
     meter = cts_stage_timer_start(report);
     if (!st)
@@ -423,25 +428,25 @@ static CtsStatus check_inputs_exist(const CtsSource *source, CtsStatus st, CtsEr
     return st;
 }
 
-CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err)
+CtsStatus cts_job_find(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
-    CtsLoaded loaded = {0};
-    CtsSource source = job->source;
-    CtsStatus st;
-    CtsStageTimer meter = cts_stage_timer_start(report);
-    source.inside_unseen = !cts_job_finds_body(job);
-    st = check_inputs_exist(&source, cts_job_check(job, report, err), err);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    CtsStatus st = check_inputs_exist(&job->source, cts_job_check(job, report, err), err);
     cts_watch_diagnostics(watch, report);
+    if (!st)
+        st = cts_source_find(&job->source, watch, n_steps_of(job), loaded, report, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_SCAN);
-    if (st)
-        return st;
-    st = cts_source_load(&source, watch, n_steps_of(job), &loaded, report, err);
+    return st;
+}
+
+CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsSource source = job->source;
+    source.inside_unseen = !cts_job_finds_body(job);
+    CtsStatus st = cts_source_load(&source, watch, n_steps_of(job), loaded, report, err);
     if (watch->loaded)
         watch->loaded(watch->context);
     if (!st && !(st = stopped(job, err)))
-        st = cts_job_render(job, &loaded, watch, report, err);
-    meter = cts_stage_timer_start(report);
-    cts_loaded_free(&loaded);
-    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
+        st = cts_job_render(job, loaded, watch, report, err);
     return st;
 }

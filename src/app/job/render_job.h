@@ -55,5 +55,7 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
 /* True if the job's pictures use only the inside of the body. */
 bool cts_job_finds_body(const CtsJob *job);
 
-/* Check, load, render. */
-CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err);
+/* Check and find; the series decides the preset where none is given (cts_options_run_job()). */
+CtsStatus cts_job_find(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err);
+/* Load what was found, and render. */
+CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err);

@@ -236,10 +236,10 @@ CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err
     CtsStatus st = options->appearance_path ? take_appearance_file(options, command, err) : CTS_OK;
     if (st || (options->state_path && (st = take_state(options, command, err))) || (st = write_recipe(options, err)))
         return st;
-    if (!options->preset)
-        options->preset = options->state ? options->state->preset.name : "bone";
-    else if (options->state)
+    if (options->preset && options->state)
         options->state->preset.name[0] = 0; /* another preset is given */
+    else if (options->state)
+        options->preset = options->state->preset.name;
     if (options->swivel_step_deg > 0 && cts_options_given(options, "rotation"))
         return cts_fail(err, CTS_ERR_USAGE, "`swivel`: `rotation` is given too (choose one)");
     return check_peers(options, command, err);

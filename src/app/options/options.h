@@ -48,7 +48,7 @@ typedef struct CtsOptions {
     const char *output_dir;      /* NULL when not given */
     const char *log;
 
-    const char *preset; /* cts_options_end() puts the default there */
+    const char *preset; /* NULL: by modality */
     CtsRenderSettings render;
     int rotation;           /* frames; 0: off */
     double swivel_step_deg; /* the rotation is a swivel; 0: it is not */
@@ -198,14 +198,21 @@ CtsSource cts_options_source(const CtsOptions *options);
 /* The settings common to all jobs of these options; preset is NULL, and the view is that of `view`. */
 CtsJob cts_options_job(const CtsOptions *options);
 
-/* Loads a preset and replaces window, background, mode, lighting and table removal by the options' values. The report
- * gets warnings about options without effect. */
+/* Loads a preset (NULL: `bone`) and replaces window, background, mode, lighting and table removal by the options'
+ * values. The report gets warnings about options without effect. */
 CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file, CtsPreset *preset, CtsReport *report,
                              CtsError *err);
 
-/* The single job of the options: loads their preset into *preset; *job points to it and to the options. */
+/* The single job of the options: loads their preset into *preset; *job points to it and to the options. Without
+ * `preset` it is complete once cts_options_settle() knows the series. */
 CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJob *job, CtsReport *report,
                               CtsError *err);
+/* Loads the preset that a series of this kind has without `preset`; one that is given is checked. */
+CtsStatus cts_options_settle(const CtsOptions *options, CtsModality modality, CtsQuantity quantity, CtsPreset *preset,
+                             CtsJob *job, CtsReport *report, CtsError *err);
+/* Finds the series, settles the job, loads and renders. */
+CtsStatus cts_options_run_job(const CtsOptions *options, CtsPreset *preset, CtsJob *job, const CtsWatch *watch,
+                              CtsReport *report, CtsError *err);
 
 /* Warns about options that act on DICOM outputs only, where there is none. but: an option that acts on other outputs
  * here too, or "". */

@@ -1,6 +1,7 @@
 #include "app/options/options.h"
 
 #include "base/cpu.h"
+#include "base/stage_timer.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -54,8 +55,8 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
     if (options->window.given) {
         preset->window_low_hu = options->window.low_hu;
         preset->window_high_hu = options->window.high_hu;
-    } else if (options->render.mode >= 0 && !options->state && !cts_options_given(options, "preset") &&
-               !options->presets) {
+        preset->window_absolute = true;
+    } else if (options->render.mode > CTS_MODE_COMPOSITE && !options->preset && !options->presets) {
         preset->window_low_hu = preset->window_high_hu = 0; /* empty: one that fits (app/job/auto_window.h) */
     }
     if (options->render.mode >= 0)
@@ -78,6 +79,13 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
             preset->name);
 }
 
+static void set_preset(CtsJob *job, const CtsPreset *preset)
+{
+    job->preset = preset;
+    job->source.remove_table = preset->remove_table;
+    job->source.crops_air = cts_render_ignores_air(preset, &job->render);
+}
+
 CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file, CtsPreset *preset, CtsReport *report,
                              CtsError *err)
 {
@@ -85,7 +93,7 @@ CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file
     if (options->state && options->state->preset.name[0])
         *preset = options->state->preset;
     else
-        st = cts_preset_load(name_or_file, preset, err);
+        st = cts_preset_load(name_or_file ? name_or_file : "bone", preset, err);
     if (!st)
         settle_preset(options, preset, report);
     return st;
@@ -105,11 +113,9 @@ CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJ
 {
     CtsStatus st;
     *job = cts_options_job(options);
-    if ((st = cts_options_preset(options, options->preset, preset, report, err)))
+    if ((st = cts_options_preset(options, options->preset, preset, options->preset ? report : NULL, err)))
         return st;
-    job->preset = preset;
-    job->source.remove_table = preset->remove_table;
-    job->source.crops_air = cts_render_ignores_air(preset, &job->render);
+    set_preset(job, preset);
     /* Determined once, since reading the control groups is slow. */
     job->source.n_threads = job->render.n_threads = cts_threads(options->render.n_threads);
     bool any = options->write_state != NULL, shown = options->format && options->format->is_object;
@@ -119,6 +125,36 @@ CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJ
     return options->send.given && !any
                ? cts_fail(err, CTS_ERR_USAGE, "`send`: there is no DICOM output to send (give `output` FILE.dcm)")
                : CTS_OK;
+}
+
+CtsStatus cts_options_settle(const CtsOptions *options, CtsModality modality, CtsQuantity quantity, CtsPreset *preset,
+                             CtsJob *job, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (options->preset)
+        return cts_preset_check(preset, modality, quantity, err);
+    const char *const name = cts_preset_default(modality, quantity, options->render.mode == CTS_MODE_COMPOSITE);
+    if ((st = cts_options_preset(options, name, preset, report, err)))
+        return st;
+    set_preset(job, preset);
+    return cts_job_check(job, report, err);
+}
+
+CtsStatus cts_options_run_job(const CtsOptions *options, CtsPreset *preset, CtsJob *job, const CtsWatch *watch,
+                              CtsReport *report, CtsError *err)
+{
+    CtsLoaded loaded = {0};
+    CtsStatus st = cts_job_find(job, watch, &loaded, report, err);
+    const CtsSeries *const s = loaded.series;
+    if (!st && s->renderable)
+        st = cts_options_settle(options, s->modality_id, s->quantity, preset, job, report, err);
+    cts_watch_diagnostics(watch, report);
+    if (!st)
+        st = cts_job_run(job, watch, &loaded, report, err);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    cts_loaded_free(&loaded);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
+    return st;
 }
 
 CtsStatus cts_options_send(const CtsOptions *options, CtsError *err)

@@ -77,10 +77,13 @@ struct CtsSession {
     char *choice; /* identifies the processing of loaded.model (cts_source_choice()) */
 };
 
-static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWatch *watch, CtsReport *report,
-                            CtsError *err)
+static CtsStatus run_loaded(CtsSession *session, const CtsOptions *options, CtsPreset *preset, CtsJob *job,
+                            const CtsWatch *watch, CtsReport *report, CtsError *err)
 {
-    CtsStatus st = cts_job_check(job, report, err);
+    const CtsVolume *const scanned = session->loaded.scanned->even;
+    CtsStatus st = cts_options_settle(options, scanned->modality, scanned->quantity, preset, job, report, err);
+    if (!st)
+        st = cts_job_check(job, report, err);
     char *const choice = cts_source_choice(&job->source);
     if (!st && !choice)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -116,7 +119,8 @@ static CtsStatus run_options(CtsSession *session, const CtsOptions *options, Who
     if (whole)
         whole->alone = !options->outputs.n;
     if (!st)
-        st = session ? run_loaded(session, &job, &watch, report, err) : cts_job_run(&job, &watch, report, err);
+        st = session ? run_loaded(session, options, &preset, &job, &watch, report, err)
+                     : cts_options_run_job(options, &preset, &job, &watch, report, err);
     if (!st && whole && whole->status) {
         *err = whole->err;
         st = whole->status;

@@ -90,24 +90,35 @@ char *cts_list_series(CtsServer *server)
     return dumped(list, JSON_COMPACT);
 }
 
-static json_t *preset_json(const CtsPreset *p, bool own)
+/* series NULL: of no series. */
+static void list_preset(json_t *list, const CtsPreset *p, bool own, const CtsSeries *series)
 {
-    return json_pack("{s:s, s:s, s:[ff], s:o, s:b}", "name", p->name, "mode", cts_mode_names[p->mode], "window_hu",
-                     p->window_low_hu, p->window_high_hu, "shade",
-                     p->shade ? json_pack("{s:f}", "occlusion", p->occlusion) : json_null(), "own", own);
+    if (series && !cts_preset_suits(p, series->modality_id, series->quantity))
+        return;
+    const char *const usual = series ? cts_preset_default(series->modality_id, series->quantity, false) : "";
+    json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s*, s:[ff], s:o, s:b, s:b}", "name", p->name, "mode",
+                                          cts_mode_names[p->mode], "scale", cts_scale_names[p->scale], "modality",
+                                          p->modality == CTS_ANY_MODALITY ? NULL : cts_modality_names[p->modality],
+                                          "window_hu", p->window_low_hu, p->window_high_hu, "shade",
+                                          p->shade ? json_pack("{s:f}", "occlusion", p->occlusion) : json_null(), "own",
+                                          own, "default", !strcmp(p->name, usual)));
 }
 
-char *cts_list_presets(void)
+char *cts_list_presets(CtsServer *server, const char *id)
 {
     json_t *const list = json_array();
     char **const own = cts_preset_user_names();
     const CtsPreset *p;
+    pthread_mutex_lock(&server->lock);
+    const CtsCachedSeries *const cached = id ? cts_series_cache_by_id(&server->cache, id) : NULL;
+    const CtsSeries *const series = cached ? cached->series : NULL;
     for (size_t i = 0; (p = cts_preset_builtin(i)); i++)
-        json_array_append_new(list, preset_json(p, false));
+        list_preset(list, p, false, series);
     CtsPreset *const mine = malloc(sizeof *mine);
     for (size_t i = 0; mine && own && own[i]; i++)
         if (!cts_preset_load(own[i], mine, NULL))
-            json_array_append_new(list, preset_json(mine, true));
+            list_preset(list, mine, true, series);
+    pthread_mutex_unlock(&server->lock);
     free(mine);
     free(own);
     return dumped(list, JSON_COMPACT);
@@ -156,10 +167,11 @@ char *cts_list_module(const CtsRenderRequest *e)
 char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *e)
 {
     const CtsPictureInfo *const info = &e->info;
-    json_t *const scene = json_pack("{s:f, s:[fff], s:[ff], s:s, s:[ff], s:s}", "mm_per_pixel", info->mm_per_pixel,
+    json_t *const scene = json_pack("{s:f, s:[fff], s:[ff], s:s, s:[ff], s:s, s:s}", "mm_per_pixel", info->mm_per_pixel,
                                     "centre", info->centre_lps[0], info->centre_lps[1], info->centre_lps[2], "view",
                                     info->azimuth_deg, info->elevation_deg, "mode", cts_mode_names[info->mode],
-                                    "window_hu", info->window_low_hu, info->window_high_hu, "preset", info->preset);
+                                    "window_hu", info->window_low_hu, info->window_high_hu, "unit",
+                                    cts_quantity_units[e->cached->series->quantity], "preset", info->preset);
     json_t *const warnings = json_array();
     if (e->report.bound.known)
         json_object_set_new(scene, "bound_255", json_real(255 * e->report.bound.rmse));

@@ -70,7 +70,7 @@ static CtsStatus render_with(CtsRenderRequest *e, const CtsProcessedVolume *proc
 static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed, CtsError *err)
 {
     CtsStatus st =
-        cts_auto_window(&processed->model, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
+        cts_fit_preset(&processed->model, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
     if (st)
         return st;
     CtsPreset kept = e->render_query.preset;
@@ -135,14 +135,44 @@ static CtsStatus check_instance(const CtsRenderRequest *e, CtsError *err)
              : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
 }
 
+/* The preset of the request, once its series is known. */
+static CtsStatus settle_request(CtsRenderRequest *e, CtsError *err)
+{
+    CtsRenderQuery *const q = &e->render_query;
+    const CtsSeries *const s = e->cached->series;
+    if (s && s->renderable && !e->is_settled) {
+        e->is_settled = true;
+        e->status =
+            cts_options_settle(&q->options, s->modality_id, s->quantity, &q->preset, &q->job, &e->report, &e->err);
+    }
+    if (e->status)
+        *err = e->err;
+    return e->status;
+}
+
+/* Finds the series first where it was not known. Its volume may be there since. */
+static CtsStatus make_processed(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume **processed, CtsError *err)
+{
+    CtsSeriesCache *const cache = &server->cache;
+    const CtsSource *const source = &e->render_query.job.source;
+    CtsStatus st = settle_request(e, err);
+    if (!st && !(st = cts_series_cache_read(cache, &server->lock, e->cached, source, &e->report, err)))
+        st = settle_request(e, err);
+    if (st)
+        return st;
+    pthread_mutex_lock(&server->lock);
+    *processed = cts_series_cache_volume(e->cached, source);
+    pthread_mutex_unlock(&server->lock);
+    return *processed ? CTS_OK
+                      : cts_series_cache_make(cache, &server->lock, e->cached, source, processed, &e->report, err);
+}
+
 static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed,
                              CtsHttpAnswer *answer, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const bool makes = !processed;
-    if (makes) {
-        st = cts_series_cache_make(&server->cache, &server->lock, e->cached, &e->render_query.job.source, &processed,
-                                   &e->report, err);
+    if (!processed) {
+        st = make_processed(server, e, &processed, err);
         pthread_mutex_lock(&server->lock);
         e->cached->busy = false;
         if (processed)
@@ -166,10 +196,12 @@ static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcesse
 /* The first queued request whose volume is not in use by another; reserves its resources. */
 static CtsRenderRequest *next_request(CtsServer *server, CtsProcessedVolume **processed)
 {
+    CtsError unused;
     for (CtsRenderRequest *e = server->first; e; e = e->next) {
         CtsCachedSeries *const s = e->cached;
         if (e->running || s->n_running >= CTS_SERVE_WORKERS - 1)
             continue;
+        settle_request(e, &unused);
         *processed = s->series ? cts_series_cache_volume(s, &e->render_query.job.source) : NULL;
         if (!*processed && s->busy)
             continue;

@@ -71,9 +71,7 @@ static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *er
         return CTS_OK;
     for (size_t i = 0; i < sizeof methods / sizeof *methods; i++)
         if (!strcmp(methods[i][0], method)) {
-            /* A composited preset stays unchanged. */
-            if (i > 0 || cts_query_value(from, "preset"))
-                cts_query_add(words, "mode", methods[i][1]);
+            cts_query_add(words, "mode", methods[i][1]);
             return CTS_OK;
         }
     return cts_fail(err, CTS_ERR_USAGE,

@@ -167,11 +167,15 @@ static void request_series(CtsServer *server, CtsHttpRequest *request, const Par
         answer_json(server, request, cts_list_series(server));
     else if (is(p, 2, "labels") && p->n == 3)
         answer_json(server, request, cts_list_labels(server, p->at[1]));
+    else if (is(p, 2, "presets") && p->n == 3)
+        answer_json(server, request, cts_list_presets(server, p->at[1]));
     else if (format && !strncmp(p->at[2], "picture.", 8) && !strcmp(p->at[2] + 8, format->name))
         request_picture(server, request, &(Target){.id = p->at[1]}, format);
     else
-        answer_text(server, request, 404,
-                    "there are /series, /series/ID/labels and /series/ID/picture.ENDING, its ending a format's");
+        answer_text(
+            server, request, 404,
+            "there are /series, /series/ID/labels, /series/ID/presets and /series/ID/picture.ENDING, its ending a "
+            "format's");
 }
 
 /* /studies/S/rendered3D and paths below it. */
@@ -207,7 +211,7 @@ void cts_routes_dispatch(void *context, CtsHttpRequest *request)
     else if (is(&p, 0, "studies") && p.n > 2)
         request_study(server, request, &p);
     else if (is(&p, 0, "presets") && p.n == 1)
-        answer_json(server, request, cts_list_presets());
+        answer_json(server, request, cts_list_presets(server, NULL));
     else
         answer_text(server, request, 404, "no such address (there are /, /series, /presets and /studies/...)");
 }

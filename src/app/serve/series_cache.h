@@ -87,8 +87,11 @@ void cts_series_cache_sweep(CtsSeriesCache *cache);
 /* The volume of these, or NULL. */
 CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *cached, const CtsSource *source);
 
-/* Without the lock, by the holder of cached->busy: reads the series if needed, and processes the volume. Takes lock
- * where it needs it. CTS_ERR_MEMORY without enough memory. */
+/* Without the lock, by the holder of cached->busy: finds and reads the series if needed. Takes lock where it needs it.
+ */
+CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
+                                const CtsSource *source, CtsReport *report, CtsError *err);
+/* Processes the volume of a series that was read, by the same. CTS_ERR_MEMORY without enough memory. */
 CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
                                 const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
                                 CtsError *err);

@@ -227,8 +227,8 @@ static CtsStatus read_cached_slices(CtsSeriesCache *cache, pthread_mutex_t *lock
     return st;
 }
 
-static CtsStatus read_once(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s, const CtsSource *source,
-                           CtsReport *report, CtsError *err)
+CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
+                                const CtsSource *source, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!s->series && !(st = find_on_demand(cache, source, s, report, err))) {
@@ -252,7 +252,7 @@ CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
         free(made);
         made = NULL;
     }
-    CtsStatus st = made ? read_once(cache, lock, s, source, report, err) : CTS_ERR_MEMORY;
+    CtsStatus st = made ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && !(st = reserve(cache, lock, s, bytes_of(s->loaded.scanned->even), err))) {
         const uint64_t expected = bytes_of(s->loaded.scanned->even);
         CtsLoaded part = {

@@ -81,6 +81,9 @@ typedef struct CtsRenderRequest {
     CtsReport report;
     CtsPictureInfo info; /* of the first frame, once has_info is set */
     bool has_info;
+    bool is_settled; /* the job is complete (cts_options_settle()), unless this failed: */
+    CtsStatus status;
+    CtsError err;
     volatile sig_atomic_t stop; /* set when the client has disconnected */
     bool running;
     struct CtsRenderRequest *next;
@@ -139,7 +142,8 @@ void cts_render_queue_end(CtsServer *server);
 
 /* listings.c: JSON, to be freed with free(); NULL without memory. */
 char *cts_list_series(CtsServer *server);
-char *cts_list_presets(void);
+/* All presets, or those that suit a series; id NULL: all. */
+char *cts_list_presets(CtsServer *server, const char *id);
 /* The labels of a series; empty while it is not loaded. */
 char *cts_list_labels(CtsServer *server, const char *id);
 /* The Rendered Volume Response Module (PS3.18 Annex K). */

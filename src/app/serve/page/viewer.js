@@ -151,9 +151,11 @@ function fail(e) {
 }
 
 function showWindow(scene) {
+  for (const unit of document.querySelectorAll('.unit'))
+    unit.textContent = scene.unit;
   id('window').hidden = scene.mode === 'composite';
   if (document.activeElement?.type !== 'number')
-    [id('low').value, id('high').value] = scene.window_hu.map(x => Math.round(x));
+    [id('low').value, id('high').value] = scene.window_hu.map(x => +x.toPrecision(4));
 }
 
 function showCommand() {
@@ -266,7 +268,7 @@ function presetButton(preset) {
 
 function changeWindow() {
   const hu = [+id('low').value, +id('high').value];
-  if (hu[0] < hu[1]) {
+  if (hu[0] !== hu[1]) {
     look.window = hu;
     preview();
   }
@@ -306,19 +308,19 @@ function prepare() {
 }
 
 export async function open(chosen) {
-  if (!presets.length) {
-    presets = JSON.parse(await (await ask('presets')).blob.text());
+  if (!presets.length)
     prepare();
-  }
+  presets = JSON.parse(await (await ask(`series/${chosen.id}/presets`)).blob.text());
   series = chosen;
-  look = {preset: 'bone', azimuth: 0, elevation: 0, size: stageSize(), hidden: new Set(), colours: false};
+  look = {preset: presets.find(p => p.default).name, azimuth: 0, elevation: 0, size: stageSize(), hidden: new Set(), colours: false};
   level = 0;
   times.fill(0);
   showLight(presets.find(p => p.name === look.preset));
   id('labels').hidden = true;
   id('colours').checked = id('smooth').checked = false;
-  // Ours and the user's own; Slicer's have the names that begin with ct-.
-  id('presets').replaceChildren(...presets.filter(p => !p.name.startsWith('ct-')).map(presetButton));
+  // Ours and the user's own; Slicer's have the names that begin with ct-, or the scale of stored values.
+  const isSlicers = p => !p.own && (p.name.startsWith('ct-') || p.scale === 'stored');
+  id('presets').replaceChildren(...presets.filter(p => !isSlicers(p)).map(presetButton));
   id('picture').removeAttribute('src');
   id('caption').textContent = '';
   id('wait').hidden = false;
