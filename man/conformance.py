@@ -44,9 +44,9 @@ syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
 written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [
     (next(n for n, u, _ in syntaxes if u == uid), uid, name.lower().replace("_", "-"))
     for name, uid in re.findall(r'\[CTS_SC_(\w+)\] = \{"([0-9.]+)"', source("output/export/sc.c"))]
-read_classes = re.findall(r'const char (\w+)_class\[\] = "([0-9.]+)"', source("dicom/header/dcm_read.cc"))
+read_classes = re.findall(r'const char (\w+)_class\[\] = "([0-9.]+)"', source("dicom/reader/dcmtk_slice.cc"))
 keyword_of = {uid: key for key, uid in reversed(list(uid_of.items()))}
-label_uids = re.search(r"label_classes\[\] = \{(.*?)\};", source("dicom/header/dcm_read.cc"), re.S).group(1)
+label_uids = re.search(r"label_classes\[\] = \{(.*?)\};", source("dicom/reader/dcmtk_slice.cc"), re.S).group(1)
 read_classes = [(keyword_of[uid], uid) for _, uid in read_classes] + [
     (keyword_of.get(uid, "LabelMapSegmentationStorage") + " (--labels)", uid)
     for uid in re.findall(r'"([0-9.]+)"', label_uids)]

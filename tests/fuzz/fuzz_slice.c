@@ -32,19 +32,18 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 {
     static char name[] = "fuzz";
     const CtsFile file = {.path = name, .memory = data, .n_memory = n};
-    CtsScratch scratch = {0};
-    CtsObject object = {0};
-    CtsError err = {0};
-    uint64_t bytes_read = 0;
-    const CtsFileKind kind = cts_file_read_header(&file, CTS_NIFTI_FORM_AUTO, &scratch, &object, &bytes_read, &err);
-    assert((kind == CTS_FILE_UNREADABLE) == (err.text[0] != 0));
-    for (int i = 0; i < object.n_slices; i++) {
-        const CtsSlice *s = object.slices[i];
+    CtsHeaderReader reader = {0};
+    CtsHeaderRead read;
+    cts_file_header_add(&reader, &file, CTS_NIFTI_FORM_AUTO, &read);
+    cts_header_finish(&reader);
+    assert((read.kind == CTS_FILE_UNREADABLE) == (read.why.text[0] != 0));
+    for (int i = 0; i < read.object.n_slices; i++) {
+        const CtsSlice *s = read.object.slices[i];
         assert(!s->fault == !s->fault_text);
         if (!s->fault && i < MAX_READ)
             read_pixels(s);
     }
-    cts_object_free(&object);
-    cts_scratch_free(&scratch);
+    cts_object_free(&read.object);
+    cts_header_reader_free(&reader);
     return 0;
 }

@@ -4,6 +4,7 @@
 #include "dicom/pixels/pixel_tasks.h"
 #include "dicom/header/dcm_read.h"
 #include "dicom/header/dicom_header.h"
+#include "dicom/header/header_reader.h"
 #include "dicom/parser/tag_scan.h"
 #include "dicom_files.h"
 #include "folder.h"
@@ -130,18 +131,17 @@ static void test_deflated(void **state)
     for (size_t n = LIMIT; n <= LIMIT + 1; n++) {
         static char name[] = "deflated";
         const CtsFile source = {.path = name, .memory = file, .n_memory = n};
-        CtsScratch scratch = {0};
+        CtsHeaderReader reader = {0};
         CtsObject object = {0};
         CtsError err = {0};
-        uint64_t bytes_read = 0;
-        const CtsFileKind kind = cts_slice_read_header(&source, &scratch, &object, &bytes_read, &err);
+        const CtsFileKind kind = cts_slice_read_header(&source, &reader, &object, &err);
         assert_int_equal(kind, n <= LIMIT ? CTS_FILE_DICOM : CTS_FILE_UNREADABLE);
         if (n <= LIMIT)
             assert_true(object.n_slices == 1 && !object.slices[0]->fault);
         else
             assert_non_null(strstr(err.text, "more than 16 MiB"));
         cts_object_free(&object);
-        cts_scratch_free(&scratch);
+        cts_header_reader_free(&reader);
     }
     free(file);
     free(plain.data);
@@ -152,16 +152,15 @@ static CtsStatus read_header(Bytes bytes, char why[200])
 {
     static char name[] = "IM";
     const CtsFile source = {.path = name, .memory = bytes.data, .n_memory = bytes.n};
-    CtsScratch scratch = {0};
+    CtsHeaderReader reader = {0};
     CtsObject object = {0};
     CtsError err = {0};
-    uint64_t bytes_read = 0;
-    assert_int_equal(cts_slice_read_header(&source, &scratch, &object, &bytes_read, &err), CTS_FILE_DICOM);
+    assert_int_equal(cts_slice_read_header(&source, &reader, &object, &err), CTS_FILE_DICOM);
     assert_true(object.n_slices >= 1);
     const CtsStatus st = object.slices[0]->fault;
     snprintf(why, 200, "%s", st ? object.slices[0]->fault_text : "");
     cts_object_free(&object);
-    cts_scratch_free(&scratch);
+    cts_header_reader_free(&reader);
     free(bytes.data);
     return st;
 }

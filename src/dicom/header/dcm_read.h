@@ -24,13 +24,6 @@ typedef struct CtsDataSet {
     const CtsSyntax *native;
 } CtsDataSet;
 
-/* Reads the data set into a zeroed object whose texts are kept in texts: all fields of each slice except path, file
- * facts, syntax, odd syntax flags and pixel offset, which the caller knows. class_uid: the meta header's, used where
- * the data set has none. A slice with unusable values is a success with slice->fault set; so is an object of many
- * frames without a usable one, as one slice. Does not use DCMTK. */
-CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsStringPool *texts, const char *class_uid,
-                              CtsObject *object, CtsError *err);
-
 /* A readable name of the SOP class, such as "MR Image", truncated to size. */
 void cts_dcm_class_name(const char *class_uid, char *text, size_t size);
 

@@ -129,23 +129,10 @@ static CtsStatus unknown_syntax(const CtsDicomHeader *h, CtsError *err)
     return cts_fail(err, CTS_ERR_READ, "transfer syntax %s is unknown (convert it with gdcmconv --raw)", h->syntax_uid);
 }
 
-CtsStatus cts_dicom_header_begin(CtsDicomHeader *h, const CtsFile *source, CtsScratch *scratch, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    *h = (CtsDicomHeader){.file = {.fd = -1}, .kind = CTS_FILE_NOT_DICOM, .scratch = scratch};
-    if (source->memory)
-        h->file = cts_file_bytes_in_memory(source->memory, source->n_memory);
-    else
-        st = cts_file_bytes_open(&h->file, source->path, err);
-    return st || h->file.fd < 0 ? st : read_up_to(h, FIRST_READ, err);
-}
-
-CtsStatus cts_dicom_header_read(CtsDicomHeader *h, CtsError *err)
+static CtsStatus read_whole_header(CtsDicomHeader *h, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsScanResult result;
-    if (h->file.fd < 0)
-        return CTS_OK;
     while ((result = cts_scan_meta(h->scratch->file, h->n, h->file.n_bytes, &h->meta)) == CTS_SCAN_MORE) {
         if (h->n >= h->file.n_bytes)
             return cts_fail(err, CTS_ERR_READ, "damaged or cut short: its meta header does not end");
@@ -165,8 +152,15 @@ CtsStatus cts_dicom_header_read(CtsDicomHeader *h, CtsError *err)
 
 CtsStatus cts_dicom_header_open(CtsDicomHeader *h, const CtsFile *source, CtsScratch *scratch, CtsError *err)
 {
-    const CtsStatus st = cts_dicom_header_begin(h, source, scratch, err);
-    return st ? st : cts_dicom_header_read(h, err);
+    CtsStatus st = CTS_OK;
+    *h = (CtsDicomHeader){.file = {.fd = -1}, .kind = CTS_FILE_NOT_DICOM, .scratch = scratch};
+    if (source->memory)
+        h->file = cts_file_bytes_in_memory(source->memory, source->n_memory);
+    else
+        st = cts_file_bytes_open(&h->file, source->path, err);
+    if (st || h->file.fd < 0 || (st = read_up_to(h, FIRST_READ, err)))
+        return st;
+    return read_whole_header(h, err);
 }
 
 void cts_dicom_header_close(CtsDicomHeader *h)

@@ -28,14 +28,6 @@ typedef struct CtsDicomHeader {
 CtsStatus cts_dicom_header_open(CtsDicomHeader *head, const CtsFile *source, CtsScratch *scratch, CtsError *err);
 void cts_dicom_header_close(CtsDicomHeader *head);
 
-/* cts_dicom_header_open() in two steps, for callers that also read other formats: open the file and read its first n
- * bytes into scratch->file (n is 0 for a file that is not regular), then continue as DICOM. */
-CtsStatus cts_dicom_header_begin(CtsDicomHeader *head, const CtsFile *source, CtsScratch *scratch, CtsError *err);
-CtsStatus cts_dicom_header_read(CtsDicomHeader *head, CtsError *err);
-
-/* The slices of an open DICOM file, into a zeroed object. */
-CtsStatus cts_dicom_header_object(const CtsDicomHeader *head, const CtsFile *source, CtsObject *object, CtsError *err);
-
 /* All elements in front of the pixels. */
 CtsElements cts_dicom_header_elements(const CtsDicomHeader *head);
 

@@ -161,12 +161,6 @@ typedef struct CtsObject {
 
 void cts_object_free(CtsObject *object);
 
-/* Reads the header of a DICOM file into a zeroed object, which must not outlive source's path and scratch's texts.
- * CTS_FILE_NOT_DICOM: clearly another format, or not a regular file. CTS_FILE_UNREADABLE: err has the reason, without
- * the path. Adds to bytes_read. Files that may be NIfTI: input/files/file_header.h. */
-CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
-                                  CtsError *err);
-
 /* The conversion of its stored words. */
 CtsStored cts_slice_stored(const CtsSlice *slice);
 

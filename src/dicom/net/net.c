@@ -3,6 +3,7 @@
 #include "base/load_plugin.h"
 #include "base/mem.h"
 #include "dicom/header/dcm_readers.h"
+#include "dicom/header/header_reader.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -147,15 +148,14 @@ static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
 {
     const int n_files = request->fetch_folder->n_files;
     const char **uids = NULL;
-    CtsScratch scratch = {0};
+    CtsHeaderReader reader = {0};
     int n = 0, n_came = 0;
     CtsStatus st = cts_alloc_bytes((void **)&uids, (size_t)n_files + 1, sizeof *uids, err);
     for (int i = 1; !st && i <= n_files; i++) {
         char path[4200];
-        uint64_t bytes_read = 0;
         CtsObject object = {0};
         snprintf(path, sizeof path, "%s/%06d.dcm", request->fetch_folder->folder, i);
-        const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &scratch, &object, &bytes_read, NULL);
+        const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &reader, &object, NULL);
         st = check_received(&object, request, err);
         if (object.n_slices && *object.slices[0]->sop_uid)
             uids[n++] = object.slices[0]->sop_uid;
@@ -171,7 +171,7 @@ static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
         st =
             cts_fail(err, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, *request->n_promised);
     cts_free_bytes(uids);
-    cts_scratch_free(&scratch);
+    cts_header_reader_free(&reader);
     return st;
 }
 

@@ -94,12 +94,22 @@ const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n)
     return NULL;
 }
 
+static bool has_preamble(const uint8_t *bytes, size_t n)
+{
+    return n >= 132 && memcmp(bytes + 128, "DICM", 4) == 0;
+}
+
+bool cts_scan_begins_dicom(const uint8_t *bytes, size_t n)
+{
+    return has_preamble(bytes, n) || cts_scan_guess(bytes, n);
+}
+
 CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan)
 {
     /* 132: preamble and DICM. 4096: more than a meta header has. 1 MiB: limit of one element. */
     *scan = (CtsMetaScan){0};
     size_t pos = 0;
-    if (n >= 132 && memcmp(bytes + 128, "DICM", 4) == 0) {
+    if (has_preamble(bytes, n)) {
         scan->has_preamble = true;
         pos = 132;
     } else if (!cts_scan_guess(bytes, n)) {
@@ -135,32 +145,19 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
     return CTS_SCAN_DONE;
 }
 
-/* The header's attributes, by rising tag. Some affect the picture: where one of those occurs twice with different
- * values, the file is ambiguous and refused. */
+/* Attributes that affect the picture: where one of them occurs twice with different values, the file is ambiguous. */
 static const struct {
     uint32_t tag;
-    bool decides;
-} header_tags[CTS_N_HEADER_TAGS] = {
-    {0x00041220, false}, {0x00080005, false}, {0x00080008, false}, {0x00080016, true},  {0x00080018, false},
-    {0x00080020, false}, {0x00080032, false}, {0x00080033, false}, {0x00080060, false}, {0x00080070, false},
-    {0x0008103E, false}, {0x00081090, false}, {0x00100010, true},  {0x00100020, true},  {0x00100021, true},
-    {0x00100030, true},  {0x00100040, true},  {0x00180050, false}, {0x00180060, false}, {0x00181000, false},
-    {0x00181060, false}, {0x00181210, false}, {0x0020000D, true},  {0x0020000E, true},  {0x00200011, false},
-    {0x00200012, false}, {0x00200013, false}, {0x00200032, true},  {0x00200037, true},  {0x00200052, true},
-    {0x00200100, false}, {0x00209153, false}, {0x00209161, false}, {0x00209162, false}, {0x00209163, false},
-    {0x00209228, false}, {0x00209241, false}, {0x00280002, true},  {0x00280004, false}, {0x00280008, true},
-    {0x00280010, true},  {0x00280011, true},  {0x00280030, true},  {0x00280100, true},  {0x00280101, true},
-    {0x00280102, true},  {0x00280103, true},  {0x00280120, true},  {0x00280121, true},  {0x00280301, false},
-    {0x00281052, true},  {0x00281053, true},  {0x00281054, false}, {0x00282110, false}, {0x00283000, false},
+    bool decides, is_uid;
+} checked_tags[CTS_N_CHECKED_TAGS] = {
+    {0x00080016, true, false}, {0x00080018, false, true}, {0x00100010, true, false}, {0x00100020, true, false},
+    {0x00100021, true, false}, {0x00100030, true, false}, {0x00100040, true, false}, {0x0020000D, true, true},
+    {0x0020000E, true, true},  {0x00200032, true, false}, {0x00200037, true, false}, {0x00200052, true, true},
+    {0x00280002, true, false}, {0x00280008, true, false}, {0x00280010, true, false}, {0x00280011, true, false},
+    {0x00280030, true, false}, {0x00280100, true, false}, {0x00280101, true, false}, {0x00280102, true, false},
+    {0x00280103, true, false}, {0x00280120, true, false}, {0x00280121, true, false}, {0x00281052, true, false},
+    {0x00281053, true, false},
 };
-
-bool cts_scan_notes(uint32_t tag)
-{
-    for (int i = 0; i < CTS_N_HEADER_TAGS; i++)
-        if (header_tags[i].tag == tag)
-            return true;
-    return false;
-}
 
 typedef struct OpenElement {
     uint64_t end; /* UNDEFINED: until its delimiter */
@@ -175,11 +172,11 @@ typedef struct TagWalk {
     bool explicit_vr, big;
     int height;         /* of the stack */
     OpenElement *stack; /* 2 * CTS_MAX_NESTING */
-    /* An implicit VR element that begins like a sequence may be one. If it turns out not to be, it is skipped. */
+    /* An element of implicit VR or VR UN that begins like a sequence may be one. If it turns out not to be, it is
+     * skipped. */
     int maybe_height;
     uint64_t maybe_end;
     size_t start, most;
-    int next_tag; /* of header_tags, the first that is not below the last element's */
     CtsDataScan *scan;
 } TagWalk;
 
@@ -239,48 +236,42 @@ static CtsScanResult sequence_step(TagWalk *w, const CtsRawElement *e)
     return push(w, true, e->length == UINT32_MAX ? UNDEFINED : w->pos + e->length, top->implicit_vr, false);
 }
 
-static const CtsTagValue *find_value(const CtsDataScan *scan, uint32_t tag)
+/* A UID with control characters would be a different one in software that strips them. */
+static CtsScanResult check_uid(TagWalk *w, const CtsRawElement *e, const uint8_t *value)
 {
-    for (int i = 0; i < scan->n_values; i++)
-        if (scan->values[i].tag == tag)
-            return &scan->values[i];
-    return NULL;
+    uint32_t n = e->length;
+    while (n > 0 && value[n - 1] == 0)
+        n--;
+    for (uint32_t i = 0; i < n; i++)
+        if (value[i] < 0x20 || value[i] == 0x7F) {
+            snprintf(w->scan->why, sizeof w->scan->why, "its UID (%04X,%04X) holds control characters", e->tag >> 16,
+                     e->tag & 0xFFFF);
+            return CTS_SCAN_BAD;
+        }
+    return CTS_SCAN_DONE;
 }
 
-/* Records the offset of a header's value; it must be in the file, for comparison with a second one. */
-static CtsScanResult note_value(TagWalk *w, const CtsRawElement *e)
+/* Values of the data set that are compared or read here must be among the bytes at hand. */
+static CtsScanResult check_repetition(TagWalk *w, const CtsRawElement *e)
 {
-    while (w->next_tag > 0 && header_tags[w->next_tag - 1].tag >= e->tag)
-        w->next_tag--;
-    while (w->next_tag < CTS_N_HEADER_TAGS && header_tags[w->next_tag].tag < e->tag)
-        w->next_tag++;
-    const int at = w->next_tag;
-    if (at == CTS_N_HEADER_TAGS || header_tags[at].tag != e->tag)
-        return CTS_SCAN_DONE;
-    CtsDataScan *scan = w->scan;
-    const bool no_value = e->length == UINT32_MAX;
+    int i = 0;
+    while (i < CTS_N_CHECKED_TAGS && checked_tags[i].tag != e->tag)
+        i++;
     const uint64_t offset = w->pos + e->n_bytes;
-    if (!no_value && offset + e->length > w->n)
-        return more(w, offset + e->length);
-    const CtsTagValue *first = find_value(scan, e->tag);
-    if (!first) {
-        scan->repeats |= scan->n_values && scan->values[scan->n_values - 1].tag > e->tag;
-        scan->values[scan->n_values++] = (CtsTagValue){.tag = e->tag,
-                                                       .vr = {e->vr[0], e->vr[1]},
-                                                       .is_sequence = no_value || memcmp(e->vr, "SQ", 2) == 0,
-                                                       .n_bytes = no_value ? 0 : e->length,
-                                                       .offset = (size_t)offset - w->start};
+    if (i == CTS_N_CHECKED_TAGS || e->length == UINT32_MAX || offset + e->length > w->total)
         return CTS_SCAN_DONE;
-    }
-    scan->repeats = true;
-    if (header_tags[at].decides && !no_value && !first->is_sequence &&
-        (first->n_bytes != e->length ||
-         memcmp(w->bytes + w->start + first->offset, w->bytes + offset, e->length) != 0)) {
-        snprintf(scan->why, sizeof scan->why, "(%04x,%04x) occurs twice with different values", e->tag >> 16,
+    CtsScannedValue *first = &w->scan->checked[i];
+    if (offset + e->length > w->n)
+        return more(w, offset + e->length);
+    if (!first->offset) {
+        *first = (CtsScannedValue){(size_t)offset, e->length};
+    } else if (checked_tags[i].decides &&
+               (first->n != e->length || memcmp(w->bytes + first->offset, w->bytes + offset, e->length) != 0)) {
+        snprintf(w->scan->why, sizeof w->scan->why, "(%04x,%04x) occurs twice with different values", e->tag >> 16,
                  e->tag & 0xFFFF);
         return CTS_SCAN_BAD;
     }
-    return CTS_SCAN_DONE;
+    return checked_tags[i].is_uid ? check_uid(w, e, w->bytes + offset) : CTS_SCAN_DONE;
 }
 
 static CtsScanResult element_step(TagWalk *w, const CtsRawElement *e, bool implicit_vr)
@@ -301,10 +292,10 @@ static CtsScanResult element_step(TagWalk *w, const CtsRawElement *e, bool impli
         w->pos = value;
         return push(w, false, value + e->length, false, false);
     }
-    if (implicit_vr && e->length >= 8) {
+    if ((implicit_vr || is_un) && e->length >= 8) {
         if (value + 4 > w->n)
             return more(w, value + 4);
-        if (read_tag(w->bytes + value, w->big) == TAG_ITEM) {
+        if (read_tag(w->bytes + value, w->big && !is_un) == TAG_ITEM) {
             if (!w->maybe_end) {
                 w->maybe_end = value + e->length;
                 w->maybe_height = w->height;
@@ -327,7 +318,7 @@ static void found_pixels(TagWalk *w, const CtsRawElement *e)
     scan->pixel_bytes = scan->encapsulated ? 0 : e->length;
 }
 
-/* The top level: records the header's values and stops at the pixels. *stop: the walk is over. */
+/* The top level: stops at the pixels. *stop: the walk is over. */
 static CtsScanResult top_step(TagWalk *w, const CtsRawElement *e, bool *stop)
 {
     w->maybe_end = 0;
@@ -344,7 +335,7 @@ static CtsScanResult top_step(TagWalk *w, const CtsRawElement *e, bool *stop)
     }
     if (e->tag >> 16 == 0xFFFE)
         return bad(w, "an item lies outside a sequence");
-    const CtsScanResult result = note_value(w, e);
+    const CtsScanResult result = check_repetition(w, e);
     return result == CTS_SCAN_DONE ? element_step(w, e, !w->explicit_vr) : result;
 }
 

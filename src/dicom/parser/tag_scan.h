@@ -36,6 +36,9 @@ typedef struct CtsMetaScan {
     size_t data_offset;     /* offset of the data set */
 } CtsMetaScan;
 
+/* False for a file whose first n bytes are clearly not DICOM. */
+bool cts_scan_begins_dicom(const uint8_t *bytes, size_t n);
+
 CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan);
 
 /* An element's own 8 or 12 bytes. */
@@ -52,24 +55,18 @@ bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, 
 /* The encoding of the data set at p, detected from its first element; NULL when it is neither. */
 const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
 
-enum { CTS_N_HEADER_TAGS = 55 }; /* number of attributes read from a CT slice */
-bool cts_scan_notes(uint32_t tag);
+enum { CTS_N_CHECKED_TAGS = 25 };
 
-/* A top-level element with one of those tags. */
-typedef struct CtsTagValue {
-    uint32_t tag;     /* group << 16 | element */
-    uint8_t vr[2];    /* zeros where the data set has implicit VR */
-    bool is_sequence; /* or anything else of undefined length: no value here */
-    uint32_t n_bytes;
-    size_t offset; /* of the value, from the start of the data set */
-} CtsTagValue;
+/* The place of a value among the bytes; offset 0: none. */
+typedef struct CtsScannedValue {
+    size_t offset;
+    uint32_t n;
+} CtsScannedValue;
 
 typedef struct CtsDataScan {
     uint64_t need;
     char why[112];
-    CtsTagValue values[CTS_N_HEADER_TAGS]; /* in the order of the data set */
-    int n_values;
-    bool repeats;      /* an element occurs twice, or they are out of order */
+    CtsScannedValue checked[CTS_N_CHECKED_TAGS];
     size_t header_end; /* offset of PixelData's tag, or the end of the data set */
     bool has_pixels, pixel_words, encapsulated;
     uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */

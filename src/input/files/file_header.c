@@ -1,6 +1,5 @@
 #include "input/files/file_header.h"
 
-#include "dicom/header/dicom_header.h"
 #include <string.h>
 
 /* The packing program of a file that is not DICOM, by its first bytes. */
@@ -20,34 +19,31 @@ static const char *packer_of(const uint8_t *bytes, size_t n)
     return NULL;
 }
 
-static CtsStatus read_nifti_header(const CtsDicomHeader *h, const CtsFile *source, CtsNiftiForm form, CtsObject *object,
-                                   CtsError *err)
+static CtsStatus read_nifti_header(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form,
+                                   CtsHeaderRead *result)
 {
+    result->kind = CTS_FILE_NIFTI;
     /* In a folder it may be a mask or a picture of anything. */
     if (source->named)
-        return cts_nifti_slices(source, &h->file, form, object, err);
-    object->packed = "NIfTI";
+        return cts_nifti_slices(source, file, form, &result->object, &result->why);
+    result->object.packed = "NIfTI";
     return CTS_OK;
 }
 
-CtsFileKind cts_file_read_header(const CtsFile *source, CtsNiftiForm form, CtsScratch *scratch, CtsObject *object,
-                                 uint64_t *bytes_read, CtsError *err)
+void cts_file_header_add(CtsHeaderReader *reader, const CtsFile *source, CtsNiftiForm form, CtsHeaderRead *result)
 {
-    CtsDicomHeader h;
-    CtsStatus st = cts_dicom_header_begin(&h, source, scratch, err);
-    if (!st && h.n && cts_nifti_slices_are(source->path, scratch->file, h.n)) {
-        h.kind = CTS_FILE_NIFTI;
-        st = read_nifti_header(&h, source, form, object, err);
-    } else if (!st && !(st = cts_dicom_header_read(&h, err))) {
-        if (h.kind == CTS_FILE_DICOM)
-            st = cts_dicom_header_object(&h, source, object, err);
-        else if (h.n)
-            object->packed = packer_of(scratch->file, h.n);
-    }
-    *bytes_read += h.n;
-    cts_dicom_header_close(&h);
+    CtsFileBytes file;
+    const uint8_t *bytes;
+    size_t n;
+    *result = (CtsHeaderRead){.kind = CTS_FILE_NOT_DICOM};
+    CtsStatus st = cts_header_begin(reader, source, &file, &bytes, &n, &result->why);
+    if (!st && n && cts_nifti_slices_are(source->path, bytes, n))
+        st = read_nifti_header(source, &file, form, result);
+    else if (!st && n && !cts_header_add(reader, source, &file, n, result))
+        result->object.packed = packer_of(bytes, n);
+    cts_file_bytes_close(&file);
     if (!st)
-        return h.kind;
-    cts_object_free(object);
-    return CTS_FILE_UNREADABLE;
+        return;
+    cts_object_free(&result->object);
+    result->kind = CTS_FILE_UNREADABLE;
 }

@@ -20,9 +20,7 @@ typedef struct FoundFile {
     CtsFile file;
     char *path;
     char *archive; /* path of the zip file that it is a member of, or NULL */
-    CtsFileKind kind;
-    CtsObject object;
-    CtsError why;
+    CtsHeaderRead header;
 } FoundFile;
 
 typedef struct ArchiveSearch {
@@ -32,19 +30,15 @@ typedef struct ArchiveSearch {
     FoundFile group[GROUP];
     int n;
     int n_threads;
-    CtsScratch *scratch; /* of each thread */
-    bool in_directory;   /* files come from a DICOMDIR, which must not refer to another */
+    CtsHeaderReader *readers; /* of each thread */
+    bool in_directory;        /* files come from a DICOMDIR, which must not refer to another */
 } ArchiveSearch;
 
 static void read_headers(void *context, int worker, size_t first, size_t end)
 {
     ArchiveSearch *const s = context;
-    for (size_t i = first; i < end; i++) {
-        FoundFile *const f = &s->group[i];
-        uint64_t bytes_read = 0;
-        f->kind =
-            cts_file_read_header(&f->file, CTS_NIFTI_FORM_AUTO, &s->scratch[worker], &f->object, &bytes_read, &f->why);
-    }
+    for (size_t i = first; i < end; i++)
+        cts_file_header_add(&s->readers[worker], &s->group[i].file, CTS_NIFTI_FORM_AUTO, &s->group[i].header);
 }
 
 static CtsStatus flush(ArchiveSearch *s, CtsError *err);
@@ -64,7 +58,7 @@ static CtsStatus add_file(void *context, const CtsFile *file, const char *archiv
 
 static void free_found(FoundFile *f)
 {
-    cts_object_free(&f->object);
+    cts_object_free(&f->header.object);
     free(f->path);
     free(f->archive);
 }
@@ -103,38 +97,39 @@ static CtsStatus hand_on(ArchiveSearch *s, const FoundFile *f, char **directory,
     CtsArchiveFile file = {.path = f->file.path, .series_uid = "", .sop_uid = ""};
     CtsSlicePlace place;
     s->counts->n_files++;
-    if (f->object.n_slices) {
-        const CtsSlice *slice = f->object.slices[0];
+    if (f->header.object.n_slices) {
+        const CtsSlice *slice = f->header.object.slices[0];
         file.series_uid = slice->series_uid;
         file.sop_uid = slice->sop_uid;
         file.study_uid = slice->identity[CTS_STUDY_UID];
         file.has_number = slice->has_instance && !slice->n_frames;
         file.instance_number = slice->instance_number;
-        file.place = f->object.n_slices == 1 && cts_slice_place(slice, &place) ? &place : NULL;
-        file.is_alone = f->kind == CTS_FILE_NIFTI;
+        file.place = f->header.object.n_slices == 1 && cts_slice_place(slice, &place) ? &place : NULL;
+        file.is_alone = f->header.kind == CTS_FILE_NIFTI;
         file.bytes = slice->file_bytes;
         file.mtime_ns = slice->mtime_ns;
         report_archive(f, &file);
-        file.n_voxels = (uint64_t)slice->rows * (uint64_t)slice->columns * (uint64_t)f->object.n_slices;
+        file.n_voxels = (uint64_t)slice->rows * (uint64_t)slice->columns * (uint64_t)f->header.object.n_slices;
         return s->asked->found(s->asked->context, &file, err);
     }
-    if (f->why.status == CTS_ERR_MEMORY) {
-        *err = f->why;
-        return CTS_ERR_MEMORY;
+    if (f->header.why.status == CTS_ERR_MEMORY || f->header.why.status == CTS_ERR_INTERNAL) {
+        *err = f->header.why;
+        return err->status;
     }
-    if (f->kind == CTS_FILE_UNREADABLE) {
-        file.why = f->why.text;
+    if (f->header.kind == CTS_FILE_UNREADABLE) {
+        file.why = f->header.why.text;
         report_archive(f, &file);
         s->counts->n_unreadable++;
         return s->asked->found(s->asked->context, &file, err);
     }
     s->counts->n_not_ct++;
-    s->counts->n_packed += f->object.packed != NULL;
-    if (f->object.kind == CTS_OBJECT_LABELS) {
-        file.labels_of = f->object.study_uid;
+    s->counts->n_packed += f->header.object.packed != NULL;
+    if (f->header.object.kind == CTS_OBJECT_LABELS) {
+        file.labels_of = f->header.object.study_uid;
         return s->asked->found(s->asked->context, &file, err);
     }
-    if (f->file.named && f->object.kind == CTS_OBJECT_DIRECTORY && !*directory && !(*directory = strdup(f->file.path)))
+    if (f->file.named && f->header.object.kind == CTS_OBJECT_DIRECTORY && !*directory &&
+        !(*directory = strdup(f->file.path)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     return CTS_OK;
 }
@@ -148,7 +143,9 @@ static CtsStatus flush(ArchiveSearch *s, CtsError *err)
     if (s->asked->stop && *s->asked->stop)
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     else
-        cts_parallel(s->n_threads, (size_t)n, 8, read_headers, s);
+        cts_parallel(cts_file_header_threads((size_t)n, s->n_threads), (size_t)n, 8, read_headers, s);
+    for (int t = 0; t < s->n_threads; t++)
+        cts_header_finish(&s->readers[t]);
     s->n = 0;
     for (int i = 0; i < n; i++) {
         if (!st)
@@ -156,7 +153,7 @@ static CtsStatus flush(ArchiveSearch *s, CtsError *err)
         free_found(&s->group[i]);
     }
     for (int t = 0; t < s->n_threads; t++)
-        cts_string_pool_free(&s->scratch[t].texts);
+        cts_string_pool_free(&s->readers[t].texts);
     if (!st && directory)
         st = follow_dicomdir(s, directory, err);
     free(directory);
@@ -185,8 +182,8 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *asked, CtsArchiveCounts *co
     s->counts = counts;
     s->scan = (CtsScan){.found = add_file, .context = s, .kept = asked->archives};
     s->n_threads = cts_threads(asked->n_threads);
-    s->scratch = calloc((size_t)s->n_threads, sizeof *s->scratch);
-    CtsStatus st = s->scratch ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    s->readers = calloc((size_t)s->n_threads, sizeof *s->readers);
+    CtsStatus st = s->readers ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     /* Path by path, so that no group holds two DICOMDIRs that were named. */
     for (int i = 0; i < asked->n_paths && !st; i++) {
         st = cts_scan_each(&s->scan, &asked->paths[i], 1, err);
@@ -200,10 +197,10 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *asked, CtsArchiveCounts *co
         st = report_folders(s, err);
     for (int i = 0; i < s->n; i++)
         free_found(&s->group[i]);
-    for (int t = 0; s->scratch && t < s->n_threads; t++)
-        cts_scratch_free(&s->scratch[t]);
+    for (int t = 0; s->readers && t < s->n_threads; t++)
+        cts_header_reader_free(&s->readers[t]);
     cts_diagnostics_free(&s->scan.diagnostics);
-    free(s->scratch);
+    free(s->readers);
     free(s);
     return st;
 }

@@ -41,16 +41,9 @@ void cts_series_list_free(CtsSeriesList **list)
     *list = NULL;
 }
 
-/* Result for one file; in order of the file list, so that the number of threads changes nothing. */
-typedef struct Header {
-    CtsFileKind file;
-    CtsObject object;
-    char *why; /* it could not be read */
-} Header;
-
 typedef struct HeaderSearch {
     CtsFileList files;
-    Header *headers; /* files.n of them, once read */
+    CtsHeaderRead *headers; /* files.n of them, once read; in order of the files, for any number of threads */
     size_t n_headers;
     uint64_t bytes_read;
     CtsSeriesList *list;
@@ -58,36 +51,18 @@ typedef struct HeaderSearch {
     CtsStudyNumbers numbers; /* of all objects; used where asked has none */
 } HeaderSearch;
 
-static bool read_one_header(const CtsFile *file, CtsNiftiForm form, CtsScratch *scratch, Header *header,
-                            uint64_t *bytes_read)
-{
-    CtsError why = {0};
-    header->file = cts_file_read_header(file, form, scratch, &header->object, bytes_read, &why);
-    if (header->file == CTS_FILE_UNREADABLE)
-        header->why = strdup(why.text);
-    return why.status != CTS_ERR_MEMORY;
-}
-
-/* One thread's. */
-typedef struct HeaderReader {
-    CtsScratch scratch;
-    uint64_t bytes_read;
-    bool failed;
-} HeaderReader;
-
 typedef struct HeaderReading {
     HeaderSearch *search;
     size_t first_file;
-    HeaderReader *readers;
+    CtsHeaderReader *readers; /* of each thread */
 } HeaderReading;
 
 static void read_some_headers(void *context, int worker, size_t first, size_t end)
 {
     const HeaderReading *const r = context;
-    HeaderReader *const reader = &r->readers[worker];
     for (size_t i = r->first_file + first; i < r->first_file + end; i++)
-        reader->failed |= !read_one_header(&r->search->files.items[i], r->search->asked->rules.nifti_form,
-                                           &reader->scratch, &r->search->headers[i], &reader->bytes_read);
+        cts_file_header_add(&r->readers[worker], &r->search->files.items[i], r->search->asked->rules.nifti_form,
+                            &r->search->headers[i]);
 }
 
 /* The slices need their texts for as long as the list is there. */
@@ -104,25 +79,31 @@ static bool take_texts(CtsSeriesList *list, CtsStringPool *texts)
 static CtsStatus read_new_headers(HeaderSearch *s, int n_threads, CtsError *err)
 {
     const size_t first = s->n_headers, n = s->files.n;
-    Header *headers = realloc(s->headers, (n ? n : 1) * sizeof *headers);
+    CtsHeaderRead *headers = realloc(s->headers, (n ? n : 1) * sizeof *headers);
     if (!headers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     memset(headers + first, 0, (n - first) * sizeof *headers);
     s->headers = headers;
     s->n_headers = n;
-    HeaderReader *readers = calloc((size_t)n_threads, sizeof *readers);
+    n_threads = cts_file_header_threads(n - first, n_threads);
+    CtsHeaderReader *readers = calloc((size_t)n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     HeaderReading reading = {s, first, readers};
     cts_parallel(n_threads, n - first, 8, read_some_headers, &reading);
-    bool failed = false;
+    bool kept = true;
     for (int t = 0; t < n_threads; t++) {
+        cts_header_finish(&readers[t]);
         s->bytes_read += readers[t].bytes_read;
-        failed |= readers[t].failed || !take_texts(s->list, &readers[t].scratch.texts);
-        cts_scratch_free(&readers[t].scratch);
+        kept &= take_texts(s->list, &readers[t].texts);
+        cts_header_reader_free(&readers[t]);
     }
     free(readers);
-    return failed ? cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read") : CTS_OK;
+    /* Failures that are not a file's. */
+    for (size_t i = first; kept && i < n; i++)
+        if (headers[i].why.status == CTS_ERR_MEMORY || headers[i].why.status == CTS_ERR_INTERNAL)
+            return cts_fail(err, headers[i].why.status, "%s, while headers were read", headers[i].why.text);
+    return kept ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read");
 }
 
 static CtsStatus add_named(void *context, const char *path, CtsError *err)
@@ -197,17 +178,17 @@ static CtsStatus count_others(const HeaderSearch *s, CtsError *err)
     if (!st)
         st = cts_others_add_files(list, s->files.n_other, NULL, err);
     for (size_t i = 0; !st && i < s->n_headers; i++) {
-        const Header *h = &s->headers[i];
+        const CtsHeaderRead *h = &s->headers[i];
         if (h->object.n_slices)
             continue;
-        if (h->file == CTS_FILE_UNREADABLE) {
+        if (h->kind == CTS_FILE_UNREADABLE) {
             list->n_unreadable++;
             cts_diagnostics_add(&list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, "%s: %s", s->files.items[i].path,
-                                h->why ? h->why : "cannot be read");
+                                h->why.text);
             continue;
         }
         list->n_not_ct++;
-        st = h->file == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_uid, err)
+        st = h->kind == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_uid, err)
                                        : cts_others_add_files(list, 1, h->object.packed, err);
     }
     cts_others_sort(list);
@@ -353,7 +334,6 @@ static void free_search(HeaderSearch *s)
 {
     for (size_t i = 0; i < s->n_headers; i++) {
         cts_object_free(&s->headers[i].object);
-        free(s->headers[i].why);
     }
     free(s->headers);
     s->headers = NULL;

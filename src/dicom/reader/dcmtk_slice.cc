@@ -1,7 +1,7 @@
-/* Attributes -> slice record. Nothing here needs DCMTK loaded. */
+/* Attributes -> slice record. */
+#include "dicom/reader/dcmtk_attributes.hpp"
+
 #include "base/vec3.h"
-#include "dicom/header/dcm_attributes.hpp"
-#include "dicom/header/dcm_call.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -383,7 +383,8 @@ void read_geometry(CtsAttributes &item, CtsSlice *s)
 
 const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest)
 {
-    const char *shared = cts_string_pool_share(&texts, text.data() ? text.data() : "", std::min(text.size(), longest));
+    const char *shared = cts_string_pool_share(&texts, text.data() ? text.data() : "",
+                                               std::min({text.size(), longest, size_t{CTS_MAX_TEXT}}));
     if (!shared)
         throw std::bad_alloc();
     return shared;
@@ -400,28 +401,10 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     read_rescale(item, s);
 }
 
-/* A UID with control characters would be a different one in software that strips them. */
-static bool is_torn_uid(const CtsTagValue &value, const uint8_t *bytes)
+void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *class_uid, CtsObject *object)
 {
-    const uint32_t uids[] = {0x00080018, 0x0020000D, 0x0020000E, 0x00200052};
-    if (value.is_sequence || std::find(std::begin(uids), std::end(uids), value.tag) == std::end(uids))
-        return false;
-    uint32_t n = value.n_bytes;
-    while (n > 0 && bytes[value.offset + n - 1] == 0)
-        n--;
-    return std::any_of(bytes + value.offset, bytes + value.offset + n, [](uint8_t c) { return c < 0x20 || c == 0x7F; });
-}
-
-CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsStringPool *texts, const char *class_uid,
-                              CtsObject *object, CtsError *err)
-try {
-    for (int i = 0; i < data_set->scan->n_values; i++) {
-        const CtsTagValue &value = data_set->scan->values[i];
-        if (is_torn_uid(value, data_set->bytes))
-            return cts_fail(err, CTS_ERR_READ, "damaged: its UID (%04X,%04X) holds control characters", value.tag >> 16,
-                            value.tag & 0xFFFF);
-    }
-    CtsAttributes item{*data_set};
+    const CtsTopLevel top(data_set);
+    CtsAttributes item{top};
     const std::string_view own_class = cts_attribute_text(item, DCM_SOPClassUID);
     const std::string_view sop_class = own_class.empty() ? std::string_view(class_uid) : own_class;
     object->kind = kind_of(item, sop_class);
@@ -434,8 +417,5 @@ try {
         cts_dcm_read_slice(item, *texts, cts_dcm_add_slice(object));
     }
     if (object->kind == CTS_OBJECT_ENHANCED)
-        cts_dcm_read_frames(*data_set, *texts, object);
-    return CTS_OK;
-} catch (...) {
-    return cts_dcm_caught(err, CTS_ERR_READ);
+        cts_dcm_read_frames(top, *texts, object);
 }

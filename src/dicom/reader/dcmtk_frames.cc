@@ -1,5 +1,5 @@
 /* Functional groups (PS3.3 C.7.6.16) -> one slice record a frame. */
-#include "dicom/header/dcm_attributes.hpp"
+#include "dicom/reader/dcmtk_attributes.hpp"
 
 #include <cstdint>
 #include <cstdlib>
@@ -8,12 +8,10 @@
 namespace
 {
 
-const int max_frames = 20000; /* limit of slices in a series */
-
 /* One faulty slice in place of an object without a usable frame. */
-void refuse(const CtsDataSet &data_set, CtsStringPool &texts, CtsObject *object, const char *why)
+void refuse(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object, const char *why)
 {
-    CtsAttributes attributes{data_set, true};
+    CtsAttributes attributes{top, true};
     cts_dcm_make_room(object, 1);
     CtsSlice *slice = cts_dcm_add_slice(object);
     cts_slice_fault(slice, CTS_ERR_PIXELS, "%s", why);
@@ -38,21 +36,18 @@ CtsSlice *cts_dcm_add_slice(CtsObject *object)
     return object->slices[object->n_slices++] = slice;
 }
 
-void cts_dcm_read_frames(const CtsDataSet &data_set, CtsStringPool &texts, CtsObject *object)
+void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object)
 {
-    const CtsElements all = {data_set.bytes, data_set.bytes + data_set.n, data_set.native->explicit_vr,
-                             data_set.native->big_endian, false};
-    CtsElements frames = cts_elements_find(all, cts_tag_number(DCM_PerFrameFunctionalGroupsSequence)), frame;
-    const CtsElements shared = cts_elements_item(all, cts_tag_number(DCM_SharedFunctionalGroupsSequence));
-    int n_frames = 0, n_items = 0;
-    CtsAttributes object_alone{data_set};
+    DcmElement *const frames = top.find(DCM_PerFrameFunctionalGroupsSequence);
+    DcmItem *const shared = cts_first_item(top.find(DCM_SharedFunctionalGroupsSequence));
+    auto *const sequence = frames && frames->ident() == EVR_SQ ? static_cast<DcmSequenceOfItems *>(frames) : nullptr;
+    int n_frames = 0;
+    CtsAttributes object_alone{top};
     const std::string_view text = cts_attribute_text(object_alone, DCM_NumberOfFrames);
-    if (!cts_dcm_parse_is(text.data(), text.size(), &n_frames) || n_frames < 1 || n_frames > max_frames)
-        return refuse(data_set, texts, object, "NumberOfFrames (0028,0008) is missing or not within 1 to 20000");
-    for (CtsElements rest = frames; cts_items_next(&rest, &frame);)
-        n_items++;
-    if (n_items != n_frames)
-        return refuse(data_set, texts, object,
+    if (!cts_dcm_parse_is(text.data(), text.size(), &n_frames) || n_frames < 1 || n_frames > CTS_MAX_FRAMES)
+        return refuse(top, texts, object, "NumberOfFrames (0028,0008) is missing or not within 1 to 20000");
+    if (!sequence || sequence->card() != static_cast<unsigned long>(n_frames))
+        return refuse(top, texts, object,
                       "Per-frame Functional Groups (5200,9230) are missing, or not as many as there are frames");
     uint32_t number = 0, n_parts = 0, first = 0;
     const bool has_number = cts_attribute_number(object_alone, DCM_InConcatenationNumber, &number),
@@ -60,8 +55,8 @@ void cts_dcm_read_frames(const CtsDataSet &data_set, CtsStringPool &texts, CtsOb
                has_first = cts_attribute_number(object_alone, DCM_ConcatenationFrameOffsetNumber, &first);
     const char *concatenation = cts_dcm_share(texts, cts_attribute_text(object_alone, DCM_ConcatenationUID), 64);
     cts_dcm_make_room(object, n_frames);
-    while (cts_items_next(&frames, &frame)) {
-        CtsAttributes attributes{data_set, true, {frame, shared}};
+    for (DcmObject *frame = sequence->nextInContainer(nullptr); frame; frame = sequence->nextInContainer(frame)) {
+        CtsAttributes attributes{top, true, {static_cast<DcmItem *>(frame), shared}};
         CtsSlice *slice = cts_dcm_add_slice(object);
         slice->n_frames = n_frames;
         slice->frame = object->n_slices - 1;

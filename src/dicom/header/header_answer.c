@@ -1,0 +1,268 @@
+#include "dicom/header/header_answer.h"
+
+#include "base/vec3.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A field of a slice that the reader fills. */
+typedef enum FieldKind { TEXT, OPTIONAL_TEXT, FLAG, INTEGER, REAL, REAL_OR_NAN } FieldKind;
+typedef struct Field {
+    size_t at;
+    FieldKind kind;
+    int n;
+    double low, high; /* of numbers, inclusive; of texts, high is the greatest length */
+} Field;
+
+static const uint64_t MAX_OFFSET = (uint64_t)1 << 48; /* sums of offsets and sizes do not overflow */
+
+#define FIELD(name) offsetof(CtsSlice, name)
+
+static const Field fields[] = {
+    {FIELD(odd), INTEGER, 1, 0, 2 * CTS_ODD_BURNED_IN - 1},
+    {FIELD(sop_uid), TEXT, 2, 0, 64}, /* and series_uid */
+    {FIELD(identity), TEXT, CTS_N_IDENTITY, 0, CTS_MAX_TEXT},
+    {FIELD(modality), TEXT, 1, 0, 16},
+    {FIELD(scanner), TEXT, 1, 0, CTS_MAX_TEXT},
+    {FIELD(description), OPTIONAL_TEXT, 1, 0, CTS_MAX_TEXT},
+    {FIELD(charset), OPTIONAL_TEXT, 1, 0, CTS_MAX_TEXT},
+    {FIELD(study_date), OPTIONAL_TEXT, 1, 0, CTS_MAX_TEXT},
+    {FIELD(series_number), INTEGER, 1, INT32_MIN, INT32_MAX},
+    {FIELD(has_acquisition), FLAG, 1, 0, 1},
+    {FIELD(has_temporal), FLAG, 1, 0, 1},
+    {FIELD(has_instance), FLAG, 1, 0, 1},
+    {FIELD(acquisition_number), INTEGER, 1, INT32_MIN, INT32_MAX},
+    {FIELD(instance_number), INTEGER, 1, INT32_MIN, INT32_MAX},
+    {FIELD(temporal_index), INTEGER, 1, INT32_MIN, INT32_MAX},
+    {FIELD(kvp), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(trigger_ms), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(content_s), REAL, 1, -1, 90100},
+    {FIELD(phase_percent), REAL_OR_NAN, 1, -INFINITY, INFINITY},
+    {FIELD(phase_delay_ms), REAL_OR_NAN, 1, -INFINITY, INFINITY},
+    {FIELD(kernel), TEXT, 1, 0, 64},
+    {FIELD(thickness_mm), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(time_s), REAL, 1, -1, 90100},
+    {FIELD(declared_lossless), FLAG, 1, 0, 1},
+    {FIELD(localizer), FLAG, 1, 0, 1},
+    {FIELD(page), FLAG, 1, 0, 1},
+    {FIELD(frame), INTEGER, 1, 0, CTS_MAX_FRAMES - 1},
+    {FIELD(n_frames), INTEGER, 1, 0, CTS_MAX_FRAMES},
+    {FIELD(stack_id), TEXT, 1, 0, 16},
+    {FIELD(concatenation), TEXT, 1, 0, 64},
+    {FIELD(part_number), INTEGER, 1, 0, UINT16_MAX},
+    {FIELD(n_parts), INTEGER, 1, 0, UINT16_MAX},
+    {FIELD(rows), INTEGER, 1, 0, UINT16_MAX},
+    {FIELD(columns), INTEGER, 1, 0, UINT16_MAX},
+    {FIELD(bits_allocated), INTEGER, 1, 0, UINT16_MAX},
+    {FIELD(bits_stored), INTEGER, 1, 0, UINT16_MAX},
+    {FIELD(high_bit), INTEGER, 1, 0, UINT16_MAX},
+    {FIELD(is_signed), FLAG, 1, 0, 1},
+    {FIELD(has_padding), FLAG, 1, 0, 1},
+    {FIELD(padding_low), INTEGER, 1, INT16_MIN, UINT16_MAX},
+    {FIELD(padding_high), INTEGER, 1, INT16_MIN, UINT16_MAX},
+    {FIELD(padding_word), INTEGER, 1, -1, UINT16_MAX},
+    {FIELD(slope), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(intercept), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(row_lps), REAL, 3, -2, 2},
+    {FIELD(column_lps), REAL, 3, -2, 2},
+    {FIELD(normal_lps), REAL, 3, -2, 2},
+    {FIELD(position_lps), REAL, 3, -INFINITY, INFINITY},
+    {FIELD(column_spacing_mm), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(row_spacing_mm), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(fault), INTEGER, 1, CTS_OK, CTS_ERR_INTERRUPTED},
+    {FIELD(fault_text), OPTIONAL_TEXT, 1, 0, 256},
+};
+enum { N_FIELDS = sizeof fields / sizeof *fields };
+
+static size_t field_size(FieldKind kind)
+{
+    return kind == FLAG ? sizeof(bool) : kind == INTEGER ? sizeof(int) : kind <= OPTIONAL_TEXT ? sizeof(char *) : 8;
+}
+
+/* Texts are stored behind the slices, as their offset there and 1; 0: NULL. */
+typedef struct PackedTexts {
+    uint8_t *bytes;
+    size_t n, used;
+} PackedTexts;
+
+static const char *pack_text(PackedTexts *w, const char *text)
+{
+    if (!text)
+        return NULL;
+    const size_t n = strlen(text) + 1, at = w->used;
+    if (w->used <= w->n && n <= w->n - w->used)
+        memcpy(w->bytes + at, text, n);
+    w->used += n;
+    return (const char *)(at + 1);
+}
+
+/* Repeated texts of frames are shared by the reader's string pool, and stored once. */
+static void pack_slice(PackedTexts *w, const CtsSlice *s, const CtsSlice *before, CtsSlice *packed,
+                       const CtsSlice *packed_before)
+{
+    *packed = *s;
+    for (int i = 0; i < N_FIELDS; i++)
+        for (int k = 0; fields[i].kind <= OPTIONAL_TEXT && k < fields[i].n; k++) {
+            const size_t at = fields[i].at + (size_t)k * sizeof(char *);
+            const char *text, *last = NULL, *offset;
+            memcpy(&text, (const char *)s + at, sizeof text);
+            if (before)
+                memcpy(&last, (const char *)before + at, sizeof last);
+            if (text && text == last)
+                memcpy(&offset, (const char *)packed_before + at, sizeof offset);
+            else
+                offset = pack_text(w, text);
+            memcpy((char *)packed + at, &offset, sizeof offset);
+        }
+}
+
+size_t cts_header_pack(const CtsObject *object, CtsHeaderAnswer *answer, uint8_t *bytes, size_t n)
+{
+    const size_t n_slices = (size_t)object->n_slices, n_records = n_slices * sizeof(CtsSlice);
+    CtsSlice packed[2];
+    PackedTexts w = {bytes, n, n_records};
+    for (size_t k = 0; k < n_slices; k++) {
+        pack_slice(&w, object->slices[k], k ? object->slices[k - 1] : NULL, &packed[k % 2], &packed[(k + 1) % 2]);
+        if (n_records <= n)
+            memcpy(bytes + k * sizeof *packed, &packed[k % 2], sizeof *packed);
+    }
+    answer->object = *object;
+    answer->object.slices = NULL;
+    answer->object.class_uid = pack_text(&w, object->class_uid);
+    answer->object.study_uid = pack_text(&w, object->study_uid);
+    answer->n = w.used;
+    return w.used;
+}
+
+/* The bytes of an answer, whose last one is 0 where there are texts. */
+typedef struct PackedAnswer {
+    const char *bytes;
+    size_t texts, n;
+    CtsStringPool *pool;
+} PackedAnswer;
+
+/* The text of an offset, in the pool; NULL: none. */
+static bool unpack_text(const PackedAnswer *r, const char *offset, size_t longest, bool optional, const char **text)
+{
+    const size_t at = (size_t)offset - 1;
+    *text = NULL;
+    if (!offset)
+        return optional;
+    if (at < r->texts || at >= r->n)
+        return false;
+    const size_t n = strlen(r->bytes + at);
+    return n <= longest && (*text = cts_string_pool_share(r->pool, r->bytes + at, n)) != NULL;
+}
+
+static bool is_flag(const uint8_t *flag)
+{
+    return *flag <= 1;
+}
+
+static bool is_in_range(const Field *f, const void *value)
+{
+    int integer;
+    double real;
+    switch (f->kind) {
+    case FLAG:
+        return is_flag(value);
+    case INTEGER:
+        memcpy(&integer, value, sizeof integer);
+        return integer >= f->low && integer <= f->high;
+    default:
+        memcpy(&real, value, sizeof real);
+        return isnan(real) ? f->kind == REAL_OR_NAN : isfinite(real) && real >= f->low && real <= f->high;
+    }
+}
+
+static bool unpack_field(const PackedAnswer *r, const Field *f, const CtsSlice *packed, CtsSlice *s)
+{
+    for (int k = 0; k < f->n; k++) {
+        const size_t at = f->at + (size_t)k * field_size(f->kind);
+        const char *const from = (const char *)packed + at;
+        if (f->kind <= OPTIONAL_TEXT) {
+            const char *offset, *text;
+            memcpy(&offset, from, sizeof offset);
+            if (!unpack_text(r, offset, (size_t)f->high, f->kind == OPTIONAL_TEXT, &text))
+                return false;
+            memcpy((char *)s + at, &text, sizeof text);
+        } else if (is_in_range(f, from)) {
+            memcpy((char *)s + at, from, field_size(f->kind));
+        } else {
+            return false;
+        }
+    }
+    return true;
+}
+
+CtsStatus cts_header_no_sense(CtsError *err)
+{
+    return cts_fail(err, CTS_ERR_READ, "the reader of its header gave an answer without sense");
+}
+
+/* Ranges that the readers of pixels and the volume rely on, of a slice without a fault. */
+static bool has_sound_ranges(const CtsSlice *s)
+{
+    return s->rows >= 1 && s->rows <= 4096 && s->columns >= 1 && s->columns <= 4096 &&
+           (s->bits_allocated == 8 || s->bits_allocated == 16) && s->bits_stored >= 1 &&
+           s->bits_stored <= s->bits_allocated && s->high_bit >= s->bits_stored - 1 &&
+           s->high_bit < s->bits_allocated && fabs(s->slope) >= 1e-6 &&
+           fabs(s->slope) * 65535 + fabs(s->intercept) <= 1e7 && fabs(cts_norm3(s->row_lps) - 1) < 1e-6 &&
+           fabs(cts_norm3(s->column_lps) - 1) < 1e-6 && fabs(cts_dot3(s->row_lps, s->column_lps)) < 1e-6 &&
+           s->row_spacing_mm > 0 && s->row_spacing_mm <= 10 && s->column_spacing_mm > 0 && s->column_spacing_mm <= 10;
+}
+
+static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, int k, CtsSlice *s, CtsError *err)
+{
+    CtsSlice packed;
+    memcpy(&packed, r->bytes + (size_t)k * sizeof packed, sizeof packed);
+    bool sound = packed.first_frame >= -1 && packed.first_frame <= UINT32_MAX;
+    for (int i = 0; sound && i < N_FIELDS; i++)
+        sound = unpack_field(r, &fields[i], &packed, s);
+    const char *const why = s->fault_text;
+    s->fault_text = NULL; /* not owned */
+    sound = sound && (s->n_frames ? s->n_frames == object->n_slices && s->frame == k : object->n_slices == 1) &&
+            !s->fault == !why && (s->fault || has_sound_ranges(s));
+    if (!sound)
+        return cts_header_no_sense(err);
+    s->kind = object->kind;
+    s->first_frame = packed.first_frame;
+    s->fault_text = why ? strdup(why) : NULL; /* NULL without memory: the status still refuses the slice */
+    return CTS_OK;
+}
+
+static bool is_sound_answer(const CtsHeaderAnswer *a, const uint8_t *bytes, size_t n)
+{
+    const CtsObject *o = &a->object;
+    const CtsHeaderFacts *f = &a->facts;
+    const bool has_slices = o->kind == CTS_OBJECT_CT || o->kind == CTS_OBJECT_ENHANCED;
+    return (unsigned)o->kind <= CTS_OBJECT_LABELS && o->n_slices >= 0 && o->n_slices <= CTS_MAX_FRAMES &&
+           (o->n_slices > 0) == has_slices && n > (size_t)o->n_slices * sizeof(CtsSlice) && !bytes[n - 1] &&
+           is_flag((const uint8_t *)&o->has_number) && is_flag((const uint8_t *)&f->has_pixels) &&
+           is_flag((const uint8_t *)&f->pixel_words) && is_flag((const uint8_t *)&f->encapsulated) &&
+           memchr(f->syntax_uid, 0, sizeof f->syntax_uid) && f->odd < 2 * CTS_ODD_BURNED_IN &&
+           f->data_offset < MAX_OFFSET && f->pixel_offset < MAX_OFFSET && f->pixel_bytes < MAX_OFFSET;
+}
+
+CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes, size_t n, CtsStringPool *texts,
+                            CtsObject *object, CtsError *err)
+{
+    const CtsObject *const o = &answer->object;
+    const PackedAnswer r = {(const char *)bytes, (size_t)o->n_slices * sizeof(CtsSlice), n, texts};
+    if (!is_sound_answer(answer, bytes, n))
+        return cts_header_no_sense(err);
+    *object = (CtsObject){.kind = o->kind, .has_number = o->has_number, .instance_number = o->instance_number};
+    if (!unpack_text(&r, o->class_uid, 64, false, &object->class_uid) ||
+        !unpack_text(&r, o->study_uid, 64, false, &object->study_uid))
+        return cts_header_no_sense(err);
+    if (o->n_slices && !(object->slices = calloc((size_t)o->n_slices, sizeof *object->slices)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = CTS_OK;
+    for (int k = 0; !st && k < o->n_slices; k++) {
+        if (!(object->slices[k] = calloc(1, sizeof **object->slices)))
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        object->n_slices++;
+        st = unpack_slice(&r, o, k, object->slices[k], err);
+    }
+    return st;
+}

@@ -1,0 +1,66 @@
+/* Headers as they pass between the program and its reader (dicom/reader), in shared memory: files' first bytes one way,
+ * plain data of fixed layout with their texts behind them the other. The reader works on untrusted bytes, so that its
+ * answers are not trusted either: cts_header_unpack() checks every offset, count and range. */
+#pragma once
+
+#include "dicom/header/slice.h"
+
+CTS_C_BEGIN
+
+/* The program of libexec that reads headers, and its tasks. */
+#define CTS_READER_PROGRAM "ctsplat-dicom"
+enum { CTS_READER_HEADERS, CTS_N_READER_TASKS };
+
+enum {
+    CTS_HEADERS_A_MESSAGE = 32,
+    CTS_MAX_FRAMES = 20000, /* limit of slices in a series */
+    CTS_MAX_TEXT = 1 << 16  /* longest text of a header; of most attributes 64 characters are permitted */
+};
+
+/* A file whose first n bytes lie `at` bytes behind the start of the message, which begins with one of these for each
+ * file; the message's order is their number, a uint64_t. */
+typedef struct CtsHeaderItem {
+    uint64_t at, n, n_file;
+} CtsHeaderItem;
+
+typedef enum CtsHeaderResult {
+    CTS_HEADER_DONE,
+    CTS_HEADER_MORE, /* needs the first `need` bytes of the file */
+    CTS_HEADER_ROOM, /* needs `need` bytes of answer */
+    CTS_HEADER_BAD,  /* DICOM, but broken: see why */
+    CTS_HEADER_MEMORY
+} CtsHeaderResult;
+
+/* The facts of a file that all of its slices share. */
+typedef struct CtsHeaderFacts {
+    char syntax_uid[65];
+    unsigned odd;         /* CTS_ODD_... of the file */
+    uint64_t data_offset; /* offset of the data set */
+    bool has_pixels, pixel_words, encapsulated;
+    uint64_t pixel_offset, pixel_bytes; /* of the value, in the inflated data set when deflated; 0 when encapsulated */
+    uint32_t float_pixels;              /* the tag of Float or Double Float Pixel Data, where used instead; else 0 */
+} CtsHeaderFacts;
+
+/* The answer for one file; slices and texts are at `at` bytes behind the answer's start, which begins with one of these
+ * for each file. */
+typedef struct CtsHeaderAnswer {
+    uint32_t result; /* CtsHeaderResult */
+    uint64_t at, n, need;
+    char why[200];
+    CtsHeaderFacts facts;
+    CtsObject object; /* its texts are offsets */
+} CtsHeaderAnswer;
+
+/* Writes an object and its texts into at most n bytes and completes the answer; the number of bytes needed, more than n
+ * where they do not fit. */
+size_t cts_header_pack(const CtsObject *object, CtsHeaderAnswer *answer, uint8_t *bytes, size_t n);
+
+/* Reads back the answer's n bytes, which must not change meanwhile, into a zeroed object whose texts are kept in texts.
+ * CTS_ERR_READ for an answer that no sound reader gives. Free the object in any case. */
+CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes, size_t n, CtsStringPool *texts,
+                            CtsObject *object, CtsError *err);
+
+/* The failure of an answer that no sound reader gives. */
+CtsStatus cts_header_no_sense(CtsError *err);
+
+CTS_C_END

@@ -1,0 +1,73 @@
+/* Attributes of a slice or frame by tag, as DCMTK has read them from the data set or, of a frame, from its functional
+ * groups (PS3.3 C.7.6.16). */
+#ifndef CTS_READER_DCMTK_ATTRIBUTES_HPP
+#define CTS_READER_DCMTK_ATTRIBUTES_HPP
+
+#include "dicom/header/header_answer.h"
+#include "dicom/parser/elements.h"
+
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <string_view>
+#include <vector>
+
+/* The elements of a data set, to be found faster than by DCMTK's walk from the first. */
+class CtsTopLevel
+{
+  public:
+    explicit CtsTopLevel(DcmItem &item);
+    DcmElement *find(const DcmTagKey &tag) const;
+
+  private:
+    std::vector<DcmElement *> elements_; /* by rising tag */
+};
+
+struct CtsAttributes {
+    const CtsTopLevel &top;
+    bool is_frame = false;
+    DcmItem *groups[2] = {}; /* of a frame: its own ones precede the shared ones; NULL: none */
+    char digits[12] = "";
+};
+
+bool cts_is_text(DcmEVR vr);
+/* The whole value of a text; empty where it is none. */
+std::string_view cts_element_text(DcmElement *element);
+/* NULL: it has none, or is none. */
+DcmItem *cts_first_item(DcmElement *sequence);
+bool cts_attribute_has(const CtsAttributes &item, const DcmTagKey &tag);
+/* The value as text without padding, empty if missing or of a binary VR; valid until the next call. */
+std::string_view cts_attribute_text(CtsAttributes &item, const DcmTagKey &tag);
+/* A single number of VR US or UL. */
+bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value);
+/* A single number of VR FL, FD or DS. */
+bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value);
+/* A single US value. */
+bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *value);
+/* The 16 bits of a padding value, whose VR (US or SS) is often wrong. */
+bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern);
+
+/* Reads the slices of a data set into a zeroed object whose texts are kept in texts: all fields of each slice except
+ * path, file facts, syntax, odd syntax flags and pixel offset. class_uid: the meta header's, used where the data set
+ * has none. A slice with unusable values is a success with slice->fault set; so is an object of many frames without a
+ * usable one, as one slice. Throws std::bad_alloc, like the following functions. */
+void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *class_uid, CtsObject *object);
+
+/* Reads all of a slice except its position in the file. */
+void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
+
+/* Adds a slice to an object, whose array has room for it. */
+CtsSlice *cts_dcm_add_slice(CtsObject *object);
+/* Allocates room for n slices. */
+void cts_dcm_make_room(CtsObject *object, int n);
+/* Adds a slice for each frame, by the functional groups, in the order of the pixels; a single one with a fault if no
+ * frame can be used. */
+void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object);
+
+/* Adds at most `longest` characters of a text to the string pool. */
+const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest);
+
+/* Writes the records of a data set (dicom/parser/elements.h), in front of them its SOP class in the meta header, into
+ * at most n bytes; returns the number of bytes needed, more than n where they do not fit. */
+size_t cts_elements_pack(DcmItem &data_set, const char *class_uid, uint8_t *bytes, size_t n);
+
+#endif

@@ -1,0 +1,11 @@
+/* The program ctsplat-dicom. */
+#include "base/sandbox_worker.h"
+#include "dicom/reader/reader.h"
+
+int main(int argc, char **argv)
+{
+    static const CtsSandboxTask tasks[CTS_N_READER_TASKS] = {
+        [CTS_READER_HEADERS] = {cts_reader_headers, cts_reader_prepare, false},
+    };
+    return cts_sandbox_serve(argc, argv, tasks, CTS_N_READER_TASKS);
+}
