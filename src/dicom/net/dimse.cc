@@ -4,7 +4,6 @@
 #include "dicom/header/dcm_call.hpp"
 #include "dicom/net/dimse.hpp"
 #include "dicom/net/peer.h"
-#include "dicom/net/store_scp.h"
 
 #include <algorithm>
 #include <cstdlib>

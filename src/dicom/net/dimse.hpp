@@ -2,7 +2,7 @@
 #ifndef CTS_DICOM_DIMSE_HPP
 #define CTS_DICOM_DIMSE_HPP
 
-#include "dicom/net/store_scp.h"
+#include "dicom/net/peer.h"
 #include <atomic>
 #include <condition_variable>
 #include <dcmtk/config/osconfig.h>
@@ -84,6 +84,13 @@ class CtsMoveListener
     /* Ends the reception once the peer has sent all objects. Returns the first failure, or CTS_OK. */
     CtsStatus close(CtsError *err);
 
+    /* For the threads that serve. The path for the next object, to be freed with free(); NULL: no more are taken. */
+    char *begin();
+    /* It has n_bytes by now; false: no more are taken. */
+    bool grows(uint64_t n_bytes);
+    /* The object is complete; false: there is no room. */
+    bool keep(const char *path);
+
   private:
     const CtsPeer &peer;
     const CtsNet &net;
@@ -104,9 +111,6 @@ class CtsMoveListener
     void run();
     void take_connection();
     void serve(int socket, int own);
-    char *begin();
-    bool grows(uint64_t n_bytes);
-    CtsStoredAs keep(const char *path);
 };
 
 /* SOP classes and transfer syntaxes of CT series. Captures have the modality CT too: some peers fail on a series of

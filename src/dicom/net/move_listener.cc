@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <dcmtk/dcmnet/scp.h>
 #include <fcntl.h>
 #include <netdb.h>
 #include <netinet/in.h>
@@ -19,6 +20,117 @@ namespace
 /* TICK_MS: interval at which the listener sees that it is to end. MAX_SERVED: connections of the peer at a time, a
  * thread for each. */
 enum { TICK_MS = 100, MAX_SERVED = 16 };
+
+/* Serves one association on a socket of ours: verification (C-ECHO), and storage of CT (C-STORE) into files, unchanged.
+ * DcmSCP bounds its times and checks its AE titles; it would listen at every address of the machine, for one
+ * association after the other, so that accepting connections stays ours. */
+class Reception : public DcmSCP
+{
+  public:
+    Reception(CtsMoveListener &owner_, const CtsPeer &peer_, const CtsNet &net_) : owner(owner_), peer(peer_), net(net_)
+    {
+    }
+    void serve(int socket);
+
+  protected:
+    OFBool checkCalledAETitleAccepted(const OFString &aet) override
+    {
+        return aet == net.own_aet;
+    }
+    OFBool checkCallingAETitleAccepted(const OFString &aet) override
+    {
+        return aet == peer.aet;
+    }
+    void notifyAssociationRequest(const T_ASC_Parameters &, DcmSCPActionType &) override
+    {
+        pass_on();
+    }
+
+    void notifyRECEIVEProgress(const unsigned long n_bytes) override
+    {
+        if (!owner.grows(n_bytes))
+            cts_transport_break(*transport);
+    }
+
+    OFCondition handleIncomingCommand(T_DIMSE_Message *message, const DcmPresentationContextInfo &context) override
+    {
+        return message->CommandField == DIMSE_C_STORE_RQ ? store(message->msg.CStoreRQ, context.presentationContextID)
+                                                         : DcmSCP::handleIncomingCommand(message, context);
+    }
+
+  private:
+    CtsMoveListener &owner;
+    const CtsPeer &peer;
+    const CtsNet &net;
+    std::unique_ptr<DcmTransportLayer> transport = {};
+    std::unique_lock<std::mutex> turn = {}; /* to use DCMTK's one global for an external socket */
+
+    void offer();
+    OFCondition store(T_DIMSE_C_StoreRQ &request, T_ASC_PresentationContextID context);
+
+    /* The association has its socket: another thread may set the global. */
+    void pass_on()
+    {
+        if (!turn.owns_lock())
+            return;
+        dcmExternalSocketHandle.set(DCMNET_INVALID_SOCKET);
+        turn.unlock();
+    }
+};
+
+void Reception::offer()
+{
+    OFList<OFString> syntaxes;
+    for (const char *syntax : cts_ct_syntaxes)
+        syntaxes.push_back(syntax);
+    for (const char *sop_class : cts_ct_classes)
+        addPresentationContext(sop_class, syntaxes);
+    for (const char *sop_class : cts_capture_classes)
+        addPresentationContext(sop_class, syntaxes);
+    setEnableVerification();
+}
+
+OFCondition Reception::store(T_DIMSE_C_StoreRQ &request, T_ASC_PresentationContextID context)
+{
+    char *const path = owner.begin();
+    if (!path)
+        return EC_IllegalCall; /* ends the association */
+    OFCondition state = receiveSTORERequest(request, context, path);
+    if (state.good())
+        state = sendSTOREResponse(context, request,
+                                  owner.keep(path) ? STATUS_Success : STATUS_STORE_Refused_OutOfResources);
+    free(path);
+    return state;
+}
+
+void Reception::serve(int socket)
+{
+    static std::mutex external_socket;
+    CtsError err = {};
+    const Uint32 timeout_s = static_cast<Uint32>(net.timeout_s);
+    if (cts_transport_make(net, NET_ACCEPTOR, nullptr, transport, &err)) {
+        close(socket);
+        return;
+    }
+    setAETitle(net.own_aet);
+    setACSETimeout(timeout_s);
+    setDIMSETimeout(timeout_s);
+    setDIMSEBlockingMode(DIMSE_NONBLOCKING);
+    setConnectionTimeout(timeout_s);
+    setConnectionBlockingMode(DUL_NOBLOCK);
+    setHostLookupEnabled(OFFalse);
+    getConfig().setTransportLayer(transport.get());
+    offer();
+    turn = std::unique_lock<std::mutex>(external_socket);
+    dcmExternalSocketHandle.set(socket);
+    /* Not by DcmSCP's own listening, which sets the process' user, and so interrupts the other threads' reading. */
+    T_ASC_Network *network = nullptr;
+    if (ASC_initializeNetwork(NET_ACCEPTOR, 0, net.timeout_s, &network).good() &&
+        ASC_setTransportLayer(network, transport.get(), 0).good())
+        waitForAssociationRQ(network);
+    pass_on();
+    ASC_dropNetwork(&network);
+}
 
 /* The address alone, without the port. */
 std::string host_of(const sockaddr_storage &address)
@@ -82,7 +194,9 @@ CtsStatus CtsMoveListener::open(CtsError *err)
     if (net.tls_ca && !net.tls_key)
         return cts_fail(err, CTS_ERR_USAGE,
                         "C-MOVE to a port of ours over TLS wants a certificate of ours (`tls-key`)");
-    if ((st = cts_store_scp_check(&net, err)) || (st = find_peer(err)) || (st = listen(err)))
+    std::unique_ptr<DcmTransportLayer> transport; /* checks the files before a peer connects */
+    if ((st = cts_transport_make(net, NET_ACCEPTOR, nullptr, transport, err)) || (st = find_peer(err)) ||
+        (st = listen(err)))
         return st;
     thread = std::thread([this] { run(); });
     return CTS_OK;
@@ -127,23 +241,13 @@ void CtsMoveListener::run()
 
 void CtsMoveListener::serve(int socket, int own)
 {
-    CtsAssociationInfo info = {};
-    CtsStoreScpRules rules = {};
-    rules.net = &net;
-    rules.takes_captures = true;
-    rules.context = this;
-    rules.allows = [](void *self, const char *calling_aet) {
-        return std::strcmp(calling_aet, static_cast<CtsMoveListener *>(self)->peer.aet) == 0;
-    };
-    rules.begin = [](void *self) { return static_cast<CtsMoveListener *>(self)->begin(); };
-    rules.grows = [](void *self, uint64_t n_bytes) { return static_cast<CtsMoveListener *>(self)->grows(n_bytes); };
-    rules.keep = [](void *self, const char *path, const char *) {
-        return static_cast<CtsMoveListener *>(self)->keep(path);
-    };
     /* A silent connection must not block others. */
     pollfd ready = {own, POLLIN, 0};
     poll(&ready, 1, -1);
-    cts_store_scp_serve(&rules, socket, &info);
+    try {
+        Reception(*this, peer, net).serve(socket);
+    } catch (...) { /* without memory the objects are counted as missing */
+    }
     const std::lock_guard<std::mutex> hold(lock);
     ::close(own);
     served.erase(own);
@@ -186,7 +290,7 @@ bool CtsMoveListener::grows(uint64_t n_bytes)
     return !status && !cts_net_stopped(&net);
 }
 
-CtsStoredAs CtsMoveListener::keep(const char *path)
+bool CtsMoveListener::keep(const char *path)
 {
     CtsError why = {};
     const std::lock_guard<std::mutex> hold(lock);
@@ -195,5 +299,5 @@ CtsStoredAs CtsMoveListener::keep(const char *path)
         status = st;
         error = why;
     }
-    return st ? CTS_STORED_NO_ROOM : CTS_STORED;
+    return st == CTS_OK;
 }
