@@ -36,8 +36,13 @@ static CtsStatus fail_elsewhere(const CtsOption *o, int command, CtsError *err)
             snprintf(others + n, sizeof others - n, "%s%s", first < 0 ? "" : ", ", cli_commands[c].name);
             first = first < 0 ? c : first;
         }
-    return cts_fail(err, CTS_ERR_USAGE, "--%s: not an option of %s, but of %s (see ctsplat %s --help)", o->name,
-                    cli_commands[command].name, others, cli_commands[first < 0 ? command : first].name);
+    /* -o and -O are the other's of two commands. */
+    const CtsOption *const other_case = o->letter ? find_short_option((char)(o->letter ^ ('a' ^ 'A'))) : NULL;
+    char hint[64] = "";
+    if (other_case && cts_option_is_of(other_case, (CtsCommand)command))
+        snprintf(hint, sizeof hint, "did you mean -%c %s? ", other_case->letter, other_case->argument);
+    return cts_fail(err, CTS_ERR_USAGE, "--%s: not an option of %s, but of %s (%ssee ctsplat %s --help)", o->name,
+                    cli_commands[command].name, others, hint, cli_commands[first < 0 ? command : first].name);
 }
 
 /* Parses one argument that starts with a dash; advances *argv past it and its value. */

@@ -77,10 +77,13 @@ void cli_help(void)
            "Commands:\n");
     for (int c = 0; c < CLI_N_COMMANDS; c++)
         printf("  %-*s%s\n", COMMAND_WIDTH, cli_commands[c].name, cli_commands[c].summary);
-    printf("\nctsplat COMMAND --help   the options of a command\n"
-           "ctsplat --version        this program and its libraries\n"
-           "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, a DICOMDIR or a NIfTI CT.\n"
-           "Not for diagnostic use.\n");
+    printf(
+        "\nctsplat COMMAND --help   the options of a command\n"
+        "ctsplat --version        this program and its libraries\n"
+        "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, a DICOMDIR or a NIfTI CT.\n"
+        "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no readable series, 4 series refused,\n"
+        "5 output not written, 8 batch: a series refused or failed, 130 interrupted.\n"
+        "Not for diagnostic use.\n");
 }
 
 void cli_help_command(int command)

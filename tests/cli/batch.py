@@ -130,7 +130,7 @@ def test_plain(b):
         for output in line["outputs"]:
             check(outputs[output["path"]] == output["sha256"], output)
             check(os.path.getsize("o/" + output["path"]) == output["bytes"], output)
-        check(len(line["thumbnails"]) == (0 if i < 1 else 4), line)
+        check(len(line["thumbnails"]) == (0 if i < 1 else 5), line)  # four pictures, and the sections
         check(i < 1 or line["geometry"]["dims"] == [28, 24, 10] and "description" not in line["geometry"], line)
         check(i < 1 or set(line["stages"]) > {"scan", "decode", "export"}, line)
     check(lines[b.name(77).decode()]["status"] in ("refused", "failed"), lines[b.name(77).decode()])
@@ -440,11 +440,11 @@ def test_passed(b):
     b.ok(0, "passed", "-O", "o", *OPTIONS)
     lines = b.lines("o")
     states = [lines[b.name(i).decode()]["status"] for i in range(4)]
-    check(states == ["done", "passed", "passed", "passed"], states, lines)
+    check(states == ["done", "skipped", "skipped", "skipped"], states, lines)
     for i, word in (1, "scouts"), (2, "1 slice"), (3, "pages"):
         check(word in lines[b.name(i).decode()]["reason"], lines[b.name(i).decode()]["reason"])
     said = b.ok(0, "passed", "-O", "o", *OPTIONS).stderr
-    check("1 of 4 series done (1 of them in earlier runs), 3 passed" in said, said)
+    check("1 of 4 series done (1 of them in earlier runs), 3 skipped" in said, said)
     b.ok(0, "passed/series2", "-O", "alone", *OPTIONS)
     # One that is refused beside them still counts.
     b.add("passed", 9, lambda data, k: data.replace(b"8\\9", b"0\\9").replace(b"9\\8", b"0\\8"))
@@ -455,14 +455,14 @@ def test_passed(b):
 
 
 def test_single_slices(b):
-    """A scan whose slices each have a SeriesInstanceUID: passed, with one note on stderr and one in each record."""
+    """A scan whose slices each have a SeriesInstanceUID: skipped, with one note on stderr and one in each record."""
     others = lambda n: "and %d others are %d single slices that lie as one stack" % (n - 1, n)
     for i in range(9):
         b.add("singles", i, lambda data, k: data if k == i else None)
     shutil.copytree("singles/series3", "singles/copy")  # the same slice twice is still one
     b.add("singles", 20)  # a volume of the same study
     said = b.ok(0, "singles", "-O", "o", *OPTIONS).stderr
-    check(said.count("single slices") == 1 and others(9) in said and "9 passed" in said, "one note of 9 slices:", said)
+    check(said.count("single slices") == 1 and others(9) in said and "9 skipped" in said, "one note of 9 slices:", said)
     notes = lambda i: [f for f in b.lines("o")[b.name(i).decode()]["findings"] if f["code"] == "single_slices"]
     check(all(len(notes(i)) == 1 and others(9) in notes(i)[0]["text"] and notes(i)[0]["severity"] == "note"
               for i in range(9)), [notes(i) for i in range(9)])

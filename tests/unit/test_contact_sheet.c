@@ -149,11 +149,11 @@ static void test_pictures(void **state)
         "{\"path\":\"1.2/thumbs/bone-left.webp\",\"preset\":\"bone\",\"view\":\"left\",\"frames\":1},"
         "{\"path\":\"1.2/thumbs/bone-left-turn.webp\",\"preset\":\"bone\",\"view\":\"left\",\"frames\":2,"
         "\"width\":240,\"height\":120},"
-        "{\"path\":\"1.2/thumbs/labels.webp\",\"labels\":true}],\"labels\":[{\"name\":\"liver\"}]}\n");
+        "{\"path\":\"1.2/thumbs/sections.webp\",\"sections\":true}],\"labels\":[{\"name\":\"liver\"}]}\n");
     json_t *data = page_data();
     const json_t *series = series_at(data, 0), *pictures = json_object_get(series, "pictures");
     assert_null(json_object_get(series, "input_sha256"));
-    assert_string_equal(text_of(series, "label_slices"), "1.2/thumbs/labels.webp");
+    assert_string_equal(text_of(series, "sections"), "1.2/thumbs/sections.webp");
     assert_int_equal(json_array_size(json_object_get(series, "labels")), 1);
     json_t *expected = json_loads(
         "[{\"preset\":\"bone\",\"view\":\"left\",\"files\":{\"png\":{\"first\":\"1.2/bone-left-000.png\",\"frames\":2},"

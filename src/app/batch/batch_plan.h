@@ -21,8 +21,8 @@ typedef struct CtsPlanSeries {
     char input_sha256[65]; /* hash of the files' SOP UIDs, sizes and times, and of its label files */
     uint64_t n_voxels;
     int64_t newest_ns; /* time at which the last of the files came, since 1970; 0 without `settled` */
-    int n_stacked; /* slices of the stack that its single slice lies in, with those of other series; 0: in none */
-    char *text;    /* memory of the paths */
+    int n_stacked;     /* slices of the stack that its single slice lies in, with those of other series; 0: in none */
+    char *text;        /* memory of the paths */
     const CtsBatchLabelFile *label_files; /* n_label_files, of all series; the plan's */
     size_t n_label_files;
     const CtsStudyNumbers *numbers; /* of the slices of all series; the plan's */

@@ -124,7 +124,7 @@ static void report_series(Run *r, const json_t *record)
     else
         snprintf(text, sizeof text, "%.80s: %s: %.600s%s%.600s", uid, status, cts_json_text_of(record, "reason_file"),
                  json_object_get(record, "reason_file") ? ": " : "", cts_json_text_of(record, "reason"));
-    listener->series(listener->context, text, !done && strcmp(status, "passed"));
+    listener->series(listener->context, text, !done && strcmp(status, "skipped"));
 }
 
 /* Counts the final record of a series; stood: nothing had to be rendered. */
@@ -133,7 +133,7 @@ static void count_record(Run *r, const json_t *record, bool stood)
     const char *status = cts_json_text_of(record, "status");
     r->result->n_stood += stood && !strcmp(status, "done");
     r->result->n_done += !strcmp(status, "done");
-    r->result->n_passed += !strcmp(status, "passed");
+    r->result->n_skipped += !strcmp(status, "skipped");
     r->result->n_refused += !strcmp(status, "refused");
     r->result->n_failed += !strcmp(status, "failed");
     if (!stood)

@@ -39,7 +39,7 @@ typedef struct CtsWorkerProcess {
     int n_pictures, n_left;
     size_t n_diagnostics; /* of the report that the line has */
     bool is_final;        /* a last line was sent */
-    bool passed;          /* the series has nothing to show */
+    bool skipped;         /* the series has nothing to show */
 } CtsWorkerProcess;
 
 /* run is called in the new process, and does not return. */
@@ -73,10 +73,11 @@ CtsStatus cts_worker_loaded(CtsWorkerProcess *worker_process, const CtsPixelFact
 /* A file of a picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
 CtsStatus cts_worker_output(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture, const char *path,
                             int frame, CtsError *err);
+/* error_255: limit of the picture's rms error; negative: not estimated. */
 CtsStatus cts_worker_thumbnail(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,
-                               const CtsThumbnailFile *file, CtsError *err);
-/* The series' slices with its labels' outlines. */
-CtsStatus cts_worker_label_slices(CtsWorkerProcess *worker_process, const char *path, uint64_t bytes, CtsError *err);
+                               const CtsThumbnailFile *file, double error_255, CtsError *err);
+/* The series' three sections. */
+CtsStatus cts_worker_sections(CtsWorkerProcess *worker_process, const char *path, uint64_t bytes, CtsError *err);
 /* All files of a picture are complete and recorded from here on. The report contains its verification; its findings
  * from first_diagnostic on belong to the picture. */
 CtsStatus cts_worker_picture_done(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,

@@ -422,26 +422,28 @@ CtsStatus cts_worker_output(CtsWorkerProcess *c, const CtsBatchPicture *picture,
 }
 
 CtsStatus cts_worker_thumbnail(CtsWorkerProcess *c, const CtsBatchPicture *picture, const CtsThumbnailFile *file,
-                               CtsError *err)
+                               double error_255, CtsError *err)
 {
     json_t *entry = new_entry(c, picture, picture->thumb_stem, file->suffix);
     json_object_update_new(entry, json_pack("{s:i,s:I,s:i,s:i}", "frames", file->n_frames, "bytes",
                                             (json_int_t)file->bytes, "width", file->width, "height", file->height));
+    if (error_255 >= 0)
+        json_object_set_new(entry, "error_255", json_real(error_255));
     return json_array_append_new(json_object_get(c->record, "thumbnails"), entry)
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
                : CTS_OK;
 }
 
 /* Listed with the thumbnails, so that it is moved and removed with them. */
-CtsStatus cts_worker_label_slices(CtsWorkerProcess *c, const char *path, uint64_t bytes, CtsError *err)
+CtsStatus cts_worker_sections(CtsWorkerProcess *c, const char *path, uint64_t bytes, CtsError *err)
 {
     json_t *list = json_object_get(c->record, "thumbnails");
     for (size_t i = json_array_size(list); i-- > 0;)
-        if (json_object_get(json_array_get(list, i), "labels"))
+        if (json_object_get(json_array_get(list, i), "sections"))
             json_array_remove(list, i);
     return json_array_append_new(list,
                                  json_pack("{s:s,s:b,s:I}", "path", path + strlen(c->settings->options->output_dir) + 1,
-                                           "labels", 1, "bytes", (json_int_t)bytes))
+                                           "sections", 1, "bytes", (json_int_t)bytes))
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
                : CTS_OK;
 }
@@ -549,8 +551,8 @@ CtsStatus cts_worker_end_series(CtsWorkerProcess *c, const CtsReport *report, Ct
         else
             keep_diagnostics(c);
         cts_worker_report_status(c, status, status ? why->text : "");
-        if (status && (c->passed || (c->now && c->now->passed)))
-            json_object_set_new(c->record, "status", json_string("passed"));
+        if (status && (c->skipped || (c->now && c->now->passed)))
+            json_object_set_new(c->record, "status", json_string("skipped"));
         st = cts_worker_send_record(c, stands ? CTS_WORKER_UP_TO_DATE : CTS_WORKER_LAST_RECORD, &err);
         c->is_final = true;
     }
@@ -562,6 +564,6 @@ CtsStatus cts_worker_end_series(CtsWorkerProcess *c, const CtsReport *report, Ct
     c->start_cpu_ms = cts_cpu_ms();
     c->waited_ms = 0;
     c->n_diagnostics = 0;
-    c->passed = false;
+    c->skipped = false;
     return st;
 }

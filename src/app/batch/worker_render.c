@@ -6,6 +6,7 @@
 #include "base/stage_timer.h"
 #include "output/report/log.h"
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,6 +30,7 @@ typedef struct Work {
     CtsThumbnail *thumb;
     CtsStatus status;
     CtsError err; /* failure of the recording, reported in place of the job's status */
+    double error; /* the picture's rms limit, of its frames the largest; negative: not estimated */
 } Work;
 
 static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
@@ -107,18 +109,24 @@ static void on_output(void *context, const char *path, const char *format, uint6
         &err);
 }
 
+static void on_frame(void *context, const CtsErrorBound *bound)
+{
+    Work *const w = context;
+    w->error = bound->known ? fmax(w->error, bound->rmse) : -1;
+}
+
 static CtsStatus end_thumb(Work *w, CtsError *err)
 {
     CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
     int n_files = 0;
     CtsStatus st = w->thumb ? cts_thumbnail_end(&w->thumb, files, &n_files, err) : CTS_OK;
     for (int i = 0; i < n_files && !st; i++)
-        st = cts_worker_thumbnail(w->worker_process, w->picture, &files[i], err);
+        st = cts_worker_thumbnail(w->worker_process, w->picture, &files[i], 255 * w->error, err);
     return st;
 }
 
-/* Slices with the labels' outlines, beside the thumbnails, while the slices are there. */
-static CtsStatus show_labels(Work *w, CtsError *err)
+/* Three sections, with the labels' outlines, beside the thumbnails, while the slices are there. */
+static CtsStatus draw_sections(Work *w, CtsError *err)
 {
     const char *const slash = strrchr(w->picture->thumb_stem, '/');
     CtsPicture *picture = NULL;
@@ -126,16 +134,16 @@ static CtsStatus show_labels(Work *w, CtsError *err)
     CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
     int n_files = 0;
     char *stem = NULL, *path = NULL;
-    if (asprintf(&stem, "%.*s/labels", (int)(slash - w->picture->thumb_stem), w->picture->thumb_stem) < 0)
+    if (asprintf(&stem, "%.*s/sections", (int)(slash - w->picture->thumb_stem), w->picture->thumb_stem) < 0)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    CtsStatus st = cts_label_slices(w->loaded.scanned, w->loaded.labels, &picture, err);
+    CtsStatus st = cts_sections(w->loaded.scanned, w->loaded.labels, &picture, err);
     if (!st && !(st = cts_thumbnail_begin(&thumb, stem, picture->width, picture, 1, err)) &&
         !(st = cts_thumbnail_rows(thumb, picture, err)))
         st = cts_thumbnail_end(&thumb, files, &n_files, err);
     if (!st && asprintf(&path, "%s%s", stem, files[0].suffix) < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st)
-        st = cts_worker_label_slices(w->worker_process, path, files[0].bytes, err);
+        st = cts_worker_sections(w->worker_process, path, files[0].bytes, err);
     cts_thumbnail_discard(&thumb);
     cts_picture_free(&picture);
     free(stem);
@@ -143,7 +151,8 @@ static CtsStatus show_labels(Work *w, CtsError *err)
     return st;
 }
 
-/* Some series of an archive lack an organ: they show the labels that they have, and are passed where they have none. */
+/* Some series of an archive lack an organ: they show the labels that they have, and are skipped where they have none.
+ */
 static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
 {
     const char *const show = source->choice.show;
@@ -153,7 +162,7 @@ static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
         return CTS_OK;
     CtsStatus st = cts_labels_lacking(w->loaded.labels, show, &lacking, &any, err);
     if (!st && !any) {
-        w->worker_process->passed = true;
+        w->worker_process->skipped = true;
         st = cts_fail(err, CTS_ERR_PIXELS, "`show`: it has no label %s", lacking);
     } else if (!st && *lacking) {
         cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_LABELS_LACKING,
@@ -181,8 +190,8 @@ static CtsStatus load_volume(Work *w, const CtsSource *source, bool last, CtsErr
             cts_pixel_facts(&facts, w->loaded.scanned->even);
             w->reported = true;
             st = cts_worker_loaded(w->worker_process, &facts, err);
-            if (!st && w->loaded.labels)
-                st = show_labels(w, err);
+            if (!st && !w->settings->options->no_sections)
+                st = draw_sections(w, err);
         }
         if (st)
             return st;
@@ -208,9 +217,10 @@ static CtsStatus prepare_renderer(Work *w, const CtsJob *job, CtsError *err)
 
 static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
 {
-    const CtsWatch watch = {.context = w, .band = on_band, .output = on_output};
+    const CtsWatch watch = {.context = w, .band = on_band, .output = on_output, .frame = on_frame};
     const size_t first_diagnostic = w->report.diagnostics.n;
     w->status = CTS_OK;
+    w->error = 0;
     w->report.verified = (CtsVerified){0};
     cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
     CtsStatus st = prepare_renderer(w, job, err);

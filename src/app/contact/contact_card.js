@@ -6,7 +6,7 @@ const $$ = (selector, root = document) => [...root.querySelectorAll(selector)];
 /* ---- text and numbers ---- */
 
 const STATES = {
-  done: {word: 'Done', mark: '✓', rank: 4}, passed: {word: 'Passed', mark: '–', rank: 3},
+  done: {word: 'Done', mark: '✓', rank: 4}, skipped: {word: 'Skipped', mark: '–', rank: 3},
   waiting: {word: 'Waiting', mark: '…', rank: 2},
   working: {word: 'Under way', mark: '…', rank: 2}, refused: {word: 'Refused', mark: '⊘', rank: 1},
   failed: {word: 'Failed', mark: '✕', rank: 0}
@@ -33,8 +33,11 @@ const time = ms => ms < 1 ? '< 1 ms' : ms < 1000 ? `${Math.round(ms)} ms`
   : `${(ms / 3600e3).toFixed(1)} h`;
 const megabytes = bytes => bytes < 1e9 ? `${Math.round(bytes / 1e6)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
 /* Text from outside, with invisible and bidirectional control characters replaced. */
-const clean = text => String(text ?? '').replace(
+const clean = text => spelled(String(text ?? '')).replace(
   /[\u0000-\u001f\u007f-\u009f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]/g, '\ufffd');
+/* Options, which messages write as `max_error`, as the command line has them. */
+const OPTIONS = {width: 'size', height: 'size', n_threads: 'threads', frames: 'rotation', compression: 'compress'};
+const spelled = text => text.replace(/`([a-z_-]+)`/g, (all, name) => `--${OPTIONS[name] ?? name.replaceAll('_', '-')}`);
 /* A UID split so that its middle is truncated first: its end distinguishes series. */
 const uidParts = uid => [make('span', {class: 'head'}, uid ? uid.slice(0, -14) : '(without UID)'),
   make('span', {}, uid.slice(-14))];
@@ -183,11 +186,14 @@ function labelsLine(s) {
   return `${named.length === 1 ? clean(labels[0].name) : plural(labels.length, 'label')}, ${millilitres(ml)}` +
     (flagged ? ` · ${count(flagged)} flagged` : '');
 }
-/* The outlines' colours are those of the picture (label_slices.c). */
+/* The outlines' colours are those of the picture (card_sections.c). */
+function sections(s) {
+  const path = clean(s.line.sections);
+  return path && make('img', {class: 'sections', src: url(path), loading: 'lazy', width: 720, height: 240,
+    alt: `Axial, coronal and sagittal section${s.labels.length ? ' with the outlines of the labels' : ''}`});
+}
 function labels(s) {
-  const slices = clean(s.line.label_slices);
   return make('details', {class: 'labels', open: true}, make('summary', {}, labelsLine(s)),
-    slices && make('img', {src: url(slices), loading: 'lazy', alt: 'Three slices with the outlines of the labels'}),
     make('ul', {}, s.labels.map((l, i) => {
       const dot = make('i');
       dot.style.background = `hsl(${i * .618034 % 1 * 360} 90% 60%)`;
@@ -239,7 +245,10 @@ function preview(s, p, place) {
     alt: `${pictureName(p)}${p.turn ? ', a rotation' : ''}`});
   still.addEventListener('error', () => still.replaceWith('no preview'));
   const frame = make('div', {class: 'frame'}, small ? still : 'no preview');
-  link.append(frame, make('figcaption', {}, pictureName(p)));
+  if (s.findings.some(f => f.code === 'nothing_visible' && f.presets.includes(clean(p.preset))))
+    frame.append(make('span', {class: 'empty-word'}, 'nothing to see with this preset'));
+  const error = typeof p.error_255 === 'number' ? ` · error ${p.error_255.toPrecision(2)}/255` : '';
+  link.append(frame, make('figcaption', {}, pictureName(p) + error));
   const stays_still = matchMedia('(prefers-reduced-motion: reduce)');
   link.addEventListener('mouseenter', () => stays_still.matches || play(link, p, true));
   link.addEventListener('mouseleave', () => play(link, p, false));
@@ -286,6 +295,6 @@ function fill(s) {
     s.reason && make('p', {class: 'reason'}, s.file ? `${s.file}: ${s.reason}` : s.reason),
     s.sources.length && sources(s),
     s.pictures.length && make('div', {class: 'previews'}, s.pictures.map((p, place) => preview(s, p, place))),
-    s.labels.length && labels(s), facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
+    sections(s), s.labels.length && labels(s), facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
   spread(s);
 }

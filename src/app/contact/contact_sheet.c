@@ -116,11 +116,13 @@ static void add_thumbnail(json_t *card, json_t *pictures, const json_t *thumbnai
     const char *path = cts_json_text_of(thumbnail, "path");
     if (!cts_journal_path_is_safe(path))
         return;
-    if (json_object_get(thumbnail, "labels")) {
-        json_object_set_new(card, "label_slices", json_pack("s+", folder, path));
+    if (json_object_get(thumbnail, "sections")) {
+        json_object_set_new(card, "sections", json_pack("s+", folder, path));
         return;
     }
     json_t *picture = picture_of(pictures, thumbnail);
+    if (json_is_real(json_object_get(thumbnail, "error_255")))
+        json_object_set(picture, "error_255", json_object_get(thumbnail, "error_255"));
     if (json_integer_value(json_object_get(thumbnail, "frames")) <= 1) {
         json_object_set_new(picture, "thumb", json_pack("s+", folder, path));
         return;

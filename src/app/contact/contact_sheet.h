@@ -62,10 +62,11 @@ CtsStatus cts_thumbnail_end(CtsThumbnail **thumb, CtsThumbnailFile files[CTS_THU
 /* Frees without writing; *thumb may be NULL. */
 void cts_thumbnail_discard(CtsThumbnail **thumb);
 
-enum { CTS_LABEL_SLICES_SIDE = 240 }; /* of a section, as of a thumbnail */
+enum { CTS_SECTION_SIDE = 240 }; /* as of a thumbnail */
 
-/* Three sections side by side, each of side x side pixels: a scanned slice as stored, then sections along its rows and
- * along its columns with the last slice at the top; through the centre of the labelled voxels. All at one scale, in a
- * soft-tissue window. The outline of label i has the hue i times the golden ratio, as in the sheet's list. scanned must
- * still have its grey levels, and its labels their statistics. */
-CtsStatus cts_label_slices(const CtsScanned *scanned, const CtsLabels *labels, CtsPicture **picture, CtsError *err);
+/* Three sections of the patient side by side, each of CTS_SECTION_SIDE squared pixels: axial, coronal and sagittal as
+ * radiologists hang them, at one scale; through the centre of the labelled voxels, without labels of what is denser
+ * than air; HU in a window of soft tissue, others from air to the 99.5th percentile. The outline of label i has the hue
+ * i times the golden ratio, as in the sheet's list. scanned must still have its grey levels, and labels (may be NULL)
+ * their statistics. */
+CtsStatus cts_sections(const CtsScanned *scanned, const CtsLabels *labels, CtsPicture **picture, CtsError *err);

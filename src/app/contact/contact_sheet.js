@@ -54,11 +54,8 @@ function apply() {
   sought = terms;
   shown = series.filter(s => matches(s, terms));
   shown.sort((a, b) => (compare(a, b) || a.rank - b.rank) * (state.reverse ? -1 : 1));
-  const grouped = state.sort === 'study', several = s => s && studies.get(s.study).n > 1;
   const cards = shown.map((s, place) => {
-    const before = shown[place - 1];
     if (!s.card) watcher.observe(s.card = shell(s));
-    s.card.classList.toggle('first', grouped && before?.study !== s.study && (several(s) || several(before)));
     s.card.setAttribute('aria-posinset', place + 1);
     s.card.setAttribute('aria-setsize', shown.length);
     return s.card;
@@ -105,7 +102,7 @@ const distinct = values => [...new Set(values)];
 
 function setUp() {
   const all = name => series.filter(s => name === 'all' || s.state === name).length;
-  const states = Object.keys(STATES).filter(name => !['waiting', 'working', 'passed'].includes(name) || all(name));
+  const states = Object.keys(STATES).filter(name => !['waiting', 'working', 'skipped'].includes(name) || all(name));
   $('#status').append(...['all', ...states].map(name => {
     const button = make('button', {type: 'button', value: name});
     if (STATES[name])

@@ -281,7 +281,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRend
                                CtsReport *report, CtsError *err)
 {
     CtsVerified pooled = {0};
-    CtsErrorBound bound = {0};
+    CtsErrorBound bound = report->bound; /* of earlier jobs of the report */
     CtsStatus st = CTS_OK;
     Frame frame = {.job = job, .model = model, .files = files, .report = report};
     if (n_frames_of(job) > 1)

@@ -91,6 +91,7 @@ typedef struct CtsOptions {
     uint64_t memory_bytes; /* 0: half of the free memory */
 
     bool help, json, show_patient, show_paths, summary, paper, full;
+    bool no_sections; /* of a batch's contact sheet */
     const char *only; /* NULL when not given */
 
     CtsJobOption *words; /* options in order of appearance, n_words */

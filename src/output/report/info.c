@@ -63,9 +63,7 @@ static void print_series(FILE *file, int number, const CtsSeries *s, const CtsPi
     fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
     const char *printed = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
     fprintf(file, "  renderable       %s%s\n",
-            s->passed ? "no, passed: "
-            : printed ? "no: "
-                      : "yes",
+            printed ? "no: " : "yes",
             printed ? printed : "");
     print_diagnostics(file, &s->diagnostics, "  ", printed);
     print_diagnostics(file, &f->diagnostics, "  ", printed);
