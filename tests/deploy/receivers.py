@@ -203,6 +203,27 @@ def full_storage():
     assert 'No space left' in done.stderr, done.stderr
 
 
+def former_node():
+    """The package's script translates a node's settings and touches nothing of it; the former program names its replacement."""
+    os.makedirs('root/etc/ctsplat')
+    with open('root/etc/ctsplat/node.conf', 'w') as f:
+        f.write('# x\nCTSPLAT_NODE_DIR=/data/node\nCTSPLAT_NODE_PACS="ARCHIVE@pacs:104"\nCTSPLAT_NODE_ALLOW=*@192.0.2.1 A@192.0.2.2\n'
+                'CTSPLAT_NODE_OPTIONS=--presets skin $(touch evil)\nCTSPLAT_NODE_KEEP=14\n#CTSPLAT_NODE_QUIET=9\n')
+    before = open('root/etc/ctsplat/node.conf').read()
+    done = subprocess.run(['sh', os.path.join(DEPLOY, 'debian', 'postinst'), 'configure'], capture_output=True, text=True,
+                          env=dict(os.environ, DPKG_ROOT='root'), check=True)
+    assert 'man ctsplat-batch' in done.stdout and open('root/etc/ctsplat/node.conf').read() == before, done
+    lines = open('root/etc/ctsplat/batch.conf.node').read().splitlines()[1:]
+    assert lines == ['CTSPLAT_BATCH_PATH="/data/node/in"', 'CTSPLAT_BATCH_KEEP="14"',
+                     'CTSPLAT_BATCH_OPTIONS="--presets skin $(touch evil) --send ARCHIVE@pacs:104"',
+                     '# of the receiver now: CTSPLAT_NODE_ALLOW=*@192.0.2.1 A@192.0.2.2'], lines
+    assert not os.path.exists('evil')
+    for words in [], ['--help'], ['/etc/ctsplat/node.conf']:
+        done = subprocess.run(['sh', os.path.join(DEPLOY, 'ctsplat-node'), *words], capture_output=True, text=True)
+        assert done.returncode == 2 and done.stderr.count('\n') == 1 and 'ctsplat-batch.timer' in done.stderr, (words, done)
+
+
+former_node()
 if shutil.which('Orthanc') and glob.glob('/usr/*/orthanc/plugins/*Python*') and glob.glob('/usr/*/orthanc/plugins/*DicomWeb*'):
     through_orthanc()
 through_storescp()

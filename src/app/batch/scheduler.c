@@ -321,54 +321,41 @@ static bool any_worker(const Run *r)
 }
 
 /* True if all outputs of a series are up to date; adds its record to this shard's own journal. */
-static bool is_up_to_date(Run *r, const CtsPlanSeries *series)
+static bool is_up_to_date(Run *r, const CtsPlanSeries *series, json_t *record)
 {
-    json_t *record = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
-    const bool settled = record && cts_journal_record_is_settled(r->settings, record, series->input_sha256) &&
-                         cts_journal_record_is_complete(record, r->settings);
-    if (settled) {
-        if (json_object_get(record, "unsent")) {
-            json_object_del(record, "unsent");
-            cts_worker_set_status(record, 0, "");
-            end_series(r, record, true);
-        } else if (cts_journal_record_n_unsent(r->settings, record) || !cts_journal_holds(r->journal, series->uid)) {
-            end_series(r, record, true);
-        } else {
-            count_record(r, record, true);
-        }
-        r->n_unknown--;
-        r->n_uids_ended++;
+    if (!cts_journal_record_is_settled(r->settings, record, series->input_sha256) ||
+        !cts_journal_record_is_complete(record, r->settings))
+        return false;
+    if (json_object_get(record, "unsent")) {
+        json_object_del(record, "unsent");
+        cts_worker_set_status(record, 0, "");
+        end_series(r, record, true);
+    } else if (cts_journal_record_n_unsent(r->settings, record) || !cts_journal_holds(r->journal, series->uid)) {
+        end_series(r, record, true);
+    } else {
+        count_record(r, record, true);
     }
-    json_decref(record);
-    return settled;
+    return true;
 }
 
-/* True if a series failed and its next try is not due. */
-static bool is_held(Run *r, const CtsPlanSeries *series)
+/* True if nothing is to be rendered of a series now: it failed and its next try is not due, its outputs are up to date,
+ * or files of it still come. */
+static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
 {
     json_t *record = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
+    bool changed = false;
     const bool held = record && cts_later_is_held(&r->later, r->settings, record, series->input_sha256);
+    const bool stands = held || (record && is_up_to_date(r, series, record));
+    const bool waits = !stands && cts_later_waits(&r->later, r->settings, series, &record, &changed);
     if (held)
         count_record(r, record, true);
-    r->n_unknown -= held;
-    r->n_uids_ended += held;
-    json_decref(record);
-    return held;
-}
-
-/* True if files of a series still come. */
-static bool waits(Run *r, const CtsPlanSeries *series)
-{
-    json_t *record = cts_journal_find(r->journal, series->uid);
-    bool changed = false;
-    const bool waits = cts_later_waits(&r->later, r->settings, series, &record, &changed);
     if (changed)
         add_record(r, record);
     r->result->n_waiting += waits;
-    r->n_unknown -= waits;
-    r->n_uids_ended += waits;
+    r->n_unknown -= stands || waits;
+    r->n_uids_ended += stands || waits;
     json_decref(record);
-    return waits;
+    return stands || waits;
 }
 
 /* One thread more than an equal share, to use the time in which other workers wait for the disk. */
@@ -392,7 +379,7 @@ static bool start_next(Run *r)
         }
         if (r->planned)
             json_object_set_new(r->planned, w->series.uid, json_true());
-        if (is_held(r, &w->series) || is_up_to_date(r, &w->series) || waits(r, &w->series)) {
+        if (needs_no_worker(r, &w->series)) {
             cts_plan_series_free(&w->series);
             r->next++;
             if (cts_wall_ms() - r->reported_ms > TICK_MS)
