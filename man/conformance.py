@@ -38,7 +38,7 @@ def attributes(*names):
 
 
 codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG",
-          "DEFLATE": "zlib", "NONE": "refused"}
+          "DEFLATE": "zlib", "COPY": "ctsplat", "NONE": "refused", "REMOTE": "refused"}
 syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
             re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("dicom/parser/syntax.c"))]
 written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [

@@ -72,6 +72,7 @@ CHANGE(sizes, s->columns = k < 4 ? 8 : s->columns)
 CHANGE(unknown_syntax, s->syntax = "1.2.3.4.5")
 CHANGE(jpeg_xl, s->syntax = "1.2.840.10008.1.2.4.110")
 CHANGE(jpeg_xl_lossy, s->syntax = "1.2.840.10008.1.2.4.112")
+CHANGE(jpip, s->syntax = "1.2.840.10008.1.2.4.94")
 CHANGE(not_native, s->syntax = "1.2.840.10008.1.2.4.70")
 CHANGE(longer, s->n_more = 10)
 CHANGE(much_longer, s->n_more = 50)
@@ -136,7 +137,8 @@ static const Case cases[] = {
     {"four of another size", sizes, CTS_ERR_GEOMETRY, NULL, "largest group has 16", 20},
     {"syntax unknown", unknown_syntax, CTS_ERR_SYNTAX, NULL, "1.2.3.4.5", 20},
     {"JPEG XL", jpeg_xl, CTS_ERR_SYNTAX, NULL, "1.2.840.10008.1.2.4.110", 20},
-    {"JPEG XL, lossy", jpeg_xl_lossy, CTS_ERR_SYNTAX, "lossy", "gdcmconv --raw", 20},
+    {"JPEG XL, lossy", jpeg_xl_lossy, CTS_ERR_SYNTAX, "lossy", "export it so", 20},
+    {"JPIP", jpip, CTS_ERR_SYNTAX, "lossy", "(JPIP Referenced): its pixels are on a server", 20},
     {"compressed that is not", not_native, CTS_ERR_PIXELS, NULL, "not compressed", 20},
     {"pixels 10 bytes long", longer, CTS_OK, "long_pixels", NULL, 20},
     {"pixels 50 bytes long", much_longer, CTS_OK, "long_pixels", NULL, 20},

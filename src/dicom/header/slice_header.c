@@ -13,10 +13,14 @@ static void check_pixels(const CtsHeaderFacts *f, CtsSlice *slice)
     if (!syntax)
         cts_slice_fault(slice, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with gdcmconv --raw)",
                         slice->syntax_uid);
-    else if (syntax->codec == CTS_CODEC_NONE)
-        cts_slice_fault(slice, CTS_ERR_SYNTAX,
-                        "transfer syntax %s (%s) cannot be decoded by this build (convert it with gdcmconv --raw)",
-                        syntax->uid, syntax->name);
+    else if (syntax->codec >= CTS_CODEC_NONE)
+        cts_slice_fault(
+            slice, CTS_ERR_SYNTAX,
+            "transfer syntax %s (%s): %s (fetch the series again as Explicit VR Little Endian, or export it so "
+            "where it can be displayed)",
+            syntax->uid, syntax->name,
+            syntax->codec == CTS_CODEC_NONE ? "cannot be decoded by this build"
+                                            : "its pixels are on a server, not in the file");
     if (slice->fault)
         return;
     if (f->float_pixels)
@@ -66,7 +70,7 @@ CtsStatus cts_header_complete(const CtsHeaderFacts *f, const CtsPendingHeader *f
         const bool sized = s->rows > 0 && s->columns > 0 && (s->bits_allocated == 8 || s->bits_allocated == 16);
         const bool sound = !s->fault || (s->n_frames && sized);
         check_pixels(f, s);
-        usable &= sound && s->syntax && s->syntax->codec != CTS_CODEC_NONE && f->has_pixels &&
+        usable &= sound && s->syntax && s->syntax->codec < CTS_CODEC_NONE && f->has_pixels &&
                   f->encapsulated == cts_syntax_encapsulated(s->syntax);
     }
     return usable ? place_frames(f, file, object, err) : CTS_OK;

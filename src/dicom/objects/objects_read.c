@@ -38,7 +38,7 @@ static CtsStatus open_object(const char *path, ScFile *f, CtsError *err)
         return st;
     if (f->head.odd & CTS_ODD_NO_SYNTAX)
         return cts_fail(err, CTS_ERR_READ, "damaged: it names no transfer syntax");
-    if (!syntax || syntax->codec == CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
+    if (!syntax || syntax->codec >= CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
         return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not one pictures are read from (try dcmconv +te)",
                         f->head.syntax_uid);
     if (!f->head.scan.has_pixels || f->head.scan.encapsulated != cts_syntax_encapsulated(syntax))

@@ -8,6 +8,8 @@ static const CtsSyntax syntaxes[] = {
     {"1.2.840.10008.1.2.1", "Explicit VR Little Endian", CTS_CODEC_NATIVE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.2", "Explicit VR Big Endian", CTS_CODEC_NATIVE, true, true, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.1.99", "Deflated Explicit VR Little Endian", CTS_CODEC_NATIVE, true, false, true, CTS_LOSSLESS},
+    {"1.2.840.10008.1.2.1.98", "Encapsulated Uncompressed Explicit VR Little Endian", CTS_CODEC_COPY, true, false,
+     false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.8.1", "Deflated Image Frame Compression", CTS_CODEC_DEFLATE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.5", "RLE Lossless", CTS_CODEC_RLE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.50", "JPEG Baseline", CTS_CODEC_JPEG, true, false, false, CTS_LOSSY},
@@ -23,6 +25,8 @@ static const CtsSyntax syntaxes[] = {
     {"1.2.840.10008.1.2.4.92", "JPEG 2000 Multi-component Lossless", CTS_CODEC_JPEG_2000, true, false, false,
      CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.93", "JPEG 2000 Multi-component", CTS_CODEC_JPEG_2000, true, false, false, CTS_MAYBE_LOSSY},
+    {"1.2.840.10008.1.2.4.94", "JPIP Referenced", CTS_CODEC_REMOTE, true, false, false, CTS_MAYBE_LOSSY},
+    {"1.2.840.10008.1.2.4.95", "JPIP Referenced Deflate", CTS_CODEC_REMOTE, true, false, true, CTS_MAYBE_LOSSY},
     {"1.2.840.10008.1.2.4.110", "JPEG XL Lossless", CTS_CODEC_NONE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.111", "JPEG XL JPEG Recompression", CTS_CODEC_NONE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.112", "JPEG XL", CTS_CODEC_NONE, true, false, false, CTS_MAYBE_LOSSY},
@@ -31,6 +35,8 @@ static const CtsSyntax syntaxes[] = {
     {"1.2.840.10008.1.2.4.202", "High-Throughput JPEG 2000 RPCL", CTS_CODEC_JPEG_2000, true, false, false,
      CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.203", "High-Throughput JPEG 2000", CTS_CODEC_JPEG_2000, true, false, false, CTS_MAYBE_LOSSY},
+    {"1.2.840.10008.1.2.4.204", "JPIP HTJ2K Referenced", CTS_CODEC_REMOTE, true, false, false, CTS_MAYBE_LOSSY},
+    {"1.2.840.10008.1.2.4.205", "JPIP HTJ2K Referenced Deflate", CTS_CODEC_REMOTE, true, false, true, CTS_MAYBE_LOSSY},
 };
 
 const CtsSyntax *cts_syntax_find(const char *uid)

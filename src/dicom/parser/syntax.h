@@ -13,7 +13,9 @@ typedef enum CtsCodec {
     CTS_CODEC_JPEG_LS,
     CTS_CODEC_JPEG_2000, /* high-throughput streams (HTJ2K, Rec. ITU-T T.814) too */
     CTS_CODEC_DEFLATE,   /* each frame alone */
-    CTS_CODEC_NONE,      /* named here, but this build cannot decode it */
+    CTS_CODEC_COPY,      /* pixels as they are, in fragments */
+    CTS_CODEC_NONE,      /* named here, but this build cannot decode it; nor the following */
+    CTS_CODEC_REMOTE,    /* a server has the pixels */
     CTS_N_CODECS
 } CtsCodec;
 

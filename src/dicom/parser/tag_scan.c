@@ -75,6 +75,15 @@ static void copy_uid(char uid[65], const uint8_t *p, size_t n)
         uid[n - 1] = 0;
 }
 
+/* A meta header in implicit VR, which some writers make: its first element, of a plausible length, and a second one. */
+static bool implicit_meta(const uint8_t *p, size_t n)
+{
+    enum { MOST = 64 }; /* bytes of the first element: the group's length, its version or a UID */
+    const uint32_t length = read32(p + 4, false);
+    return read16(p + 2, false) <= 0x0010 && length <= MOST && length % 2 == 0 && 8 + length + 4 <= n &&
+           read16(p + 8 + length, false) == 0x0002 && read16(p + 8 + length + 2, false) > read16(p + 2, false);
+}
+
 const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n)
 {
     if (n < 8)
@@ -83,6 +92,8 @@ const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n)
     if (little == 0x0002 || (little >= 0x0008 && little <= 0x0020)) {
         if (known_vr(p + 4))
             return cts_syntax_native(true, false);
+        if (little == 0x0002)
+            return implicit_meta(p, n) ? cts_syntax_native(false, false) : NULL;
         /* Without VR letters the tests are a tag at the start of a data set (0008,00xx), and a plausible even
          * length. */
         const uint32_t length = read32(p + 4, false);

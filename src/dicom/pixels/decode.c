@@ -14,6 +14,17 @@ static CtsStatus inflate_frame(const CtsFrameFormat *f, const uint8_t *stream, s
     return st;
 }
 
+/* A frame of odd length is padded to an even one. */
+static CtsStatus copy_frame(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    const size_t need = cts_frame_bytes(f);
+    if (n < need || n > need + 1)
+        return cts_fail(err, CTS_ERR_PIXELS, "a frame of PixelData needs %zu bytes, and its fragments hold %zu", need,
+                        n);
+    memcpy(pixels, stream, need);
+    return CTS_OK;
+}
+
 /* By CtsCodec. A stream that fails the check never reaches the decoder. */
 static const struct {
     CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
@@ -24,6 +35,7 @@ static const struct {
     [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode},
     [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode},
     [CTS_CODEC_DEFLATE] = {NULL, inflate_frame},
+    [CTS_CODEC_COPY] = {NULL, copy_frame},
     /* OpenJPEG checks the stream's dimensions before it decodes */
     [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode},
 };
