@@ -4,6 +4,7 @@
 #include "base/sandbox.h"
 #include "dicom/pixels/pixel_tasks.h"
 #include "unit.h"
+#include <string.h>
 
 static inline CtsFrameFormat format_16(int columns, int rows)
 {
@@ -16,9 +17,22 @@ static inline CtsFrameFormat format_16(int columns, int rows)
                             .padding_word = -1};
 }
 
-static inline CtsStatus run_frame(CtsSandbox *d, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
-                                  const void **pixels, CtsError *err)
+/* Decodes a stream as a frame of n_fragments. */
+static inline CtsStatus run_frame(CtsSandbox *d, const CtsFrameFormat *format, const uint8_t *bytes, size_t n,
+                                  size_t n_fragments, const void **pixels, CtsError *err)
 {
-    cts_codec_send(d, format, stream, n);
+    uint8_t *stream;
+    const CtsStatus st = cts_codec_room(d, format, n + 8 * n_fragments, &stream, err);
+    if (st)
+        return st;
+    for (size_t i = 0, at = 0; i < n_fragments; i++, stream += 8) {
+        const uint32_t end = (uint32_t)(n * (i + 1) / n_fragments), length = end - (uint32_t)at;
+        memcpy(stream, "\xFE\xFF\x00\xE0", 4);
+        memcpy(stream + 4, &length, 4);
+        memcpy(stream + 8, bytes + at, length);
+        stream += length;
+        at = end;
+    }
+    cts_codec_send(d, format, stream - n - 8 * n_fragments, n + 8 * n_fragments);
     return cts_sandbox_take(d, pixels, err);
 }

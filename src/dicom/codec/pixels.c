@@ -1,45 +1,18 @@
 #include "dicom/codec/pixels.h"
 
-#include "base/bytes.h"
 #include <string.h>
 
 /* Size of reads, small enough that the data are still in the L2 cache when they are processed. */
 enum { PART_BYTES = 64 << 10 };
 
-/* Removes the 8-byte item headers between the fragments of a frame; most frames have one fragment, which needs no
- * copying. */
-static CtsStatus join_fragments(uint8_t **stream, size_t *n, CtsError *err)
-{
-    uint8_t *const bytes = *stream;
-    size_t n_joined = 0, pos = 0;
-    while (*n - pos >= 8) {
-        const size_t length = cts_little32(bytes + pos + 4);
-        pos += 8;
-        if (length > *n - pos)
-            break;
-        if (n_joined == 0)
-            *stream = bytes + pos;
-        else
-            memmove(*stream + n_joined, bytes + pos, length);
-        n_joined += length;
-        pos += length;
-    }
-    if (pos != *n)
-        return cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
-    *n = n_joined;
-    return CTS_OK;
-}
-
 CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, const CtsFileBytes *file, uint64_t offset,
                            uint64_t end, CtsError *err)
 {
-    size_t n = (size_t)(end - offset);
+    const size_t n = (size_t)(end - offset);
     uint8_t *stream;
     CtsStatus st = cts_codec_room(decoder, format, n, &stream, err);
     if (!st)
         st = cts_file_bytes_read(file, stream, n, offset, err);
-    if (!st && !format->syntax->deflated)
-        st = join_fragments(&stream, &n, err);
     if (!st)
         cts_codec_send(decoder, format, stream, n);
     return st;

@@ -23,6 +23,6 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsSandbox **decoder, uin
  * message, when they are read. */
 bool cts_slice_begin(const CtsSlice *slice, CtsSandbox **decoder);
 
-/* Reads a frame's fragments, or a deflated data set whole, and hands the stream to a decoder. */
+/* Reads a frame's fragments, or a deflated data set whole, and hands them to a decoder. */
 CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, const CtsFileBytes *file, uint64_t offset,
                            uint64_t end, CtsError *err);

@@ -1,4 +1,4 @@
-/* Calls into DCMTK: its log, its locks, and exceptions as statuses; shared by the C++ files of dicom. */
+/* Calls into DCMTK: its locks, and exceptions as statuses; shared by the C++ files of dicom. */
 #ifndef CTS_DICOM_DCM_CALL_HPP
 #define CTS_DICOM_DCM_CALL_HPP
 
@@ -11,30 +11,6 @@
 #include <shared_mutex>
 
 class OFCondition;
-
-class CtsDcmLog;
-/* Log that counts this thread's messages from now on; NULL: none. Returns false without memory. */
-bool cts_dcm_log_into(CtsDcmLog *log);
-
-/* Warnings and errors that DCMTK logs in this thread during the object's life, one object at a time, and the first
- * one's text. Not thread_local: memory for that is allocated at its first use, and without memory ends the program. */
-class CtsDcmLog final
-{
-  public:
-    CtsDcmLog()
-    {
-        if (!cts_dcm_log_into(this))
-            throw std::bad_alloc();
-    }
-    ~CtsDcmLog()
-    {
-        cts_dcm_log_into(nullptr);
-    }
-    CtsDcmLog(const CtsDcmLog &) = delete;
-    CtsDcmLog &operator=(const CtsDcmLog &) = delete;
-    unsigned n = 0;
-    char first[120] = "";
-};
 
 /* Lock held while a thread is inside DCMTK, so that no lock of DCMTK is taken during a fork (base/sandbox.h). */
 std::shared_mutex &cts_dcm_in_use();

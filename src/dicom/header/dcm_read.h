@@ -10,11 +10,9 @@
 
 CTS_C_BEGIN
 
-/* Must precede any other use of DCMTK: redirects its log from stderr to a counter, registers the decoders and loads the
- * data dictionary, which takes several ms. Later calls return the first result. */
+/* Must precede any other use of DCMTK: turns its log off and loads the data dictionary, which takes several ms. Later
+ * calls return the first result. */
 CtsStatus cts_dcm_start(CtsError *err);
-/* The same without the dictionary, which decoders do not need. */
-CtsStatus cts_dcm_start_decoders(CtsError *err);
 
 /* A data set in memory up to its pixels, in the uncompressed syntax `native`, and the result of cts_scan_data(). */
 typedef struct CtsDataSet {

@@ -4,13 +4,50 @@
 #include "dicom/header/dcm_call.hpp"
 #include "dicom/pixels/pixel_tasks.h"
 
+#include <cstdio>
 #include <cstring>
 #include <dcmtk/dcmdata/dcpxitem.h>
+#include <dcmtk/dcmdata/dcrledrg.h>
 #include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmjpeg/djdecode.h>
+#include <dcmtk/dcmjpls/djdecode.h>
+#include <dcmtk/oflog/oflog.h>
+#include <dcmtk/oflog/spi/logevent.h>
 #include <memory>
+
+namespace log4cplus = dcmtk::log4cplus;
 
 namespace
 {
+
+/* DCMTK's warnings and errors about one frame, and the first one's text. */
+struct Complaints {
+    unsigned n = 0;
+    char first[120] = "";
+};
+
+/* Counts in place of printing. */
+class CountingAppender : public log4cplus::Appender
+{
+  public:
+    ~CountingAppender() override
+    {
+        destructorImpl();
+    }
+    void close() override
+    {
+        closed = true;
+    }
+    static Complaints complaints; /* of this process, which has one thread */
+
+  protected:
+    void append(const log4cplus::spi::InternalLoggingEvent &event) override
+    {
+        if (complaints.n++ == 0)
+            std::snprintf(complaints.first, sizeof complaints.first, "%s", event.getMessage().c_str());
+    }
+};
+Complaints CountingAppender::complaints;
 
 /* Explicit VRs avoid look-ups in the dictionary. */
 OFCondition put(DcmDataset &data_set, const DcmTagKey &key, int value)
@@ -66,6 +103,22 @@ OFCondition wrap(DcmPixelSequence &sequence, const uint8_t *stream, size_t n)
 
 } // namespace
 
+CtsStatus cts_dcm_start_decoders(CtsError *err)
+try {
+    OFLog::configure(OFLogger::WARN_LOG_LEVEL);
+    log4cplus::Logger root = log4cplus::Logger::getRoot();
+    /* Silenced, not removed: an appender's destructor allocates, and without memory ends the program. */
+    for (const log4cplus::SharedAppenderPtr &appender : root.getAllAppenders())
+        appender->setThreshold(log4cplus::OFF_LOG_LEVEL);
+    root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
+    DcmRLEDecoderRegistration::registerCodecs();
+    DJDecoderRegistration::registerCodecs();
+    DJLSDecoderRegistration::registerCodecs();
+    return CTS_OK;
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_INTERNAL);
+}
+
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
 try {
     if (n > 0xFFFFFFF0u)
@@ -83,7 +136,7 @@ try {
     const size_t n_bytes = cts_frame_bytes(format);
     Uint32 fragment = 0;
     OFString colour_model;
-    CtsDcmLog log;
+    const Complaints &complaints = CountingAppender::complaints = Complaints();
     result = pixel_data.getUncompressedFrame(&data_set, 0, fragment, pixels, static_cast<Uint32>(n_bytes + n_bytes % 2),
                                              colour_model);
     if (result.bad())
@@ -91,8 +144,8 @@ try {
                         result.text());
     if (format->n_colours > 0 && colour_model != "RGB")
         return cts_fail(err, CTS_ERR_PIXELS, "its pixels decode to %s, not to RGB", colour_model.c_str());
-    if (log.n > 0)
-        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", log.first);
+    if (complaints.n > 0)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", complaints.first);
     return CTS_OK;
 } catch (...) {
     return cts_dcm_caught(err, CTS_ERR_PIXELS);

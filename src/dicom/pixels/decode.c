@@ -1,7 +1,11 @@
 #include "dicom/pixels/pixel_tasks.h"
 
+#include "base/bytes.h"
 #include "base/file_bytes.h"
+#include <stdlib.h>
 #include <string.h>
+
+enum { ITEM_BYTES = 8 }; /* tag and length in front of a fragment */
 
 /* A single frame, or a part of a deflated data set. */
 static CtsStatus inflate_frame(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
@@ -68,6 +72,35 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_
     return st ? st : check_words(f, frame.precision, pixels, err);
 }
 
+/* The fragment at pos, behind its item header. */
+static bool next_fragment(const uint8_t *stream, size_t n, size_t *pos, size_t *length)
+{
+    *length = n - *pos < ITEM_BYTES ? SIZE_MAX : cts_little32(stream + *pos + 4);
+    *pos += ITEM_BYTES;
+    return *pos <= n && *length <= n - *pos;
+}
+
+/* Finds the only fragment of a frame, as most have, or joins several in *joined. */
+static CtsStatus join_fragments(const uint8_t **stream, size_t *n, uint8_t **joined, CtsError *err)
+{
+    size_t pos = 0, length, n_joined = 0;
+    while (next_fragment(*stream, *n, &pos, &length)) {
+        const bool last = pos + length == *n, only = last && n_joined == 0;
+        if (!only && !*joined && !(*joined = malloc(*n)))
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        if (!only)
+            memcpy(*joined + n_joined, *stream + pos, length);
+        n_joined += length;
+        if (last) {
+            *stream = only ? *stream + pos : *joined;
+            *n = n_joined;
+            return CTS_OK;
+        }
+        pos += length;
+    }
+    return cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
+}
+
 CtsStatus cts_pixels_decode(const void *order, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
                             CtsError *err)
 {
@@ -76,5 +109,10 @@ CtsStatus cts_pixels_decode(const void *order, const uint8_t *stream, size_t n, 
     o.format.syntax = cts_syntax_by_number(o.syntax_number);
     if (n_pixels < cts_frame_bytes(&o.format))
         return cts_fail(err, CTS_ERR_INTERNAL, "its frame has no room");
-    return cts_codec_decode(&o.format, stream, n, pixels, err);
+    uint8_t *joined = NULL;
+    CtsStatus st = o.format.syntax->deflated ? CTS_OK : join_fragments(&stream, &n, &joined, err);
+    if (!st)
+        st = cts_codec_decode(&o.format, stream, n, pixels, err);
+    free(joined);
+    return st;
 }

@@ -24,6 +24,7 @@ typedef CtsStatus (*cts_decode_fn)(const CtsFrameFormat *format, const uint8_t *
 CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 
 /* The codecs, each for its own syntaxes: DCMTK's (RLE, JPEG, JPEG-LS; start DCMTK's decoders first) and OpenJPEG. */
+CtsStatus cts_dcm_start_decoders(CtsError *err);
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);

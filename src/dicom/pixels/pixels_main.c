@@ -1,6 +1,5 @@
 /* The program ctsplat-pixels. */
 #include "base/file_bytes.h"
-#include "dicom/header/dcm_read.h"
 #include "dicom/pixels/pixel_tasks.h"
 #include <string.h>
 

@@ -14,7 +14,7 @@ CTS_C_BEGIN
 #define CTS_PIXELS_PROGRAM "ctsplat-pixels"
 
 typedef enum CtsPixelsTask {
-    CTS_PIXELS_DECODE,  /* CtsFrameOrder; a frame's fragments, joined, or a deflated data set; the frame's pixels */
+    CTS_PIXELS_DECODE,  /* CtsFrameOrder; a frame's fragments as items, or a deflated data set; the frame's pixels */
     CTS_PIXELS_INFLATE, /* the start of a raw deflate stream; CtsInflated, then its bytes */
     CTS_PIXELS_UNZIP,   /* a zip file; CtsMemberRecord and member, repeated */
     CTS_PIXELS_ENCODE, /* CtsEncodeOrder; samples of this program; a size_t, then the JPEG 2000 stream of that length */
