@@ -94,7 +94,8 @@ statement = [
     (P, "C-FIND at level STUDY, with StudyInstanceUID, AccessionNumber, PatientID and StudyDate as keys that match or are "
         "returned, then at level SERIES for each study, with StudyInstanceUID as unique key and SeriesInstanceUID, "
         "Modality, SeriesDescription and NumberOfSeriesRelatedInstances; a fetch asks at level SERIES alone. Relational "
-        "queries and extended negotiation are not asked for."),
+        "queries and extended negotiation are not asked for. Answers that contradict a key are left out; status FF01 and "
+        "Warning 299 are reported."),
     (S, "SOP classes accepted while retrieving"),
     (T, ("SOP class", "UID"), ct_classes + captures),
     (T, ("Transfer syntax", "UID"), listed(storage, "cts_ct_syntaxes")),
@@ -106,7 +107,8 @@ statement = [
     (P, "QIDO-RS: GET of /studies with the same keys, and of /studies/UID/series with Modality, SeriesInstanceUID and "
         "includefield, as application/dicom+json. WADO-RS: GET of /studies/UID and /studies/UID/series/UID as "
         "multipart/related of application/dicom, any transfer syntax. STOW-RS: POST to /studies of the same type, one instance a request. User and password or "
-        "a bearer token; redirections are not followed."),
+        "a bearer token. A single object may come as application/dicom. Searches go on with offset. Redirections are followed "
+        "within scheme, host and port; content encodings are decoded, and not asked for."),
     (S, "Rendered volumes (PS3.18 10.4.1.1.8)"),
     (P, "ctsplat serve answers GET of /studies/UID/rendered3D (where the study has one volume of CT), "
         "/studies/UID/series/UID/rendered3D and /studies/UID/series/UID/instances/UID/rendered3D (an object that holds its "

@@ -15,6 +15,7 @@ extern const char *const cts_severity_names[3];
 /* clang-format off */
 #define CTS_DIAGNOSTIC_ROWS(row)                                                                                       \
     row(ACQUISITIONS_PARTED, "acquisitions_parted", WARNING)                                                           \
+    row(ANSWERS_LEFT_OUT, "answers_left_out", WARNING)                                                                 \
     row(BAD_SLICES, "bad_slices", WARNING)                                                                             \
     row(BLANK_SLICES, "blank_slices", WARNING)                                                                         \
     row(BURNED_IN_ANNOTATION, "burned_in_annotation", WARNING)                                                         \
@@ -76,6 +77,7 @@ extern const char *const cts_severity_names[3];
     row(OUTLIERS, "outliers", WARNING)                                                                                 \
     row(PAGES_DROPPED, "pages_dropped", WARNING)                                                                       \
     row(PASSED, "passed", NOTE)                                                                                        \
+    row(PEER_WARNS, "peer_warns", WARNING)                                                                             \
     row(PIXELS_REFUSED, "pixels_refused", REFUSAL)                                                                     \
     row(PRESET_LEFT_OUT, "preset_left_out", WARNING)                                                                   \
     row(RECOGNIZABLE_FEATURES, "recognizable_features", WARNING)                                                       \

@@ -33,6 +33,7 @@ typedef struct CtsNet {
     const volatile sig_atomic_t *stop;             /* cancels with CTS_ERR_INTERRUPTED when set; may be NULL */
     void (*sent)(void *context, const char *path); /* a file that the peer has confirmed; may be NULL */
     void *context;                                 /* for sent */
+    CtsReport *report; /* gets what a peer warns of when searching and storing; may be NULL */
 } CtsNet;
 
 /* Checks before any work; peer may be NULL. */
@@ -61,8 +62,9 @@ typedef struct CtsFound {
     int n;
 } CtsFound;
 
-/* The series that a query names, by C-FIND or QIDO-RS, in the peer's order. CTS_ERR_USAGE where it names nothing but a
- * modality, for that would be a whole archive. Free with cts_found_free(), in any case. */
+/* The series that a query names, by C-FIND or QIDO-RS, in the peer's order, each once. Answers with an attribute that
+ * contradicts a key are left out, and reported. CTS_ERR_USAGE where the query names nothing but a modality, for that
+ * would be a whole archive. Free with cts_found_free(), in any case. */
 CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                        CtsError *err);
 void cts_found_free(CtsFound *found);
@@ -78,6 +80,9 @@ typedef struct CtsFetched {
  * Remove the folder with cts_net_fetched_remove() in any case. */
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
                         CtsFetched *fetched, CtsReport *report, CtsError *err);
+/* The same for a series that a query has found. CTS_ERR_READ when an object's PatientID contradicts the query. */
+CtsStatus cts_net_fetch_found(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query,
+                              const CtsFoundSeries *series, CtsFetched *fetched, CtsReport *report, CtsError *err);
 
 /* Removes the folder with its contents; does nothing when there is none. */
 void cts_net_fetched_remove(CtsFetched *fetched);

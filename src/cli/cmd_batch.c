@@ -76,6 +76,7 @@ static CtsStatus run_batch(const CtsOptions *options, CtsBatchLists *lists, CtsR
     if (!st)
         st = cts_batch_check(&settings, report, err);
     cli_print_diagnostics(&report->diagnostics, 0);
+    cts_diagnostics_free(&report->diagnostics);
     return st ? st : cts_batch_run(&settings, result, err);
 }
 
@@ -89,7 +90,7 @@ static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsB
         const CtsFoundSeries *s = &found->items[i];
         CtsFetched fetched;
         CtsOptions one = *options;
-        st = cts_net_fetch(&options->from.peer, &options->net, s->study_uid, s->series_uid, &fetched, report, err);
+        st = cts_net_fetch_found(&options->from.peer, &options->net, &options->find, s, &fetched, report, err);
         if (!st) {
             one.paths = (CtsTextList){(const char **)&fetched.folder, 1};
             st = run_batch(&one, lists, report, all, err);
@@ -109,7 +110,11 @@ static CtsStatus run_found(const CtsOptions *options, CtsBatchLists *lists, CtsR
                            CtsError *err)
 {
     CtsFound found;
-    CtsStatus st = cts_net_find(&options->from.peer, &options->net, &options->find, &found, err);
+    CtsNet net = options->net;
+    net.report = report;
+    CtsStatus st = cts_net_find(&options->from.peer, &net, &options->find, &found, err);
+    cli_print_diagnostics(&report->diagnostics, 0);
+    cts_diagnostics_free(&report->diagnostics);
     if (!st && !found.n)
         st = cts_fail(err, CTS_ERR_NO_SERIES, "the peer has no such series (ctsplat info --from lists what it has)");
     st = st ? cts_context(err, "`from`") : run_each(options, &found, lists, report, all, err);

@@ -121,8 +121,13 @@ static json_t *found_json(const CtsFound *found, bool show_patient)
 static CtsStatus report_found(const CtsOptions *options, CtsError *err)
 {
     CtsFound found;
+    CtsReport report = {0};
+    CtsNet net = options->net;
+    net.report = &report;
     cli_interrupt_sets_stop();
-    CtsStatus st = cts_net_find(&options->from.peer, &options->net, &options->find, &found, err);
+    CtsStatus st = cts_net_find(&options->from.peer, &net, &options->find, &found, err);
+    cli_print_diagnostics(&report.diagnostics, 0);
+    cts_report_free(&report);
     if (!st && !found.n)
         st = cts_fail(err, CTS_ERR_NO_SERIES, "the peer has no such series");
     if (st)

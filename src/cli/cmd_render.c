@@ -86,10 +86,11 @@ static CtsStatus begin_render(const CtsOptions *options, CtsLog *log, CtsPreset 
 
 /* Steps after the job: standard output, sending, and messages. */
 static CtsStatus hand_over(const CtsOptions *options, CtsLog *log, const CtsJob *job,
-                           const CliStandardOutput *standard_output, const CtsReport *report, CtsError *err)
+                           const CliStandardOutput *standard_output, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     uint64_t bytes;
+    const size_t n_diagnostics = report->diagnostics.n;
     if (options->render.explain) {
         print_plan(job, report);
         return CTS_OK;
@@ -102,7 +103,9 @@ static CtsStatus hand_over(const CtsOptions *options, CtsLog *log, const CtsJob 
             return st;
         cts_log_output(log, "-", standard_output->format, bytes);
     }
-    return cts_options_send(options, err);
+    st = cts_options_send(options, report, err);
+    cli_print_diagnostics(&report->diagnostics, n_diagnostics);
+    return st;
 }
 
 static CtsStatus end_log(const CtsOptions *options, CtsLog *log, const CtsReport *report, CtsStatus st, CtsError *err)

@@ -1,8 +1,10 @@
 """A DIMSE peer on a raw socket that lies: another study, too few objects, warnings without counts."""
 import glob
+import json
 import os
 import socket
 import struct
+import subprocess
 import sys
 import threading
 
@@ -16,8 +18,15 @@ MOVE, GET = '1.2.840.10008.5.1.4.1.2.2.2', '1.2.840.10008.5.1.4.1.2.2.3'
 EXPLICIT = '1.2.840.10008.1.2.1'
 
 
+def element(tag, vr, value):
+    value += (b'\0' if vr == 'UI' else b' ') * (len(value) % 2)
+    return struct.pack('<HH2sH', tag >> 16, tag & 0xffff, vr.encode(), len(value)) + value
+
+
 class Peer:
-    """Serves one association after the other; `answer` is (objects, end of the C-GET, count by C-FIND or None)."""
+    """Serves one association after the other; `answer` is (objects, end of the C-GET, count by C-FIND or None); `found`,
+    unless empty, the answers to C-FIND: by the level's first letter lists of {tag: (VR, bytes)}."""
+    found, pending, called = {}, 0xff00, 'CTSPLAT'
 
     def __init__(self):
         self.answer = ([], {}, None)
@@ -69,6 +78,7 @@ class Peer:
                         fields[tag] = raw[p + 8:p + 8 + size]
                         p += 8 + size
                 if fields and (flags == 2 or fields[0x800] == b'\1\1'):
+                    self.keys = parts[0]
                     return context, fields
 
     def send(self, context, body, is_command):
@@ -84,8 +94,8 @@ class Peer:
         ways = []
         for k, one in enumerate(objects):
             if len(ways) < 3:
-                ways.append(Association(socket.create_connection(('127.0.0.1', self.move_port), 20), 'LIAR', 'CTSPLAT', CT,
-                                        EXPLICIT))
+                ways.append(Association(socket.create_connection(('127.0.0.1', self.move_port), 20), 'LIAR', self.called,
+                                        CT, EXPLICIT))
             way = ways[k % 3]
             way.send(1, command(sop_class=CT, field=1, message=k + 1, priority=0, has_data=1,
                                 sop=uid_of(one, b'\x08\0\x18\0')), 1)
@@ -114,17 +124,19 @@ class Peer:
             context, asked = self.message()
             request, objects, end, count = struct.unpack('<H', asked[0x110])[0], *self.answer
             if asked[0x100] == b'\x20\0':
-                if count is not None:
-                    text = str(count).encode() + b' ' * (len(str(count)) % 2)
-                    uid = series.encode() + b'\0' * (len(series) % 2)
-                    found = struct.pack('<HH2sH', 0x20, 0xe, b'UI', len(uid)) + uid
-                    found += struct.pack('<HH2sH', 0x20, 0x1209, b'IS', len(text)) + text
-                    self.send(context, command(sop_class=FIND, field=0x8020, answers=request, has_data=1, status=0xff00), 1)
-                    self.send(context, found, 0)
+                of_count = [{0x20000e: ('UI', series.encode()), 0x201209: ('IS', str(count).encode())}]
+                level = 'S' if b'STUDY' in self.keys else 's'
+                for one in self.found.get(level, []) if self.found else of_count if count is not None else []:
+                    self.send(context, command(sop_class=FIND, field=0x8020, answers=request, has_data=1,
+                                               status=self.pending), 1)
+                    self.send(context, b''.join(element(tag, *one[tag]) for tag in sorted(one)), 0)
                 self.send(context, command(sop_class=FIND, field=0x8020, answers=request, has_data=0x101, status=0), 1)
                 continue
             if asked[0x100] == b'\x21\0':
-                held = self.store_elsewhere(objects)
+                try:
+                    held = self.store_elsewhere(objects)
+                except AssertionError:
+                    end = {'status': 0xa702}
                 self.send(context, command(sop_class=MOVE, field=0x8021, answers=request, has_data=0x101, **end), 1)
                 continue
             for k, one in enumerate(objects):
@@ -168,3 +180,55 @@ assert 'another series' in said, said
 # Of a whole study, a series that does not come whole is left out, and no slice of it stays.
 peer.answer = (whole[:6], {'status': 0}, 48)
 run(*fetch, '-o', 'none.png', code=3)
+
+# Our own listener refuses the objects of a C-MOVE to another AE title: the reason is ours, not the peer's.
+peer.answer, peer.called = (whole, good, None), 'OTHER'
+said = run(*of_series, '--move-port', str(peer.move_port), '-o', 'none.png', code=3)
+assert 'A702' in said and 'our listener refused' in said and 'calls AE title OTHER, not CTSPLAT' in said, said
+
+
+def find(*query, code=0):
+    done = subprocess.run([ctsplat, 'info', '--json', '--from', peer.name, '--modality', '*', *query], capture_output=True, text=True)
+    assert done.returncode == code, (query, done.returncode, done.stderr)
+    return sorted(s['series_uid'] for s in json.loads(done.stdout)['series']) if not code else [], done.stderr
+
+
+def studies(*patients, charset=None):
+    """A study 1.N and its series 1.N.1 for each patient; the series are listed for every study, and 1.2 twice."""
+    peer.found = {'S': [], 's': []}
+    for n, patient in enumerate(patients, 1):
+        uid = b'1.%d' % n
+        peer.found['S'] += [{0x20000d: ('UI', uid + b' '), 0x80020: ('DA', b'202%d0101' % n), 0x80050: ('SH', b' A%d ' % n),
+                             **({0x100020: ('LO', patient)} if patient is not None else {}),
+                             **({0x80005: ('CS', charset)} if charset else {})}] * (2 if n == 2 else 1)
+        peer.found['s'] += [{0x20000d: ('UI', uid), 0x20000e: ('UI', uid + b'.1'), 0x80060: ('CS', b'CT' if n < 3 else b'MR'),
+                             0x201209: ('IS', b'12')}] * (2 if n == 2 else 1)
+
+
+# Answers that contradict a key are left out, others once.
+for patients, query, expected in (
+        ([b'P1', b'P2 ', b'P3'], ['--patient-id', 'P2'], ['1.2.1']),
+        ([b'P1', b'P2', b'P3'], ['--patient-id', 'P*'], ['1.1.1', '1.2.1', '1.3.1']),
+        ([b'P1', b'P22', b'XP2'], ['--patient-id', 'P?'], ['1.1.1']),
+        ([b'P1', None, b''], ['--patient-id', 'P2'], ['1.2.1', '1.3.1']),
+        ([b'P1', b'P2', b'P3'], ['--study-date', '20220101-'], ['1.2.1', '1.3.1']),
+        ([b'P1', b'P2', b'P3'], ['--study-date', '-20220101'], ['1.1.1', '1.2.1']),
+        ([b'P1', b'P2', b'P3'], ['--study-date', '20210102-20221231'], ['1.2.1']),
+        ([b'P1', b'P2', b'P3'], ['--accession', 'A3'], ['1.3.1']),
+        ([b'P1', b'P2', b'P3'], ['--study-uid', '1.2'], ['1.2.1']),
+        ([b'P1', b'P2', b'P3'], ['--patient-id', '*', '--modality', 'MR'], ['1.3.1']),
+        ([b'P1', b'P2', b'P3'], ['--patient-id', '*', '--series-uid', '1.1.1'], ['1.1.1'])):
+    studies(*patients)
+    got, said = find(*query)
+    assert got == expected, (query, got, expected, said)
+    assert 'left out' in said, (query, said)
+for charset, patients in ((b'ISO_IR 100', ['MÜ1', 'MÖ1']), (b'ISO_IR 192', ['MÜ1', 'MÖ1'])):
+    studies(*(p.encode('utf-8' if b'192' in charset else 'latin-1') for p in patients), charset=charset)
+    assert find('--patient-id', 'MÜ1')[0] == ['1.1.1'], charset
+studies('MÜ1'.encode('latin-1'), b'MA1') # without its character set nothing is contradicted
+assert find('--patient-id', 'MÜ1')[0] == ['1.1.1']
+studies(b'P1', b'P2')
+peer.pending = 0xff01
+assert 'FF01' in find('--patient-id', 'P2')[1]
+studies(b'P1', b'P3')
+assert 'no such series' in find('--patient-id', 'P2', code=3)[1]

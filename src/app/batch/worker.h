@@ -51,6 +51,9 @@ CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const c
 /* An empty line of a series. The caller's to release; NULL without memory. */
 json_t *cts_worker_new_record(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
                               const char *folder);
+/* Adds a diagnostic; an equal one is counted, and its file is added to the list. preset: whose pictures it concerns, or
+ * NULL. */
+void cts_worker_add_diagnostic(CtsWorkerProcess *worker_process, const CtsDiagnostic *diagnostic, const char *preset);
 /* Sets status and end time. */
 void cts_worker_set_status(json_t *record, int exit_code, const char *reason);
 /* The same, where the reason may name a file of the series. */

@@ -272,9 +272,7 @@ static json_t *same_diagnostic(json_t *list, const json_t *entry)
     return NULL;
 }
 
-/* Adds a diagnostic; an equal one is counted, and its file is added to the list. preset: whose pictures it concerns, or
- * NULL. */
-static void add_diagnostic(CtsWorkerProcess *c, const CtsDiagnostic *diagnostic, const char *preset)
+void cts_worker_add_diagnostic(CtsWorkerProcess *c, const CtsDiagnostic *diagnostic, const char *preset)
 {
     json_t *list = json_object_get(c->record, "findings"), *entry = cts_diagnostic_json(diagnostic);
     char *file = NULL, *text = cts_redact_names(diagnostic->text, &c->names, &file);
@@ -312,9 +310,9 @@ static void record_geometry(CtsWorkerProcess *c, const CtsPixelFacts *facts)
     json_object_set_new(c->record, "geometry", geometry);
     json_array_clear(json_object_get(c->record, "findings"));
     for (size_t i = 0; i < c->now->diagnostics.n; i++)
-        add_diagnostic(c, &c->now->diagnostics.items[i], NULL);
+        cts_worker_add_diagnostic(c, &c->now->diagnostics.items[i], NULL);
     for (size_t i = 0; i < facts->diagnostics.n; i++)
-        add_diagnostic(c, &facts->diagnostics.items[i], NULL);
+        cts_worker_add_diagnostic(c, &facts->diagnostics.items[i], NULL);
 }
 
 /* The stack that a single slice lies in with those of other series, which the process does not see. */
@@ -324,7 +322,7 @@ static void record_stack(CtsWorkerProcess *c)
     cts_diagnostics_add(&note, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, c->series->own_uid,
                         c->series->n_stacked - 1, c->series->n_stacked);
     for (size_t i = 0; i < note.n; i++)
-        add_diagnostic(c, &note.items[i], NULL);
+        cts_worker_add_diagnostic(c, &note.items[i], NULL);
     cts_diagnostics_free(&note);
 }
 
@@ -456,7 +454,7 @@ static void report_diagnostics(CtsWorkerProcess *c, const CtsDiagnostics *diagno
         const CtsDiagnostic *f = &diagnostics->items[c->n_diagnostics];
         if (!cts_diagnostics_have(&c->now->diagnostics, f) &&
             (preset || !cts_diagnostics_have(&(CtsDiagnostics){diagnostics->items, c->n_diagnostics}, f)))
-            add_diagnostic(c, f, preset);
+            cts_worker_add_diagnostic(c, f, preset);
     }
 }
 

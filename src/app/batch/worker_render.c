@@ -422,7 +422,9 @@ static void run_sender(CtsWorkerProcess *c)
     CtsError err = {0};
     char **paths;
     int n;
+    CtsReport report = {0};
     CtsNet net = c->settings->options->net;
+    net.report = &report;
     net.sent = on_sent;
     net.context = c;
     CtsStatus st = list_captures(c, &paths, &n, &err);
@@ -432,6 +434,8 @@ static void run_sender(CtsWorkerProcess *c)
         _exit(130);
     if (!st)
         json_object_del(c->record, "unsent");
+    for (size_t i = 0; i < report.diagnostics.n; i++)
+        cts_worker_add_diagnostic(c, &report.diagnostics.items[i], NULL);
     cts_worker_set_status(c->record, cts_exit_code(st), st ? err.text : "");
     cts_worker_send_record(c, CTS_WORKER_LAST_RECORD, NULL);
     _exit(0);

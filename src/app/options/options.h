@@ -220,4 +220,4 @@ CtsStatus cts_options_run_job(const CtsOptions *options, CtsPreset *preset, CtsJ
 void cts_options_report_objects(const CtsOptions *options, bool any_object, const char *but, CtsReport *report);
 
 /* Sends every DICOM output once it is written; does nothing without `send`. */
-CtsStatus cts_options_send(const CtsOptions *options, CtsError *err);
+CtsStatus cts_options_send(const CtsOptions *options, CtsReport *report, CtsError *err);

@@ -157,8 +157,9 @@ CtsStatus cts_options_run_job(const CtsOptions *options, CtsPreset *preset, CtsJ
     return st;
 }
 
-CtsStatus cts_options_send(const CtsOptions *options, CtsError *err)
+CtsStatus cts_options_send(const CtsOptions *options, CtsReport *report, CtsError *err)
 {
+    CtsNet net = options->net;
     int n = 0, n_sent = 0;
     const CtsOutputs outputs = {.paths = options->outputs.items, .n = options->outputs.n};
     if (!options->send.given)
@@ -171,7 +172,8 @@ CtsStatus cts_options_send(const CtsOptions *options, CtsError *err)
             paths[n++] = outputs.paths[i];
     if (options->write_state)
         paths[n++] = options->write_state;
-    const CtsStatus st = cts_net_send(&options->send.peer, &options->net, paths, n, &n_sent, err);
+    net.report = report;
+    const CtsStatus st = cts_net_send(&options->send.peer, &net, paths, n, &n_sent, err);
     free(paths);
     return st;
 }

@@ -125,7 +125,7 @@ static CtsStatus run_options(CtsSession *session, const CtsOptions *options, Who
         *err = whole->err;
         st = whole->status;
     }
-    return st ? st : cts_options_send(options, err);
+    return st ? st : cts_options_send(options, report, err);
 }
 
 /* Free options in any case. */

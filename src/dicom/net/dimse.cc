@@ -4,6 +4,7 @@
 #include "dicom/header/dcm_call.hpp"
 #include "dicom/net/dimse.hpp"
 #include "dicom/net/peer.h"
+#include "dicom/net/store_answer.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -88,11 +89,9 @@ void store(DcmSCU &scu, const CtsNet &net, CtsOutgoingFile &outgoing, CtsAttempt
     if (state.bad()) {
         result.again = true;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "the connection broke: %s", cts_one_line(state).c_str());
-    } else if (status == STATUS_Success || (status & 0xF000) == 0xB000) {
-        cts_outgoing_file_is_sent(&outgoing, &net);
-    } else { /* A7xx: out of resources, which may pass */
-        result.again = (status & 0xFF00) == 0xA700;
-        cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer refuses it with status %04X", static_cast<unsigned>(status));
+    } else {
+        const bool failed = status != STATUS_Success && (status & 0xF000) != 0xB000;
+        cts_outgoing_file_answered(&outgoing, &net, failed, status, "refuses it with status", &result);
     }
 }
 
@@ -125,34 +124,23 @@ void fill_query(DcmDataset &query, const CtsRequest &request, const char *series
     query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
 }
 
-/* A series, and its number of objects by C-FIND; 0: unknown. */
-struct Series {
-    std::string uid;
-    int n_objects;
-};
-
 /* The study's CT series by C-FIND, or the requested one: a whole study contains objects that are not needed, and some
- * peers fail to send them. */
-std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
+ * peers fail to send them. A peer without an answer may have the series nevertheless. */
+std::vector<CtsFoundSeries> find_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request)
 {
-    std::vector<Series> found;
-    DcmDataset query;
-    fill_query(query, request, request.series_uid ? request.series_uid : "");
-    query.putAndInsertString(DCM_Modality, request.series_uid ? "" : "CT");
-    query.putAndInsertString(DCM_NumberOfSeriesRelatedInstances, "");
-    scu.send_query(query, CTS_MAX_FOUND, nullptr); /* a peer without an answer may have the series nevertheless */
-    for (const auto &answer : scu.answers) {
-        const char *uid = nullptr;
-        Sint32 n = 0;
-        if (answer->findAndGetString(DCM_SeriesInstanceUID, uid).good() && uid && cts_uid_is_valid(uid) &&
-            (!request.series_uid || strcmp(uid, request.series_uid) == 0)) {
-            answer->findAndGetSint32(DCM_NumberOfSeriesRelatedInstances, n);
-            found.push_back({uid, n});
-        }
+    CtsFound found = {};
+    CtsSeriesQuery query = {};
+    query.study_uid = request.study_uid;
+    query.series_uid = request.series_uid;
+    query.modality = request.series_uid ? nullptr : "CT";
+    cts_search_study(&query, &net, cts_dimse_search, &scu, &found, nullptr);
+    std::vector<CtsFoundSeries> series(found.items, found.items + found.n);
+    cts_found_free(&found);
+    if (request.series_uid && series.empty()) {
+        series.emplace_back();
+        std::snprintf(series[0].series_uid, sizeof series[0].series_uid, "%s", request.series_uid);
     }
-    if (request.series_uid && found.empty())
-        found.push_back({request.series_uid, 0});
-    return found;
+    return series;
 }
 
 /* Evaluates the last response. n_objects is raised to its total count. */
@@ -164,7 +152,8 @@ CtsStatus evaluate_responses(OFList<RetrieveResponse *> &responses, int *n_objec
         const unsigned failed = last.m_numberOfFailedSubops;
         const bool counts = last.m_numberOfCompletedSubops + last.m_numberOfWarningSubops > 0;
         if (last.m_status != STATUS_Success && (last.m_status & 0xF000) != 0xB000)
-            st = cts_fail(err, CTS_ERR_READ, "the peer refuses with status %04X", static_cast<unsigned>(last.m_status));
+            st = cts_fail(err, CTS_ERR_READ, "the peer refuses with status %04X%s", last.m_status,
+                          cts_status_words(last.m_status));
         else if (failed > 0)
             st = cts_fail(err, CTS_ERR_READ, "the peer could not send %u of the series' objects", failed);
         else if (last.m_status != STATUS_Success && !counts)
@@ -185,8 +174,8 @@ CtsStatus evaluate_responses(OFList<RetrieveResponse *> &responses, int *n_objec
 template <typename Fetch>
 CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
 {
-    for (const Series &series : find_series(scu, request)) {
-        const char *const uid = series.uid.c_str();
+    for (const CtsFoundSeries &series : find_series(scu, net, request)) {
+        const char *const uid = series.series_uid;
         const int n_before = request.fetch_folder->n_files;
         int n_objects = series.n_objects;
         DcmDataset query;
@@ -279,7 +268,11 @@ CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request
             },
             err);
     const CtsStatus taken = listener.close(err);
-    return taken ? taken : st;
+    if (taken || listener.refused().empty() || (!st && request.fetch_folder->n_files))
+        return taken ? taken : st;
+    const std::string why = st ? err->text : "nothing came";
+    return cts_fail(err, st ? st : CTS_ERR_READ, "%.200s; our listener refused its connection: %s", why.c_str(),
+                    listener.refused().c_str());
 }
 
 } // namespace
@@ -304,7 +297,14 @@ try {
 static CtsStatus dimse_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                             CtsError *err)
 try {
-    return cts_dimse_find(*peer, *net, *query, *found, err);
+    CtsScu scu;
+    scu.offer(UID_FINDStudyRootQueryRetrieveInformationModel);
+    CtsStatus st = scu.associate(*peer, *net, CTS_ERR_READ, nullptr, err);
+    if (st)
+        return st;
+    st = cts_search_series(query, net, cts_dimse_search, &scu, found, err);
+    scu.hang_up(st == CTS_OK);
+    return st;
 } catch (...) {
     return cts_dcm_caught(err, CTS_ERR_READ);
 }

@@ -2,6 +2,7 @@
 #ifndef CTS_DICOM_DIMSE_HPP
 #define CTS_DICOM_DIMSE_HPP
 
+#include "dicom/net/answers.h"
 #include "dicom/net/peer.h"
 #include <atomic>
 #include <condition_variable>
@@ -51,22 +52,21 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
     /* Opens the association. fault: status of a failure; *again: another attempt may succeed. */
     CtsStatus associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fault, bool *again, CtsError *err);
     void hang_up(bool in_peace);
-    /* Sends a query of one level (C-FIND); `answers` gets at most `most` of them. */
-    CtsStatus send_query(DcmDataset &query, size_t most, CtsError *err);
-    std::vector<std::unique_ptr<DcmDataset>> answers;
+    /* Sends a query of one level (C-FIND), and takes its answers. */
+    CtsStatus search(CtsSearch &of, CtsError *err);
 
   protected:
     OFCondition handleFINDResponse(const T_ASC_PresentationContextID, QRResponse *response, OFBool &goes_on) override;
 
   private:
-    std::string offered; /* the first class and its syntaxes, for messages */
-    size_t max_answers = 0;
+    std::string offered;           /* the first class and its syntaxes, for messages */
+    CtsSearch *searched = nullptr; /* while it runs */
+    CtsError failure = {};         /* of taking an answer */
     Uint16 query_status = STATUS_Success;
 };
 
-/* Finds the series of a query by C-FIND (PS3.4 C, study root). */
-CtsStatus cts_dimse_find(const CtsPeer &peer, const CtsNet &net, const CtsSeriesQuery &query, CtsFound &found,
-                         CtsError *err);
+/* C-FIND (PS3.4 C, study root) over a CtsScu (CtsAsk). */
+extern "C" CtsStatus cts_dimse_search(void *scu, CtsSearch *search, CtsError *err);
 
 /* Receiver of the objects that a peer sends to a port of ours on request (C-MOVE): listens while it exists, at the
  * address by which the peer is reached, and accepts only the peer's own addresses and AE title. */
@@ -83,6 +83,11 @@ class CtsMoveListener
     CtsStatus open(CtsError *err);
     /* Ends the reception once the peer has sent all objects. Returns the first failure, or CTS_OK. */
     CtsStatus close(CtsError *err);
+    /* Why the first connection that was not served was refused; "" when there was none. After close(). */
+    const std::string &refused() const
+    {
+        return refusal;
+    }
 
     /* For the threads that serve. The path for the next object, to be freed with free(); NULL: no more are taken. */
     char *begin();
@@ -102,6 +107,7 @@ class CtsMoveListener
     std::mutex lock;    /* of fetch_folder and the following fields */
     std::condition_variable one_less;
     std::set<int> served; /* own descriptors of the connections being served */
+    std::string refusal;
     CtsStatus status = CTS_OK;
     CtsError error = {};
 

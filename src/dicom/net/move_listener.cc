@@ -31,15 +31,29 @@ class Reception : public DcmSCP
     {
     }
     void serve(int socket);
+    std::string refusal; /* why the connection got no association; "" when it did */
 
   protected:
     OFBool checkCalledAETitleAccepted(const OFString &aet) override
     {
-        return aet == net.own_aet;
+        if (aet != net.own_aet)
+            refusal = std::string("it calls AE title ") + aet.c_str() + ", not " + net.own_aet +
+                      " (set up the peer, or give `aet`)";
+        return refusal.empty();
     }
     OFBool checkCallingAETitleAccepted(const OFString &aet) override
     {
-        return aet == peer.aet;
+        if (aet != peer.aet)
+            refusal = std::string("its own AE title is ") + aet.c_str() + ", not " + peer.aet;
+        return refusal.empty();
+    }
+    void refuseAssociation(DcmRefuseReasonType reason) override
+    {
+        if (refusal.empty())
+            refusal = reason == DCMSCP_NO_PRESENTATION_CONTEXTS
+                          ? "it offers no SOP class of CT in a transfer syntax that is read"
+                          : "it asks for no association as DICOM has it";
+        DcmSCP::refuseAssociation(reason);
     }
     void notifyAssociationRequest(const T_ASC_Parameters &, DcmSCPActionType &) override
     {
@@ -110,6 +124,7 @@ void Reception::serve(int socket)
     const Uint32 timeout_s = static_cast<Uint32>(net.timeout_s);
     if (cts_transport_make(net, NET_ACCEPTOR, nullptr, transport, &err)) {
         close(socket);
+        refusal = err.text;
         return;
     }
     setAETitle(net.own_aet);
@@ -125,9 +140,13 @@ void Reception::serve(int socket)
     dcmExternalSocketHandle.set(socket);
     /* Not by DcmSCP's own listening, which sets the process' user, and so interrupts the other threads' reading. */
     T_ASC_Network *network = nullptr;
-    if (ASC_initializeNetwork(NET_ACCEPTOR, 0, net.timeout_s, &network).good() &&
-        ASC_setTransportLayer(network, transport.get(), 0).good())
-        waitForAssociationRQ(network);
+    OFCondition state = ASC_initializeNetwork(NET_ACCEPTOR, 0, net.timeout_s, &network);
+    if (state.good())
+        state = ASC_setTransportLayer(network, transport.get(), 0);
+    if (state.good())
+        state = waitForAssociationRQ(network);
+    if (state.bad() && refusal.empty())
+        refusal = cts_one_line(state);
     pass_on();
     ASC_dropNetwork(&network);
 }
@@ -214,7 +233,10 @@ void CtsMoveListener::take_connection()
     socklen_t n = sizeof from;
     const int socket = accept4(listener, reinterpret_cast<sockaddr *>(&from), &n, SOCK_CLOEXEC);
     const std::lock_guard<std::mutex> hold(lock);
-    const bool is_welcome = socket >= 0 && is_peer(from) && served.size() < MAX_SERVED;
+    const bool is_known = socket >= 0 && is_peer(from), is_welcome = is_known && served.size() < MAX_SERVED;
+    if (socket >= 0 && !is_welcome && refusal.empty())
+        refusal = is_known ? "it opens too many at a time"
+                           : "it comes from " + host_of(from) + ", which is not the peer's address";
     const int own = is_welcome ? fcntl(socket, F_DUPFD_CLOEXEC, 0) : -1;
     try {
         if (own >= 0) {
@@ -244,11 +266,17 @@ void CtsMoveListener::serve(int socket, int own)
     /* A silent connection must not block others. */
     pollfd ready = {own, POLLIN, 0};
     poll(&ready, 1, -1);
+    const bool is_silent = done; /* until close() shut it down */
+    std::string why;
     try {
-        Reception(*this, peer, net).serve(socket);
+        Reception reception(*this, peer, net);
+        reception.serve(socket);
+        why = reception.refusal;
     } catch (...) { /* without memory the objects are counted as missing */
     }
     const std::lock_guard<std::mutex> hold(lock);
+    if (!is_silent && refusal.empty())
+        refusal = why;
     ::close(own);
     served.erase(own);
     one_less.notify_all();

@@ -2,8 +2,10 @@
 
 #include "base/load_plugin.h"
 #include "base/mem.h"
+#include "dicom/header/dcm_read.h"
 #include "dicom/header/dcm_readers.h"
 #include "dicom/header/header_reader.h"
+#include "dicom/net/answers.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -118,8 +120,9 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
             while (outgoing_files[first].sent)
                 first++;
             by_hand(peer, &net, how, sizeof how);
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; to send it: %s)",
-                          outgoing_files[first].path, result.error.text, how);
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; %s%s)",
+                          outgoing_files[first].path, result.error.text,
+                          result.remedy ? "" : "to send it: ", result.remedy ? result.remedy : how);
         }
     }
     free(outgoing_files);
@@ -131,16 +134,29 @@ static int by_text(const void *a, const void *b)
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
+/* True where the object's PatientID contradicts the key. One in another character set than it says is not compared. */
+static bool is_of_another_patient(const CtsSlice *slice, const char *key)
+{
+    const char *const stored = slice->identity[CTS_PATIENT_ID];
+    char *const text = key ? cts_dcm_utf8(stored, slice->charset) : NULL;
+    const bool converted = text && (strchr(stored, '?') || !strchr(text, '?'));
+    const bool is_other = converted && cts_key_contradicts(CTS_MATCH_TEXT, key, text);
+    free(text);
+    return is_other;
+}
+
 /* Checks that one received object belongs to the request. Objects that are not CT are not rendered. */
 static CtsStatus check_received(const CtsObject *object, const CtsRequest *request, CtsError *err)
 {
     const CtsSlice *const slice = object->n_slices ? object->slices[0] : NULL;
-    const bool other_study = slice && strcmp(slice->identity[CTS_STUDY_UID], request->study_uid);
-    if (!other_study && (!slice || !request->series_uid || !strcmp(slice->series_uid, request->series_uid)))
-        return CTS_OK;
-    return cts_fail(err, CTS_ERR_READ, "the peer sent an object of another %s than it was asked for (%s)",
-                    other_study ? "study" : "series",
-                    other_study ? "StudyInstanceUID (0020,000D)" : "SeriesInstanceUID (0020,000E)");
+    const char *of = NULL;
+    if (slice && strcmp(slice->identity[CTS_STUDY_UID], request->study_uid))
+        of = "study than it was asked for (StudyInstanceUID (0020,000D))";
+    else if (slice && request->series_uid && strcmp(slice->series_uid, request->series_uid))
+        of = "series than it was asked for (SeriesInstanceUID (0020,000E))";
+    else if (slice && is_of_another_patient(slice, request->patient_id))
+        of = "patient than it was asked for (PatientID (0010,0020))";
+    return of ? cts_fail(err, CTS_ERR_READ, "the peer sent an object of another %s", of) : CTS_OK;
 }
 
 /* Checks all received objects against the request, and counts the different ones. */
@@ -175,14 +191,16 @@ static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
     return st;
 }
 
-CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *study_uid, const char *series_uid,
-                        CtsFetched *fetched, CtsReport *report, CtsError *err)
+static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, CtsRequest request, CtsFetched *fetched, CtsError *err)
 {
-    const CtsNet net = cts_net_with_defaults(given);
+    CtsNet net = cts_net_with_defaults(given);
     const CtsProtocol *protocol = NULL;
+    const char *const study_uid = request.study_uid, *const series_uid = request.series_uid;
     CtsFetchFolder fetch_folder = {0};
     int n_promised = 0;
-    const CtsRequest request = {study_uid, series_uid, &fetch_folder, report, &n_promised};
+    net.report = request.report;
+    request.fetch_folder = &fetch_folder;
+    request.n_promised = &n_promised;
     *fetched = (CtsFetched){.lock = -1};
     CtsStatus st = cts_net_check(peer, given, err);
     if (st)
@@ -209,15 +227,26 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
     return st;
 }
 
+CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
+                        CtsFetched *fetched, CtsReport *report, CtsError *err)
+{
+    const CtsRequest request = {.study_uid = study_uid, .series_uid = series_uid, .report = report};
+    return fetch(peer, net, request, fetched, err);
+}
+
+CtsStatus cts_net_fetch_found(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query,
+                              const CtsFoundSeries *series, CtsFetched *fetched, CtsReport *report, CtsError *err)
+{
+    const CtsRequest request = {.study_uid = series->study_uid,
+                                .series_uid = series->series_uid,
+                                .patient_id = query->patient_id,
+                                .report = report};
+    return fetch(peer, net, request, fetched, err);
+}
+
 void cts_net_fetched_remove(CtsFetched *fetched)
 {
     cts_fetch_folder_remove(&fetched->folder, &fetched->lock);
-}
-
-void cts_found_free(CtsFound *found)
-{
-    free(found->items);
-    *found = (CtsFound){0};
 }
 
 /* A query value is sent unchanged: one value, within the length limit of all these attributes. */

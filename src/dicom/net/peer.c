@@ -1,6 +1,5 @@
 #include "dicom/net/peer.h"
 
-#include "base/mem.h"
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -83,23 +82,4 @@ CtsStatus cts_peer_parse(const char *text, CtsPeer *peer, CtsError *err)
 bool cts_net_stopped(const CtsNet *net)
 {
     return net->stop && *net->stop;
-}
-
-void cts_outgoing_file_is_sent(CtsOutgoingFile *outgoing, const CtsNet *net)
-{
-    outgoing->sent = true;
-    if (net->sent)
-        net->sent(net->context, outgoing->path);
-}
-
-CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError *err)
-{
-    if (!cts_uid_is_valid(series->study_uid) || !cts_uid_is_valid(series->series_uid))
-        return CTS_OK;
-    if (found->n == CTS_MAX_FOUND)
-        return cts_fail(err, CTS_ERR_READ, "more than %d series are found (narrow the query)", CTS_MAX_FOUND);
-    const CtsStatus st = cts_grow(&found->items, found->n, err);
-    if (!st)
-        found->items[found->n++] = *series;
-    return st;
 }

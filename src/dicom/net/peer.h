@@ -48,14 +48,16 @@ typedef struct CtsOutgoingFile {
     bool sent;
 } CtsOutgoingFile;
 
-/* A failed try; `again`: another try may succeed. */
+/* A failed try. */
 typedef struct CtsAttempt {
-    bool again;
+    bool again;         /* another try may succeed */
+    const char *remedy; /* of a permanent failure; NULL: the file may be sent by hand */
     CtsError error;
 } CtsAttempt;
 
 typedef struct CtsRequest {
     const char *study_uid, *series_uid; /* series_uid may be NULL */
+    const char *patient_id;             /* a key, NULL: none */
     CtsFetchFolder *fetch_folder;
     CtsReport *report;
     int *n_promised; /* number of objects by the peer's own count, if given */
@@ -82,10 +84,6 @@ CtsStatus cts_protocol_find(const CtsPeer *peer, const CtsProtocol **protocol, C
 
 /* Replaces 0 and NULL by the defaults of the header. */
 CtsNet cts_net_with_defaults(const CtsNet *net);
-/* Adds a series; skips one without valid UIDs. */
-CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError *err);
 bool cts_net_stopped(const CtsNet *net);
-/* The peer has confirmed it. */
-void cts_outgoing_file_is_sent(CtsOutgoingFile *outgoing, const CtsNet *net);
 
 CTS_C_END

@@ -1,7 +1,5 @@
 #include "dicom/net/dimse.hpp"
-
-#include <cstdio>
-#include <vector>
+#include "dicom/net/store_answer.h"
 
 /* A peer that accepts only known callers does not say more than that it rejects this one. */
 static std::string refusal(const OFCondition &state)
@@ -77,117 +75,63 @@ void CtsScu::hang_up(bool in_peace)
         abortAssociation();
 }
 
-CtsStatus CtsScu::send_query(DcmDataset &query, size_t most, CtsError *err)
+static DcmTagKey tag_of(int key)
 {
-    answers.clear();
-    max_answers = most;
+    return {static_cast<Uint16>(cts_key_rows[key].tag >> 16), static_cast<Uint16>(cts_key_rows[key].tag & 0xffff)};
+}
+
+CtsStatus CtsScu::search(CtsSearch &of, CtsError *err)
+{
+    DcmDataset query;
+    query.putAndInsertString(DCM_QueryRetrieveLevel, of.of_series ? "SERIES" : "STUDY");
+    for (int k = 0; k < CTS_N_KEYS; k++) {
+        const char *const key = cts_search_key(&of, static_cast<CtsQueryKey>(k));
+        if (key)
+            query.putAndInsertString(tag_of(k), key);
+    }
+    searched = &of;
+    failure = {};
     const OFCondition state =
         sendFINDRequest(findPresentationContextID(UID_FINDStudyRootQueryRetrieveInformationModel, ""), &query, nullptr);
-    if (answers.size() > most)
-        return cts_fail(err, CTS_ERR_READ, "more than %d series are found (narrow the query)", CTS_MAX_FOUND);
+    if (failure.status) {
+        *err = failure;
+        return failure.status;
+    }
     if (state.bad())
         return cts_fail(err, CTS_ERR_READ, "the connection broke: %s", cts_one_line(state).c_str());
     if (query_status != STATUS_Success)
-        return cts_fail(err, CTS_ERR_READ, "the peer refuses the query with status %04X",
-                        static_cast<unsigned>(query_status));
+        return cts_fail(err, CTS_ERR_READ, "the peer refuses the query with status %04X%s", query_status,
+                        cts_status_words(query_status));
     return CTS_OK;
 }
 
+/* Texts that cannot be converted stay as they are. */
 OFCondition CtsScu::handleFINDResponse(const T_ASC_PresentationContextID, QRResponse *response, OFBool &goes_on)
 {
     goes_on = DICOM_PENDING_STATUS(response->m_status);
     if (!goes_on)
         query_status = response->m_status;
+    if (response->m_status == STATUS_FIND_Pending_WarningUnsupportedOptionalKeys)
+        searched->warning = "status FF01";
     if (goes_on && response->m_dataset) {
-        answers.emplace_back(response->m_dataset);
-        response->m_dataset = nullptr;
-        goes_on = answers.size() <= max_answers;
+        CtsAnswer answer = {};
+        response->m_dataset->convertToUTF8();
+        for (int k = 0; k < CTS_N_KEYS; k++) {
+            OFString value;
+            response->m_dataset->findAndGetOFStringArray(tag_of(k), value);
+            cts_answer_add(&answer, static_cast<CtsQueryKey>(k), value.c_str());
+        }
+        cts_search_take(searched, &answer, &failure);
+        goes_on = failure.status == CTS_OK;
     }
     return EC_Normal;
 }
 
-namespace
+CtsStatus cts_dimse_search(void *scu, CtsSearch *search, CtsError *err)
 {
-
-void put(DcmDataset &query, const DcmTagKey &tag, const char *value)
-{
-    query.putAndInsertString(tag, value ? value : "");
-}
-
-template <size_t n> void take(DcmDataset &answer, const DcmTagKey &tag, char (&text)[n])
-{
-    OFString value;
-    answer.findAndGetOFString(tag, value);
-    std::snprintf(text, n, "%s", value.c_str());
-}
-
-void fill_study_query(DcmDataset &keys, const CtsSeriesQuery &q)
-{
-    put(keys, DCM_QueryRetrieveLevel, "STUDY");
-    put(keys, DCM_StudyInstanceUID, q.study_uid);
-    put(keys, DCM_AccessionNumber, q.accession);
-    put(keys, DCM_PatientID, q.patient_id);
-    put(keys, DCM_StudyDate, q.study_date);
-}
-
-void fill_series_query(DcmDataset &keys, const CtsSeriesQuery &q, const char *study_uid)
-{
-    put(keys, DCM_QueryRetrieveLevel, "SERIES");
-    put(keys, DCM_StudyInstanceUID, study_uid);
-    put(keys, DCM_SeriesInstanceUID, q.series_uid);
-    put(keys, DCM_Modality, q.modality);
-    put(keys, DCM_SeriesDescription, "");
-    put(keys, DCM_NumberOfSeriesRelatedInstances, "");
-}
-
-CtsStatus find_series(CtsScu &scu, const CtsSeriesQuery &query, const CtsFoundSeries &study, CtsFound &found,
-                      CtsError *err)
-{
-    DcmDataset keys;
-    fill_series_query(keys, query, study.study_uid);
-    CtsStatus st = scu.send_query(keys, static_cast<size_t>(CTS_MAX_FOUND - found.n), err);
-    for (size_t i = 0; i < scu.answers.size() && !st; i++) {
-        CtsFoundSeries series = study;
-        Sint32 n = 0;
-        take(*scu.answers[i], DCM_SeriesInstanceUID, series.series_uid);
-        take(*scu.answers[i], DCM_Modality, series.modality);
-        take(*scu.answers[i], DCM_SeriesDescription, series.description);
-        scu.answers[i]->findAndGetSint32(DCM_NumberOfSeriesRelatedInstances, n);
-        series.n_objects = n;
-        st = cts_found_add(&found, &series, err);
-    }
-    return st;
-}
-
-CtsStatus find_studies(CtsScu &scu, const CtsSeriesQuery &query, std::vector<CtsFoundSeries> &studies, CtsError *err)
-{
-    DcmDataset keys;
-    fill_study_query(keys, query);
-    const CtsStatus st = scu.send_query(keys, CTS_MAX_FOUND, err);
-    for (size_t i = 0; i < scu.answers.size() && !st; i++) {
-        CtsFoundSeries study = {};
-        take(*scu.answers[i], DCM_StudyInstanceUID, study.study_uid);
-        take(*scu.answers[i], DCM_StudyDate, study.study_date);
-        if (cts_uid_is_valid(study.study_uid))
-            studies.push_back(study);
-    }
-    return st;
-}
-
-} // namespace
-
-CtsStatus cts_dimse_find(const CtsPeer &peer, const CtsNet &net, const CtsSeriesQuery &query, CtsFound &found,
-                         CtsError *err)
-{
-    std::vector<CtsFoundSeries> studies;
-    CtsScu scu;
-    scu.offer(UID_FINDStudyRootQueryRetrieveInformationModel);
-    CtsStatus st = scu.associate(peer, net, CTS_ERR_READ, nullptr, err);
-    if (st)
-        return st;
-    st = find_studies(scu, query, studies, err);
-    for (size_t i = 0; i < studies.size() && !st && !cts_net_stopped(&net); i++)
-        st = find_series(scu, query, studies[i], found, err);
-    scu.hang_up(st == CTS_OK);
+    CtsError why = {};
+    const CtsStatus st = static_cast<CtsScu *>(scu)->search(*search, &why);
+    if (st && err)
+        *err = why;
     return st;
 }
