@@ -239,25 +239,16 @@ static void test_fork_by_helper(void **state)
 static void test_quota(void **state)
 {
     const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
-    const char *v1 = "33 24 0:29 / %s rw - cgroup cgroup rw,cpuacct,cpu\n";
     const char *const none[][2] = {{NULL, NULL}};
     const char *const max[][2] = {{"cpu.max", "max 100000\n"}, {NULL, NULL}};
     const char *const half[][2] = {{"cpu.max", "150000 100000\n"}, {NULL, NULL}};
-    const char *const cfs[][2] = {{"cpu.cfs_quota_us", "300000\n"}, {"cpu.cfs_period_us", "100000\n"}, {NULL, NULL}};
-    const char *const free_cfs[][2] = {{"cpu.cfs_quota_us", "-1\n"}, {"cpu.cfs_period_us", "100000\n"}, {NULL, NULL}};
-    const char *const bad[][2] = {{"cpu.max", ""}, {"cpu.cfs_quota_us", "1"}, {"cpu.cfs_period_us", "0"}, {NULL, NULL}};
+    const char *const bad[][2] = {{"cpu.max", "0 0"}, {NULL, NULL}};
     check_quota("0::/\n", v2, none, INFINITY);
     check_quota("0::/\n", v2, max, INFINITY);
     check_quota("0::/\n", v2, half, 1.5);
     /* The group lies deeper than the one with the quota; or the folder shown is the group itself. */
     check_quota("4:memory:/x\n0::/a/b\n", v2, half, 1.5);
     check_quota("0::/pod/a\n", "35 24 0:30 /pod/a %s rw - cgroup2 cgroup2 rw\n", half, 1.5);
-    check_quota("5:cpu,cpuacct:/\n0::/\n", v1, cfs, 3);
-    check_quota("5:cpu,cpuacct:/job\n0::/\n", v1, cfs, 3);
-    check_quota("5:cpu,cpuacct:/\n", v1, free_cfs, INFINITY);
-    /* Another hierarchy's files mean nothing. */
-    check_quota("5:cpu,cpuacct:/\n", "33 24 0:29 / %s rw - cgroup cgroup rw,cpuset\n", cfs, INFINITY);
-    check_quota("5:cpu:/\n0::/\n", v1, bad, INFINITY);
     check_quota("0::/\n", v2, bad, INFINITY);
     check_quota("0::/\n", "nonsense %s\n", half, INFINITY);
     assert_true(isinf(cts_cpu_quota("absent", "absent")));
@@ -267,7 +258,6 @@ static void test_quota(void **state)
 static void test_memory_quota(void **state)
 {
     const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
-    const char *v1 = "33 24 0:29 / %s rw - cgroup cgroup rw,memory\n";
     const char *const none[][2] = {{"memory.current", "1000\n"}, {NULL, NULL}};
     const char *const max[][2] = {{"memory.max", "max\n"}, {"memory.current", "1000\n"}, {NULL, NULL}};
     const char *const limit[][2] = {{"memory.max", "536870912\n"},
@@ -277,12 +267,6 @@ static void test_memory_quota(void **state)
                                     {NULL, NULL}};
     const char *const high[][2] = {
         {"memory.max", "536870912\n"}, {"memory.high", "300000000\n"}, {"memory.current", "400000000\n"}, {NULL, NULL}};
-    const char *const old[][2] = {{"memory.limit_in_bytes", "200000000\n"},
-                                  {"memory.usage_in_bytes", "150000000\n"},
-                                  {"memory.stat", "inactive_file 7\ntotal_inactive_file 30000000\n"},
-                                  {NULL, NULL}};
-    const char *const old_none[][2] = {
-        {"memory.limit_in_bytes", "9223372036854771712\n"}, {"memory.usage_in_bytes", "5\n"}, {NULL, NULL}};
     const struct {
         const char *groups, *mount;
         const char *const (*files)[2];
@@ -294,10 +278,6 @@ static void test_memory_quota(void **state)
         {"0::/a/b\n", v2, limit, 436870912},
         {"0::/pod/a\n", "35 24 0:30 /pod/a %s rw - cgroup2 cgroup2 rw\n", limit, 436870912},
         {"0::/\n", v2, high, 0},
-        {"4:memory:/job\n", v1, old, 80000000},
-        {"4:cpu:/job\n", v1, old, INFINITY},
-        {"4:memory:/\n", v1, old_none, INFINITY},
-        {"4:memory:/\n", "33 24 0:29 / %s rw - cgroup cgroup rw,cpu\n", old, INFINITY},
     };
     for (size_t n = 0; n < sizeof cases / sizeof *cases; n++)
         check_limit(cts_memory_quota, cases[n].groups, cases[n].mount, cases[n].files, cases[n].expected);

@@ -464,13 +464,12 @@ static uint32_t big32(const uint8_t *p)
 /* The profile is framed as ICC.1:2010 has it, and its white is D50: the primaries add up to it. */
 static void test_icc(void **state)
 {
-    uint8_t profile[CTS_ICC_BYTES];
-    const size_t n = cts_icc_srgb(profile);
+    const uint8_t *const profile = cts_icc_srgb;
+    const size_t n = CTS_ICC_BYTES;
     double white[3] = {0};
     assert_int_equal(big32(profile), n);
     assert_memory_equal(profile + 12, "scnrRGB XYZ ", 12);
     assert_memory_equal(profile + 36, "acsp", 4);
-    assert_true(n % 4 == 0 && n <= CTS_ICC_BYTES);
     for (uint32_t i = 0; i < big32(profile + 128); i++) {
         const uint8_t *tag = profile + 132 + 12 * i, *data = profile + big32(tag + 4);
         assert_true(big32(tag + 4) % 4 == 0 && big32(tag + 4) + big32(tag + 8) <= n);

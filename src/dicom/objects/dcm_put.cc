@@ -138,8 +138,7 @@ void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag, bool filled)
 
 Put &cts_dcm_put_profile(Put &put, const DcmTagKey &tag)
 {
-    uint8_t profile[CTS_ICC_BYTES];
-    return put.bytes(tag, profile, cts_icc_srgb(profile));
+    return put.bytes(tag, cts_icc_srgb, CTS_ICC_BYTES);
 }
 
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag)

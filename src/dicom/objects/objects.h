@@ -84,11 +84,10 @@ typedef struct CtsScPixels {
 
 CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err);
 
-enum { CTS_ICC_BYTES = 600 }; /* room for the profile below */
-
 /* The ICC profile of ctsplat's colours, sRGB (IEC 61966-2-1): version 4.3, input class, as required by DICOM (PS3.3
- * C.11.15). Returns its length, a multiple of 4. Always the same bytes. */
-size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES]);
+ * C.11.15). */
+enum { CTS_ICC_BYTES = 520 };
+extern const uint8_t cts_icc_srgb[CTS_ICC_BYTES];
 
 /* Entries of a presentation state's colour tables: steps of 1 HU over a preset's range of 4096 HU. */
 enum { CTS_STATE_ENTRIES = 4096 };

@@ -110,16 +110,12 @@ typedef enum Accent {
     BREVE,
     DOT,
     DIAERESIS,
-    HOOK,
     RING,
     DOUBLE_ACUTE,
     CARON,
-    HORN,
-    DOT_BELOW,
     COMMA_BELOW,
     CEDILLA,
     OGONEK,
-    LINE_BELOW,
     N_ACCENTS
 } Accent;
 
@@ -136,75 +132,34 @@ static const struct {
     [BREVE] = {0x306, {{0, 8, "0023446380"}, CTS_MARK_ABOVE}},
     [DOT] = {0x307, {{0, 1, "0203"}, CTS_MARK_ABOVE}},
     [DIAERESIS] = {0x308, {{0, 7, "0203 7273"}, CTS_MARK_ABOVE}},
-    [HOOK] = {0x309, {{0, 4, "011030422324"}, CTS_MARK_ABOVE}},
     [RING] = {0x30A, {{0, 4, "103041433414030110"}, CTS_MARK_ABOVE}},
     [DOUBLE_ACUTE] = {0x30B, {{0, 8, "3004 8054"}, CTS_MARK_ABOVE}},
     [CARON] = {0x30C, {{0, 6, "003460"}, CTS_MARK_ABOVE}},
-    [HORN] = {0x31B, {{0, 2, "052422"}, CTS_MARK_BESIDE}},
-    [DOT_BELOW] = {0x323, {{0, 1, "0304"}, CTS_MARK_BELOW}},
     [COMMA_BELOW] = {0x326, {{0, 2, "2204"}, CTS_MARK_BELOW}},
     [CEDILLA] = {0x327, {{0, 4, "2022434414"}, CTS_MARK_BELOW}},
     [OGONEK] = {0x328, {{0, 4, "3012132444"}, CTS_MARK_BELOW}},
-    [LINE_BELOW] = {0x331, {{0, 8, "0383"}, CTS_MARK_BELOW}},
 };
 
-/* Capitals and their parts, from the canonical decompositions of Unicode: each composed letter precedes its base. */
+/* Capitals of Latin-1, Latin Extended-A and Romanian with their parts, from the canonical decompositions of Unicode:
+ * each composed letter precedes its base. */
 static const struct {
-    Accent accents[2];
+    Accent accent;
     const char *letters;
 } composed[] = {
-    {{GRAVE}, "ÀAÈEÌIÒOÙUǸNẀWỲY"},
-    {{ACUTE}, "ÁAÉEÍIÓOÚUÝYĆCĹLŃNŔRŚSŹZǴGḰKḾMṔPẂW"},
-    {{CIRCUMFLEX}, "ÂAÊEÎIÔOÛUĈCĜGĤHĴJŜSŴWŶYẐZ"},
-    {{TILDE}, "ÃAÑNÕOĨIŨUṼVẼEỸY"},
-    {{MACRON}, "ĀAĒEĪIŌOŪUȲYḠG"},
-    {{BREVE}, "ĂAĔEĞGĬIŎOŬU"},
-    {{DOT}, "ĊCĖEĠGİIŻZȦAȮOḂBḊDḞFḢHṀMṄNṖPṘRṠSṪTẆWẊXẎY"},
-    {{DIAERESIS}, "ÄAËEÏIÖOÜUŸYḦHẄWẌX"},
-    {{HOOK}, "ẢAẺEỈIỎOỦUỶY"},
-    {{RING}, "ÅAŮU"},
-    {{DOUBLE_ACUTE}, "ŐOŰU"},
-    {{CARON}, "ČCĎDĚEĽLŇNŘRŠSŤTŽZǍAǏIǑOǓUǦGǨKȞH"},
-    {{HORN}, "ƠOƯU"},
-    {{DOT_BELOW}, "ḄBḌDḤHḲKḶLṂMṆNṚRṢSṬTṾVẈWẒZẠAẸEỊIỌOỤUỴY"},
-    {{COMMA_BELOW}, "ȘSȚT"},
-    {{CEDILLA}, "ÇCĢGĶKĻLŅNŖRŞSŢTȨEḐDḨH"},
-    {{OGONEK}, "ĄAĘEĮIŲUǪO"},
-    {{LINE_BELOW}, "ḆBḎDḴKḺLṈNṞRṮTẔZ"},
-    {{ACUTE, DOT}, "ṤS"},
-    {{CIRCUMFLEX, GRAVE}, "ẦAỀEỒO"},
-    {{CIRCUMFLEX, ACUTE}, "ẤAẾEỐO"},
-    {{CIRCUMFLEX, TILDE}, "ẪAỄEỖO"},
-    {{CIRCUMFLEX, HOOK}, "ẨAỂEỔO"},
-    {{TILDE, ACUTE}, "ṌOṸU"},
-    {{TILDE, MACRON}, "ȬO"},
-    {{TILDE, DIAERESIS}, "ṎO"},
-    {{MACRON, GRAVE}, "ḔEṐO"},
-    {{MACRON, ACUTE}, "ḖEṒO"},
-    {{MACRON, DIAERESIS}, "ṺU"},
-    {{BREVE, GRAVE}, "ẰA"},
-    {{BREVE, ACUTE}, "ẮA"},
-    {{BREVE, TILDE}, "ẴA"},
-    {{BREVE, HOOK}, "ẲA"},
-    {{DOT, MACRON}, "ǠAȰO"},
-    {{DIAERESIS, GRAVE}, "ǛU"},
-    {{DIAERESIS, ACUTE}, "ǗUḮI"},
-    {{DIAERESIS, MACRON}, "ǕUǞAȪO"},
-    {{DIAERESIS, CARON}, "ǙU"},
-    {{RING, ACUTE}, "ǺA"},
-    {{CARON, DOT}, "ṦS"},
-    {{HORN, GRAVE}, "ỜOỪU"},
-    {{HORN, ACUTE}, "ỚOỨU"},
-    {{HORN, TILDE}, "ỠOỮU"},
-    {{HORN, HOOK}, "ỞOỬU"},
-    {{HORN, DOT_BELOW}, "ỢOỰU"},
-    {{DOT_BELOW, CIRCUMFLEX}, "ẬAỆEỘO"},
-    {{DOT_BELOW, MACRON}, "ḸLṜR"},
-    {{DOT_BELOW, BREVE}, "ẶA"},
-    {{DOT_BELOW, DOT}, "ṨS"},
-    {{CEDILLA, ACUTE}, "ḈC"},
-    {{CEDILLA, BREVE}, "ḜE"},
-    {{OGONEK, MACRON}, "ǬO"},
+    {GRAVE, "ÀAÈEÌIÒOÙU"},
+    {ACUTE, "ÁAÉEÍIÓOÚUÝYĆCĹLŃNŔRŚSŹZ"},
+    {CIRCUMFLEX, "ÂAÊEÎIÔOÛUĈCĜGĤHĴJŜSŴWŶY"},
+    {TILDE, "ÃAÑNÕOĨIŨU"},
+    {MACRON, "ĀAĒEĪIŌOŪU"},
+    {BREVE, "ĂAĔEĞGĬIŎOŬU"},
+    {DOT, "ĊCĖEĠGİIŻZ"},
+    {DIAERESIS, "ÄAËEÏIÖOÜUŸY"},
+    {RING, "ÅAŮU"},
+    {DOUBLE_ACUTE, "ŐOŰU"},
+    {CARON, "ČCĎDĚEĽLŇNŘRŠSŤTŽZ"},
+    {COMMA_BELOW, "ȘSȚT"},
+    {CEDILLA, "ÇCĢGĶKĻLŅNŖRŞSŢT"},
+    {OGONEK, "ĄAĘEĮIŲU"},
 };
 
 /* Ligatures and the like, replaced by plain letters. */
@@ -291,7 +246,7 @@ static bool find_capital(uint32_t capital, CtsLetter *letter)
         for (const char *p = composed[row].letters; *p && !letter->glyph; p++)
             if (next_code_point(&p) == capital) {
                 letter->glyph = glyph_of((unsigned char)*p);
-                put_accents(letter, composed[row].accents);
+                put_accents(letter, (Accent[2]){composed[row].accent});
             }
     return letter->glyph;
 }

@@ -13,7 +13,7 @@ typedef struct CtsGlyph {
     const char *strokes;
 } CtsGlyph;
 
-typedef enum CtsMarkPlace { CTS_MARK_ABOVE, CTS_MARK_BELOW, CTS_MARK_BESIDE } CtsMarkPlace;
+typedef enum CtsMarkPlace { CTS_MARK_ABOVE, CTS_MARK_BELOW } CtsMarkPlace;
 
 /* An accent: up to CTS_MARK_HEIGHT high. */
 typedef struct CtsMark {
