@@ -15,6 +15,6 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
     {"bench", "PATH... {-O DIR | --paper} [options]", "Measure error against run time of engines and settings.", 1,
      INT_MAX, "PATH", cli_bench},
     {"check", "[options]", "Run the numerical stability suite.", 0, 0, "", cli_check},
-    {"compare", "A B [--json]", "Compare two pictures; exit 0 when equal to the bit, 1 when not.", 2, 2, "a picture",
-     cli_compare},
+    {"compare", "A B [--json]", "Compare pictures (PNG, EXR, captures); exit 0 when equal to the bit, 1 when not.", 2,
+     2, "a picture", cli_compare},
 };

@@ -35,6 +35,10 @@ refused 2 'a.png, wide.png: .*60x50 and 61x50' compare a.png wide.png
 refused 3 'nowhere.png' compare a.png nowhere.png
 echo hello >text.png
 refused 3 'text.png' compare text.png a.png
+for lossy in jpg webp; do
+    ok render "$data/phantom" --size 60x50 -p skin -o "a.$lossy"
+    refused 3 "a.$lossy: .*that is read \(\.png, \.exr or \.dcm\)" compare a.png "a.$lossy"
+done
 head -c 300 a.png >cut.png
 refused 3 'cut.png' compare a.png cut.png
 refused 3 'IM0001' compare a.dcm "$data/phantom/IM0001.dcm"

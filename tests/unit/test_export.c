@@ -1,4 +1,5 @@
 /* Picture files: a round trip keeps the picture, and files are written whole or not at all. */
+#include "base/hash.h"
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "ctsplat/export.h"
@@ -161,6 +162,42 @@ static void test_bands(void **state)
     export_in_bands(&(const CtsPicture *){large}, 1, false, 2 * CTS_BAND_ROWS, b, &plain);
     assert_same_bytes(a, b);
     cts_picture_free(&large);
+    remove_folder(folder);
+}
+
+/* Bytes of PNG files that depend on no version of a library: a stored hash of all but the text that names ctsplat's. */
+static void test_png_bytes(void **state)
+{
+    static const char expected[] = "483691c00fe78e8b744dd20261d73026e3d05f472eeaa40496c8412465a825a1";
+    static const int channels[] = {1, 4, 4, 4}; /* grey, RGB, RGBA, RGB of 8 bits */
+    char folder[64], path[100], hex[2 * CTS_DIGEST_BYTES + 1];
+    CtsHash *hash;
+    CtsError err;
+    make_folder(folder);
+    assert_int_equal(cts_hash_start(&hash, &err), CTS_OK);
+    for (int i = 0; i < 4; i++) {
+        const CtsExportSettings settings = {.n_threads = 2, .png_8_bits = i == 3};
+        CtsPicture *p = make_picture(61, 83, channels[i], i == 2);
+        if (i == 3)
+            snprintf(p->info.preset, sizeof p->info.preset,
+                     "Kn\xc3\xb6"
+                     "chel");
+        for (int k = 0; k < 61 * 83 * p->n_channels; k++) /* no function of a mathematics library */
+            p->pixels[k] = k % 4 == 3 ? 1 : (float)(k * 7 % 1021) / 1021;
+        snprintf(path, sizeof path, "%s/%d.png", folder, i);
+        assert_int_equal(cts_export(&(const CtsPicture *){p}, 1, path, &settings, NULL, NULL, &err), CTS_OK);
+        size_t n;
+        uint8_t *bytes = slurp(path, &n);
+        const uint8_t *const text = memmem(bytes, n, "tEXtSoftware", 12);
+        assert_non_null(text);
+        const size_t begin = (size_t)(text - bytes) - 4, end = begin + 12 + bytes[begin + 3];
+        cts_hash_bytes(hash, bytes, begin);
+        cts_hash_bytes(hash, bytes + end, n - end);
+        free(bytes);
+        cts_picture_free(&p);
+    }
+    assert_int_equal(cts_hash_hex(&hash, hex, &err), CTS_OK);
+    assert_string_equal(hex, expected);
     remove_folder(folder);
 }
 
@@ -534,13 +571,21 @@ static void test_no_picture(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_png_round_trip), cmocka_unit_test(test_bands),
-        cmocka_unit_test(test_png_metadata),   cmocka_unit_test(test_png_foreign),
-        cmocka_unit_test(test_png_cut),        cmocka_unit_test(test_png_promises_too_much),
-        cmocka_unit_test(test_check),          cmocka_unit_test(test_png_full),
-        cmocka_unit_test(test_exr_round_trip), cmocka_unit_test(test_exr_camera),
-        cmocka_unit_test(test_exrheader),      cmocka_unit_test(test_exr_cut),
-        cmocka_unit_test(test_exr_full),       cmocka_unit_test(test_no_picture),
+        cmocka_unit_test(test_png_round_trip),
+        cmocka_unit_test(test_bands),
+        cmocka_unit_test(test_png_bytes),
+        cmocka_unit_test(test_png_metadata),
+        cmocka_unit_test(test_png_foreign),
+        cmocka_unit_test(test_png_cut),
+        cmocka_unit_test(test_png_promises_too_much),
+        cmocka_unit_test(test_check),
+        cmocka_unit_test(test_png_full),
+        cmocka_unit_test(test_exr_round_trip),
+        cmocka_unit_test(test_exr_camera),
+        cmocka_unit_test(test_exrheader),
+        cmocka_unit_test(test_exr_cut),
+        cmocka_unit_test(test_exr_full),
+        cmocka_unit_test(test_no_picture),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -83,17 +83,18 @@ const CtsFormatInfo *cts_export_format(const char *path)
     return format ? &format->info : NULL;
 }
 
-static CtsStatus fail_unknown_format(const char *path, CtsStatus status, const char *what, CtsError *err)
+static CtsStatus fail_unknown_format(const char *path, CtsError *err)
 {
     char names[CTS_ENDINGS_MAX];
-    return cts_fail(err, status, "%s: %s (%s)", path, what, cts_format_endings(NULL, names));
+    return cts_fail(err, CTS_ERR_USAGE, "%s: its ending names no picture format (%s)", path,
+                    cts_format_endings(NULL, names));
 }
 
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err)
 {
     const CtsFormat *format = format_of_path(path);
     if (!format)
-        return fail_unknown_format(path, CTS_ERR_USAGE, "its ending names no picture format", err);
+        return fail_unknown_format(path, err);
     const CtsStatus st = cts_file_check_writable(path, settings->force, err);
     if (st || !format->check)
         return st;
@@ -105,7 +106,7 @@ CtsStatus cts_export_check_size(const char *path, int width, int height, int n_f
 {
     const CtsFormat *format = format_of_path(path);
     if (!format)
-        return fail_unknown_format(path, CTS_ERR_USAGE, "its ending names no picture format", err);
+        return fail_unknown_format(path, err);
     if (n_frames < 1 || (n_frames > 1 && !format->info.many_frames))
         return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->info.name,
                         n_frames);
@@ -237,6 +238,11 @@ CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *
     return st;
 }
 
+static bool is_read_back(const CtsFormatInfo *format)
+{
+    return format->read_back;
+}
+
 CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err)
 {
     char head[HEAD_BYTES];
@@ -253,5 +259,7 @@ CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err
         if (formats[i]->info.read_back && n >= formats[i]->magic_offset + MAGIC_BYTES &&
             memcmp(head + formats[i]->magic_offset, formats[i]->magic, MAGIC_BYTES) == 0)
             return formats[i]->read(path, picture, err);
-    return fail_unknown_format(path, CTS_ERR_READ, "is no picture that can be read", err);
+    char names[CTS_ENDINGS_MAX];
+    return cts_fail(err, CTS_ERR_READ, "%s: is no picture of a format that is read (%s)", path,
+                    cts_format_endings(is_read_back, names));
 }

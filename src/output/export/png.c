@@ -1,4 +1,5 @@
-/* PNG, 16 or 8 bits a sample, and any kind read back: libpng writes the file, deflate.c packs the rows.
+/* PNG, 16 or 8 bits a sample, and any kind read back. Chunks are written here and deflate.c packs the rows, so that
+ * files do not depend on the version of libpng, which reads them.
  *
  * libpng compresses on one thread, and at its default level takes many times longer than a render. So rows are cut into
  * strips that are filtered and packed side by side, the same ones for any number of threads. Rows of 16 bits are
@@ -41,13 +42,8 @@ typedef struct PngStrip {
     CtsStatus status;
 } PngStrip;
 
-/* State for libpng's callbacks. */
 typedef struct PngWriter {
     const CtsExportJob *job;
-    png_structp png;
-    png_infop info;
-    CtsError *err; /* of the current call */
-    CtsStatus status;
     int n_samples, sample_bytes; /* of a pixel, of a sample */
     size_t row_bytes;
     int rows_per_strip; /* a power of two: bands are whole strips */
@@ -55,32 +51,6 @@ typedef struct PngWriter {
     Packer *packers; /* one per thread, created at first use */
     uint32_t adler;  /* of all rows so far */
 } PngWriter;
-
-static void on_write(png_structp png, png_bytep data, size_t n)
-{
-    PngWriter *w = png_get_io_ptr(png);
-    w->status = cts_temp_write(w->job->temp, data, n, w->err);
-    if (w->status)
-        png_longjmp(png, 1);
-}
-
-static void on_flush(png_structp png)
-{
-    (void)png;
-}
-
-static void on_write_error(png_structp png, png_const_charp message)
-{
-    PngWriter *w = png_get_error_ptr(png);
-    w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libpng: %s", w->job->path, message);
-    png_longjmp(png, 1);
-}
-
-static void on_warning(png_structp png, png_const_charp message)
-{
-    (void)png;
-    (void)message;
-}
 
 static bool is_ascii(const char *text)
 {
@@ -90,72 +60,90 @@ static bool is_ascii(const char *text)
     return true;
 }
 
-/* Software, source and disclaimer. No dates: the same picture gives the same bytes. */
-static void put_texts(png_structp png, png_infop info, const CtsPictureInfo *about)
+/* Length, name, bytes and their CRC, of the name too. */
+static CtsStatus write_chunk(const CtsExportJob *job, const char name[4], const void *bytes, size_t n, CtsError *err)
 {
-    char preset[sizeof about->preset], view[80], scale[32], window[80], occlusion[32];
-    snprintf(preset, sizeof preset, "%s", about->preset);
+    const uint32_t length = htobe32((uint32_t)n);
+    uLong crc = crc32(0, (const Bytef *)name, 4);
+    crc = n ? crc32(crc, bytes, (uInt)n) : crc;
+    const uint32_t check = htobe32((uint32_t)crc);
+    CtsStatus st = cts_temp_write(job->temp, &length, sizeof length, err);
+    if (!st)
+        st = cts_temp_write(job->temp, name, 4, err);
+    if (!st && n)
+        st = cts_temp_write(job->temp, bytes, n, err);
+    return st ? st : cts_temp_write(job->temp, &check, sizeof check, err);
+}
+
+/* tEXt, or in other letters than ASCII iTXt: not compressed, of no language. */
+static CtsStatus write_text(const CtsExportJob *job, const char *key, const char *text, CtsError *err)
+{
+    enum { NO_LANGUAGE = 4 }; /* zeros of iTXt: flag and method of compression, the ends of language and key in it */
+    char bytes[80 + NO_LANGUAGE + sizeof job->head.info.preset] = {0};
+    const size_t n_key = strlen(key) + 1, at = n_key + (is_ascii(text) ? 0 : NO_LANGUAGE);
+    snprintf(bytes, sizeof bytes, "%s", key);
+    snprintf(bytes + at, sizeof bytes - at, "%s", text);
+    return write_chunk(job, at == n_key ? "tEXt" : "iTXt", bytes, at + strlen(bytes + at), err);
+}
+
+/* Software, source and disclaimer. No dates: the same picture gives the same bytes. */
+static CtsStatus write_texts(const CtsExportJob *job, CtsError *err)
+{
+    const CtsPictureInfo *const about = &job->head.info;
+    char view[80], scale[32], window[80], occlusion[32];
     cts_describe_view(about, view, sizeof view);
     cts_describe_number(about->mm_per_pixel, 9, scale, sizeof scale);
     cts_describe_number(about->occlusion, 6, occlusion, sizeof occlusion);
     const bool has_window = cts_describe_window(about, window, sizeof window);
     const struct {
-        const char *key;
-        char *text;
+        const char *key, *text;
         bool present;
     } lines[] = {
-        {"Software", (char[]){"ctsplat " CTS_VERSION}, true},
-        {"Disclaimer", (char[]){"not for diagnostic use"}, true},
-        {"ctsplat:preset", preset, preset[0] != 0},
+        {"Software", "ctsplat " CTS_VERSION, true},
+        {"Disclaimer", "not for diagnostic use", true},
+        {"ctsplat:preset", about->preset, about->preset[0] != 0},
         {"ctsplat:view", view, true},
         {"ctsplat:mm_per_pixel", scale, about->mm_per_pixel > 0},
         {"ctsplat:window", window, has_window},
         {"ctsplat:occlusion", occlusion, about->occlusion > 0},
     };
-    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++) {
-        png_text text = {.key = (char[80]){0}, .text = lines[i].text};
-        snprintf(text.key, 80, "%s", lines[i].key);
-        text.compression = is_ascii(lines[i].text) ? PNG_TEXT_COMPRESSION_NONE : PNG_ITXT_COMPRESSION_NONE;
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0; i < sizeof lines / sizeof *lines && !st; i++)
         if (lines[i].present)
-            png_set_text(png, info, &text, 1);
-    }
+            st = write_text(job, lines[i].key, lines[i].text, err);
+    return st;
 }
 
-static void put_png_header(png_structp png, png_infop info, const PngWriter *w)
+/* Size and kind of pixels; colours as sRGB, and by gamma and chromaticities (times 100,000) for readers that do not
+ * know it; pixels a metre, where they fit; black as background for viewers, as in DICOM. */
+static CtsStatus write_png_head(const PngWriter *w, CtsError *err)
 {
-    static const int colour_types[] = {[1] = PNG_COLOR_TYPE_GRAY, [3] = PNG_COLOR_TYPE_RGB, [4] = PNG_COLOR_TYPE_RGBA};
-    const CtsExportHead *head = &w->job->head;
-    png_set_IHDR(png, info, (png_uint_32)head->width, (png_uint_32)head->height, 8 * w->sample_bytes,
-                 colour_types[w->n_samples], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-    png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
-    const double mm_per_pixel = head->info.mm_per_pixel;
+    static const uint8_t colour_types[] = {
+        [1] = PNG_COLOR_TYPE_GRAY, [3] = PNG_COLOR_TYPE_RGB, [4] = PNG_COLOR_TYPE_RGBA};
+    static const uint32_t white_red_green_blue[] = {31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000};
+    const CtsExportJob *const job = w->job;
+    const uint32_t size[] = {htobe32((uint32_t)job->head.width), htobe32((uint32_t)job->head.height)};
+    const uint32_t gamma = htobe32(45455);
+    const double mm_per_pixel = job->head.info.mm_per_pixel;
     const double pixels_per_m = mm_per_pixel > 0 ? floor(1000 / mm_per_pixel + 0.5) : 0;
-    if (pixels_per_m >= 1 && pixels_per_m <= PNG_UINT_31_MAX)
-        png_set_pHYs(png, info, (png_uint_32)pixels_per_m, (png_uint_32)pixels_per_m, PNG_RESOLUTION_METER);
-    const png_color_16 black = {0};
-    if (head->has_alpha)
-        png_set_bKGD(png, info, &black); /* default background for viewers; the same as for DICOM */
-    put_texts(png, info, &head->info);
-}
-
-/* The steps that talk to libpng; kept apart so that nothing local changes between setjmp and a longjmp back. */
-static CtsStatus write_start(PngWriter *w)
-{
-    if (setjmp(png_jmpbuf(w->png)))
-        return w->status;
-    png_set_write_fn(w->png, w, on_write, on_flush);
-    png_set_user_limits(w->png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
-    put_png_header(w->png, w->info, w);
-    png_write_info(w->png, w->info);
-    return CTS_OK;
-}
-
-static CtsStatus write_chunk(PngWriter *w, const char *name, const void *bytes, size_t n)
-{
-    if (setjmp(png_jmpbuf(w->png)))
-        return w->status;
-    png_write_chunk(w->png, (png_const_bytep)name, bytes, n);
-    return CTS_OK;
+    uint8_t header[13] = {[8] = (uint8_t)(8 * w->sample_bytes), [9] = colour_types[w->n_samples]}, scale[9] = {[8] = 1};
+    uint32_t chromaticities[8];
+    memcpy(header, size, sizeof size);
+    for (int i = 0; i < 8; i++)
+        chromaticities[i] = htobe32(white_red_green_blue[i]);
+    CtsStatus st = cts_temp_write(job->temp, "\x89PNG\r\n\x1a\n", 8, err);
+    if (st || (st = write_chunk(job, "IHDR", header, sizeof header, err)) ||
+        (st = write_chunk(job, "gAMA", &gamma, sizeof gamma, err)) || (st = write_chunk(job, "sRGB", "", 1, err)) ||
+        (st = write_chunk(job, "cHRM", chromaticities, sizeof chromaticities, err)) ||
+        (job->head.has_alpha && (st = write_chunk(job, "bKGD", (uint8_t[6]){0}, 6, err))))
+        return st;
+    if (pixels_per_m >= 1 && pixels_per_m <= PNG_UINT_31_MAX) {
+        const uint32_t each = htobe32((uint32_t)pixels_per_m);
+        memcpy(scale, &each, sizeof each);
+        memcpy(scale + 4, &each, sizeof each);
+        st = write_chunk(job, "pHYs", scale, sizeof scale, err);
+    }
+    return st ? st : write_texts(job, err);
 }
 
 static size_t pixel_bytes(const PngWriter *w)
@@ -279,7 +267,6 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
     PngWriter *w = job->state;
     const size_t n = (size_t)((band->height + w->rows_per_strip - 1) / w->rows_per_strip);
     PngStrip *strips;
-    w->err = err;
     CtsStatus st = cts_alloc_zeroed(&strips, n, err);
     if (st)
         return st;
@@ -289,7 +276,7 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
         if (!st && (st = strips[i].status))
             cts_fail(err, st, "%s: the picture's rows could not be packed", job->path);
         if (!st)
-            st = write_chunk(w, "IDAT", strips[i].bytes, strips[i].n_bytes);
+            st = write_chunk(job, "IDAT", strips[i].bytes, strips[i].n_bytes, err);
         w->adler = (uint32_t)adler32_combine(w->adler, strips[i].adler, (z_off_t)strips[i].n_filtered);
         free(strips[i].bytes);
     }
@@ -302,7 +289,7 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     const CtsExportHead *head = &job->head;
     CtsStatus st;
     PngWriter *w = job->state;
-    *w = (PngWriter){.job = job, .err = err, .adler = 1, .rows_per_strip = CTS_BAND_ROWS};
+    *w = (PngWriter){.job = job, .adler = 1, .rows_per_strip = CTS_BAND_ROWS};
     w->n_samples = head->has_alpha ? 4 : head->grey ? 1 : 3;
     w->sample_bytes = job->settings.png_8_bits ? 1 : 2;
     w->row_bytes = (size_t)head->width * (size_t)(w->n_samples * w->sample_bytes);
@@ -311,27 +298,21 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     w->n_threads = cts_threads(job->settings.n_threads);
     if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)))
         return st;
-    w->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w, on_write_error, on_warning);
-    if (!w->png || !(w->info = png_create_info_struct(w->png)))
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     /* The stream begins: deflate, window of 32 KiB, fastest. */
-    return (st = write_start(w)) ? st : write_chunk(w, "IDAT", "\x78\x01", 2);
+    return (st = write_png_head(w, err)) ? st : write_chunk(job, "IDAT", "\x78\x01", 2, err);
 }
 
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
-    PngWriter *w = job->state;
+    const PngWriter *const w = job->state;
     const uint32_t adler = htobe32(w->adler);
-    w->err = err;
-    const CtsStatus st = write_chunk(w, "IDAT", &adler, sizeof adler);
-    return st ? st : write_chunk(w, "IEND", NULL, 0); /* png_write_end() does not know our IDAT chunks */
+    const CtsStatus st = write_chunk(job, "IDAT", &adler, sizeof adler, err);
+    return st ? st : write_chunk(job, "IEND", NULL, 0, err);
 }
 
 static void release(CtsExportJob *job)
 {
     PngWriter *w = job->state;
-    if (w->png)
-        png_destroy_write_struct(&w->png, &w->info);
     for (int t = 0; w->packers && t < w->n_threads; t++)
         free_packer(&w->packers[t]);
     cts_free(&w->packers);
@@ -350,6 +331,12 @@ typedef struct PngReader {
     uint8_t *samples; /* the whole picture, as interlaced files need it */
     png_bytep *rows;
 } PngReader;
+
+static void on_warning(png_structp png, png_const_charp message)
+{
+    (void)png;
+    (void)message;
+}
 
 static void on_read_error(png_structp png, png_const_charp message)
 {
