@@ -51,7 +51,7 @@ static int allow_own_signals(scmp_filter_ctx filter)
 
 static int add_calls(scmp_filter_ctx filter, uint32_t action, const int *calls, size_t n)
 {
-    int result = filter ? 0 : -ENOMEM;
+    int result = filter ? 0 : -EPERM; /* libseccomp makes none where the system refuses them */
     for (size_t i = 0; !result && i < n; i++)
         result = seccomp_rule_add(filter, action, calls[i], 0);
     return result;
