@@ -47,6 +47,7 @@ typedef struct CtsSeries {
     char modality[17];   /* as stored */
     CtsModality modality_id;
     CtsQuantity quantity; /* of the volume that loading makes */
+    double value_factor;  /* its values divided by those after rescale, as of SUV */
     char *description;    /* (0008,103E), UTF-8, may identify the patient: print only when requested */
     char transfer_syntax[65];
     char orientation[16]; /* axial, coronal, sagittal or oblique */

@@ -88,15 +88,20 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if ((st = cts_options_preset(options, options->preset, preset, &report, err)) ||
+    CtsJob job;
+    if ((st = cts_options_one_job(options, preset, &job, &report, err)) ||
         (!options->paper && (st = make_folder(options, err))))
         goto end;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);
-    CtsSource source = cts_options_source(options);
-    source.remove_table = preset->remove_table;
-    source.interpolation = CTS_INTERPOLATION_LINEAR; /* engines are measured on the slices without interpolation */
-    st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
+    st = cts_source_find(&job.source, &watch, 2, &loaded, &report, err);
+    if (!st && loaded.series->renderable)
+        st = cts_options_settle(options, loaded.series->modality_id, loaded.series->quantity, preset, &job, &report,
+                                err);
+    job.source.crops_air = false;
+    job.source.interpolation = CTS_INTERPOLATION_LINEAR; /* engines are measured on the slices without interpolation */
+    if (!st && !(st = cts_source_load(&job.source, &watch, 2, &loaded, &report, err)))
+        st = cts_preset_resolve(preset, loaded.model.volume, err);
     cli_interrupt_sets_stop();
     if (st)
         goto end;

@@ -48,6 +48,14 @@ ok render "$data/phantom" $small --mode minip --rotation 3 -o turn.png --write-s
 ok render "$data/phantom" $small --mode minip -o alone.png --write-state alone.dcm
 ok render "$data/phantom" --state alone.dcm -o again.png
 cmp alone.png again.png || fail "a state loses the window"
+# An inverted window shows high values dark, in a state too.
+ok render "$data/phantom" $small --mode mip --window 900,-100 -o dark.png --write-state dark.dcm
+ok render "$data/phantom" --state dark.dcm -o dark-again.png
+cmp dark.png dark-again.png || fail "a state loses an inverted window"
+! cmp -s dark.png given.png || fail "an inverted window changes nothing"
+refused 2 'two different values' render "$data/phantom" --window 7,7 -o x.png
+# A relative preset is not for HU.
+refused 2 'preset mr: is of scale relative, and the series, CT, of HU .presets that fit: bone' render "$data/phantom" -p mr -o x.png
 ok batch "$data/phantom" $small --mode minip -O archive
 cmp alone.png archive/*/bone-anterior.png || fail "a batch has another window"
 # Little but black, little but white.

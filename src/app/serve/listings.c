@@ -4,6 +4,7 @@
 #include "base/json.h"
 #include "dicom/header/slice.h"
 #include <jansson.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -153,7 +154,9 @@ char *cts_list_module(const CtsRenderRequest *e)
     if (info->mode != CTS_MODE_COMPOSITE) {
         const double low = info->window_low_hu, high = info->window_high_hu;
         put_attribute(m, "00281056", "CS", json_pack("[s]", "LINEAR_EXACT"));
-        put_attribute(m, "00281051", "DS", json_pack("[o]", cts_json_new_number(high - low)));
+        put_attribute(m, "00281051", "DS", json_pack("[o]", cts_json_new_number(fabs(high - low))));
+        if (low > high)
+            put_attribute(m, "20500020", "CS", json_pack("[s]", "INVERSE")); /* Presentation LUT Shape */
         put_attribute(m, "00281050", "DS", json_pack("[o]", cts_json_new_number((low + high) / 2)));
     }
     if (e->render_query.swivel_range_deg > 0) {

@@ -41,24 +41,28 @@ static void fill_geometry(const CtsStateScene *scene, CtsDcmState *s)
     s->cropped = scene->cropped;
 }
 
-/* The preset sampled from its first to its last point: opacity is that of its unit distance. */
+/* The preset sampled from its first to its last point: opacity is that of its unit distance. The window is in values
+ * after rescale, which the referenced slices give any program, never in SUV. */
 static void fill_transfer(const CtsStateScene *scene, CtsDcmState *s)
 {
     const CtsPreset *p = scene->preset;
     double low_hu = fmin(p->opacity[0].hu, p->colour[0].hu);
     double high_hu = fmax(p->opacity[p->n_opacity - 1].hu, p->colour[p->n_colour - 1].hu);
     const bool projection = scene->info->mode != CTS_MODE_COMPOSITE;
+    const double black_hu = scene->info->window_low_hu, white_hu = scene->info->window_high_hu;
+    const double factor = scene->source->value_factor > 0 ? scene->source->value_factor : 1;
     if (projection) {
-        low_hu = scene->info->window_low_hu;
-        high_hu = scene->info->window_high_hu;
+        low_hu = fmin(black_hu, white_hu);
+        high_hu = fmax(black_hu, white_hu);
     }
     if (!(high_hu > low_hu))
         high_hu = low_hu + 1;
-    s->window_centre_hu = (low_hu + high_hu) / 2;
-    s->window_width_hu = high_hu - low_hu;
+    s->window_centre_hu = (low_hu + high_hu) / 2 / factor;
+    s->window_width_hu = (high_hu - low_hu) / factor;
     for (int i = 0; i < CTS_STATE_ENTRIES; i++) {
         const double share = i / (CTS_STATE_ENTRIES - 1.0), hu = low_hu + share * (high_hu - low_hu);
-        double rgb[3] = {share, share, share}, opacity = 1;
+        const double grey = black_hu > white_hu ? 1 - share : share;
+        double rgb[3] = {grey, grey, grey}, opacity = 1;
         if (!projection) {
             cts_preset_colour(p, hu, rgb);
             opacity = cts_preset_opacity(p, hu);

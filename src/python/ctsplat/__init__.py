@@ -269,8 +269,9 @@ class Preset:
     def from_points(cls, points: Sequence[Tuple[float, Tuple[float, float, float], float]], *, name: str = "points",
                     **settings: Any) -> "Preset":
         """points: (HU, (red, green, blue), opacity per mm) with values 0 to 1, of rising HU. settings: the other keys
-        of a preset file, such as shade=None or window=(low, high)."""
-        made = [{"hu": float(hu), "rgb": [float(c) for c in rgb], "opacity": float(o)} for hu, rgb, o in points]
+        of a preset file, such as shade=None, window=(low, high), or scale="relative" for numbers that are not HU."""
+        key = "hu" if settings.get("scale", "HU") == "HU" else "at"
+        made = [{key: float(hu), "rgb": [float(c) for c in rgb], "opacity": float(o)} for hu, rgb, o in points]
         return cls(json.dumps({"name": name, "points": made, **settings}))
 
     @property
