@@ -84,9 +84,9 @@ for peer in http://127.0.0.1:9 NOBODY@127.0.0.1:9; do
     fi
     grep -qE 'connection failed|no association' err || fail "$peer: $(cat err)"
 done
-rm "$(find tree -name libctsplat-net.so)"
+rm "$(find tree -name ctsplat-net)"
 "$program" render --from http://127.0.0.1:9 --study-uid 1.2.3 -o x.png 2>err || [ $? = 1 ] || fail "exit code without it"
-grep -q 'libctsplat-net.so' err || fail "without it: $(cat err)"
+grep -q 'ctsplat-net is not where it was installed' err || fail "without it: $(cat err)"
 
 # A plain series needs neither DCMTK nor ctsplat-pixels; ctsplat's own formats and compressed series do.
 rm "$(find tree -name libctsplat-dcmtk.so)" "$(find tree -name ctsplat-pixels)"

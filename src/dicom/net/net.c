@@ -1,9 +1,7 @@
 #include "dicom/net/peer.h"
 
-#include "base/load_plugin.h"
 #include "base/mem.h"
 #include "dicom/header/dcm_read.h"
-#include "dicom/header/dcm_readers.h"
 #include "dicom/header/header_reader.h"
 #include "dicom/net/answers.h"
 #include <stdio.h>
@@ -40,19 +38,6 @@ CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *given, CtsError *err)
     if (!net.tls_key != !net.tls_certificate)
         return cts_fail(err, CTS_ERR_USAGE, "a TLS key and its certificate must be given together");
     return peer ? check_credentials(peer, &net, err) : CTS_OK;
-}
-
-CtsStatus cts_protocol_find(const CtsPeer *peer, const CtsProtocol **protocol, CtsError *err)
-{
-    static const void *kept;
-    const void *table;
-    const CtsDcmReaders *dcm = NULL;
-    CtsStatus st = cts_plugin_table(CTS_NET_PLUGIN, "cts_net_plugin_table", &kept, &table, err);
-    if (st)
-        return cts_context(err, "what talks to a PACS");
-    const CtsNetPlugin *const protocols = table;
-    *protocol = peer->web ? protocols->web : protocols->dimse;
-    return (st = cts_dcm_readers(&dcm, err)) ? st : dcm->start(err);
 }
 
 /* Sleeps in intervals of 50 ms, to react at once to a request to stop. */
@@ -94,18 +79,17 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
                        CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
-    const CtsProtocol *protocol = NULL;
     CtsAttempt result = {0};
     CtsOutgoingFile *outgoing_files = calloc((size_t)n_paths + 1, sizeof *outgoing_files);
     CtsStatus st = outgoing_files ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = pack(paths, n_paths, outgoing_files, err)) && !(st = cts_protocol_find(peer, &protocol, err))) {
+    if (!st && !(st = pack(paths, n_paths, outgoing_files, err))) {
         int sent = 0;
         for (int k = 0; sent < n_paths && k < net.n_tries; k++) {
             wait_ms(&net, k > 0 ? 500 << k : 0); /* 1, 2 and 4 s with the default of 4 tries */
             if (cts_net_stopped(&net))
                 break;
             result = (CtsAttempt){0};
-            protocol->send(peer, &net, outgoing_files, n_paths, &result);
+            cts_protocol_program.send(peer, &net, outgoing_files, n_paths, &result);
             sent = count_sent(outgoing_files, n_paths);
             if (sent < n_paths && !result.again)
                 break;
@@ -122,7 +106,7 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
             by_hand(peer, &net, how, sizeof how);
             st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; %s%s)",
                           outgoing_files[first].path, result.error.text,
-                          result.remedy ? "" : "to send it: ", result.remedy ? result.remedy : how);
+                          *result.remedy ? "" : "to send it: ", *result.remedy ? result.remedy : how);
         }
     }
     free(outgoing_files);
@@ -194,7 +178,6 @@ static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
 static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, CtsRequest request, CtsFetched *fetched, CtsError *err)
 {
     CtsNet net = cts_net_with_defaults(given);
-    const CtsProtocol *protocol = NULL;
     const char *const study_uid = request.study_uid, *const series_uid = request.series_uid;
     CtsFetchFolder fetch_folder = {0};
     int n_promised = 0;
@@ -211,10 +194,10 @@ static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, CtsRequest requ
                         "its series)");
     if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
         return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
-    if ((st = cts_protocol_find(peer, &protocol, err)) || (st = cts_fetch_folder_make(&fetch_folder, err)))
+    if ((st = cts_fetch_folder_make(&fetch_folder, err)))
         return st;
     *fetched = (CtsFetched){.folder = fetch_folder.folder, .lock = fetch_folder.lock};
-    st = protocol->fetch(peer, &net, &request, err);
+    st = cts_protocol_program.fetch(peer, &net, &request, err);
     if (cts_net_stopped(&net))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     if (!st && fetch_folder.n_bytes == 0)
@@ -283,12 +266,10 @@ CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeries
                        CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
-    const CtsProtocol *protocol = NULL;
     CtsStatus st;
     *found = (CtsFound){0};
-    if ((st = cts_net_check(peer, given, err)) || (st = check_query(query, err)) ||
-        (st = cts_protocol_find(peer, &protocol, err)))
+    if ((st = cts_net_check(peer, given, err)) || (st = check_query(query, err)))
         return st;
-    st = protocol->find(peer, &net, query, found, err);
+    st = cts_protocol_program.find(peer, &net, query, found, err);
     return cts_net_stopped(&net) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : st;
 }

@@ -50,8 +50,8 @@ typedef struct CtsOutgoingFile {
 
 /* A failed try. */
 typedef struct CtsAttempt {
-    bool again;         /* another try may succeed */
-    const char *remedy; /* of a permanent failure; NULL: the file may be sent by hand */
+    bool again;       /* another try may succeed */
+    char remedy[100]; /* of a permanent failure; "": the file may be sent by hand */
     CtsError error;
 } CtsAttempt;
 
@@ -72,15 +72,9 @@ typedef struct CtsProtocol {
                       CtsError *err);
 } CtsProtocol;
 
-/* The protocols are in a plug-in library, CTS_NET_PLUGIN, with all network dependencies, since loading it takes longer
- * than the rest of the program's start. It exports cts_net_plugin_table() only, and uses no state of the program. */
-extern const CtsProtocol cts_protocol_dimse, cts_protocol_web;
-typedef struct CtsNetPlugin {
-    const CtsProtocol *dimse, *web;
-} CtsNetPlugin;
-CtsStatus cts_net_plugin(const CtsNetPlugin **protocols, CtsError *err);
-/* Loads the library when first called, and makes DCMTK ready. */
-CtsStatus cts_protocol_find(const CtsPeer *peer, const CtsProtocol **protocol, CtsError *err);
+/* The protocols, which are in the program ctsplat-net alone, since starting their dependencies takes longer than the
+ * rest of the program's start; and the library's way to them, for either kind of peer. */
+extern const CtsProtocol cts_protocol_dimse, cts_protocol_web, cts_protocol_program;
 
 /* Replaces 0 and NULL by the defaults of the header. */
 CtsNet cts_net_with_defaults(const CtsNet *net);

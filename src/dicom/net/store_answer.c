@@ -135,9 +135,10 @@ void cts_outgoing_file_answered(CtsOutgoingFile *outgoing, const CtsNet *net, bo
     const char *const slash = strrchr(outgoing->path, '/'), *const name = slash ? slash + 1 : outgoing->path;
     if (failed && statuses[row].kind != ALREADY_THERE) {
         result->again = statuses[row].kind == PASSING;
-        result->remedy = result->again          ? NULL
-                         : statuses[row].remedy ? statuses[row].remedy
-                                                : "the peer's log says more";
+        snprintf(result->remedy, sizeof result->remedy, "%s",
+                 result->again          ? ""
+                 : statuses[row].remedy ? statuses[row].remedy
+                                        : "the peer's log says more");
         cts_fail(&result->error, CTS_ERR_OUTPUT, "the peer %s %04X%s", how, status, statuses[row].words);
         return;
     }

@@ -1,7 +1,6 @@
 /* DICOMweb (PS3.18): STOW-RS to store, WADO-RS to fetch, QIDO-RS to query. */
 #include "dicom/net/web.h"
 
-#include "base/load_plugin.h"
 #include "dicom/net/multipart.h"
 #include "dicom/net/store_answer.h"
 #include <errno.h>
@@ -212,5 +211,3 @@ static CtsStatus web_find(const CtsPeer *peer, const CtsNet *net, const CtsSerie
 }
 
 const CtsProtocol cts_protocol_web = {.send = web_send, .fetch = web_fetch, .find = web_find};
-
-CTS_PLUGIN_TABLE(CtsNetPlugin, cts_net_plugin, &cts_protocol_dimse, &cts_protocol_web)

@@ -1,0 +1,150 @@
+/* The program ctsplat-net: one request of the library, whose socket's number is the argument. */
+#include "dicom/header/dcm_read.h"
+#include "dicom/net/wire.h"
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static volatile sig_atomic_t stop;
+static int library; /* the socket */
+
+static void on_signal(int number)
+{
+    (void)number;
+    stop = 1;
+}
+
+/* A byte from the library is its request to stop; the end of its socket is its death. */
+static void *watch(void *unused)
+{
+    char byte;
+    (void)unused;
+    while (cts_wire_read(library, &byte, 1))
+        stop = 1;
+    _exit(1);
+}
+
+/* Reports a file as sent; context: the first of the files' structures. */
+static void on_sent(void *context, const char *path)
+{
+    const CtsOutgoingFile *const files = context;
+    CtsNetAnswer answer = {.kind = CTS_NET_SENT};
+    while (files[answer.number].path != path)
+        answer.number++;
+    cts_wire_write(library, &answer, sizeof answer);
+}
+
+static void send_found(const CtsFound *found)
+{
+    CtsNetAnswer answer = {.kind = CTS_NET_FOUND};
+    for (int i = 0; i < found->n; i++) {
+        answer.found = found->items[i];
+        cts_wire_write(library, &answer, sizeof answer);
+    }
+}
+
+static void send_diagnostics(const CtsDiagnostics *diagnostics)
+{
+    for (size_t i = 0; i < diagnostics->n; i++) {
+        CtsNetAnswer answer = {.kind = CTS_NET_DIAGNOSTIC, .number = (int)diagnostics->items[i].id};
+        snprintf(answer.result.error.text, sizeof answer.result.error.text, "%s", diagnostics->items[i].text);
+        cts_wire_write(library, &answer, sizeof answer);
+    }
+}
+
+/* Runs the request; the last answer is returned. */
+static CtsNetAnswer run_task(const CtsNetRequest *r, char *const texts[CTS_N_NET_TEXTS], CtsOutgoingFile *files)
+{
+    CtsReport report = {0};
+    CtsNetAnswer answer = {.kind = CTS_NET_END};
+    CtsError *const err = &answer.result.error;
+    const CtsProtocol *const protocol = r->peer.web ? &cts_protocol_web : &cts_protocol_dimse;
+    const CtsNet net = {.own_aet = texts[CTS_NET_OWN_AET],
+                        .tls_ca = texts[CTS_NET_TLS_CA],
+                        .tls_key = texts[CTS_NET_TLS_KEY],
+                        .tls_certificate = texts[CTS_NET_TLS_CERTIFICATE],
+                        .credentials = texts[CTS_NET_CREDENTIALS],
+                        .timeout_s = r->timeout_s,
+                        .move_port = r->move_port,
+                        .stop = &stop,
+                        .sent = on_sent,
+                        .context = files,
+                        .report = &report};
+    if (r->task == CTS_NET_SEND)
+        protocol->send(&r->peer, &net, files, r->n_outgoing, &answer.result);
+    if (r->task == CTS_NET_FETCH) {
+        CtsFetchFolder folder = {.folder = texts[CTS_NET_FOLDER], .lock = -1};
+        const CtsRequest request = {.study_uid = texts[CTS_NET_STUDY_UID],
+                                    .series_uid = texts[CTS_NET_SERIES_UID],
+                                    .fetch_folder = &folder,
+                                    .report = &report,
+                                    .n_promised = &answer.n_promised};
+        err->status = protocol->fetch(&r->peer, &net, &request, err);
+        answer.n_files = folder.n_files;
+        answer.n_bytes = folder.n_bytes;
+    }
+    if (r->task == CTS_NET_FIND) {
+        CtsFound found = {0};
+        const CtsSeriesQuery query = {texts[CTS_NET_STUDY_UID],  texts[CTS_NET_SERIES_UID], texts[CTS_NET_ACCESSION],
+                                      texts[CTS_NET_PATIENT_ID], texts[CTS_NET_STUDY_DATE], texts[CTS_NET_MODALITY]};
+        err->status = protocol->find(&r->peer, &net, &query, &found, err);
+        send_found(&found);
+        cts_found_free(&found);
+    }
+    send_diagnostics(&report.diagnostics);
+    cts_report_free(&report);
+    return answer;
+}
+
+static bool read_request(CtsNetRequest *r, char *texts[CTS_N_NET_TEXTS], CtsOutgoingFile **files)
+{
+    bool good = cts_wire_read(library, r, sizeof *r);
+    for (int i = 0; i < CTS_N_NET_TEXTS && good; i++)
+        good = cts_wire_read_text(library, &texts[i]);
+    *files = good ? calloc((size_t)r->n_outgoing + 1, sizeof **files) : NULL;
+    good = *files;
+    for (int i = 0; i < r->n_outgoing && good; i++) {
+        char *path;
+        good = cts_wire_read(library, &(*files)[i], sizeof **files) && cts_wire_read_text(library, &path);
+        (*files)[i].path = path;
+    }
+    return good;
+}
+
+/* Started with all signals blocked. SIGPIPE stays so: it is an error of the write. */
+static bool take_signals(void)
+{
+    pthread_t watcher;
+    sigset_t taken;
+    const struct sigaction action = {.sa_handler = on_signal};
+    sigemptyset(&taken);
+    sigaddset(&taken, SIGINT);
+    sigaddset(&taken, SIGTERM);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    return !pthread_create(&watcher, NULL, watch, NULL) && !pthread_sigmask(SIG_UNBLOCK, &taken, NULL);
+}
+
+int main(int argc, char **argv)
+{
+    CtsNetRequest request;
+    char *texts[CTS_N_NET_TEXTS] = {0};
+    CtsOutgoingFile *files = NULL;
+    CtsNetAnswer answer = {.kind = CTS_NET_END};
+    CtsError *const err = &answer.result.error;
+    if (argc != 2) {
+        fputs("ctsplat-net is started by ctsplat\n", stderr);
+        return 2;
+    }
+    library = atoi(argv[1]);
+    if (!read_request(&request, texts, &files))
+        return 1;
+    if (!take_signals())
+        cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    else if (!cts_dcm_start(err))
+        answer = run_task(&request, texts, files);
+    return !cts_wire_write(library, &answer, sizeof answer);
+}

@@ -1,0 +1,168 @@
+/* The protocols, spoken by the program ctsplat-net: its dependencies are no part of the library, and it ends with the
+ * process that started it. */
+#include "base/libexec.h"
+#include "base/mem.h"
+#include "dicom/net/wire.h"
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+/* TICK_MS: interval at which a request to stop is seen. GRACE_MS: time for an orderly end after it, in which an
+ * association is aborted and its connection closed. */
+enum { TICK_MS = 50, GRACE_MS = 3000 };
+
+/* A run of the program, and where its answers go. */
+typedef struct NetCall {
+    const CtsNet *net;
+    int socket;
+    pid_t pid;
+    CtsOutgoingFile *outgoing_files;
+    int n_outgoing;
+    CtsFound *found;
+    CtsReport *report;
+    CtsNetAnswer answer; /* the last one */
+} NetCall;
+
+static bool write_request(const NetCall *c, const CtsNetRequest *request, const char *const texts[CTS_N_NET_TEXTS])
+{
+    bool good = cts_wire_write(c->socket, request, sizeof *request);
+    for (int i = 0; i < CTS_N_NET_TEXTS && good; i++)
+        good = cts_wire_write_text(c->socket, texts[i]);
+    for (int i = 0; i < c->n_outgoing && good; i++)
+        good = cts_wire_write(c->socket, &c->outgoing_files[i], sizeof *c->outgoing_files) &&
+               cts_wire_write_text(c->socket, c->outgoing_files[i].path);
+    return good;
+}
+
+/* Waits for an answer. Once a stop is requested the program is notified, and killed after its grace. */
+static bool await_answer(NetCall *c, int *left_ms)
+{
+    struct pollfd ready = {.fd = c->socket, .events = POLLIN};
+    while (poll(&ready, 1, TICK_MS) <= 0) {
+        if (*left_ms == GRACE_MS && cts_net_stopped(c->net))
+            cts_wire_write(c->socket, "", 1);
+        if (cts_net_stopped(c->net) && (*left_ms -= TICK_MS) <= 0)
+            kill(c->pid, SIGKILL);
+    }
+    return cts_wire_read(c->socket, &c->answer, sizeof c->answer);
+}
+
+/* The peer's texts end within their fields, and what is counted is there. */
+static CtsStatus use_answer(NetCall *c, CtsError *err)
+{
+    CtsNetAnswer *const a = &c->answer;
+    CtsFoundSeries *const f = &a->found;
+    a->result.error.text[sizeof a->result.error.text - 1] = a->result.remedy[sizeof a->result.remedy - 1] = 0;
+    f->study_uid[sizeof f->study_uid - 1] = f->series_uid[sizeof f->series_uid - 1] = 0;
+    f->modality[sizeof f->modality - 1] = f->study_date[sizeof f->study_date - 1] = 0;
+    f->description[sizeof f->description - 1] = 0;
+    if (a->kind == CTS_NET_SENT && a->number >= 0 && a->number < c->n_outgoing) {
+        CtsOutgoingFile *const outgoing = &c->outgoing_files[a->number];
+        outgoing->sent = true;
+        if (c->net->sent)
+            c->net->sent(c->net->context, outgoing->path);
+    } else if (a->kind == CTS_NET_DIAGNOSTIC && a->number >= 0 && a->number < CTS_N_DIAGNOSTICS) {
+        cts_report_diagnostic(c->report, (CtsDiagnosticId)a->number, "%s", a->result.error.text);
+    } else if (a->kind == CTS_NET_FOUND && c->found && c->found->n < CTS_MAX_FOUND && f->n_objects >= 0 &&
+               cts_uid_is_valid(f->study_uid) && cts_uid_is_valid(f->series_uid)) {
+        const CtsStatus st = cts_grow(&c->found->items, c->found->n, err);
+        if (st)
+            return st;
+        c->found->items[c->found->n++] = *f;
+    } else if (a->kind != CTS_NET_END)
+        return cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
+    return CTS_OK;
+}
+
+static void end_call(NetCall *c)
+{
+    if (c->socket >= 0)
+        close(c->socket);
+    while (c->pid > 0 && waitpid(c->pid, NULL, 0) < 0 && errno == EINTR)
+        continue;
+}
+
+static CtsStatus start_call(NetCall *c, CtsError *err)
+{
+    int pair[2];
+    char number[16];
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair))
+        return cts_fail(err, CTS_ERR_INTERNAL, "no socket pair: %s", strerror(errno));
+    snprintf(number, sizeof number, "%d", pair[1]);
+    const CtsStatus st = cts_libexec_start("ctsplat-net", number, &pair[1], 1, &c->pid, err);
+    close(pair[1]);
+    c->socket = pair[0];
+    return st;
+}
+
+static CtsStatus run_net_call(NetCall *c, CtsNetRequest request, const CtsPeer *peer,
+                              const char *texts[CTS_N_NET_TEXTS], CtsError *err)
+{
+    int left_ms = GRACE_MS;
+    c->socket = -1;
+    c->report = c->net->report;
+    texts[CTS_NET_OWN_AET] = c->net->own_aet;
+    texts[CTS_NET_TLS_CA] = c->net->tls_ca;
+    texts[CTS_NET_TLS_KEY] = c->net->tls_key;
+    texts[CTS_NET_TLS_CERTIFICATE] = c->net->tls_certificate;
+    texts[CTS_NET_CREDENTIALS] = c->net->credentials;
+    request.peer = *peer;
+    request.timeout_s = c->net->timeout_s;
+    request.move_port = c->net->move_port;
+    request.n_outgoing = c->n_outgoing;
+    CtsStatus st = start_call(c, err);
+    bool alive = !st && write_request(c, &request, texts);
+    do {
+        alive = alive && await_answer(c, &left_ms);
+        st = alive ? use_answer(c, err) : st;
+    } while (alive && !st && c->answer.kind != CTS_NET_END);
+    if (!st && !alive)
+        st = cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net ended unexpectedly");
+    else if (!st && (st = c->answer.result.error.status) && err)
+        *err = c->answer.result.error;
+    end_call(c);
+    return st;
+}
+
+static void program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
+                         CtsAttempt *result)
+{
+    const char *texts[CTS_N_NET_TEXTS] = {0};
+    NetCall c = {.net = net, .outgoing_files = outgoing_files, .n_outgoing = n_outgoing};
+    if (run_net_call(&c, (CtsNetRequest){.task = CTS_NET_SEND}, peer, texts, &result->error) &&
+        c.answer.kind == CTS_NET_END)
+        *result = c.answer.result;
+}
+
+static CtsStatus program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
+{
+    const char *texts[CTS_N_NET_TEXTS] = {[CTS_NET_STUDY_UID] = request->study_uid,
+                                          [CTS_NET_SERIES_UID] = request->series_uid,
+                                          [CTS_NET_FOLDER] = request->fetch_folder->folder};
+    NetCall c = {.net = net};
+    const CtsStatus st = run_net_call(&c, (CtsNetRequest){.task = CTS_NET_FETCH}, peer, texts, err);
+    if (!st && (c.answer.n_files < 0 || c.answer.n_files > CTS_FETCH_MAX_FILES + 1))
+        return cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
+    request->fetch_folder->n_files = st ? 0 : c.answer.n_files;
+    request->fetch_folder->n_bytes = st ? 0 : c.answer.n_bytes;
+    *request->n_promised = c.answer.n_promised;
+    return st;
+}
+
+static CtsStatus program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *q, CtsFound *found,
+                              CtsError *err)
+{
+    const char *texts[CTS_N_NET_TEXTS] = {
+        [CTS_NET_STUDY_UID] = q->study_uid,   [CTS_NET_SERIES_UID] = q->series_uid, [CTS_NET_ACCESSION] = q->accession,
+        [CTS_NET_PATIENT_ID] = q->patient_id, [CTS_NET_STUDY_DATE] = q->study_date, [CTS_NET_MODALITY] = q->modality};
+    NetCall c = {.net = net, .found = found};
+    return run_net_call(&c, (CtsNetRequest){.task = CTS_NET_FIND}, peer, texts, err);
+}
+
+const CtsProtocol cts_protocol_program = {program_send, program_fetch, program_find};

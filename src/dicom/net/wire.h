@@ -1,0 +1,49 @@
+/* Messages between the library and the program ctsplat-net, over a socket: a request, then answers up to the last one.
+ * Both are of one build, so that structures go as they lie in memory. */
+#pragma once
+
+#include "dicom/net/peer.h"
+
+typedef enum CtsNetTask { CTS_NET_SEND, CTS_NET_FETCH, CTS_NET_FIND, CTS_N_NET_TASKS } CtsNetTask;
+
+/* Texts of a request; NULL: not given. */
+typedef enum CtsNetText {
+    CTS_NET_OWN_AET,
+    CTS_NET_TLS_CA,
+    CTS_NET_TLS_KEY,
+    CTS_NET_TLS_CERTIFICATE,
+    CTS_NET_CREDENTIALS,
+    CTS_NET_STUDY_UID,
+    CTS_NET_SERIES_UID,
+    CTS_NET_ACCESSION,
+    CTS_NET_PATIENT_ID,
+    CTS_NET_STUDY_DATE,
+    CTS_NET_MODALITY,
+    CTS_NET_FOLDER,
+    CTS_N_NET_TEXTS
+} CtsNetText;
+
+/* Then follow its texts, and for each file the structure and its path. */
+typedef struct CtsNetRequest {
+    CtsNetTask task;
+    CtsPeer peer;
+    int timeout_s, move_port, n_outgoing;
+} CtsNetRequest;
+
+typedef enum CtsNetAnswerKind { CTS_NET_SENT, CTS_NET_DIAGNOSTIC, CTS_NET_FOUND, CTS_NET_END } CtsNetAnswerKind;
+
+typedef struct CtsNetAnswer {
+    CtsNetAnswerKind kind;
+    int number;           /* SENT: index of the file; DIAGNOSTIC: its id */
+    CtsFoundSeries found; /* FOUND */
+    CtsAttempt result;    /* END, with the error's text; DIAGNOSTIC: its text */
+    int n_files, n_promised;
+    uint64_t n_bytes; /* END of a fetch */
+} CtsNetAnswer;
+
+/* False when the other side is gone. */
+bool cts_wire_write(int socket, const void *bytes, size_t n);
+bool cts_wire_read(int socket, void *bytes, size_t n);
+/* A text, or NULL. The one read is to be freed with free(); false also without memory, and past 64 KiB. */
+bool cts_wire_write_text(int socket, const char *text);
+bool cts_wire_read_text(int socket, char **text);
