@@ -38,8 +38,10 @@ extern const char *const cts_severity_names[3];
     row(IDENTITY_INCOMPLETE, "identity_incomplete", WARNING)                                                           \
     row(LABEL_FRAME_OF_REFERENCE, "label_frame_of_reference", WARNING)                                                 \
     row(LABEL_IN_AIR, "label_in_air", WARNING)                                                                         \
+    row(LABEL_LEFT_OUT, "label_left_out", WARNING)                                                                     \
     row(LABEL_MIRRORED, "label_mirrored", WARNING)                                                                     \
     row(LABEL_OUTSIDE, "label_outside", WARNING)                                                                       \
+    row(LABEL_SERIES_UNNAMED, "label_series_unnamed", WARNING)                                                         \
     row(LABEL_WITHOUT_SEGMENT, "label_without_segment", WARNING)                                                       \
     row(LABELS_LACKING, "labels_lacking", NOTE)                                                                        \
     row(LABELS_MISSING, "labels_missing", WARNING)                                                                     \

@@ -64,6 +64,12 @@ typedef struct CtsLabelRegion {
     size_t n;
 } CtsLabelRegion;
 
+/* A label that cannot be in this scan, such as a structure of another frame of reference. */
+typedef struct CtsLabelLeftOut {
+    CtsLabelFact fact; /* without counts; the name is owned */
+    char *reason;      /* owned */
+} CtsLabelLeftOut;
+
 typedef struct CtsLabels {
     CtsLabelGrid grid;       /* owned */
     CtsLabelObject *objects; /* n_objects; owned */
@@ -72,6 +78,8 @@ typedef struct CtsLabels {
     size_t n;
     CtsLabelRegion *regions; /* n_regions; owned */
     size_t n_regions;
+    CtsLabelLeftOut *left_out; /* n_left_out; owned */
+    size_t n_left_out;
     bool counted;
 } CtsLabels;
 

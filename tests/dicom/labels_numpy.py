@@ -351,6 +351,7 @@ def write_structures(path, scan, structures, **more):
         contours.append(contour)
     d.StructureSetROISequence, d.ROIContourSequence = Sequence(rois), Sequence(contours)
     d.save_as(path, write_like_original=False)
+    return d
 
 
 def test_segmentations(scan, work):

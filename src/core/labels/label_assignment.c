@@ -48,7 +48,7 @@ static CtsStatus take_appearance(Deciding *d, const char *text, CtsError *err)
     uint32_t *named = NULL;
     if (!equals || equals == text || !equals[1])
         return cts_fail(err, CTS_ERR_USAGE, "`label` %s: not NAME=LOOK", text);
-    CtsStatus st = cts_alloc_zeroed(&named, d->labels->n + 1, err);
+    CtsStatus st = cts_alloc_zeroed(&named, d->labels->n + 2, err);
     if (!st)
         st = cts_label_find(d->labels, "label", text, (size_t)(equals - text), 1, named, err);
     if (!st && (st = cts_label_appearance_parse(equals + 1, &appearance, err)))
@@ -84,8 +84,8 @@ static CtsStatus choose_appearances(Deciding *d, CtsError *err)
 {
     const size_t n = d->labels->n;
     CtsStatus st;
-    if ((st = cts_alloc_zeroed(&d->shown, n + 1, err)) || (st = cts_alloc_zeroed(&d->hidden, n + 1, err)) ||
-        (st = cts_alloc_zeroed(&d->first, n + 1, err)) || (st = cts_alloc_zeroed(&d->own, n + 1, err)) ||
+    if ((st = cts_alloc_zeroed(&d->shown, n + 2, err)) || (st = cts_alloc_zeroed(&d->hidden, n + 2, err)) ||
+        (st = cts_alloc_zeroed(&d->first, n + 2, err)) || (st = cts_alloc_zeroed(&d->own, n + 1, err)) ||
         (st = cts_alloc_zeroed(&d->voxel_labels, n + 1, err)))
         return st;
     d->n_appearances = CTS_APPEARANCE_OWN;
@@ -99,7 +99,8 @@ static CtsStatus choose_appearances(Deciding *d, CtsError *err)
     else if (c->show)
         st = cts_label_find_list(d->labels, "show", c->show, d->shown, err);
     free(lacking);
-    if (st || (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
+    if (st || (c->show && (st = cts_label_check_shown(d->labels, d->shown, err))) ||
+        (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
         (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, err))))
         return st;
     for (int i = 0; !st && i < c->n_appearances; i++)

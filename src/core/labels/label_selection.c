@@ -87,14 +87,23 @@ static bool is_meant(const CtsLabels *labels, const Item *item, const CtsLabelFa
     return false;
 }
 
-/* True if an item names a label, a region, all or rest. */
+/* 1 + the index of a label that was left out; 0: the item names none. */
+static uint32_t left_out(const CtsLabels *labels, const Item *item)
+{
+    for (size_t i = 0; i < labels->n_left_out && !is_word(item, "all"); i++)
+        if (is_meant(labels, item, &labels->left_out[i].fact))
+            return (uint32_t)i + 1;
+    return 0;
+}
+
+/* True if an item names a label, one that was left out, a region, all or rest. */
 static bool is_item_known(const CtsLabels *labels, const char *text, size_t length)
 {
     const Item item = item_of(text, length);
     bool fits = is_word(&item, "all") || is_word(&item, "rest");
     for (size_t i = 0; !fits && i < labels->n; i++)
         fits = is_meant(labels, &item, &labels->items[i].fact);
-    return fits;
+    return fits || left_out(labels, &item);
 }
 
 /* Longer than any name, its wildcards and the number of a file in front. */
@@ -104,6 +113,8 @@ static size_t longest_label_name(const CtsLabels *labels)
     size_t most = 0;
     for (size_t i = 0; i < labels->n; i++)
         most = strlen(labels->items[i].fact.name) > most ? strlen(labels->items[i].fact.name) : most;
+    for (size_t i = 0; i < labels->n_left_out; i++)
+        most = strlen(labels->left_out[i].fact.name) > most ? strlen(labels->left_out[i].fact.name) : most;
     for (size_t i = 0; i < labels->n_regions; i++)
         most = strlen(labels->regions[i].name) > most ? strlen(labels->regions[i].name) : most;
     return most + IN_FRONT;
@@ -164,7 +175,9 @@ CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char
         if (!hit[i])
             hit[i] = value;
     }
-    return any || is_word(&item, "all") ? CTS_OK : fail_unknown_label(labels, option, text, length, err);
+    const uint32_t without = any ? 0 : left_out(labels, &item);
+    hit[labels->n + 1] = without ? without : hit[labels->n + 1];
+    return any || without || is_word(&item, "all") ? CTS_OK : fail_unknown_label(labels, option, text, length, err);
 }
 
 /* One item of a list; with `lacking` (a stream) an unknown name is written there instead of refused. */
@@ -215,6 +228,17 @@ CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const
     return find_list(labels, option, list, hit, NULL, err);
 }
 
+CtsStatus cts_label_check_shown(const CtsLabels *labels, const uint32_t *hit, CtsError *err)
+{
+    bool any = false;
+    for (size_t i = 0; i <= labels->n; i++)
+        any |= hit[i];
+    if (any || !hit[labels->n + 1])
+        return CTS_OK;
+    const CtsLabelLeftOut *const one = &labels->left_out[hit[labels->n + 1] - 1];
+    return cts_fail(err, CTS_ERR_GEOMETRY, "`show`: %s cannot be drawn: %s", one->fact.name, one->reason);
+}
+
 CtsStatus cts_label_find_present(const CtsLabels *labels, const char *show, uint32_t *hit, char **lacking,
                                  CtsError *err)
 {
@@ -236,9 +260,11 @@ CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **l
     uint32_t *hit = NULL;
     *lacking = NULL;
     *any = false;
-    CtsStatus st = cts_alloc_zeroed(&hit, labels->n + 1, err);
+    CtsStatus st = cts_alloc_zeroed(&hit, labels->n + 2, err);
     if (!st)
         st = cts_label_find_present(labels, show, hit, lacking, err);
+    if (!st)
+        st = cts_label_check_shown(labels, hit, err);
     for (size_t i = 0; !st && i <= labels->n; i++)
         *any |= hit[i];
     cts_free(&hit);

@@ -47,6 +47,11 @@ void cts_labels_free(CtsLabels **labels)
         cts_free(&(*labels)->regions[i].numbers);
     }
     free((*labels)->regions);
+    for (size_t i = 0; i < (*labels)->n_left_out; i++) {
+        free((*labels)->left_out[i].fact.name);
+        free((*labels)->left_out[i].reason);
+    }
+    free((*labels)->left_out);
     cts_label_grid_free(&(*labels)->grid);
     cts_free(labels);
 }
@@ -88,6 +93,23 @@ CtsStatus cts_labels_add_region(CtsLabels *labels, int file, const char *name, c
         memcpy(region.numbers, numbers, n * sizeof *numbers);
     cts_text_clean(region.name);
     labels->regions[labels->n_regions++] = region;
+    return CTS_OK;
+}
+
+CtsStatus cts_labels_leave_out(CtsLabels *labels, int file, int number, const char *name, const char *reason,
+                               CtsError *err)
+{
+    const CtsStatus st = cts_grow(&labels->left_out, labels->n_left_out, err);
+    if (st)
+        return st;
+    CtsLabelLeftOut one = {.fact = {.file = file, .number = number, .name = strdup(name)}, .reason = strdup(reason)};
+    if (!one.fact.name || !one.reason) {
+        free(one.fact.name);
+        free(one.reason);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    cts_text_clean(one.fact.name);
+    labels->left_out[labels->n_left_out++] = one;
     return CTS_OK;
 }
 

@@ -21,6 +21,9 @@ CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object,
 /* A name for several labels of a file; name and numbers are copied. */
 CtsStatus cts_labels_add_region(CtsLabels *labels, int file, const char *name, const int *numbers, size_t n,
                                 CtsError *err);
+/* Notes a label that is not added, and why. */
+CtsStatus cts_labels_leave_out(CtsLabels *labels, int file, int number, const char *name, const char *reason,
+                               CtsError *err);
 /* Voxels of one row, which may be there already; rows in any order. */
 CtsStatus cts_label_add_run(CtsLabel *label, uint32_t row, int first, int end, CtsError *err);
 /* A share, more than nothing and less than all, of a voxel; in any order. */
@@ -47,8 +50,9 @@ CtsStatus cts_labels_to_volume(const CtsLabels *labels, const size_t *label, con
 
 /* Selection of labels by name or number. */
 
-/* Sets hit[i] = value for each label i that one list item names, and hit[labels->n] for `rest`. option: the list's
- * option, for messages. CTS_ERR_USAGE for an unknown item, or an ambiguous one that several files have. */
+/* Sets hit[i] = value for each label i that one list item names, hit[labels->n] for `rest`, and hit[labels->n + 1] to
+ * 1 + the index of a label that was left out. option: the list's option, for messages. CTS_ERR_USAGE for an unknown
+ * item, or an ambiguous one that several files have. */
 CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char *item, size_t length, uint32_t value,
                          uint32_t *hit, CtsError *err);
 /* Length of the longest name that matches before a separator, a comma or =, since names may contain these; with a comma
@@ -58,6 +62,8 @@ size_t cts_label_name_length(const CtsLabels *labels, const char *text, char sep
  * already hit keep their value. */
 CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit,
                               CtsError *err);
+/* CTS_ERR_GEOMETRY where nothing was hit but a label that was left out. */
+CtsStatus cts_label_check_shown(const CtsLabels *labels, const uint32_t *hit, CtsError *err);
 /* The same for the items of list `show` that these labels have; the missing ones, separated by commas, are to be
  * freed. */
 CtsStatus cts_label_find_present(const CtsLabels *labels, const char *show, uint32_t *hit, char **lacking,

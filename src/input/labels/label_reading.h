@@ -102,8 +102,10 @@ typedef struct CtsLabelPaths {
 CtsStatus cts_label_paths(const char *pattern, const char *uid, const char *ct, CtsLabelPaths *paths, CtsError *err);
 void cts_label_paths_free(CtsLabelPaths *paths);
 
-/* True if an object refers to the series, or to one of its slices. */
+/* True if an object refers to the series, or to one of its slices; NULL: to any series or image. */
 bool cts_label_refers(CtsElements elements, const CtsSeries *series);
+/* Its Frame of Reference UID, "" if missing. */
+const char *cts_label_series_frame(const CtsSeries *series);
 bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series);
 /* Checks that its patient is the series', and its frame of reference too: frame_uid, "" where it has none. */
 CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err);

@@ -1,9 +1,9 @@
-/* RT Structure Sets (PS3.3 A.19, C.8.8.6): contours -> the voxels whose centres lie inside, by even-odd. */
-#include "base/compare.h"
+/* RT Structure Sets (PS3.3 A.19, C.8.8.6): contours -> the voxels whose centres lie inside. */
 #include "base/mem.h"
-#include "base/vec3.h"
+#include "input/labels/contours.h"
 #include "input/labels/label_reading.h"
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,24 +25,27 @@ enum {
     MAX_POINTS = 10000000 /* of one file: 400 MB at 40 bytes each */
 };
 
-typedef struct Contour {
-    double at_mm; /* along the slices' normal */
-    size_t first, n;
-} Contour;
+/* One structure of the set, as plain data. */
+typedef struct Structure {
+    int number;
+    char name[512], type[17];
+    char frame_uid[65]; /* its Frame of Reference; "" where the file names none */
+    bool left_out;
+    CtsElements contours;
+    bool coloured;
+    double rgb[3]; /* display values */
+} Structure;
 
-typedef struct Outline {
+typedef struct StructureSet {
     const CtsLabelReading *reading;
-    const CtsLabelGrid *grid;
-    double inverse[2][3];
-    Contour *contours;
-    size_t n_contours;
-    double (*points)[3]; /* LPS */
-    double (*pixels)[2]; /* the same as pixels of the slice that is being filled */
-    size_t n_points, n_read;
-    size_t n_ignored;         /* contours that enclose nothing */
-    size_t n_off, n_unfilled; /* planes far from any slice; slices without a plane between two with one */
-    double *crossings;
-} Outline;
+    const CtsLabelDicom *object;
+    CtsOutline outline;
+    Structure *items; /* n, in the order of the file */
+    size_t n;
+    size_t n_points;
+    size_t n_ignored; /* contours that enclose nothing */
+    double held;      /* area of all contours */
+} StructureSet;
 
 static size_t n_values_of(CtsElements value)
 {
@@ -52,47 +55,18 @@ static size_t n_values_of(CtsElements value)
     return n;
 }
 
-/* A vertex within 1e-6 pixels of a voxel's centre is snapped to it: rounding of its decimals. */
-static double snapped_vertex(double x)
-{
-    return fabs(x - rint(x)) < 1e-6 ? rint(x) : x;
-}
-
-static CtsStatus add_points(Outline *o, const double (*lps)[3], size_t n, CtsError *err)
-{
-    const CtsLabelGrid *const g = o->grid;
-    const double gap_mm = g->n_slices > 1 ? g->at_mm[1] - g->at_mm[0] : 1;
-    double low = INFINITY, high = -INFINITY;
-    for (size_t i = 0; i < n; i++) {
-        const double at_mm = cts_dot3(lps[i], g->normal_lps);
-        low = fmin(low, at_mm);
-        high = fmax(high, at_mm);
-    }
-    /* Far less than the half of a gap that separates slices; 0.01 mm: rounding. */
-    if (!(high - low <= 0.2 * gap_mm + 0.01))
-        return cts_fail(err, CTS_ERR_GEOMETRY, "a contour is not parallel to the slices: it spans %.3g mm across them",
-                        high - low);
-    CtsStatus st = cts_grow(&o->contours, o->n_contours, err);
-    if (st)
-        return st;
-    o->contours[o->n_contours++] = (Contour){(low + high) / 2, o->n_points, n};
-    for (size_t i = 0; i < n && !(st = cts_grow(&o->points, o->n_points, err)); i++)
-        memcpy(o->points[o->n_points++], lps[i], sizeof *o->points);
-    return st;
-}
-
-static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
+static CtsStatus add_contour(StructureSet *s, CtsElements item, CtsError *err)
 {
     char type[17];
     const size_t n = n_values_of(cts_elements_find(item, CONTOUR_DATA));
     cts_elements_text(item, CONTOUR_TYPE, type, sizeof type);
-    const bool closed = !strcmp(type, "CLOSED_PLANAR") || !strcmp(type, "CLOSEDPLANAR_XOR") || !type[0];
-    if (!closed || n < 9) {
-        o->n_ignored++;
+    const bool is_xor = !strcmp(type, "CLOSEDPLANAR_XOR");
+    if ((type[0] && strcmp(type, "CLOSED_PLANAR") && !is_xor) || n < 9) {
+        s->n_ignored++;
         return CTS_OK;
     }
-    o->n_read += n / 3;
-    if (o->n_read > MAX_POINTS)
+    s->n_points += n / 3;
+    if (s->n_points > MAX_POINTS)
         return cts_fail(err, CTS_ERR_READ, "has more than %d contour points", MAX_POINTS);
     double(*lps)[3] = malloc(n * sizeof(double));
     CtsStatus st = CTS_OK;
@@ -101,223 +75,180 @@ static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
     else if (n % 3 || !cts_elements_decimals(item, CONTOUR_DATA, lps[0], (int)n))
         st = cts_fail(err, CTS_ERR_READ, "a contour's ContourData (3006,0050) is not points of three numbers");
     if (!st)
-        st = add_points(o, (const double(*)[3])lps, n / 3, err);
+        st = cts_outline_add(&s->outline, (const double(*)[3])lps, n / 3, is_xor, err);
     free(lps);
     return st;
 }
 
-/* Crossings of the contours' edges with a row of voxel centres: an edge includes its lower end and excludes its upper
- * one, so that a vertex on a row counts once. */
-static CtsStatus find_crossings(Outline *o, const Contour *first, const Contour *end, int row, size_t *n, CtsError *err)
+/* The item of a sequence with this number that follows `nth` others; *n: how many there are. */
+static CtsElements item_with_number(const StructureSet *s, uint32_t sequence_tag, uint32_t number_tag, int number,
+                                    size_t nth, size_t *n)
 {
+    CtsElements sequence = cts_elements_find(s->object->elements, sequence_tag), item, wanted = {.at = NULL};
+    int found;
     *n = 0;
-    for (const Contour *c = first; c < end; c++)
-        for (size_t i = 0, before = c->n - 1; i < c->n; before = i++) {
-            const double *a = o->pixels[c->first + before], *b = o->pixels[c->first + i];
-            if ((a[1] > row) == (b[1] > row))
-                continue;
-            const CtsStatus st = cts_grow(&o->crossings, *n, err);
-            if (st)
-                return st;
-            o->crossings[(*n)++] = snapped_vertex((b[0] - a[0]) * (row - a[1]) / (b[1] - a[1]) + a[0]);
-        }
-    qsort(o->crossings, *n, sizeof *o->crossings, cts_compare_double);
+    while (cts_items_next(&sequence, &item))
+        if (cts_elements_integer(item, number_tag, &found) && found == number && (*n)++ == nth)
+            wanted = item;
+    return wanted;
+}
+
+/* Attributes that other sequences have for a structure, paired by its number; where several structures share that, by
+ * their order too, in sequences with as many items of this number. */
+static CtsStatus pair_structure(const StructureSet *s, size_t i, CtsError *err)
+{
+    Structure *const one = &s->items[i];
+    const Structure *other = NULL;
+    size_t n = 0, before = 0, n_drawn, n_observed;
+    for (size_t k = 0; k < s->n; k++) {
+        if (s->items[k].number != one->number)
+            continue;
+        n++;
+        before += k < i;
+        other = k == i ? other : &s->items[k];
+    }
+    const CtsElements drawn = item_with_number(s, ROI_CONTOURS, REFERENCED_ROI, one->number, before, &n_drawn);
+    const CtsElements observed = item_with_number(s, OBSERVATIONS, REFERENCED_ROI, one->number, before, &n_observed);
+    if (n_drawn && n_drawn != n)
+        return cts_fail(err, CTS_ERR_READ,
+                        "%zu structures%s%s%s%s have the ROINumber %d, and %zu lists of contours (number them apart)",
+                        n, *one->name ? ": " : "", one->name, other ? ", " : "", other ? other->name : "", one->number,
+                        n_drawn);
+    one->contours = cts_elements_find(drawn, CONTOURS);
+    one->coloured = cts_elements_decimals(drawn, DISPLAY_COLOUR, one->rgb, 3);
+    for (int c = 0; c < 3; c++)
+        one->rgb[c] = fmin(fmax(one->rgb[c] / 255, 0), 1);
+    if (n == 1 || n_observed == n)
+        cts_elements_text(observed, INTERPRETED_TYPE, one->type, sizeof one->type);
     return CTS_OK;
 }
 
-/* A centre lies inside when an odd number of crossings lies beyond it. */
-static CtsStatus fill_row(const Outline *o, CtsLabel *label, uint32_t row, size_t n, CtsError *err)
+static CtsStatus read_structures(StructureSet *s, CtsError *err)
 {
+    CtsElements sequence = cts_elements_find(s->object->elements, STRUCTURES), item;
     CtsStatus st = CTS_OK;
-    for (size_t i = 0; i + 1 < n && !st; i += 2) {
-        const double first = fmax(ceil(o->crossings[i]), 0), end = fmin(ceil(o->crossings[i + 1]), o->grid->columns);
-        if (first < end)
-            st = cts_label_add_run(label, row, (int)first, (int)end, err);
+    while (!st && cts_items_next(&sequence, &item) && !(st = cts_grow(&s->items, s->n, err))) {
+        if (s->n == CTS_MAX_LABELS)
+            return cts_fail(err, CTS_ERR_READ, "more than %d labels", CTS_MAX_LABELS);
+        Structure *const one = &s->items[s->n++];
+        *one = (Structure){.number = 0};
+        if (!cts_elements_integer(item, ROI_NUMBER, &one->number))
+            return cts_fail(err, CTS_ERR_READ, "a structure has no number");
+        cts_label_dicom_text(s->object, item, ROI_NAME, one->name, sizeof one->name);
+        cts_elements_text(item, ROI_FRAME_UID, one->frame_uid, sizeof one->frame_uid);
+    }
+    for (size_t i = 0; i < s->n && !st; i++)
+        st = pair_structure(s, i, err);
+    return st;
+}
+
+static CtsStatus leave_out(StructureSet *s, Structure *one, const char *reason, CtsError *err)
+{
+    one->left_out = true;
+    return cts_labels_leave_out(s->reading->labels, s->reading->file, one->number, one->name, reason, err);
+}
+
+/* The frames of reference that the file lists; `wanted`, if it is among them, else empty elements. */
+static CtsElements find_listed_frame(const StructureSet *s, const char *wanted, int *n, char first_uid[65])
+{
+    CtsElements frames = cts_elements_find(s->object->elements, REFERENCED_FRAMES), item, found = {.at = NULL};
+    char uid[65];
+    *first_uid = 0;
+    for (*n = 0; cts_items_next(&frames, &item); ++*n) {
+        cts_elements_text(item, FRAME_UID, uid, sizeof uid);
+        if (*n == 0)
+            memcpy(first_uid, uid, sizeof uid);
+        if (!found.at && !strcmp(uid, wanted))
+            found = item;
+    }
+    return found;
+}
+
+/* Leaves out structures of other frames of reference than the scan's: the series' own where the file has it, else those
+ * listed with a reference to the series. A file of one frame only is treated as a segmentation is. */
+static CtsStatus check_frames(StructureSet *s, CtsError *err)
+{
+    const char *const own = cts_label_series_frame(s->reading->series);
+    char first_uid[65];
+    int n_listed;
+    const bool lists_own = find_listed_frame(s, own, &n_listed, first_uid).at && *own;
+    bool any_own = lists_own, differ = false;
+    for (size_t i = 0; i < s->n; i++) {
+        Structure *const one = &s->items[i];
+        if (!one->frame_uid[0])
+            strcpy(one->frame_uid, lists_own ? own : first_uid);
+        any_own |= *own && !strcmp(one->frame_uid, own);
+        differ |= strcmp(one->frame_uid, s->items[0].frame_uid) != 0;
+    }
+    const char *const uid = s->n ? s->items[0].frame_uid : lists_own ? own : first_uid;
+    const bool listed = find_listed_frame(s, uid, &n_listed, first_uid).at;
+    if (s->reading->series->frames_differ || (!differ && (!listed || n_listed < 2)))
+        return cts_label_check_space(s->reading, s->object, uid, err);
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0, n_named = 0; i < s->n && !st; i++) {
+        Structure *const one = &s->items[i];
+        const CtsElements frame = find_listed_frame(s, one->frame_uid, &n_listed, first_uid);
+        if (*own && !strcmp(one->frame_uid, own))
+            continue;
+        if (!any_own && frame.at && cts_label_refers(frame, s->reading->series)) {
+            st = n_named++ ? CTS_OK : cts_label_check_space(s->reading, s->object, one->frame_uid, err);
+            continue;
+        }
+        char reason[256];
+        snprintf(reason, sizeof reason, "its Frame of Reference %s is not the series' %s", one->frame_uid, own);
+        st = leave_out(s, one, reason, err);
     }
     return st;
 }
 
-/* Vertices in pixels of a slice, and the range of rows they span. */
-static void to_pixels(Outline *o, int slice, const Contour *first, const Contour *end, int *low, int *high)
+static CtsStatus add_structure(StructureSet *s, Structure *one, CtsError *err)
 {
-    double top = INFINITY, bottom = -INFINITY;
-    for (const Contour *c = first; c < end; c++)
-        for (size_t i = c->first; i < c->first + c->n; i++) {
-            double offset[3];
-            for (int axis = 0; axis < 3; axis++)
-                offset[axis] = o->points[i][axis] - o->grid->position_lps[slice][axis];
-            for (int axis = 0; axis < 2; axis++)
-                o->pixels[i][axis] = snapped_vertex(cts_dot3(o->inverse[axis], offset));
-            top = fmin(top, o->pixels[i][1]);
-            bottom = fmax(bottom, o->pixels[i][1]);
-        }
-    *low = (int)fmax(0, fmin(ceil(top), o->grid->rows));
-    *high = (int)fmin(o->grid->rows - 1, fmax(floor(bottom), -1));
-}
-
-static CtsStatus fill_slice(Outline *o, CtsLabel *label, int slice, const Contour *first, const Contour *end,
-                            CtsError *err)
-{
+    CtsLabels *const labels = s->reading->labels;
+    CtsElements contours = one->contours, contour;
     CtsStatus st = CTS_OK;
-    int low, high;
-    to_pixels(o, slice, first, end, &low, &high);
-    for (int j = low; j <= high && !st; j++) {
-        size_t n;
-        st = find_crossings(o, first, end, j, &n, err);
-        if (!st)
-            st = fill_row(o, label, (uint32_t)slice * (uint32_t)o->grid->rows + (uint32_t)j, n, err);
+    s->outline.n_contours = s->outline.n_points = 0;
+    s->outline.slant_mm = 0;
+    while (!st && cts_items_next(&contours, &contour))
+        st = add_contour(s, contour, err);
+    if (!st && s->outline.slant_mm > 0) {
+        char reason[128];
+        snprintf(reason, sizeof reason, "a contour is not parallel to the slices: it spans %.3g mm across them",
+                 s->outline.slant_mm);
+        return leave_out(s, one, reason, err);
     }
-    return st;
-}
-
-static int by_place(const void *a, const void *b)
-{
-    const Contour *x = a, *y = b;
-    return x->at_mm != y->at_mm ? (x->at_mm < y->at_mm ? -1 : 1) : x->first < y->first ? -1 : x->first > y->first;
-}
-
-/* The contours of one plane, within 0.01 mm, from *at on; the next plane's begin at *at then. */
-static const Contour *next_plane(const Outline *o, size_t *at, const Contour **end)
-{
-    const Contour *const first = o->contours + *at;
-    while (*at < o->n_contours && o->contours[*at].at_mm - first->at_mm < 0.01)
-        ++*at;
-    *end = o->contours + *at;
-    return first;
-}
-
-/* The slice of a contour plane: at most half the distance to the next slice away; 1e-6 mm is rounding. */
-static int slice_at(const CtsLabelGrid *g, double at_mm)
-{
-    for (int k = 0; k < g->n_slices; k++) {
-        const double before = k > 0 ? g->at_mm[k] - g->at_mm[k - 1] : g->thickness_mm[k];
-        const double behind = k + 1 < g->n_slices ? g->at_mm[k + 1] - g->at_mm[k] : g->thickness_mm[k];
-        if (at_mm > g->at_mm[k] - before / 2 + 1e-6 && at_mm <= g->at_mm[k] + behind / 2 + 1e-6)
-            return k;
-    }
-    return -1;
-}
-
-/* Each slice gets the nearest of its planes. */
-static CtsStatus fill_slices(Outline *o, CtsLabel *label, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    const Contour *first = NULL, *end = NULL, *nearest = NULL, *nearest_end = NULL;
-    int slice = -1, last_filled = -1;
-    size_t at = 0;
-    qsort(o->contours, o->n_contours, sizeof *o->contours, by_place);
-    while (!st && (at < o->n_contours || nearest)) {
-        const bool more = at < o->n_contours;
-        if (more)
-            first = next_plane(o, &at, &end);
-        const int here = more ? slice_at(o->grid, first->at_mm) : -1;
-        const bool same = more && nearest && here == slice;
-        if (nearest && !same) {
-            st = fill_slice(o, label, slice, nearest, nearest_end, err);
-            o->n_unfilled += last_filled >= 0 ? (size_t)(slice - last_filled - 1) : 0;
-            last_filled = slice;
-            nearest = NULL;
-        }
-        o->n_off += more && (here < 0 || same);
-        const double slice_mm = here >= 0 ? o->grid->at_mm[here] : 0;
-        if (more && here >= 0 && (!nearest || fabs(first->at_mm - slice_mm) < fabs(nearest->at_mm - slice_mm))) {
-            nearest = first;
-            nearest_end = end;
-            slice = here;
-        }
-    }
-    cts_label_sort_runs(label);
-    return st;
-}
-
-static CtsElements item_with_number(CtsElements elements, uint32_t sequence_tag, uint32_t number_tag, int number)
-{
-    CtsElements sequence = cts_elements_find(elements, sequence_tag), item;
-    int found;
-    while (cts_items_next(&sequence, &item))
-        if (cts_elements_integer(item, number_tag, &found) && found == number)
-            return item;
-    return (CtsElements){.at = elements.end, .end = elements.end};
-}
-
-static double area_of(const Outline *o)
-{
-    double all = 0;
-    for (const Contour *c = o->contours; c < o->contours + o->n_contours; c++) {
-        double sum[3] = {0};
-        for (size_t i = 0; i < c->n; i++) {
-            double cross[3], a[3], b[3];
-            for (int axis = 0; axis < 3; axis++) {
-                a[axis] = o->points[c->first + i][axis] - o->points[c->first][axis];
-                b[axis] = o->points[c->first + (i + 1) % c->n][axis] - o->points[c->first][axis];
-            }
-            cts_cross3(a, b, cross);
-            for (int axis = 0; axis < 3; axis++)
-                sum[axis] += cross[axis] / 2;
-        }
-        all += cts_norm3(sum);
-    }
-    return all;
-}
-
-static CtsStatus read_structure(Outline *o, const CtsLabelDicom *object, CtsElements structure, double *held,
-                                CtsError *err)
-{
-    int number;
-    char name[512], type[17];
-    CtsLabels *const labels = o->reading->labels;
-    if (!cts_elements_integer(structure, ROI_NUMBER, &number))
-        return cts_fail(err, CTS_ERR_READ, "a structure has no number");
-    cts_label_dicom_text(object, structure, ROI_NAME, name, sizeof name);
-    CtsStatus st = cts_labels_add(labels, o->reading->file, number, name, CTS_LABEL_RTSTRUCT, err);
-    if (st)
+    if (st || (st = cts_labels_add(labels, s->reading->file, one->number, one->name, CTS_LABEL_RTSTRUCT, err)))
         return st;
     CtsLabel *const label = &labels->items[labels->n - 1];
-    cts_elements_text(item_with_number(object->elements, OBSERVATIONS, REFERENCED_ROI, number), INTERPRETED_TYPE, type,
-                      sizeof type);
-    label->surrounds = !strcmp(type, "EXTERNAL") || !strcmp(type, "SUPPORT");
-    const CtsElements drawn = item_with_number(object->elements, ROI_CONTOURS, REFERENCED_ROI, number);
-    CtsElements contours = cts_elements_find(drawn, CONTOURS);
-    label->coloured = cts_elements_decimals(drawn, DISPLAY_COLOUR, label->rgb, 3);
-    for (int c = 0; c < 3; c++)
-        label->rgb[c] = fmin(fmax(label->rgb[c] / 255, 0), 1);
-    CtsElements contour;
-    o->n_contours = o->n_points = 0;
-    while (!st && cts_items_next(&contours, &contour))
-        st = add_contour(o, contour, err);
-    if (!st)
-        st = cts_alloc_array(&o->pixels, o->n_points, err);
-    if (!st)
-        st = fill_slices(o, label, err);
-    *held += st ? 0 : area_of(o);
-    cts_free(&o->pixels);
-    return st;
+    label->surrounds = !strcmp(one->type, "EXTERNAL") || !strcmp(one->type, "SUPPORT");
+    label->coloured = one->coloured;
+    memcpy(label->rgb, one->rgb, sizeof label->rgb);
+    s->held += cts_outline_area(&s->outline);
+    return cts_outline_fill(&s->outline, label, err);
 }
 
-static CtsStatus check_frames(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
+/* Refuses a set of which nothing is left. */
+static CtsStatus check_left(const StructureSet *s, size_t first_left_out, CtsError *err)
 {
-    char uid[65];
-    CtsStatus st = CTS_OK;
-    CtsElements structures = cts_elements_find(object->elements, STRUCTURES), item;
-    cts_elements_text(cts_elements_item(object->elements, REFERENCED_FRAMES), FRAME_UID, uid, sizeof uid);
-    if (uid[0])
-        return cts_label_check_space(reading, object, uid, err);
-    if (cts_items_next(&structures, &item)) {
-        cts_elements_text(item, ROI_FRAME_UID, uid, sizeof uid);
-        st = cts_label_check_space(reading, object, uid, err);
-    }
-    return st;
+    const CtsLabels *const labels = s->reading->labels;
+    if (s->held > 0 || first_left_out == labels->n_left_out)
+        return cts_label_check_meets(s->reading, s->held, err);
+    const CtsLabelLeftOut *const one = &labels->left_out[first_left_out];
+    return cts_fail(err, CTS_ERR_GEOMETRY, "%s cannot be drawn: %s", one->fact.name, one->reason);
 }
 
-static void report_outline(const Outline *o)
+static void report_outline(const StructureSet *s, size_t first_left_out)
 {
-    CtsReport *const report = o->reading->report;
-    const int file = o->reading->file;
-    if (o->n_ignored)
+    CtsReport *const report = s->reading->report;
+    const CtsOutline *const o = &s->outline;
+    const int file = s->reading->file;
+    for (size_t i = first_left_out; i < s->reading->labels->n_left_out; i++)
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_LABEL_LEFT_OUT, "label file %d: %s is left out: %s", file,
+                              s->reading->labels->left_out[i].fact.name, s->reading->labels->left_out[i].reason);
+    if (s->n_ignored)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_CONTOURS_IGNORED,
             "label file %d: %zu contours that are not closed or have fewer than 3 points are left out", file,
-            o->n_ignored);
+            s->n_ignored);
     if (o->n_off)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_CONTOURS_OFF,
                               "label file %d: %zu contour planes are nearest to no slice and left out", file, o->n_off);
@@ -329,19 +260,19 @@ static void report_outline(const Outline *o)
 
 CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
 {
-    Outline o = {.reading = reading, .grid = &reading->labels->grid};
-    CtsElements structures = cts_elements_find(object->elements, STRUCTURES), structure;
-    double held = 0;
-    cts_mask_axes(o.grid->step_lps, o.inverse);
-    CtsStatus st = check_frames(reading, object, err);
-    while (!st && cts_items_next(&structures, &structure))
-        st = read_structure(&o, object, structure, &held, err);
+    StructureSet s = {.reading = reading, .object = object, .outline = {.grid = &reading->labels->grid}};
+    const size_t first_left_out = reading->labels->n_left_out;
+    cts_mask_axes(s.outline.grid->step_lps, s.outline.inverse);
+    CtsStatus st = read_structures(&s, err);
     if (!st)
-        st = cts_label_check_meets(reading, held, err);
+        st = check_frames(&s, err);
+    for (size_t i = 0; i < s.n && !st; i++)
+        st = s.items[i].left_out ? CTS_OK : add_structure(&s, &s.items[i], err);
     if (!st)
-        report_outline(&o);
-    free(o.contours);
-    free(o.points);
-    free(o.crossings);
+        st = check_left(&s, first_left_out, err);
+    if (!st)
+        report_outline(&s, first_left_out);
+    cts_outline_free(&s.outline);
+    free(s.items);
     return st;
 }

@@ -48,6 +48,7 @@ typedef struct Seg {
     int32_t *segment;          /* of each frame: which of the labels; LABELMAP: 0 */
     int32_t *label_of;         /* label index by number of a segment or pixel; -1: none */
     uint64_t *offset;          /* of encapsulated frames */
+    uint64_t *first_bit;       /* of other frames */
     uint16_t *values, *shares; /* of one frame, shares where it is FRACTIONAL; and its bytes: */
     uint8_t *bytes;
     CtsSandbox decoder;
@@ -184,14 +185,14 @@ static size_t frame_bytes(const Seg *s)
     return s->bits_allocated == 1 ? (n + 7) / 8 : n * (size_t)(s->bits_allocated / 8);
 }
 
-/* Frames follow each other without a gap, so one may begin within a byte. *shift: at which bit. Words of 16 bits are
+/* A frame may begin within a byte. *shift: at which bit. Words of 16 bits are
  * read whole where a big-endian file swaps their bytes. */
 static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
     const bool swapped = o->syntax->big_endian && (s->bits_allocated == 16 || o->pixel_words);
     const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
-    const uint64_t first = bits * (uint64_t)frame, from = first / 8 - (swapped ? first / 8 % 2 : 0);
+    const uint64_t first = s->first_bit[frame], from = first / 8 - (swapped ? first / 8 % 2 : 0);
     uint64_t end = (first + bits + 7) / 8;
     end += swapped && end % 2 && end < o->pixel_bytes;
     *shift = (int)(first - 8 * from);
@@ -201,6 +202,56 @@ static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
         s->bytes[i + 1] = s->bytes[i];
         s->bytes[i] = low;
     }
+    return st;
+}
+
+/* Layouts of frames of bits. PACKED, one after the other, is the standard's (PS3.5 8.1.1); some writers begin each
+ * frame, or each segment, at a byte. */
+typedef enum Layout { PACKED, BY_FRAME, BY_SEGMENT, N_LAYOUTS } Layout;
+
+/* Sets the first bit of n frames of so many bits, whose segments are given; returns the number of bytes of all. */
+static uint64_t lay_out(Layout layout, uint64_t bits, const int32_t *segment, int n, uint64_t *first_bit)
+{
+    uint64_t at = 0;
+    for (int f = 0; f < n; f++) {
+        if (f && (layout == BY_FRAME || (layout == BY_SEGMENT && segment[f] != segment[f - 1])))
+            at = (at + 7) / 8 * 8;
+        first_bit[f] = at;
+        at += bits;
+    }
+    return (at + 7) / 8;
+}
+
+/* Finds the layout by its length, with or without padding to an even one. */
+static CtsStatus find_layout(Seg *s, CtsError *err)
+{
+    const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
+    const uint64_t there = s->object->pixel_bytes;
+    uint64_t *first_bit[N_LAYOUTS] = {NULL};
+    int found = -1;
+    bool ambiguous = false;
+    CtsStatus st = CTS_OK;
+    for (int l = PACKED; l < N_LAYOUTS && !st && found != PACKED; l++) {
+        if ((st = cts_alloc_array(&first_bit[l], (size_t)s->n_frames, err)))
+            break;
+        const uint64_t n = lay_out((Layout)l, bits, s->segment, s->n_frames, first_bit[l]);
+        if (bits % 8 && s->n_frames > 1 && n != there && n + n % 2 != there)
+            continue;
+        ambiguous =
+            found >= 0 && memcmp(first_bit[found], first_bit[l], (size_t)s->n_frames * sizeof *first_bit[l]) != 0;
+        found = found < 0 ? l : found;
+    }
+    if (!st && (found < 0 || ambiguous))
+        st = cts_fail(
+            err, CTS_ERR_READ,
+            "the starts of its frames are ambiguous: %d frames of %llu bits in %llu bytes of pixel data (store "
+            "them without gaps, PS3.5 8.1.1)",
+            s->n_frames, (unsigned long long)bits, (unsigned long long)there);
+    for (int l = PACKED; l < N_LAYOUTS; l++)
+        if (!st && l == found)
+            s->first_bit = first_bit[l];
+        else
+            cts_free(&first_bit[l]);
     return st;
 }
 
@@ -371,7 +422,8 @@ static CtsStatus read_seg(Seg *s, CtsError *err)
     CtsStatus st;
     const size_t n = (size_t)s->rows * (size_t)s->columns;
     if ((st = read_segments(s, err)) || (st = check_seg_pixels(s, err)) || (st = read_frames(s, err)) ||
-        (st = cts_alloc_array(&s->values, n, err)) || (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 4, err)) ||
+        (!s->offset && (st = find_layout(s, err))) || (st = cts_alloc_array(&s->values, n, err)) ||
+        (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 4, err)) ||
         (s->type == FRACTIONAL && (st = cts_alloc_array(&s->shares, n, err))))
         return st;
     return place_all(s, err);
@@ -396,6 +448,7 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom
     cts_free(&s.position_lps);
     cts_free(&s.segment);
     cts_free(&s.offset);
+    cts_free(&s.first_bit);
     cts_free(&s.values);
     cts_free(&s.shares);
     cts_free(&s.bytes);

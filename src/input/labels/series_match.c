@@ -5,7 +5,9 @@
 #include "input/labels/label_reading.h"
 #include <string.h>
 
-enum { PATIENT_ID = 0x00100020, SERIES_UID = 0x0020000E, REFERENCED_SOP = 0x00081155 };
+enum { PATIENT_ID = 0x00100020, SERIES_UID = 0x0020000E, REFERENCED_CLASS = 0x00081150, REFERENCED_SOP = 0x00081155 };
+/* The UIDs of classes of images begin so; a study's or a procedure's do not. */
+static const char STORAGE[] = "1.2.840.10008.5.1.4.1.1.";
 
 CtsStatus cts_label_grid_of(CtsLabelGrid *g, const CtsSeries *series, CtsError *err)
 {
@@ -51,21 +53,24 @@ static bool names_slice(const char *uid, const CtsSeries *series)
 }
 
 /* Searches items only, to a depth of 12 (structure sets refer to slices at a depth of 4), since the object's own series
- * is another one. Slices are compared only where no series is referenced. */
+ * is another one. Slices are compared only where no series is referenced. series NULL: any series, or image. */
 static bool refers(CtsElements elements, const CtsSeries *series, int depth, bool slices)
 {
     CtsElement e;
+    char uid[65] = "";
     while (depth < 12 && cts_elements_next(&elements, &e)) {
         CtsElements item, one = e.value;
-        char uid[65];
+        const bool of_image = !strncmp(uid, STORAGE, sizeof STORAGE - 1);
         const bool wanted = e.tag == (slices ? REFERENCED_SOP : SERIES_UID);
-        if (wanted && depth > 0) {
+        if ((wanted || e.tag == REFERENCED_CLASS) && depth > 0) {
             const size_t n = (size_t)(one.end - one.at) < 64 ? (size_t)(one.end - one.at) : 64;
             memcpy(uid, one.at, n);
             uid[n] = 0;
             for (size_t i = n; i > 0 && uid[i - 1] == ' '; i--)
                 uid[i - 1] = 0;
-            if (slices ? names_slice(uid, series) : names_series(uid, series))
+            if (wanted && (!series  ? uid[0] && (of_image || !slices)
+                           : slices ? names_slice(uid, series)
+                                    : names_series(uid, series)))
                 return true;
         }
         if (one.end - one.at >= 8 && !memcmp(one.at, "\xFE\xFF\x00\xE0", 4))
@@ -79,6 +84,23 @@ static bool refers(CtsElements elements, const CtsSeries *series, int depth, boo
 bool cts_label_refers(CtsElements elements, const CtsSeries *series)
 {
     return refers(elements, series, 0, false) || refers(elements, series, 0, true);
+}
+
+/* Without a Frame of Reference in both, the series that it names decides. */
+static CtsStatus check_named_series(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
+{
+    if (cts_label_refers(object->elements, reading->series))
+        return CTS_OK;
+    if (cts_label_refers(object->elements, NULL))
+        return cts_fail(err, CTS_ERR_GEOMETRY,
+                        "names another series than %s, and has no Frame of Reference in common with it (labels of "
+                        "another scan?)",
+                        reading->series->uid);
+    cts_report_diagnostic(reading->report, CTS_DIAGNOSTIC_LABEL_SERIES_UNNAMED,
+                          "label file %d: it names no series and has no Frame of Reference in common with this one "
+                          "(check that it belongs to the series)",
+                          reading->file);
+    return CTS_OK;
 }
 
 static const char *identity(const CtsSeries *series, CtsIdentity part)
@@ -100,6 +122,11 @@ CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsLabel
     return CTS_OK;
 }
 
+const char *cts_label_series_frame(const CtsSeries *series)
+{
+    return identity(series, CTS_FRAME_UID);
+}
+
 bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series)
 {
     return frame_uid[0] && !series->frames_differ && !strcmp(frame_uid, identity(series, CTS_FRAME_UID));
@@ -114,7 +141,9 @@ CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsLabelDi
                    ? CTS_OK
                    : cts_fail(err, CTS_ERR_GEOMETRY,
                               "names none of the series' slices, each of which has a Frame of Reference of its own");
-    if (!frame_uid[0] || !own[0] || !strcmp(frame_uid, own))
+    if (!frame_uid[0] || !own[0])
+        return check_named_series(reading, object, err);
+    if (!strcmp(frame_uid, own))
         return CTS_OK;
     if (!cts_label_refers(object->elements, reading->series))
         return cts_fail(err, CTS_ERR_GEOMETRY,
