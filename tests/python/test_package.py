@@ -464,6 +464,22 @@ def test_labels_in_memory(phantom):
     assert np.array_equal(names.render(**{**scene, "show": ["1:7"], "label": {"1:7": "#0000ff:1"}}).rgba, pictures[0].rgba)
 
 
+def test_masked_arrays(phantom):
+    """Voxels hidden by a mask are air, or have no label."""
+    hidden = np.zeros(phantom.hu.shape, bool)
+    hidden[:, :, : hidden.shape[2] // 2] = True
+    for kind in ("float32", "float64", "int16", "int32", "uint16", "uint8", "int8", ">i2"):
+        hu = np.clip(phantom.hu, 0, 120).astype(kind)
+        plain = np.where(hidden, -1024, hu.astype("float32"))
+        volumes = [ctsplat.Volume(array, (1, 1, 1)) for array in (np.ma.array(hu, mask=hidden), plain)]
+        assert (volumes[0].hu == volumes[1].hu).all(), kind
+        mask = np.where(hidden, 2, 1)
+        given = np.ma.array(mask.astype("int8" if kind == "int8" else "uint16"), mask=hidden)
+        pictures = [ctsplat.load(PHANTOM, labels=labels).render(preset="muscle", show="1", **SMALL).rgba
+                    for labels in (given, np.where(hidden, 0, mask))]
+        assert (pictures[0] == pictures[1]).all(), kind
+
+
 @pytest.mark.parametrize("labels, said", [
     (np.zeros((3, 4)), "take 3 dimensions"), (np.zeros((3, 4, 5)), "that of volume.hu"), (object(), "a object is none"),
     (3, "a int is none"), (["x", 3], "a int is none"), (np.full((48, 64, 64), 0.3), "no number of a label"),

@@ -181,7 +181,7 @@ class _Mask:
 
     def __init__(self, given: Any):
         self.affine = None if isinstance(given, np.ndarray) else np.array(given.affine, float)
-        array = np.asanyarray(given if self.affine is None else given.dataobj)
+        array = _filled(given if self.affine is None else np.asanyarray(given.dataobj), 0)
         while array.ndim > 3 and array.shape[-1] == 1:
             array = array[..., 0]
         if array.ndim != 3 or array.dtype.kind not in "biuf":
@@ -423,8 +423,19 @@ def _given(array: np.ndarray, affine_lps: np.ndarray) -> Any:
     return given
 
 
+def _filled(array: Any, value: int) -> np.ndarray:
+    """The array with this value for what a NumPy mask hides, in a type that has it."""
+    if not isinstance(array, np.ma.MaskedArray):
+        return np.asarray(array)
+    if array.dtype.kind == "u" and value < 0:
+        array = array.astype("int16" if array.dtype.itemsize == 1 else "int32" if array.dtype.itemsize == 2 else "float64")
+    elif array.dtype.kind in "bi" and array.dtype.itemsize == 1:
+        array = array.astype("int16")
+    return array.filled(value)
+
+
 def _as_numbers(array: Any) -> np.ndarray:
-    array = np.asarray(array)
+    array = _filled(array, -1024)
     if array.ndim != 3:
         raise Error("an array of %d dimensions is no volume" % array.ndim, 2)
     if array.dtype.isnative and array.dtype.name in _NUMBERS:
@@ -442,7 +453,7 @@ class Volume(_WithDiagnostics):
     Volume(array, spacing_mm=(k, j, i)): HU with index k towards the head, j to the back and i to the patient's left.
     Volume(array, affine_lps=A) or (array, affine_ras=A): A (4 x 4, mm) maps the array's indices to patient coordinates;
     nibabel's arrays and affines are RAS, SimpleITK's are LPS with reversed indices. With the wrong one left and right
-    are swapped. As a context manager it frees its memory at the end."""
+    are swapped. What the mask of a NumPy masked array hides is air. As a context manager it frees its memory at the end."""
 
     def __init__(self, array: Any, spacing_mm: Optional[Sequence[float]] = None, *, affine_lps: Any = None,
                  affine_ras: Any = None, threads: int = 0):
@@ -672,8 +683,9 @@ def take_frame(context: Any, frame: int, picture: Any, err: Any) -> int:
 
 def load(path: Union[str, os.PathLike, Sequence[str]], series: Optional[str] = None, **options: Any) -> Volume:
     """Reads a CT series: path is a file, folder, zip file, DICOMDIR or NIfTI CT, or several of these; series its UID
-    where there is more than one. options: threads, labels (a path, an array of the shape of volume.hu, a nibabel image, or
-    a list of these), label_names, and those of the source (`from` is a keyword of Python: **{"from": peer})."""
+    where there is more than one. options: threads, labels (a path, an array of the shape of volume.hu, in which what a
+    NumPy mask hides has no label, a nibabel image, or a list of these), label_names, and those of the source (`from` is a
+    keyword of Python: **{"from": peer})."""
     volume = Volume.__new__(Volume)
     volume._begin()
     volume._read({"path": _paths("load", path), "series": series, **options, "labels": _labels(options.get("labels"))})
