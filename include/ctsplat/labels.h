@@ -113,6 +113,10 @@ typedef struct CtsLabelChoice {
  * exist. */
 CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **lacking, bool *any, CtsError *err);
 
+/* True if an appearance of the choice may show air: a body whose opacity is the same for all HU, or a preset that has
+ * one there. */
+bool cts_labels_show_air(const CtsLabelChoice *choice);
+
 /* Assigns the model's voxels to labels, which replace earlier ones: labels with statistics, of the slices that the
  * volume was made of. Skipped where no label is hidden or has an appearance of its own. CTS_ERR_USAGE for an unknown
  * label. */

@@ -110,6 +110,10 @@ shared=$root/../shared/data/labels/liver
 liver="$shared --labels $shared/liver.dcm --size 32x32 -p muscle --occlusion 0 --view head"
 ok render $liver --show liver -o seen.dcm
 grep -aq $segmentation seen.dcm || fail "a capture does not refer to the segmentation that it shows"
+# Air around the patient is cropped with labels, too.
+ok render $shared --size 400x400 -p skin -o plain.png --force
+ok render $shared --labels $shared/liver.dcm --size 400x400 -p skin -o counted.png --force
+cmp plain.png counted.png || fail "the picture differs with --labels alone where air around the patient is cropped"
 for asked in '' '--show liver --deidentify'; do
     ok render $liver $asked --force -o unseen.dcm
     ! grep -aq $segmentation unseen.dcm || fail "render $asked: refers to a segmentation"

@@ -12,6 +12,8 @@ import tempfile
 from labels_numpy import (CTSPLAT, ROOT, Dataset, Scan, Sequence, check, failures, generate_uid, info, inside, np, write_seg,
                           write_structures)
 
+# Transparent, so that labels within the head are visible.
+GLASS = '{"name": "glass", "points": [{"hu": -200, "rgb": [1, 1, 1], "opacity": 0.01}]}'
 FOREIGN = '2.25.4711'
 
 
@@ -194,9 +196,41 @@ def test_series(scan, path):
                 drawn(scan, path, f'{what} without frame of reference, {name}', [(label, 9)], *([said] if said else []))
 
 
+def pictures_equal(scan, path, *lists):
+    made = []
+    for words in lists:
+        run = subprocess.run([CTSPLAT, 'render', scan.folder, '--labels', path, '--size', '32x32', '-o', '-', '--format', 'png', '-p', GLASS,
+                              *words], capture_output=True)
+        made.append(run.stdout or run.stderr)
+    return all(p == made[0] for p in made)
+
+
+def test_palette(scan, path):
+    masks = {n: np.zeros(scan.shape, bool) for n in (1, 2)}
+    masks[1][20:28, 20:40, 20:30] = masks[2][20:28, 20:40, 32:40] = True
+    colours = {0: (0, 0, 0), 1: (255, 0, 0), 2: (0, 128, 255)}
+    asked = ['--label', '1=#ff0000', '--label', '2=#0080ff']
+    for bits, first, words in ((16, 0, True), (8, 0, False), (8, 1, True), (8, 1, False)):
+        d = write_seg(path, scan, masks, kind='LABELMAP', bits=8)
+        d.PhotometricInterpretation = 'PALETTE COLOR'
+        for c, name in enumerate(('Red', 'Green', 'Blue')):
+            entries = [colours[n][c] * (257 if bits == 16 else 1) for n in colours if n >= first]
+            setattr(d, name + 'PaletteColorLookupTableDescriptor', [len(entries), first, bits])
+            data = np.array(entries, '<u2' if words else 'u1').tobytes()
+            setattr(d, name + 'PaletteColorLookupTableData', data + b'\0' * (len(data) % 2))
+        d.save_as(path)
+        name = f'palette of {bits} bits from {first} on'
+        check(name, pictures_equal(scan, path, ['--label-colours'], asked) and
+              not pictures_equal(scan, path, ['--label-colours'], []), 'the pictures differ')
+    for segment in d.SegmentSequence:
+        segment.RecommendedDisplayCIELabValue = [65535, 32896, 32896]
+    d.save_as(path)
+    check('palette: CIELab comes first', not pictures_equal(scan, path, ['--label-colours'], asked), 'the palette is taken')
+
+
 def main():
     scan = Scan(os.path.join(ROOT, 'testdata/phantom'))
-    for test in (test_numbers, test_frames, test_slanted, test_overlaps, test_layouts, test_series):
+    for test in (test_numbers, test_frames, test_slanted, test_overlaps, test_layouts, test_series, test_palette):
         with tempfile.TemporaryDirectory() as work:
             test(scan, os.path.join(work, 'labels.dcm'))
     sys.exit(1 if failures else 0)

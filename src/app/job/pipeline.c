@@ -87,11 +87,11 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
 
 /* Crop of the air that table removal left around the patient. Beside crops_air (cts_render_ignores_air()), it stays
  * where labels may give it an opacity, and where minip and average lack the body mask that would exclude it. */
-static void crop_air(const CtsSource *source, bool has_labels, CtsModel *model, CtsReport *report)
+static void crop_air(const CtsSource *source, bool shows_air, CtsModel *model, CtsReport *report)
 {
     const CtsVolume *const v = model->volume;
     const int before[3] = {cts_volume_extent(v, 0), cts_volume_extent(v, 1), cts_volume_extent(v, 2)};
-    if (!source->remove_table || !source->crops_air || has_labels || !(model->body || source->inside_unseen))
+    if (!source->remove_table || !source->crops_air || shows_air || !(model->body || source->inside_unseen))
         return;
     cts_model_crop_air(model);
     if (memcmp(before, v->dims, sizeof before) != 0)
@@ -100,7 +100,7 @@ static void crop_air(const CtsSource *source, bool has_labels, CtsModel *model, 
 }
 
 /* The field between voxels: less noise, and no terraces between thick slices. */
-static CtsStatus interpolate_slices(const CtsSource *source, bool has_labels, CtsModel *model,
+static CtsStatus interpolate_slices(const CtsSource *source, bool shows_air, CtsModel *model,
                                     CtsInterpolationCounts *made, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -109,7 +109,7 @@ static CtsStatus interpolate_slices(const CtsSource *source, bool has_labels, Ct
         return st;
     if (source->smooth_mm > 0)
         cts_report_plan(report, "smoothing: a Gaussian of %g mm standard deviation", source->smooth_mm);
-    crop_air(source, has_labels, model, report);
+    crop_air(source, shows_air, model, report);
     const double start_ms = cts_wall_ms(), slice_mm = cts_volume_spacing_mm(v, 2);
     const int n_parts = cts_volume_layers_per_slice(v), n_slices = v->dims[2];
     if (source->interpolation == CTS_INTERPOLATION_LINEAR || n_parts == 1) {
@@ -150,13 +150,13 @@ static void report_volume(const CtsVolume *volume, CtsReport *report)
 }
 
 /* After table removal, which needs the whole volume to distinguish table and patient. */
-static CtsStatus process_model(const CtsSource *source, bool has_labels, CtsModel *model, CtsInterpolationCounts *made,
+static CtsStatus process_model(const CtsSource *source, bool shows_air, CtsModel *model, CtsInterpolationCounts *made,
                                CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (source->crop.given)
         st = cts_model_crop(model, source->crop.low_lps, source->crop.high_lps, err);
-    if (st || (st = interpolate_slices(source, has_labels, model, made, report, err)))
+    if (st || (st = interpolate_slices(source, shows_air, model, made, report, err)))
         return st;
     const CtsStageTimer meter = cts_stage_timer_start(report);
     st = cts_model_prepare(model, source->n_threads, err);
@@ -280,9 +280,9 @@ static CtsStatus make_volume(const CtsSource *source, CtsScanned *scanned, bool 
 
 /* True if crop_air() sees the volume as it is after table removal, so that both may be one step. Smoothing and another
  * crop first see the whole volume. */
-static bool crops_with_table(const CtsSource *source, bool has_labels)
+static bool crops_with_table(const CtsSource *source, bool shows_air)
 {
-    return source->crops_air && !has_labels && !source->crop.given && !(source->smooth_mm > 0);
+    return source->crops_air && !shows_air && !source->crop.given && !(source->smooth_mm > 0);
 }
 
 /* Unevenly spaced slices become layers after the search for the table: shape-based interpolation would displace a plate
@@ -336,7 +336,8 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     CtsStatus st;
     CtsInterpolationCounts made = {0};
     CtsModel *const model = &loaded->model;
-    const bool has_labels = loaded->labels != NULL, crops = crops_with_table(source, has_labels);
+    const bool shows_air = loaded->labels && cts_labels_show_air(&source->choice);
+    const bool crops = crops_with_table(source, shows_air);
     report_volume(scanned->even, report);
     if (!source->remove_table) {
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
@@ -346,7 +347,7 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     else
         st = make_volume_without_table(source, scanned, last, crops, model, &made, report, err);
     if (!st)
-        st = process_model(source, has_labels, model, &made, report, err);
+        st = process_model(source, shows_air, model, &made, report, err);
     return st ? st : take_labels(source, loaded, report, err);
 }
 

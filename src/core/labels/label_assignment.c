@@ -80,6 +80,23 @@ static CtsStatus take_colours(Deciding *d, CtsError *err)
     return st;
 }
 
+bool cts_labels_show_air(const CtsLabelChoice *choice)
+{
+    const double AIR_HU = -1024;
+    bool shows = false;
+    for (int i = 0; i < choice->n_appearances && !shows; i++) {
+        const char *const equals = strrchr(choice->appearances[i], '='), *const json =
+                                                                             strstr(choice->appearances[i], "={");
+        CtsAppearance a;
+        if (json || !equals || cts_label_appearance_parse(equals + 1, &a, NULL))
+            return true; /* not understood without the labels' names */
+        shows = a.opacity > 0 ||
+                (a.preset && (a.preset->scale != CTS_SCALE_HU || cts_preset_opacity(a.preset, AIR_HU) > 0));
+        free(a.preset);
+    }
+    return shows;
+}
+
 static CtsStatus choose_appearances(Deciding *d, CtsError *err)
 {
     const size_t n = d->labels->n;

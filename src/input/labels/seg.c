@@ -13,6 +13,7 @@ enum {
     ORIENTATION = 0x00200037,
     PLANE_POSITION = 0x00209113,
     PLANE_ORIENTATION = 0x00209116,
+    PHOTOMETRIC = 0x00280004,
     N_FRAMES = 0x00280008,
     ROWS = 0x00280010,
     COLUMNS = 0x00280011,
@@ -22,6 +23,8 @@ enum {
     BITS_ALLOCATED = 0x00280100,
     BITS_STORED = 0x00280101,
     PADDING = 0x00280120,
+    PALETTE_DESCRIPTOR = 0x00281101, /* red; green and blue follow */
+    PALETTE_DATA = 0x00281201,
     TYPE = 0x00620001,
     SEGMENTS = 0x00620002,
     SEGMENT_NUMBER = 0x00620004,
@@ -66,6 +69,35 @@ static CtsElements macro(CtsElements own, CtsElements shared, uint32_t sequence)
     return item.at < item.end ? item : cts_elements_item(shared, sequence);
 }
 
+/* One channel of the palette (PS3.3 C.7.6.3.1.5, C.7.6.3.1.6), for a pixel's value; 0 to 1. Entries of 8 bits are
+ * bytes, or, from some writers, words. */
+static bool palette_channel(CtsElements e, uint32_t channel, int value, double *shade)
+{
+    int about[3];
+    const CtsElements data = cts_elements_find(e, PALETTE_DATA + channel);
+    if (!cts_elements_shorts(e, PALETTE_DESCRIPTOR + channel, about, 3) || (about[2] != 8 && about[2] != 16))
+        return false;
+    const int n = about[0] ? about[0] : 1 << 16, size = data.end - data.at >= 2 * n ? 2 : 1;
+    const int nearest = value < about[1] ? 0 : value - about[1] < n ? value - about[1] : n - 1;
+    if (data.end - data.at < n || (about[2] == 16 && size == 1))
+        return false;
+    const int swapped = data.big_endian;
+    const int entry =
+        size == 1 ? data.at[nearest ^ swapped] : data.at[2 * nearest + swapped] | data.at[2 * nearest + !swapped] << 8;
+    *shade = fmin(entry / (about[2] == 8 ? 255.0 : 65535.0), 1);
+    return true;
+}
+
+static bool palette_colour(CtsElements e, int value, double rgb[3])
+{
+    char photometric[17];
+    bool is_known =
+        cts_elements_text(e, PHOTOMETRIC, photometric, sizeof photometric) && !strcmp(photometric, "PALETTE COLOR");
+    for (uint32_t c = 0; c < 3 && is_known; c++)
+        is_known = palette_channel(e, c, value, &rgb[c]);
+    return is_known;
+}
+
 static CtsStatus read_segments(Seg *s, CtsError *err)
 {
     CtsElements sequence = cts_elements_find(s->object->elements, SEGMENTS), item;
@@ -87,6 +119,9 @@ static CtsStatus read_segments(Seg *s, CtsError *err)
         int lab[3];
         if (cts_elements_shorts(item, DISPLAY_LAB, lab, 3))
             cts_label_take_lab(&labels->items[labels->n - 1], lab);
+        else if (s->type == LABELMAP)
+            labels->items[labels->n - 1].coloured =
+                palette_colour(s->object->elements, number, labels->items[labels->n - 1].rgb);
         s->label_of[number] = (int32_t)labels->n - 1;
     }
     return CTS_OK;
