@@ -1,6 +1,6 @@
 /* Numbers and texts by DICOM's grammar. */
 #include "dicom/header/dcm_read.h"
-#include "dicom/parser/elements.h"
+#include "dicom/reader/reader.h"
 #include "unit.h"
 #include <stdlib.h>
 #include <string.h>
@@ -26,7 +26,7 @@ static void test_decimal_strings(void **state)
     };
     for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
         double v[3] = {0};
-        if (!cts_dcm_parse_ds(good[i].text, strlen(good[i].text), v, good[i].n))
+        if (!cts_parse_ds(good[i].text, strlen(good[i].text), v, good[i].n))
             fail_msg("%s is refused", good[i].text);
         for (int k = 0; k < good[i].n; k++)
             assert_true(v[k] == good[i].v[k]);
@@ -51,7 +51,7 @@ static void test_decimal_strings(void **state)
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         double v[4];
-        if (cts_dcm_parse_ds(bad[i].text, strlen(bad[i].text), v, bad[i].n))
+        if (cts_parse_ds(bad[i].text, strlen(bad[i].text), v, bad[i].n))
             fail_msg("%s is taken for %d numbers", bad[i].text, bad[i].n);
     }
 }
@@ -59,12 +59,12 @@ static void test_decimal_strings(void **state)
 static void test_integer_strings(void **state)
 {
     int v = 0;
-    assert_true(cts_dcm_parse_is("12", 2, &v) && v == 12);
-    assert_true(cts_dcm_parse_is("-12 ", 4, &v) && v == -12);
-    assert_true(cts_dcm_parse_is(" +7", 3, &v) && v == 7);
+    assert_true(cts_parse_is("12", 2, &v) && v == 12);
+    assert_true(cts_parse_is("-12 ", 4, &v) && v == -12);
+    assert_true(cts_parse_is(" +7", 3, &v) && v == 7);
     static const char *const bad[] = {"", "14.5", "abc", "1e3", "99999999999", "1\\2", "+", "-", "+-1", "0x1"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
-        assert_false(cts_dcm_parse_is(bad[i], strlen(bad[i]), &v));
+        assert_false(cts_parse_is(bad[i], strlen(bad[i]), &v));
 }
 
 static void expect_text(const char *text, const char *charset, const char *wanted)

@@ -3,7 +3,7 @@
 #include "base/mem.h"
 #include "dicom/pixels/pixel_tasks.h"
 #include "dicom/header/dcm_read.h"
-#include "dicom/header/dicom_header.h"
+#include "dicom/header/pixel_places.h"
 #include "dicom/header/header_reader.h"
 #include "dicom/parser/tag_scan.h"
 #include "dicom_files.h"

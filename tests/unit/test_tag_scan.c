@@ -1,4 +1,5 @@
 /* The framing of files, sound and broken: where the pixels are, how deep it nests, and that nothing is believed. */
+#include "dicom/header/header_answer.h"
 #include "dicom/parser/tag_scan.h"
 #include "dicom_files.h"
 

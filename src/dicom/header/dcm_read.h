@@ -2,9 +2,8 @@
  * calls are thread-safe. */
 #pragma once
 
+#include "ctsplat/api.h"
 #include "ctsplat/status.h"
-#include "dicom/header/slice.h"
-#include "dicom/parser/tag_scan.h"
 #include <stddef.h>
 #include <stdint.h>
 
@@ -13,14 +12,6 @@ CTS_C_BEGIN
 /* Must precede any other use of DCMTK: turns its log off and loads the data dictionary, which takes several ms. Later
  * calls return the first result. */
 CtsStatus cts_dcm_start(CtsError *err);
-
-/* A data set in memory up to its pixels, in the uncompressed syntax `native`, and the result of cts_scan_data(). */
-typedef struct CtsDataSet {
-    const uint8_t *bytes;
-    size_t n;
-    const CtsDataScan *scan;
-    const CtsSyntax *native;
-} CtsDataSet;
 
 /* A readable name of the SOP class, such as "MR Image", truncated to size. */
 void cts_dcm_class_name(const char *class_uid, char *text, size_t size);

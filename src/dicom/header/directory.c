@@ -1,5 +1,5 @@
 /* DICOMDIR records -> file names. */
-#include "dicom/header/dicom_header.h"
+#include "dicom/header/dicom_object.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,15 +30,14 @@ static bool make_relative(char *id)
 CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
                                    CtsError *err)
 {
-    CtsDicomHeader head;
-    CtsScratch scratch = {0};
+    CtsDicomObject object;
     CtsElement records;
     CtsElements record;
     const char *const slash = strrchr(path, '/');
     const int n_folder = slash ? (int)(slash - path) + 1 : 0;
     *n_refused = 0;
-    CtsStatus st = cts_dicom_header_open(&head, &(CtsFile){.path = path}, &scratch, err);
-    if (!st && (head.kind != CTS_FILE_DICOM || !cts_elements_get(cts_dicom_header_elements(&head), RECORDS, &records)))
+    CtsStatus st = cts_dicom_object_open(&object, &(CtsFile){.path = path}, CTS_MAX_HEADER_BYTES, err);
+    if (!st && !cts_elements_get(object.elements, RECORDS, &records))
         st = cts_fail(err, CTS_ERR_READ, "cannot be read as a DICOMDIR (name the folder instead)");
     if (st)
         cts_context(err, "%s", path);
@@ -58,7 +57,6 @@ CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, vo
         st = found(context, file, err);
         free(file);
     }
-    cts_dicom_header_close(&head);
-    cts_scratch_free(&scratch);
+    cts_dicom_object_close(&object);
     return st;
 }

@@ -231,17 +231,21 @@ static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, in
     return CTS_OK;
 }
 
+bool cts_header_facts_hold(const CtsHeaderFacts *f, uint64_t n_file)
+{
+    return is_flag((const uint8_t *)&f->has_pixels) && is_flag((const uint8_t *)&f->pixel_words) &&
+           is_flag((const uint8_t *)&f->encapsulated) && memchr(f->syntax_uid, 0, sizeof f->syntax_uid) &&
+           f->odd < 2 * CTS_ODD_BURNED_IN && f->data_offset <= n_file && f->header_bytes < MAX_OFFSET &&
+           f->pixel_offset < MAX_OFFSET && f->pixel_bytes < MAX_OFFSET;
+}
+
 static bool is_sound_answer(const CtsHeaderAnswer *a, const uint8_t *bytes, size_t n)
 {
     const CtsObject *o = &a->object;
-    const CtsHeaderFacts *f = &a->facts;
     const bool has_slices = o->kind == CTS_OBJECT_CT || o->kind == CTS_OBJECT_ENHANCED;
     return (unsigned)o->kind <= CTS_OBJECT_LABELS && o->n_slices >= 0 && o->n_slices <= CTS_MAX_FRAMES &&
            (o->n_slices > 0) == has_slices && n > (size_t)o->n_slices * sizeof(CtsSlice) && !bytes[n - 1] &&
-           is_flag((const uint8_t *)&o->has_number) && is_flag((const uint8_t *)&f->has_pixels) &&
-           is_flag((const uint8_t *)&f->pixel_words) && is_flag((const uint8_t *)&f->encapsulated) &&
-           memchr(f->syntax_uid, 0, sizeof f->syntax_uid) && f->odd < 2 * CTS_ODD_BURNED_IN &&
-           f->data_offset < MAX_OFFSET && f->pixel_offset < MAX_OFFSET && f->pixel_bytes < MAX_OFFSET;
+           is_flag((const uint8_t *)&o->has_number);
 }
 
 CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes, size_t n, CtsStringPool *texts,

@@ -87,7 +87,7 @@ static CtsStatus ask_for_more(CtsHeaderReader *r, const CtsPendingHeader *file, 
 static CtsStatus take_object(CtsHeaderReader *r, const CtsPendingHeader *file, const CtsHeaderAnswer *a,
                              const uint8_t *answer, size_t n_answer, CtsError *err)
 {
-    if (a->at > n_answer || a->n > n_answer - a->at || a->facts.data_offset > file->n_file)
+    if (a->at > n_answer || a->n > n_answer - a->at || !cts_header_facts_hold(&a->facts, file->n_file))
         return cts_header_no_sense(err);
     CtsStatus st = cts_bytes_reserve(&r->copy, &r->copy_capacity, (size_t)a->n, err);
     if (st)
@@ -156,10 +156,10 @@ static void take_oldest(CtsHeaderReader *r)
 static void send_message(CtsHeaderReader *r)
 {
     const CtsHeaderMessage *m = &r->messages[r->n_sent];
-    const uint64_t n_files = (uint64_t)m->n_files;
-    if (!n_files)
+    const uint64_t order[] = {(uint64_t)m->n_files, CTS_MAX_HEADER_BYTES};
+    if (!m->n_files)
         return;
-    cts_sandbox_send(r->sandbox, &n_files, sizeof n_files, r->stream, m->n, m->n_answer);
+    cts_sandbox_send(r->sandbox, order, sizeof order, r->stream, m->n, m->n_answer);
     r->messages[++r->n_sent].n_files = 0;
 }
 

@@ -1,4 +1,4 @@
-#include "dicom/header/dicom_header.h"
+#include "dicom/header/pixel_places.h"
 
 #include "base/bytes.h"
 #include "base/mem.h"

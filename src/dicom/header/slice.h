@@ -48,7 +48,7 @@ typedef enum CtsIdentity {
     CTS_N_IDENTITY
 } CtsIdentity;
 
-/* Its texts are the reader's (CtsScratch), shared by the slices it has read. */
+/* Its texts are the reader's (CtsHeaderReader), shared by the slices it has read. */
 typedef struct CtsSlice {
     const char *path;      /* the file's (CtsFile) */
     const uint8_t *memory; /* the bytes of an archive\'s member, owned by the series list; NULL for a file */
@@ -131,17 +131,6 @@ typedef struct CtsSliceLabel {
     char text[320];
 } CtsSliceLabel;
 CtsSliceLabel cts_slice_label(const CtsSlice *slice);
-
-/* Working memory of one thread that reads headers, grown as needed. Zero-initialise; free with cts_scratch_free(). */
-typedef struct CtsScratch {
-    uint8_t *file, *inflated;
-    size_t file_capacity, inflated_capacity;
-    size_t max_header;           /* limit of bytes before the pixels; 0: CTS_MAX_HEADER_BYTES */
-    struct CtsSandbox *inflater; /* sandbox for deflated headers, started at the first one */
-    CtsStringPool texts;         /* of the slices read; the caller may take them over */
-} CtsScratch;
-
-void cts_scratch_free(CtsScratch *scratch);
 
 typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, CTS_FILE_UNREADABLE } CtsFileKind;
 

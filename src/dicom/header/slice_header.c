@@ -1,5 +1,5 @@
-#include "dicom/header/dicom_header.h"
 #include "dicom/header/header_reader.h"
+#include "dicom/header/pixel_places.h"
 
 static void check_pixels(const CtsHeaderFacts *f, CtsSlice *slice)
 {

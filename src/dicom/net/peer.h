@@ -3,7 +3,7 @@
 
 #include "base/text.h"
 #include "ctsplat/net.h"
-#include "dicom/header/dicom_header.h"
+#include "dicom/header/dicom_object.h"
 #include <stddef.h>
 #include <stdint.h>
 

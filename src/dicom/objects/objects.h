@@ -6,7 +6,7 @@
 #include "ctsplat/api.h"
 #include "ctsplat/labels.h"
 #include "ctsplat/series.h"
-#include "dicom/header/dicom_header.h"
+#include "dicom/header/dicom_object.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

@@ -5,6 +5,7 @@
 #include "base/mem.h"
 #include "ctsplat/bounds.h"
 #include "dicom/codec/pixels.h"
+#include "dicom/header/pixel_places.h"
 #include <string.h>
 
 typedef struct ScHeader {
@@ -17,31 +18,24 @@ typedef struct ScHeader {
 } ScHeader;
 
 typedef struct ScFile {
-    CtsScratch scratch;
-    CtsDicomHeader head;
+    CtsDicomObject head;
     ScHeader header;
     uint8_t *frame; /* the first one, decoded; owned */
     size_t frame_bytes;
 } ScFile;
 
-static CtsStatus open_head(const char *path, CtsDicomHeader *head, CtsScratch *scratch, CtsError *err)
-{
-    const CtsStatus st = cts_dicom_header_open(head, &(CtsFile){.path = path}, scratch, err);
-    return st || head->kind == CTS_FILE_DICOM ? st : cts_fail(err, CTS_ERR_READ, "is no DICOM file");
-}
-
 static CtsStatus open_object(const char *path, ScFile *f, CtsError *err)
 {
-    const CtsStatus st = open_head(path, &f->head, &f->scratch, err);
+    const CtsStatus st = cts_dicom_object_open(&f->head, &(CtsFile){.path = path}, CTS_MAX_HEADER_BYTES, err);
     const CtsSyntax *const syntax = f->head.syntax;
     if (st)
         return st;
-    if (f->head.odd & CTS_ODD_NO_SYNTAX)
+    if (f->head.facts.odd & CTS_ODD_NO_SYNTAX)
         return cts_fail(err, CTS_ERR_READ, "damaged: it names no transfer syntax");
     if (!syntax || syntax->codec >= CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
         return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not one pictures are read from (try dcmconv +te)",
-                        f->head.syntax_uid);
-    if (!f->head.scan.has_pixels || f->head.scan.encapsulated != cts_syntax_encapsulated(syntax))
+                        f->head.facts.syntax_uid);
+    if (!f->head.facts.has_pixels || f->head.facts.encapsulated != cts_syntax_encapsulated(syntax))
         return cts_fail(err, CTS_ERR_READ, "holds no pixels as its transfer syntax has them");
     return CTS_OK;
 }
@@ -99,7 +93,7 @@ static CtsStatus decode_object(ScFile *f, CtsError *err)
     CtsSandbox decoder = cts_codec_make();
     uint64_t *offset = NULL;
     const void *pixels;
-    CtsStatus st = cts_find_frames(&f->head.file, f->head.scan.pixel_offset, h->n_frames, &offset, err);
+    CtsStatus st = cts_find_frames(&f->head.file, f->head.facts.pixel_offset, h->n_frames, &offset, err);
     if (!st && !(st = cts_codec_submit(&decoder, &format, &f->head.file, offset[0], offset[1], err)) &&
         !(st = cts_sandbox_take(&decoder, &pixels, err)))
         memcpy(f->frame, pixels, f->frame_bytes);
@@ -112,7 +106,7 @@ static CtsStatus decode_object(ScFile *f, CtsError *err)
 static CtsStatus read_frame(ScFile *f, CtsError *err)
 {
     const ScHeader *h = &f->header;
-    const CtsDataScan *const scan = &f->head.scan;
+    const CtsHeaderFacts *const scan = &f->head.facts;
     const uint64_t left = f->head.file.n_bytes - scan->pixel_offset;
     f->frame_bytes = (size_t)h->width * h->height * h->n_samples * (h->bits_allocated / 8);
     if (!scan->encapsulated && (scan->pixel_bytes < f->frame_bytes || left < f->frame_bytes))
@@ -140,10 +134,10 @@ static void widen_pixels(const ScFile *f, CtsScPixels *pixels)
 
 CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
 {
-    ScFile f = {0};
+    ScFile f = {.head.file.fd = -1};
     *pixels = (CtsScPixels){0};
     CtsStatus st = open_object(path, &f, err);
-    if (!st && !(st = read_header(cts_dicom_header_elements(&f.head), &f.header, err)) && !(st = read_frame(&f, err))) {
+    if (!st && !(st = read_header(f.head.elements, &f.header, err)) && !(st = read_frame(&f, err))) {
         pixels->width = f.header.width;
         pixels->height = f.header.height;
         pixels->n_samples = f.header.n_samples;
@@ -152,8 +146,7 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     if (!st)
         widen_pixels(&f, pixels);
     cts_free(&f.frame);
-    cts_dicom_header_close(&f.head);
-    cts_scratch_free(&f.scratch);
+    cts_dicom_object_close(&f.head);
     return st ? cts_context(err, "%s", path) : st;
 }
 
@@ -184,14 +177,12 @@ static CtsStatus read_texts(CtsElements all, char **preset, char **options, char
 
 CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)
 {
-    CtsScratch scratch = {0};
-    CtsDicomHeader head;
+    CtsDicomObject head;
     *preset = *options = NULL;
     source_uid[0] = 0;
-    CtsStatus st = open_head(path, &head, &scratch, err);
+    CtsStatus st = cts_dicom_object_open(&head, &(CtsFile){.path = path}, CTS_MAX_HEADER_BYTES, err);
     if (!st)
-        st = read_texts(cts_dicom_header_elements(&head), preset, options, source_uid, err);
-    cts_dicom_header_close(&head);
-    cts_scratch_free(&scratch);
+        st = read_texts(head.elements, preset, options, source_uid, err);
+    cts_dicom_object_close(&head);
     return st ? cts_context(err, "%s", path) : st;
 }

@@ -15,8 +15,7 @@
 CTS_C_BEGIN
 
 enum {
-    CTS_MAX_NESTING = 64,           /* sequences inside sequences, as in DCMTK from 3.7.0 on */
-    CTS_MAX_HEADER_BYTES = 64 << 20 /* everything before PixelData, of a slice; measured: up to 68 kB in 379 files */
+    CTS_MAX_NESTING = 64 /* sequences inside sequences, as in DCMTK from 3.7.0 on */
 };
 
 typedef enum CtsScanResult {

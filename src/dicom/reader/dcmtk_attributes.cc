@@ -177,7 +177,7 @@ bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value
         return std::isfinite(single);
     }
     const std::string_view text = cts_attribute_text(item, tag);
-    return !text.empty() && cts_dcm_parse_ds(text.data(), text.size(), value, 1);
+    return !text.empty() && cts_parse_ds(text.data(), text.size(), value, 1);
 }
 
 bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern)

@@ -3,8 +3,7 @@
 #ifndef CTS_READER_DCMTK_ATTRIBUTES_HPP
 #define CTS_READER_DCMTK_ATTRIBUTES_HPP
 
-#include "dicom/header/header_answer.h"
-#include "dicom/parser/elements.h"
+#include "dicom/reader/reader.h"
 
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
@@ -66,7 +65,7 @@ void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject
 /* Adds at most `longest` characters of a text to the string pool. */
 const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest);
 
-/* Writes the records of a data set (dicom/parser/elements.h), in front of them its SOP class in the meta header, into
+/* Writes the records of a data set (dicom/header/elements.h), in front of them its SOP class in the meta header, into
  * at most n bytes; returns the number of bytes needed, more than n where they do not fit. */
 size_t cts_elements_pack(DcmItem &data_set, const char *class_uid, uint8_t *bytes, size_t n);
 

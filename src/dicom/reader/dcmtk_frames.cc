@@ -44,7 +44,7 @@ void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject
     int n_frames = 0;
     CtsAttributes object_alone{top};
     const std::string_view text = cts_attribute_text(object_alone, DCM_NumberOfFrames);
-    if (!cts_dcm_parse_is(text.data(), text.size(), &n_frames) || n_frames < 1 || n_frames > CTS_MAX_FRAMES)
+    if (!cts_parse_is(text.data(), text.size(), &n_frames) || n_frames < 1 || n_frames > CTS_MAX_FRAMES)
         return refuse(top, texts, object, "NumberOfFrames (0028,0008) is missing or not within 1 to 20000");
     if (!sequence || sequence->card() != static_cast<unsigned long>(n_frames))
         return refuse(top, texts, object,

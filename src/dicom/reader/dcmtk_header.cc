@@ -3,6 +3,7 @@
 #include "dicom/reader/dcmtk_attributes.hpp"
 #include "dicom/reader/reader.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -21,6 +22,7 @@ enum {
 struct Header {
     const uint8_t *bytes;
     const CtsHeaderItem &item;
+    size_t most; /* bytes in front of the pixels */
     CtsHeaderAnswer &answer;
     CtsMetaScan meta;
     CtsDataScan scan;
@@ -73,7 +75,7 @@ CtsHeaderResult find_syntax(Header &h)
 /* Checks the framing of n of n_all bytes. */
 CtsScanResult scan(Header &h, const uint8_t *bytes, size_t n, uint64_t n_all, size_t start)
 {
-    return cts_scan_data(bytes, n, n_all, start, h.native, CTS_MAX_HEADER_BYTES, &h.scan);
+    return cts_scan_data(bytes, n, n_all, start, h.native, h.most, &h.scan);
 }
 
 CtsHeaderResult scan_plain(Header &h)
@@ -93,7 +95,7 @@ CtsHeaderResult scan_deflated(Header &h)
         return refuse(h, "is a deflated file of more than 16 MiB (inflate it with dcmconv +te)");
     if (h.item.n < h.item.n_file)
         return ask_for(h, h.item.n_file, "header");
-    for (size_t want = FIRST_INFLATE; want <= CTS_MAX_HEADER_BYTES; want *= 2) {
+    for (size_t want = FIRST_INFLATE; want <= h.most; want *= 2) {
         size_t got = 0;
         h.inflated.resize(want);
         if (cts_inflate(h.bytes + start, h.item.n - start, 0, h.inflated.data(), want, &got, &err))
@@ -105,15 +107,14 @@ CtsHeaderResult scan_deflated(Header &h)
         if (result == CTS_SCAN_DONE)
             return CTS_HEADER_DONE;
     }
-    return refuse(h, "more than 64 MiB precede the pixels");
+    return refuse(h, "more than %zu MiB precede the pixels", h.most >> 20);
 }
 
-CtsHeaderResult read_data_set(Header &h, CtsStringPool &texts, CtsObject &object)
+CtsHeaderResult read_data_set(Header &h, DcmDataset &data)
 {
     const bool deflated = h.syntax && h.syntax->deflated;
     const uint8_t *const start = deflated ? h.inflated.data() : h.bytes + h.meta.data_offset;
     const size_t n = h.scan.header_end - (deflated ? 0 : h.meta.data_offset);
-    DcmDataset data;
     DcmInputBufferStream in;
     in.setBuffer(start, static_cast<offile_off_t>(n));
     in.setEos();
@@ -122,7 +123,6 @@ CtsHeaderResult read_data_set(Header &h, CtsStringPool &texts, CtsObject &object
     data.transferEnd();
     if (parsed.bad())
         return refuse(h, "damaged: DCMTK cannot read its data set (%s)", parsed.text());
-    cts_dcm_read_object(data, &texts, h.meta.sop_class_uid, &object);
     return CTS_HEADER_DONE;
 }
 
@@ -130,6 +130,7 @@ void put_facts(Header &h)
 {
     CtsHeaderFacts &facts = h.answer.facts;
     facts.data_offset = h.meta.data_offset;
+    facts.header_bytes = h.scan.header_end - (h.inflated.empty() ? h.meta.data_offset : 0);
     facts.has_pixels = h.scan.has_pixels;
     facts.pixel_words = h.scan.pixel_words;
     facts.encapsulated = h.scan.encapsulated;
@@ -138,7 +139,7 @@ void put_facts(Header &h)
     facts.float_pixels = h.scan.float_pixels;
 }
 
-CtsHeaderResult read_header(Header &h, CtsStringPool &texts, CtsObject &object)
+CtsHeaderResult read_header(Header &h, DcmDataset &data)
 {
     const CtsScanResult meta = cts_scan_meta(h.bytes, h.item.n, h.item.n_file, &h.meta);
     if (meta == CTS_SCAN_MORE)
@@ -152,35 +153,65 @@ CtsHeaderResult read_header(Header &h, CtsStringPool &texts, CtsObject &object)
     if (result == CTS_HEADER_BAD && !h.syntax && *h.meta.syntax_uid)
         return refuse(h, "transfer syntax %s is unknown (convert it with gdcmconv --raw)", h.meta.syntax_uid);
     put_facts(h);
-    return result == CTS_HEADER_DONE ? read_data_set(h, texts, object) : result;
+    return result == CTS_HEADER_DONE ? read_data_set(h, data) : result;
+}
+
+/* Writes the slices of a data set, or its elements as they are, into n bytes; the number of bytes needed. */
+using Pack = size_t (*)(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n);
+
+size_t pack_slices(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
+{
+    struct Owned {
+        CtsStringPool texts = {};
+        CtsObject object = {};
+        ~Owned()
+        {
+            cts_object_free(&object);
+            cts_string_pool_free(&texts);
+        }
+    } owned;
+    cts_dcm_read_object(data, &owned.texts, h.meta.sop_class_uid, &owned.object);
+    return cts_header_pack(&owned.object, &h.answer, bytes, n);
+}
+
+size_t pack_elements(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
+{
+    return h.answer.n = cts_elements_pack(data, h.meta.sop_class_uid, bytes, n);
 }
 
 /* One file's answer, at *used bytes of the message's. */
-void answer_file(const uint8_t *stream, const CtsHeaderItem &item, CtsHeaderAnswer &answer, uint8_t *out, size_t *used,
-                 size_t n_answer)
-{
-    CtsStringPool texts = {};
-    CtsObject object = {};
-    answer = CtsHeaderAnswer{};
-    try {
-        Header h{stream + item.at, item, answer, {}, {}, nullptr, nullptr, {}};
-        CtsHeaderResult result = read_header(h, texts, object);
-        if (result == CTS_HEADER_DONE) {
-            answer.at = *used;
-            const size_t n = cts_header_pack(&object, &answer, out + *used, n_answer - *used);
-            if (n > n_answer - *used) {
-                answer.need = n;
-                result = CTS_HEADER_ROOM;
-            } else {
-                *used += (n + 7) / 8 * 8 < n_answer - *used ? (n + 7) / 8 * 8 : n_answer - *used;
-            }
-        }
-        answer.result = result;
-    } catch (const std::bad_alloc &) {
-        answer.result = CTS_HEADER_MEMORY;
+void answer_file(Header &h, Pack pack, uint8_t *out, size_t *used, size_t n_answer)
+try {
+    DcmDataset data;
+    CtsHeaderResult result = read_header(h, data);
+    if (result == CTS_HEADER_DONE) {
+        const size_t room = n_answer - *used, n = pack(h, data, out + *used, room);
+        h.answer.at = *used;
+        h.answer.need = n;
+        result = n > room ? CTS_HEADER_ROOM : CTS_HEADER_DONE;
+        *used += n > room ? 0 : std::min((n + 7) / 8 * 8, room);
     }
-    cts_object_free(&object);
-    cts_string_pool_free(&texts);
+    h.answer.result = result;
+} catch (const std::bad_alloc &) {
+    h.answer.result = CTS_HEADER_MEMORY;
+}
+
+CtsStatus answer_message(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer, Pack pack,
+                         CtsError *err)
+{
+    uint64_t numbers[2]; /* of files, and limit of their headers */
+    std::memcpy(numbers, order, sizeof numbers);
+    auto *const items = reinterpret_cast<const CtsHeaderItem *>(stream);
+    auto *const answers = static_cast<CtsHeaderAnswer *>(answer);
+    size_t used = numbers[0] * sizeof *answers;
+    if (numbers[0] * sizeof *items > n || used > n_answer)
+        return cts_fail(err, CTS_ERR_INTERNAL, "a message of headers is too small");
+    for (uint64_t i = 0; i < numbers[0]; i++) {
+        answers[i] = CtsHeaderAnswer{};
+        Header h{stream + items[i].at, items[i], numbers[1], answers[i], {}, {}, nullptr, nullptr, {}};
+        answer_file(h, pack, static_cast<uint8_t *>(answer), &used, n_answer);
+    }
+    return CTS_OK;
 }
 
 } // namespace
@@ -188,14 +219,11 @@ void answer_file(const uint8_t *stream, const CtsHeaderItem &item, CtsHeaderAnsw
 CtsStatus cts_reader_headers(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
                              CtsError *err)
 {
-    uint64_t n_files;
-    std::memcpy(&n_files, order, sizeof n_files);
-    auto *const items = reinterpret_cast<const CtsHeaderItem *>(stream);
-    auto *const answers = static_cast<CtsHeaderAnswer *>(answer);
-    size_t used = n_files * sizeof *answers;
-    if (n_files * sizeof *items > n || used > n_answer)
-        return cts_fail(err, CTS_ERR_INTERNAL, "a message of headers is too small");
-    for (uint64_t i = 0; i < n_files; i++)
-        answer_file(stream, items[i], answers[i], static_cast<uint8_t *>(answer), &used, n_answer);
-    return CTS_OK;
+    return answer_message(order, stream, n, answer, n_answer, pack_slices, err);
+}
+
+CtsStatus cts_reader_object(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
+                            CtsError *err)
+{
+    return answer_message(order, stream, n, answer, n_answer, pack_elements, err);
 }

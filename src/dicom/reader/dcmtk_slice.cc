@@ -40,13 +40,13 @@ std::string_view part_of(std::string_view text, int n)
 bool numbers(CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
 {
     const std::string_view text = cts_attribute_text(item, tag);
-    return cts_dcm_parse_ds(text.data(), text.size(), values, n);
+    return cts_parse_ds(text.data(), text.size(), values, n);
 }
 
 bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
 {
     const std::string_view text = cts_attribute_text(item, tag);
-    return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
+    return !text.empty() && cts_parse_is(text.data(), text.size(), value);
 }
 
 /* Nothing below 0 is meant; -1 when it is missing. */
@@ -61,7 +61,7 @@ double seconds_of_day(std::string_view text)
 {
     double t = 0;
     if (text.size() < 6 || text.find('\\') != std::string_view::npos ||
-        !cts_dcm_parse_ds(text.data(), text.size(), &t, 1) || !(t >= 0 && t < 240000))
+        !cts_parse_ds(text.data(), text.size(), &t, 1) || !(t >= 0 && t < 240000))
         return -1;
     const double hours = std::floor(t / 1e4), minutes = std::floor(std::fmod(t, 1e4) / 100);
     return hours * 3600 + minutes * 60 + std::fmod(t, 100);

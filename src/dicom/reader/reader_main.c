@@ -6,6 +6,7 @@ int main(int argc, char **argv)
 {
     static const CtsSandboxTask tasks[CTS_N_READER_TASKS] = {
         [CTS_READER_HEADERS] = {cts_reader_headers, cts_reader_prepare, false},
+        [CTS_READER_OBJECT] = {cts_reader_object, cts_reader_prepare, false},
     };
     return cts_sandbox_serve(argc, argv, tasks, CTS_N_READER_TASKS);
 }

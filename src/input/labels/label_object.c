@@ -1,6 +1,8 @@
 #include "input/labels/label_reading.h"
 
+#include "base/mem.h"
 #include "base/text.h"
+#include "dicom/header/dcm_read.h"
 #include "dicom/parser/tag_scan.h"
 #include "dicom/protocol/pixel_sandbox.h"
 #include <stdio.h>
@@ -9,8 +11,8 @@
 
 enum { CHARSET = 0x00080005, CLASS = 0x00080016 };
 /* Largest number of bytes in front of the pixels, or inflated. Measured: segmentations have up to 1.5 kB for each
- * frame, so that this holds 700,000. */
-static const uint64_t MAX_BYTES = 1u << 30;
+ * frame, so that this holds 170,000. */
+static const uint64_t MAX_BYTES = 1u << 28;
 
 bool cts_label_is_dicom(const uint8_t *head, size_t n, char class_uid[65])
 {
@@ -23,39 +25,45 @@ bool cts_label_is_dicom(const uint8_t *head, size_t n, char class_uid[65])
 /* The data set up to the pixels' end, in memory. */
 static CtsStatus inflate_all(CtsLabelDicom *o, CtsError *err)
 {
-    const size_t start = o->head.meta.data_offset, n = (size_t)(o->pixel_offset + o->pixel_bytes);
+    const CtsFileBytes *const file = &o->object.file;
+    const uint64_t start = o->object.facts.data_offset;
+    const size_t n_deflated = (size_t)(file->n_bytes - start), n = (size_t)(o->pixel_offset + o->pixel_bytes);
+    CtsSandbox *inflater = NULL;
+    uint8_t *deflated = NULL;
     size_t got = 0;
     if (o->encapsulated || n > MAX_BYTES)
         return cts_fail(err, CTS_ERR_READ, "its deflated data set is too large (store it uncompressed)");
     if (!(o->inflated = malloc(n + 1)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = cts_codec_inflate(&o->scratch.inflater, o->scratch.file + start, o->head.n - start,
-                                           o->inflated, n, &got, err);
+    CtsStatus st = cts_alloc_array(&deflated, n_deflated, err);
+    if (!st && !(st = cts_file_bytes_read(file, deflated, n_deflated, start, err)))
+        st = cts_codec_inflate(&inflater, deflated, n_deflated, o->inflated, n, &got, err);
+    cts_free(&deflated);
+    cts_sandbox_free(&inflater);
     o->source = cts_file_bytes_in_memory(o->inflated, got);
     return st;
 }
 
 CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *err)
 {
-    *o = (CtsLabelDicom){.scratch.max_header = MAX_BYTES};
-    CtsDicomHeader *const h = &o->head;
-    CtsStatus st = cts_dicom_header_open(h, file, &o->scratch, err);
-    if (!st && h->kind != CTS_FILE_DICOM)
-        st = cts_fail(err, CTS_ERR_READ, "is no DICOM file");
-    if (!st && !h->syntax)
-        st = cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with dcmconv)", h->syntax_uid);
+    const CtsHeaderFacts *const facts = &o->object.facts;
+    *o = (CtsLabelDicom){.pixel_bytes = 0};
+    CtsStatus st = cts_dicom_object_open(&o->object, file, MAX_BYTES, err);
+    if (!st && !o->object.syntax)
+        st =
+            cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with dcmconv)", facts->syntax_uid);
     if (st)
         return st;
-    o->syntax = h->syntax;
-    o->elements = cts_dicom_header_elements(h);
-    o->has_pixels = h->scan.has_pixels;
-    o->encapsulated = h->scan.encapsulated;
-    o->pixel_words = h->scan.pixel_words;
-    o->pixel_offset = h->scan.pixel_offset;
-    o->pixel_bytes = h->scan.pixel_bytes;
-    o->source = h->file;
-    snprintf(o->class_uid, sizeof o->class_uid, "%s", h->meta.sop_class_uid);
-    cts_elements_text(o->elements, CLASS, o->class_uid, sizeof o->class_uid);
+    o->syntax = o->object.syntax;
+    o->elements = o->object.elements;
+    o->has_pixels = facts->has_pixels;
+    o->encapsulated = facts->encapsulated;
+    o->pixel_words = facts->pixel_words;
+    o->pixel_offset = facts->pixel_offset;
+    o->pixel_bytes = facts->pixel_bytes;
+    o->source = o->object.file;
+    if (!cts_elements_text(o->elements, CLASS, o->class_uid, sizeof o->class_uid))
+        cts_elements_text(o->elements, CTS_TAG_META_CLASS, o->class_uid, sizeof o->class_uid);
     cts_elements_text(o->elements, CHARSET, o->charset, sizeof o->charset);
     if (o->syntax->deflated && (st = inflate_all(o, err)))
         return st;
@@ -70,10 +78,9 @@ CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *
 
 void cts_label_dicom_close(CtsLabelDicom *o)
 {
-    cts_dicom_header_close(&o->head);
-    cts_scratch_free(&o->scratch);
+    cts_dicom_object_close(&o->object);
     free(o->inflated);
-    *o = (CtsLabelDicom){.head.file.fd = -1};
+    *o = (CtsLabelDicom){.object.file.fd = -1};
 }
 
 void cts_label_dicom_text(const CtsLabelDicom *o, CtsElements elements, uint32_t tag, char *text, size_t size)

@@ -6,7 +6,7 @@
 #include "ctsplat/report.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
-#include "dicom/header/dicom_header.h"
+#include "dicom/header/dicom_object.h"
 #include "input/files/nifti.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -43,8 +43,7 @@ const CtsLabelName *cts_label_names_find(const CtsLabelNames *names, int number)
 /* A DICOM object whose header is held in memory and whose pixels are read frame by frame. */
 
 typedef struct CtsLabelDicom {
-    CtsDicomHeader head;
-    CtsScratch scratch;
+    CtsDicomObject object;
     char class_uid[65], charset[65];
     const CtsSyntax *syntax;
     CtsElements elements;                       /* in front of the pixels */

@@ -47,18 +47,11 @@ typedef struct StructureSet {
     double held;      /* area of all contours */
 } StructureSet;
 
-static size_t n_values_of(CtsElements value)
-{
-    size_t n = value.at < value.end;
-    for (const uint8_t *p = value.at; p < value.end; p++)
-        n += *p == '\\';
-    return n;
-}
-
 static CtsStatus add_contour(StructureSet *s, CtsElements item, CtsError *err)
 {
     char type[17];
-    const size_t n = n_values_of(cts_elements_find(item, CONTOUR_DATA));
+    const CtsElements data = cts_elements_find(item, CONTOUR_DATA);
+    const size_t n = (size_t)(data.end - data.at) / sizeof(double);
     cts_elements_text(item, CONTOUR_TYPE, type, sizeof type);
     const bool is_xor = !strcmp(type, "CLOSEDPLANAR_XOR");
     if ((type[0] && strcmp(type, "CLOSED_PLANAR") && !is_xor) || n < 9) {
@@ -72,7 +65,7 @@ static CtsStatus add_contour(StructureSet *s, CtsElements item, CtsError *err)
     CtsStatus st = CTS_OK;
     if (!lps)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    else if (n % 3 || !cts_elements_decimals(item, CONTOUR_DATA, lps[0], (int)n))
+    else if (n % 3 || !cts_elements_decimals(item, CONTOUR_DATA, lps[0], n))
         st = cts_fail(err, CTS_ERR_READ, "a contour's ContourData (3006,0050) is not points of three numbers");
     if (!st)
         st = cts_outline_add(&s->outline, (const double(*)[3])lps, n / 3, is_xor, err);

@@ -2,7 +2,7 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "dicom/codec/pixels.h"
-#include "dicom/header/dicom_header.h"
+#include "dicom/header/pixel_places.h"
 #include "input/labels/label_reading.h"
 #include <math.h>
 #include <string.h>
@@ -74,17 +74,25 @@ static CtsElements macro(CtsElements own, CtsElements shared, uint32_t sequence)
 static bool palette_channel(CtsElements e, uint32_t channel, int value, double *shade)
 {
     int about[3];
-    const CtsElements data = cts_elements_find(e, PALETTE_DATA + channel);
-    if (!cts_elements_shorts(e, PALETTE_DESCRIPTOR + channel, about, 3) || (about[2] != 8 && about[2] != 16))
+    CtsElement data;
+    if (!cts_elements_shorts(e, PALETTE_DESCRIPTOR + channel, about, 3) || (about[2] != 8 && about[2] != 16) ||
+        !cts_elements_get(e, PALETTE_DATA + channel, &data) || data.kind == CTS_VALUE_TEXT)
         return false;
-    const int n = about[0] ? about[0] : 1 << 16, size = data.end - data.at >= 2 * n ? 2 : 1;
+    const uint8_t *const at = data.value.at;
+    const ptrdiff_t n_bytes = data.value.end - at;
+    const int n = about[0] ? about[0] : 1 << 16;
     const int nearest = value < about[1] ? 0 : value - about[1] < n ? value - about[1] : n - 1;
-    if (data.end - data.at < n || (about[2] == 16 && size == 1))
+    const int size = data.kind == CTS_VALUE_NUMBERS ? (int)sizeof(double) : n_bytes >= 2 * (ptrdiff_t)n ? 2 : 1;
+    double entry;
+    if (n_bytes < size * (ptrdiff_t)n || (about[2] == 16 && size == 1))
         return false;
-    const int swapped = data.big_endian;
-    const int entry =
-        size == 1 ? data.at[nearest ^ swapped] : data.at[2 * nearest + swapped] | data.at[2 * nearest + !swapped] << 8;
-    *shade = fmin(entry / (about[2] == 8 ? 255.0 : 65535.0), 1);
+    if (size == 1)
+        entry = at[nearest];
+    else if (size == 2)
+        entry = at[2 * nearest] | at[2 * nearest + 1] << 8;
+    else
+        memcpy(&entry, at + (size_t)nearest * sizeof entry, sizeof entry);
+    *shade = fmin(fmax(entry / (about[2] == 8 ? 255.0 : 65535.0), 0), 1);
     return true;
 }
 
@@ -105,7 +113,7 @@ static CtsStatus read_segments(Seg *s, CtsError *err)
     while (cts_items_next(&sequence, &item)) {
         int number;
         char name[512];
-        if (!cts_elements_integer(item, SEGMENT_NUMBER, &number) || number >= MAX_NUMBERS)
+        if (!cts_elements_integer(item, SEGMENT_NUMBER, &number) || number < 0 || number >= MAX_NUMBERS)
             return cts_fail(err, CTS_ERR_READ, "a segment has no number");
         if (s->label_of[number] >= 0)
             return cts_fail(err, CTS_ERR_READ, "two segments have the number %d", number);

@@ -73,7 +73,7 @@ static bool refers(CtsElements elements, const CtsSeries *series, int depth, boo
                                     : names_series(uid, series)))
                 return true;
         }
-        if (one.end - one.at >= 8 && !memcmp(one.at, "\xFE\xFF\x00\xE0", 4))
+        if (e.kind == CTS_VALUE_ITEMS)
             while (cts_items_next(&one, &item))
                 if (refers(item, series, depth + 1, slices))
                     return true;

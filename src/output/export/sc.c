@@ -192,18 +192,18 @@ static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *words, c
 static CtsStatus write_head(const CtsExportJob *job, const CtsDcmWriters *dcm, CtsScObject *object, CtsError *err)
 {
     const CtsSlice *lossy = lossy_slice(object->source);
-    CtsSliceHeader first, of_lossy;
-    CtsStatus st = cts_slice_header_open(&first, object->source->slices[0], err);
-    object->header = &first.head.data_set;
+    CtsDataSet first, of_lossy;
+    uint8_t *first_bytes, *lossy_bytes = NULL;
+    CtsStatus st = cts_slice_data_set(object->source->slices[0], &first_bytes, &first, err);
+    object->header = &first;
     if (!st && lossy) {
-        st = cts_slice_header_open(&of_lossy, lossy, err);
-        object->lossy = &of_lossy.head.data_set;
+        st = cts_slice_data_set(lossy, &lossy_bytes, &of_lossy, err);
+        object->lossy = &of_lossy;
     }
     if (!st)
         st = dcm->sc_write(object, sink, job->temp, err);
-    if (object->lossy)
-        cts_slice_header_close(&of_lossy);
-    cts_slice_header_close(&first);
+    cts_free(&first_bytes);
+    cts_free(&lossy_bytes);
     return st;
 }
 

@@ -200,17 +200,18 @@ static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *words, CtsDc
 static CtsStatus write_state_file(const char *path, CtsDcmState *s, bool force, CtsError *err)
 {
     CtsTempFile *temp = NULL;
-    CtsSliceHeader first;
+    CtsDataSet first;
+    uint8_t *bytes;
     const CtsDcmWriters *dcm = NULL;
-    CtsStatus st = cts_slice_header_open(&first, s->source->slices[0], err);
-    s->header = &first.head.data_set;
+    CtsStatus st = cts_slice_data_set(s->source->slices[0], &bytes, &first, err);
+    s->header = &first;
     if (!st && !(st = cts_temp_open(&temp, path, err)) && !(st = cts_dcm_writers(&dcm, err)) &&
         !(st = dcm->state_write(s, sink, temp, err))) {
         cts_temp_keep_private(temp);
         st = cts_temp_commit(&temp, force, NULL, err);
     }
     cts_temp_discard(&temp);
-    cts_slice_header_close(&first);
+    cts_free(&bytes);
     return st;
 }
 

@@ -1,5 +1,5 @@
 /* Text values by DICOM's grammar, in any locale. */
-#include "dicom/parser/elements.h"
+#include "dicom/reader/reader.h"
 
 #include <charconv>
 #include <string_view>
@@ -31,21 +31,21 @@ template <typename Number> bool parse_whole(std::string_view text, const char *l
 
 } // namespace
 
-int cts_dcm_parse_ds(const char *text, size_t n_bytes, double *values, int n_values)
+bool cts_parse_ds(const char *text, size_t n, double *values, int n_values)
 {
-    std::string_view rest(text, n_bytes);
+    std::string_view rest(text, n);
     for (int i = 0; i < n_values; i++) {
         const size_t end = rest.find('\\');
         if ((end == std::string_view::npos) != (i == n_values - 1) ||
             !parse_whole(rest.substr(0, end), "0123456789+-.eE", &values[i]))
-            return 0;
+            return false;
         if (end != std::string_view::npos)
             rest.remove_prefix(end + 1);
     }
-    return 1;
+    return true;
 }
 
-int cts_dcm_parse_is(const char *text, size_t n_bytes, int *value)
+bool cts_parse_is(const char *text, size_t n, int *value)
 {
-    return parse_whole(std::string_view(text, n_bytes), "0123456789+-", value);
+    return parse_whole(std::string_view(text, n), "0123456789+-", value);
 }

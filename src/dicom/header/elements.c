@@ -1,0 +1,107 @@
+#include "dicom/header/elements.h"
+
+#include <limits.h>
+#include <math.h>
+#include <string.h>
+
+bool cts_elements_next(CtsElements *rest, CtsElement *e)
+{
+    CtsRecord record;
+    const size_t n = (size_t)(rest->end - rest->at);
+    if (n < sizeof record)
+        return false;
+    memcpy(&record, rest->at, sizeof record);
+    const uint64_t padded = record.n + (8 - record.n % 8) % 8;
+    if (record.n > n - sizeof record || padded > n - sizeof record)
+        return false;
+    const uint8_t *const value = rest->at + sizeof record;
+    *e = (CtsElement){record.tag, (CtsValueKind)record.kind, {value, value + record.n}};
+    rest->at = value + padded;
+    return true;
+}
+
+bool cts_items_next(CtsElements *rest, CtsElements *item)
+{
+    CtsElement e;
+    if (!cts_elements_next(rest, &e) || e.kind != CTS_VALUE_ITEM)
+        return false;
+    *item = e.value;
+    return true;
+}
+
+bool cts_elements_get(CtsElements elements, uint32_t tag, CtsElement *e)
+{
+    while (cts_elements_next(&elements, e))
+        if (e->tag == tag)
+            return true;
+    return false;
+}
+
+/* The value of an element of one of two kinds; an empty one if there is none. */
+static CtsElements value_of(CtsElements elements, uint32_t tag, CtsValueKind kind, CtsValueKind other)
+{
+    CtsElement e;
+    return cts_elements_get(elements, tag, &e) && (e.kind == kind || e.kind == other)
+               ? e.value
+               : (CtsElements){elements.end, elements.end};
+}
+
+CtsElements cts_elements_find(CtsElements elements, uint32_t tag)
+{
+    CtsElement e;
+    return cts_elements_get(elements, tag, &e) ? e.value : (CtsElements){elements.end, elements.end};
+}
+
+CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag)
+{
+    CtsElements sequence = value_of(elements, sequence_tag, CTS_VALUE_ITEMS, CTS_VALUE_ITEMS), item;
+    return cts_items_next(&sequence, &item) ? item : (CtsElements){sequence.end, sequence.end};
+}
+
+bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t size)
+{
+    const CtsElements value = value_of(elements, tag, CTS_VALUE_TEXT, CTS_VALUE_BYTES);
+    const char *p = (const char *)value.at;
+    size_t n = (size_t)(value.end - value.at);
+    while (n && (p[n - 1] == ' ' || p[n - 1] == 0))
+        n--;
+    for (; n && *p == ' '; n--)
+        p++;
+    n = n < size ? n : size - 1;
+    memcpy(text, p, n);
+    text[n] = 0;
+    return n > 0;
+}
+
+bool cts_elements_integer(CtsElements elements, uint32_t tag, int *value)
+{
+    double number;
+    if (!cts_elements_decimals(elements, tag, &number, 1) || !(number >= INT_MIN && number <= INT_MAX) ||
+        number != (int)number)
+        return false;
+    *value = (int)number;
+    return true;
+}
+
+bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, size_t n)
+{
+    double numbers[3];
+    bool found = n <= 3 && cts_elements_decimals(elements, tag, numbers, n);
+    for (size_t i = 0; found && i < n; i++) {
+        found = numbers[i] >= 0 && numbers[i] <= UINT16_MAX;
+        values[i] = found ? (int)numbers[i] : 0;
+    }
+    return found;
+}
+
+bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, size_t n)
+{
+    const CtsElements v = value_of(elements, tag, CTS_VALUE_NUMBERS, CTS_VALUE_NUMBERS);
+    if ((size_t)(v.end - v.at) != n * sizeof *values)
+        return false;
+    memcpy(values, v.at, n * sizeof *values);
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(values[i]))
+            return false;
+    return true;
+}

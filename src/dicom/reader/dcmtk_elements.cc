@@ -1,0 +1,155 @@
+/* A data set -> records (dicom/header/elements.h). */
+#include "dicom/header/elements.h"
+#include "dicom/reader/dcmtk_attributes.hpp"
+#include "dicom/reader/reader.h"
+
+#include <cstring>
+
+namespace
+{
+
+/* Bytes that are written as far as they fit, and counted. */
+class Output
+{
+  public:
+    Output(uint8_t *bytes, size_t n) : bytes_(bytes), n_(n)
+    {
+    }
+    size_t used() const
+    {
+        return used_;
+    }
+    void put(const void *bytes, size_t n)
+    {
+        if (n && used_ <= n_ && n <= n_ - used_)
+            std::memcpy(bytes_ + used_, bytes, n);
+        used_ += n;
+    }
+    /* Begins a record; end() completes it. */
+    size_t begin(uint32_t tag, CtsValueKind kind)
+    {
+        const CtsRecord record = {tag, static_cast<uint32_t>(kind), 0};
+        put(&record, sizeof record);
+        return used_;
+    }
+    void end(size_t value)
+    {
+        const uint64_t n = used_ - value, zeros = 0;
+        if (used_ <= n_)
+            std::memcpy(bytes_ + value - sizeof n, &n, sizeof n);
+        put(&zeros, (8 - n % 8) % 8);
+    }
+    void record(uint32_t tag, CtsValueKind kind, const void *bytes, size_t n)
+    {
+        const size_t value = begin(tag, kind);
+        put(bytes, n);
+        end(value);
+    }
+
+  private:
+    uint8_t *bytes_;
+    size_t n_, used_ = 0;
+};
+
+uint32_t number_of(const DcmTagKey &tag)
+{
+    return static_cast<uint32_t>(tag.getGroup()) << 16 | tag.getElement();
+}
+
+/* The numbers of a text of DS or IS; false where one is none. */
+bool parse(std::string_view text, bool whole, std::vector<double> &values)
+{
+    for (bool more = !text.empty(); more;) {
+        const size_t end = text.find('\\');
+        const std::string_view part = text.substr(0, end);
+        int integer = 0;
+        double value = 0;
+        if (whole ? !cts_parse_is(part.data(), part.size(), &integer)
+                  : !cts_parse_ds(part.data(), part.size(), &value, 1))
+            return false;
+        values.push_back(whole ? integer : value);
+        more = end != std::string_view::npos;
+        if (more)
+            text.remove_prefix(end + 1);
+    }
+    return true;
+}
+
+template <typename Number>
+bool numbers(DcmElement &e, OFCondition (DcmElement::*get)(Number &, unsigned long), std::vector<double> &values)
+{
+    Number value;
+    const unsigned long n = e.getLength() / sizeof value;
+    for (unsigned long i = 0; i < n && (e.*get)(value, i).good(); i++)
+        values.push_back(value);
+    return values.size() == n;
+}
+
+bool binary_numbers(DcmElement &e, std::vector<double> &values)
+{
+    switch (e.ident()) {
+    case EVR_US:
+        return numbers<Uint16>(e, &DcmElement::getUint16, values);
+    case EVR_SS:
+        return numbers<Sint16>(e, &DcmElement::getSint16, values);
+    case EVR_UL:
+        return numbers<Uint32>(e, &DcmElement::getUint32, values);
+    case EVR_SL:
+        return numbers<Sint32>(e, &DcmElement::getSint32, values);
+    case EVR_FL:
+        return numbers<Float32>(e, &DcmElement::getFloat32, values);
+    case EVR_FD:
+        return numbers<Float64>(e, &DcmElement::getFloat64, values);
+    default:
+        return false;
+    }
+}
+
+void put_value(DcmElement &e, uint32_t tag, Output &out)
+{
+    std::vector<double> values;
+    const std::string_view text = cts_element_text(&e);
+    const bool is_text = cts_is_text(e.ident());
+    Uint8 *bytes = nullptr;
+    Uint16 *words = nullptr;
+    if (is_text && !((e.ident() == EVR_DS || e.ident() == EVR_IS) && parse(text, e.ident() == EVR_IS, values)))
+        out.record(tag, CTS_VALUE_TEXT, text.data(), text.size());
+    else if (is_text || binary_numbers(e, values))
+        out.record(tag, CTS_VALUE_NUMBERS, values.data(), values.size() * sizeof(double));
+    else if (e.getUint16Array(words).good() && words)
+        out.record(tag, CTS_VALUE_BYTES, words, e.getLength());
+    else if (e.getUint8Array(bytes).good() && bytes)
+        out.record(tag, CTS_VALUE_BYTES, bytes, e.getLength());
+    else
+        out.record(tag, CTS_VALUE_BYTES, nullptr, 0);
+}
+
+/* Not deeper than the framing's limit, which was checked (CTS_MAX_NESTING). */
+void put_item(DcmItem &item, Output &out)
+{
+    for (DcmObject *o = item.nextInContainer(nullptr); o; o = item.nextInContainer(o)) {
+        const uint32_t tag = number_of(o->getTag());
+        if (o->ident() != EVR_SQ) {
+            put_value(static_cast<DcmElement &>(*o), tag, out);
+            continue;
+        }
+        auto &sequence = static_cast<DcmSequenceOfItems &>(*o);
+        const size_t value = out.begin(tag, CTS_VALUE_ITEMS);
+        for (DcmObject *i = sequence.nextInContainer(nullptr); i; i = sequence.nextInContainer(i)) {
+            const size_t elements = out.begin(0, CTS_VALUE_ITEM);
+            put_item(static_cast<DcmItem &>(*i), out);
+            out.end(elements);
+        }
+        out.end(value);
+    }
+}
+
+} // namespace
+
+size_t cts_elements_pack(DcmItem &data_set, const char *class_uid, uint8_t *bytes, size_t n)
+{
+    Output out(bytes, n);
+    out.record(CTS_TAG_META_CLASS, CTS_VALUE_TEXT, class_uid, std::strlen(class_uid));
+    put_item(data_set, out);
+    return out.used();
+}
