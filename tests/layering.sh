@@ -21,11 +21,11 @@ src/dicom/parser  | |
 src/dicom/protocol | dicom/parser/ |
 src/dicom/header  | core/volume/stored.h dicom/parser/ dicom/protocol/ | iconv.h
 src/dicom/codec   | dicom/protocol/ dicom/header/ |
-src/dicom/pixels  | dicom/parser/ dicom/protocol/ dicom/header/ | openjpeg.h zip.h
+src/dicom/pixels  | dicom/parser/ dicom/protocol/ dicom/header/ | openjpeg.h zip.h zlib.h
 src/dicom/reader  | dicom/parser/ dicom/header/ | dicom_tags.inc
 src/dicom/objects | dicom/protocol/ dicom/header/ dicom/codec/ |
 src/dicom/net     | dicom/header/ | curl/ jansson.h netdb.h netinet/ openssl/
-src/input/files   | core/volume/box.h dicom/protocol/ dicom/header/ | zlib.h
+src/input/files   | core/volume/box.h dicom/protocol/ dicom/header/ |
 src/input/series  | dicom/header/ dicom/codec/ input/files/ |
 src/input/load    | core/volume/ dicom/header/slice.h dicom/codec/ input/files/ input/series/ |
 src/input/labels  | core/labels/ dicom/parser/ dicom/protocol/ dicom/header/ dicom/codec/ input/files/ | expat.h

@@ -19,7 +19,7 @@
 #include <unistd.h>
 
 enum {
-    PROGRAM_MEMORY = 128 << 20, /* address space of a program and its libraries; measured: 40 MiB with DCMTK */
+    PROGRAM_MEMORY = 128 << 20, /* address space of a program and its libraries; measured: 55 MiB with DCMTK */
     BASE_MEMORY = 256 << 20,    /* memory of a codec for any stream */
     ANSWER_MEMORY = 24,         /* and for each byte of the answer: OpenJPEG holds a pixel a few times as 32 bits */
     STREAM_MEMORY = 4,          /* and for each byte of the stream */

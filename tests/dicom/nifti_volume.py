@@ -50,6 +50,28 @@ def test_same_picture(scan, ijk, work):
         check(f'{name}: the same picture', found == expected, found if isinstance(found, str) else '')
 
 
+def test_gzip(scan, ijk, work):
+    """Members one behind another, with other bytes behind them; streams that end early or are damaged."""
+    path, packed = os.path.join(work, 'ct.nii'), os.path.join(work, 'ct.nii.gz')
+    write_nifti(path, ijk, affine(scan))
+    expected = picture(path, work)
+    with open(path, 'rb') as f:
+        plain = f.read()
+    whole = gzip.compress(plain, 0)
+    # The second member begins at each place beside the end of a part of 256 KiB that is read at a time.
+    first = 2**18 - len(gzip.compress(plain[:2**18], 0)) + 2**18
+    for n in (1, 400, *range(first - 2, first + 3)):
+        stream = gzip.compress(plain[:n], 0) + gzip.compress(plain[n:]) + b'more'
+        cases = {f'two members, {n}': (stream, None)}
+        if n == 1:
+            cases |= {'cut': (whole[:-3000], 'cut short'), 'damaged': (whole[:-8] + whole[:8], 'damaged')}
+        for name, (data, words) in cases.items():
+            with open(packed, 'wb') as f:
+                f.write(data)
+            found = picture(packed, work)
+            check(f'gzip: {name}', words in str(found) if words else found == expected, str(found)[-200:])
+
+
 def test_info(scan, ijk, work):
     path, mask = os.path.join(work, 'ct.nii.gz'), os.path.join(work, 'mask.nii')
     write_nifti(path, ijk, affine(scan))
@@ -161,7 +183,7 @@ def main():
     scan = Scan(os.path.join(ROOT, 'testdata', 'phantom'))
     values, padding = scan.hu()
     ijk = np.where(padding, -1024, values).astype(int).transpose(2, 1, 0)
-    for test in (test_same_picture, test_info, test_lost, test_refused, test_batch):
+    for test in (test_same_picture, test_gzip, test_info, test_lost, test_refused, test_batch):
         with tempfile.TemporaryDirectory() as work:
             test(scan, ijk, work)
     sys.exit(1 if failures else 0)

@@ -10,6 +10,8 @@ CTS_C_BEGIN
 /* Its tasks (CtsPixelsTask), by cts_sandbox_work_fn. */
 CtsStatus cts_pixels_decode(const void *order, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
                             CtsError *err);
+CtsStatus cts_pixels_gunzip(const void *order, const uint8_t *part, size_t n, void *answer, size_t n_answer,
+                            CtsError *err);
 CtsStatus cts_pixels_unzip(const void *order, const uint8_t *zip, size_t n, void *room, size_t n_room, CtsError *err);
 CtsStatus cts_pixels_encode(const void *order, const uint8_t *samples, size_t n, void *answer, size_t n_answer,
                             CtsError *err);

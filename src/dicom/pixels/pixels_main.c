@@ -19,6 +19,7 @@ int main(int argc, char **argv)
     static const CtsSandboxTask tasks[CTS_N_PIXELS_TASKS] = {
         [CTS_PIXELS_DECODE] = {cts_pixels_decode, cts_dcm_start_decoders, false},
         [CTS_PIXELS_INFLATE] = {inflate_start, NULL, false},
+        [CTS_PIXELS_GUNZIP] = {cts_pixels_gunzip, NULL, false},
         [CTS_PIXELS_UNZIP] = {cts_pixels_unzip, NULL, false},
         [CTS_PIXELS_ENCODE] = {cts_pixels_encode, NULL, true},
     };

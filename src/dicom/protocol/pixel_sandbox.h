@@ -16,6 +16,8 @@ CTS_C_BEGIN
 typedef enum CtsPixelsTask {
     CTS_PIXELS_DECODE,  /* CtsFrameOrder; a frame's fragments as items, or a deflated data set; the frame's pixels */
     CTS_PIXELS_INFLATE, /* the start of a raw deflate stream; CtsInflated, then its bytes */
+    CTS_PIXELS_GUNZIP,  /* uint64_t, the bytes unpacked until now; a gzip file's next part; CtsUnpacked, then its bytes
+                         */
     CTS_PIXELS_UNZIP,   /* a zip file; CtsMemberRecord and member, repeated */
     CTS_PIXELS_ENCODE, /* CtsEncodeOrder; samples of this program; a size_t, then the JPEG 2000 stream of that length */
     CTS_N_PIXELS_TASKS
@@ -61,6 +63,11 @@ static inline size_t cts_member_aligned(size_t n)
 {
     return (n + CTS_MEMBER_ALIGNMENT - 1) / CTS_MEMBER_ALIGNMENT * CTS_MEMBER_ALIGNMENT;
 }
+
+/* Progress in a gzip file: bytes taken of the part, and bytes made. Both are 0 at the file's end. */
+typedef struct CtsUnpacked {
+    uint64_t n_taken, n_bytes;
+} CtsUnpacked;
 
 /* A frame to be compressed. */
 typedef struct CtsEncodeOrder {

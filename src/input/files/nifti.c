@@ -2,18 +2,18 @@
 
 #include "base/mem.h"
 #include "base/vec3.h"
-#include <errno.h>
+#include "dicom/protocol/pixel_sandbox.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
-#include <zlib.h>
 
 /* SIZE_1, SIZE_2: bytes of the headers of NIfTI-1 and NIfTI-2. CHUNK: bytes that are read at a time, which stay in the
  * L2 cache. MAX_EXTENSION: longest extension that is read for names of labels, 256 bytes for each of 65536. MAX_DIM:
  * largest dimension of NIfTI-1. */
 enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MAX_EXTENSION = 16 << 20, MAX_DIM = 32767 };
+/* Parts of a packed file in a sandbox, packed and unpacked: large enough that messages cost nothing. */
+enum { PACKED_PART = 1 << 18, PART = (1 << 20) - (int)sizeof(CtsUnpacked) };
 enum { MAX_PACKED = 1032 }; /* largest ratio of deflate: matches of 258 bytes in 2 bits */
 
 /* All datatypes that hold one number a voxel. */
@@ -54,24 +54,53 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path)
     return NULL;
 }
 
-/* zlib reads packed and plain files alike. */
+/* The next part of a packed file, unpacked in a sandbox. */
+static CtsStatus unpack_part(CtsNifti *f, CtsError *err)
+{
+    const uint64_t left = f->file->n_bytes - f->file_at;
+    const size_t n = left < PACKED_PART ? (size_t)left : PACKED_PART;
+    CtsUnpacked made;
+    uint8_t *packed;
+    const void *answer;
+    CtsStatus st = cts_sandbox_new(&f->unpacker, CTS_PIXELS_PROGRAM, CTS_PIXELS_GUNZIP, "unpacker", 1, err);
+    if (!st)
+        st = cts_sandbox_room(f->unpacker, PACKED_PART, sizeof made + PART, &packed, err);
+    if (st || (st = cts_file_bytes_read(f->file, packed, n, f->file_at, err)))
+        return st;
+    cts_sandbox_send(f->unpacker, &f->n_unpacked, sizeof f->n_unpacked, packed, n, sizeof made + PART);
+    if ((st = cts_sandbox_take(f->unpacker, &answer, err)))
+        return st == CTS_ERR_PIXELS ? (err->status = CTS_ERR_READ) : st;
+    memcpy(&made, answer, sizeof made);
+    if (made.n_taken > n || made.n_bytes > PART || (made.n_taken == 0 && made.n_bytes == 0))
+        return cts_fail(err, CTS_ERR_READ, "cut short: its gzip stream ends before the last voxel");
+    f->part = (const uint8_t *)answer + sizeof made;
+    f->n_part = (size_t)made.n_bytes;
+    f->file_at += made.n_taken;
+    f->n_unpacked += made.n_bytes;
+    return CTS_OK;
+}
+
+/* bytes NULL: skips them. */
 static CtsStatus read_nifti_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
 {
-    enum { MOST = 1 << 30 }; /* gzread() returns an int */
+    f->at += n;
+    if (!f->is_packed && f->at > f->file->n_bytes)
+        return cts_fail(err, CTS_ERR_READ, "cut short: its %llu bytes end before the last voxel",
+                        (unsigned long long)f->file->n_bytes);
+    if (!f->is_packed)
+        return bytes ? cts_file_bytes_read(f->file, bytes, n, f->at - n, err) : CTS_OK;
     while (n > 0) {
-        const unsigned part = n < MOST ? (unsigned)n : MOST;
-        int why = Z_OK;
-        if (gzread(f->stream, bytes, part) != (int)part) {
-            gzerror(f->stream, &why);
-            return why == Z_MEM_ERROR    ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
-                   : why == Z_ERRNO      ? cts_fail(err, CTS_ERR_READ, "cannot be read: %s", strerror(errno))
-                   : why == Z_DATA_ERROR ? cts_fail(err, CTS_ERR_READ, "its gzip stream is damaged")
-                   : f->is_packed ? cts_fail(err, CTS_ERR_READ, "cut short: its gzip stream ends before the last voxel")
-                                  : cts_fail(err, CTS_ERR_READ, "cut short: its %llu bytes end before the last voxel",
-                                             (unsigned long long)f->file->n_bytes);
+        const size_t m = n < f->n_part ? n : f->n_part;
+        if (bytes && m) {
+            memcpy(bytes, f->part, m);
+            bytes += m;
         }
-        bytes += part;
-        n -= part;
+        f->part += m;
+        f->n_part -= m;
+        n -= m;
+        const CtsStatus st = n > 0 ? unpack_part(f, err) : CTS_OK;
+        if (st)
+            return st;
     }
     return CTS_OK;
 }
@@ -282,33 +311,18 @@ static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const NiftiLayout *l,
 /* The extension between header and voxels: 4 bytes, then blocks of a size, a code and text of any kind. */
 static CtsStatus read_extension(CtsNifti *f, uint64_t offset, CtsError *err)
 {
-    const uint64_t at = (uint64_t)gztell(f->stream);
+    const uint64_t at = f->at;
     if (offset < at)
         return cts_fail(err, CTS_ERR_READ, "its voxels begin inside its header");
     /* where the file ends earlier, reading the voxels fails with a message */
     if (offset - at <= 12 || offset - at > MAX_EXTENSION)
-        return gzseek(f->stream, (z_off_t)offset, SEEK_SET) < 0
-                   ? cts_fail(err, CTS_ERR_READ, "cut short in its extension")
-                   : CTS_OK;
+        return read_nifti_bytes(f, NULL, (size_t)(offset - at), err);
     if (!f->is_packed && offset > f->file->n_bytes)
         return cts_fail(err, CTS_ERR_READ, "cut short in its extension");
     if (!(f->extension = malloc((size_t)(offset - at))))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     f->n_extension = (size_t)(offset - at);
     return read_nifti_bytes(f, (uint8_t *)f->extension, f->n_extension, err);
-}
-
-static CtsStatus open_stream(CtsNifti *f, CtsError *err)
-{
-    const int fd = f->file->memory ? -1 : dup(f->file->fd);
-    if (fd < 0 || lseek(fd, 0, SEEK_SET))
-        return cts_fail(err, CTS_ERR_READ, "cannot be read: %s", f->file->memory ? "it is no file" : strerror(errno));
-    if (!(f->stream = gzdopen(fd, "rb"))) {
-        close(fd);
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
-    gzbuffer(f->stream, CHUNK);
-    return CTS_OK;
 }
 
 CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
@@ -321,7 +335,7 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
     if ((st = cts_file_bytes_read(file, magic, 2, 0, err)))
         return st;
     f->is_packed = magic[0] == 0x1F && magic[1] == 0x8B;
-    if ((st = open_stream(f, err)) || (st = read_nifti_bytes(f, h, SIZE_1, err)))
+    if ((st = read_nifti_bytes(f, h, SIZE_1, err)))
         return st;
     f->big_endian = h[0] == 0;
     const uint64_t size = integer_at(f, h, 4);
@@ -346,8 +360,7 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
 
 void cts_nifti_close(CtsNifti *f)
 {
-    if (f->stream)
-        gzclose(f->stream);
+    cts_sandbox_free(&f->unpacker);
     free(f->extension);
     *f = (CtsNifti){0};
 }

@@ -25,8 +25,12 @@ typedef struct CtsNifti {
     /* The source of the numbers: */
     const CtsFileBytes *file;
     bool big_endian;
-    bool is_packed;          /* with gzip */
-    struct gzFile_s *stream; /* zlib's, of the file unpacked */
+    uint64_t at;                  /* of the numbers' bytes */
+    bool is_packed;               /* with gzip */
+    struct CtsSandbox *unpacker;  /* of a packed file */
+    uint64_t file_at, n_unpacked; /* bytes that it has taken, and made */
+    const uint8_t *part;          /* n_part bytes that it has made and that are not read */
+    size_t n_part;
 } CtsNifti;
 
 /* True if a file that begins so is NIfTI, plain or packed with gzip. */
