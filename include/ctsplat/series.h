@@ -39,7 +39,7 @@ typedef struct CtsSeriesRules {
 
 typedef struct CtsSeries {
     char uid[65]; /* SeriesInstanceUID (0020,000E); "" where missing */
-    int part;     /* 0; or 1, 2, ... where the UID holds several volumes at the same positions */
+    int part;     /* 0; or 1, 2, ... where the UID holds several volumes at the same or alternating positions */
     char study_uid[65];
     /* Like the description it may identify the patient: print only when requested. */
     char study_date[11]; /* (0008,0020) as YYYY-MM-DD; "" where missing */
