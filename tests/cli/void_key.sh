@@ -6,7 +6,7 @@ small="--size 60x60 -p skin"
 ok render "$data/phantom" $small --engine void -o strict.png --log strict.log
 ok render "$data/phantom" $small --engine void --void key -o key.png --log key.log --threads 1
 has err 'warning: --void key: below -[0-9]+ HU counts as void: [0-9.]+ % of the voxels .* [0-9.e-]+ % of the opacity'
-has err 'verified 256 pixels: rmse'
+has err 'verified 256 pixels, in 1/255: rmse'
 has key.log '"skipped".*"void tissue".*% of the opacity'
 has key.log '"event":"error".*"pixels":256'
 grep -q '"event":"error"' strict.log && fail "strict was verified unasked"

@@ -110,9 +110,17 @@ static void scales(void **state)
         s.grey_bits = i == 1 ? 8 : 16;
         CtsPicture *a = render(v, &relative, &s, NULL), *b = render(v, &stored, &s, NULL);
         assert_same_picture(a, b, "engine %s", cts_engine_names[engines[i]]);
+        assert_true(a->info.shows_skin); /* as of any MR */
         cts_picture_free(&a);
         cts_picture_free(&b);
     }
+    CtsRenderSettings by_key = settings_for(CTS_ENGINE_VOID, 33, 30, 20);
+    by_key.void_key = 1;
+    CtsReport report = {0};
+    CtsPicture *keyed = render(v, &relative, &by_key, &report);
+    assert_non_null(cts_diagnostics_find(&report.diagnostics, CTS_DIAGNOSTIC_VOID_KEY_UNUSED));
+    cts_picture_free(&keyed);
+    cts_report_free(&report);
     for (int bits = 8; bits <= 16; bits += 8) {
         CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 33, 30, 20);
         s.grey_bits = bits;

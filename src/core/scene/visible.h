@@ -9,5 +9,6 @@
  * the settings' mode; voxel_labels: the volume's, or NULL. */
 bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labels);
 
-/* True when skin may be visible, so that a face may be recognised; in doubt too. extinction_scale as in CtsScene. */
+/* True when skin of a CT may be visible, so that a face may be recognised; in doubt too. extinction_scale as in
+ * CtsScene. */
 bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsVoxelLabels *voxel_labels);

@@ -276,17 +276,23 @@ static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScen
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->light_behind = is_light_behind(scene->preset);
-    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->given.voxel_labels);
+    info->shows_skin = scene->volume->quantity != CTS_QUANTITY_HU ||
+                       cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->given.voxel_labels);
     info->grey = cts_scene_is_grey(scene->preset, frame->frames->given.voxel_labels);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
     info->occlusion = cts_openness_counts(scene->preset) ? scene->preset->occlusion : 0;
+}
+
+static bool is_hu(const CtsFrames *f)
+{
+    return f->original->volume->quantity == CTS_QUANTITY_HU;
 }
 
 /* The void key for the transfer function's table; the mixture is that of the volume as loaded. */
 static CtsStatus find_key(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (f->settings.void_key && f->engine->uses_void_key && !f->key_found &&
+    if (f->settings.void_key && f->engine->uses_void_key && !f->key_found && is_hu(f) &&
         !(st = cts_void_key_find(f->original->volume, scene->preset, scene->settings->n_threads, &f->key, report, err)))
         f->key_found = true;
     return st;
@@ -309,6 +315,10 @@ static void report_key_once(CtsFrames *f, CtsReport *report)
         return;
     if (!f->engine->uses_void_key)
         report_no_key(f->engine, report);
+    else if (!is_hu(f))
+        cts_report_diagnostic(
+            report, CTS_DIAGNOSTIC_VOID_KEY_UNUSED,
+            "`void_key`: the mixture model is one of HU, so only what is provably invisible is skipped");
     else if (f->key_found)
         cts_void_key_report(&f->key, &f->preset, report);
     f->key_reported = true;
