@@ -263,6 +263,7 @@ CtsStatus cts_search_study(const CtsSeriesQuery *query, const CtsNet *net, CtsAs
     CtsStatus st = cts_search_begin(&search, query, &study, found, err);
     if (!st)
         st = ask(connection, &search, err);
+    search.warning = NULL; /* of keys that peers must heed, or that are returned alone */
     cts_search_end(&search, net->report);
     return st;
 }

@@ -59,6 +59,7 @@ static CtsStatus use_answer(NetCall *c, CtsError *err)
     CtsNetAnswer *const a = &c->answer;
     CtsFoundSeries *const f = &a->found;
     a->result.error.text[sizeof a->result.error.text - 1] = a->result.remedy[sizeof a->result.remedy - 1] = 0;
+    cts_text_clean(a->result.error.text);
     f->study_uid[sizeof f->study_uid - 1] = f->series_uid[sizeof f->series_uid - 1] = 0;
     f->modality[sizeof f->modality - 1] = f->study_date[sizeof f->study_date - 1] = 0;
     f->description[sizeof f->description - 1] = 0;
