@@ -37,7 +37,7 @@ ok render "$data/phantom" $small -p skin --slab 5 --slab-at 1000 -o none.png
 has err 'warning: nothing .* lies in the slab'
 ok render "$data/phantom" $small -p soft --explain
 has out '--remove-table off: everything'
-for window in 5 80,0 1,1 a,b 1,2,3; do
+for window in 5 80,80 1,1 a,b 1,2,3; do
     refused 2 'window' render "$data/phantom" $small -p soft --window $window -o x.png
 done
 

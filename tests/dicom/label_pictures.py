@@ -23,7 +23,7 @@ def run(*words):
 
 
 def presets():
-    return [p['name'] for p in json.loads(run('presets', '--json').stdout)['presets'] if p['mode'] == 'composite']
+    return [p['name'] for p in json.loads(run('presets', '--json').stdout)['presets'] if p['mode'] == 'composite' and p.get('scale', 'HU') == 'HU']
 
 
 def compared(a, b):

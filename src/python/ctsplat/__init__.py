@@ -108,7 +108,7 @@ class _Report:
 
 
 _FLAGS = {"allow_missing_slices", "deidentify", "explain", "force", "insecure_http", "label_colours", "new_uids",
-          "show_paths"}
+          "show_paths", "summary"}
 
 
 def _values(name: str, value: Any) -> List[str]:
