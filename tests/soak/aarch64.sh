@@ -67,7 +67,7 @@ left_out=(archive codecs frames limits sandbox sc parallel
     framing mixture mutation openness paper_equal renderer rows sheets table tiled tiled_light verify)
 mapfile -t names < <(find tests/unit -name 'test_*.c' -printf '%f\n' | sed 's/^test_//; s/\.c$//' |
     grep -vxF "$(printf '%s\n' "${left_out[@]}")" | sort)
-ninja -C "$build" src/cli/ctsplat src/cli/ctsplat-pixels src/cli/libctsplat-dcmtk.so "${names[@]/#/tests/unit/test_}" </dev/null
+ninja -C "$build" programs "${names[@]/#/tests/unit/test_}" </dev/null
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
