@@ -18,6 +18,7 @@ import zipfile
 
 OPTIONS = ["--size", "48x48", "--presets", "bone,skin", "--views", "anterior,30,-20", "--formats", "png,dcm"]
 N_OUTPUTS = 8
+N_FILES = N_OUTPUTS + 5  # with four previews, and the sections of the volume
 
 
 def check(condition, *words):
@@ -322,7 +323,7 @@ def test_lock(b):
     check(third.returncode == 1 and "running there" in third.stderr, third.stderr)
     first.send_signal(signal.SIGCONT)
     check(first.wait() == 0, first.stderr.read())
-    check(len(b.outputs("o")) == 4 * (N_OUTPUTS + 4), "outputs")
+    check(len(b.outputs("o")) == 4 * N_FILES, "outputs")
 
 
 def test_shards(b):
@@ -395,7 +396,7 @@ def test_signals(b):
             check(messages.count("error: interrupted") == 1, messages)
         b.outputs("o%d" % i)
         b.ok(0, archive, "-O", "o%d" % i, *OPTIONS)
-        check(len(b.outputs("o%d" % i)) == 8 * (N_OUTPUTS + 4), "outputs")
+        check(len(b.outputs("o%d" % i)) == 8 * N_FILES, "outputs")
 
 
 def test_outputs(b):
