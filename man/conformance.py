@@ -40,7 +40,7 @@ def attributes(*names):
 codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG",
           "DEFLATE": "zlib", "COPY": "ctsplat", "NONE": "refused", "REMOTE": "refused"}
 syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
-            re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("dicom/parser/syntax.c"))]
+            re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("dicom/protocol/syntax.c"))]
 written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [
     (next(n for n, u, _ in syntaxes if u == uid), uid, name.lower().replace("_", "-"))
     for name, uid in re.findall(r'\[CTS_SC_(\w+)\] = \{"([0-9.]+)"', source("output/export/sc.c"))]

@@ -17,18 +17,17 @@ src/core/labels   | core/volume/ core/model/ |
 src/core/couch    | core/volume/ core/model/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/model/ core/transfer/lut.h |
-src/dicom/parser  | |
-src/dicom/protocol | dicom/parser/ |
-src/dicom/header  | core/volume/stored.h dicom/parser/ dicom/protocol/ | iconv.h
+src/dicom/protocol | |
+src/dicom/header  | core/volume/stored.h dicom/protocol/ | iconv.h
 src/dicom/codec   | dicom/protocol/ dicom/header/ |
-src/dicom/pixels  | dicom/parser/ dicom/protocol/ dicom/header/ | openjpeg.h zip.h zlib.h
-src/dicom/reader  | dicom/parser/ dicom/header/ | dicom_tags.inc
+src/dicom/pixels  | dicom/protocol/ dicom/header/ | openjpeg.h zip.h zlib.h
+src/dicom/reader  | dicom/protocol/ dicom/header/ | dicom_tags.inc
 src/dicom/objects | dicom/protocol/ dicom/header/ dicom/codec/ |
 src/dicom/net     | dicom/header/ | curl/ jansson.h netdb.h netinet/ openssl/
 src/input/files   | core/volume/box.h dicom/protocol/ dicom/header/ |
 src/input/series  | dicom/header/ dicom/codec/ input/files/ |
 src/input/load    | core/volume/ dicom/header/slice.h dicom/codec/ input/files/ input/series/ |
-src/input/labels  | core/labels/ dicom/parser/ dicom/protocol/ dicom/header/ dicom/codec/ input/files/ | expat.h
+src/input/labels  | core/labels/ dicom/protocol/ dicom/header/ dicom/codec/ input/files/ | expat.h
 src/engine/project | core/model/ core/scene/ |
 src/engine/tiled  | core/model/ core/scene/ engine/project/project.h |
 src/engine/sheets | core/model/ core/scene/ |
@@ -189,7 +188,7 @@ breach src/cli/a.c '"core/scene/engine.h"'
 breach src/engine/tiled/a.c '"engine/splat/sheet.h"'
 breach src/engine/splat/a.c '"engine/tiled/tiled_march.h"'
 breach src/input/files/a.c '"input/series/slice_stack.h"'
-breach src/dicom/parser/a.c '"dicom/header/slice.h"'
+breach src/dicom/protocol/a.c '"dicom/header/slice.h"'
 breach src/dicom/net/a.c '"input/files/scan.h"'
 breach src/dicom/header/a.c '"input/load/load.h"'
 breach src/render/error/a.c '"render/frames/frames.h"'

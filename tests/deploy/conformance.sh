@@ -8,7 +8,7 @@ trap 'rm -rf "$work"' EXIT
 command -v dcmdump >/dev/null || exit 77
 
 # The page must name: UIDs in the source's tables, DCMTK's names of others, keywords of written attributes.
-grep -ohE '"1\.2\.840\.10008\.[0-9.]+"' "$root"/src/dicom/parser/syntax.c "$root"/src/dicom/reader/dcmtk_slice.cc \
+grep -ohE '"1\.2\.840\.10008\.[0-9.]+"' "$root"/src/dicom/protocol/syntax.c "$root"/src/dicom/reader/dcmtk_slice.cc \
     "$root"/src/output/export/sc.c "$root"/src/dicom/net/net.c | tr -d '"' | grep -vx '1\.2\.840\.10008\.' >"$work/words"
 grep -ohE 'UID_[A-Za-z0-9_]+(Storage|Syntax|Model)\b' "$root"/src/dicom/net/dimse.cc "$root"/src/dicom/net/ct_storage.hpp "$root"/src/dicom/objects/*.cc |
     sed 's/^UID_//' >>"$work/words"

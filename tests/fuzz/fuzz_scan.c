@@ -1,6 +1,6 @@
 /* The framing's check and the reader of headers, as its process runs them, and the check of its answers. */
 #include "dicom/header/header_answer.h"
-#include "dicom/parser/tag_scan.h"
+#include "dicom/protocol/dicom_begin.h"
 #include "dicom/reader/reader.h"
 #include "fuzz.h"
 #include <stdlib.h>

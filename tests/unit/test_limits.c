@@ -5,7 +5,7 @@
 #include "dicom/header/dcm_read.h"
 #include "dicom/header/pixel_places.h"
 #include "dicom/header/header_reader.h"
-#include "dicom/parser/tag_scan.h"
+#include "dicom/reader/tag_scan.h"
 #include "dicom_files.h"
 #include "folder.h"
 #include "input/files/scan.h"

@@ -1,6 +1,6 @@
 /* The framing of files, sound and broken: where the pixels are, how deep it nests, and that nothing is believed. */
 #include "dicom/header/header_answer.h"
-#include "dicom/parser/tag_scan.h"
+#include "dicom/reader/tag_scan.h"
 #include "dicom_files.h"
 
 static const CtsSyntax *explicit_le(void)

@@ -1,7 +1,7 @@
 #include "dicom/header/header_reader.h"
 
 #include "base/mem.h"
-#include "dicom/parser/tag_scan.h"
+#include "dicom/protocol/dicom_begin.h"
 #include <stdlib.h>
 #include <string.h>
 

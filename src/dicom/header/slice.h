@@ -6,7 +6,7 @@
 #include "core/volume/stored.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
-#include "dicom/parser/syntax.h"
+#include "dicom/protocol/syntax.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

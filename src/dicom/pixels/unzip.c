@@ -1,7 +1,7 @@
 /* Members of a zip file, by libzip. */
 #include "dicom/pixels/pixel_tasks.h"
 
-#include "dicom/parser/tag_scan.h"
+#include "dicom/protocol/dicom_begin.h"
 #include <string.h>
 #include <zip.h>
 

@@ -5,7 +5,7 @@
 
 #include "base/sandbox.h"
 #include "ctsplat/status.h"
-#include "dicom/parser/syntax.h"
+#include "dicom/protocol/syntax.h"
 #include <stddef.h>
 #include <stdint.h>
 

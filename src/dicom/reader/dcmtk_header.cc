@@ -1,5 +1,5 @@
 /* A file's first bytes -> framing, data set, slices. */
-#include "dicom/parser/tag_scan.h"
+#include "dicom/reader/tag_scan.h"
 #include "dicom/reader/dcmtk_attributes.hpp"
 #include "dicom/reader/reader.h"
 

@@ -1,5 +1,5 @@
 /* The reader: a program of its own (base/sandbox.h), the only place where bytes of DICOM headers are interpreted. DCMTK
- * reads them, behind a check of their framing (dicom/parser/tag_scan.h). No DCMTK type and no exception crosses this
+ * reads them, behind a check of their framing (dicom/reader/tag_scan.h). No DCMTK type and no exception crosses this
  * interface. */
 #pragma once
 

@@ -1,4 +1,4 @@
-#include "dicom/parser/syntax.h"
+#include "dicom/protocol/syntax.h"
 
 #include <stddef.h>
 #include <string.h>
