@@ -26,6 +26,7 @@ CtsStatus cli_arguments(CtsOptions *options, int command, int argc, const char *
 
 /* Print the output of `ctsplat --help` and `ctsplat COMMAND --help`. */
 void cli_help(void);
-void cli_help_command(int command);
+/* all: every option, not only those that most people need. */
+void cli_help_command(int command, bool all);
 /* This program and the libraries it runs with. */
 void cli_version(void);

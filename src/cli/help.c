@@ -57,11 +57,18 @@ static void append_range(const CtsOption *o, char *text, size_t size)
         snprintf(text + n, size - n, ")");
 }
 
-static void print_option(const CtsOption *o)
+/* brief: the help up to its first semicolon, colon or parenthesis, in one line where it fits. */
+static void print_option(const CtsOption *o, bool brief)
 {
     char left[128], right[2 * CTS_VALUE_LISTS_MAX] = "", help[CTS_VALUE_LISTS_MAX];
     snprintf(left, sizeof left, "  %c%c%s--%s%s%s", o->letter ? '-' : ' ', o->letter ? o->letter : ' ',
              o->letter ? ", " : "  ", o->name, o->argument ? " " : "", o->argument ? o->argument : "");
+    if (brief) {
+        cts_value_lists(o->help, help);
+        help[strcspn(help, ";:(")] = 0;
+        print_entry(left, help);
+        return;
+    }
     size_t n = 0;
     for (int i = 0; !strncmp(o->argument ? o->argument : "", "NAME", 4) && i < o->n_choices; i++)
         n += (size_t)snprintf(right + n, sizeof right - n, "%s%s", o->choices[i], i + 1 < o->n_choices ? " " : "; ");
@@ -77,24 +84,38 @@ void cli_help(void)
            "Commands:\n");
     for (int c = 0; c < CLI_N_COMMANDS; c++)
         printf("  %-*s%s\n", COMMAND_WIDTH, cli_commands[c].name, cli_commands[c].summary);
-    printf(
-        "\nctsplat COMMAND --help   the options of a command\n"
-        "ctsplat --version        this program and its libraries\n"
-        "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, a DICOMDIR or a NIfTI CT.\n"
-        "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no readable series, 4 series refused,\n"
-        "5 output not written, 8 batch: a series refused or failed, 130 interrupted.\n"
-        "Not for diagnostic use.\n");
+    printf("\nctsplat COMMAND --help   the options of a command\n"
+           "ctsplat --version        this program and its libraries\n"
+           "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, a DICOMDIR or a NIfTI CT.\n"
+           "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no readable series, 4 series refused,\n"
+           "5 output not written, 8 batch: a series refused or failed, 130 interrupted.\n"
+           "Not for diagnostic use.\n");
 }
 
-void cli_help_command(int command)
+/* At most so many options are all shown. */
+enum { FEW_OPTIONS = 16 };
+
+void cli_help_command(int command, bool all)
 {
     const CliCommand *c = &cli_commands[command];
+    const char *title = NULL;
+    int n = 0;
+    for (const CtsOption *o = cts_options; o->name; o++)
+        n += cts_option_is_of(o, (CtsCommand)command);
+    all |= n <= FEW_OPTIONS;
     printf("Usage: ctsplat %s %s\n", c->name, c->usage);
     print_wrapped(c->summary, 0);
-    printf("\nOptions:\n");
-    for (const CtsOption *o = cts_options; o->name; o++)
-        if (cts_option_is_of(o, (CtsCommand)command))
-            print_option(o);
+    for (const CtsOption *o = cts_options; o->name; o++) {
+        title = o->name[0] ? title : o->help;
+        if (!cts_option_is_of(o, (CtsCommand)command) || !(all || o->is_basic))
+            continue;
+        if (title)
+            printf("%s%s:\n", all ? "\n" : "", title);
+        title = NULL;
+        print_option(o, !all);
+    }
+    if (!all)
+        printf("ctsplat %s --help all lists %d options.\n", c->name, n);
 }
 
 void cli_version(void)

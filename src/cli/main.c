@@ -46,7 +46,7 @@ static CtsStatus run_command(int argc, const char *const *argv, int *exit_code, 
     options.net.stop = options.render.stop = &cli_stop;
     CtsStatus st = cli_arguments(&options, command, argc, argv, err);
     if (!st && options.help)
-        cli_help_command(command);
+        cli_help_command(command, options.paths.n > 0 && !strcmp(options.paths.items[0], "all"));
     else if (!st)
         st = cli_commands[command].run(&options, exit_code, err);
     cts_options_free(&options);
@@ -61,7 +61,7 @@ static CtsStatus run_arguments(int argc, const char *const *argv, int *exit_code
         const int command = argc > 2 && argv[2][0] != '-' ? find_command(argv[2], err) : CLI_N_COMMANDS;
         if (argc > 2 && command == CLI_N_COMMANDS && err->status)
             return err->status;
-        command == CLI_N_COMMANDS ? cli_help() : cli_help_command(command);
+        command == CLI_N_COMMANDS ? cli_help() : cli_help_command(command, argc > 3 && !strcmp(argv[3], "all"));
         return CTS_OK;
     }
     if (!strcmp(argv[1], "--version")) {

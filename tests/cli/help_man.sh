@@ -1,7 +1,7 @@
 # The man page lists the options and commands that --help lists, no more and no fewer.
 man=$root/man/ctsplat.1
 for command in info render bench check compare presets; do
-    ok $command --help
+    ok $command --help all
     cat out >>help
 done
 grep -oE '^ +(-., )?--[a-z-]+' help | grep -oE -e '--[a-z-]+' | sort -u >help-options

@@ -4,6 +4,10 @@ refused 2 'frobnicate: not one of: info render batch serve presets bench check c
 refused 2 'receive: gone since 0.5.0: Orthanc or storescp receives, and batch with .* renders' receive --folder in
 refused 2 'receive: gone' receive --listen 127.0.0.1:0
 ok help render
+[ "$(wc -l <out)" -le 40 ] || fail "render --help does not fit a screen of 40 lines"
+ok render --help all
+[ "$(grep -cE '^  (-., |    )--' out)" -gt 60 ] || fail "render --help all is not all"
+ok help render
 cp out help
 ok render --help
 cmp out help || fail "help render is not render --help"
@@ -85,7 +89,7 @@ for library in DCMTK OpenEXR libpng jansson; do
     has out "^$library [0-9]"
 done
 for command in info render batch serve presets bench check compare; do
-    ok $command --help
+    ok $command --help all
     has out "^Usage: ctsplat $command"
 done
 

@@ -44,7 +44,7 @@ commands=$(ctsplat --help | awk '/^Commands:/ { on = 1; next } /^$/ { on = 0 } o
 typed=('')
 expect $commands --help --version
 for command in $commands; do
-    ctsplat "$command" --help >help
+    ctsplat "$command" --help all >help
     grep -oE '^  (-., |    )--[a-z-]+' help | grep -oE -e '-(-[a-z-]+|.,)' | tr -d , >options
     grep -qx -e --help options || fail "$command --help lists no options"
     typed=("$command" -)
@@ -78,7 +78,7 @@ typed=(compare '')
 expect picture.png folder
 typed=(presets sk)
 expect skin
-if ctsplat batch --help >help 2>&1; then
+if ctsplat batch --help all >help 2>&1; then
     typed=(batch --presets bone,sk)
     expect bone,skin
     typed=(batch --formats '')
@@ -87,7 +87,7 @@ fi
 
 if command -v zsh >/dev/null; then
     for command in $commands; do
-        ctsplat "$command" --help | grep -oE '^  (-., |    )--[a-z-]+' | grep -oE -e '-(-[a-z-]+|.,)' | tr -d , |
+        ctsplat "$command" --help all | grep -oE '^  (-., |    )--[a-z-]+' | grep -oE -e '-(-[a-z-]+|.,)' | tr -d , |
             sort >options
         zsh -f -c '
             _arguments() { print -rl -- "$@" }

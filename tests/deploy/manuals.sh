@@ -28,7 +28,7 @@ options()
 {
     tr -d '\\' <"$1" | awk '/^\.SH/ { on = $2 == "OPTIONS" } on' | grep -E '^\.BR? ' | grep -oE -e '--[a-z-]+'
 }
-"$ctsplat" batch --help >"$work/help" 2>&1 || exit 77
+"$ctsplat" batch --help all >"$work/help" 2>&1 || exit 77
 grep -oE '^  (-., |    )--[a-z-]+' "$work/help" | grep -oE -e '--[a-z-]+' >"$work/a"
 options "$root/man/ctsplat-batch.1" >"$work/own"
 options "$root/man/ctsplat.1" | cat - "$work/own" | grep -Fx -f "$work/a" >"$work/b"
@@ -46,7 +46,7 @@ while IFS='|' read -r step file function; do
 done <"$work/steps"
 
 # The same of serve.
-"$ctsplat" serve --help >"$work/help" 2>&1 || exit 77
+"$ctsplat" serve --help all >"$work/help" 2>&1 || exit 77
 grep -oE '^  (-., |    )--[a-z-]+' "$work/help" | grep -oE -e '--[a-z-]+' | grep -vx -e --help >"$work/a"
 options "$root/man/ctsplat-serve.1" >"$work/own"
 options "$root/man/ctsplat.1" | cat - "$work/own" | grep -Fx -f "$work/a" >"$work/b"

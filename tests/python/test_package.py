@@ -176,7 +176,7 @@ def test_presets(phantom):
 
 
 def test_flags():
-    text = subprocess.run([PROGRAM, "render", "--help"], check=True, stdout=subprocess.PIPE, text=True).stdout
+    text = subprocess.run([PROGRAM, "render", "--help", "all"], check=True, stdout=subprocess.PIPE, text=True).stdout
     flags = {name.replace("-", "_") for name in re.findall(r"^ +(?:-., )?--([a-z-]+)(?:  |$)", text, re.M)}
     assert flags - {"help"} == ctsplat._FLAGS
 

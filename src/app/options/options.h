@@ -128,10 +128,11 @@ typedef struct CtsOption {
     const char *const *choices;
     int n_choices, first;
     CtsOptionParser *parse;
+    bool is_basic;       /* one of the dozen that most people need */
     const char *several; /* the corresponding option of batch with several values; NULL: the last value given applies */
 } CtsOption;
 
-/* The table; name is NULL in its last row. */
+/* The table, in groups whose headings are rows without a name; name is NULL in its last row. */
 extern const CtsOption cts_options[];
 
 /* NULL for none. */

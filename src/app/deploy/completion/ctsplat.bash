@@ -37,7 +37,7 @@ _ctsplat()
     elif [ "$previous" = = ]; then
         previous=${COMP_WORDS[COMP_CWORD - 2]}
     fi
-    options=$(ctsplat "$command" --help 2>/dev/null | awk -f @DATADIR@/options.awk)
+    options=$(ctsplat "$command" --help all 2>/dev/null | awk -f @DATADIR@/options.awk)
     while IFS=$'\t' read -r names kind _; do
         if [[ ,$names, == *,$previous,* && -n $kind ]]; then
             _ctsplat_offer $kind
