@@ -63,10 +63,10 @@ extern const char *const cts_severity_names[3];
     row(NIFTI_AXES, "nifti_axes", NOTE)                                                                                \
     row(NIFTI_FORM_TAKEN, "nifti_form_taken", NOTE)                                                                    \
     row(NIFTI_FORMS, "nifti_forms", WARNING)                                                                           \
-    row(NO_AIR, "no_air", WARNING)                                                                                     \
     row(NO_CONTRAST, "no_contrast", WARNING)                                                                           \
     row(NO_OBJECT_OUTPUT, "no_object_output", WARNING)                                                                 \
     row(NO_PREAMBLE, "no_preamble", WARNING)                                                                           \
+    row(NO_SUV, "no_suv", WARNING)                                                                                     \
     row(NO_TRANSFER_SYNTAX, "no_transfer_syntax", WARNING)                                                             \
     row(NOT_FINITE, "not_finite", WARNING)                                                                             \
     row(NOT_HU, "not_hu", WARNING)                                                                                     \

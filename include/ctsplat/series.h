@@ -35,6 +35,9 @@ typedef enum CtsNiftiForm { CTS_NIFTI_FORM_AUTO, CTS_NIFTI_FORM_S, CTS_NIFTI_FOR
 typedef struct CtsSeriesRules {
     bool allow_missing_slices; /* a series in which slices are missing is rendered, with a warning */
     CtsNiftiForm nifti_form;
+    /* 1 + the CtsQuantity of a NIfTI file, and of a CT whose RescaleType (0028,1054) names another one than HU; 0: not
+     * named, so that their values must be HU. */
+    unsigned named_quantity;
 } CtsSeriesRules;
 
 typedef struct CtsSeries {
@@ -77,7 +80,7 @@ typedef struct CtsFileCount {
 typedef struct CtsArchives CtsArchives;
 
 typedef struct CtsSeriesList {
-    CtsSeries *items; /* those with most slices first, then by uid and part */
+    CtsSeries *items; /* CT before PET before MR, those with most slices first, then by uid and part */
     size_t n;
     int n_files;        /* number of files read */
     const char **paths; /* of the files in folders and archives; n_paths, owned, among the texts */
@@ -93,7 +96,7 @@ typedef struct CtsSeriesList {
 } CtsSeriesList;
 
 /* Paths are files, folders (searched to any depth), zip files of folders, DICOMDIRs or NIfTI CTs, which have no UID.
- * Reads headers only. Fails with CTS_ERR_READ when a path cannot be read and CTS_ERR_NO_SERIES when nothing is a CT
+ * Reads headers only. Fails with CTS_ERR_READ when a path cannot be read and CTS_ERR_NO_SERIES when nothing is a
  * slice. n_threads 0: all cores. */
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err);
@@ -211,7 +214,7 @@ bool cts_scanned_find_fill(const CtsScanned *scanned, double *hu);
 CtsStatus cts_scanned_clear_fill(CtsScanned *scanned, double hu, int n_threads, uint64_t *n_cleared, CtsError *err);
 CtsStatus cts_scanned_copy(const CtsScanned *scanned, CtsScanned **copy, CtsError *err);
 
-/* HU from elsewhere than DICOM, a box of numbers in any order: voxel (a, b, c) is the number at
+/* Values from elsewhere than DICOM, a box of numbers in any order: voxel (a, b, c) is the number at
  * bytes + a * stride_bytes[0] + b * stride_bytes[1] + c * stride_bytes[2], and its centre lies at
  * origin_lps + a * step_lps[0] + b * step_lps[1] + c * step_lps[2] (mm). */
 typedef enum CtsNumber { CTS_INT16, CTS_UINT16, CTS_INT32, CTS_FLOAT32, CTS_FLOAT64, CTS_N_NUMBERS } CtsNumber;
@@ -221,11 +224,14 @@ typedef struct CtsHuArray {
     int dims[3];
     ptrdiff_t stride_bytes[3];
     double origin_lps[3], step_lps[3][3];
+    CtsQuantity quantity;
+    CtsModality modality;
 } CtsHuArray;
 
-/* A scan from an array of HU: axes are permuted and reversed to a scanner's storage order (the thickest across the
+/* A scan from an array: axes are permuted and reversed to a scanner's storage order (the thickest across the
  * slices, rows to the left or the back, columns to the back or the feet), which moves no voxel. Non-finite values
- * become padding. Refuses steps that do not span space and numbers that are not HU. */
+ * become padding. Refuses steps that do not span space, and numbers that are not HU where
+ * the quantity is HU. */
 CtsStatus cts_scanned_of_hu(const CtsHuArray *given, int n_threads, CtsScanned **scanned, CtsReport *report,
                             CtsError *err);
 

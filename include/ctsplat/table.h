@@ -29,6 +29,9 @@ CTS_API_BEGIN
  * finds_inside: model->body becomes the inside of the patient, 3 mm under the skin, with the enclosed air, for the
  * modes minip and average.
  *
+ * A volume of another quantity than HU keeps all voxels; the inside of its body is what lies above air (air_limit),
+ * with what that encloses within a section.
+ *
  * The sections lie across the volume axis nearest to z, so axial, tilted, coronal and sagittal stacks, supine and
  * prone, head or feet first are treated alike.
  *

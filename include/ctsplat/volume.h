@@ -44,6 +44,9 @@ CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *e
 void cts_volume_free(CtsVolume **volume);
 
 size_t cts_volume_n_voxels(const CtsVolume *volume);
+/* HU of grey level 0 where all bits of it are used: the least HU of scanners' 12-bit scale; lower HU and padding become
+ * it. */
+#define CTS_LEAST_HU (-1024.0)
 static inline double cts_volume_hu(const CtsVolume *v, uint16_t grey)
 {
     return v->hu_offset + v->hu_step * grey;

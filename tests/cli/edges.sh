@@ -64,7 +64,7 @@ for path in glob.glob(sys.argv[1] + '/*'):
     data[data.index(b'\x20\0\x0e\0UI') + 8 + 5] = 10
     open(path, 'wb').write(data)
 PY
-refused 3 'no CT slice' info torn
+refused 3 'no CT, MR or PET slice' info torn
 refused 3 'UID \(0020,000E\) holds control' render torn -o torn.png
 
 # Captures with a patient's identity are private; a picture and a de-identified capture follow the umask.

@@ -61,7 +61,7 @@ refused 3 '' info "$data/broken/none"
 # Packed files are counted by their packer.
 mkdir packed
 gzip -c "$data/phantom/IM0001.dcm" >packed/IM0001.dcm
-refused 3 'packed: no CT slice among 1 file: 1 packed with gzip \(unpack first\)' info packed
+refused 3 'packed: no CT, MR or PET slice among 1 file: 1 packed with gzip \(unpack first\)' info packed
 # Header text drives no terminal; twelve unsigned bits that are called signed, and Double Float Pixel Data, are refused.
 "$python" - "$data" <<'PY' || fail "the damaged headers"
 import os, shutil, sys

@@ -40,8 +40,8 @@ def check(name, good, text=''):
         print(f'FAIL {name} {text}'.rstrip())
 
 
-def info(path, *labels, names=None):
-    options = [word for label in labels for word in ('--labels', label)] + (['--label-names', names] if names else [])
+def info(path, *labels, names=None, quantity=None):
+    options = (['--quantity', quantity] if quantity else []) + [word for label in labels for word in ('--labels', label)] + (['--label-names', names] if names else [])
     run = subprocess.run([CTSPLAT, 'info', '--json', path, *options], capture_output=True, text=True,
                          env={**os.environ, 'MALLOC_PERTURB_': '20'})
     return run.returncode, run.stderr, json.loads(run.stdout) if run.returncode == 0 else None

@@ -89,7 +89,9 @@ types='["SUBTRACTION", "IODINE_MAP", "PERFUSION", "MATERIAL", "MAT_SPECIFIC", "E
 case_of 'IM*' "0008,0008,CS=DERIVED\\PRIMARY\\AXIAL\\{$types[k%6]}"
 warned not_hu '48 of 48 slices .* another quantity'
 case_of 'IM*' '0028,1054,LO=MGML'
-warned not_hu 'another quantity'
+refused 4 'RescaleType \(0028,1054\) is MGML, not HU \(--quantity' render c --size 32x32 -o refused.png
+ok info c --json --quantity stored
+has out '"quantity": *"stored"' && has out '"unit": *""'
 case_of 'IM*' '0008,0008,CS=DERIVED\PRIMARY\AXIAL\VMI'
 quiet
 case_of 'IM0003.dcm' '0028,0301,CS=YES'

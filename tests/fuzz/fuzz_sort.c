@@ -20,7 +20,7 @@ static CtsSlice *invent(const uint8_t *b, int k)
     snprintf(paths[k], sizeof paths[k], "IM%d", k);
     s->path = paths[k];
     s->syntax_uid = s->sop_uid = s->series_uid = s->modality = s->stack_id = "";
-    s->kind = CTS_OBJECT_CT;
+    s->kind = CTS_OBJECT_SLICE;
     s->syntax = cts_syntax_native(true, false);
     s->rows = 4 + (b[0] == 255);
     s->columns = 4;

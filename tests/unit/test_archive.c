@@ -153,7 +153,7 @@ static void test_no_zip(void **state)
     write_bytes(folder, "in.zip", start, sizeof start);
     expect_refused(path, CTS_ERR_READ, "no sound zip file");
     write_bytes(folder, "in.zip", "PK\5\6\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0", 22);
-    expect_refused(path, CTS_ERR_NO_SERIES, "no CT slice");
+    expect_refused(path, CTS_ERR_NO_SERIES, "no CT, MR or PET slice");
     remove_folder(folder);
 }
 

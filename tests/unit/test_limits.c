@@ -22,7 +22,7 @@ static CtsSliceSet stack_of(int n, int side)
         assert_non_null(s);
         s->path = "IM";
         s->syntax_uid = s->sop_uid = s->series_uid = s->modality = s->stack_id = "";
-        s->kind = CTS_OBJECT_CT;
+        s->kind = CTS_OBJECT_SLICE;
         s->syntax = cts_syntax_native(true, false);
         s->rows = s->columns = side;
         s->bits_allocated = s->bits_stored = 16;
@@ -182,11 +182,11 @@ static void test_numbers(void **state)
         {1, 1, 17, 16, 15, 1, NULL, "BitsAllocated (0028,0100) is 17"},
         {1, 1, 8, 8, 7, 1, NULL, NULL},
         {1, 1, 7, 7, 6, 1, NULL, "BitsAllocated (0028,0100) is 7"},
-        {1, 1, 8, 9, 8, 1, NULL, "fit no CT pixel"},
+        {1, 1, 8, 9, 8, 1, NULL, "fit no pixel"},
         {1, 1, 16, 1, 0, 1, NULL, NULL},
         {1, 1, 16, 0, 0, 1, NULL, "BitsStored (0028,0101) is 0"},
         {1, 1, 16, 17, 15, 1, NULL, "BitsStored (0028,0101) is 17"},
-        {1, 1, 16, 12, 10, 1, NULL, "fit no CT pixel"},
+        {1, 1, 16, 12, 10, 1, NULL, "fit no pixel"},
         {1, 1, 16, 12, 15, 1, NULL, NULL},
         {1, 1, 16, 12, 16, 1, NULL, "HighBit (0028,0102) is 16"},
         {1, 1, 16, 16, 15, 2, NULL, "SamplesPerPixel (0028,0002) is not 1"},

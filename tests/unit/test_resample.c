@@ -74,7 +74,7 @@ static void check_elsewhere(const CtsResampling *r, const uint16_t *slices, cons
                                                   .end = {(int)r->layer_voxels, 1, r->n_layers},
                                                   .layer = r->layer,
                                                   .n_parts = 1,
-                                                  .hu_step = 1},
+                                                  .scale = &(CtsVolume){.hu_step = 1}},
                                  CTS_INTERPOLATION_CUBIC, 3, &made);
     for (size_t i = 0; i < (size_t)r->n_layers * r->layer_voxels; i++)
         if (layers[i] != expected[i])

@@ -98,7 +98,7 @@ static const Case cases[] = {
     {"HU in other spellings", spelt_hu, CTS_OK, NULL, NULL, 20},
     {"UNSPECIFIED", spelt_unspecified, CTS_OK, "rescale_unspecified", NULL, 20},
     {"no other word in small letters", small_z_eff, CTS_ERR_PIXELS, NULL, "is z_eff, not HU", 20},
-    {"electron density", electron_density, CTS_OK, "not_hu", NULL, 20},
+    {"electron density", electron_density, CTS_ERR_PIXELS, NULL, "(0028,1054) is ED, not HU (`quantity`", 20},
     {"many frames without a place", many_without_place, CTS_ERR_PIXELS, NULL, "NumberOfFrames (0028,0008) is not 1",
      20},
     {"private syntax", private_syntax, CTS_ERR_SYNTAX, NULL, "1.2.840.113619.5.2", 20},

@@ -234,8 +234,7 @@ static uint16_t *layers_in_box(const CtsVolume *discs, const int box[2][3])
                            .end = {DISC, DISC, 13},
                            .layer = layer,
                            .n_parts = 1,
-                           .hu_offset = -1024,
-                           .hu_step = 1};
+                           .scale = &(CtsVolume){.hu_offset = -1024, .hu_step = 1}};
     for (int axis = 0; box && axis < 3; axis++) {
         stack.low[axis] = box[0][axis];
         stack.end[axis] = box[1][axis];

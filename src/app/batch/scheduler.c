@@ -556,8 +556,8 @@ static CtsStatus search_series(Run *r, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->source.series_uid);
     if (!r->found.n_series && o->shard.n == 1 && !o->settled_s)
         return cts_fail(err, CTS_ERR_NO_SERIES,
-                        "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (give these, and "
-                        "links to folders, as a PATH each)",
+                        "no CT, MR or PET slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (give "
+                        "these, and links to folders, as a PATH each)",
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
                         (unsigned long long)counts.n_packed);
     return CTS_OK;

@@ -146,7 +146,7 @@ function facts(s) {
   add('Slices', g.slices ? count(g.slices) : '');
   add('Matrix', list(g.dims).length === 3 ? g.dims.slice(0, 2).map(number).join(' × ') : '');
   add('Spacing', list(g.spacing_mm).length ? `${g.spacing_mm.map(number).join(' × ')} mm` : '');
-  add('HU', typeof g.hu_min === 'number' ? `${number(g.hu_min)} … ${number(g.hu_max)}` : '');
+  add(g.quantity, typeof g.value_min === 'number' ? `${number(g.value_min)} … ${number(g.value_max)} ${g.unit}` : '');
   add('Tilt', g.tilt_deg ? `${number(g.tilt_deg)}°` : '');
   add('Orientation', clean(g.orientation));
   add('Syntax', SYNTAXES[g.transfer_syntax] ?? clean(g.transfer_syntax));

@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/stage_timer.h"
 #include "ctsplat/table.h"
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -70,8 +71,10 @@ static CtsStatus find_series_of_source(const CtsSource *source, CtsLoaded *loade
     return CTS_OK;
 }
 
-static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *report)
+static void report_interpolation(const CtsVolume *v, const CtsInterpolationCounts *made, CtsReport *report)
 {
+    const bool is_hu = v->quantity == CTS_QUANTITY_HU;
+    const double difference = made->sum_of_differences_hu / (double)made->n_moved;
     if (made->no_memory)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_SLICES_NOT_SHAPED,
@@ -81,8 +84,9 @@ static void report_interpolation(const CtsInterpolationCounts *made, CtsReport *
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_SLICES_MOVED,
             "shape-based interpolation displaced %.1f %% of the voxels between slices; they differ from "
-            "linear interpolation by %.0f HU on average",
-            100 * (double)made->n_moved / (double)made->n_voxels, made->sum_of_differences_hu / (double)made->n_moved);
+            "linear interpolation by %.3g%s%s on average",
+            100 * (double)made->n_moved / (double)made->n_voxels, is_hu ? round(difference) : difference,
+            *cts_quantity_units[v->quantity] ? " " : "", cts_quantity_units[v->quantity]);
 }
 
 /* Crop of the air that table removal left around the patient. Beside crops_air (cts_render_ignores_air()), it stays
@@ -91,7 +95,8 @@ static void crop_air(const CtsSource *source, bool shows_air, CtsModel *model, C
 {
     const CtsVolume *const v = model->volume;
     const int before[3] = {cts_volume_extent(v, 0), cts_volume_extent(v, 1), cts_volume_extent(v, 2)};
-    if (!source->remove_table || !source->crops_air || shows_air || !(model->body || source->inside_unseen))
+    if (v->quantity != CTS_QUANTITY_HU || !source->remove_table || !source->crops_air || shows_air ||
+        !(model->body || source->inside_unseen))
         return;
     cts_model_crop_air(model);
     if (memcmp(before, v->dims, sizeof before) != 0)
@@ -117,7 +122,7 @@ static CtsStatus interpolate_slices(const CtsSource *source, bool shows_air, Cts
                         n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
                                      : "linear interpolation between slices was requested");
         cts_volume_fit_memory(model->volume);
-        report_interpolation(made, report);
+        report_interpolation(v, made, report);
         return CTS_OK;
     }
     CtsError why = {0};
@@ -137,7 +142,7 @@ static CtsStatus interpolate_slices(const CtsSource *source, bool shows_air, Cts
                     v->dims[2]);
     cts_report_diagnostic(report, CTS_DIAGNOSTIC_SLICES_CUBIC, "%d slices became %d layers by interpolation in %.0f ms",
                           n_slices, v->dims[2], cts_wall_ms() - start_ms);
-    report_interpolation(made, report);
+    report_interpolation(v, made, report);
     return CTS_OK;
 }
 
@@ -280,9 +285,10 @@ static CtsStatus make_volume(const CtsSource *source, CtsScanned *scanned, bool 
 
 /* True if crop_air() sees the volume as it is after table removal, so that both may be one step. Smoothing and another
  * crop first see the whole volume. */
-static bool crops_with_table(const CtsSource *source, bool shows_air)
+static bool crops_with_table(const CtsSource *source, const CtsScanned *scanned, bool shows_air)
 {
-    return source->crops_air && !shows_air && !source->crop.given && !(source->smooth_mm > 0);
+    return source->crops_air && !shows_air && !source->crop.given && !(source->smooth_mm > 0) &&
+           scanned->even->quantity == CTS_QUANTITY_HU;
 }
 
 /* Unevenly spaced slices become layers after the search for the table: shape-based interpolation would displace a plate
@@ -337,7 +343,7 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     CtsInterpolationCounts made = {0};
     CtsModel *const model = &loaded->model;
     const bool shows_air = loaded->labels && cts_labels_show_air(&source->choice);
-    const bool crops = crops_with_table(source, shows_air);
+    const bool crops = crops_with_table(source, scanned, shows_air);
     report_volume(scanned->even, report);
     if (!source->remove_table) {
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);

@@ -44,7 +44,7 @@ static const char *const interpolations[] = {"shape", "cubic", "linear"}, *const
 const CtsOption cts_options[] = {
     SECTION("Pictures"),
     {0, "path", "PATH", ON(JOB), REMAKES(NOTHING),
-     "a file, folder, zip file, DICOMDIR or NIfTI CT to search for series", NULL, TEXTS(paths)},
+     "a file, folder, zip file, DICOMDIR or NIfTI file to search for series", NULL, TEXTS(paths)},
     {'o', "output", "FILE", ONE, REMAKES(NOTHING),
      "write this file, whose name ends in {outputs}; may be repeated; - is standard output", NULL, TEXTS(outputs),
      BASIC},
@@ -97,6 +97,10 @@ const CtsOption cts_options[] = {
      "which of two forms that disagree places a NIfTI file",
      "the sform, with a warning; refused where left and right or an axis differ",
      CHOICE(source.rules.nifti_form, nifti_forms), .first = CTS_NIFTI_FORM_S},
+    {0, "quantity", "NAME", PICTURES | ON(SERVE) | ON(INFO), REMAKES(SCAN),
+     "HU, SUVbw, Bq/ml or stored: of a NIfTI file that is not in HU, or a CT whose RescaleType names another quantity",
+     "in HU; others are refused",
+     CHOICE(source.rules.named_quantity, cts_quantity_names), .first = 1},
     SECTION("Labels"),
     {0, "labels", "PATH", PICTURES | ON(SERVE) | ON(INFO), REMAKES(SCAN),
      "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/mem.h"
 #include "base/parallel.h"
 #include "core/couch/table_removal.h"
 #include "core/volume/crop.h"
@@ -348,10 +349,52 @@ static void report_uncertain(const CtsTableSearch *r, CtsReport *report)
                               kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 
+/* Adds what is enclosed within a section. */
+static CtsStatus fill_sections(const CtsBits *sections, CtsBits *whole, CtsError *err)
+{
+    CtsComponents air = {0};
+    uint8_t *outside = NULL;
+    const int *const dims = sections->dims;
+    CtsStatus st = cts_bits_new(whole, dims, err);
+    if (st)
+        return st;
+    cts_bits_combine(whole, CTS_BITS_OR, sections);
+    cts_bits_combine(whole, CTS_BITS_NOT, whole);
+    if (!(st = cts_components_find(&air, whole, false, err)))
+        st = cts_alloc_zeroed(&outside, air.n_parts + 1, err);
+    for (uint32_t p = 0; !st && p < air.n_parts; p++)
+        outside[p] = air.parts[p].lo[0] == 0 || air.parts[p].lo[1] == 0 || air.parts[p].hi[0] == dims[0] - 1 ||
+                     air.parts[p].hi[1] == dims[1] - 1;
+    if (!st) {
+        cts_components_paint(&air, outside, whole);
+        cts_bits_combine(whole, CTS_BITS_NOT, whole);
+    }
+    cts_components_free(&air);
+    cts_free(&outside);
+    return st;
+}
+
+/* Of a volume that is not in HU, which do not tell a table from the patient: the body is what lies above air. */
+static CtsStatus search_above_air(CtsTableSearch *r, const CtsVolume *v, bool finds_inside, CtsReport *report,
+                                  CtsError *err)
+{
+    CtsStatus st;
+    cts_report_skip(report, WHAT, "only HU tell a table from the patient");
+    if (!finds_inside)
+        return CTS_OK;
+    if (!(st = find_dense_sections(r, v, err)) && !(st = find_sections(r, err)) &&
+        !(st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) &&
+        !(st = fill_sections(&r->sections, &r->body.whole, err)))
+        st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &r->inside, err);
+    return st;
+}
+
 static CtsStatus search(CtsTableSearch *r, const CtsVolume *v, bool finds_inside, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     uint64_t n_gone;
+    if (v->quantity != CTS_QUANTITY_HU)
+        return search_above_air(r, v, finds_inside, report, err);
     if ((st = find_dense_sections(r, v, err)) || !is_usable(r, v, report) || (st = find_sections(r, err)) ||
         (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
         (st = cts_plates_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->plates_found, err)) ||

@@ -4,6 +4,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/model/voxel_labels.h"
+#include "core/volume/threshold.h"
 #include <math.h>
 #include <string.h>
 
@@ -88,7 +89,8 @@ CtsStatus cts_voxel_labels_find_skin(CtsVoxelLabels *o, const CtsVolume *v, int 
     const int n_workers = cts_threads(n_threads);
     SkinSearch s = {.voxel_labels = o, .volume = v};
     const double tissue = ceil((tissue_hu - v->hu_offset) / v->hu_step);
-    s.tissue = (uint16_t)fmin(fmax(tissue, 1), UINT16_MAX); /* level 0 is air or padding */
+    s.tissue = v->quantity == CTS_QUANTITY_HU ? (uint16_t)fmin(fmax(tissue, 1), UINT16_MAX) /* 0 is air or padding */
+                                              : cts_dense_grey(v);
     find_axes(v, s.axis);
     CtsStatus st = cts_alloc_zeroed(&s.on_skin, (size_t)n_workers * (size_t)o->n, err);
     if (!st && !(st = cts_alloc_zeroed(&o->on_skin, (size_t)o->n, err))) {

@@ -13,10 +13,10 @@ static int power_steps(double power)
     return n;
 }
 
-bool cts_shade_air_beyond(const CtsPreset *preset)
+bool cts_shade_air_beyond(const CtsPreset *preset, const CtsVolume *volume)
 {
-    const double air_hu = -1024;
-    return cts_preset_opacity(preset, air_hu) == 0;
+    const double air = volume->quantity == CTS_QUANTITY_HU ? CTS_LEAST_HU : volume->hu_offset;
+    return cts_preset_opacity(preset, air) == 0;
 }
 
 int cts_shade_step(const CtsVolume *volume, int axis)
@@ -34,7 +34,7 @@ CtsStatus cts_shade_init(CtsShade *s, const CtsPreset *preset, const CtsVolume *
                     .exponent = (float)preset->power,
                     .occlusion = (float)preset->occlusion,
                     .n_power = power_steps(preset->power),
-                    .air_beyond = cts_shade_air_beyond(preset)};
+                    .air_beyond = cts_shade_air_beyond(preset, volume)};
     if (preset->power >= 1 && preset->power <= 128 && preset->power == floor(preset->power)) {
         s->whole_power = (int)preset->power;
         s->least_power = (float)pow(1e-30, 1 / preset->power);

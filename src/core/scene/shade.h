@@ -28,7 +28,7 @@ typedef struct CtsShade {
 
 /* True for differences to air, grey level 0, at the volume's border; false for one-sided ones, for presets that show
  * air, whose border faces would be shaded like a body's surface. */
-bool cts_shade_air_beyond(const CtsPreset *preset);
+bool cts_shade_air_beyond(const CtsPreset *preset, const CtsVolume *volume);
 /* Voxels along a volume axis from the centre of a difference to its ends. */
 int cts_shade_step(const CtsVolume *volume, int axis);
 

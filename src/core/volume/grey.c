@@ -2,6 +2,8 @@
 
 #include "base/cpu.h"
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 
 /* For slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so grey = u
  * + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. Integer arithmetic, so that
@@ -90,11 +92,53 @@ void cts_grey_look_up(uint16_t *words, size_t n, const uint16_t table[65536])
         words[i] = table[words[i]];
 }
 
-double cts_grey_finest_step(double hu_offset, double hu_max)
+double cts_grey_rounding(CtsStoredRange range, double slope, double intercept, double hu_offset, double hu_step)
 {
-    enum { GREY_MAX = 65535, FINEST_BITS = 16 };
+    double most = 0;
+    for (int32_t value = range.low; value <= range.high; value++) {
+        const double steps = (slope * value + intercept - hu_offset) / hu_step;
+        most = fmax(most, fabs(steps - floor(steps + 0.5)));
+    }
+    return most * hu_step;
+}
+
+enum { GREY_MAX = 65535 };
+
+static double finest_step_hu(double hu_max)
+{
+    enum { FINEST_BITS = 16 };
     double step = 1;
-    for (int bits = 0; bits < FINEST_BITS && (hu_max - hu_offset) / (step / 2) <= GREY_MAX; bits++)
+    for (int bits = 0; bits < FINEST_BITS && (hu_max - CTS_LEAST_HU) / (step / 2) <= GREY_MAX; bits++)
         step /= 2;
     return step;
+}
+
+double cts_grey_decimal_step(double span, int n_steps)
+{
+    double step = 1;
+    if (!(span > 0))
+        return step;
+    /* As text, for the double that is nearest to it. */
+    for (int power = (int)floor(log10(span / n_steps)) - 1, digit = 1;;
+         digit = digit == 5 ? 1 : 2 * digit + digit / 2) {
+        char text[16];
+        snprintf(text, sizeof text, "%de%d", digit, power);
+        step = strtod(text, NULL);
+        if (span / step <= n_steps)
+            return step;
+        power += digit == 5;
+    }
+}
+
+void cts_volume_set_range(CtsVolume *v, double low, double high)
+{
+    v->hu_min = low <= high ? low : v->quantity == CTS_QUANTITY_HU ? CTS_LEAST_HU : 0;
+    v->hu_max = low <= high ? high : v->hu_min;
+}
+
+void cts_volume_set_scale(CtsVolume *v)
+{
+    const bool is_hu = v->quantity == CTS_QUANTITY_HU;
+    v->hu_offset = is_hu ? CTS_LEAST_HU : v->hu_min;
+    v->hu_step = is_hu ? finest_step_hu(v->hu_max) : cts_grey_decimal_step(v->hu_max - v->hu_min, GREY_MAX);
 }

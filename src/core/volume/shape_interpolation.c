@@ -528,9 +528,20 @@ static void make_gaps(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static uint16_t level_of_hu(const CtsShapeStack *t, double hu)
+/* Value of another quantity for a difference of 1 HU, so that the surface of the body, its threshold against air, lies
+ * as far above air. */
+static double value_of_one_hu(const CtsVolume *v)
 {
-    const double level = ceil((hu - t->hu_offset) / t->hu_step);
+    const double air_hu = -1000;
+    return v->quantity == CTS_QUANTITY_HU
+               ? 1
+               : fmax((v->air_limit - v->air_value) / (SURFACE_HU[0] - air_hu), v->hu_step / -SURFACE_HU[0]);
+}
+
+static uint16_t level_of_hu(const CtsVolume *v, double hu)
+{
+    const double value = v->quantity == CTS_QUANTITY_HU ? hu : v->air_limit + (hu - SURFACE_HU[0]) * value_of_one_hu(v);
+    const double level = ceil((value - v->hu_offset) / v->hu_step);
     return (uint16_t)(level < 1 ? 1 : level > UINT16_MAX ? UINT16_MAX : level);
 }
 
@@ -544,9 +555,10 @@ void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation h
     const int threads = cts_threads(n_threads);
     Shaping s = {.stack = stack, .n_blocks = {(stack->n_columns + 1) / BLOCK, (stack->n_rows + 1) / BLOCK}};
     for (int l = 0; l < N_SURFACES; l++)
-        s.level[l] = level_of_hu(stack, SURFACE_HU[l]);
-    s.alike = (float)(ALIKE_HU / stack->hu_step);
-    s.edges = (float)(EDGES_HU / stack->hu_step);
+        s.level[l] = level_of_hu(stack->scale, SURFACE_HU[l]);
+    const double levels_of_one_hu = value_of_one_hu(stack->scale) / stack->scale->hu_step;
+    s.alike = (float)(ALIKE_HU * levels_of_one_hu);
+    s.edges = (float)(EDGES_HU * levels_of_one_hu);
     s.reach = cpu & CTS_CPU_AVX512 ? cts_shape_reach_rows_avx512
               : cpu & CTS_CPU_AVX2 ? cts_shape_reach_rows_avx2
                                    : cts_shape_reach_rows_c;
@@ -572,6 +584,6 @@ void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation h
         made->no_memory |= s.scratch[t].no_memory;
         scratch_free(&s.scratch[t]);
     }
-    made->sum_of_differences_hu += (double)differences * stack->hu_step;
+    made->sum_of_differences_hu += (double)differences * stack->scale->hu_step;
     cts_free(&s.scratch);
 }

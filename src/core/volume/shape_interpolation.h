@@ -14,9 +14,9 @@ typedef struct CtsShapeStack {
     /* Columns, rows and layers of the box: from low[] on (columns and rows: even), before end[]. Grey levels are those
      * of the whole layers. */
     int low[3], end[3];
-    const double *layer; /* position of each slice in layers, rising; NULL: n_parts apart */
-    int n_parts;         /* with `layer`: 1 */
-    double hu_offset, hu_step;
+    const double *layer;    /* position of each slice in layers, rising; NULL: n_parts apart */
+    int n_parts;            /* with `layer`: 1 */
+    const CtsVolume *scale; /* the scale of the grey levels */
 } CtsShapeStack;
 
 /* Makes the layers by cubic interpolation (core/volume/slice_interpolation.h), then, with CTS_INTERPOLATION_SHAPE,

@@ -120,8 +120,7 @@ CtsStatus cts_volume_interpolate(CtsVolume *v, int n_parts, CtsInterpolation how
                                                   .n_slices = v->dims[2],
                                                   .end = {v->dims[0], v->dims[1], (int)n_layers},
                                                   .n_parts = n_parts,
-                                                  .hu_offset = v->hu_offset,
-                                                  .hu_step = v->hu_step},
+                                                  .scale = v},
                                  how, n_threads, made);
     v->dims[2] = (int)n_layers;
     for (int c = 0; c < 3; c++)

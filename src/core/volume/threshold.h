@@ -21,10 +21,12 @@ static inline bool cts_is_specimen(const double spacing_mm[3], const double size
     return true;
 }
 
-/* The first grey level of dense voxels. */
+/* The first grey level of dense voxels: of a quantity other than HU, of those above air. */
 static inline uint16_t cts_dense_grey(const CtsVolume *v)
 {
-    const double grey = ceil((CTS_DENSE_HU - v->hu_offset) / v->hu_step);
+    const bool is_hu = v->quantity == CTS_QUANTITY_HU;
+    const double grey = is_hu ? ceil((CTS_DENSE_HU - v->hu_offset) / v->hu_step)
+                              : floor((v->air_limit - v->hu_offset) / v->hu_step + 0.5) + 1;
     return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
 }
 

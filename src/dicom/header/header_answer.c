@@ -43,6 +43,12 @@ static const Field fields[] = {
     {FIELD(thickness_mm), REAL, 1, -INFINITY, INFINITY},
     {FIELD(time_s), REAL, 1, -1, 90100},
     {FIELD(declared_lossless), FLAG, 1, 0, 1},
+    {FIELD(volume_number), REAL_OR_NAN, CTS_N_VOLUME_NUMBERS, -INFINITY, INFINITY},
+    {FIELD(volume_word), OPTIONAL_TEXT, CTS_N_VOLUME_WORDS, 0, 64},
+    {FIELD(pet.units), INTEGER, 1, 0, CTS_PET_GML},
+    {FIELD(pet.decay), INTEGER, 1, 0, CTS_PET_REFERENCE_TIME},
+    {FIELD(pet.is_suvbw), FLAG, 6, 0, 1}, /* and those after it, up to is_reprojection */
+    {FIELD(pet.value), REAL_OR_NAN, CTS_PET_N_VALUES, -INFINITY, INFINITY},
     {FIELD(localizer), FLAG, 1, 0, 1},
     {FIELD(page), FLAG, 1, 0, 1},
     {FIELD(frame), INTEGER, 1, 0, CTS_MAX_FRAMES - 1},
@@ -63,6 +69,7 @@ static const Field fields[] = {
     {FIELD(padding_word), INTEGER, 1, -1, UINT16_MAX},
     {FIELD(slope), REAL, 1, -INFINITY, INFINITY},
     {FIELD(intercept), REAL, 1, -INFINITY, INFINITY},
+    {FIELD(rescale_type), OPTIONAL_TEXT, 1, 0, 16},
     {FIELD(row_lps), REAL, 3, -2, 2},
     {FIELD(column_lps), REAL, 3, -2, 2},
     {FIELD(normal_lps), REAL, 3, -2, 2},
@@ -206,8 +213,7 @@ static bool has_sound_ranges(const CtsSlice *s)
     return s->rows >= 1 && s->rows <= 4096 && s->columns >= 1 && s->columns <= 4096 &&
            (s->bits_allocated == 8 || s->bits_allocated == 16) && s->bits_stored >= 1 &&
            s->bits_stored <= s->bits_allocated && s->high_bit >= s->bits_stored - 1 &&
-           s->high_bit < s->bits_allocated && fabs(s->slope) >= 1e-6 &&
-           fabs(s->slope) * 65535 + fabs(s->intercept) <= 1e7 && fabs(cts_norm3(s->row_lps) - 1) < 1e-6 &&
+           s->high_bit < s->bits_allocated && cts_slice_has_scale(s) && fabs(cts_norm3(s->row_lps) - 1) < 1e-6 &&
            fabs(cts_norm3(s->column_lps) - 1) < 1e-6 && fabs(cts_dot3(s->row_lps, s->column_lps)) < 1e-6 &&
            s->row_spacing_mm > 0 && s->row_spacing_mm <= 10 && s->column_spacing_mm > 0 && s->column_spacing_mm <= 10;
 }
@@ -215,6 +221,7 @@ static bool has_sound_ranges(const CtsSlice *s)
 static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, int k, CtsSlice *s, CtsError *err)
 {
     CtsSlice packed;
+    s->modality_id = object->modality_id;
     memcpy(&packed, r->bytes + (size_t)k * sizeof packed, sizeof packed);
     bool sound = packed.first_frame >= -1 && packed.first_frame <= UINT32_MAX;
     for (int i = 0; sound && i < N_FIELDS; i++)
@@ -242,10 +249,10 @@ bool cts_header_facts_hold(const CtsHeaderFacts *f, uint64_t n_file)
 static bool is_sound_answer(const CtsHeaderAnswer *a, const uint8_t *bytes, size_t n)
 {
     const CtsObject *o = &a->object;
-    const bool has_slices = o->kind == CTS_OBJECT_CT || o->kind == CTS_OBJECT_ENHANCED;
-    return (unsigned)o->kind <= CTS_OBJECT_LABELS && o->n_slices >= 0 && o->n_slices <= CTS_MAX_FRAMES &&
-           (o->n_slices > 0) == has_slices && n > (size_t)o->n_slices * sizeof(CtsSlice) && !bytes[n - 1] &&
-           is_flag((const uint8_t *)&o->has_number);
+    const bool has_slices = o->kind == CTS_OBJECT_SLICE || o->kind == CTS_OBJECT_FRAMES;
+    return (unsigned)o->kind <= CTS_OBJECT_LABELS && (unsigned)o->modality_id < CTS_N_MODALITIES && o->n_slices >= 0 &&
+           o->n_slices <= CTS_MAX_FRAMES && (o->n_slices > 0) == has_slices &&
+           n > (size_t)o->n_slices * sizeof(CtsSlice) && !bytes[n - 1] && is_flag((const uint8_t *)&o->has_number);
 }
 
 CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes, size_t n, CtsStringPool *texts,
@@ -255,7 +262,10 @@ CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes,
     const PackedAnswer r = {(const char *)bytes, (size_t)o->n_slices * sizeof(CtsSlice), n, texts};
     if (!is_sound_answer(answer, bytes, n))
         return cts_header_no_sense(err);
-    *object = (CtsObject){.kind = o->kind, .has_number = o->has_number, .instance_number = o->instance_number};
+    *object = (CtsObject){.kind = o->kind,
+                          .modality_id = o->modality_id,
+                          .has_number = o->has_number,
+                          .instance_number = o->instance_number};
     if (!unpack_text(&r, o->class_uid, 64, false, &object->class_uid) ||
         !unpack_text(&r, o->study_uid, 64, false, &object->study_uid))
         return cts_header_no_sense(err);

@@ -1,5 +1,6 @@
 #include "dicom/header/slice.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,6 +15,13 @@ void cts_slice_clear(CtsSlice *slice)
     }
     free(slice->fault_text);
     *slice = (CtsSlice){0};
+}
+
+bool cts_slice_has_scale(const CtsSlice *s)
+{
+    const bool is_ct = s->modality_id == CTS_MODALITY_CT;
+    return fabs(s->slope) >= (is_ct ? 1e-6 : 1e-30) &&
+           fabs(s->slope) * 65535 + fabs(s->intercept) <= (is_ct ? 1e7 : 1e30);
 }
 
 void cts_slice_free(CtsSlice *slice)

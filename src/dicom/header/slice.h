@@ -6,6 +6,7 @@
 #include "core/volume/stored.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
+#include "dicom/header/pet.h"
 #include "dicom/protocol/syntax.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -14,9 +15,9 @@
 CTS_C_BEGIN
 
 typedef enum CtsObjectKind {
-    CTS_OBJECT_OTHER,     /* DICOM, but no CT slice: other SOP classes, structured reports, directories */
-    CTS_OBJECT_CT,        /* CT Image Storage */
-    CTS_OBJECT_ENHANCED,  /* Enhanced CT or Legacy Converted Enhanced CT: many frames in one object */
+    CTS_OBJECT_OTHER,     /* DICOM, but no slice: other SOP classes, structured reports, directories */
+    CTS_OBJECT_SLICE,     /* CT, MR or PET Image Storage */
+    CTS_OBJECT_FRAMES,    /* Enhanced or Legacy Converted Enhanced CT, MR or PET: many frames in one object */
     CTS_OBJECT_DIRECTORY, /* a DICOMDIR */
     CTS_OBJECT_LABELS,    /* a segmentation or a structure set */
     CTS_OBJECT_NIFTI      /* no DICOM, but a NIfTI CT that was named: its slices are this file's alone */
@@ -48,6 +49,24 @@ typedef enum CtsIdentity {
     CTS_N_IDENTITY
 } CtsIdentity;
 
+/* Numbers and words by which volumes at the same positions differ, in the order in which they tell them apart. */
+typedef enum CtsVolumeNumber {
+    CTS_ECHO_NUMBER,          /* (0018,0086) */
+    CTS_ECHO_TIME,            /* (0018,0081) */
+    CTS_INVERSION_TIME,       /* (0018,0082) */
+    CTS_FLIP_ANGLE,           /* (0018,1314) */
+    CTS_B_VALUE,              /* (0018,9087), and private ones */
+    CTS_FRAME_REFERENCE_TIME, /* of PET: (0054,1300), or (0018,9151) in seconds */
+    CTS_TIME_SLICE,           /* of PET: its number by ImageIndex (0054,1330) */
+    CTS_N_VOLUME_NUMBERS
+} CtsVolumeNumber;
+typedef enum CtsVolumeWord {
+    CTS_GRADIENT_DIRECTION, /* (0018,9089), and private ones */
+    CTS_IMAGE_TYPE,         /* (0008,0008) from its third value on */
+    CTS_COMPLEX_COMPONENT,  /* (0008,9208) */
+    CTS_N_VOLUME_WORDS
+} CtsVolumeWord;
+
 /* Its texts are the reader's (CtsHeaderReader), shared by the slices it has read. */
 typedef struct CtsSlice {
     const char *path;      /* the file's (CtsFile) */
@@ -55,6 +74,7 @@ typedef struct CtsSlice {
     uint64_t file_bytes;   /* with mtime_ns: the file must be the same when the pixels are read */
     int64_t mtime_ns;
     CtsObjectKind kind;
+    CtsModality modality_id;
     const CtsSyntax *syntax; /* NULL when the UID is unknown */
     const char *syntax_uid;
     unsigned odd; /* CTS_ODD_... */
@@ -78,10 +98,14 @@ typedef struct CtsSlice {
     double thickness_mm;    /* (0018,0050); negative when missing */
     double time_s;          /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
     bool declared_lossless; /* (0028,2110) is 00 */
-    bool localizer;         /* a scout */
-    bool page;              /* a dose report or the like: never had a place in a patient */
-    int frame, n_frames;    /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
-    const char *stack_id;   /* (0020,9056), of a frame; at most 16 characters */
+    /* Of MR and PET; NaN and "" where missing. */
+    double volume_number[CTS_N_VOLUME_NUMBERS];
+    const char *volume_word[CTS_N_VOLUME_WORDS];
+    CtsPet pet;
+    bool localizer;       /* a scout */
+    bool page;            /* a dose report or the like: never had a place in a patient */
+    int frame, n_frames;  /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
+    const char *stack_id; /* (0020,9056), of a frame; at most 16 characters */
     /* For a frame whose object is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
     const char *concatenation; /* (0020,9161); "" where missing */
     int part_number, n_parts;  /* (0020,9162), from 1, and (0020,9163); 0 where missing */
@@ -94,12 +118,13 @@ typedef struct CtsSlice {
     int rows, columns, bits_allocated, bits_stored, high_bit;
     bool is_signed;
     bool has_padding;
-    int padding_low, padding_high;    /* stored values, both inclusive (0028,0120) and (0028,0121) */
-    int padding_word;                 /* a padding value that exceeds bits_stored: the whole 16-bit word; else -1 */
-    double slope, intercept;          /* HU = slope * stored + intercept */
-    double row_lps[3], column_lps[3]; /* unit directions of rising row and column index */
-    double normal_lps[3];             /* row x column */
-    double position_lps[3];           /* centre of the first pixel, mm */
+    int padding_low, padding_high; /* stored values, both inclusive (0028,0120) and (0028,0121) */
+    int padding_word;              /* a padding value that exceeds bits_stored: the whole 16-bit word; else -1 */
+    double slope, intercept;       /* value = slope * stored + intercept; once a series is checked, in its quantity */
+    const char *rescale_type;      /* (0028,1054) of a CT, if it names another quantity than HU; NULL: HU */
+    double row_lps[3], column_lps[3];         /* unit directions of rising row and column index */
+    double normal_lps[3];                     /* row x column */
+    double position_lps[3];                   /* centre of the first pixel, mm */
     double column_spacing_mm, row_spacing_mm; /* along row_lps, along column_lps */
 
     /* The value of PixelData (7FE0,0010): its place in the file, or in the inflated data set when deflated; the frame's
@@ -114,6 +139,16 @@ typedef struct CtsSlice {
     CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
     char *fault_text; /* owned; without the path */
 } CtsSlice;
+
+/* True if slope and intercept give values. CT: a range of 65535 * 1e-6 HU is none, and 1e7 HU is no scanner's. Others:
+ * numbers that single precision holds. */
+bool cts_slice_has_scale(const CtsSlice *slice);
+
+/* The quantity that the rules name for series that name none. */
+static inline CtsQuantity cts_rules_quantity(const CtsSeriesRules *rules)
+{
+    return rules->named_quantity ? (CtsQuantity)(rules->named_quantity - 1) : CTS_QUANTITY_HU;
+}
 
 /* Frees what the slice owns and zeroes it. */
 void cts_slice_clear(CtsSlice *slice);
@@ -137,11 +172,12 @@ typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, C
 /* Contents of one file: a slice, or the frames of an object with many. */
 typedef struct CtsObject {
     CtsObjectKind kind;
-    const char *class_uid; /* of DICOM; "" if missing */
-    const char *study_uid; /* of DICOM; "" if missing */
+    CtsModality modality_id; /* of slices and frames */
+    const char *class_uid;   /* of DICOM; "" if missing */
+    const char *study_uid;   /* of DICOM; "" if missing */
     bool has_number;
     int instance_number; /* (0020,0013) of DICOM */
-    CtsSlice **slices;   /* n_slices of them, owned; none unless kind is CT or enhanced CT */
+    CtsSlice **slices;   /* n_slices of them, owned; none unless kind is slice or frames */
     int n_slices;
     /* for a file that is not DICOM: its probable packer, such as "gzip"; or NIfTI that was not named itself; else
      * NULL */

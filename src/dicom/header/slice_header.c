@@ -24,7 +24,7 @@ static void check_pixels(const CtsHeaderFacts *f, CtsSlice *slice)
     if (slice->fault)
         return;
     if (f->float_pixels)
-        cts_slice_fault(slice, CTS_ERR_PIXELS, "%sFloat Pixel Data (7FE0,%04X) is no CT Image Storage pixel data",
+        cts_slice_fault(slice, CTS_ERR_PIXELS, "%sFloat Pixel Data (7FE0,%04X) is no pixel data of slices",
                         f->float_pixels == 0x7FE00009 ? "Double " : "", f->float_pixels & 0xFFFF);
     else if (!f->has_pixels)
         cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData (7FE0,0010) is missing");

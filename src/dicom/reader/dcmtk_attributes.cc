@@ -21,6 +21,15 @@ const Place places[] = {
     {DCM_RescaleIntercept, DCM_PixelValueTransformationSequence, DCM_RescaleIntercept},
     {DCM_RescaleType, DCM_PixelValueTransformationSequence, DCM_RescaleType},
     {DCM_ImageType, DCM_CTImageFrameTypeSequence, DCM_FrameType},
+    {DCM_ImageType, DCM_MRImageFrameTypeSequence, DCM_FrameType},
+    {DCM_ImageType, DCM_PETFrameTypeSequence, DCM_FrameType},
+    {DCM_ComplexImageComponent, DCM_MRImageFrameTypeSequence, DCM_ComplexImageComponent},
+    {DCM_EchoTime, DCM_MREchoSequence, DCM_EffectiveEchoTime},
+    {DCM_InversionTime, DCM_MRModifierSequence, DCM_InversionTimes},
+    {DCM_FlipAngle, DCM_MRTimingAndRelatedParametersSequence, DCM_FlipAngle},
+    {DCM_DiffusionBValue, DCM_MRDiffusionSequence, DCM_DiffusionBValue},
+    {DCM_FrameReferenceDateTime, DCM_FrameContentSequence, DCM_FrameReferenceDateTime},
+    {DCM_FrameAcquisitionDateTime, DCM_FrameContentSequence, DCM_FrameAcquisitionDateTime},
     {DCM_AcquisitionNumber, DCM_FrameContentSequence, DCM_FrameAcquisitionNumber, true},
     {DCM_AcquisitionTime, DCM_FrameContentSequence, DCM_FrameAcquisitionDateTime},
     {DCM_InstanceNumber, DCM_FrameContentSequence, DCM_InStackPositionNumber, true},
@@ -50,16 +59,33 @@ DcmElement *find_in(DcmItem *item, const DcmTagKey &tag)
     return nullptr;
 }
 
+/* An element of the items in which legacy objects keep other attributes of their slices (PS3.3 C.7.6.16.2.25). */
+DcmElement *find_unassigned(const CtsAttributes &item, const DcmTagKey &tag)
+{
+    const DcmTagKey sequences[] = {DCM_UnassignedPerFrameConvertedAttributesSequence,
+                                   DCM_UnassignedSharedConvertedAttributesSequence};
+    for (int i = 0; i < 2; i++)
+        if (DcmElement *const found = find_in(cts_first_item(find_in(item.groups[i], sequences[i])), tag))
+            return found;
+    return nullptr;
+}
+
 DcmElement *find(const CtsAttributes &item, const DcmTagKey &tag)
 {
-    const Place *const place = item.is_frame ? place_of(tag) : nullptr;
-    if (!place)
-        return item.top.find(tag);
-    for (DcmItem *group : item.groups)
-        if (DcmElement *const found = find_in(cts_first_item(find_in(group, place->group)), place->tag))
-            return found;
-    /* Legacy objects may have it on top alone. */
-    return tag == DCM_ImageType ? item.top.find(tag) : nullptr;
+    bool has_place = false;
+    if (item.is_item)
+        return find_in(item.groups[0], tag);
+    for (const Place &place : places) {
+        if (!item.is_frame || place.asked != tag)
+            continue;
+        has_place = true;
+        for (DcmItem *group : item.groups)
+            if (DcmElement *const found = find_in(cts_first_item(find_in(group, place.group)), place.tag))
+                return found;
+    }
+    DcmElement *const unassigned = item.is_frame ? find_unassigned(item, tag) : nullptr;
+    /* Legacy objects may have the ImageType on top alone. */
+    return unassigned || (has_place && tag != DCM_ImageType) ? unassigned : item.top.find(tag);
 }
 
 std::string_view without_padding(std::string_view view)
@@ -91,6 +117,82 @@ bool single_number(DcmElement *element, uint32_t *value)
     else
         return false;
     return true;
+}
+
+/* A text, or a value of unknown VR as one. */
+std::string_view raw_text(DcmElement *element)
+{
+    Uint8 *bytes = nullptr;
+    if (element && !cts_is_text(element->ident()) && element->getUint8Array(bytes).good() && bytes)
+        return {reinterpret_cast<const char *>(bytes), element->getLength()};
+    return cts_element_text(element);
+}
+
+int numbers_of_text(std::string_view text, double *values, int n)
+{
+    int count = 0;
+    for (std::string_view one; count < n && !(one = cts_text_value(text, count)).empty(); count++)
+        if (!cts_parse_ds(one.data(), one.size(), values + count, 1))
+            return 0;
+    return count;
+}
+
+/* Of unknown VR: text where all of its characters are a decimal string's, else FL or FD. */
+int numbers_of_bytes(std::string_view bytes, double *values, int n)
+{
+    const size_t size = bytes.size() % 8 ? 4 : 8, longest = 256; /* more than 16 decimal strings are no such value */
+    const bool is_zero = bytes.find_first_not_of('\0') == std::string_view::npos;
+    if (bytes.size() > longest)
+        return 0;
+    const std::string_view text = without_padding(bytes);
+    if (!is_zero && text.find_first_not_of("0123456789+-.eE\\ ") == std::string_view::npos)
+        return numbers_of_text(text, values, n);
+    const size_t count = bytes.size() / size;
+    if (bytes.size() % size || count > static_cast<size_t>(n))
+        return 0;
+    for (size_t k = 0; k < count; k++) {
+        float single = 0;
+        std::memcpy(size == 8 ? static_cast<void *>(values + k) : &single, bytes.data() + k * size, size);
+        values[k] = size == 8 ? values[k] : static_cast<double>(single);
+        if (!std::isfinite(values[k]))
+            return 0;
+    }
+    return static_cast<int>(count);
+}
+
+int numbers_of(DcmElement *element, double *values, int n)
+{
+    if (!element)
+        return 0;
+    if (cts_is_text(element->ident()))
+        return numbers_of_text(without_padding(cts_element_text(element)), values, n);
+    int count = 0;
+    for (; count < n; count++) {
+        Float64 real = 0;
+        Float32 single = 0;
+        Uint16 word = 0;
+        if (element->getFloat64(real, static_cast<unsigned long>(count)).good())
+            values[count] = real;
+        else if (element->getFloat32(single, static_cast<unsigned long>(count)).good())
+            values[count] = static_cast<double>(single);
+        else if (element->getUint16(word, static_cast<unsigned long>(count)).good())
+            values[count] = word;
+        else
+            break;
+        if (!std::isfinite(values[count]))
+            return 0;
+    }
+    return count ? count : numbers_of_bytes(raw_text(element), values, n);
+}
+
+DcmElement *find_private(const CtsAttributes &item, const CtsPrivateTag &tag)
+{
+    for (unsigned block = 0x10; block <= 0xFF; block++) {
+        DcmElement *const creator = item.top.find(DcmTagKey(tag.group, static_cast<Uint16>(block)));
+        if (creator && without_padding(raw_text(creator)) == tag.creator)
+            return item.top.find(DcmTagKey(tag.group, static_cast<Uint16>(block << 8 | tag.nn)));
+    }
+    return nullptr;
 }
 
 } // namespace
@@ -146,6 +248,57 @@ std::string_view cts_attribute_text(CtsAttributes &item, const DcmTagKey &tag)
                                  : 0};
     const std::string_view text = without_padding(cts_element_text(found));
     return item.is_frame && tag == DCM_AcquisitionTime ? time_of(text) : text;
+}
+
+bool cts_attribute_decimals(CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
+{
+    const std::string_view text = cts_attribute_text(item, tag);
+    return cts_parse_ds(text.data(), text.size(), values, n);
+}
+
+double cts_attribute_number_or_nan(const CtsAttributes &item, const DcmTagKey &tag)
+{
+    double value;
+    return numbers_of(find(item, tag), &value, 1) ? value : NAN;
+}
+
+int cts_attribute_numbers(const CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
+{
+    return numbers_of(find(item, tag), values, n);
+}
+
+CtsAttributes cts_attribute_item(const CtsAttributes &item, const DcmTagKey &sequence)
+{
+    DcmItem *first = nullptr;
+    for (int i = 0; (item.is_frame || item.is_item) && !first && i < 2; i++)
+        first = cts_first_item(find_in(item.groups[i], sequence));
+    if (!first && !item.is_item)
+        first = cts_first_item(find(item, sequence));
+    return CtsAttributes{item.top, false, {first}, true};
+}
+
+std::string_view cts_private_text(const CtsAttributes &item, const CtsPrivateTag &tag)
+{
+    return without_padding(raw_text(find_private(item, tag)));
+}
+
+int cts_private_numbers(const CtsAttributes &item, const CtsPrivateTag &tag, double *values, int n)
+{
+    return numbers_of(find_private(item, tag), values, n);
+}
+
+std::string_view cts_text_value(std::string_view text, int n)
+{
+    for (; n > 0; n--) {
+        const size_t end = text.find('\\');
+        if (end == std::string_view::npos)
+            return {};
+        text.remove_prefix(end + 1);
+    }
+    text = text.substr(0, text.find('\\'));
+    while (!text.empty() && text.back() == ' ')
+        text.remove_suffix(1);
+    return text;
 }
 
 bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *value)

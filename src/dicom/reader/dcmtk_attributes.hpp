@@ -25,6 +25,7 @@ struct CtsAttributes {
     const CtsTopLevel &top;
     bool is_frame = false;
     DcmItem *groups[2] = {}; /* of a frame: its own ones precede the shared ones; NULL: none */
+    bool is_item = false;    /* of a sequence: the first group has its elements */
     char digits[12] = "";
 };
 
@@ -45,6 +46,27 @@ bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *va
 /* The 16 bits of a padding value, whose VR (US or SS) is often wrong. */
 bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern);
 
+/* n numbers of DS or IS. */
+bool cts_attribute_decimals(CtsAttributes &item, const DcmTagKey &tag, double *values, int n);
+/* A single number of any VR, or the first of several; NaN if missing. */
+double cts_attribute_number_or_nan(const CtsAttributes &item, const DcmTagKey &tag);
+/* Up to n numbers of any VR; their count, 0 where there are more. */
+int cts_attribute_numbers(const CtsAttributes &item, const DcmTagKey &tag, double *values, int n);
+/* The attributes of a sequence's first item; none where it is missing. */
+CtsAttributes cts_attribute_item(const CtsAttributes &item, const DcmTagKey &sequence);
+
+/* A private element at the top level: (group,xxNN) in the block that its creator reserved. */
+struct CtsPrivateTag {
+    uint16_t group;
+    const char *creator;
+    uint8_t nn;
+};
+std::string_view cts_private_text(const CtsAttributes &item, const CtsPrivateTag &tag);
+int cts_private_numbers(const CtsAttributes &item, const CtsPrivateTag &tag, double *values, int n);
+
+/* The n-th value of a multi-valued text, from 0. */
+std::string_view cts_text_value(std::string_view text, int n);
+
 /* Reads the slices of a data set into a zeroed object whose texts are kept in texts: all fields of each slice except
  * path, file facts, syntax, odd syntax flags and pixel offset. class_uid: the meta header's, used where the data set
  * has none. A slice with unusable values is a success with slice->fault set; so is an object of many frames without a
@@ -53,6 +75,10 @@ void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *cl
 
 /* Reads all of a slice except its position in the file. */
 void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
+
+/* Reads the attributes of MR and PET alone. */
+void cts_dcm_read_mr(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
+void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
 
 /* Adds a slice to an object, whose array has room for it. */
 CtsSlice *cts_dcm_add_slice(CtsObject *object);

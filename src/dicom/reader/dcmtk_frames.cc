@@ -33,6 +33,7 @@ CtsSlice *cts_dcm_add_slice(CtsObject *object)
     if (!slice)
         throw std::bad_alloc();
     slice->kind = object->kind;
+    slice->modality_id = object->modality_id;
     return object->slices[object->n_slices++] = slice;
 }
 

@@ -15,33 +15,25 @@
 namespace
 {
 
-const char ct_class[] = "1.2.840.10008.5.1.4.1.1.2";
-const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
-const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
+/* The classes of slices and, with frames, of enhanced and legacy converted objects. */
+const struct {
+    std::string_view uid;
+    CtsModality modality;
+    CtsObjectKind kind;
+} slice_classes[] = {
+    {"1.2.840.10008.5.1.4.1.1.2", CTS_MODALITY_CT, CTS_OBJECT_SLICE},
+    {"1.2.840.10008.5.1.4.1.1.2.1", CTS_MODALITY_CT, CTS_OBJECT_FRAMES},
+    {"1.2.840.10008.5.1.4.1.1.2.2", CTS_MODALITY_CT, CTS_OBJECT_FRAMES},
+    {"1.2.840.10008.5.1.4.1.1.4", CTS_MODALITY_MR, CTS_OBJECT_SLICE},
+    {"1.2.840.10008.5.1.4.1.1.4.1", CTS_MODALITY_MR, CTS_OBJECT_FRAMES},
+    {"1.2.840.10008.5.1.4.1.1.4.4", CTS_MODALITY_MR, CTS_OBJECT_FRAMES},
+    {"1.2.840.10008.5.1.4.1.1.128", CTS_MODALITY_PT, CTS_OBJECT_SLICE},
+    {"1.2.840.10008.5.1.4.1.1.130", CTS_MODALITY_PT, CTS_OBJECT_FRAMES},
+    {"1.2.840.10008.5.1.4.1.1.128.1", CTS_MODALITY_PT, CTS_OBJECT_FRAMES},
+};
 const char directory_class[] = "1.2.840.10008.1.3.10";
 const std::string_view label_classes[] = {"1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7",
                                           "1.2.840.10008.5.1.4.1.1.481.3"};
-
-/* The n-th value of a multi-valued text. */
-std::string_view part_of(std::string_view text, int n)
-{
-    for (; n > 0; n--) {
-        const size_t end = text.find('\\');
-        if (end == std::string_view::npos)
-            return {};
-        text.remove_prefix(end + 1);
-    }
-    text = text.substr(0, text.find('\\'));
-    while (!text.empty() && text.back() == ' ')
-        text.remove_suffix(1);
-    return text;
-}
-
-bool numbers(CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
-{
-    const std::string_view text = cts_attribute_text(item, tag);
-    return cts_parse_ds(text.data(), text.size(), values, n);
-}
 
 bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
 {
@@ -53,7 +45,7 @@ bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
 double positive_number(CtsAttributes &item, const DcmTagKey &tag)
 {
     double value = -1;
-    return numbers(item, tag, &value, 1) ? value : -1;
+    return cts_attribute_decimals(item, tag, &value, 1) ? value : -1;
 }
 
 /* HHMMSS.FFFFFF as seconds of the day, -1 when it is anything else. */
@@ -77,19 +69,25 @@ std::string plain_word(std::string_view text)
     return word;
 }
 
-CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
+CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class, CtsModality *modality)
 {
-    if (sop_class == ct_class)
-        return CTS_OBJECT_CT;
-    if (sop_class == enhanced_class || sop_class == legacy_enhanced_class)
-        return CTS_OBJECT_ENHANCED;
+    for (const auto &row : slice_classes)
+        if (row.uid == sop_class) {
+            *modality = row.modality;
+            return row.kind;
+        }
     if (sop_class == directory_class || cts_attribute_has(item, DCM_DirectoryRecordSequence))
         return CTS_OBJECT_DIRECTORY;
     if (std::find(std::begin(label_classes), std::end(label_classes), sop_class) != std::end(label_classes))
         return CTS_OBJECT_LABELS;
-    if (sop_class.empty() && plain_word(cts_attribute_text(item, DCM_Modality)) == "CT" &&
-        cts_attribute_has(item, DCM_ImagePositionPatient))
-        return CTS_OBJECT_CT;
+    if (!sop_class.empty() || !cts_attribute_has(item, DCM_ImagePositionPatient))
+        return CTS_OBJECT_OTHER;
+    const std::string word = plain_word(cts_attribute_text(item, DCM_Modality));
+    for (int i = 0; i < CTS_N_MODALITIES; i++)
+        if (word == cts_modality_names[i]) {
+            *modality = static_cast<CtsModality>(i);
+            return CTS_OBJECT_SLICE;
+        }
     return CTS_OBJECT_OTHER;
 }
 
@@ -101,7 +99,7 @@ bool names_quantity(std::string_view image_type)
         if (image_type.find(word) != std::string_view::npos)
             return true;
     for (int i = 2; i < 16; i++)
-        if (part_of(image_type, i).substr(0, 4) == "MAT_")
+        if (cts_text_value(image_type, i).substr(0, 4) == "MAT_")
             return true;
     return false;
 }
@@ -114,15 +112,6 @@ bool is_hu(const std::string &word)
         if (word == name)
             return true;
     return false;
-}
-
-/* The terms of RescaleType (PS3.3 C.11.1.1.2) in multi-energy CT for quantities other than HU. */
-bool is_quantity(std::string_view rescale_type)
-{
-    for (const char *term : {"HU_MOD", "MGML", "PCT", "Z_EFF", "ED", "EDW"})
-        if (rescale_type == term)
-            return true;
-    return names_quantity(rescale_type);
 }
 
 /* Not shared: no two slices have the same. */
@@ -195,12 +184,12 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     s->thickness_mm = positive_number(item, DCM_SliceThickness);
     const std::string_view image_type = cts_attribute_text(item, DCM_ImageType);
     for (int i = 2; i < 8; i++)
-        s->localizer |= part_of(image_type, i) == "LOCALIZER";
-    if (names_quantity(image_type))
+        s->localizer |= cts_text_value(image_type, i) == "LOCALIZER";
+    if (s->modality_id == CTS_MODALITY_CT && names_quantity(image_type))
         s->odd |= CTS_ODD_NOT_HU;
     if (cts_attribute_text(item, DCM_BurnedInAnnotation) == "YES")
         s->odd |= CTS_ODD_BURNED_IN;
-    const bool derived = part_of(image_type, 0) == "DERIVED" || part_of(image_type, 1) == "SECONDARY";
+    const bool derived = cts_text_value(image_type, 0) == "DERIVED" || cts_text_value(image_type, 1) == "SECONDARY";
     s->page = derived && !s->identity[CTS_FRAME_UID][0] && !cts_attribute_has(item, DCM_ImagePositionPatient) &&
               !cts_attribute_has(item, DCM_ImageOrientationPatient);
     const std::string_view lossy = cts_attribute_text(item, DCM_LossyImageCompression);
@@ -237,8 +226,8 @@ bool read_shape(CtsAttributes &item, CtsSlice *s)
     }
     if ((s->bits_allocated != 8 && s->bits_allocated != 16) || s->bits_stored > s->bits_allocated ||
         s->high_bit < s->bits_stored - 1 || s->high_bit >= s->bits_allocated) {
-        cts_slice_fault(s, CTS_ERR_PIXELS, "%d bits allocated, %d stored, high bit %d fit no CT pixel",
-                        s->bits_allocated, s->bits_stored, s->high_bit);
+        cts_slice_fault(s, CTS_ERR_PIXELS, "%d bits allocated, %d stored, high bit %d fit no pixel", s->bits_allocated,
+                        s->bits_stored, s->high_bit);
         return false;
     }
     int value = 1;
@@ -255,7 +244,7 @@ void read_frame_count(CtsAttributes &item, CtsSlice *s)
     if (!cts_attribute_has(item, DCM_NumberOfFrames) || cts_attribute_text(item, DCM_NumberOfFrames).empty() ||
         (integer(item, DCM_NumberOfFrames, &frames) && frames == 1))
         return;
-    cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
+    cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: its SOP class holds one frame");
     s->page = false; /* no screen capture */
 }
 
@@ -264,41 +253,55 @@ void read_image_kind(CtsAttributes &item, CtsSlice *s)
     int samples = 1;
     if (cts_attribute_has(item, DCM_SamplesPerPixel) &&
         (!cts_attribute_word(item, DCM_SamplesPerPixel, &samples) || samples != 1))
-        cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
+        cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no slice");
     const std::string_view photometric = cts_attribute_text(item, DCM_PhotometricInterpretation);
     if (photometric == "MONOCHROME1")
         s->odd |= CTS_ODD_MONOCHROME1;
     else if (!photometric.empty() && photometric != "MONOCHROME2")
-        cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
+        cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no slice");
 }
 
-void read_rescale(CtsAttributes &item, CtsSlice *s)
+void check_rescale(CtsSlice *s)
+{
+    if (!cts_slice_has_scale(s))
+        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no %s", s->slope, s->intercept,
+                        s->modality_id == CTS_MODALITY_CT ? "Hounsfield units" : "values");
+    if (s->slope < 0)
+        s->odd |= CTS_ODD_FALLING;
+}
+
+void read_rescale_type(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
+{
+    const std::string_view type = cts_attribute_text(item, DCM_RescaleType);
+    const std::string word = plain_word(type);
+    if (word == "US" || word == "UNSPECIFIED")
+        s->odd |= CTS_ODD_UNSPECIFIED;
+    else if (!type.empty() && !is_hu(word))
+        s->rescale_type = cts_dcm_share(texts, type, 16);
+}
+
+void read_rescale(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
 {
     if (cts_attribute_has(item, DCM_ModalityLUTSequence)) {
         cts_slice_fault(s, CTS_ERR_PIXELS, "a Modality LUT (0028,3000) stands in for the rescale slope; not supported");
         return;
     }
-    if (!numbers(item, DCM_RescaleSlope, &s->slope, 1) || !numbers(item, DCM_RescaleIntercept, &s->intercept, 1)) {
+    s->slope = 1;
+    /* MR needs none. */
+    if (s->modality_id == CTS_MODALITY_MR && !cts_attribute_has(item, DCM_RescaleSlope) &&
+        !cts_attribute_has(item, DCM_RescaleIntercept))
+        return;
+    if (!cts_attribute_decimals(item, DCM_RescaleSlope, &s->slope, 1) ||
+        !cts_attribute_decimals(item, DCM_RescaleIntercept, &s->intercept, 1)) {
         cts_slice_fault(s, CTS_ERR_PIXELS,
                         "RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) is missing or not a number, so its "
-                        "pixels are not Hounsfield units (set the right ones with dcmodify)");
+                        "pixels are not %s (set the right ones with dcmodify)",
+                        s->modality_id == CTS_MODALITY_CT ? "Hounsfield units" : "values");
         return;
     }
-    /* A range of 65535 * 1e-6 HU is none, and 1e7 HU is no scanner's. */
-    if (std::fabs(s->slope) < 1e-6 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
-        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
-                        s->intercept);
-    if (s->slope < 0)
-        s->odd |= CTS_ODD_FALLING;
-    const std::string_view type = cts_attribute_text(item, DCM_RescaleType);
-    const std::string word = plain_word(type);
-    if (word == "US" || word == "UNSPECIFIED")
-        s->odd |= CTS_ODD_UNSPECIFIED;
-    else if (is_quantity(type))
-        s->odd |= CTS_ODD_NOT_HU;
-    else if (!type.empty() && !is_hu(word))
-        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleType (0028,1054) is %.*s, not HU",
-                        static_cast<int>(type.size() < 16 ? type.size() : 16), type.data());
+    check_rescale(s);
+    if (s->modality_id == CTS_MODALITY_CT)
+        read_rescale_type(item, texts, s);
 }
 
 /* A padding pattern as a stored value; false when no pixel of that many bits can hold it. */
@@ -334,7 +337,7 @@ void read_padding(CtsAttributes &item, CtsSlice *s)
 void read_orientation(CtsAttributes &item, CtsSlice *s)
 {
     double v[6];
-    if (!numbers(item, DCM_ImageOrientationPatient, v, 6)) {
+    if (!cts_attribute_decimals(item, DCM_ImageOrientationPatient, v, 6)) {
         cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImageOrientationPatient (0020,0037) is missing or not six numbers");
         return;
     }
@@ -363,13 +366,13 @@ void read_orientation(CtsAttributes &item, CtsSlice *s)
 void read_geometry(CtsAttributes &item, CtsSlice *s)
 {
     read_orientation(item, s);
-    if (!numbers(item, DCM_ImagePositionPatient, s->position_lps, 3))
+    if (!cts_attribute_decimals(item, DCM_ImagePositionPatient, s->position_lps, 3))
         cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is missing or not three numbers");
     for (const double p : s->position_lps)
         if (std::fabs(p) > 1e5) /* a hundred metres */
             cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is %g mm away", std::fabs(p));
     double spacing[2] = {0, 0};
-    if (!numbers(item, DCM_PixelSpacing, spacing, 2))
+    if (!cts_attribute_decimals(item, DCM_PixelSpacing, spacing, 2))
         cts_slice_fault(s, CTS_ERR_GEOMETRY, "PixelSpacing (0028,0030) is missing or not two numbers");
     else if (!(spacing[0] > 0 && spacing[0] <= 10 && spacing[1] > 0 && spacing[1] <= 10))
         cts_slice_fault(s, CTS_ERR_GEOMETRY,
@@ -398,7 +401,11 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     read_image_kind(item, s);
     if (read_shape(item, s))
         read_padding(item, s);
-    read_rescale(item, s);
+    read_rescale(item, texts, s);
+    if (s->modality_id == CTS_MODALITY_MR)
+        cts_dcm_read_mr(item, texts, s);
+    else if (s->modality_id == CTS_MODALITY_PT)
+        cts_dcm_read_pet(item, texts, s);
 }
 
 void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *class_uid, CtsObject *object)
@@ -407,15 +414,15 @@ void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *cl
     CtsAttributes item{top};
     const std::string_view own_class = cts_attribute_text(item, DCM_SOPClassUID);
     const std::string_view sop_class = own_class.empty() ? std::string_view(class_uid) : own_class;
-    object->kind = kind_of(item, sop_class);
+    object->kind = kind_of(item, sop_class, &object->modality_id);
     object->class_uid =
         cts_dcm_share(*texts, object->kind == CTS_OBJECT_DIRECTORY ? std::string_view(directory_class) : sop_class, 64);
     object->study_uid = cts_dcm_share(*texts, cts_attribute_text(item, DCM_StudyInstanceUID), 64);
     object->has_number = integer(item, DCM_InstanceNumber, &object->instance_number);
-    if (object->kind == CTS_OBJECT_CT) {
+    if (object->kind == CTS_OBJECT_SLICE) {
         cts_dcm_make_room(object, 1);
         cts_dcm_read_slice(item, *texts, cts_dcm_add_slice(object));
     }
-    if (object->kind == CTS_OBJECT_ENHANCED)
+    if (object->kind == CTS_OBJECT_FRAMES)
         cts_dcm_read_frames(top, *texts, object);
 }

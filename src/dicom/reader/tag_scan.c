@@ -13,12 +13,14 @@ static const struct {
     bool decides, is_uid;
 } checked_tags[CTS_N_CHECKED_TAGS] = {
     {0x00080016, true, false}, {0x00080018, false, true}, {0x00100010, true, false}, {0x00100020, true, false},
-    {0x00100021, true, false}, {0x00100030, true, false}, {0x00100040, true, false}, {0x0020000D, true, true},
+    {0x00100021, true, false}, {0x00100030, true, false}, {0x00100040, true, false}, {0x00101030, true, false},
+    {0x00189701, true, false}, {0x00189758, true, false}, {0x00189759, true, false}, {0x0020000D, true, true},
     {0x0020000E, true, true},  {0x00200032, true, false}, {0x00200037, true, false}, {0x00200052, true, true},
     {0x00280002, true, false}, {0x00280008, true, false}, {0x00280010, true, false}, {0x00280011, true, false},
-    {0x00280030, true, false}, {0x00280100, true, false}, {0x00280101, true, false}, {0x00280102, true, false},
-    {0x00280103, true, false}, {0x00280120, true, false}, {0x00280121, true, false}, {0x00281052, true, false},
-    {0x00281053, true, false},
+    {0x00280030, true, false}, {0x00280051, true, false}, {0x00280100, true, false}, {0x00280101, true, false},
+    {0x00280102, true, false}, {0x00280103, true, false}, {0x00280120, true, false}, {0x00280121, true, false},
+    {0x00281052, true, false}, {0x00281053, true, false}, {0x00541001, true, false}, {0x00541006, true, false},
+    {0x00541102, true, false},
 };
 
 typedef struct OpenElement {

@@ -14,7 +14,7 @@ enum {
     CTS_MAX_NESTING = 64 /* sequences inside sequences, as in DCMTK from 3.7.0 on */
 };
 
-enum { CTS_N_CHECKED_TAGS = 25 };
+enum { CTS_N_CHECKED_TAGS = 33 };
 
 /* The place of a value among the bytes; offset 0: none. */
 typedef struct CtsScannedValue {

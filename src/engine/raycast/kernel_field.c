@@ -289,7 +289,7 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
                        .kernel = kernel,
                        .shortest_mm = 1e-6 / fabs(view->forward_vox[view->axis]),
                        .lit = preset->shade,
-                       .air_beyond = cts_shade_air_beyond(preset),
+                       .air_beyond = cts_shade_air_beyond(preset, volume),
                        .radius = radius};
     *field = &f->field;
     return CTS_OK;

@@ -156,7 +156,7 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsModel *model, const Cts
     t->field = (CtsField){.next = next, .gradient = gradient, .free = trilinear_free};
     t->volume = model->volume;
     t->shown = cts_model_shown(model)->volume;
-    t->air_beyond = cts_shade_air_beyond(preset) && !CTS_MUTATED(BORDER_DIFFERENCE);
+    t->air_beyond = cts_shade_air_beyond(preset, model->volume) && !CTS_MUTATED(BORDER_DIFFERENCE);
     size_t stride = 1;
     for (int axis = 0; axis < 3; axis++) {
         const int dim = t->volume->dims[axis];

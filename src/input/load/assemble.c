@@ -6,6 +6,7 @@
 #include "base/parallel.h"
 #include "base/stage_timer.h"
 #include "core/volume/grey.h"
+#include "core/volume/levels.h"
 #include "core/volume/volume_new.h"
 #include "dicom/codec/pixels.h"
 #include "dicom/header/slice.h"
@@ -18,8 +19,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* HU of grey level 0: the least HU of scanners' 12-bit scale; lower HU and padding become it. */
-#define HU_OFFSET (-1024.0)
 enum { GREY_MAX = 65535 };
 
 /* State shared by the threads that read slices into layers. */
@@ -71,9 +70,10 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     const double start = cts_wall_ms();
     if (a->watch && a->watch->take)
         a->watch->take(a->watch->context, a->number[in->k], at, first, end, &in->stored, s->slope, s->intercept);
-    const CtsStoredRange r = a->whole_numbers ? cts_grey_whole(layer + first, at, end - first, &in->stored,
-                                                               (int32_t)s->slope, (int32_t)(s->intercept - HU_OFFSET))
-                                              : cts_stored_range(at, end - first, &in->stored);
+    const CtsStoredRange r = a->whole_numbers
+                                 ? cts_grey_whole(layer + first, at, end - first, &in->stored, (int32_t)s->slope,
+                                                  (int32_t)(s->intercept - CTS_LEAST_HU))
+                                 : cts_stored_range(at, end - first, &in->stored);
     if (!a->whole_numbers && at != layer + first)
         memcpy(layer + first, at, (end - first) * sizeof *at);
     CtsStoredRange *const all = &a->ranges[in->k];
@@ -221,21 +221,19 @@ static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
     return why->status;
 }
 
-static void find_hu_range(const Assembly *a, CtsVolume *v)
+static void find_range(const Assembly *a, CtsVolume *v)
 {
-    v->hu_min = INFINITY;
-    v->hu_max = -INFINITY;
+    double low = INFINITY, high = -INFINITY;
     for (int k = 0; k < a->n_slices; k++) {
         const CtsSlice *s = &a->slices[k];
         const CtsStoredRange r = a->ranges[k];
         if (r.low > r.high)
             continue;
         const double x = s->slope * r.low + s->intercept, y = s->slope * r.high + s->intercept;
-        v->hu_min = fmin(v->hu_min, fmin(x, y));
-        v->hu_max = fmax(v->hu_max, fmax(x, y));
+        low = fmin(low, fmin(x, y));
+        high = fmax(high, fmax(x, y));
     }
-    if (!(v->hu_min <= v->hu_max))
-        v->hu_min = v->hu_max = HU_OFFSET; /* padding alone */
+    cts_volume_set_range(v, low, high);
 }
 
 static bool same_table(const CtsSlice *a, const CtsSlice *b)
@@ -249,12 +247,13 @@ static bool same_table(const CtsSlice *a, const CtsSlice *b)
 /* One thread's table, and the slice it was made for. */
 typedef struct Converter {
     const CtsSlice *made_for;
+    double rounding; /* largest difference of a value and its grey level's */
     uint16_t table[65536];
 } Converter;
 
 typedef struct Converting {
     const Assembly *assembly;
-    double hu_step;
+    const CtsVolume *volume;
     Converter *converters;
 } Converting;
 
@@ -262,26 +261,31 @@ static void convert_some(void *context, int worker, size_t first, size_t end)
 {
     const Converting *const c = context;
     const Assembly *a = c->assembly;
+    const CtsVolume *const v = c->volume;
     Converter *const mine = &c->converters[worker];
     for (int k = (int)first; k < (int)end; k++) {
         const CtsSlice *s = &a->slices[k];
         if (!mine->made_for || !same_table(mine->made_for, s)) {
             const CtsStored stored = cts_slice_stored(s);
-            cts_grey_table(mine->table, &stored, s->slope, s->intercept, HU_OFFSET, c->hu_step);
+            cts_grey_table(mine->table, &stored, s->slope, s->intercept, v->hu_offset, v->hu_step);
             mine->made_for = s;
         }
+        mine->rounding =
+            fmax(mine->rounding, cts_grey_rounding(a->ranges[k], s->slope, s->intercept, v->hu_offset, v->hu_step));
         cts_grey_look_up(layer_of(a, k), a->layer_voxels, mine->table);
     }
 }
 
-static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsError *err)
+static CtsStatus convert_fractions(const Assembly *a, const CtsVolume *v, double *rounding, CtsError *err)
 {
     Converter *converters = NULL;
     const CtsStatus st = cts_alloc_zeroed(&converters, (size_t)a->n_threads, err);
     if (!st) {
-        Converting converting = {a, hu_step, converters};
+        Converting converting = {a, v, converters};
         cts_parallel(a->n_threads, (size_t)a->n_slices, 0, convert_some, &converting);
     }
+    for (int t = 0; !st && t < a->n_threads; t++)
+        *rounding = fmax(*rounding, converters[t].rounding);
     cts_free(&converters);
     return st;
 }
@@ -347,9 +351,17 @@ static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers 
 }
 
 /* coarsest_hu: HU step between words, for slices whose words were rounded before. */
-static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, CtsReport *report)
+static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, double rounding, CtsReport *report)
 {
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
+    if (v->quantity != CTS_QUANTITY_HU) {
+        if (rounding > 1e-6 * v->hu_step) /* more than arithmetic loses */
+            cts_report_diagnostic(report, CTS_DIAGNOSTIC_FRACTIONAL_RESCALE,
+                                  "grey levels are steps of %g%s%s; the largest rounding is %.2g", v->hu_step,
+                                  *cts_quantity_units[v->quantity] ? " " : "", cts_quantity_units[v->quantity],
+                                  rounding);
+        return;
+    }
     if (!whole_numbers)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_FRACTIONAL_RESCALE,
                               "the rescale slope or intercept has a fraction; grey levels are steps of %g HU",
@@ -419,8 +431,8 @@ typedef struct Loading {
 static CtsStatus read_nifti(const CtsSeries *series, Loading *in, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    const CtsStatus st = cts_nifti_words(in->slices, in->n_slices, series->rules.nifti_form,
-                                         in->watch ? in->watch->stop : NULL, &in->words, report, err);
+    const CtsStatus st = cts_nifti_words(in->slices, in->n_slices, &series->rules, in->watch ? in->watch->stop : NULL,
+                                         &in->words, report, err);
     cts_report_stage(report, CTS_STAGE_DECODE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return st;
 }
@@ -496,10 +508,12 @@ static CtsStatus fill_even_slices(const Loading *in, int offset, CtsVolume *v, C
                   .watch = in->watch,
                   .n_slices = in->n_slices,
                   .n_threads = n_threads,
-                  .faults = in->faults,
-                  .whole_numbers = true};
+                  .faults = in->faults};
+    const bool is_hu = v->quantity == CTS_QUANTITY_HU;
+    double rounding = 0;
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     a.first = v->grey + (size_t)offset * a.layer_voxels;
+    a.whole_numbers = is_hu;
     for (int k = 0; k < a.n_slices; k++)
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
@@ -508,24 +522,30 @@ static CtsStatus fill_even_slices(const Loading *in, int offset, CtsVolume *v, C
     if (!st)
         st = read_slices(&a, report, err);
     if (!st)
-        find_hu_range(&a, v);
+        find_range(&a, v);
     const bool whole_numbers = a.whole_numbers;
     CtsOutliers outliers;
     cts_outliers_begin(&outliers, (const int[3]){v->dims[0], v->dims[1], a.n_slices});
-    if (!st && (cts_is_outlier(v->hu_min) || cts_is_outlier(v->hu_max)))
+    if (!st && is_hu && (cts_is_outlier(v->hu_min) || cts_is_outlier(v->hu_max)))
         st = leave_outliers_out(&a, v->dims, &outliers, v, report, err);
-    if (!st)
+    if (!st && is_hu)
         st = check_range(&a, v, err);
-    if (!st && !a.whole_numbers) {
-        v->hu_step = whole_numbers ? 1 : cts_grey_finest_step(HU_OFFSET, v->hu_max);
-        st = convert_fractions(&a, v->hu_step, err);
-    }
+    else if (!st && v->hu_min == v->hu_max)
+        st = cts_fail(err, CTS_ERR_PIXELS, "all of its values are %g: nothing to show", v->hu_min);
+    if (!st && !whole_numbers)
+        cts_volume_set_scale(v);
+    if (!st && !a.whole_numbers)
+        st = convert_fractions(&a, v, &rounding, err);
+    for (int k = 0; !st && !is_hu && k < a.n_slices; k++)
+        cts_slice_sample(&a.slices[k], layer_of(&a, k), true, a.samples + (size_t)k * CTS_SAMPLES);
     if (!st) {
         cts_outliers_mend(&outliers, v, a.first);
-        report_range(v, whole_numbers, a.slices[0].kind == CTS_OBJECT_NIFTI ? a.slices[0].slope : 0, report);
+        report_range(v, whole_numbers, a.slices[0].kind == CTS_OBJECT_NIFTI ? a.slices[0].slope : 0, rounding, report);
         report_blank(&a, report);
-        st = cts_slice_consistency_report(a.slices, a.n_slices, a.samples, report, err);
+        st = cts_slice_consistency_report(a.slices, a.n_slices, a.samples, is_hu, report, err);
     }
+    if (!st)
+        st = cts_volume_measure_levels(v, a.first, a.n_slices, n_threads, err);
     cts_outliers_free(&outliers);
     cts_free(&a.samples);
     cts_free(&a.ranges);
@@ -578,6 +598,8 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
         (st = cts_volume_new_unset(&(*scanned)->even, series->columns, series->rows, n_slots, err)))
         goto end;
     v = (*scanned)->even;
+    v->modality = series->modality_id;
+    v->quantity = series->quantity;
     v->dims[2] = stack.n_layers;
     if (!even) /* on average */
         v->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);

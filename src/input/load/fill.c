@@ -65,6 +65,8 @@ static uint16_t fill_of_slice(const CtsVolume *v, const uint16_t *slice)
 
 bool cts_scanned_find_fill(const CtsScanned *s, double *hu)
 {
+    if (s->even->quantity != CTS_QUANTITY_HU) /* others have no value that filling exceeds */
+        return false;
     const CtsVolume *const v = s->even;
     uint16_t fill = 0;
     if (!v->grey || v->hu_max - v->hu_min < MIN_RANGE_HU)

@@ -7,14 +7,13 @@
 #include "base/vec3.h"
 #include "core/volume/box.h"
 #include "core/volume/grey.h"
+#include "core/volume/levels.h"
 #include "core/volume/volume_new.h"
 #include "input/load/outliers.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* HU of grey level 0: the least HU of scanners' 12-bit scale; lower HU and padding become it. */
-#define HU_OFFSET (-1024.0)
 enum { GREY_MAX = 65535 };
 
 typedef struct HuArray {
@@ -110,15 +109,20 @@ RANGE_OF(range_of_floats, float, int32_t, INT32_MAX, 0x7F800000, 12582912.0F)
 RANGE_OF(range_of_doubles, double, int64_t, INT64_MAX, INT64_C(0x7FF0000000000000), 6755399441055744.0)
 #undef RANGE_OF
 
-static inline __attribute__((always_inline)) Range range_of_integers(const int32_t *row, size_t n)
-{
-    int32_t low = INT32_MAX, high = INT32_MIN;
-    for (size_t i = 0; i < n; i++) {
-        low = row[i] < low ? row[i] : low;
-        high = row[i] > high ? row[i] : high;
+#define RANGE_OF_INTEGERS(NAME, type)                                                                                  \
+    static inline __attribute__((always_inline)) Range NAME(const type *row, size_t n)                                 \
+    {                                                                                                                  \
+        type low = row[0], high = row[0];                                                                              \
+        for (size_t i = 1; i < n; i++) {                                                                               \
+            low = row[i] < low ? row[i] : low;                                                                         \
+            high = row[i] > high ? row[i] : high;                                                                      \
+        }                                                                                                              \
+        return (Range){low, high, true, 0};                                                                            \
     }
-    return (Range){low, high, true, 0};
-}
+RANGE_OF_INTEGERS(range_of_integers, int32_t)
+RANGE_OF_INTEGERS(range_of_shorts, int16_t)
+RANGE_OF_INTEGERS(range_of_words, uint16_t)
+#undef RANGE_OF_INTEGERS
 
 static Range join_ranges(Range a, Range b)
 {
@@ -129,7 +133,7 @@ static Range join_ranges(Range a, Range b)
 #define GREY_OF(row)                                                                                                   \
     for (size_t i = 0; i < n; i++) {                                                                                   \
         const double x = (double)(row)[i];                                                                             \
-        double g = (x - HU_OFFSET) * scale + 0.5 + (x - x);                                                            \
+        double g = (x - offset) * scale + 0.5 + (x - x);                                                               \
         g = g >= 0 ? g : 0;                                                                                            \
         g = g <= GREY_MAX ? g : GREY_MAX;                                                                              \
         grey[i] = (uint16_t)(int32_t)g;                                                                                \
@@ -139,26 +143,31 @@ static Range join_ranges(Range a, Range b)
 static inline __attribute__((always_inline)) void any_slice(const ArrayPass *p, int k, bool looks, void *gathered)
 {
     const size_t n = (size_t)p->array->box.dims[0];
-    const double scale = 1 / p->volume->hu_step;
+    const double offset = p->volume->hu_offset, scale = 1 / p->volume->hu_step;
     Range all = {INFINITY, -INFINITY, true, 0};
     for (int j = 0; j < p->array->box.dims[1]; j++) {
         const void *const row = row_of(p, j, k, gathered);
         uint16_t *const restrict grey = grey_of(p, j, k);
-        const bool doubles = p->array->number == CTS_FLOAT64, floats = p->array->number == CTS_FLOAT32;
-        if (looks)
-            all = join_ranges(all, doubles  ? range_of_doubles(row, n)
-                                   : floats ? range_of_floats(row, n)
-                                            : range_of_integers(row, n));
-        else if (doubles)
-            GREY_OF((const double *)row)
-        else if (floats)
-            GREY_OF((const float *)row)
-        else
-            GREY_OF((const int32_t *)row)
+#define ROW_CASE(kind, type, range_of)                                                                                 \
+    case kind:                                                                                                         \
+        if (looks)                                                                                                     \
+            all = join_ranges(all, range_of(row, n));                                                                  \
+        else                                                                                                           \
+            GREY_OF((const type *)row)                                                                                 \
+        break;
+        switch (p->array->number) {
+            ROW_CASE(CTS_FLOAT64, double, range_of_doubles)
+            ROW_CASE(CTS_FLOAT32, float, range_of_floats)
+            ROW_CASE(CTS_INT16, int16_t, range_of_shorts)
+            ROW_CASE(CTS_UINT16, uint16_t, range_of_words)
+        default:
+            ROW_CASE(CTS_INT32, int32_t, range_of_integers)
+        }
     }
     if (looks)
         p->ranges[k] = all;
 }
+#undef ROW_CASE
 #undef GREY_OF
 
 CTS_TARGET_AVX2 static void slice_avx2(const ArrayPass *p, int k, bool looks, void *gathered)
@@ -174,12 +183,12 @@ static void slice(const ArrayPass *p, int k, bool looks, void *gathered)
         any_slice(p, k, looks, gathered);
 }
 
-static bool has_words(const HuArray *g)
+/* HU of 16 bits, which are converted directly, like a slice's stored words. */
+static bool has_words(const ArrayPass *p)
 {
-    return g->number == CTS_INT16 || g->number == CTS_UINT16;
+    return p->volume->quantity == CTS_QUANTITY_HU && (p->array->number == CTS_INT16 || p->array->number == CTS_UINT16);
 }
 
-/* Numbers of 16 bits are converted directly, like a slice's stored words. */
 static Range convert_slice(const ArrayPass *p, int k, void *gathered)
 {
     const CtsStored stored = {
@@ -188,7 +197,7 @@ static Range convert_slice(const ArrayPass *p, int k, void *gathered)
     for (int j = 0; j < p->array->box.dims[1]; j++)
         range =
             cts_stored_range_join(range, cts_grey_whole(grey_of(p, j, k), row_of(p, j, k, gathered),
-                                                        (size_t)p->array->box.dims[0], &stored, 1, (int)-HU_OFFSET));
+                                                        (size_t)p->array->box.dims[0], &stored, 1, (int)-CTS_LEAST_HU));
     return (Range){range.low, range.high, true, 0};
 }
 
@@ -196,7 +205,7 @@ static void find_ranges(void *context, int worker, size_t first, size_t end)
 {
     const ArrayPass *const p = context;
     for (int k = (int)first; k < (int)end; k++)
-        if (has_words(p->array))
+        if (has_words(p))
             p->ranges[k] = convert_slice(p, k, p->rows[worker]);
         else
             slice(p, k, true, p->rows[worker]);
@@ -223,6 +232,8 @@ static CtsStatus check_array(const CtsHuArray *g, CtsError *err)
     if (!(spans > 0 && volume_mm3 > 1e-3 * spans &&
           isfinite(volume_mm3 + g->origin_lps[0] + g->origin_lps[1] + g->origin_lps[2])))
         return cts_fail(err, CTS_ERR_GEOMETRY, "the steps from voxel to voxel do not span space");
+    if ((unsigned)g->quantity >= CTS_N_QUANTITIES || (unsigned)g->modality >= CTS_N_MODALITIES)
+        return cts_fail(err, CTS_ERR_USAGE, "values of quantity %d, modality %d", (int)g->quantity, (int)g->modality);
     return (unsigned)g->number < CTS_N_NUMBERS && number_bytes[g->number]
                ? CTS_OK
                : cts_fail(err, CTS_ERR_USAGE, "numbers of kind %d", (int)g->number);
@@ -261,15 +272,15 @@ static CtsStatus settle_range(const ArrayPass *p, CtsVolume *v, CtsOutliers *out
     CtsStatus st;
     for (int k = 0; k < p->array->box.dims[2]; k++)
         all = join_ranges(all, p->ranges[k]);
-    if (all.low <= all.high && (cts_is_outlier(all.low) || cts_is_outlier(all.high)) &&
+    const bool is_hu = v->quantity == CTS_QUANTITY_HU;
+    if (is_hu && all.low <= all.high && (cts_is_outlier(all.low) || cts_is_outlier(all.high)) &&
         (st = leave_values_out(p, &all, outliers, report, err)))
         return st;
-    v->hu_min = all.low <= all.high ? all.low : HU_OFFSET;
-    v->hu_max = all.low <= all.high ? all.high : HU_OFFSET;
-    if (!all.whole)
-        v->hu_step = cts_grey_finest_step(HU_OFFSET, v->hu_max);
+    cts_volume_set_range(v, all.low, all.high);
+    if (!is_hu || !all.whole)
+        cts_volume_set_scale(v);
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
-    if (v->hu_max > top)
+    if (is_hu && v->hu_max > top)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_CLAMPED_HIGH,
                               "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
     if (all.n_lost)
@@ -285,12 +296,12 @@ static CtsStatus fill_from_array(const ArrayPass *p, CtsVolume *v, int n_threads
     CtsOutliers outliers;
     cts_outliers_begin(&outliers, p->array->box.dims);
     const CtsStatus st = settle_range(p, v, &outliers, report, err);
-    if (!st && !has_words(p->array)) {
+    if (!st && !has_words(p)) {
         cts_parallel(n_threads, n, 0, make_slices, (void *)p);
         cts_outliers_mend(&outliers, v, v->grey);
     }
     cts_outliers_free(&outliers);
-    return st;
+    return st ? st : cts_volume_measure_levels(v, v->grey, v->dims[2], n_threads, err);
 }
 
 static CtsStatus place_array(CtsScanned *s, const CtsBox *b, CtsError *err)
@@ -325,8 +336,11 @@ CtsStatus cts_scanned_of_hu(const CtsHuArray *array, int n_threads, CtsScanned *
         if (!(pass.rows[t] = malloc((size_t)box->dims[0] * sizeof(double))))
             st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     pass.volume = (*scanned)->even;
-    if (!st)
+    if (!st) {
+        pass.volume->quantity = array->quantity;
+        pass.volume->modality = array->modality;
         st = fill_from_array(&pass, pass.volume, n_threads, report, err);
+    }
     for (int t = 0; pass.rows && t < n_threads; t++)
         free(pass.rows[t]);
     cts_free(&pass.rows);

@@ -2,6 +2,7 @@
 
 #include "base/file_bytes.h"
 #include "base/mem.h"
+#include "core/volume/grey.h"
 #include "input/files/file_header.h"
 #include "input/load/outliers.h"
 #include <math.h>
@@ -50,8 +51,8 @@ static CtsStatus mend_outliers(Values *v, const int dims[3], CtsReport *report, 
     return st;
 }
 
-static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop, Values *v, CtsReport *report,
-                             CtsError *err)
+static CtsStatus read_values(CtsNifti *nifti, CtsQuantity quantity, const volatile sig_atomic_t *stop, Values *v,
+                             CtsReport *report, CtsError *err)
 {
     enum { PART = 4096 }; /* 32 KiB of values on the stack, in the first-level cache; changes no result */
     double part[PART];
@@ -67,7 +68,9 @@ static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop,
     }
     if (!st && !(v->low <= v->high))
         st = cts_fail(err, CTS_ERR_PIXELS, "holds no finite number");
-    return !st && (cts_is_outlier(v->low) || cts_is_outlier(v->high)) ? mend_outliers(v, nifti->dims, report, err) : st;
+    return !st && quantity == CTS_QUANTITY_HU && (cts_is_outlier(v->low) || cts_is_outlier(v->high))
+               ? mend_outliers(v, nifti->dims, report, err)
+               : st;
 }
 
 /* HU of a word and step between words. */
@@ -75,9 +78,11 @@ typedef struct Scale {
     double step_hu, low_hu;
 } Scale;
 
-static Scale scale_of(const Values *v)
+static Scale scale_of(const Values *v, CtsQuantity quantity)
 {
     const double span = v->high - v->low;
+    if (quantity != CTS_QUANTITY_HU)
+        return (Scale){cts_grey_decimal_step(span, LAST), v->low};
     const bool exact = (v->whole && span <= LAST) || !(span > 0);
     return (Scale){exact ? 1 : span / LAST, v->low};
 }
@@ -130,14 +135,21 @@ static void report_values(const CtsNifti *nifti, const CtsBox *box, const Values
         "its voxels are stored in the directions %s, and are read in the order %s as a scanner stores "
         "them; no voxel moves",
         from, to);
-    /* No header confirms that it is a CT; a body has air around or within it. -500: halfway between air and water. */
-    if (v->low > -500)
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_NO_AIR,
-                              "no value is below %g, and air has -1000 HU: it may be no CT, or not in Hounsfield units",
-                              v->low);
     if (v->n_lost)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_NOT_FINITE, "%zu values are not finite, and taken for padding",
                               v->n_lost);
+}
+
+/* No header confirms that it is a CT; a body has air around or within it. -500: halfway between air and water. */
+static CtsStatus check_hu(const Values *v, const CtsSeriesRules *rules, CtsError *err)
+{
+    return v->low <= -500 || rules->named_quantity
+               ? CTS_OK
+               : cts_fail(
+                     err, CTS_ERR_PIXELS,
+                     "no value is below %g, and air has -1000 HU: not in Hounsfield units (name its `quantity`: HU, "
+                     "stored, SUVbw or Bq/ml)",
+                     v->low);
 }
 
 static void report_forms(const CtsNifti *nifti, CtsReport *report)
@@ -149,23 +161,25 @@ static void report_forms(const CtsNifti *nifti, CtsReport *report)
             "its sform and its qform differ: %s; the sform is taken (`nifti-form` qform takes the other)", text);
 }
 
-CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const volatile sig_atomic_t *stop,
+CtsStatus cts_nifti_words(CtsSlice *slices, int n, const CtsSeriesRules *rules, const volatile sig_atomic_t *stop,
                           uint16_t **words, CtsReport *report, CtsError *err)
 {
     CtsFileBytes file = {.fd = -1};
     CtsNifti nifti = {0};
     Values values = {0};
     CtsStatus st = cts_slice_open(&slices[0], &file, err);
-    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) && !(st = read_values(&nifti, stop, &values, report, err)))
+    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) &&
+        !(st = read_values(&nifti, cts_rules_quantity(rules), stop, &values, report, err)) &&
+        !(st = check_hu(&values, rules, err)))
         st = cts_alloc_array(words, values.n, err);
     if (!st) {
-        cts_nifti_take_form(&nifti, form);
+        cts_nifti_take_form(&nifti, rules->nifti_form);
         const CtsBox box = cts_nifti_box(&nifti);
-        const Scale scale = scale_of(&values);
+        const Scale scale = scale_of(&values, cts_rules_quantity(rules));
         make_words(&values, &box, scale, *words);
         report_slices(slices, n, scale, *words);
         report_values(&nifti, &box, &values, report);
-        if (form == CTS_NIFTI_FORM_AUTO)
+        if (rules->nifti_form == CTS_NIFTI_FORM_AUTO)
             report_forms(&nifti, report);
     }
     cts_free(&values.items);

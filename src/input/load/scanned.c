@@ -71,8 +71,7 @@ static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, in
                                                       .end = {v->dims[0], v->dims[1], v->dims[2]},
                                                       .layer = s->layer,
                                                       .n_parts = 1,
-                                                      .hu_offset = v->hu_offset,
-                                                      .hu_step = v->hu_step},
+                                                      .scale = v},
                                      how, n_threads, made);
     else
         cts_resample_stack(v->grey,
@@ -126,8 +125,7 @@ CtsStatus cts_scanned_box(CtsScanned *s, CtsInterpolation how, const int low[3],
                                                   .end = {high[0] + 1, high[1] + 1, high[2] + 1},
                                                   .layer = s->layer,
                                                   .n_parts = 1,
-                                                  .hu_offset = s->even->hu_offset,
-                                                  .hu_step = s->even->hu_step},
+                                                  .scale = s->even},
                                  how, n_threads, made);
     if (last)
         cts_free(&s->even->grey);

@@ -354,13 +354,13 @@ static void report_spacing(const Samples *s, int rim, CtsReport *report)
                               size_mm[1], gap_mm, lengths);
 }
 
-CtsStatus cts_slice_consistency_report(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report,
-                                       CtsError *err)
+CtsStatus cts_slice_consistency_report(const CtsSlice *slices, int n, const uint16_t *samples, bool is_hu,
+                                       CtsReport *report, CtsError *err)
 {
     const Samples s = {slices, samples, n};
     uint32_t *level = NULL;
     CtsStatus st = report ? cts_alloc_zeroed(&level, N_GREY, err) : CTS_OK;
-    if (!report || st || (st = report_order(&s, report, err)))
+    if (!report || st || (st = report_order(&s, report, err)) || !is_hu)
         goto end;
     report_displacement(&s, report);
     const int rim = border_level(level, count_levels(&s, true, level));

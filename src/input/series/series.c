@@ -154,6 +154,8 @@ static int by_series(const void *a, const void *b)
     }
     if (!order)
         order = (int)x->kind - (int)y->kind;
+    if (!order)
+        order = (int)x->modality_id - (int)y->modality_id;
     /* A stack is a volume of its own (PS3.3 C.7.6.16.2.2.2). */
     return order ? order : strcmp(x->stack_id, y->stack_id);
 }
@@ -243,9 +245,13 @@ static void number_parts(CtsSeriesList *list)
     }
 }
 
+/* CT before PET before MR, then the most slices. */
 static int by_size(const void *a, const void *b)
 {
     const CtsSeries *x = a, *y = b;
+    static const int ranks[CTS_N_MODALITIES] = {[CTS_MODALITY_CT] = 0, [CTS_MODALITY_PT] = 1, [CTS_MODALITY_MR] = 2};
+    if (x->modality_id != y->modality_id)
+        return ranks[x->modality_id] - ranks[y->modality_id];
     if (x->n_slices != y->n_slices)
         return x->n_slices < y->n_slices ? 1 : -1;
     const int order = strcmp(x->uid, y->uid);
@@ -324,10 +330,10 @@ static CtsStatus nothing_found(const HeaderSearch *s, CtsError *err)
     for (size_t i = 0; !first[0] && i < list->diagnostics.n; i++)
         first = list->diagnostics.items[i].text;
     if (list->n_unreadable)
-        return cts_fail(err, CTS_ERR_READ, "%s (no CT slice among %d files: %d unreadable%s%s)", first, list->n_files,
-                        list->n_unreadable, others[0] ? ", " : "", others);
-    return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %d file%s%s%s (CT Image Storage is needed)",
-                    list->n_files, list->n_files == 1 ? "" : "s", others[0] ? ": " : "", others);
+        return cts_fail(err, CTS_ERR_READ, "%s (no CT, MR or PET slice among %d files: %d unreadable%s%s)", first,
+                        list->n_files, list->n_unreadable, others[0] ? ", " : "", others);
+    return cts_fail(err, CTS_ERR_NO_SERIES, "no CT, MR or PET slice among %d file%s%s%s", list->n_files,
+                    list->n_files == 1 ? "" : "s", others[0] ? ": " : "", others);
 }
 
 static void free_search(HeaderSearch *s)
@@ -433,6 +439,6 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
     if (!*series && list->n)
         *series = &list->items[0];
     if (!*series)
-        return cts_fail(err, CTS_ERR_NO_SERIES, "no CT series");
+        return cts_fail(err, CTS_ERR_NO_SERIES, "no series");
     return uid || !(*series)->renderable ? CTS_OK : check_choice(list, *series, err);
 }

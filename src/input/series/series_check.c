@@ -6,6 +6,7 @@
 #include "base/vec3.h"
 #include "dicom/header/dcm_readers.h"
 #include "input/series/slice_stack.h"
+#include "input/series/suv.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -50,25 +51,15 @@ static const char *plural(int n)
     return n == 1 ? "" : "s";
 }
 
-/* 1e-4: the last of 512 pixels moves by a twentieth of a pixel. The same holds for pixel spacings. */
-static bool same_direction(const double a[3], const double b[3])
+/* Only the user can know the meaning of another quantity. */
+static void check_quantity(const CtsSliceSet *set, const CtsSeriesRules *rules)
 {
-    for (int c = 0; c < 3; c++)
-        if (fabs(a[c] - b[c]) > 1e-4)
-            return false;
-    return true;
-}
-
-static bool same_pixels(const CtsSlice *a, const CtsSlice *b)
-{
-    return a->rows == b->rows && a->columns == b->columns &&
-           fabs(a->row_spacing_mm - b->row_spacing_mm) <= 1e-4 * b->row_spacing_mm &&
-           fabs(a->column_spacing_mm - b->column_spacing_mm) <= 1e-4 * b->column_spacing_mm;
-}
-
-bool cts_slice_same_grid(const CtsSlice *a, const CtsSlice *b)
-{
-    return same_pixels(a, b) && same_direction(a->row_lps, b->row_lps) && same_direction(a->column_lps, b->column_lps);
+    for (int i = 0; i < set->n && !rules->named_quantity; i++)
+        if (set->items[i]->rescale_type)
+            cts_slice_fault(
+                set->items[i], CTS_ERR_PIXELS,
+                "RescaleType (0028,1054) is %.16s, not HU (`quantity` stored renders its values as they are)",
+                set->items[i]->rescale_type);
 }
 
 typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
@@ -86,6 +77,8 @@ static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *ke
         pass(series, "holds only localizer images (scouts), %d of them, and no volume", n_localizers);
     else if (n_localizers + n_pages == set->n)
         pass(series, "holds only pages (dose reports, screen captures), %d of them, and no volume", n_pages);
+    else if (set->items[0]->pet.is_reprojection)
+        pass(series, "holds projections (SeriesType (0054,1000) is REPROJECTION), and no volume");
     else if (set->n == 1 && (!set->items[0]->fault || set->items[0]->fault == CTS_ERR_GEOMETRY))
         pass(series, "has 1 slice; a volume needs 2 or more");
     if (n_localizers && !series->refusal)
@@ -127,23 +120,6 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
     return CTS_OK;
 }
 
-/* Adds slices with the pixel grid of one and nearly its orientation, which may jitter (normals within 8 degrees;
- * cts_slice_set_settle() is stricter); keep marks them, and n_kept counts them. */
-static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep, int *n_kept)
-{
-    int n = 0;
-    for (int i = 0; i < set->n; i++) {
-        keep[i] = same_pixels(set->items[i], one) && cts_dot3(set->items[i]->normal_lps, one->normal_lps) > 0.99;
-        n += keep[i];
-    }
-    if (n == *n_kept || !cts_slice_set_settle(set, keep))
-        return;
-    *n_kept = n;
-    cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_ORIENTATION_JITTER,
-                        "ImageOrientationPatient (0020,0037) jitters from slice to slice; their mean moves no voxel by "
-                        "more than a tenth of a pixel, and is used");
-}
-
 /* One size, orientation and pixel spacing: the largest group, when it is nearly all. Up to three images at right angles
  * to it, within 6 degrees, are scouts without the type: a scan has one or two, frontal and lateral. */
 static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
@@ -160,7 +136,7 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
         }
     }
     if (n_best < set->n)
-        take_jittering(set, best, series, keep, &n_best);
+        cts_slice_set_take_jittering(set, best, series, keep, &n_best);
     for (int i = 0; i < set->n; i++) {
         keep[i] = cts_slice_same_grid(set->items[i], best);
         n_across += fabs(cts_dot3(set->items[i]->normal_lps, best->normal_lps)) < 0.1;
@@ -287,14 +263,17 @@ static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
                             n_empty, set->n);
 }
 
-/* A CT object has the modality CT; DICOM requires it, and a missing value is not a contradiction. */
+/* An object has the modality of its class; DICOM requires it, and a missing value is not a contradiction. */
 static void check_modality(const CtsSliceSet *set, CtsSeries *series)
 {
     for (int i = 0; i < set->n; i++) {
-        const char *modality = set->items[i]->modality;
-        if (*modality && strcasecmp(modality, "CT") != 0)
-            refuse_series(series, CTS_ERR_PIXELS, "%s: Modality (0008,0060) is %.16s in an object of CT",
-                          cts_slice_label(set->items[i]).text, modality);
+        const char *const modality = set->items[i]->modality, *const of_class =
+                                                                  cts_modality_names[set->items[i]->modality_id];
+        if (*modality && strcasecmp(modality, of_class) != 0)
+            refuse_series(series, CTS_ERR_PIXELS, "%s: Modality (0008,0060) is %.16s in an object of %s",
+                          cts_slice_label(set->items[i]).text, modality, of_class);
+        if (set->items[i]->pet.units != set->items[0]->pet.units)
+            refuse_series(series, CTS_ERR_PIXELS, "its slices differ in Units (0054,1001) (split the series)");
     }
 }
 
@@ -329,7 +308,7 @@ static void describe_odd(CtsSeries *series)
          "name no transfer syntax; it was detected from the data"},
         {CTS_ODD_ORIENTATION, CTS_DIAGNOSTIC_ROUGH_ORIENTATION,
          "have an orientation that is not orthonormal by more than 0.001; corrected"},
-        {CTS_ODD_MONOCHROME1, CTS_DIAGNOSTIC_MONOCHROME1, "are MONOCHROME1; Hounsfield units are taken as they are"},
+        {CTS_ODD_MONOCHROME1, CTS_DIAGNOSTIC_MONOCHROME1, "are MONOCHROME1; values are taken as they are"},
         {CTS_ODD_LOSSY, CTS_DIAGNOSTIC_LOSSY, "hold lossy compressed pixels (0028,2110)"},
         {CTS_ODD_LONG_PIXELS, CTS_DIAGNOSTIC_LONG_PIXELS,
          "have more PixelData (7FE0,0010) than they need; the rest is not read"},
@@ -338,8 +317,8 @@ static void describe_odd(CtsSeries *series)
         {CTS_ODD_FALLING, CTS_DIAGNOSTIC_NEGATIVE_SLOPE,
          "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
         {CTS_ODD_NOT_HU, CTS_DIAGNOSTIC_NOT_HU,
-         "say by ImageType (0008,0008) or RescaleType (0028,1054) that they show another quantity than Hounsfield "
-         "units, in which a preset means nothing"},
+         "say by ImageType (0008,0008) that they show another quantity than Hounsfield units, in which a preset means "
+         "nothing"},
         {CTS_ODD_BURNED_IN, CTS_DIAGNOSTIC_BURNED_IN_ANNOTATION,
          "say that text is burned into their pixels (0028,0301); it may show in the picture"},
     };
@@ -374,6 +353,7 @@ static void describe_series(CtsSeries *series, const CtsSlice *s)
     series->series_number = s->series_number;
     series->no_patient = s->kind == CTS_OBJECT_NIFTI;
     snprintf(series->modality, sizeof series->modality, "%s", s->modality);
+    series->modality_id = s->modality_id;
     snprintf(series->transfer_syntax, sizeof series->transfer_syntax, "%s", s->syntax_uid);
     cts_text_clean(series->uid); /* shown as they are */
     cts_text_clean(series->study_uid);
@@ -527,7 +507,7 @@ static void describe_refused(CtsSliceSet *set, CtsSeries *series)
 {
     CtsSliceStack stack;
     for (int i = 0; i < set->n; i++)
-        if (set->items[i]->kind != CTS_OBJECT_CT || set->items[i]->fault == CTS_ERR_GEOMETRY ||
+        if (set->items[i]->kind != CTS_OBJECT_SLICE || set->items[i]->fault == CTS_ERR_GEOMETRY ||
             set->items[i]->localizer || !cts_slice_same_grid(set->items[i], set->items[0]))
             return;
     if (set->n < 2)
@@ -539,12 +519,51 @@ static void describe_refused(CtsSliceSet *set, CtsSeries *series)
     cts_slice_stack_free(&stack);
 }
 
+/* A NIfTI file names no modality. */
+static const CtsModality modality_of_quantity[CTS_N_QUANTITIES] = {[CTS_QUANTITY_HU] = CTS_MODALITY_CT,
+                                                                   [CTS_QUANTITY_SUVBW] = CTS_MODALITY_PT,
+                                                                   [CTS_QUANTITY_BQML] = CTS_MODALITY_PT,
+                                                                   [CTS_QUANTITY_STORED] = CTS_MODALITY_MR};
+
+static CtsValueScale quantity_scale(const CtsSliceSet *set, CtsSeries *series)
+{
+    bool is_named = set->items[0]->kind == CTS_OBJECT_NIFTI;
+    for (int i = 0; i < set->n; i++)
+        is_named |= set->items[i]->rescale_type != NULL;
+    if (series->modality_id == CTS_MODALITY_PT)
+        return cts_pet_scale((const CtsSlice *const *)set->items, set->n);
+    if (series->modality_id == CTS_MODALITY_MR)
+        return (CtsValueScale){CTS_QUANTITY_STORED, 1, ""};
+    return (CtsValueScale){is_named ? cts_rules_quantity(&series->rules) : CTS_QUANTITY_HU, 1, ""};
+}
+
+/* Sets the quantity, and brings slope and intercept of the slices to it. */
+static void take_quantity(const CtsSliceSet *set, CtsSeries *series)
+{
+    const CtsValueScale scale = quantity_scale(set, series);
+    series->quantity = scale.quantity;
+    series->value_factor = scale.factor;
+    if (series->no_patient) {
+        series->modality_id = modality_of_quantity[scale.quantity];
+        snprintf(series->modality, sizeof series->modality, "%s", cts_modality_names[series->modality_id]);
+    }
+    if (scale.why[0] && !series->refusal)
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_NO_SUV,
+                            "values are %s, not SUV, for which they lack %s",
+                            scale.quantity == CTS_QUANTITY_BQML ? "Bq/ml" : "as stored", scale.why);
+    for (int i = 0; i < set->n; i++) {
+        set->items[i]->slope *= scale.factor;
+        set->items[i]->intercept *= scale.factor;
+    }
+}
+
 static CtsStatus finish_series(CtsSeries *series, CtsSliceSet *set, const CtsStudyNumbers *numbers, bool whole,
                                CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsSlice *middle = set->items[set->n / 2];
     describe_series(series, middle);
+    take_quantity(set, series);
     if (middle->description && !(series->description = cts_dcm_utf8(middle->description, middle->charset)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (series->refusal)
@@ -570,7 +589,9 @@ static CtsStatus check_each_slice(CtsSliceSet *set, CtsSeries *series, CtsError 
     if (set->n > MAX_SLICES)
         refuse_series(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
     check_modality(set, series);
-    for (size_t i = 0; !st && !series->refusal && i < sizeof picks / sizeof *picks; i++)
+    check_quantity(set, &series->rules);
+    const size_t n_picks = set->items[0]->modality_id == CTS_MODALITY_CT ? 3 : 2;
+    for (size_t i = 0; !st && !series->refusal && i < n_picks; i++)
         st = filter(set, series, picks[i], err);
     for (int part = 0; !st && !series->refusal && part < CTS_N_IDENTITY; part++)
         if (part != CTS_FRAME_UID || !(series->frames_differ = has_own_frames(set, &st, err)))
@@ -590,12 +611,20 @@ static bool is_watch(const CtsSliceSet *set)
     return true;
 }
 
+/* The attributes that may separate volumes, in words. */
+static const char *const separators[CTS_N_MODALITIES] = {
+    [CTS_MODALITY_CT] = "acquisition, tube voltage, temporal position, trigger, cardiac phase, kernel nor time",
+    [CTS_MODALITY_MR] = "echo, inversion time, flip angle, diffusion, temporal position, trigger, image type nor time",
+    [CTS_MODALITY_PT] = "the reference time nor the image index of a dynamic or gated series",
+};
+
 /* Removes copies and separates phases. The parts own the slices afterwards, where there are any. */
 static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **parts, int *n_parts, CtsError *err)
 {
     int n_dropped = 0;
     double same_mm = -1;
     const char *by = NULL;
+    const CtsModality modality = set->items[0]->modality_id;
     cts_slice_set_sort(set, set->items[0]);
     CtsStatus st = same_position(set, &same_mm, err);
     if (st || (st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err)))
@@ -606,7 +635,7 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **par
                             plural(n_dropped), plural(n_dropped));
     if (set->n == 1)
         pass(series, "has 1 slice; a volume needs 2 or more");
-    else if (same_mm < 0 && is_watch(set))
+    else if (same_mm < 0 && (is_watch(set) || modality != CTS_MODALITY_CT))
         pass(series, "is a time series of %d images at one position, and no volume", set->n);
     else if (same_mm < 0)
         refuse_series(series, CTS_ERR_GEOMETRY,
@@ -623,11 +652,10 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **par
                 "series)",
                 by);
         else if (cts_slice_set_repeats(set, same_mm))
-            refuse_series(
-                series, CTS_ERR_GEOMETRY,
-                "several slices with different pixels lie at one position, and neither acquisition, tube voltage, "
-                "temporal position, trigger, cardiac phase, kernel nor time separates complete volumes (split the "
-                "series)");
+            refuse_series(series, CTS_ERR_GEOMETRY,
+                          "several slices with different pixels lie at one position, and neither %s separates complete "
+                          "volumes (split the series)",
+                          separators[modality]);
     }
     return st;
 }
@@ -654,23 +682,48 @@ static CtsStatus add_volume(CtsSeriesList *list, const CtsSeries *whole, CtsSlic
     return st;
 }
 
-CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
-                           CtsSeriesList *list, CtsError *err)
+/* Adds the volumes of one grid, with what was found about all. */
+static CtsStatus add_grid(CtsSeriesList *list, const CtsSeries *all, CtsSliceSet *set, const CtsStudyNumbers *numbers,
+                          bool is_whole, CtsError *err)
 {
-    CtsSeries whole = {.rules = *rules};
+    CtsSeries whole = *all;
     CtsSliceSet *parts = NULL;
     int n_parts = 0;
-    CtsStatus st = check_each_slice(set, &whole, err);
-    if (!st && !whole.refusal)
+    CtsStatus st = CTS_OK;
+    whole.diagnostics = (CtsDiagnostics){0};
+    copy_diagnostics(&whole.diagnostics, &all->diagnostics);
+    if (!whole.refusal)
         st = separate(set, &whole, &parts, &n_parts, err);
     if (!st && !n_parts)
-        st = add_volume(list, &whole, set, numbers, true, err);
+        st = add_volume(list, &whole, set, numbers, is_whole, err);
     for (int p = 0; !st && p < n_parts; p++)
         st = add_volume(list, &whole, &parts[p], numbers, false, err);
     for (int p = 0; p < n_parts; p++)
         cts_slice_set_free(&parts[p]);
     free(parts);
-    cts_slice_set_free(set);
     cts_diagnostics_free(&whole.diagnostics);
+    return st;
+}
+
+CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
+                           CtsSeriesList *list, CtsError *err)
+{
+    CtsSeries all = {.rules = *rules};
+    CtsSliceSet *grids = NULL;
+    int n_grids = 0;
+    CtsStatus st = check_each_slice(set, &all, err);
+    if (!st && !all.refusal && set->items[0]->modality_id != CTS_MODALITY_CT)
+        st = cts_slice_set_grids(set, &all, &grids, &n_grids, err);
+    if (!st && !all.refusal && set->n > 1 && !n_grids && !cts_slice_same_grid(set->items[0], set->items[1]))
+        pass(&all, "its %d images have sizes or orientations of their own, and are no volume", set->n);
+    if (!st && !n_grids)
+        st = add_grid(list, &all, set, numbers, true, err);
+    for (int g = 0; !st && g < n_grids; g++)
+        st = add_grid(list, &all, &grids[g], numbers, false, err);
+    for (int g = 0; g < n_grids; g++)
+        cts_slice_set_free(&grids[g]);
+    free(grids);
+    cts_slice_set_free(set);
+    cts_diagnostics_free(&all.diagnostics);
     return st;
 }

@@ -37,14 +37,24 @@ bool cts_slice_same_place(const CtsSlice *a, const CtsSlice *b, double same_mm);
  * them. */
 CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err);
 
+/* Moves the slices of MR or PET to a set for each grid, since an orientation is a volume of its own. Slices that are
+ * alone on a grid stay, with a diagnostic. *n_grids is 0, and the set unchanged, where there is one grid or none with
+ * several slices. */
+CtsStatus cts_slice_set_grids(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **grids, int *n_grids, CtsError *err);
+/* Adds slices with the pixel grid of one and nearly its orientation, which may jitter (normals within 8 degrees;
+ * cts_slice_set_settle() is stricter); keep marks them, and n_kept counts them. */
+void cts_slice_set_take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep,
+                                  int *n_kept);
+
 /* True if two neighbours of a sorted set lie at one position. */
 bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
 
 /* Splits a set into complete parts where several slices share positions, or slices of two acquisitions alternate along
- * the stack: by acquisition number, tube voltage, temporal position, trigger time, cardiac phase, kernel, or time; and
- * into slices of different thickness that share a range of positions, complete or not. *n_parts is 0, and the set
- * unchanged, when no split is needed or none gives complete parts. *by: the criterion that separates, or would
- * separate, them; NULL: none does. */
+ * the stack: of CT by one of acquisition number, tube voltage, temporal position, trigger time, cardiac phase, kernel
+ * and time, and into slices of different thickness that share a range of positions, complete or not. Where positions
+ * repeat, of MR by echo, inversion time, flip angle, diffusion, time, image type and component, and of dynamic and
+ * gated PET by time, also by several of these within each other. *n_parts is 0, and the set unchanged, when no split is
+ * needed or none gives complete parts. *by: the criterion that separates, or would separate, them; NULL: none does. */
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet **parts, int *n_parts, const char **by,
                               CtsError *err);
 

@@ -1,6 +1,7 @@
 #include "input/series/series_check.h"
 
 #include "base/compare.h"
+#include "base/mem.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
 #include <stdlib.h>
@@ -77,20 +78,35 @@ static bool is_whole(const CtsSliceSet *part, double same_mm)
     return even;
 }
 
+/* True if a part holds several slices at each of its positions, which form an even stack. */
+static bool repeats_whole(const CtsSliceSet *part, double same_mm)
+{
+    CtsSliceSet distinct = {malloc((size_t)part->n * sizeof *distinct.items), 0};
+    for (int i = 0; distinct.items && i < part->n; i++)
+        if (!distinct.n || !cts_slice_same_place(distinct.items[distinct.n - 1], part->items[i], same_mm))
+            distinct.items[distinct.n++] = part->items[i];
+    const bool whole = distinct.n < part->n && is_whole(&distinct, same_mm);
+    free(distinct.items);
+    return whole;
+}
+
 enum {
     BY_ACQUISITION,
     BY_VOLTAGE,
     BY_TEMPORAL_POSITION,
     BY_TRIGGER,
+    BY_TRIGGER_ORDER, /* one for each slice, later in each phase */
     BY_PHASE_PERCENT,
     BY_PHASE_DELAY,
     BY_THICKNESS,
     BY_KERNEL,
     BY_OBJECT,
     BY_TIME,
-    BY_CONTENT_TIME,  /* one for all slices of a phase */
-    BY_CONTENT_ORDER, /* one for each slice, later in each phase */
-    N_WAYS
+    BY_CONTENT_TIME,                            /* one for all slices of a phase */
+    BY_CONTENT_ORDER,                           /* one for each slice, later in each phase */
+    BY_NUMBER,                                  /* and the numbers after it: CtsVolumeNumber */
+    BY_WORD = BY_NUMBER + CTS_N_VOLUME_NUMBERS, /* and the words after it: CtsVolumeWord */
+    N_WAYS = BY_WORD + CTS_N_VOLUME_WORDS
 };
 
 static const struct {
@@ -102,6 +118,7 @@ static const struct {
     [BY_VOLTAGE] = {"KVP (0018,0060)", true, false},
     [BY_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true, false},
     [BY_TRIGGER] = {"TriggerTime (0018,1060)", true, false},
+    [BY_TRIGGER_ORDER] = {"TriggerTime (0018,1060)", false, true},
     [BY_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true},
     [BY_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true},
     [BY_THICKNESS] = {"SliceThickness (0018,0050)", true, false},
@@ -110,11 +127,43 @@ static const struct {
     [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true},
     [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false, false},
     [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false},
+    [BY_NUMBER + CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", false, false},
+    [BY_NUMBER + CTS_ECHO_TIME] = {"EchoTime (0018,0081)", false, false},
+    [BY_NUMBER + CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", false, false},
+    [BY_NUMBER + CTS_FLIP_ANGLE] = {"FlipAngle (0018,1314)", false, false},
+    [BY_NUMBER + CTS_B_VALUE] = {"DiffusionBValue (0018,9087)", false, false},
+    [BY_NUMBER + CTS_FRAME_REFERENCE_TIME] = {"FrameReferenceTime (0054,1300)", false, false},
+    [BY_NUMBER + CTS_TIME_SLICE] = {"ImageIndex (0054,1330)", false, false},
+    [BY_WORD + CTS_GRADIENT_DIRECTION] = {"DiffusionGradientOrientation (0018,9089)", false, false},
+    [BY_WORD + CTS_IMAGE_TYPE] = {"ImageType (0008,0008)", false, false},
+    [BY_WORD + CTS_COMPLEX_COMPONENT] = {"ComplexImageComponent (0008,9208)", false, false},
 };
 
-/* The value of an acquisition criterion for a slice; NaN where it is missing. */
-static double acquisition_label(const CtsSlice *s, int way)
+/* The criteria of a modality in order; an MR or PET series may need several of them, one within the other. */
+static const struct {
+    int n;
+    signed char ways[N_WAYS];
+} orders[CTS_N_MODALITIES] = {
+    [CTS_MODALITY_CT] = {12,
+                         {BY_ACQUISITION, BY_VOLTAGE, BY_TEMPORAL_POSITION, BY_TRIGGER, BY_PHASE_PERCENT,
+                          BY_PHASE_DELAY, BY_THICKNESS, BY_KERNEL, BY_OBJECT, BY_TIME, BY_CONTENT_TIME,
+                          BY_CONTENT_ORDER}},
+    [CTS_MODALITY_MR] = {18,
+                         {BY_NUMBER + CTS_ECHO_NUMBER, BY_NUMBER + CTS_ECHO_TIME, BY_NUMBER + CTS_INVERSION_TIME,
+                          BY_NUMBER + CTS_FLIP_ANGLE, BY_NUMBER + CTS_B_VALUE, BY_WORD + CTS_GRADIENT_DIRECTION,
+                          BY_TEMPORAL_POSITION, BY_TRIGGER, BY_TRIGGER_ORDER, BY_WORD + CTS_IMAGE_TYPE,
+                          BY_WORD + CTS_COMPLEX_COMPONENT, BY_ACQUISITION, BY_PHASE_PERCENT, BY_PHASE_DELAY, BY_OBJECT,
+                          BY_TIME, BY_CONTENT_TIME, BY_CONTENT_ORDER}},
+    [CTS_MODALITY_PT] = {6,
+                         {BY_NUMBER + CTS_FRAME_REFERENCE_TIME, BY_NUMBER + CTS_TIME_SLICE, BY_TEMPORAL_POSITION,
+                          BY_PHASE_PERCENT, BY_PHASE_DELAY, BY_OBJECT}},
+};
+
+/* The value of a criterion that is a number; NaN where it is missing. */
+static double number_label(const CtsSlice *s, int way)
 {
+    if (way >= BY_NUMBER)
+        return s->volume_number[way - BY_NUMBER];
     switch (way) {
     case BY_ACQUISITION:
         return s->has_acquisition ? (double)s->acquisition_number : (double)NAN;
@@ -127,22 +176,32 @@ static double acquisition_label(const CtsSlice *s, int way)
     case BY_PHASE_DELAY:
         return s->phase_delay_ms;
     case BY_CONTENT_TIME:
+    case BY_CONTENT_ORDER:
         return s->content_s < 0 ? (double)NAN : s->content_s;
     default:
         return s->trigger_ms < 0 ? (double)NAN : s->trigger_ms;
     }
 }
 
-/* Number of the first slice with the same text, kernel or object (file); false where one is missing. */
+/* The text of a criterion; NULL for an object that is no frame. */
+static const char *text_label(const CtsSlice *s, int way)
+{
+    if (way == BY_OBJECT)
+        return s->n_frames ? s->path : NULL;
+    return way == BY_KERNEL ? s->kernel : s->volume_word[way - BY_WORD];
+}
+
+/* Number of the first slice with the same text: a word, the kernel or the object (file); false where one of the latter
+ * two is missing. */
 static bool label_texts(const CtsSliceSet *set, int way, double *part)
 {
     for (int i = 0; i < set->n; i++) {
-        const char *text = way == BY_KERNEL ? set->items[i]->kernel : set->items[i]->path;
-        if (!text || !*text || (way == BY_OBJECT && !set->items[i]->n_frames))
+        const char *const text = text_label(set->items[i], way);
+        if (!text || (way < BY_WORD && !*text))
             return false;
         part[i] = i;
         for (int k = 0; k < i && part[i] == i; k++)
-            if (part[k] == k && !strcmp(way == BY_KERNEL ? set->items[k]->kernel : set->items[k]->path, text))
+            if (part[k] == k && !strcmp(text_label(set->items[k], way), text))
                 part[i] = k;
     }
     return true;
@@ -172,45 +231,56 @@ static bool label_thickness(const CtsSliceSet *set, double *part)
     return known && n_groups > 1;
 }
 
-/* Rank of a slice among those at its position by ContentTime; false where two of one position have equal times. */
-static bool label_content_order(const CtsSliceSet *set, double same_mm, double *part)
+/* Rank of a slice among those at its position by a number; false where two of one position have equal ones. */
+static bool label_order(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
     for (int first = 0, end; first < set->n; first = end) {
         for (end = first + 1; end < set->n && cts_slice_same_place(set->items[end - 1], set->items[end], same_mm);)
             end++;
         for (int i = first; i < end; i++) {
+            const double own = number_label(set->items[i], way);
             part[i] = 0;
             for (int k = first; k < end; k++) {
-                if (set->items[i]->content_s < 0 || (k != i && set->items[k]->content_s == set->items[i]->content_s))
+                const double other = number_label(set->items[k], way);
+                if (isnan(own) || (k != i && other == own))
                     return false;
-                part[i] += set->items[k]->content_s < set->items[i]->content_s;
+                part[i] += other < own;
             }
         }
     }
     return true;
 }
 
-/* part[i] for each slice by a criterion; false when it does not separate them. */
+/* Rank of a slice among those at its position in their order by AcquisitionTime. */
+static bool label_times(const CtsSliceSet *set, double same_mm, double *part)
+{
+    for (int i = 0; i < set->n; i++) {
+        const CtsSlice *const s = set->items[i];
+        const bool repeats = i > 0 && cts_slice_same_place(set->items[i - 1], s, same_mm);
+        part[i] = repeats ? part[i - 1] + 1 : 0;
+        if (s->time_s < 0 || (repeats && !(s->time_s > set->items[i - 1]->time_s)))
+            return false;
+    }
+    return true;
+}
+
+/* part[i] for each slice by a criterion; false when it does not separate them. Of CT every slice has the attribute; of
+ * MR, images without diffusion gradients have no direction. */
 static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
-    if (way == BY_KERNEL || way == BY_OBJECT)
+    if (way == BY_KERNEL || way == BY_OBJECT || way >= BY_WORD)
         return label_texts(set, way, part);
     if (way == BY_THICKNESS)
         return label_thickness(set, part);
-    if (way == BY_CONTENT_ORDER)
-        return label_content_order(set, same_mm, part);
+    if (way == BY_CONTENT_ORDER || way == BY_TRIGGER_ORDER)
+        return label_order(set, way, same_mm, part);
+    if (way == BY_TIME)
+        return label_times(set, same_mm, part);
     for (int i = 0; i < set->n; i++) {
-        const CtsSlice *s = set->items[i];
-        const bool repeats = i > 0 && cts_slice_same_place(set->items[i - 1], s, same_mm);
-        if (way < BY_THICKNESS || way == BY_CONTENT_TIME) {
-            part[i] = acquisition_label(s, way);
-            if (isnan(part[i]))
-                return false;
-        } else {
-            part[i] = repeats ? part[i - 1] + 1 : 0;
-            if (s->time_s < 0 || (repeats && !(s->time_s > set->items[i - 1]->time_s)))
-                return false;
-        }
+        part[i] = number_label(set->items[i], way);
+        if (isnan(part[i]) && way < BY_NUMBER)
+            return false;
+        part[i] = isnan(part[i]) ? -INFINITY : part[i];
     }
     return true;
 }
@@ -353,41 +423,94 @@ static bool thicknesses_part(const CtsSliceSet *set, const CtsSliceSet *parts, i
     return share_range(parts, n_parts) && (!is_whole(set, same_mm) || all_whole(parts, n_parts, same_mm));
 }
 
+/* True if each part is a volume, or of MR and PET several volumes at the same positions. */
 static bool are_volumes(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts, int way, double same_mm)
 {
+    const bool may_repeat = set->items[0]->modality_id != CTS_MODALITY_CT;
     if (way == BY_THICKNESS)
         return thicknesses_part(set, parts, n_parts, same_mm);
+    for (int p = 0; p < n_parts; p++)
+        if (!is_whole(&parts[p], same_mm) && !(may_repeat && repeats_whole(&parts[p], same_mm)))
+            return false;
     return n_parts > 0 && ((way != BY_TIME && way != BY_CONTENT_ORDER) || in_turn(parts, n_parts, way)) &&
-           all_whole(parts, n_parts, same_mm) && (!ways[way].must_overlap || parts_overlap(parts, n_parts));
+           (!ways[way].must_overlap || parts_overlap(parts, n_parts));
+}
+
+/* Volumes that a set was split into. */
+typedef struct Split {
+    double same_mm;
+    CtsSliceSet *parts;
+    int n_parts;
+    const char *by;
+} Split;
+
+static CtsStatus split_volumes(Split *to, const CtsSliceSet *set, int first_way, CtsError *err);
+
+/* Adds one part of a criterion, which moves, or its own parts where its positions repeat; *added is false if it has
+ * none. */
+static CtsStatus add_part(Split *to, CtsSliceSet *part, int next_way, bool *added, CtsError *err)
+{
+    const int before = to->n_parts;
+    CtsStatus st;
+    if (cts_slice_set_repeats(part, to->same_mm)) {
+        st = split_volumes(to, part, next_way, err);
+    } else if (!(st = cts_grow(&to->parts, (size_t)to->n_parts, err))) {
+        to->parts[to->n_parts++] = *part;
+        *part = (CtsSliceSet){0};
+    }
+    *added = to->n_parts > before;
+    return st;
+}
+
+/* Adds the parts of a set by the first criterion that gives volumes; none without such. */
+static CtsStatus split_volumes(Split *to, const CtsSliceSet *set, int first_way, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const CtsModality modality = set->items[0]->modality_id;
+    const bool repeats = cts_slice_set_repeats(set, to->same_mm);
+    const int before = to->n_parts;
+    double *const part = malloc(2 * (size_t)set->n * sizeof *part), *const scratch = part ? part + set->n : NULL;
+    if (!part)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int k = first_way; !st && k < orders[modality].n && to->n_parts == before; k++) {
+        const int way = orders[modality].ways[k];
+        const bool tried = repeats ? way != BY_THICKNESS : ways[way].takes_turns;
+        CtsSliceSet *parts = NULL;
+        int n_parts = 0;
+        if (!tried || !label(set, way, to->same_mm, part) ||
+            (!repeats && way != BY_THICKNESS && !takes_turns(part, set->n, scratch)) ||
+            (st = deal(set, part, scratch, &parts, &n_parts, err)))
+            continue;
+        bool done = are_volumes(set, parts, n_parts, way, to->same_mm);
+        for (int p = 0; !st && done && p < n_parts; p++)
+            st = add_part(to, &parts[p], k + 1, &done, err);
+        while (!done && to->n_parts > before)
+            free(to->parts[--to->n_parts].items);
+        if (!first_way && (done || way != BY_THICKNESS))
+            to->by = done || !repeats ? ways[way].name : NULL;
+        free_parts(&parts, &n_parts);
+    }
+    free(part);
+    return st;
 }
 
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet **parts, int *n_parts, const char **by,
                               CtsError *err)
 {
+    Split to = {.same_mm = same_mm};
+    const CtsModality modality = set->items[0]->modality_id;
+    const bool is_static = modality == CTS_MODALITY_PT && !set->items[0]->pet.is_dynamic;
     CtsStatus st = CTS_OK;
-    const bool repeats = cts_slice_set_repeats(set, same_mm);
-    *n_parts = 0;
-    *parts = NULL;
-    *by = NULL;
-    double *const part = malloc(2 * (size_t)set->n * sizeof *part), *const scratch = part ? part + set->n : NULL;
-    if (!part)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int way = 0; !st && way < N_WAYS && *n_parts == 0; way++) {
-        const bool tried = repeats ? way != BY_THICKNESS : ways[way].takes_turns;
-        if (!tried || !label(set, way, same_mm, part) ||
-            (!repeats && way != BY_THICKNESS && !takes_turns(part, set->n, scratch)) ||
-            (st = deal(set, part, scratch, parts, n_parts, err)))
-            continue;
-        const bool fits = are_volumes(set, *parts, *n_parts, way, same_mm);
-        if (fits || way != BY_THICKNESS)
-            *by = fits || !repeats ? ways[way].name : NULL;
-        if (!fits)
-            free_parts(parts, n_parts);
-    }
+    if (modality == CTS_MODALITY_CT || (!is_static && cts_slice_set_repeats(set, same_mm)))
+        st = split_volumes(&to, set, 0, err);
+    if (st)
+        free_parts(&to.parts, &to.n_parts);
+    *parts = to.parts;
+    *n_parts = to.n_parts;
+    *by = to.by;
     if (*n_parts) {
         free(set->items);
         *set = (CtsSliceSet){0};
     }
-    free(part);
     return st;
 }

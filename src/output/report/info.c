@@ -40,6 +40,8 @@ static void print_labels(FILE *file, const CtsPixelFacts *f)
 
 static void print_series(FILE *file, int number, const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
 {
+    const bool is_hu = s->quantity == CTS_QUANTITY_HU;
+    const char *const unit = cts_quantity_units[s->quantity];
     fprintf(file, "series %s\n", s->uid[0] ? s->uid : "(without UID)");
     fprintf(file, "  number           %d (for --series)\n  modality         %s\n", number, s->modality);
     if (show_patient && s->study_date[0])
@@ -56,7 +58,11 @@ static void print_series(FILE *file, int number, const CtsSeries *s, const CtsPi
     fprintf(file, "  distinguished by %s\n", s->traits);
     fprintf(file, "  tilt             %.2f degrees\n", s->tilt_deg);
     if (f->known) {
-        fprintf(file, "  range            %.6g to %.6g HU\n", f->hu_min, f->hu_max);
+        fprintf(file, "  range            %.6g to %.6g %s%s%s%s\n", f->hu_min, f->hu_max, unit,
+                is_hu   ? ""
+                : *unit ? " ("
+                        : "(",
+                is_hu ? "" : cts_quantity_names[s->quantity], is_hu ? "" : ")");
         fprintf(file, "  box              %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm (as a crop takes it)\n", f->box_low_lps[0],
                 f->box_high_lps[0], f->box_low_lps[1], f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2]);
     }
@@ -77,7 +83,7 @@ void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *
 {
     char others[1000];
     cts_series_list_others(list, others, sizeof others);
-    fprintf(file, "%d file%s: %zu CT series, %d passed over%s%s%s, %d not readable\n", list->n_files,
+    fprintf(file, "%d file%s: %zu series, %d passed over%s%s%s, %d not readable\n", list->n_files,
             list->n_files == 1 ? "" : "s", list->n, list->n_not_ct, others[0] ? " (" : "", others, others[0] ? ")" : "",
             list->n_unreadable);
     print_diagnostics(file, &list->diagnostics, "", NULL);
@@ -162,6 +168,14 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
                  : json_null(),
         "transfer_syntax", cts_json_new_text(s->transfer_syntax), "orientation", cts_json_new_text(s->orientation),
         "renderable", s->renderable && !f->refused, "passed", s->passed, "findings", diagnostics, "labels", labels);
+    json_object_update_new(object,
+                           json_pack("{s:s,s:s,s:o,s:o}", "quantity", cts_quantity_names[s->quantity], "unit",
+                                     cts_quantity_units[s->quantity], "value_min", number_if(f->known, f->hu_min),
+                                     "value_max", number_if(f->known, f->hu_max)));
+    if (s->quantity != CTS_QUANTITY_HU) {
+        json_object_del(object, "hu_min");
+        json_object_del(object, "hu_max");
+    }
     if (show_patient)
         json_object_update_new(object, json_pack("{s:o,s:o,s:o}", "study_date", text_if(s->study_date), "series_number",
                                                  s->series_number < 0 ? json_null() : json_integer(s->series_number),

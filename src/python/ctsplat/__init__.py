@@ -408,6 +408,7 @@ class _Buffer:
 
 _NUMBERS = {"int16": "CTS_INT16", "uint16": "CTS_UINT16", "int32": "CTS_INT32", "float32": "CTS_FLOAT32",
             "float64": "CTS_FLOAT64"}
+_QUANTITIES = [ffi.string(name).decode() for name in lib.cts_quantity_names]
 _NEAREST = {"b": "int16", "i": "float64", "u": "float64", "f": "float32"}
 
 
@@ -448,15 +449,18 @@ def _as_numbers(array: Any) -> np.ndarray:
 
 
 class Volume(_WithDiagnostics):
-    """A CT volume in memory, for many pictures.
+    """A volume in memory, for many pictures.
 
     Volume(array, spacing_mm=(k, j, i)): HU with index k towards the head, j to the back and i to the patient's left.
     Volume(array, affine_lps=A) or (array, affine_ras=A): A (4 x 4, mm) maps the array's indices to patient coordinates;
     nibabel's arrays and affines are RAS, SimpleITK's are LPS with reversed indices. With the wrong one left and right
-    are swapped. What the mask of a NumPy masked array hides is air. As a context manager it frees its memory at the end."""
+    are swapped. What the mask of a NumPy masked array hides is air. quantity: HU, SUVbw, Bq/ml or stored (MR and others).
+    As a context manager it frees its memory at the end."""
 
     def __init__(self, array: Any, spacing_mm: Optional[Sequence[float]] = None, *, affine_lps: Any = None,
-                 affine_ras: Any = None, threads: int = 0):
+                 affine_ras: Any = None, threads: int = 0, quantity: str = "HU"):
+        if quantity not in _QUANTITIES:
+            raise Error("quantity %s is not one of: %s" % (quantity, " ".join(_QUANTITIES)), 2)
         if sum(x is not None for x in (spacing_mm, affine_lps, affine_ras)) != 1:
             raise Error("one of spacing_mm, affine_lps and affine_ras is needed for the position of the voxels", 2)
         if spacing_mm is not None:
@@ -470,6 +474,9 @@ class Volume(_WithDiagnostics):
         numbers = _as_numbers(array)
         scanned, err = _owner("CtsScanned", lib.cts_scanned_free), ffi.new("CtsError *")
         report, given = _Report(), _given(numbers, affine)
+        given.quantity = _QUANTITIES.index(quantity)
+        given.modality = (lib.CTS_MODALITY_CT, lib.CTS_MODALITY_PT, lib.CTS_MODALITY_PT,
+                          lib.CTS_MODALITY_MR)[given.quantity]
         _check(lib.cts_scanned_of_hu(given, threads, scanned, report.c, err), err)
         session = _owner("CtsSession", lib.cts_session_close)
         _check(lib.cts_session_take(session, scanned, err), err)
@@ -564,8 +571,30 @@ class Volume(_WithDiagnostics):
         return np.asarray(_Buffer(owner, int(ffi.cast("uintptr_t", v.grey)), tuple(v.dims)[::-1], "<u2"))
 
     @property
+    def quantity(self) -> str:
+        """HU, SUVbw, Bq/ml or stored: the meaning of `hu` and of all names with it."""
+        return _QUANTITIES[self._scanned().quantity]
+
+    @property
+    def unit(self) -> str:
+        """HU, g/ml, Bq/ml, or "" of stored values."""
+        return ffi.string(lib.cts_quantity_units[self._scanned().quantity]).decode()
+
+    @property
+    def value_min(self) -> float:
+        """The least value as scanned, padding left out."""
+        return self._scanned().hu_min
+
+    @property
+    def value_max(self) -> float:
+        return self._scanned().hu_max
+
+    def _scanned(self) -> Any:
+        return lib.cts_session_scanned(self._open()).even
+
+    @property
     def hu(self) -> np.ndarray:
-        """HU, a copy, index k, j, i: int16 where that is exact, else float32. Below -1024 they are -1024."""
+        """HU, or values of the volume's quantity, a copy, index k, j, i: int16 where that is exact, else float32. Below -1024 they are -1024."""
         v, grey = self._volume(), self.grey
         if v.hu_step == 1 and v.hu_offset == int(v.hu_offset) and v.hu_max <= 32767:
             return (grey.view(np.int16) + np.int16(v.hu_offset)).astype(np.int16, copy=False)

@@ -43,8 +43,6 @@ struct CtsFrames {
  * in thin slices, which takes voxels of one tissue to both ends of a steeper rise. */
 #define STEP_OPACITY 0.25
 #define STEP_HU 20.0
-/* Grey level 0, where all bits of it are used (ctsplat/volume.h). */
-#define AIR_HU (-1024.0)
 
 static bool has_step(const CtsPreset *preset)
 {
@@ -149,7 +147,7 @@ bool cts_render_ignores_air(const CtsPreset *preset, const CtsRenderSettings *se
     const CtsEngine *const engine = cts_engine(chosen ? cts_engine_with_levels() : settings->engine);
     const CtsMode mode = settings->mode >= 0 ? (CtsMode)settings->mode : preset->mode;
     return !engine->is_layered && !engine->is_reference && settings->grey_bits == 16 && mode != CTS_MODE_MIP &&
-           (mode != CTS_MODE_COMPOSITE || cts_preset_opacity(preset, AIR_HU) == 0);
+           (mode != CTS_MODE_COMPOSITE || cts_preset_opacity(preset, CTS_LEAST_HU) == 0);
 }
 
 CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err)

@@ -1,0 +1,199 @@
+/* Attributes of PET slices: those that SUV follow from (PS3.3 C.8.9.4, C.8.22), and those that tell volumes apart. */
+#include "dicom/reader/dcmtk_attributes.hpp"
+
+#include <cmath>
+#include <string>
+
+namespace
+{
+
+const double day_s = 86400;
+
+/* The digits of a date or a time without the colons and dots that old headers have within; up to the fraction. */
+std::string digits_of(std::string_view text, char separator)
+{
+    std::string digits;
+    for (const char c : text.substr(0, text.find('\\')))
+        if (c != separator && c != ' ' && c != 0)
+            digits += c;
+    return digits;
+}
+
+/* A number of `n` digits, or -1. */
+int part(const std::string &digits, size_t at, size_t n)
+{
+    if (digits.size() < at + n || digits.find_first_not_of("0123456789", at) < at + n)
+        return -1;
+    return std::stoi(digits.substr(at, n));
+}
+
+/* YYYYMMDD as days from 1970-01-01 (the proleptic Gregorian calendar); NaN for anything else. */
+double day_of(std::string_view text)
+{
+    const std::string digits = digits_of(text, '.');
+    const int year = part(digits, 0, 4), month = part(digits, 4, 2), day = part(digits, 6, 2);
+    if (year < 1 || month < 1 || month > 12 || day < 1 || day > 31)
+        return NAN;
+    const int y = month > 2 ? year : year - 1, m = (month + 9) % 12; /* years begin in March */
+    return 365.0 * y + y / 4 - y / 100 + y / 400 + (m * 306 + 5) / 10 + day - 1 - 719468;
+}
+
+/* HH, HHMM or HHMMSS.FFFFFF as seconds of the day. */
+double clock_of(std::string_view text)
+{
+    const std::string digits = digits_of(text, ':');
+    double seconds = 0;
+    const int hour = part(digits, 0, 2), minute = digits.size() > 2 ? part(digits, 2, 2) : 0;
+    if (hour < 0 || hour > 23 || minute < 0 || minute > 59)
+        return NAN;
+    if (digits.size() > 4 && (part(digits, 4, 2) < 0 || part(digits, 4, 2) > 60 ||
+                              !cts_parse_ds(digits.data() + 4, digits.size() - 4, &seconds, 1)))
+        return NAN;
+    return hour * 3600.0 + minute * 60 + seconds;
+}
+
+/* &ZZXX at the end of a date and time, or the whole of (0008,0201), in seconds; NaN if missing. */
+double zone_of(std::string_view text)
+{
+    const size_t sign = text.find_first_of("+-");
+    if (sign == std::string_view::npos)
+        return NAN;
+    const std::string digits(text.substr(sign + 1));
+    const int hours = part(digits, 0, 2), minutes = part(digits, 2, 2);
+    return hours < 0 || minutes < 0 ? NAN : (text[sign] == '-' ? -1 : 1) * (hours * 3600.0 + minutes * 60);
+}
+
+/* YYYYMMDDHHMMSS.FFFFFF&ZZXX as seconds in the data set's time zone, where both zones are known. */
+double date_time_of(CtsAttributes &object, std::string_view text)
+{
+    const double zone = zone_of(text);
+    const std::string own(text.substr(0, text.find_first_of("+-")));
+    const double s = own.size() > 8 ? day_of(own) * day_s + clock_of(std::string_view(own).substr(8)) : NAN;
+    const double set_zone = zone_of(cts_attribute_text(object, DCM_TimezoneOffsetFromUTC));
+    return std::isnan(zone) || std::isnan(set_zone) ? s : s - zone + set_zone;
+}
+
+/* The first date that is there; NaN without any. */
+double first_day(CtsAttributes &item, std::initializer_list<DcmTagKey> tags)
+{
+    double day = NAN;
+    for (const DcmTagKey &tag : tags)
+        if (std::isnan(day))
+            day = day_of(cts_attribute_text(item, tag));
+    return day;
+}
+
+void read_times(CtsAttributes &item, CtsPet *p)
+{
+    const double series_day = first_day(item, {DCM_SeriesDate, DCM_AcquisitionDate, DCM_StudyDate});
+    const double day = first_day(item, {DCM_AcquisitionDate, DCM_SeriesDate, DCM_StudyDate});
+    double *const v = p->value;
+    p->has_date = !std::isnan(day);
+    v[CTS_PET_SERIES_S] = (p->has_date ? series_day : 0) * day_s + clock_of(cts_attribute_text(item, DCM_SeriesTime));
+    v[CTS_PET_ACQUISITION_S] =
+        (p->has_date ? day : 0) * day_s + clock_of(cts_attribute_text(item, DCM_AcquisitionTime));
+    const double of_frame = date_time_of(item, cts_attribute_text(item, DCM_FrameAcquisitionDateTime));
+    if (item.is_frame && !std::isnan(of_frame))
+        v[CTS_PET_ACQUISITION_S] = of_frame;
+    v[CTS_PET_GE_SCAN_S] = date_time_of(item, cts_private_text(item, {0x0009, "GEMS_PETD_01", 0x0D}));
+    v[CTS_PET_REFERENCE_S] = date_time_of(item, cts_attribute_text(item, DCM_DecayCorrectionDateTime));
+    v[CTS_PET_FRAME_REFERENCE_MS] = cts_attribute_number_or_nan(item, DCM_FrameReferenceTime);
+    v[CTS_PET_FRAME_DURATION_MS] = cts_attribute_number_or_nan(item, DCM_ActualFrameDuration);
+}
+
+void read_dose(CtsAttributes &item, CtsPet *p)
+{
+    CtsAttributes drug = cts_attribute_item(item, DCM_RadiopharmaceuticalInformationSequence);
+    double *const v = p->value;
+    const std::string moment(cts_attribute_text(drug, DCM_RadiopharmaceuticalStartDateTime));
+    v[CTS_PET_WEIGHT_KG] = cts_attribute_number_or_nan(item, DCM_PatientWeight);
+    v[CTS_PET_DOSE_BQ] = cts_attribute_number_or_nan(drug, DCM_RadionuclideTotalDose);
+    v[CTS_PET_HALF_LIFE_S] = cts_attribute_number_or_nan(drug, DCM_RadionuclideHalfLife);
+    v[CTS_PET_INJECTION_S] = date_time_of(item, moment);
+    v[CTS_PET_INJECTION_CLOCK_S] = std::isnan(v[CTS_PET_INJECTION_S])
+                                       ? clock_of(cts_attribute_text(drug, DCM_RadiopharmaceuticalStartTime))
+                                       : std::fmod(v[CTS_PET_INJECTION_S], day_s);
+    v[CTS_PET_PHILIPS_SUV] = v[CTS_PET_PHILIPS_BQML] = NAN;
+    cts_private_numbers(item, {0x7053, "Philips PET Private Group", 0x00}, v + CTS_PET_PHILIPS_SUV, 1);
+    cts_private_numbers(item, {0x7053, "Philips PET Private Group", 0x09}, v + CTS_PET_PHILIPS_BQML, 1);
+}
+
+CtsPetUnits units_of(std::string_view word)
+{
+    return word == "BQML"   ? CTS_PET_BQML
+           : word == "CNTS" ? CTS_PET_CNTS
+           : word == "GML"  ? CTS_PET_GML
+                            : CTS_PET_OTHER_UNITS;
+}
+
+/* Units of an enhanced object: UCUM's of its real world values, whose slope and intercept then hold. */
+CtsPetUnits real_world_units(CtsAttributes &item, CtsSlice *s)
+{
+    CtsAttributes map = cts_attribute_item(item, DCM_RealWorldValueMappingSequence);
+    CtsAttributes code = cts_attribute_item(map, DCM_MeasurementUnitsCodeSequence);
+    const std::string_view unit = cts_attribute_text(code, DCM_CodeValue);
+    const CtsPetUnits units = unit == "Bq/ml" || unit == "Bq/mL"               ? CTS_PET_BQML
+                              : unit == "{SUVbw}g/ml" || unit == "g/ml{SUVbw}" ? CTS_PET_GML
+                                                                               : CTS_PET_OTHER_UNITS;
+    const double slope = cts_attribute_number_or_nan(map, DCM_RealWorldValueSlope),
+                 intercept = cts_attribute_number_or_nan(map, DCM_RealWorldValueIntercept);
+    if (units == CTS_PET_OTHER_UNITS || !(std::fabs(slope) > 0) || std::isnan(intercept))
+        return CTS_PET_OTHER_UNITS;
+    s->slope = slope;
+    s->intercept = intercept;
+    return units;
+}
+
+void read_corrections(CtsAttributes &item, CtsPet *p)
+{
+    bool attenuation = false, decay = false;
+    const std::string_view list = cts_attribute_text(item, DCM_CorrectedImage);
+    for (int i = 0; !cts_text_value(list, i).empty(); i++) {
+        attenuation |= cts_text_value(list, i) == "ATTN";
+        decay |= cts_text_value(list, i) == "DECY";
+    }
+    p->is_corrected = attenuation && decay;
+    const std::string_view to = cts_attribute_text(item, DCM_DecayCorrection);
+    p->decay = to == "START" ? CTS_PET_SCAN_START : to == "ADMIN" ? CTS_PET_INJECTION : CTS_PET_NO_DECAY_CORRECTION;
+    if (p->is_enhanced && to.empty() && cts_attribute_text(item, DCM_DecayCorrected) == "YES") {
+        p->decay = CTS_PET_REFERENCE_TIME;
+        p->is_corrected = cts_attribute_text(item, DCM_AttenuationCorrected) != "NO";
+    }
+}
+
+/* Number of the time slice or gate that ImageIndex counts (PS3.3 C.8.9.4.1.9). */
+double time_slice(CtsAttributes &item)
+{
+    int n_slices = 0, index = 0;
+    return cts_attribute_word(item, DCM_NumberOfSlices, &n_slices) && n_slices > 0 &&
+                   cts_attribute_word(item, DCM_ImageIndex, &index)
+               ? (index - 1) / n_slices
+               : static_cast<double>(NAN);
+}
+
+} // namespace
+
+void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
+{
+    CtsPet *const p = &s->pet;
+    p->is_enhanced = item.is_frame;
+    p->units = units_of(cts_attribute_text(item, DCM_Units));
+    if (p->is_enhanced && cts_attribute_text(item, DCM_Units).empty())
+        p->units = real_world_units(item, s);
+    const std::string suv_type(cts_attribute_text(item, DCM_SUVType));
+    p->is_suvbw = suv_type.empty() || suv_type == "BW";
+    const std::string series_type(cts_attribute_text(item, DCM_SeriesType));
+    const std::string_view kind = cts_text_value(series_type, 0);
+    p->is_dynamic = kind == "DYNAMIC" || kind == "GATED" || p->is_enhanced;
+    p->is_reprojection = cts_text_value(series_type, 1) == "REPROJECTION";
+    read_corrections(item, p);
+    read_times(item, p);
+    read_dose(item, p);
+    for (double &number : s->volume_number)
+        number = NAN;
+    const double moment = date_time_of(item, cts_attribute_text(item, DCM_FrameReferenceDateTime));
+    s->volume_number[CTS_FRAME_REFERENCE_TIME] = std::isnan(moment) ? p->value[CTS_PET_FRAME_REFERENCE_MS] : moment;
+    s->volume_number[CTS_TIME_SLICE] = time_slice(item);
+    for (const char *&word : s->volume_word)
+        word = cts_dcm_share(texts, {}, 0);
+}
