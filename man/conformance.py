@@ -44,7 +44,7 @@ syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
 written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [
     (next(n for n, u, _ in syntaxes if u == uid), uid, name.lower().replace("_", "-"))
     for name, uid in re.findall(r'\[CTS_SC_(\w+)\] = \{"([0-9.]+)"', source("output/export/sc.c"))]
-read_classes = re.findall(r'const char (\w+)_class\[\] = "([0-9.]+)"', source("dicom/reader/dcmtk_slice.cc"))
+read_classes = re.findall(r'(\{|directory_class\[\] = )"([0-9.]+)"(?:, CTS_MODALITY|;)', source("dicom/reader/dcmtk_slice.cc"))
 keyword_of = {uid: key for key, uid in reversed(list(uid_of.items()))}
 label_uids = re.search(r"label_classes\[\] = \{(.*?)\};", source("dicom/reader/dcmtk_slice.cc"), re.S).group(1)
 read_classes = [(keyword_of[uid], uid) for _, uid in read_classes] + [
@@ -164,6 +164,8 @@ statement = [
       ("concatenation_incomplete", "parts of a concatenation are missing by InConcatenationNumber, "
        "InConcatenationTotalNumber or ConcatenationFrameOffsetNumber", "warning; refused where frames between others are, "
        "as of missing slices"),
+      ("no_suv", "a PET series lacks attributes of QIBA's vendor-neutral formula for SUVbw, or they differ from slice to slice",
+       "warning; values are Bq/ml, or as stored in other units"),
       ("nifti_forms", "the sform and the qform of a NIfTI file differ: voxel size by more than 1 %, an axis by more than 1 "
        "degree, a corner by more than a voxel", "warning, the sform is taken; refused where one is mirrored or an axis "
        "differs by more than 45 degrees, unless --nifti-form decides"),

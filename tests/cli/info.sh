@@ -12,7 +12,7 @@ import json
 info = json.load(open("info.json"))
 keys = {"series_uid", "modality", "slices", "dims", "spacing_mm", "tilt_deg", "hu_min", "hu_max", "transfer_syntax",
         "orientation", "renderable", "findings", "box_mm", "passed", "study",
-        "traits"}
+        "traits", "quantity", "unit", "value_min", "value_max"}
 for s in info["series"]:
     assert set(s) == keys, set(s) ^ keys
     assert isinstance(s["slices"], int) and isinstance(s["tilt_deg"], (int, float)) and isinstance(s["renderable"], bool)

@@ -46,20 +46,20 @@ done
 
 # Files that are not CT are counted by kind, and a refusal lists them where there are no others.
 mkdir other
-with_uid "$data/phantom/IM0001.dcm" other/mr.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.840.10008.5.1.4.1.1.4
+with_uid "$data/phantom/IM0001.dcm" other/mr.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.840.10008.5.1.4.1.1.7
 cp other/mr.dcm other/mr-2.dcm
 with_uid "$data/phantom/IM0001.dcm" other/odd.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.826.0.1.99999.5.1.4.2
 echo text >other/notes.txt
 ok info "$data/phantom" other
-has out '4 passed over \(2 MR Image, 1 not DICOM, 1 of SOP class 1\.2\.826\.0\.1\.99999\.5\.1\.4\.2\), 0 not readable$'
+has out '4 passed over \(2 Secondary Capture Image, 1 not DICOM, 1 of SOP class 1\.2\.826\.0\.1\.99999\.5\.1\.4\.2\), 0 not readable$'
 ok info "$data/phantom" other --json
-grep -A4 '"others"' out | tr -d ' \n' | grep -qF '{"MRImage":2,"notDICOM":1,"ofSOPclass1.2.826.0.1.99999.5.1.4.2":1}' ||
+grep -A4 '"others"' out | tr -d ' \n' | grep -qF '{"SecondaryCaptureImage":2,"notDICOM":1,"ofSOPclass1.2.826.0.1.99999.5.1.4.2":1}' ||
     fail "the JSON counts other files otherwise: $(grep -A4 others out)"
-refused 3 'other: no CT, MR or PET slice among 4 files: 2 MR Image, 1 not DICOM, 1 of SOP class [0-9.]* \(' render other -o x.png
+refused 3 'other: no CT, MR or PET slice among 4 files: 2 Secondary Capture Image, 1 not DICOM, 1 of SOP class [0-9.]*' render other -o x.png
 mkdir linked
 ln -s "$data/phantom" linked/series
 refused 3 'linked: no CT, MR or PET slice among 1 file: 1 links to folders' render linked -o x.png
-refused 3 'mr.dcm: no CT, MR or PET slice among 1 file: 1 MR Image \(' info other/mr.dcm
+refused 3 'mr.dcm: no CT, MR or PET slice among 1 file: 1 Secondary Capture Image' info other/mr.dcm
 
 # A reason is reported once.
 for folder in "$data"/geometry/many-missing "$data"/geometry/one-slice many/larger; do

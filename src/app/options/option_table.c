@@ -99,8 +99,7 @@ const CtsOption cts_options[] = {
      CHOICE(source.rules.nifti_form, nifti_forms), .first = CTS_NIFTI_FORM_S},
     {0, "quantity", "NAME", PICTURES | ON(SERVE) | ON(INFO), REMAKES(SCAN),
      "HU, SUVbw, Bq/ml or stored: of a NIfTI file that is not in HU, or a CT whose RescaleType names another quantity",
-     "in HU; others are refused",
-     CHOICE(source.rules.named_quantity, cts_quantity_names), .first = 1},
+     "in HU; others are refused", CHOICE(source.rules.named_quantity, cts_quantity_names), .first = 1},
     SECTION("Labels"),
     {0, "labels", "PATH", PICTURES | ON(SERVE) | ON(INFO), REMAKES(SCAN),
      "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
