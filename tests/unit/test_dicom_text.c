@@ -92,6 +92,10 @@ static void test_texts(void **state)
     expect_text("Sch\xe4"
                 "del",
                 NULL, "Sch?del");
+    expect_text("\xbf\xe0\xd8\xd2\xd5\xe2", "ISO_IR 144", "\xd0\x9f\xd1\x80\xd0\xb8\xd0\xb2\xd0\xb5\xd1\x82");
+    expect_text("ab \x1b-L\xbf\xe0 \x1b-A\xe4", "ISO 2022 IR 100\\ISO 2022 IR 144", "ab \xd0\x9f\xd1\x80 \xc3\xa4");
+    expect_text("\xcd\xf5", "GB18030", "\xe7\x8e\x8b");
+    expect_text("Sch\xe4", "ISO_IR 6", "Sch?");
     expect_text("a\x1b[31mb\nc\x7f", NULL, "a?[31mb?c?");
     expect_text("a\xe2\x80\xae"
                 "b\xe2\x80\xa8"

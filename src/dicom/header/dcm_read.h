@@ -13,13 +13,10 @@ CTS_C_BEGIN
  * calls return the first result. */
 CtsStatus cts_dcm_start(CtsError *err);
 
-/* A readable name of the SOP class, such as "MR Image", truncated to size. */
-void cts_dcm_class_name(const char *class_uid, char *text, size_t size);
-
 /* Text in a DICOM character set (0008,0005; NULL: ASCII) as UTF-8, at most 64 characters; controls and inconvertible
  * characters become '?'. NULL without memory. */
 char *cts_dcm_utf8(const char *text, const char *charset);
-/* The same by DCMTK, of any length and with all that is in it; NULL when it cannot, too. Free with free(). */
+/* The same, of any length and with all that is in it; NULL when it cannot, too. Free with free(). */
 char *cts_dcm_convert(const char *text, const char *charset);
 
 CTS_C_END

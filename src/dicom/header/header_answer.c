@@ -238,12 +238,22 @@ static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, in
     return CTS_OK;
 }
 
+/* Safe in messages, and ended by a 0. */
+static bool is_plain_text(const char *text, size_t size)
+{
+    for (size_t i = 0; i < size; i++)
+        if (text[i] < ' ' || text[i] > '~')
+            return !text[i];
+    return false;
+}
+
 bool cts_header_facts_hold(const CtsHeaderFacts *f, uint64_t n_file)
 {
     return is_flag((const uint8_t *)&f->has_pixels) && is_flag((const uint8_t *)&f->pixel_words) &&
            is_flag((const uint8_t *)&f->encapsulated) && memchr(f->syntax_uid, 0, sizeof f->syntax_uid) &&
-           f->odd < 2 * CTS_ODD_BURNED_IN && f->data_offset <= n_file && f->header_bytes < MAX_OFFSET &&
-           f->pixel_offset < MAX_OFFSET && f->pixel_bytes < MAX_OFFSET;
+           is_plain_text(f->class_name, sizeof f->class_name) && f->odd < 2 * CTS_ODD_BURNED_IN &&
+           f->data_offset <= n_file && f->header_bytes < MAX_OFFSET && f->pixel_offset < MAX_OFFSET &&
+           f->pixel_bytes < MAX_OFFSET;
 }
 
 static bool is_sound_answer(const CtsHeaderAnswer *a, const uint8_t *bytes, size_t n)

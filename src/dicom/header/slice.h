@@ -174,6 +174,7 @@ typedef struct CtsObject {
     CtsObjectKind kind;
     CtsModality modality_id; /* of slices and frames */
     const char *class_uid;   /* of DICOM; "" if missing */
+    const char *class_name;  /* readable, of DICOM without slices */
     const char *study_uid;   /* of DICOM; "" if missing */
     bool has_number;
     int instance_number; /* (0020,0013) of DICOM */

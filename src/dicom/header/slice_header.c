@@ -54,7 +54,8 @@ CtsStatus cts_header_complete(const CtsHeaderFacts *f, const CtsPendingHeader *f
     bool usable = object->n_slices > 0;
     const char *syntax_uid = cts_string_pool_share(texts, f->syntax_uid, 64);
     const CtsSyntax *const syntax = cts_syntax_find(f->syntax_uid);
-    if (!syntax_uid)
+    object->class_name = cts_string_pool_share(texts, f->class_name, sizeof f->class_name);
+    if (!syntax_uid || !object->class_name)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; i < object->n_slices; i++) {
         CtsSlice *s = object->slices[i];

@@ -1,6 +1,6 @@
 /* Decoding of text in any DICOM character set. */
 #include "base/text.h"
-#include "dicom/header/dcm_readers.h"
+#include "dicom/header/dcm_read.h"
 #include <iconv.h>
 #include <stdlib.h>
 #include <string.h>
@@ -104,13 +104,82 @@ static char *wide_to_utf8(const char *text, const char *charset)
     return utf8;
 }
 
+/* Sets with one byte per character, and two with more that have no escape sequence: the end of their defined term, the
+ * escape sequence that selects them, and their iconv encoding. */
+static const struct {
+    const char *term, *escape, *code;
+} sets[] = {{"IR 100", "-A", "ISO-8859-1"},
+            {"IR 101", "-B", "ISO-8859-2"},
+            {"IR 109", "-C", "ISO-8859-3"},
+            {"IR 110", "-D", "ISO-8859-4"},
+            {"IR 144", "-L", "ISO-8859-5"},
+            {"IR 127", "-G", "ISO-8859-6"},
+            {"IR 126", "-F", "ISO-8859-7"},
+            {"IR 138", "-H", "ISO-8859-8"},
+            {"IR 148", "-M", "ISO-8859-9"},
+            {"IR 203", "-b", "ISO-8859-15"},
+            {"IR 13", ")I", "JIS_X0201"},
+            {"IR 166", "-T", "TIS-620"},
+            {"IR 192", "%G", "UTF-8"},
+            {"GB18030", "GB", "GB18030"},
+            {"GBK", "GB", "GBK"},
+            {"IR 6", "(B", "ASCII"},
+            {"", "(J", "ASCII"}};
+enum { N_SETS = sizeof sets / sizeof *sets };
+
+/* The encoding of a character set's first value; NULL: not known. */
+static const char *first_code(const char *charset)
+{
+    size_t n = strcspn(charset, "\\");
+    while (n && charset[n - 1] == ' ')
+        n--;
+    for (int i = 0; i < N_SETS; i++) {
+        const size_t n_term = strlen(sets[i].term);
+        const bool is_it = n >= n_term && !memcmp(charset + n - n_term, sets[i].term, n_term);
+        if (is_it && (n == n_term || (n_term && (!strncmp(charset, "ISO_", 4) || !strncmp(charset, "ISO 2022 ", 9)))))
+            return sets[i].code;
+    }
+    return NULL;
+}
+
+/* Converts the text between its escape sequences, each of which selects a set. */
+static char *narrow_to_utf8(const char *text, const char *charset)
+{
+    const char *code = first_code(charset);
+    char *const all = calloc(3, strlen(text) + 1);
+    bool good = all && code;
+    while (good && *text) {
+        char *const part = strndup(text, strcspn(text, "\x1b")), *utf8 = part ? convert(part, code) : NULL;
+        if ((good = utf8))
+            strcat(all, utf8);
+        text += part ? strlen(part) : 0;
+        free(part);
+        free(utf8);
+        if (!good || !*text)
+            break;
+        code = NULL;
+        for (int i = 0; i < N_SETS && !code; i++)
+            if (!strncmp(text + 1, sets[i].escape, 2))
+                code = sets[i].code;
+        good = code != NULL;
+        text += good ? 3 : 0;
+    }
+    if (good)
+        return all;
+    free(all);
+    return NULL;
+}
+
+char *cts_dcm_convert(const char *text, const char *charset)
+{
+    char *const wide = wide_to_utf8(text, charset);
+    return wide ? wide : narrow_to_utf8(text, charset);
+}
+
 char *cts_dcm_utf8(const char *text, const char *charset)
 {
     const bool foreign = charset && charset[0] && !is_same_in_utf8(text, charset);
-    const CtsDcmReaders *dcm = NULL;
-    char *utf8 = foreign ? wide_to_utf8(text, charset) : NULL;
-    if (foreign && !utf8 && !cts_dcm_readers(&dcm, NULL))
-        utf8 = dcm->convert(text, charset);
+    char *utf8 = foreign ? cts_dcm_convert(text, charset) : NULL;
     if (!utf8 && !(utf8 = strdup(text)))
         return NULL;
     cts_text_clean(utf8);

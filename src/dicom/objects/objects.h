@@ -1,5 +1,5 @@
 /* The C interface to DCMTK for writing and reading secondary captures and presentation states, loaded like
- * dicom/header/dcm_readers.h. No DCMTK type and no exception crosses it. The caller decides on the contents
+ * base/load_plugin.h. No DCMTK type and no exception crosses it. The caller decides on the contents
  * (output/export), this code encodes them. */
 #pragma once
 

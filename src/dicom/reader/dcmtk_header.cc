@@ -1,7 +1,7 @@
 /* A file's first bytes -> framing, data set, slices. */
-#include "dicom/reader/tag_scan.h"
 #include "dicom/reader/dcmtk_attributes.hpp"
 #include "dicom/reader/reader.h"
+#include "dicom/reader/tag_scan.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -159,6 +159,11 @@ CtsHeaderResult read_header(Header &h, DcmDataset &data)
 /* Writes the slices of a data set, or its elements as they are, into n bytes; the number of bytes needed. */
 using Pack = size_t (*)(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n);
 
+void put_class_name(const Header &h, const char *class_uid)
+{
+    cts_reader_class_name(class_uid, h.answer.facts.class_name, sizeof h.answer.facts.class_name);
+}
+
 size_t pack_slices(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
 {
     struct Owned {
@@ -171,11 +176,16 @@ size_t pack_slices(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
         }
     } owned;
     cts_dcm_read_object(data, &owned.texts, h.meta.sop_class_uid, &owned.object);
+    if (!owned.object.n_slices)
+        put_class_name(h, owned.object.class_uid);
     return cts_header_pack(&owned.object, &h.answer, bytes, n);
 }
 
 size_t pack_elements(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
 {
+    OFString own_class;
+    const bool has_class = data.findAndGetOFString(DCM_SOPClassUID, own_class).good() && !own_class.empty();
+    put_class_name(h, has_class ? own_class.c_str() : h.meta.sop_class_uid);
     return h.answer.n = cts_elements_pack(data, h.meta.sop_class_uid, bytes, n);
 }
 

@@ -23,4 +23,7 @@ bool cts_parse_ds(const char *text, size_t n, double *values, int n_values);
 /* An integer string (IS). */
 bool cts_parse_is(const char *text, size_t n, int *value);
 
+/* A readable name of the SOP class, such as "MR Image", truncated to size. */
+void cts_reader_class_name(const char *class_uid, char *text, size_t size);
+
 CTS_C_END

@@ -1,7 +1,6 @@
 #include "ctsplat/label_files.h"
 
 #include "base/mem.h"
-#include "dicom/header/dcm_readers.h"
 #include "dicom/header/slice.h"
 #include "input/files/nifti.h"
 #include "input/files/scan.h"
@@ -103,13 +102,9 @@ static CtsStatus read_object(LabelSearch *s, const CtsFile *file, CtsError *err)
     CtsStatus st = cts_label_dicom_open(&object, file, err);
     const int kind = st ? -1 : object_kind(object.class_uid);
     const bool wanted = kind >= 0 && (!s->only_referring || cts_label_refers(object.elements, s->reading.series));
-    if (!st && kind < 0 && !s->in_folder) {
-        char name[128] = "of another SOP class";
-        const CtsDcmReaders *dcm = NULL;
-        if (!cts_dcm_readers(&dcm, NULL)) /* without the library no class has a name */
-            dcm->class_name(object.class_uid, name, sizeof name);
-        st = cts_fail(err, CTS_ERR_READ, "is no segmentation and no structure set, but %s", name);
-    }
+    if (!st && kind < 0 && !s->in_folder)
+        st = cts_fail(err, CTS_ERR_READ, "is no segmentation and no structure set, but %s",
+                      object.object.facts.class_name);
     if (!st && wanted && !(st = seen_before(s, &object, &seen, err)) && !seen) {
         s->n_read++;
         if (!(st = cts_label_check_patient(&s->reading, &object, err)))

@@ -1,7 +1,6 @@
 #include "input/series/series_check.h"
 
 #include "base/mem.h"
-#include "dicom/header/dcm_readers.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,15 +36,9 @@ CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err)
     return n ? add_other(list, "links to folders or devices (name them)", n, err) : CTS_OK;
 }
 
-CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err)
+CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_name, CtsError *err)
 {
-    char what[sizeof list->others->what];
-    const CtsDcmReaders *dcm = NULL;
-    if (cts_dcm_readers(&dcm, NULL)) /* without the library no class has a name */
-        snprintf(what, sizeof what, "of another SOP class");
-    else
-        dcm->class_name(class_uid, what, sizeof what);
-    return add_other(list, what, 1, err);
+    return add_other(list, class_name, 1, err);
 }
 
 static int by_number(const void *a, const void *b)

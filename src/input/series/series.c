@@ -190,7 +190,7 @@ static CtsStatus count_others(const HeaderSearch *s, CtsError *err)
             continue;
         }
         list->n_not_ct++;
-        st = h->kind == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_uid, err)
+        st = h->kind == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_name, err)
                                        : cts_others_add_files(list, 1, h->object.packed, err);
     }
     cts_others_sort(list);

@@ -4,7 +4,7 @@
 #include "base/mem.h"
 #include "base/text.h"
 #include "base/vec3.h"
-#include "dicom/header/dcm_readers.h"
+#include "dicom/header/dcm_read.h"
 #include "input/series/slice_stack.h"
 #include "input/series/suv.h"
 #include <stdarg.h>
@@ -194,10 +194,7 @@ static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
     const bool same_charset = strcmp(a->charset ? a->charset : "", b->charset ? b->charset : "") == 0;
     if (strcmp(x, y) == 0 || same_charset)
         return strcmp(x, y) == 0;
-    const CtsDcmReaders *dcm = NULL;
-    if (cts_dcm_readers(&dcm, NULL))
-        return false;
-    char *p = dcm->convert(x, a->charset ? a->charset : ""), *q = dcm->convert(y, b->charset ? b->charset : "");
+    char *p = cts_dcm_convert(x, a->charset ? a->charset : ""), *q = cts_dcm_convert(y, b->charset ? b->charset : "");
     const bool same = p && q && strcmp(p, q) == 0;
     free(p);
     free(q);

@@ -91,6 +91,6 @@ CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, C
 /* n that are no files, and are not followed. */
 CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err);
 /* A DICOM object of this SOP class; "" if it names none. */
-CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err);
+CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_name, CtsError *err);
 /* Once all are there: most frequent first, then by name. */
 void cts_others_sort(CtsSeriesList *list);

@@ -1,7 +1,7 @@
 /* Readable names of SOP classes: "MR Image". */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/header/dcm_read.h"
+#include "dicom/reader/reader.h"
 
 #include <cctype>
 #include <cstdio>
@@ -16,7 +16,7 @@ static bool begins_word(const std::string &name, size_t i)
     return i > 0 && is_capital(i) && (!is_capital(i - 1) || (i + 1 < name.size() && !is_capital(i + 1)));
 }
 
-void cts_dcm_class_name(const char *class_uid, char *text, size_t size)
+void cts_reader_class_name(const char *class_uid, char *text, size_t size)
 {
     if (!class_uid[0]) {
         std::snprintf(text, size, "DICOM without SOP class");
