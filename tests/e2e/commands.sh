@@ -34,6 +34,8 @@ for page in "$root/README.md" "$root/man/recipes.md" "$root"/man/*.[0-9]; do
         ln -s "$data/phantom" scans/$series
     done
     ln -s "$shared/body-j2k" scans/trunk
+    ln -s "$shared/other/mr-head" scans/brain
+    ln -s "$shared/other/pet-body" scans/pet
     ln -s "$shared/labels/body-j2k/31-organs.nii.gz" scans/organs.nii.gz
     ln -s ../archive archive
     cp "$root/man/glass.json" "$root/man/trunk.json" .
@@ -42,7 +44,7 @@ for page in "$root/README.md" "$root/man/recipes.md" "$root"/man/*.[0-9]; do
     while IFS= read -r line <&3; do
         n=$((n + 1))
         case $line in
-            *' scans/trunk '*"$no_shared")
+            *' scans/trunk '*"$no_shared" | *' scans/brain '*"$no_shared" | *' scans/pet '*"$no_shared")
                 echo "skipped: $line (no $shared)" ;;
             *' --from '*)
                 try "$line"
