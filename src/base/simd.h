@@ -225,7 +225,6 @@ SIMD_EACH(wf, wf_div, (wf a, wf b), a.part[p] / b.part[p])
 SIMD_EACH(wf, wf_min, (wf a, wf b), vf_min(a.part[p], b.part[p]))
 SIMD_EACH(wf, wf_max, (wf a, wf b), vf_max(a.part[p], b.part[p]))
 SIMD_EACH(wf, wf_abs, (wf a), vf_abs(a.part[p]))
-SIMD_EACH(wf, wf_sqrt, (wf a), vf_sqrt(a.part[p]))
 SIMD_EACH(wmask, wf_lt, (wf a, wf b), vf_lt(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wf_le, (wf a, wf b), vf_le(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wf_gt, (wf a, wf b), vf_gt(a.part[p], b.part[p]))
@@ -242,15 +241,12 @@ SIMD_EACH(wi, wi_min, (wi a, wi b), vi_min(a.part[p], b.part[p]))
 SIMD_EACH(wi, wi_max, (wi a, wi b), vi_max(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wi_lt, (wi a, wi b), vi_lt(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wi_gt, (wi a, wi b), vi_gt(a.part[p], b.part[p]))
-SIMD_EACH(wmask, wi_eq, (wi a, wi b), vi_eq(a.part[p], b.part[p]))
 SIMD_EACH(wi, wi_select, (wmask mask, wi yes, wi no), vi_select(mask.part[p], yes.part[p], no.part[p]))
 SIMD_EACH(wi, wi_lower_half, (wi pair), lower_half(pair.part[p]))
 SIMD_EACH(wi, wi_upper_half, (wi pair), upper_half(pair.part[p]))
 
 SIMD_EACH(wf, wi_to_float, (wi a), to_float(a.part[p]))
 SIMD_EACH(wi, wf_to_int, (wf a), to_int(a.part[p]))
-/* Nearest integer, ties to even, of -2^22..2^22: added to 1.5 * 2^23 a float has no bits left for a fraction. */
-SIMD_EACH(wi, wf_round, (wf a), (vi)(a.part[p] + 0x1.8p23f) - (vi)vf_of(0x1.8p23f))
 /* The same bits. */
 SIMD_EACH(wf, wi_as_float, (wi a), (vf)a.part[p])
 SIMD_EACH(wi, wf_as_int, (wf a), (vi)a.part[p])
@@ -258,14 +254,9 @@ SIMD_EACH(wi, wf_as_int, (wf a), (vi)a.part[p])
 SIMD_EACH(ws, ws_add, (ws a, ws b), (vs)(a.part[p] + b.part[p]))
 SIMD_EACH(ws, ws_sub, (ws a, ws b), (vs)(a.part[p] - b.part[p]))
 SIMD_EACH(wi, ws_madd, (ws a, ws b), vs_madd(a.part[p], b.part[p]))
-SIMD_EACH(ws, ws_mul_high, (ws a, ws b), vs_mul_high(a.part[p], b.part[p]))
 SIMD_EACH(ws, ws_permute_rows, (ws table, ws index), vs_permute_rows(table.part[p], index.part[p]))
 
 SIMD_EACH(wf, wf_look_up, (const float *table, int n, wi index), vf_look_up(table, n, index.part[p]))
-SIMD_EACH(wi, wi_gather, (const void *from, wi at, wmask mask), vi_gather(from, at.part[p], mask.part[p]))
-SIMD_EACH(wi, wi_load_shorts, (const int16_t *from), vi_load_shorts(from + LANES * p))
-SIMD_EACH(wi, wi_load_words, (const uint16_t *from), vi_load_words(from + LANES * p))
-SIMD_EACH(wi, wi_gather_pairs, (const void *from, wi at, wmask mask), vi_gather_pairs(from, at.part[p], mask.part[p]))
 SIMD_EACH(wi, wi_take, (const void *from, wi at), vi_take(from, at.part[p]))
 SIMD_EACH(wi, wi_take_pairs, (const void *from, wi at), vi_take_pairs(from, at.part[p]))
 SIMD_EACH(wi, wi_take_64, (const void *from, wi at, ptrdiff_t scale, wi *second),
@@ -292,6 +283,4 @@ INLINE bool wmask_any(wmask mask)
         any |= mask.part[p];
     return mask_any(any);
 }
-
-SIMD_OP(bool, wmask_all, (wmask mask), wmask_bits(mask) == 0xffff)
 #endif

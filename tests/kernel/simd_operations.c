@@ -2,8 +2,15 @@
 #include "simd_operations.h"
 #include "base/simd.h"
 
+SIMD_EACH(wf, wf_sqrt, (wf a), vf_sqrt(a.part[p]))
+SIMD_EACH(wmask, wi_eq, (wi a, wi b), vi_eq(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wu_lt, (wi a, wi b), vu_lt(a.part[p], b.part[p]))
 SIMD_EACH(wmask, wi_test, (wi a, wi b), vi_test(a.part[p], b.part[p]))
+SIMD_EACH(ws, ws_mul_high, (ws a, ws b), vs_mul_high(a.part[p], b.part[p]))
+SIMD_EACH(wi, wi_load_shorts, (const int16_t *from), vi_load_shorts(from + LANES * p))
+SIMD_EACH(wi, wi_load_words, (const uint16_t *from), vi_load_words(from + LANES * p))
+SIMD_EACH(wi, wi_gather, (const void *from, wi at, wmask mask), vi_gather(from, at.part[p], mask.part[p]))
+SIMD_EACH(wi, wi_gather_pairs, (const void *from, wi at, wmask mask), vi_gather_pairs(from, at.part[p], mask.part[p]))
 SIMD_EACH(wi, wi_gather_bytes, (const void *from, wi at, wmask mask), vi_gather_bytes(from, at.part[p], mask.part[p]))
 
 static wmask all_lanes(bool set)

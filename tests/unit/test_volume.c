@@ -227,7 +227,6 @@ static void test_macrocells(void **state)
             v->grey[i] = (uint16_t)((uint32_t)i * 2654435761u >> 11);
         CtsMacrocells *m;
         assert_int_equal(cts_macrocells_new(&m, v, 1 + (int)d % 3, NULL), CTS_OK);
-        check_ranges(v, m->range, m->n, CTS_MACROCELL);
         check_ranges(v, m->fine, m->n_fine, CTS_FINE_MACROCELL);
         check_ranges(v, &m->all, (const int[]){1, 1, 1}, 4096);
         cts_macrocells_free(&m);

@@ -89,7 +89,6 @@ static void count_macrocells(CtsMacrocells *b, int axis, int n)
 {
     const int cells = n > 1 ? n - 1 : 1;
     b->dims[axis] = n;
-    b->n[axis] = (cells - 1) / CTS_MACROCELL + 1;
     b->n_fine[axis] = (cells - 1) / CTS_FINE_MACROCELL + 1;
 }
 
@@ -101,41 +100,16 @@ CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3]
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int axis = 0; axis < 3; axis++)
         count_macrocells(b, axis, dims[axis]);
-    if ((st = cts_alloc_array(&b->range, product(b->n), err)) ||
-        (st = cts_alloc_array(&b->fine, product(b->n_fine), err)) || (st = cts_transposed_new(&b->transposed, err)))
+    if ((st = cts_alloc_array(&b->fine, product(b->n_fine), err)) || (st = cts_transposed_new(&b->transposed, err)))
         cts_macrocells_free(macrocells);
     return st;
 }
 
-/* A coarse macro-cell from the up to eight fine ones in it. */
-static void sum_fine(CtsMacrocells *b, int bi, int bj, int bk)
+void cts_macrocells_sum(CtsMacrocells *b)
 {
-    const int *n = b->n, *nf = b->n_fine;
-    CtsRange sum = {65535, 0};
-    for (int k = 2 * bk; k < 2 * bk + 2 && k < nf[2]; k++)
-        for (int j = 2 * bj; j < 2 * bj + 2 && j < nf[1]; j++)
-            for (int i = 2 * bi; i < 2 * bi + 2 && i < nf[0]; i++)
-                sum =
-                    cts_range_union(sum, b->fine[((size_t)k * (size_t)nf[1] + (size_t)j) * (size_t)nf[0] + (size_t)i]);
-    b->range[((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0] + (size_t)bi] = sum;
-}
-
-static void sum_layers(void *context, int worker, size_t first, size_t end)
-{
-    CtsMacrocells *const b = context;
-    (void)worker;
-    for (int bk = (int)first; bk < (int)end; bk++)
-        for (int bj = 0; bj < b->n[1]; bj++)
-            for (int bi = 0; bi < b->n[0]; bi++)
-                sum_fine(b, bi, bj, bk);
-}
-
-void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
-{
-    cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, b);
     b->all = (CtsRange){65535, 0};
-    for (size_t i = 0; i < product(b->n); i++)
-        b->all = cts_range_union(b->all, b->range[i]);
+    for (size_t i = 0; i < product(b->n_fine); i++)
+        b->all = cts_range_union(b->all, b->fine[i]);
 }
 
 typedef struct Folding {
@@ -160,7 +134,7 @@ CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume
         return st;
     Folding folding = {*macrocells, volume};
     cts_parallel(n_threads, (size_t)(*macrocells)->n_fine[2], 0, fold_layers, &folding);
-    cts_macrocells_sum(*macrocells, n_threads);
+    cts_macrocells_sum(*macrocells);
     return CTS_OK;
 }
 
@@ -168,7 +142,6 @@ void cts_macrocells_free(CtsMacrocells **macrocells)
 {
     if (!*macrocells)
         return;
-    cts_free(&(*macrocells)->range);
     cts_free(&(*macrocells)->fine);
     cts_transposed_free(&(*macrocells)->transposed);
     free(*macrocells);

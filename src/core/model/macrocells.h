@@ -1,13 +1,12 @@
-/* Macro-cells: smallest and largest grey level of 8 x 8 x 8 cells of the volume, or of 4 x 4 x 4 in the fine ones. A
- * cell lies between 2 x 2 x 2 voxels, so that any value interpolated inside a macro-cell lies within its range. For
- * engines with empty-space skipping. */
+/* Macro-cells: smallest and largest grey level of 4 x 4 x 4 cells of the volume. A cell lies between 2 x 2 x 2 voxels,
+ * so that any value interpolated inside a macro-cell lies within its range. For engines with empty-space skipping. */
 #pragma once
 
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
 #include <stdint.h>
 
-enum { CTS_MACROCELL = 8, CTS_FINE_MACROCELL = 4 };
+enum { CTS_FINE_MACROCELL = 4 };
 
 typedef struct CtsRange {
     uint16_t low, high;
@@ -18,11 +17,11 @@ static inline CtsRange cts_range_union(CtsRange a, CtsRange b)
     return (CtsRange){a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high};
 }
 
-/* Macro-cell (bi, bj, bk) is range[(bk * n[1] + bj) * n[0] + bi] and covers voxels 8 b to 8 b + 8 of each axis; the
- * fine ones likewise with 4. */
+/* Macro-cell (bi, bj, bk) is fine[(bk * n_fine[1] + bj) * n_fine[0] + bi] and covers voxels 4 b to 4 b + 4 of each
+ * axis. */
 typedef struct CtsMacrocells {
-    int n[3], n_fine[3];
-    CtsRange *range, *fine;
+    int n_fine[3];
+    CtsRange *fine;
     CtsRange all;
     int dims[3];
     struct CtsTransposed *transposed; /* of the same volume, for all pictures of it, by any preset */
@@ -30,8 +29,8 @@ typedef struct CtsMacrocells {
 
 /* For a volume of these dimensions; the ranges are the caller's to set. */
 CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3], CtsError *err);
-/* The ranges of the coarse macro-cells and of all, once the fine ones have changed. */
-void cts_macrocells_sum(CtsMacrocells *macrocells, int n_threads);
+/* The range of all, once those of the macro-cells have changed. */
+void cts_macrocells_sum(CtsMacrocells *macrocells);
 void cts_macrocells_free(CtsMacrocells **macrocells);
 
 /* Computes those of a volume with n_threads. */

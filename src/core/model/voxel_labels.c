@@ -142,7 +142,7 @@ static void show_layers(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Ranges of visible values, from the volume's: where appearances differ, air may be adjacent to any value. */
-static CtsStatus show_macrocells(CtsVoxelLabels *o, const CtsMacrocells *all, int n_threads, CtsError *err)
+static CtsStatus show_macrocells(CtsVoxelLabels *o, const CtsMacrocells *all, CtsError *err)
 {
     const CtsStatus st = cts_macrocells_new_unset(&o->shown.macrocells, o->dims, err);
     const size_t n = (size_t)o->n_block[0] * (size_t)o->n_block[1] * (size_t)o->n_block[2];
@@ -151,10 +151,9 @@ static CtsStatus show_macrocells(CtsVoxelLabels *o, const CtsMacrocells *all, in
         m->fine[i] = o->block[i] == CTS_APPEARANCE_HIDDEN    ? (CtsRange){0, 0}
                      : o->block[i] == CTS_APPEARANCES_DIFFER ? (CtsRange){0, all->fine[i].high}
                                                              : all->fine[i];
-    if (st)
-        return st;
-    cts_macrocells_sum(m, n_threads);
-    return CTS_OK;
+    if (!st)
+        cts_macrocells_sum(m);
+    return st;
 }
 
 static CtsStatus make_shown(const CtsModel *model, int n_threads, CtsError *err)
@@ -165,7 +164,7 @@ static CtsStatus make_shown(const CtsModel *model, int n_threads, CtsError *err)
     if (st)
         return st;
     cts_parallel(n_threads, (size_t)o->dims[2], 1, show_layers, (void *)&f);
-    return model->macrocells ? show_macrocells(o, model->macrocells, n_threads, err) : CTS_OK;
+    return model->macrocells ? show_macrocells(o, model->macrocells, err) : CTS_OK;
 }
 
 static CtsStatus mark_shared(CtsVoxelLabels *o, CtsError *err)

@@ -2,6 +2,7 @@
 
 #include "base/mem.h"
 #include "base/mutation.h"
+#include <math.h>
 
 /* Linear interpolation with step h has an error of up to h^2 p^2 / 8 for x^p; 250 steps for each unit of power keep it
  * below 2e-6. */

@@ -1,5 +1,5 @@
 /* Gradient lighting: colour * (ambient + diffuse * |n.v|) + specular * |n.v|^power, n the normalised gradient of HU in
- * mm, v the viewing direction. Shared by the splatting engines; float32, the same bits on every SIMD path.
+ * mm, v the viewing direction.
  *
  * Gradients are differences of grey levels along the three voxel axes, in one scale: grey[i + step] - grey[i - step],
  * with one-sided differences doubled. The step is a voxel, along the slice axis the distance of two scanned slices,
@@ -12,7 +12,6 @@
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
-#include <math.h>
 
 typedef struct CtsShade {
     float frame[3][3]; /* to the right, up and along the viewing direction; axes as the caller orders them */
@@ -36,34 +35,3 @@ int cts_shade_step(const CtsVolume *volume, int axis);
 CtsStatus cts_shade_init(CtsShade *shade, const CtsPreset *preset, const CtsVolume *volume, const CtsView *view,
                          const int axes[3], CtsError *err);
 void cts_shade_free(CtsShade *shade);
-
-/* |n.v| in 0..1; 0 without a gradient. */
-static inline float cts_shade_facing(const CtsShade *s, float g0, float g1, float g2)
-{
-    float in_view[3];
-    for (int i = 0; i < 3; i++)
-        in_view[i] = s->frame[i][0] * g0 + s->frame[i][1] * g1 + s->frame[i][2] * g2;
-    const float square = in_view[0] * in_view[0] + in_view[1] * in_view[1] + in_view[2] * in_view[2];
-    if (!(square > 0))
-        return 0;
-    const float facing = fabsf(in_view[2]) / sqrtf(square);
-    return facing < 1 ? facing : 1;
-}
-
-/* The factor of the colour, and the white that is added to it. */
-static inline void cts_shade_factors(const CtsShade *s, float facing, float *colour, float *white)
-{
-    const float at = facing * (float)s->n_power;
-    const int i = at < (float)s->n_power ? (int)at : s->n_power - 1;
-    const float low = s->power[i];
-    *colour = s->ambient + s->diffuse * facing;
-    *white = facing > 0 ? s->specular * (low + (s->power[i + 1] - low) * (at - (float)i)) : 0;
-}
-
-/* The same where so much light arrives (core/scene/openness.h). */
-static inline void cts_shade_dim(const CtsShade *s, float facing, float openness, float *colour, float *white)
-{
-    const float dark = s->occlusion * (1 - openness);
-    *colour -= dark * (s->ambient + s->occlusion * s->diffuse * facing);
-    *white -= dark * *white;
-}

@@ -1,5 +1,4 @@
 /* The kernels in plain C. */
-#define SIMD_PLAIN
 #include "engine/sheets/march_tmpl.h"
 
 SHEETS_MARCH(march_gathered, 0)

@@ -3,6 +3,7 @@
 
 #include "base/mutation.h"
 #include "base/simd_fixed.h"
+#include <math.h>
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
@@ -368,6 +369,37 @@ static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMa
         }
 }
 
+/* |n.v| in 0..1; 0 without a gradient. */
+INLINE float facing_of(const CtsShade *s, float g0, float g1, float g2)
+{
+    float in_view[3];
+    for (int i = 0; i < 3; i++)
+        in_view[i] = s->frame[i][0] * g0 + s->frame[i][1] * g1 + s->frame[i][2] * g2;
+    const float square = in_view[0] * in_view[0] + in_view[1] * in_view[1] + in_view[2] * in_view[2];
+    if (!(square > 0))
+        return 0;
+    const float facing = fabsf(in_view[2]) / sqrtf(square);
+    return facing < 1 ? facing : 1;
+}
+
+/* The factor of the colour, and the white that is added to it. */
+INLINE void light_factors(const CtsShade *s, float facing, float *colour, float *white)
+{
+    const float at = facing * (float)s->n_power;
+    const int i = at < (float)s->n_power ? (int)at : s->n_power - 1;
+    const float low = s->power[i];
+    *colour = s->ambient + s->diffuse * facing;
+    *white = facing > 0 ? s->specular * (low + (s->power[i + 1] - low) * (at - (float)i)) : 0;
+}
+
+/* The same where so much light arrives (core/scene/openness.h). */
+INLINE void dim_light(const CtsShade *s, float facing, float openness, float *colour, float *white)
+{
+    const float dark = s->occlusion * (1 - openness);
+    *colour -= dark * (s->ambient + s->occlusion * s->diffuse * facing);
+    *white -= dark * *white;
+}
+
 INLINE f32x4 lerp_4(const float a[4], const float b[4], float t)
 {
     return *(const f32x4 *)a + (*(const f32x4 *)b - *(const f32x4 *)a) * t;
@@ -394,14 +426,14 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
     f32x4 g = layer_gradient_at(light->first + from, light->stride, frac[0], frac[1]);
     if (light->second)
         g += (layer_gradient_at(light->second + from, light->stride, frac[0], frac[1]) - g) * light->weight;
-    const float facing = cts_shade_facing(light->shade, g[0], g[1], g[2]);
-    cts_shade_factors(light->shade, facing, &colour, &white);
+    const float facing = facing_of(light->shade, g[0], g[1], g[2]);
+    light_factors(light->shade, facing, &colour, &white);
     if (light->open) {
         double vox[3];
         for (int axis = 0; axis < 2; axis++)
             vox[light->axis[axis]] = (double)voxel[axis] + (double)frac[axis];
         vox[light->axis[2]] = light->layer;
-        cts_shade_dim(light->shade, facing, (float)cts_openness_at(light->open, vox), &colour, &white);
+        dim_light(light->shade, facing, (float)cts_openness_at(light->open, vox), &colour, &white);
     }
     const float lift = -entry[3] * white;
     const f32x4 factor = {colour, colour, colour, 1}, whites = {lift, lift, lift, 0};

@@ -15,7 +15,6 @@ static CtsStatus init_appearance(TiledAppearances *appearances, const CtsScene *
     if (st)
         return st;
     own.preset = &preset;
-    own.lut = appearances->own[appearance] ? appearances->own[appearance] : scene->lut;
     cts_tiled_transfer_init(&appearances->transfer[appearance], &own);
     return CTS_OK;
 }

@@ -170,13 +170,9 @@ void cts_tiled_transfer_init(TiledTransfer *t, const CtsScene *scene)
 {
     const CtsPreset *const p = scene->preset;
     ControlPoints control_points;
-    int low, high;
     *t = (TiledTransfer){.by_log2 = (float)(scene->extinction_scale / p->unit_distance_mm),
                          .max_extinction = (float)(CTS_MAX_EXTINCTION_PER_MM * scene->extinction_scale / M_LN2)};
     list_control_points(p, &control_points);
     set_segments(t, p, scene->volume, &control_points);
-    cts_lut_visible_levels(scene->lut, &low, &high);
-    t->low = low > 0 ? (float)low : -INFINITY;
-    t->high = high < CTS_N_GREY - 1 ? (float)high : INFINITY;
     find_colours(t, scene);
 }

@@ -20,7 +20,6 @@ typedef struct TiledTransfer {
     float max_colour_slope[TILED_CONTROL_POINTS + 1]; /* largest slope of a colour channel */
     float by_log2;                                    /* extinction per mm is -log2(1 - opacity) times this, */
     float max_extinction;                             /* and at most this; both to the base of 2 */
-    float low, high;             /* everything is invisible at low or below, and at high or above */
     float max_colour_difference; /* largest difference of two visible colours in a channel, black and background
                                     included */
 } TiledTransfer;
