@@ -321,14 +321,6 @@ static void fill_rows(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static const OpennessKernels *choose_openness_kernels(void)
-{
-    const unsigned cpu = cts_cpu_flags();
-    return cpu & CTS_CPU_AVX512 ? &cts_openness_kernels_avx512
-           : cpu & CTS_CPU_AVX2 ? &cts_openness_kernels_avx2
-                                : &cts_openness_kernels_c;
-}
-
 /* Rows of blocks, each a step of the current bundle from the one before, between two ends of the volume. */
 typedef struct Line {
     size_t first_row;
@@ -423,7 +415,7 @@ static int n_lines(const Making *m)
 static void follow_lines(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
-    const OpennessKernels *const kernels = choose_openness_kernels();
+    const OpennessKernels kernels = CTS_CPU_CHOICE(cts_cpu_flags(), cts_openness_kernels);
     const int ny = m->open->n[1], nz = m->open->n[2], *const step = bundle_step(m);
     for (int i = (int)first; i < (int)end; i++) {
         const int j = step[1] && i < ny ? i : step[0] < 0 ? ny - 1 : 0;
@@ -432,18 +424,18 @@ static void follow_lines(void *context, int worker, size_t first, size_t end)
         Line line = {.first_row = (size_t)k * (size_t)ny + (size_t)j,
                      .row_step = (ptrdiff_t)step[1] * ny + step[0],
                      .n_rows = room_j < room_k ? room_j : room_k};
-        follow_beams(m, kernels, &line, m->lines + (size_t)worker * m->line_size);
+        follow_beams(m, &kernels, &line, m->lines + (size_t)worker * m->line_size);
     }
 }
 
 static void scale_rows(void *context, int worker, size_t first, size_t end)
 {
     const Making *const m = context;
-    const OpennessKernels *const kernels = choose_openness_kernels();
+    const OpennessKernels kernels = CTS_CPU_CHOICE(cts_cpu_flags(), cts_openness_kernels);
     const size_t n = (size_t)m->open->n[0];
     (void)worker;
     for (size_t r = first; r < end; r++)
-        kernels->scale(m->sums + r * n, m->shared_sum[r], (int)n, m->openness + r * n);
+        kernels.scale(m->sums + r * n, m->shared_sum[r], (int)n, m->openness + r * n);
 }
 
 /* Rows of open->square from n_packed on. */

@@ -29,4 +29,4 @@ typedef struct OpennessKernels {
     void (*scale)(const uint16_t *sums, uint16_t shared, int n, uint8_t *openness);
 } OpennessKernels;
 
-extern const OpennessKernels cts_openness_kernels_c, cts_openness_kernels_avx2, cts_openness_kernels_avx512;
+extern const OpennessKernels cts_openness_kernels_plain, cts_openness_kernels_avx2, cts_openness_kernels_avx512;

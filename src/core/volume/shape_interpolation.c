@@ -559,15 +559,9 @@ void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation h
     const double levels_of_one_hu = value_of_one_hu(stack->scale) / stack->scale->hu_step;
     s.alike = (float)(ALIKE_HU * levels_of_one_hu);
     s.edges = (float)(EDGES_HU * levels_of_one_hu);
-    s.reach = cpu & CTS_CPU_AVX512 ? cts_shape_reach_rows_avx512
-              : cpu & CTS_CPU_AVX2 ? cts_shape_reach_rows_avx2
-                                   : cts_shape_reach_rows_c;
-    s.find = cpu & CTS_CPU_AVX512 ? cts_shape_find_moves_avx512
-             : cpu & CTS_CPU_AVX2 ? cts_shape_find_moves_avx2
-                                  : cts_shape_find_moves_c;
-    s.write = cpu & CTS_CPU_AVX512 ? cts_shape_write_layer_avx512
-              : cpu & CTS_CPU_AVX2 ? cts_shape_write_layer_avx2
-                                   : cts_shape_write_layer_c;
+    s.reach = CTS_CPU_CHOICE(cpu, cts_shape_reach_rows);
+    s.find = CTS_CPU_CHOICE(cpu, cts_shape_find_moves);
+    s.write = CTS_CPU_CHOICE(cpu, cts_shape_write_layer);
     if (how == CTS_INTERPOLATION_SHAPE && stack->n_columns > 1 && stack->n_rows > 1)
         made->no_memory |= cts_alloc_zeroed(&s.scratch, (size_t)threads, NULL) != CTS_OK;
     /* In the memory of the slices, layers of a range are written behind its last slice, so that none is overwritten

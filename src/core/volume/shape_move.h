@@ -2,6 +2,7 @@
  * they affect. */
 #pragma once
 
+#include "base/simd_path.h"
 #include "core/volume/shape_interpolation.h"
 
 /* Distances are computed on blocks of 2 x 2 pixels, whose means have less noise: a quarter of the work. Their unit is a
@@ -64,12 +65,8 @@ static inline size_t shape_place(size_t at, size_t row)
 typedef void (*cts_shape_reach_fn)(int16_t *distance, const int n_blocks[2]);
 typedef void (*cts_shape_find_fn)(const ShapeGap *gap, float part);
 typedef void (*cts_shape_write_fn)(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
-void cts_shape_reach_rows_c(int16_t *distance, const int n_blocks[2]);
-void cts_shape_reach_rows_avx2(int16_t *distance, const int n_blocks[2]);
-void cts_shape_reach_rows_avx512(int16_t *distance, const int n_blocks[2]);
-void cts_shape_find_moves_c(const ShapeGap *gap, float part);
-void cts_shape_find_moves_avx2(const ShapeGap *gap, float part);
-void cts_shape_find_moves_avx512(const ShapeGap *gap, float part);
-void cts_shape_write_layer_c(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
-void cts_shape_write_layer_avx2(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
-void cts_shape_write_layer_avx512(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
+#define SHAPE_KERNELS(path)                                                                                            \
+    void cts_shape_reach_rows_##path(int16_t *distance, const int n_blocks[2]);                                        \
+    void cts_shape_find_moves_##path(const ShapeGap *gap, float part);                                                 \
+    void cts_shape_write_layer_##path(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
+CTS_EACH_PATH(SHAPE_KERNELS)

@@ -214,9 +214,7 @@ static CtsStatus prepare_projection(Projecting *pr, int n_threads, CtsVisibleBlo
         p->sees = (*seen)->sees;
         p->cells = (*seen)->cells;
     }
-    pr->tile = cpu & CTS_CPU_AVX512 ? cts_project_tile_avx512
-               : cpu & CTS_CPU_AVX2 ? cts_project_tile_avx2
-                                    : cts_project_tile;
+    pr->tile = CTS_CPU_CHOICE(cpu, cts_project_tile);
     return CTS_OK;
 }
 

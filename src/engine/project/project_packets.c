@@ -489,8 +489,8 @@ static Layers bound_layers(const CtsProjection *p, const RaySlopes *w, const Pro
     return layers;
 }
 
-void cts_project_tile(const CtsProjection *p, const CtsProjectScratch *scratch, int x, int y, int width, int height,
-                      double *grey)
+void CTS_ON_PATH(cts_project_tile)(const CtsProjection *p, const CtsProjectScratch *scratch, int x, int y, int width,
+                                   int height, double *grey)
 {
     const RaySlopes w = way_of(p);
     ProjectionPacket packets[CTS_PROJECT_TILE];

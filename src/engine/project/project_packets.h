@@ -1,6 +1,7 @@
 /* Rays of the modes mip, minip and average, one by one and as packets. */
 #pragma once
 
+#include "base/simd_path.h"
 #include "core/model/body_mask.h"
 #include "core/model/macrocells.h"
 #include "core/model/voxel_labels.h"
@@ -69,9 +70,7 @@ typedef struct CtsProjectScratch {
  * numbers on every SIMD path. */
 typedef void (*cts_project_tile_fn)(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,
                                     int width, int height, double *grey);
-void cts_project_tile(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
-                      int height, double *grey);
-void cts_project_tile_avx2(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
-                           int height, double *grey);
-void cts_project_tile_avx512(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
-                             int height, double *grey);
+#define PROJECT_TILE(path)                                                                                             \
+    void cts_project_tile_##path(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,      \
+                                 int width, int height, double *grey);
+CTS_EACH_PATH(PROJECT_TILE)

@@ -1,8 +1,9 @@
-/* The hot loops, vectorised by the compiler with identical results. Compiled again for each instruction set. */
+/* The hot loops, vectorised by the compiler with identical results. Compiled for plain C and for AVX2. */
 #include "engine/splat/loops.h"
 
 #include "base/mutation.h"
 #include "base/simd_fixed.h"
+#include "base/simd_path.h"
 #include <math.h>
 #include <string.h>
 
@@ -503,7 +504,7 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
         one_gradient(rows, i, gradient[i]);
 }
 
-void cts_simd_init_plain(CtsSimd *simd)
+void CTS_ON_PATH(cts_simd_init)(CtsSimd *simd)
 {
     *simd = (CtsSimd){scatter, differ, reach, place_samples, sample, blend, light, gradient};
 }

@@ -177,10 +177,10 @@ static Path choose_path(const TiledJob *j)
     const unsigned cpu = cts_cpu_flags();
     const bool narrow = j->dims[0] > 1 && (double)j->dims[0] * j->dims[1] * j->dims[2] < INT32_MAX;
     if (cpu & CTS_CPU_AVX512)
-        return (Path){"AVX-512", narrow ? cts_tiled_march_avx512 : cts_tiled_march_c, cts_tiled_march_exact_avx512};
+        return (Path){"AVX-512", narrow ? cts_tiled_march_avx512 : cts_tiled_march_plain, cts_tiled_march_exact_avx512};
     if (cpu & CTS_CPU_AVX2)
-        return (Path){"AVX2", narrow ? cts_tiled_march_avx2 : cts_tiled_march_c, cts_tiled_march_exact_avx2};
-    return (Path){"plain C", cts_tiled_march_c, cts_tiled_march_exact};
+        return (Path){"AVX2", narrow ? cts_tiled_march_avx2 : cts_tiled_march_plain, cts_tiled_march_exact_avx2};
+    return (Path){"plain C", cts_tiled_march_plain, cts_tiled_march_exact_plain};
 }
 
 static void report_march_plan(const TiledJob *j, const CtsScene *scene, const char *path, CtsReport *report)

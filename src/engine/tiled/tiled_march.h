@@ -2,8 +2,8 @@
  *
  * Between two faces of a cell the field along a ray is a cubic, given exactly by four Bernstein coefficients, so that
  * no sampling can miss anything. One template (tiled_march_tmpl.h, in the vectors of base/simd.h) is compiled in single
- * precision (tiled_march_c.c, _avx2.c, _avx512.c), in double precision (tiled_march_exact.c, _exact_avx2.c,
- * _exact_avx512.c), and with a trace (trace_c.c, trace_exact.c). All paths of one precision do the same operations for
+ * precision (tiled_march.c) and in double precision (tiled_march_exact.c), and with a trace (trace_c.c, trace_exact.c).
+ * All paths of one precision do the same operations for
  * a ray, in any lane and independent of the others, so that their pictures have the same bytes.
  *
  * A RAY SEGMENT is an interval of a ray within one cell, in which the field is assumed not to cross a control point of
@@ -30,6 +30,7 @@
 #pragma once
 
 #include "base/clock.h"
+#include "base/simd_path.h"
 #include "core/scene/openness.h"
 #include "core/scene/shade.h"
 #include "engine/tiled/appearance_tables.h"
@@ -125,14 +126,12 @@ typedef struct TiledScratch {
 } TiledScratch;
 
 typedef void (*cts_tiled_march_fn)(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-void cts_tiled_march_c(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-/* Only where offsets of voxels fit 32 bits (choose_path()). */
-void cts_tiled_march_avx2(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-void cts_tiled_march_avx512(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-/* In double precision, with tolerances of its own. */
-void cts_tiled_march_exact(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-void cts_tiled_march_exact_avx2(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-void cts_tiled_march_exact_avx512(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
+/* In single precision, other paths than plain C only where offsets of voxels fit 32 bits (choose_path()); and in double
+ * precision, with tolerances of its own. */
+#define TILED_MARCHES(path)                                                                                            \
+    void cts_tiled_march_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);                            \
+    void cts_tiled_march_exact_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
+CTS_EACH_PATH(TILED_MARCHES)
 
 /* Plain C in single and in double precision, with job->trace. */
 void cts_tiled_march_traced(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
