@@ -364,7 +364,7 @@ static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *rep
         CtsShade shade = {0};
         st = begin_march(&job, &shade, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene), err);
         if (!st)
-            st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_traced : cts_tiled_march_traced,
+            st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_plain : cts_tiled_march_plain,
                                  i ? "double" : "single", x, y, report, err);
         cts_shade_free(&shade);
     }

@@ -2,9 +2,8 @@
  *
  * Between two faces of a cell the field along a ray is a cubic, given exactly by four Bernstein coefficients, so that
  * no sampling can miss anything. One template (tiled_march_tmpl.h, in the vectors of base/simd.h) is compiled in single
- * precision (tiled_march.c) and in double precision (tiled_march_exact.c), and with a trace (trace_c.c, trace_exact.c).
- * All paths of one precision do the same operations for
- * a ray, in any lane and independent of the others, so that their pictures have the same bytes.
+ * precision (tiled_march.c) and in double precision (tiled_march_exact.c). All paths of one precision do the same
+ * operations for a ray, in any lane and independent of the others, so that their pictures have the same bytes.
  *
  * A RAY SEGMENT is an interval of a ray within one cell, in which the field is assumed not to cross a control point of
  * the transfer function. Its optical depth and colour come from two Gauss points. Its error is estimated; where the
@@ -81,7 +80,7 @@ typedef struct TiledJob {
     float interpolation_tolerance; /* largest interpolation error of pixels that are not marched; 0: all are */
     bool want_depth;
     double camera_mm;        /* from the camera plane to the plane through the view's centre */
-    const TiledTrace *trace; /* takes the segments of the marches that report them; the others do not read it */
+    const TiledTrace *trace; /* NULL, or takes the segments of the marches in plain C; the others do not read it */
 } TiledJob;
 
 /* Rays are processed in lists. Ray i starts inside the box at start_vox[.][i] and ends length_mm[i] further on. */
@@ -132,10 +131,6 @@ typedef void (*cts_tiled_march_fn)(const TiledJob *job, TiledRays *rays, TiledCo
     void cts_tiled_march_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);                            \
     void cts_tiled_march_exact_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 CTS_EACH_PATH(TILED_MARCHES)
-
-/* Plain C in single and in double precision, with job->trace. */
-void cts_tiled_march_traced(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-void cts_tiled_march_exact_traced(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 
 /* Adds the ray of pixel (x, y), unless it misses the box. from_mm is counted from the plane through the view centre. */
 void cts_tiled_add_ray(const TiledJob *job, TiledRays *rays, int x, int y, double from_mm);
