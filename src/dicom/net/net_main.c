@@ -107,7 +107,7 @@ static bool read_request(CtsNetRequest *r, char *texts[CTS_N_NET_TEXTS], CtsOutg
     *files = good ? calloc((size_t)r->n_outgoing + 1, sizeof **files) : NULL;
     good = *files;
     for (int i = 0; i < r->n_outgoing && good; i++) {
-        char *path;
+        char *path = NULL;
         good = cts_wire_read(library, &(*files)[i], sizeof **files) && cts_wire_read_text(library, &path);
         (*files)[i].path = path;
     }
