@@ -63,6 +63,8 @@ typedef struct CtsSeries {
     bool frames_differ; /* each slice has a frame of reference of its own, as anonymisers write; the series has none */
     CtsSeriesRules rules; /* the rules applied, also for loading */
     bool renderable;
+    bool may_name;     /* its pixels may show the patient's name: YES in BurnedInAnnotation (0028,0301), or not NO in a
+                          class of images that often do */
     bool passed;       /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
     char reason[512];
@@ -108,11 +110,22 @@ void cts_archives_free(CtsArchives **archives);
 typedef struct CtsSeriesSearch {
     const char *const *paths;
     int n_paths, n_threads;
+    bool images; /* lists series of images that are neither slices nor frames, too; none is renderable */
     CtsSeriesRules rules;
     const CtsArchives *archives;    /* archives whose members paths may name: "FILE.zip/MEMBER"; NULL: none */
     const CtsStudyNumbers *numbers; /* of more objects than the paths hold; NULL: of theirs */
 } CtsSeriesSearch;
 CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list, CtsReport *report, CtsError *err);
+
+/* The middle frame of a series' middle image as DCMTK shows it: by its window or LUT, in colour or grey, with square
+ * pixels. Smaller images keep their size. CTS_ERR_PIXELS, with the reason, where it cannot be shown. */
+enum { CTS_IMAGE_SIDE = 240 };
+typedef struct CtsImage {
+    int width, height;
+    uint8_t rgb[172800]; /* 3 * CTS_IMAGE_SIDE squared; rows from the top */
+} CtsImage;
+CtsStatus cts_series_image(const CtsSeries *series, CtsImage *image, CtsError *err);
+
 /* The skipped files, as text: "3 MR Image, 1 not DICOM"; "" without any. Truncated to size. */
 void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size);
 
@@ -153,13 +166,14 @@ typedef struct CtsArchiveFile {
 
 typedef struct CtsArchiveCounts {
     uint64_t n_files, n_not_ct, n_unreadable;
-    uint64_t n_packed; /* of n_not_ct: zip files and the like, which are read only where they are named as paths */
+    uint64_t n_objects; /* of n_not_ct: DICOM objects without an image */
+    uint64_t n_packed;  /* of n_not_ct: zip files and the like, which are read only where they are named as paths */
 } CtsArchiveCounts;
 
-/* Reads the header of each file below paths once, in the folders' own order, and calls found for each CT slice, for
- * each segmentation and structure set, and for each unreadable file; other files are only counted. Memory does not grow
- * with the number of files. found's status, when not CTS_OK, ends the search. *stop, unless stop is NULL, ends it with
- * CTS_ERR_INTERRUPTED. */
+/* Reads the header of each file below paths once, in the folders' own order, and calls found for each slice or other
+ * image, for each segmentation and structure set, and for each unreadable file; other files are only counted. Memory
+ * does not grow with the number of files. found's status, when not CTS_OK, ends the search. *stop, unless stop is NULL,
+ * ends it with CTS_ERR_INTERRUPTED. */
 typedef CtsStatus (*CtsArchiveSink)(void *context, const CtsArchiveFile *file, CtsError *err);
 typedef struct CtsArchiveSearch {
     const char *const *paths;

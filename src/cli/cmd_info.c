@@ -151,6 +151,7 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
     const CtsSeriesSearch search = {.paths = options->paths.items,
                                     .n_paths = options->paths.n,
                                     .n_threads = options->render.n_threads,
+                                    .images = true,
                                     .rules = options->source.rules};
     if ((st = cts_series_search(&search, &list, NULL, err)))
         goto end;

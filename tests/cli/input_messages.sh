@@ -44,22 +44,25 @@ for file in IM0007 IM0021 IM0030; do
     [ "$(grep -c "warning: .*$file.dcm: " err)" = 1 ] || fail "$file is not named once"
 done
 
-# Files that are not CT are counted by kind, and a refusal lists them where there are no others.
+# Files that are no slices are counted by kind, images listed by info; a refusal lists them where there are no others.
 mkdir other
 with_uid "$data/phantom/IM0001.dcm" other/mr.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.840.10008.5.1.4.1.1.7
 cp other/mr.dcm other/mr-2.dcm
 with_uid "$data/phantom/IM0001.dcm" other/odd.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.826.0.1.99999.5.1.4.2
 echo text >other/notes.txt
 ok info "$data/phantom" other
-has out '4 passed over \(2 Secondary Capture Image, 1 not DICOM, 1 of SOP class 1\.2\.826\.0\.1\.99999\.5\.1\.4\.2\), 0 not readable$'
+has out '1 series, 1 passed over \(1 not DICOM\), 0 not readable$'
+has out 'warning: 3 images of other classes left out'
+ok info other
+has out 'renderable +no: holds 3 images of modality CT, and no volume'
 ok info "$data/phantom" other --json
-grep -A4 '"others"' out | tr -d ' \n' | grep -qF '{"SecondaryCaptureImage":2,"notDICOM":1,"ofSOPclass1.2.826.0.1.99999.5.1.4.2":1}' ||
+grep -A4 '"others"' out | tr -d ' \n' | grep -qF '{"notDICOM":1}' ||
     fail "the JSON counts other files otherwise: $(grep -A4 others out)"
 refused 3 'other: no CT, MR or PET slice among 4 files: 2 Secondary Capture Image, 1 not DICOM, 1 of SOP class [0-9.]*' render other -o x.png
 mkdir linked
 ln -s "$data/phantom" linked/series
 refused 3 'linked: no CT, MR or PET slice among 1 file: 1 links to folders' render linked -o x.png
-refused 3 'mr.dcm: no CT, MR or PET slice among 1 file: 1 Secondary Capture Image' info other/mr.dcm
+refused 3 'mr.dcm: no CT, MR or PET slice among 1 file: 1 Secondary Capture Image' render other/mr.dcm -o x.png
 
 # A reason is reported once.
 for folder in "$data"/geometry/many-missing "$data"/geometry/one-slice many/larger; do

@@ -19,7 +19,7 @@ static const uint64_t MAX_OFFSET = (uint64_t)1 << 48; /* sums of offsets and siz
 #define FIELD(name) offsetof(CtsSlice, name)
 
 static const Field fields[] = {
-    {FIELD(odd), INTEGER, 1, 0, 2 * CTS_ODD_BURNED_IN - 1},
+    {FIELD(odd), INTEGER, 1, 0, 2 * CTS_ODD_MAY_NAME - 1},
     {FIELD(sop_uid), TEXT, 2, 0, 64}, /* and series_uid */
     {FIELD(identity), TEXT, CTS_N_IDENTITY, 0, CTS_MAX_TEXT},
     {FIELD(modality), TEXT, 1, 0, 16},
@@ -251,7 +251,7 @@ bool cts_header_facts_hold(const CtsHeaderFacts *f, uint64_t n_file)
 {
     return is_flag((const uint8_t *)&f->has_pixels) && is_flag((const uint8_t *)&f->pixel_words) &&
            is_flag((const uint8_t *)&f->encapsulated) && memchr(f->syntax_uid, 0, sizeof f->syntax_uid) &&
-           is_plain_text(f->class_name, sizeof f->class_name) && f->odd < 2 * CTS_ODD_BURNED_IN &&
+           is_plain_text(f->class_name, sizeof f->class_name) && f->odd < 2 * CTS_ODD_MAY_NAME &&
            f->data_offset <= n_file && f->header_bytes < MAX_OFFSET && f->pixel_offset < MAX_OFFSET &&
            f->pixel_bytes < MAX_OFFSET;
 }
@@ -259,9 +259,10 @@ bool cts_header_facts_hold(const CtsHeaderFacts *f, uint64_t n_file)
 static bool is_sound_answer(const CtsHeaderAnswer *a, const uint8_t *bytes, size_t n)
 {
     const CtsObject *o = &a->object;
-    const bool has_slices = o->kind == CTS_OBJECT_SLICE || o->kind == CTS_OBJECT_FRAMES;
-    return (unsigned)o->kind <= CTS_OBJECT_LABELS && (unsigned)o->modality_id < CTS_N_MODALITIES && o->n_slices >= 0 &&
-           o->n_slices <= CTS_MAX_FRAMES && (o->n_slices > 0) == has_slices &&
+    const bool is_image = o->kind == CTS_OBJECT_IMAGE;
+    const bool has_slices = o->kind == CTS_OBJECT_SLICE || o->kind == CTS_OBJECT_FRAMES || is_image;
+    return ((unsigned)o->kind <= CTS_OBJECT_LABELS || is_image) && (unsigned)o->modality_id < CTS_N_MODALITIES &&
+           o->n_slices >= 0 && o->n_slices <= CTS_MAX_FRAMES && (o->n_slices > 0) == has_slices &&
            n > (size_t)o->n_slices * sizeof(CtsSlice) && !bytes[n - 1] && is_flag((const uint8_t *)&o->has_number);
 }
 

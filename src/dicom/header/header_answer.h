@@ -35,7 +35,7 @@ typedef enum CtsHeaderResult {
 /* The facts of a file that all of its slices share. */
 typedef struct CtsHeaderFacts {
     char syntax_uid[65];
-    char class_name[64];   /* readable name of its SOP class, of a file without slices */
+    char class_name[64];   /* readable name of its SOP class, of a file without slices or with an image */
     unsigned odd;          /* CTS_ODD_... of the file */
     uint64_t data_offset;  /* offset of the data set */
     uint64_t header_bytes; /* of the data set up to its pixels, inflated when deflated */

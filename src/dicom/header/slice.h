@@ -20,7 +20,8 @@ typedef enum CtsObjectKind {
     CTS_OBJECT_FRAMES,    /* Enhanced or Legacy Converted Enhanced CT, MR or PET: many frames in one object */
     CTS_OBJECT_DIRECTORY, /* a DICOMDIR */
     CTS_OBJECT_LABELS,    /* a segmentation or a structure set */
-    CTS_OBJECT_NIFTI      /* no DICOM, but a NIfTI CT that was named: its slices are this file's alone */
+    CTS_OBJECT_NIFTI,     /* no DICOM, but a NIfTI CT that was named: its slices are this file's alone */
+    CTS_OBJECT_IMAGE      /* of another class; one slice, with a fault, that has neither place nor values */
 } CtsObjectKind;
 
 /* Deviations that do not prevent use; the series gives one warning for each. */
@@ -34,7 +35,8 @@ enum {
     CTS_ODD_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
     CTS_ODD_FALLING = 128,    /* RescaleSlope is negative, which no scanner writes */
     CTS_ODD_NOT_HU = 256,     /* ImageType or RescaleType names another quantity */
-    CTS_ODD_BURNED_IN = 512   /* (0028,0301) is YES */
+    CTS_ODD_BURNED_IN = 512,  /* (0028,0301) is YES */
+    CTS_ODD_MAY_NAME = 1024   /* pixels may show the patient's name (CtsSeries) */
 };
 
 /* Attributes that identify patient, study and space; the slices of one volume agree in all of them. */
@@ -174,11 +176,11 @@ typedef struct CtsObject {
     CtsObjectKind kind;
     CtsModality modality_id; /* of slices and frames */
     const char *class_uid;   /* of DICOM; "" if missing */
-    const char *class_name;  /* readable, of DICOM without slices */
+    const char *class_name;  /* readable, of DICOM without slices or with an image */
     const char *study_uid;   /* of DICOM; "" if missing */
     bool has_number;
     int instance_number; /* (0020,0013) of DICOM */
-    CtsSlice **slices;   /* n_slices of them, owned; none unless kind is slice or frames */
+    CtsSlice **slices;   /* n_slices of them, owned; none unless kind is slice, frames or image */
     int n_slices;
     /* for a file that is not DICOM: its probable packer, such as "gzip"; or NIfTI that was not named itself; else
      * NULL */

@@ -13,6 +13,8 @@ CtsStatus cts_pixels_decode(const void *order, const uint8_t *stream, size_t n, 
 CtsStatus cts_pixels_gunzip(const void *order, const uint8_t *part, size_t n, void *answer, size_t n_answer,
                             CtsError *err);
 CtsStatus cts_pixels_unzip(const void *order, const uint8_t *zip, size_t n, void *room, size_t n_room, CtsError *err);
+CtsStatus cts_pixels_image(const void *order, const uint8_t *file, size_t n, void *answer, size_t n_answer,
+                           CtsError *err);
 CtsStatus cts_pixels_encode(const void *order, const uint8_t *samples, size_t n, void *answer, size_t n_answer,
                             CtsError *err);
 
@@ -27,6 +29,8 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, 
 
 /* The codecs, each for its own syntaxes: DCMTK's (RLE, JPEG, JPEG-LS; start DCMTK's decoders first) and OpenJPEG. */
 CtsStatus cts_dcm_start_decoders(CtsError *err);
+/* The same, and the dictionary that data sets without VRs need. */
+CtsStatus cts_dcm_start_images(CtsError *err);
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);

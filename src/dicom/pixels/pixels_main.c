@@ -21,6 +21,7 @@ int main(int argc, char **argv)
         [CTS_PIXELS_INFLATE] = {inflate_start, NULL, false},
         [CTS_PIXELS_GUNZIP] = {cts_pixels_gunzip, NULL, false},
         [CTS_PIXELS_UNZIP] = {cts_pixels_unzip, NULL, false},
+        [CTS_PIXELS_IMAGE] = {cts_pixels_image, cts_dcm_start_images, false},
         [CTS_PIXELS_ENCODE] = {cts_pixels_encode, NULL, true},
     };
     return cts_sandbox_serve(argc, argv, tasks, CTS_N_PIXELS_TASKS);

@@ -19,6 +19,7 @@ typedef enum CtsPixelsTask {
     CTS_PIXELS_GUNZIP,  /* uint64_t, the bytes unpacked until now; a gzip file's next part; CtsUnpacked, then its bytes
                          */
     CTS_PIXELS_UNZIP,   /* a zip file; CtsMemberRecord and member, repeated */
+    CTS_PIXELS_IMAGE,   /* a DICOM file; CtsImage (ctsplat/series.h) */
     CTS_PIXELS_ENCODE, /* CtsEncodeOrder; samples of this program; a size_t, then the JPEG 2000 stream of that length */
     CTS_N_PIXELS_TASKS
 } CtsPixelsTask;

@@ -176,7 +176,7 @@ size_t pack_slices(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
         }
     } owned;
     cts_dcm_read_object(data, &owned.texts, h.meta.sop_class_uid, &owned.object);
-    if (!owned.object.n_slices)
+    if (!owned.object.n_slices || owned.object.kind == CTS_OBJECT_IMAGE)
         put_class_name(h, owned.object.class_uid);
     return cts_header_pack(&owned.object, &h.answer, bytes, n);
 }

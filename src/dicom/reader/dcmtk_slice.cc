@@ -69,6 +69,38 @@ std::string plain_word(std::string_view text)
     return word;
 }
 
+/* Classes of images whose pixels equipment does not label with names. */
+bool has_plain_class(std::string_view sop_class)
+{
+    for (const char *plain :
+         {UID_ComputedRadiographyImageStorage, UID_DigitalXRayImageStorageForPresentation,
+          UID_DigitalXRayImageStorageForProcessing, UID_DigitalMammographyXRayImageStorageForPresentation,
+          UID_DigitalMammographyXRayImageStorageForProcessing, UID_DigitalIntraOralXRayImageStorageForPresentation,
+          UID_DigitalIntraOralXRayImageStorageForProcessing, UID_XRay3DCraniofacialImageStorage,
+          UID_BreastTomosynthesisImageStorage, UID_BreastProjectionXRayImageStorageForPresentation,
+          UID_BreastProjectionXRayImageStorageForProcessing, UID_NuclearMedicineImageStorage,
+          UID_RETIRED_NuclearMedicineImageStorage, UID_RTImageStorage, UID_EnhancedMRColorImageStorage})
+        if (sop_class == plain)
+            return true;
+    return std::any_of(std::begin(slice_classes), std::end(slice_classes),
+                       [=](const auto &row) { return row.uid == sop_class; });
+}
+
+/* True for text in the pixels, or where none is excluded: of other classes, and of screens in these, which have colours
+ * or are no scanner's own images. */
+bool may_name(CtsAttributes &item, std::string_view sop_class)
+{
+    int samples = 1;
+    const std::string_view burned_in = cts_attribute_text(item, DCM_BurnedInAnnotation);
+    if (burned_in == "NO" || burned_in == "YES")
+        return burned_in == "YES";
+    cts_attribute_word(item, DCM_SamplesPerPixel, &samples);
+    return !has_plain_class(sop_class) || samples != 1 ||
+           (cts_text_value(cts_attribute_text(item, DCM_ImageType), 1) == "SECONDARY" &&
+            !cts_attribute_has(item, DCM_ImagePositionPatient) &&
+            !cts_attribute_has(item, DCM_PerFrameFunctionalGroupsSequence));
+}
+
 CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class, CtsModality *modality)
 {
     for (const auto &row : slice_classes)
@@ -80,15 +112,18 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class, CtsModali
         return CTS_OBJECT_DIRECTORY;
     if (std::find(std::begin(label_classes), std::end(label_classes), sop_class) != std::end(label_classes))
         return CTS_OBJECT_LABELS;
+    const bool is_image = sop_class != UID_RTDoseStorage && cts_attribute_has(item, DCM_PhotometricInterpretation) &&
+                          cts_attribute_has(item, DCM_Rows);
+    const CtsObjectKind other = is_image ? CTS_OBJECT_IMAGE : CTS_OBJECT_OTHER;
     if (!sop_class.empty() || !cts_attribute_has(item, DCM_ImagePositionPatient))
-        return CTS_OBJECT_OTHER;
+        return other;
     const std::string word = plain_word(cts_attribute_text(item, DCM_Modality));
     for (int i = 0; i < CTS_N_MODALITIES; i++)
         if (word == cts_modality_names[i]) {
             *modality = static_cast<CtsModality>(i);
             return CTS_OBJECT_SLICE;
         }
-    return CTS_OBJECT_OTHER;
+    return other;
 }
 
 /* True if a value of ImageType means a quantity other than attenuation (PS3.3 C.8.15.2.1.1, C.8.16.1, and
@@ -382,6 +417,15 @@ void read_geometry(CtsAttributes &item, CtsSlice *s)
     s->column_spacing_mm = spacing[1];
 }
 
+void read_image(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
+{
+    read_identity(item, texts, s);
+    s->odd = 0; /* of slices */
+    cts_attribute_word(item, DCM_Rows, &s->rows);
+    cts_attribute_word(item, DCM_Columns, &s->columns);
+    cts_slice_fault(s, CTS_ERR_GEOMETRY, "is an image without a place");
+}
+
 } // namespace
 
 const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest)
@@ -425,4 +469,10 @@ void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *cl
     }
     if (object->kind == CTS_OBJECT_FRAMES)
         cts_dcm_read_frames(top, *texts, object);
+    if (object->kind == CTS_OBJECT_IMAGE) {
+        cts_dcm_make_room(object, 1);
+        read_image(item, *texts, cts_dcm_add_slice(object));
+    }
+    for (int i = 0; i < object->n_slices && may_name(item, sop_class); i++)
+        object->slices[i]->odd |= CTS_ODD_MAY_NAME;
 }

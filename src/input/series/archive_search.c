@@ -123,6 +123,7 @@ static CtsStatus hand_on(ArchiveSearch *s, const FoundFile *f, char **directory,
         return s->asked->found(s->asked->context, &file, err);
     }
     s->counts->n_not_ct++;
+    s->counts->n_objects += f->header.kind == CTS_FILE_DICOM && f->header.object.kind != CTS_OBJECT_DIRECTORY;
     s->counts->n_packed += f->header.object.packed != NULL;
     if (f->header.object.kind == CTS_OBJECT_LABELS) {
         file.labels_of = f->header.object.study_uid;

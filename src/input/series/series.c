@@ -169,6 +169,21 @@ static int by_series_and_path(const void *a, const void *b)
     return order ? order : x->frame - y->frame;
 }
 
+static bool is_planar(const CtsSeries *series)
+{
+    return series->slices[0]->kind == CTS_OBJECT_IMAGE;
+}
+
+/* Images that are not asked for are objects like others. */
+static void drop_images(const HeaderSearch *s)
+{
+    for (size_t i = 0; !s->asked->images && i < s->n_headers; i++) {
+        CtsObject *const o = &s->headers[i].object;
+        if (o->kind == CTS_OBJECT_IMAGE && o->n_slices)
+            cts_slice_free(o->slices[--o->n_slices]);
+    }
+}
+
 /* Counts files that are not slices, and names unreadable ones. */
 static CtsStatus count_others(const HeaderSearch *s, CtsError *err)
 {
@@ -228,12 +243,25 @@ static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, 
     return CTS_OK;
 }
 
+/* Images beside slices of one UID, such as screens stored with a scan, are left out as its pages are. They are the last
+ * of `end` series from `first` on. */
+static void leave_images_out(CtsSeriesList *list, size_t first, size_t end)
+{
+    CtsSeries *const images = &list->items[end - 1];
+    cts_diagnostics_add(&list->items[first].diagnostics, CTS_DIAGNOSTIC_PAGES_DROPPED,
+                        "%d image%s of other classes left out", images->n_slices, images->n_slices == 1 ? "" : "s");
+    clear_series(images);
+    memmove(images, images + 1, (--list->n - (end - 1)) * sizeof *images);
+}
+
 /* Volumes of one UID get numbers: stacks, phases, single slices beside frames. */
 static void number_parts(CtsSeriesList *list)
 {
     for (size_t first = 0, end; first < list->n; first = end) {
         for (end = first + 1; end < list->n && strcmp(list->items[first].uid, list->items[end].uid) == 0;)
             end++;
+        if (end - first > 1 && list->items[first].uid[0] && is_planar(&list->items[end - 1]))
+            leave_images_out(list, first, end--);
         const int n = list->items[first].uid[0] ? (int)(end - first) : 1;
         for (int p = 0; n > 1 && p < n; p++) {
             CtsSeries *s = &list->items[first + (size_t)p];
@@ -245,11 +273,13 @@ static void number_parts(CtsSeriesList *list)
     }
 }
 
-/* CT before PET before MR, then the most slices. */
+/* CT before PET before MR, then the most slices; images last, so that numbers of volumes do not depend on them. */
 static int by_size(const void *a, const void *b)
 {
     const CtsSeries *x = a, *y = b;
     static const int ranks[CTS_N_MODALITIES] = {[CTS_MODALITY_CT] = 0, [CTS_MODALITY_PT] = 1, [CTS_MODALITY_MR] = 2};
+    if (is_planar(x) != is_planar(y))
+        return is_planar(x) - is_planar(y);
     if (x->modality_id != y->modality_id)
         return ranks[x->modality_id] - ranks[y->modality_id];
     if (x->n_slices != y->n_slices)
@@ -313,8 +343,8 @@ static CtsStatus find_slices(HeaderSearch *s, CtsSlice ***slices, size_t *n_slic
     s->list->diagnostics = s->files.diagnostics;
     s->files.diagnostics = (CtsDiagnostics){0};
     if ((st = read_new_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||
-        (st = count_others(s, err)) || (st = number_objects(s, err)) || (st = collect(s, slices, n_slices, err)) ||
-        (st = list_paths(s, err)))
+        (drop_images(s), st = count_others(s, err)) || (st = number_objects(s, err)) ||
+        (st = collect(s, slices, n_slices, err)) || (st = list_paths(s, err)))
         return st;
     return take_texts(s->list, &s->files.texts) /* the slices' paths */
                ? CTS_OK

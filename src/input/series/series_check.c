@@ -319,7 +319,8 @@ static void describe_odd(CtsSeries *series)
         {CTS_ODD_BURNED_IN, CTS_DIAGNOSTIC_BURNED_IN_ANNOTATION,
          "say that text is burned into their pixels (0028,0301); it may show in the picture"},
     };
-    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
+    const bool is_image = series->n_slices && series->slices[0]->kind == CTS_OBJECT_IMAGE;
+    for (size_t k = 0; !is_image && k < sizeof kinds / sizeof *kinds; k++) {
         int n = 0;
         for (int i = 0; i < series->n_slices; i++)
             n += (series->slices[i]->odd & kinds[k].odd) != 0;
@@ -357,6 +358,9 @@ static void describe_series(CtsSeries *series, const CtsSlice *s)
     cts_text_clean(series->modality);
     cts_text_clean(series->transfer_syntax);
     snprintf(series->orientation, sizeof series->orientation, "%s", orientation_of(s->normal_lps));
+    series->may_name = s->odd & CTS_ODD_MAY_NAME;
+    if (s->kind == CTS_OBJECT_IMAGE)
+        series->orientation[0] = 0;
     series->rows = s->rows;
     series->columns = s->columns;
     series->spacing_mm[0] = s->column_spacing_mm;
@@ -529,7 +533,7 @@ static CtsValueScale quantity_scale(const CtsSliceSet *set, CtsSeries *series)
         is_named |= set->items[i]->rescale_type != NULL;
     if (series->modality_id == CTS_MODALITY_PT)
         return cts_pet_scale((const CtsSlice *const *)set->items, set->n);
-    if (series->modality_id == CTS_MODALITY_MR)
+    if (series->modality_id == CTS_MODALITY_MR || set->items[0]->kind == CTS_OBJECT_IMAGE)
         return (CtsValueScale){CTS_QUANTITY_STORED, 1, ""};
     return (CtsValueScale){is_named ? cts_rules_quantity(&series->rules) : CTS_QUANTITY_HU, 1, ""};
 }
@@ -583,6 +587,12 @@ static CtsStatus check_each_slice(CtsSliceSet *set, CtsSeries *series, CtsError 
 {
     static const pick_fn picks[] = {pick_slices, pick_sound, pick_largest_grid};
     CtsStatus st = CTS_OK;
+    if (set->items[0]->kind == CTS_OBJECT_IMAGE) {
+        cts_slice_set_sort(set, set->items[0]);
+        pass(series, "holds %d image%s of modality %.16s, and no volume", set->n, plural(set->n),
+             set->items[0]->modality[0] ? set->items[0]->modality : "(none)");
+        return CTS_OK;
+    }
     if (set->n > MAX_SLICES)
         refuse_series(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
     check_modality(set, series);

@@ -19,7 +19,8 @@ void cts_series_describe(CtsSeries *series)
 {
     const CtsSlice *const middle = series->slices[series->n_slices / 2];
     add_trait(series, "%d x %d x %d", series->columns, series->rows, series->n_slices);
-    add_trait(series, "pixels of %.3g mm", series->spacing_mm[0]);
+    if (series->spacing_mm[0] > 0)
+        add_trait(series, "pixels of %.3g mm", series->spacing_mm[0]);
     if (series->spacing_mm[2] > 0)
         add_trait(series, "slices %.3g mm apart", series->spacing_mm[2]);
     if (middle->thickness_mm > 0)

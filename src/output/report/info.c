@@ -50,13 +50,16 @@ static void print_series(FILE *file, int number, const CtsSeries *s, const CtsPi
         fprintf(file, "  series number    %d\n", s->series_number);
     if (show_patient && s->description)
         fprintf(file, "  description      %s\n", s->description);
-    fprintf(file, "  slices           %d of %d x %d pixels, %s\n", s->n_slices, s->columns, s->rows, s->orientation);
-    fprintf(file, "  spacing          %.4g x %.4g", s->spacing_mm[0], s->spacing_mm[1]);
-    if (s->spacing_mm[2] > 0)
-        fprintf(file, " x %.4g", s->spacing_mm[2]);
-    fprintf(file, " mm\n");
-    fprintf(file, "  distinguished by %s\n", s->traits);
-    fprintf(file, "  tilt             %.2f degrees\n", s->tilt_deg);
+    fprintf(file, "  slices           %d of %d x %d pixels%s%s\n", s->n_slices, s->columns, s->rows,
+            s->orientation[0] ? ", " : "", s->orientation);
+    if (s->spacing_mm[0] > 0) {
+        fprintf(file, "  spacing          %.4g x %.4g", s->spacing_mm[0], s->spacing_mm[1]);
+        if (s->spacing_mm[2] > 0)
+            fprintf(file, " x %.4g", s->spacing_mm[2]);
+        fprintf(file, " mm\n");
+        fprintf(file, "  distinguished by %s\n", s->traits);
+        fprintf(file, "  tilt             %.2f degrees\n", s->tilt_deg);
+    }
     if (f->known) {
         fprintf(file, "  range            %.6g to %.6g %s%s%s%s\n", f->hu_min, f->hu_max, unit,
                 is_hu   ? ""
@@ -68,9 +71,7 @@ static void print_series(FILE *file, int number, const CtsSeries *s, const CtsPi
     }
     fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
     const char *printed = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
-    fprintf(file, "  renderable       %s%s\n",
-            printed ? "no: " : "yes",
-            printed ? printed : "");
+    fprintf(file, "  renderable       %s%s\n", printed ? "no: " : "yes", printed ? printed : "");
     print_diagnostics(file, &s->diagnostics, "  ", printed);
     print_diagnostics(file, &f->diagnostics, "  ", printed);
     if (f->n_labels)
@@ -166,8 +167,8 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
         f->known ? json_pack("[f,f,f,f,f,f]", f->box_low_lps[0], f->box_high_lps[0], f->box_low_lps[1],
                              f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2])
                  : json_null(),
-        "transfer_syntax", cts_json_new_text(s->transfer_syntax), "orientation", cts_json_new_text(s->orientation),
-        "renderable", s->renderable && !f->refused, "passed", s->passed, "findings", diagnostics, "labels", labels);
+        "transfer_syntax", cts_json_new_text(s->transfer_syntax), "orientation", text_if(s->orientation), "renderable",
+        s->renderable && !f->refused, "passed", s->passed, "findings", diagnostics, "labels", labels);
     json_object_update_new(object,
                            json_pack("{s:s,s:s,s:o,s:o}", "quantity", cts_quantity_names[s->quantity], "unit",
                                      cts_quantity_units[s->quantity], "value_min", number_if(f->known, f->hu_min),
