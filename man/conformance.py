@@ -140,6 +140,8 @@ statement = [
         "preamble."),
     (S, "SOP classes read"),
     (T, ("SOP class", "UID"), read_classes),
+    (P, "Images of any other class, except RT Dose, get thumbnails in a batch. Those of ultrasound, angiography, secondary "
+        "captures, photographs and classes that are not known only where BurnedInAnnotation is NO, or with --show-patient."),
     (S, "Transfer syntaxes read"),
     (T, ("Transfer syntax", "UID", "decoded by"), syntaxes),
     (P, "Pixels of 8 or 16 bits allocated, one sample a pixel, in Hounsfield units."),

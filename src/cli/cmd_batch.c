@@ -124,20 +124,25 @@ static CtsStatus run_found(const CtsOptions *options, CtsBatchLists *lists, CtsR
 
 static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
 {
-    char bad[80] = "", stood[64] = "", skipped[64] = "", waiting[80] = "";
+    char bad[80] = "", stood[64] = "", thumbnails[64] = "", skipped[64] = "", waiting[80] = "";
     if (r->n_stood)
         snprintf(stood, sizeof stood, " (%zu of them in earlier runs)", r->n_stood);
+    if (r->n_thumbnails)
+        snprintf(thumbnails, sizeof thumbnails, ", %zu thumbnail%s (no volumes)", r->n_thumbnails,
+                 r->n_thumbnails == 1 ? "" : "s");
     if (r->n_skipped)
-        snprintf(skipped, sizeof skipped, ", %zu skipped (no volumes)", r->n_skipped);
+        snprintf(skipped, sizeof skipped, ", %zu skipped", r->n_skipped);
     if (r->n_refused || r->n_failed)
         snprintf(bad, sizeof bad, ", %zu refused, %zu failed", r->n_refused, r->n_failed);
     if (r->n_waiting)
         snprintf(waiting, sizeof waiting, ", %zu waiting for their last files", r->n_waiting);
-    cli_note("%zu of %zu series%s done%s%s%s%s: %s (index.html shows them, batch.jsonl lists files and reasons)",
-             r->n_done, r->n_series, r->n_series > r->n_uids ? " (some UIDs hold several)" : "", stood, skipped,
-             waiting, bad, options->output_dir);
+    cli_note("%zu of %zu series%s done%s%s%s%s%s: %s (index.html shows them, batch.jsonl lists files and reasons)",
+             r->n_done, r->n_series, r->n_series > r->n_uids ? " (some UIDs hold several)" : "", stood, thumbnails,
+             skipped, waiting, bad, options->output_dir);
     if (r->n_unreadable)
         cli_note("files that cannot be read: %llu", (unsigned long long)r->n_unreadable);
+    if (r->n_objects)
+        cli_note("objects without an image (reports, plans, labels): %llu", (unsigned long long)r->n_objects);
     if (r->n_packed)
         cli_note("packed files that are not looked into: %llu (a zip file may be a PATH; unpack others)",
                  (unsigned long long)r->n_packed);
@@ -171,7 +176,7 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
         print_summary(options, &result);
     if (st == CTS_ERR_INTERRUPTED)
         cts_fail(err, st, "interrupted (the same command resumes the batch)");
-    if (!st && result.n_done + result.n_skipped + result.n_waiting < result.n_series)
+    if (!st && result.n_done + result.n_thumbnails + result.n_skipped + result.n_waiting < result.n_series)
         *exit_code = 8;
     cts_batch_lists_free(&lists);
     cts_report_free(&report);

@@ -445,11 +445,11 @@ def test_passed(b):
     b.ok(0, "passed", "-O", "o", *OPTIONS)
     lines = b.lines("o")
     states = [lines[b.name(i).decode()]["status"] for i in range(4)]
-    check(states == ["done", "skipped", "skipped", "skipped"], states, lines)
+    check(states == ["done", "thumbnail", "thumbnail", "thumbnail"], states, lines)
     for i, word in (1, "scouts"), (2, "1 slice"), (3, "pages"):
         check(word in lines[b.name(i).decode()]["reason"], lines[b.name(i).decode()]["reason"])
     said = b.ok(0, "passed", "-O", "o", *OPTIONS).stderr
-    check("1 of 4 series done (1 of them in earlier runs), 3 skipped" in said, said)
+    check("1 of 4 series done (1 of them in earlier runs), 3 thumbnails" in said, said)
     b.ok(0, "passed/series2", "-O", "alone", *OPTIONS)
     # One that is refused beside them still counts.
     b.add("passed", 9, lambda data, k: data.replace(b"8\\9", b"0\\9").replace(b"9\\8", b"0\\8"))
@@ -460,14 +460,14 @@ def test_passed(b):
 
 
 def test_single_slices(b):
-    """A scan whose slices each have a SeriesInstanceUID: skipped, with one note on stderr and one in each record."""
+    """A scan whose slices each have a SeriesInstanceUID: thumbnails, with one note on stderr and one in each record."""
     others = lambda n: "and %d others are %d single slices that lie as one stack" % (n - 1, n)
     for i in range(9):
         b.add("singles", i, lambda data, k: data if k == i else None)
     shutil.copytree("singles/series3", "singles/copy")  # the same slice twice is still one
     b.add("singles", 20)  # a volume of the same study
     said = b.ok(0, "singles", "-O", "o", *OPTIONS).stderr
-    check(said.count("single slices") == 1 and others(9) in said and "9 skipped" in said, "one note of 9 slices:", said)
+    check(said.count("single slices") == 1 and others(9) in said and "9 thumbnails" in said, "one note of 9 slices:", said)
     notes = lambda i: [f for f in b.lines("o")[b.name(i).decode()]["findings"] if f["code"] == "single_slices"]
     check(all(len(notes(i)) == 1 and others(9) in notes(i)[0]["text"] and notes(i)[0]["severity"] == "note"
               for i in range(9)), [notes(i) for i in range(9)])

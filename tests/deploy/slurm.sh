@@ -182,5 +182,5 @@ job=$(sbatch --parsable --array=0-1 -o "$work/log.%A_%a" "$root/src/app/deploy/c
 sbatch --dependency=afterok:"$job" -o "$work/log.merge" --wrap "ctsplat batch --merge '$work/whole'" >merge.job ||
     fail "sbatch afterok"
 wait_for 300 test -s whole/index.html
-grep -q '"status":"skipped"' whole/batch-*.jsonl || fail "nothing skipped"
+grep -q '"status":"thumbnail"' whole/batch-*.jsonl || fail "no thumbnail"
 echo "24 series, 8 tasks, one power cut, afterok"

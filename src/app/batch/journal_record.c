@@ -227,14 +227,25 @@ int cts_journal_record_n_unsent(const CtsBatchSettings *s, const json_t *record)
     return n;
 }
 
+/* True if the image of a series that is no volume is there, and one that may name the patient is shown as asked. */
+static bool image_is_up_to_date(const CtsBatchSettings *s, const json_t *record)
+{
+    const json_t *const image = json_array_get(json_object_get(record, "thumbnails"), 0);
+    return (!image || file_is_up_to_date(s, image, false)) &&
+           (!json_is_true(json_object_get(record, "may_name")) || !image == !s->options->show_patient);
+}
+
 bool cts_journal_record_is_settled(const CtsBatchSettings *s, const json_t *record, const char *input_sha256)
 {
     const char *status = cts_json_text_of(record, "status");
     char hex[65];
     if (strcmp(cts_json_text_of(record, "input_sha256"), input_sha256))
         return false;
+    /* Before version 0.5.0 series without a volume were skipped. */
     if (!strcmp(status, "skipped"))
-        return true;
+        return !json_is_true(json_object_get(json_object_get(record, "geometry"), "passed"));
+    if (!strcmp(status, "thumbnail"))
+        return image_is_up_to_date(s, record);
     /* Unreadable files may be readable now; geometry and pixels do not change. */
     if (!strcmp(status, "refused"))
         return json_integer_value(json_object_get(record, "exit_code")) == 4 &&

@@ -100,7 +100,8 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
     const double start_ms = cts_wall_ms();
     const CtsContactRun run = {.n_ended = r->n_uids_ended, .n_series = r->found.n_series, .goes_on = !ends};
     const bool whole = ends && r->n_uids_ended == r->found.n_series;
-    const CtsContactWanted wanted = {.run = whole ? NULL : &run, .change = redact, .context = (void *)s};
+    const CtsContactWanted wanted = {
+        .run = whole ? NULL : &run, .n_objects = r->found.counts.n_objects, .change = redact, .context = (void *)s};
     const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < pause_ms(r->sheet_took_ms);
     if (s->options->shard.n > 1 || (!ends && wait))
         return CTS_OK;
@@ -124,7 +125,7 @@ static void report_series(Run *r, const json_t *record)
     else
         snprintf(text, sizeof text, "%.80s: %s: %.600s%s%.600s", uid, status, cts_json_text_of(record, "reason_file"),
                  json_object_get(record, "reason_file") ? ": " : "", cts_json_text_of(record, "reason"));
-    listener->series(listener->context, text, !done && strcmp(status, "skipped"));
+    listener->series(listener->context, text, !done && strcmp(status, "thumbnail") && strcmp(status, "skipped"));
 }
 
 /* Counts the final record of a series; stood: nothing had to be rendered. */
@@ -133,6 +134,7 @@ static void count_record(Run *r, const json_t *record, bool stood)
     const char *status = cts_json_text_of(record, "status");
     r->result->n_stood += stood && !strcmp(status, "done");
     r->result->n_done += !strcmp(status, "done");
+    r->result->n_thumbnails += !strcmp(status, "thumbnail");
     r->result->n_skipped += !strcmp(status, "skipped");
     r->result->n_refused += !strcmp(status, "refused");
     r->result->n_failed += !strcmp(status, "failed");
@@ -551,12 +553,13 @@ static CtsStatus search_series(Run *r, CtsError *err)
     r->result->n_series += r->found.n_series;
     r->result->n_uids += r->found.n_series;
     r->result->n_unreadable += counts.n_unreadable;
+    r->result->n_objects += counts.n_objects;
     r->result->n_packed += counts.n_packed;
     if (!r->found.n_series && o->shard.n == 1 && o->source.series_uid)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->source.series_uid);
     if (!r->found.n_series && o->shard.n == 1 && !o->settled_s)
         return cts_fail(err, CTS_ERR_NO_SERIES,
-                        "no CT, MR or PET slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (give "
+                        "no image among %llu files, %llu of them unreadable, %llu packed or NIfTI (give "
                         "these, and links to folders, as a PATH each)",
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
                         (unsigned long long)counts.n_packed);

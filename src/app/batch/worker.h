@@ -71,6 +71,8 @@ CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal
  * cts_worker_begin_series() determines the missing pictures; if there are none, because all are up to date or the
  * series cannot be rendered, cts_worker_end_series() follows. */
 CtsStatus cts_worker_begin_series(CtsWorkerProcess *worker_process, const CtsSeries *series, CtsError *err);
+/* True for a series that is no volume, whose image shows no patient's name, or may show it. */
+bool cts_worker_shows_image(const CtsWorkerProcess *worker_process);
 /* The volume is in memory: waits for the batch's permission to render. */
 CtsStatus cts_worker_loaded(CtsWorkerProcess *worker_process, const CtsPixelFacts *facts, CtsError *err);
 /* A file of a picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
@@ -79,8 +81,9 @@ CtsStatus cts_worker_output(CtsWorkerProcess *worker_process, const CtsBatchPict
 /* error_255: limit of the picture's rms error; negative: not estimated. */
 CtsStatus cts_worker_thumbnail(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,
                                const CtsThumbnailFile *file, double error_255, CtsError *err);
-/* The series' three sections. */
-CtsStatus cts_worker_sections(CtsWorkerProcess *worker_process, const char *path, uint64_t bytes, CtsError *err);
+/* A picture of the card beside the thumbnails, by its kind: "sections", or "image" of a series that is no volume. */
+CtsStatus cts_worker_card_picture(CtsWorkerProcess *worker_process, const char *kind, const char *path, uint64_t bytes,
+                                  CtsError *err);
 /* All files of a picture are complete and recorded from here on. The report contains its verification; its findings
  * from first_diagnostic on belong to the picture. */
 CtsStatus cts_worker_picture_done(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,

@@ -346,6 +346,11 @@ static CtsStatus list_pictures(CtsWorkerProcess *c, CtsError *err)
     return st;
 }
 
+bool cts_worker_shows_image(const CtsWorkerProcess *c)
+{
+    return c->now->passed && (!c->now->may_name || c->settings->options->show_patient);
+}
+
 CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, const CtsSeries *series, CtsError *err)
 {
     char uid[96];
@@ -357,6 +362,13 @@ CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, const CtsSeries *series, 
     record_geometry(c, &(CtsPixelFacts){0});
     if (c->series->n_stacked)
         record_stack(c);
+    json_object_set(c->record, "modality", json_object_get(json_object_get(c->record, "geometry"), "modality"));
+    if (series->passed) {
+        cts_journal_record_drop(c->record, "thumbnails", c->settings, NULL, NULL);
+        json_object_set_new(c->record, "may_name", json_boolean(series->may_name));
+        if (cts_worker_shows_image(c) && (st = make_folders(c, err)))
+            return st;
+    }
     if (series->renderable && ((st = list_pictures(c, err)) || (c->n_pictures && (st = make_folders(c, err)))))
         return st;
     json_object_set_new(c->record, "unfinished", json_integer(c->n_left));
@@ -433,15 +445,16 @@ CtsStatus cts_worker_thumbnail(CtsWorkerProcess *c, const CtsBatchPicture *pictu
 }
 
 /* Listed with the thumbnails, so that it is moved and removed with them. */
-CtsStatus cts_worker_sections(CtsWorkerProcess *c, const char *path, uint64_t bytes, CtsError *err)
+CtsStatus cts_worker_card_picture(CtsWorkerProcess *c, const char *kind, const char *path, uint64_t bytes,
+                                  CtsError *err)
 {
     json_t *list = json_object_get(c->record, "thumbnails");
     for (size_t i = json_array_size(list); i-- > 0;)
-        if (json_object_get(json_array_get(list, i), "sections"))
+        if (json_object_get(json_array_get(list, i), kind))
             json_array_remove(list, i);
     return json_array_append_new(list,
                                  json_pack("{s:s,s:b,s:I}", "path", path + strlen(c->settings->options->output_dir) + 1,
-                                           "sections", 1, "bytes", (json_int_t)bytes))
+                                           kind, 1, "bytes", (json_int_t)bytes))
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
                : CTS_OK;
 }
@@ -549,8 +562,8 @@ CtsStatus cts_worker_end_series(CtsWorkerProcess *c, const CtsReport *report, Ct
         else
             keep_diagnostics(c);
         cts_worker_report_status(c, status, status ? why->text : "");
-        if (status && (c->skipped || (c->now && c->now->passed)))
-            json_object_set_new(c->record, "status", json_string("skipped"));
+        if (status && (c->skipped || (c->now && c->now->passed && status == c->now->refusal)))
+            json_object_set_new(c->record, "status", json_string(c->skipped ? "skipped" : "thumbnail"));
         st = cts_worker_send_record(c, stands ? CTS_WORKER_UP_TO_DATE : CTS_WORKER_LAST_RECORD, &err);
         c->is_final = true;
     }

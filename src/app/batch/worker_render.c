@@ -125,30 +125,57 @@ static CtsStatus end_thumb(Work *w, CtsError *err)
     return st;
 }
 
-/* Three sections, with the labels' outlines, beside the thumbnails, while the slices are there. */
-static CtsStatus draw_sections(Work *w, CtsError *err)
+/* A picture of the card, beside the thumbnails. */
+static CtsStatus save_card_picture(Work *w, const CtsPicture *picture, const char *kind, CtsError *err)
 {
-    const char *const slash = strrchr(w->picture->thumb_stem, '/');
-    CtsPicture *picture = NULL;
     CtsThumbnail *thumb = NULL;
     CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
     int n_files = 0;
     char *stem = NULL, *path = NULL;
-    if (asprintf(&stem, "%.*s/sections", (int)(slash - w->picture->thumb_stem), w->picture->thumb_stem) < 0)
+    if (asprintf(&stem, "%s/%s/thumbs/%s", w->settings->options->output_dir, w->worker_process->folder, kind) < 0)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    CtsStatus st = cts_sections(w->loaded.scanned, w->loaded.labels, &picture, err);
-    if (!st && !(st = cts_thumbnail_begin(&thumb, stem, picture->width, picture, 1, err)) &&
-        !(st = cts_thumbnail_rows(thumb, picture, err)))
+    CtsStatus st = cts_thumbnail_begin(&thumb, stem, picture->width, picture, 1, err);
+    if (!st && !(st = cts_thumbnail_rows(thumb, picture, err)))
         st = cts_thumbnail_end(&thumb, files, &n_files, err);
     if (!st && asprintf(&path, "%s%s", stem, files[0].suffix) < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st)
-        st = cts_worker_sections(w->worker_process, path, files[0].bytes, err);
+        st = cts_worker_card_picture(w->worker_process, kind, path, files[0].bytes, err);
     cts_thumbnail_discard(&thumb);
-    cts_picture_free(&picture);
     free(stem);
     free(path);
     return st;
+}
+
+/* Three sections, with the labels' outlines, while the slices are there. */
+static CtsStatus draw_sections(Work *w, CtsError *err)
+{
+    CtsPicture *picture = NULL;
+    CtsStatus st = cts_sections(w->loaded.scanned, w->loaded.labels, &picture, err);
+    if (!st)
+        st = save_card_picture(w, picture, "sections", err);
+    cts_picture_free(&picture);
+    return st;
+}
+
+/* The image of a series that is no volume. One that cannot be shown is a finding, since nothing was asked of it. */
+static CtsStatus draw_image(Work *w, CtsError *err)
+{
+    CtsPicture *picture = NULL;
+    CtsImage *const image = calloc(1, sizeof *image);
+    CtsStatus st =
+        image ? cts_series_image(w->loaded.series, image, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st && !(st = cts_picture_new(&picture, image->width, image->height, 4, err))) {
+        for (size_t i = 0; i < 4 * (size_t)image->width * (size_t)image->height; i++)
+            picture->pixels[i] = i % 4 == 3 ? 1 : (float)image->rgb[i / 4 * 3 + i % 4] / 255;
+        st = save_card_picture(w, picture, "image", err);
+    }
+    cts_picture_free(&picture);
+    free(image);
+    if (st != CTS_ERR_PIXELS && st != CTS_ERR_READ)
+        return st;
+    cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_PIXELS_REFUSED, "no thumbnail: %s", err->text);
+    return CTS_OK;
 }
 
 /* Some series of an archive lack an organ: they show the labels that they have, and are skipped where they have none.
@@ -303,8 +330,14 @@ static CtsStatus render_series(Work *w)
     CtsStatus st = cts_worker_begin_series(w->worker_process, w->loaded.series, &err);
     if (!st)
         st = list_label_files(w, &err);
+    const bool is_shown = !st && cts_worker_shows_image(w->worker_process);
+    if (is_shown)
+        st = draw_image(w, &err);
     if (!st && !w->loaded.series->renderable)
-        st = cts_fail(&err, w->loaded.series->refusal, "%s", w->loaded.series->reason);
+        st = cts_fail(&err, w->loaded.series->refusal, "%s%s", w->loaded.series->reason,
+                      is_shown || !w->loaded.series->passed ? ""
+                                                            : "; its pixels may show the patient's name, so it is not "
+                                                              "shown (`show_patient` shows it)");
     if (!st && !(st = cts_log_open(&w->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
         cts_log_run(w->log, w->settings->command, w->loaded.series->uid);
         for (int i = 0; w->log && !o->show_paths && i < s->n_paths; i++)
@@ -335,6 +368,7 @@ static CtsStatus render_all(CtsWorkerProcess *c, CtsError *err)
     const CtsSeriesSearch search = {.paths = s->paths,
                                     .n_paths = s->n_paths,
                                     .n_threads = c->n_threads,
+                                    .images = true,
                                     .rules = c->settings->options->source.rules,
                                     .archives = c->archives,
                                     .numbers = s->numbers};

@@ -6,7 +6,7 @@ const $$ = (selector, root = document) => [...root.querySelectorAll(selector)];
 /* ---- text and numbers ---- */
 
 const STATES = {
-  done: {word: 'Done', mark: '✓', rank: 4}, skipped: {word: 'Skipped', mark: '–', rank: 3},
+  done: {word: 'Done', mark: '✓', rank: 5}, thumbnail: {word: 'Thumbnail', mark: '▫', rank: 4}, skipped: {word: 'Skipped', mark: '–', rank: 3},
   waiting: {word: 'Waiting', mark: '…', rank: 2},
   working: {word: 'Under way', mark: '…', rank: 2}, refused: {word: 'Refused', mark: '⊘', rank: 1},
   failed: {word: 'Failed', mark: '✕', rank: 0}
@@ -67,7 +67,7 @@ const run = data.run ? object(data.run) : null; /* progress of the batch; null: 
 const series = list(data.series).map(object).map((line, index) => {
   const s = {index, line, uid: clean(line.series_uid), state: STATES[line.status] ? line.status : 'failed',
     reason: clean(line.reason), geometry: object(line.geometry), pictures: list(line.pictures),
-    findings: byCode(list(line.findings).map(object).filter(f => clean(f.text) !== clean(line.reason))),
+    findings: byCode(list(line.findings).map(object).filter(f => !clean(f.text) || !clean(line.reason).startsWith(clean(f.text)))),
     stages: Object.entries(object(line.stages)).map(([name, t]) => [clean(name), +object(t).wall_ms || 0]),
     sources: list(line.sources).map(object), file: clean(line.reason_file), labels: list(line.labels).map(object),
     wall_ms: +line.wall_ms || 0, memory: +line.peak_rss_bytes || 0, ended: clean(line.ended)};
@@ -143,9 +143,11 @@ function found(s) {
 function facts(s) {
   const g = s.geometry, dl = make('dl', {class: 'facts'});
   const add = (term, value) => value && dl.append(make('div', {}, make('dt', {}, term), ' ', make('dd', {}, value)));
-  add('Slices', g.slices ? count(g.slices) : '');
+  add('Modality', clean(g.modality));
+  add(s.state === 'thumbnail' ? 'Images' : 'Slices', g.slices ? count(g.slices) : '');
   add('Matrix', list(g.dims).length === 3 ? g.dims.slice(0, 2).map(number).join(' × ') : '');
-  add('Spacing', list(g.spacing_mm).length ? `${g.spacing_mm.map(number).join(' × ')} mm` : '');
+  const spacing = list(g.spacing_mm).filter(mm => typeof mm === 'number');
+  add('Spacing', spacing.length ? `${spacing.map(number).join(' × ')} mm` : '');
   add(g.quantity, typeof g.value_min === 'number' ? `${number(g.value_min)} … ${number(g.value_max)} ${g.unit}` : '');
   add('Tilt', g.tilt_deg ? `${number(g.tilt_deg)}°` : '');
   add('Orientation', clean(g.orientation));
@@ -191,6 +193,12 @@ function sections(s) {
   const path = clean(s.line.sections);
   return path && make('img', {class: 'sections', src: url(path), loading: 'lazy', width: 720, height: 240,
     alt: `Axial, coronal and sagittal section${s.labels.length ? ' with the outlines of the labels' : ''}`});
+}
+/* The middle image of a series that is no volume. */
+function middleImage(s) {
+  const path = clean(s.line.image);
+  return s.state === 'thumbnail' && make('div', {class: 'image'}, !path ? 'not shown' : make('img', {src: url(path),
+    loading: 'lazy', alt: `${clean(s.geometry.modality)} image`}));
 }
 function labels(s) {
   return make('details', {class: 'labels', open: true}, make('summary', {}, labelsLine(s)),
@@ -295,6 +303,6 @@ function fill(s) {
     s.reason && make('p', {class: 'reason'}, s.file ? `${s.file}: ${s.reason}` : s.reason),
     s.sources.length && sources(s),
     s.pictures.length && make('div', {class: 'previews'}, s.pictures.map((p, place) => preview(s, p, place))),
-    sections(s), s.labels.length && labels(s), facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
+    middleImage(s), sections(s), s.labels.length && labels(s), facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
   spread(s);
 }

@@ -8,6 +8,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -116,10 +117,12 @@ static void add_thumbnail(json_t *card, json_t *pictures, const json_t *thumbnai
     const char *path = cts_json_text_of(thumbnail, "path");
     if (!cts_journal_path_is_safe(path))
         return;
-    if (json_object_get(thumbnail, "sections")) {
-        json_object_set_new(card, "sections", json_pack("s+", folder, path));
-        return;
-    }
+    static const char *const kinds[] = {"sections", "image"};
+    for (int k = 0; k < 2; k++)
+        if (json_object_get(thumbnail, kinds[k])) {
+            json_object_set_new(card, kinds[k], json_pack("s+", folder, path));
+            return;
+        }
     json_t *picture = picture_of(pictures, thumbnail);
     if (json_is_real(json_object_get(thumbnail, "error_255")))
         json_object_set(picture, "error_255", json_object_get(thumbnail, "error_255"));
@@ -216,21 +219,22 @@ static CtsStatus write_cards(CtsTempFile *temp, const CtsJournalLines *j, const 
 }
 
 /* Prints the JSON before the series and opens their array. */
-static int print_head(char *text, size_t size, const CtsJournalLines *j, const CtsContactRun *run)
+static int print_head(char *text, size_t size, const CtsJournalLines *j, const CtsContactWanted *wanted)
 {
+    const CtsContactRun *const run = wanted->run;
     char so_far[160] = "";
     if (run)
         snprintf(so_far, sizeof so_far, "\"run\":{\"at\":\"%s\",\"ended\":%zu,\"series\":%zu,\"goes_on\":%s},",
                  cts_utc_now().text, run->n_ended, run->n_series, run->goes_on ? "true" : "false");
-    return snprintf(text, size, "{\"version\":\"%s\",\"unreadable\":%d,%s\"series\":[", CTS_VERSION, j->n_unreadable,
-                    so_far);
+    return snprintf(text, size, "{\"version\":\"%s\",\"unreadable\":%d,\"objects\":%" PRIu64 ",%s\"series\":[",
+                    CTS_VERSION, j->n_unreadable, wanted->n_objects, so_far);
 }
 
 static CtsStatus write_page(CtsTempFile *temp, const CtsJournalLines *j, const CtsContactWanted *wanted, CtsError *err)
 {
     char start[300];
     CtsStatus st;
-    const int n = print_head(start, sizeof start, j, wanted->run);
+    const int n = print_head(start, sizeof start, j, wanted);
     if ((st = cts_temp_write(temp, cts_contact_head, cts_contact_head_bytes, err)) ||
         (st = cts_temp_write(temp, start, (size_t)n, err)) || (st = write_cards(temp, j, wanted, err)) ||
         (st = cts_temp_write(temp, "]}\n", 3, err)))

@@ -18,6 +18,7 @@ typedef struct CtsContactRun {
 
 typedef struct CtsContactWanted {
     const CtsContactRun *run;                    /* NULL: all is over */
+    uint64_t n_objects;                          /* of the archive, without an image */
     void (*change)(void *context, json_t *line); /* of the journal, before it is shown; or NULL */
     void *context;
 } CtsContactWanted;

@@ -102,7 +102,7 @@ const distinct = values => [...new Set(values)];
 
 function setUp() {
   const all = name => series.filter(s => name === 'all' || s.state === name).length;
-  const states = Object.keys(STATES).filter(name => !['waiting', 'working', 'skipped'].includes(name) || all(name));
+  const states = Object.keys(STATES).filter(name => !['thumbnail', 'waiting', 'working', 'skipped'].includes(name) || all(name));
   $('#status').append(...['all', ...states].map(name => {
     const button = make('button', {type: 'button', value: name});
     if (STATES[name])
@@ -134,6 +134,7 @@ function setUp() {
     ` · ctsplat ${clean(data.version)}` +
     (run ? ` · ${run.goes_on ? 'under way' : 'ended early'}: ${count(+run.ended)} of ${count(+run.series)} series at ` +
       clean(run.at).replace('T', ' ').replace('Z', ' UTC') : '') +
+    (data.objects ? ` · ${plural(data.objects, 'object')} without an image` : '') +
     (data.unreadable ? ` · ${plural(data.unreadable, 'unreadable line')} in the journal` : '');
 }
 
