@@ -1,7 +1,12 @@
-/* Numbers 0..1 as pictures hold them. */
+/* Numbers held within limits, and 0..1 as pictures hold them. */
 #pragma once
 
 #include <math.h>
+
+static inline double cts_clamp(double v, double low, double high)
+{
+    return v < low ? low : v > high ? high : v;
+}
 
 /* v clamped to 0..1; NaN gives 0. */
 static inline double cts_clamp01(double v)

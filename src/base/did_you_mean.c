@@ -1,15 +1,11 @@
 #include "base/did_you_mean.h"
 
+#include "base/compare.h"
 #include <ctype.h>
 #include <stdio.h>
 #include <string.h>
 
 enum { LONGEST = 40, PREFIX = 3 };
-
-static size_t smaller_size(size_t a, size_t b)
-{
-    return a < b ? a : b;
-}
 
 static int small(char c)
 {
@@ -26,10 +22,10 @@ static size_t distance(const char *a, size_t n, const char *b, size_t m)
         size_t *const now = rows[i % 3], *const before = rows[(i + 2) % 3], *const earlier = rows[(i + 1) % 3];
         now[0] = i;
         for (size_t j = 1; j <= m; j++) {
-            now[j] = smaller_size(before[j - 1] + (small(a[i - 1]) != small(b[j - 1])),
-                                  smaller_size(before[j], now[j - 1]) + 1);
+            now[j] = cts_smaller_size(before[j - 1] + (small(a[i - 1]) != small(b[j - 1])),
+                                      cts_smaller_size(before[j], now[j - 1]) + 1);
             if (i > 1 && j > 1 && small(a[i - 1]) == small(b[j - 2]) && small(a[i - 2]) == small(b[j - 1]))
-                now[j] = smaller_size(now[j], earlier[j - 2] + 1);
+                now[j] = cts_smaller_size(now[j], earlier[j - 2] + 1);
         }
     }
     return rows[n % 3][m];
@@ -42,7 +38,7 @@ void cts_did_you_mean_try(CtsDidYouMean *nearest_word, const char *candidate)
         return;
     size_t d = distance(nearest_word->written, n, candidate, m);
     if (n >= PREFIX && m > n && !strncasecmp(nearest_word->written, candidate, n))
-        d = smaller_size(d, 1);
+        d = cts_smaller_size(d, 1);
     if (d > (n < 6 ? 1 : n / 3) || (nearest_word->word && d >= nearest_word->distance))
         return;
     nearest_word->word = candidate;

@@ -1,5 +1,6 @@
 #include "core/model/macrocells.h"
 
+#include "base/compare.h"
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
@@ -10,24 +11,16 @@
 /* REACH: voxels that a fine macro-cell spans; COLUMNS: columns processed together, while they are in the cache. */
 enum { REACH = CTS_FINE_MACROCELL + 1, COLUMNS = 256 * CTS_FINE_MACROCELL };
 
-static inline uint16_t min16(uint16_t a, uint16_t b)
-{
-    return a < b ? a : b;
-}
-
-static inline uint16_t max16(uint16_t a, uint16_t b)
-{
-    return a > b ? a : b;
-}
-
 /* Extends each column's range by five rows. */
 static inline __attribute__((always_inline)) void widen_columns(uint16_t *restrict low, uint16_t *restrict high,
                                                                 const uint16_t *const row[REACH], int n)
 {
     const uint16_t *const a = row[0], *const b = row[1], *const c = row[2], *const d = row[3], *const e = row[4];
     for (int i = 0; i < n; i++) {
-        low[i] = min16(low[i], min16(min16(min16(a[i], b[i]), min16(c[i], d[i])), e[i]));
-        high[i] = max16(high[i], max16(max16(max16(a[i], b[i]), max16(c[i], d[i])), e[i]));
+        low[i] = cts_smaller_16(
+            low[i], cts_smaller_16(cts_smaller_16(cts_smaller_16(a[i], b[i]), cts_smaller_16(c[i], d[i])), e[i]));
+        high[i] = cts_larger_16(
+            high[i], cts_larger_16(cts_larger_16(cts_larger_16(a[i], b[i]), cts_larger_16(c[i], d[i])), e[i]));
     }
 }
 
@@ -36,18 +29,18 @@ static inline __attribute__((always_inline)) void least_of_five(uint16_t *restri
 {
     uint16_t two[COLUMNS + 2];
     for (int i = 0; i < n + 2; i++)
-        two[i] = min16(a[i], a[i + 1]);
+        two[i] = cts_smaller_16(a[i], a[i + 1]);
     for (int i = 0; i < n; i++)
-        a[i] = min16(a[i + REACH - 1], min16(two[i], two[i + 2]));
+        a[i] = cts_smaller_16(a[i + REACH - 1], cts_smaller_16(two[i], two[i + 2]));
 }
 
 static inline __attribute__((always_inline)) void most_of_five(uint16_t *restrict a, int n)
 {
     uint16_t two[COLUMNS + 2];
     for (int i = 0; i < n + 2; i++)
-        two[i] = max16(a[i], a[i + 1]);
+        two[i] = cts_larger_16(a[i], a[i + 1]);
     for (int i = 0; i < n; i++)
-        a[i] = max16(a[i + REACH - 1], max16(two[i], two[i + 2]));
+        a[i] = cts_larger_16(a[i + REACH - 1], cts_larger_16(two[i], two[i + 2]));
 }
 
 /* The fine macro-cells along a row of them, by columns of voxels first: these are most of the work, and vectors'. */

@@ -4,6 +4,7 @@
  * alone; the mixed classes follow their neighbours and have weights of their own. */
 #include "ctsplat/mixture.h"
 
+#include "base/clamp.h"
 #include "base/mem.h"
 #include <math.h>
 #include <string.h>
@@ -121,11 +122,6 @@ static void expect(const Fit *f, Sums *s)
     }
 }
 
-static double held(double x, double low, double high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
 static void maximise(const Fit *f, const Sums *s)
 {
     for (int i = 0; i < f->mixture->n; i++) {
@@ -136,13 +132,13 @@ static void maximise(const Fit *f, const Sums *s)
         const double clipped = is_air ? f->n_clipped : 0;
         const double at_start = start->weight * (f->n_voxels - f->n_clipped) + clipped;
         const double to_start = start->mean_hu - t->mean_hu;
-        const double mean_hu = held(t->mean_hu + (s->first[i] + at_start * to_start) / (n + at_start), start->lowest_hu,
-                                    start->highest_hu);
+        const double mean_hu = cts_clamp(t->mean_hu + (s->first[i] + at_start * to_start) / (n + at_start),
+                                         start->lowest_hu, start->highest_hu);
         const double moved = mean_hu - t->mean_hu;
         const double squares = s->second[i] - 2 * moved * s->first[i] + n * moved * moved;
         const double variance = (squares + at_start * start->sd_hu * start->sd_hu) / (n + at_start);
         t->mean_hu = mean_hu;
-        t->sd_hu = held(sqrt(fmax(variance, 0)), f->least_sd_hu, fmax(start->largest_sd_hu, f->least_sd_hu));
+        t->sd_hu = cts_clamp(sqrt(fmax(variance, 0)), f->least_sd_hu, fmax(start->largest_sd_hu, f->least_sd_hu));
         t->weight = (n + clipped) / f->n_voxels;
         /* A weight of 0 would stay so, even when the neighbour is another later on. */
         t->mixed_weight = i < f->mixture->n - 1 ? fmax(s->weight[2 * i + 1] / f->n_voxels, MIN_WEIGHT) : 0;
@@ -303,7 +299,7 @@ double cts_mixture_void(const CtsMixture *m, const bool is_void[CTS_MAX_TISSUES]
 {
     if (m->n < 2)
         return m->n == 1 && is_void[0];
-    const double at = held(hu, m->tissue[0].mean_hu, m->tissue[m->n - 1].mean_hu);
+    const double at = cts_clamp(hu, m->tissue[0].mean_hu, m->tissue[m->n - 1].mean_hu);
     int i = 0;
     while (i < m->n - 2 && at >= m->tissue[i + 1].mean_hu)
         i++;

@@ -1,4 +1,5 @@
 /* Fields of kernels other than the trilinear one, approximated by fitted cubics. */
+#include "base/clamp.h"
 #include "base/compare.h"
 #include "core/scene/shade.h"
 #include "ctsplat/bounds.h"
@@ -49,11 +50,6 @@ static double kernel_at(CtsKernelId kernel, double u, double v, double radius)
         break;
     }
     return NAN;
-}
-
-static double inner_clamp(double x, double last)
-{
-    return x < 0 ? 0 : x > last ? last : x;
 }
 
 /* Grey level of a voxel, or its central difference along a volume axis (at the border to air, or one-sided). */
@@ -121,7 +117,7 @@ static double kernel_field_at(const KernelField *f, const CtsRay *ray, double t_
     double p[3];
     Taps taps;
     for (int axis = 0; axis < 3; axis++)
-        p[axis] = inner_clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis], f->volume->dims[axis] - 1);
+        p[axis] = cts_clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis], 0, f->volume->dims[axis] - 1);
     const int last = f->volume->dims[f->axis] - 1;
     const int k = (int)fmin(floor(p[f->axis]), last > 0 ? last - 1 : 0);
     const double part = p[f->axis] - k;
@@ -142,8 +138,8 @@ static bool wanted(const KernelField *f, const CtsRayWalk *walk, double t0, doub
         const double b = walk->ray->start_vox[axis] + t1 * walk->ray->step_vox[axis];
         const double reach = axis == f->axis ? 1e-9 : f->radius, last = f->volume->dims[axis] - 1;
         outside = outside || (axis != f->axis && (fmin(a, b) - reach < 0 || fmax(a, b) + reach > last));
-        low[axis] = (int)inner_clamp(floor(fmin(a, b) - reach), last);
-        high[axis] = (int)inner_clamp(ceil(fmax(a, b) + reach), last);
+        low[axis] = (int)cts_clamp(floor(fmin(a, b) - reach), 0, last);
+        high[axis] = (int)cts_clamp(ceil(fmax(a, b) + reach), 0, last);
     }
     double least = outside ? 0 : UINT16_MAX, most = 0;
     for (int k = low[2]; k <= high[2]; k++)

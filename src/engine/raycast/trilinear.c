@@ -1,5 +1,6 @@
 /* The trilinear field, cell by cell along the ray, without macro-cells, so as to be independent of the engines that it
  * validates. */
+#include "base/clamp.h"
 #include "base/mutation.h"
 #include "core/model/macrocells.h"
 #include "core/model/voxel_labels.h"
@@ -47,11 +48,6 @@ static CtsRange load_cell(const Trilinear *t, const int cell[3], uint16_t corner
     return r;
 }
 
-static double clamp(double x, double low, double high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
 /* When the ray leaves box low..high (voxel coordinates) at the latest end of the ray. */
 static double leave_box_mm(const CtsRay *ray, const int low[3], const int high[3])
 {
@@ -75,7 +71,7 @@ static void find_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int ce
         double at = floor(p);
         if (fabs(p - near) < 1e-9)
             at = ray->step_vox[axis] < 0 ? near - 1 : near;
-        cell[axis] = (int)clamp(at, 0, t->n_cells[axis] - 1);
+        cell[axis] = (int)cts_clamp(at, 0, t->n_cells[axis] - 1);
     }
 }
 
@@ -99,8 +95,8 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment
             corner[m] = hu_of_grey(t, grey[m]);
         for (int axis = 0; axis < 3; axis++) {
             const double p = ray->start_vox[axis] - walk->cell[axis];
-            walk->from[axis] = clamp(p + t0 * ray->step_vox[axis], 0, 1);
-            walk->to[axis] = clamp(p + t1 * ray->step_vox[axis], 0, 1);
+            walk->from[axis] = cts_clamp(p + t0 * ray->step_vox[axis], 0, 1);
+            walk->to[axis] = cts_clamp(p + t1 * ray->step_vox[axis], 0, 1);
         }
         segment->t0_mm = t0;
         segment->t1_mm = t1;

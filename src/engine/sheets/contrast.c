@@ -48,10 +48,10 @@ static Extent visible_extent(const SheetsPatch *p, int y, Extent e)
 {
     enum { STEP = 16 };
     const float *const row = p->rgba + 4 * (size_t)p->width * (size_t)y;
-    while (e.from < e.to && !any_visible(row + 4 * (size_t)e.from, sheets_at_most(STEP, e.to - e.from)))
+    while (e.from < e.to && !any_visible(row + 4 * (size_t)e.from, cts_smaller_int(STEP, e.to - e.from)))
         e.from += STEP;
     while (e.from < e.to &&
-           !any_visible(row + 4 * (size_t)sheets_at_least(e.to - STEP, e.from), sheets_at_most(STEP, e.to - e.from)))
+           !any_visible(row + 4 * (size_t)cts_larger_int(e.to - STEP, e.from), cts_smaller_int(STEP, e.to - e.from)))
         e.to -= STEP;
     return e.from < e.to ? e : (Extent){p->width, 0};
 }
@@ -62,10 +62,10 @@ static void add_row_contrast(const float *const row[3], int from, int to, int wi
 {
     ChannelRange left = column(row, from > 0 ? from - 1 : 0), middle = column(row, from);
     for (int x = from; x < to; x += 4) {
-        const int n = sheets_at_most(4, to - x);
+        const int n = cts_smaller_int(4, to - x);
         f32x4 spread[4] = {{0}};
         for (int i = 0; i < n; i++) {
-            const ChannelRange right = column(row, sheets_at_most(x + i + 1, width - 1)),
+            const ChannelRange right = column(row, cts_smaller_int(x + i + 1, width - 1)),
                                all = join(join(left, middle), right);
             const f32x4 here = range_at(row[1], x + i).low;
             spread[i] = f32x4_max(all.high - here, here - all.low);
@@ -83,18 +83,18 @@ static void add_row_contrast(const float *const row[3], int from, int to, int wi
 void cts_sheets_add_contrast(const SheetsPatch *p, int x0, int x1, int y0, int y1)
 {
     const size_t width = (size_t)p->width;
-    const Extent all = {sheets_at_least(x0 - 1, 0), sheets_at_most(x1 + 1, p->width)}, none = {p->width, 0};
+    const Extent all = {cts_larger_int(x0 - 1, 0), cts_smaller_int(x1 + 1, p->width)}, none = {p->width, 0};
     Extent above, here = none, below = visible_extent(p, y0, all);
     for (int y = y0; y < y1 && !CTS_MUTATED(INDICATOR_CONTRAST); y++) {
         above = here;
         here = below;
         below = y + 1 < y1 ? visible_extent(p, y + 1, all) : none;
-        const int from = sheets_at_most(sheets_at_most(above.from, below.from), here.from),
-                  to = sheets_at_least(sheets_at_least(above.to, below.to), here.to);
+        const int from = cts_smaller_int(cts_smaller_int(above.from, below.from), here.from),
+                  to = cts_larger_int(cts_larger_int(above.to, below.to), here.to);
         const float *const row = p->rgba + 4 * width * (size_t)y;
         if (from < to)
             add_row_contrast(
                 (const float *const[]){y > y0 ? row - 4 * width : row, row, y + 1 < y1 ? row + 4 * width : row},
-                sheets_at_least(from - 1, x0), sheets_at_most(to + 1, x1), p->width, p->indicator + width * (size_t)y);
+                cts_larger_int(from - 1, x0), cts_smaller_int(to + 1, x1), p->width, p->indicator + width * (size_t)y);
     }
 }

@@ -23,7 +23,7 @@ static int lattice_points(int n)
 
 static float largest_channel(f32x4 rgba)
 {
-    return sheets_larger(sheets_larger(rgba[0], rgba[1]), sheets_larger(rgba[2], rgba[3]));
+    return cts_larger_float(cts_larger_float(rgba[0], rgba[1]), cts_larger_float(rgba[2], rgba[3]));
 }
 
 /* The largest range of a channel. */
@@ -213,7 +213,8 @@ bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, in
     bool any = false;
     for (int j = 0; j < 3; j++)
         for (int i = 0; i < 3; i++) {
-            const int x = sheets_at_most(x0 / 2 + i, from->width - 1), y = sheets_at_most(y0 / 2 + j, from->height - 1);
+            const int x = cts_smaller_int(x0 / 2 + i, from->width - 1),
+                      y = cts_smaller_int(y0 / 2 + j, from->height - 1);
             const size_t at = (size_t)y * (size_t)from->width + (size_t)x;
             corner[3 * j + i] = *(const f32x4 *)(from->rgba + 4 * at);
             any |= corner[3 * j + i][3] > SEEN_FROM;

@@ -2,6 +2,7 @@
  * are interpolated, unless these differ by so much that the group of pixels is marched. */
 #pragma once
 
+#include "base/compare.h"
 #include "base/simd_fixed.h"
 #include "engine/sheets/sheets.h"
 
@@ -16,21 +17,6 @@ typedef struct SheetsPatch {
         *depth_mm; /* from the plane through the view's centre, SHEETS_FAR where nothing is visible; NULL: not wanted */
 } SheetsPatch;
 #define SHEETS_FAR 1e30F
-
-static inline int sheets_at_most(int n, int most)
-{
-    return n < most ? n : most;
-}
-
-static inline int sheets_at_least(int n, int least)
-{
-    return n > least ? n : least;
-}
-
-static inline float sheets_larger(float a, float b)
-{
-    return a > b ? a : b;
-}
 
 /* The largest channel of each of four pixels: they are transposed, half by half. */
 static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)

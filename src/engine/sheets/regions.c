@@ -122,8 +122,8 @@ static void run_tile(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, in
 
 static void run_region(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
 {
-    const int i1 = sheets_at_most(i0 + SHEETS_REGION, patch->width),
-              j1 = sheets_at_most(j0 + SHEETS_REGION, patch->height);
+    const int i1 = cts_smaller_int(i0 + SHEETS_REGION, patch->width),
+              j1 = cts_smaller_int(j0 + SHEETS_REGION, patch->height);
     if (!find_visible(p, patch, i0, j0, SHEETS_REGION, SHEETS_REGION, NULL, w->region)) {
         const int tiles =
             (i1 - i0 + SHEETS_TILE_X - 1) / SHEETS_TILE_X * ((j1 - j0 + SHEETS_TILE_Y - 1) / SHEETS_TILE_Y);
@@ -161,8 +161,8 @@ static void finish_region(const Picturing *p, int i, int j)
     const SheetsPatch *const to = &p->pixels;
     const int across = regions_along(to->width), x0 = i * SHEETS_REGION, y0 = j * SHEETS_REGION;
     if (i >= 0 && i < across && atomic_fetch_sub(&p->regions_left[j * across + i], 1) == 1)
-        cts_sheets_add_contrast(to, x0, sheets_at_most(x0 + SHEETS_REGION, to->width), y0,
-                                sheets_at_most(y0 + SHEETS_REGION, to->height));
+        cts_sheets_add_contrast(to, x0, cts_smaller_int(x0 + SHEETS_REGION, to->width), y0,
+                                cts_smaller_int(y0 + SHEETS_REGION, to->height));
 }
 
 static void run_pixels(void *context, int worker, size_t first, size_t end)

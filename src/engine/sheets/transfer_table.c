@@ -1,5 +1,6 @@
 #include "engine/sheets/sheets.h"
 
+#include "base/clamp.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
@@ -11,11 +12,6 @@ enum { COARSE = 64 };
 /* Metal lies far above the range that presets resolve; levels up to it would be too coarse elsewhere. */
 #define HU_ABOVE 4096.0
 
-static double in_range(double x, double low, double high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
 static void init_levels(SheetsLevels *l, const CtsScene *scene, int largest_grey)
 {
     const CtsLut *const lut = scene->lut;
@@ -24,9 +20,9 @@ static void init_levels(SheetsLevels *l, const CtsScene *scene, int largest_grey
         l->grey_low = -1;
     if (cts_lut_visible(lut, CTS_N_GREY - 1, CTS_N_GREY - 1))
         l->grey_high = CTS_N_GREY;
-    const double top = in_range(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
+    const double top = cts_clamp(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
     const double bottom = fmax(l->grey_low, 0);
-    const double end = in_range(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step);
+    const double end = cts_clamp(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step);
     /* A fine level a grey level is enough; the coarse ones share what is left. Below a wide visible range they would be
      * the finer ones: then all are of one width. */
     double n_fine = fmin(top - bottom, SHEETS_LEVELS - 1 - COARSE);
@@ -142,7 +138,7 @@ CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int
             mean[0] = extinction > 0 ? (float)extinction : 0;
             for (int c = 1; c < 4; c++)
                 mean[c] =
-                    extinction > 0 ? (float)in_range((at_level[j][c] - at_level[i][c]) / width / extinction, 0, 1) : 0;
+                    extinction > 0 ? (float)cts_clamp((at_level[j][c] - at_level[i][c]) / width / extinction, 0, 1) : 0;
         }
 end:
     cts_free(&in.to);

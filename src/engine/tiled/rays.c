@@ -1,20 +1,11 @@
 #include "engine/tiled/tiled_march.h"
 
+#include "base/compare.h"
 #include "base/mutation.h"
 #include <math.h>
 
 /* Rays that miss a face by rounding are still in the box. */
 #define SLACK_VOX 1e-9
-
-static inline double smaller_of(double a, double b)
-{
-    return a < b ? a : b;
-}
-
-static inline double larger_of(double a, double b)
-{
-    return a > b ? a : b;
-}
 
 void cts_tiled_add_ray(const TiledJob *j, TiledRays *rays, int x, int y, double from)
 {
@@ -28,10 +19,10 @@ void cts_tiled_add_ray(const TiledJob *j, TiledRays *rays, int x, int y, double 
             continue;
         }
         const double p = -start[a] / step, q = (last - start[a]) / step;
-        from = larger_of(from, smaller_of(p, q));
-        to = smaller_of(to, larger_of(p, q));
+        from = cts_larger_double(from, cts_smaller_double(p, q));
+        to = cts_smaller_double(to, cts_larger_double(p, q));
     }
-    from = larger_of(from, j->view.near_mm) + CTS_MUTATED(START_LATE);
+    from = cts_larger_double(from, j->view.near_mm) + CTS_MUTATED(START_LATE);
     to -= CTS_MUTATED(LAST_PIECE);
     if (!(from < to))
         return;
@@ -41,7 +32,7 @@ void cts_tiled_add_ray(const TiledJob *j, TiledRays *rays, int x, int y, double 
     rays->start_mm[i] = from;
     rays->length_mm[i] = to - from;
     for (int a = 0; a < 3; a++)
-        rays->start_vox[a][i] = smaller_of(larger_of(start[a] + from * j->step[a], 0), j->dims[a] - 1);
+        rays->start_vox[a][i] = cts_smaller_double(cts_larger_double(start[a] + from * j->step[a], 0), j->dims[a] - 1);
 }
 
 /* Rays that lie between low and high at 0 mm. */
@@ -67,36 +58,36 @@ static double invisible_mm(const TiledJob *j, const Beam *b, double at)
     double leave = INFINITY;
     for (int a = 0; a < 3; a++) {
         const double middle = (b->low[a] + b->high[a]) / 2 + at * j->step[a];
-        block[a] = (int)smaller_of(larger_of(middle, 0), j->n_cells[a] - 1) / TILED_BLOCK;
+        block[a] = (int)cts_smaller_double(cts_larger_double(middle, 0), j->n_cells[a] - 1) / TILED_BLOCK;
     }
     const size_t row = (size_t)block[2] * (size_t)j->mask.n[1] + (size_t)block[1];
     const uint32_t away = j->mask.words[2 * (row * (size_t)j->mask.n[0] + (size_t)block[0])];
     if (away == 0 || away > TILED_FAR)
         return at;
     for (int a = 0; a < 3; a++)
-        leave = smaller_of(leave, leave_mm(j, b, a, block[a] - (int)away + 1, block[a] + (int)away - 1, at));
+        leave = cts_smaller_double(leave, leave_mm(j, b, a, block[a] - (int)away + 1, block[a] + (int)away - 1, at));
     return leave;
 }
 
 double cts_tiled_reach_mm(const TiledJob *j, const int x[2], const int y[2], double from)
 {
     Beam b = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-    double at = larger_of(from, j->view.near_mm), end = j->view.far_mm, fastest = 0;
+    double at = cts_larger_double(from, j->view.near_mm), end = j->view.far_mm, fastest = 0;
     for (int i = 0; i < 4; i++) {
         double start[3];
         cts_view_ray(&j->view, x[i & 1], y[i >> 1], start);
         for (int a = 0; a < 3; a++) {
-            b.low[a] = smaller_of(b.low[a], start[a]);
-            b.high[a] = larger_of(b.high[a], start[a]);
+            b.low[a] = cts_smaller_double(b.low[a], start[a]);
+            b.high[a] = cts_larger_double(b.high[a], start[a]);
         }
     }
     for (int a = 0; a < 3; a++) {
         const double step = j->step[a], last = j->dims[a] - 1;
         if (step == 0)
             continue;
-        at = larger_of(at, (step > 0 ? -b.high[a] : last - b.low[a]) / step);
-        end = smaller_of(end, (step > 0 ? last - b.low[a] : -b.high[a]) / step);
-        fastest = larger_of(fastest, fabs(step));
+        at = cts_larger_double(at, (step > 0 ? -b.high[a] : last - b.low[a]) / step);
+        end = cts_smaller_double(end, (step > 0 ? last - b.low[a] : -b.high[a]) / step);
+        fastest = cts_larger_double(fastest, fabs(step));
     }
     const double slack_mm = 1e-3 / fastest;
     while (at < end) {

@@ -3,6 +3,7 @@
  * accurate enough. The randomly sampled pixels estimate the error of interpolated ones. */
 #include "engine/tiled/tiles.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/random.h"
@@ -32,11 +33,6 @@ typedef struct Tile {
     uint8_t known[TILE][TILE];
     double reach_mm[TILE / PART][TILE / PART]; /* of its parts: distance at which their rays may begin */
 } Tile;
-
-static int at_most(int n, int most)
-{
-    return n < most ? n : most;
-}
 
 static size_t index_of_pixel(const Tile *t, int x, int y)
 {
@@ -110,8 +106,8 @@ static PixelBlock block_of(const Tile *t, int number)
     const uint64_t bits =
         cts_random_bits((uint64_t)(t->tiles->picture->first_row + t->y0 + s.y[0]) << 32 | (uint64_t)(t->x0 + s.x[0]));
     const int sample = 1 + (int)((bits >> 32) * OTHERS >> 32);
-    s.sample[0] = at_most(s.x[0] + sample % BLOCK, s.x[1]);
-    s.sample[1] = at_most(s.y[0] + sample / BLOCK, s.y[1]);
+    s.sample[0] = cts_smaller_int(s.x[0] + sample % BLOCK, s.x[1]);
+    s.sample[1] = cts_smaller_int(s.y[0] + sample / BLOCK, s.y[1]);
     return s;
 }
 
@@ -350,7 +346,7 @@ static void run_some_tiles(void *context, int worker, size_t first, size_t end)
                   &tiles->scratch[worker],
                   x0,
                   y0,
-                  {at_most(p->width - x0, TILE), at_most(p->height - y0, TILE)},
+                  {cts_smaller_int(p->width - x0, TILE), cts_smaller_int(p->height - y0, TILE)},
                   {{false}},
                   {{0}}};
         find_reach(&t);

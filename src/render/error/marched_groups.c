@@ -1,16 +1,12 @@
 #include "render/error/marched_groups.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 _Static_assert(CTS_BAND_ROWS % CTS_GROUP_SIDE == 0, "a strip is whole groups, or the picture would depend on bands");
-
-static int smaller(int a, int b)
-{
-    return a < b ? a : b;
-}
 
 static int by_group(const void *a, const void *b)
 {
@@ -37,8 +33,8 @@ float cts_group_threshold(CtsGroupSample *samples, size_t n, cts_group_accept_fn
 float cts_group_indicator(const float *indicator, const uint8_t *origin, int width, int height, int x, int y)
 {
     float largest = 0;
-    for (int j = y; j < smaller(y + CTS_GROUP_SIDE, height); j++)
-        for (int i = x; i < smaller(x + CTS_GROUP_SIDE, width); i++) {
+    for (int j = y; j < cts_smaller_int(y + CTS_GROUP_SIDE, height); j++)
+        for (int i = x; i < cts_smaller_int(x + CTS_GROUP_SIDE, width); i++) {
             const size_t at = (size_t)j * (size_t)width + (size_t)i;
             if (!origin || origin[at] == CTS_PIXEL_RENDERED)
                 largest = fmaxf(largest, indicator[at]);
@@ -53,8 +49,8 @@ size_t cts_list_groups(const CtsPicture *band, const CtsErrorMap *errors, int y0
         for (int x = 0; x < band->width; x += CTS_GROUP_SIDE) {
             if (cts_group_indicator(errors->indicator, errors->origin, band->width, y1, x, y) <= from)
                 continue;
-            for (int j = y; j < smaller(y + CTS_GROUP_SIDE, y1); j++)
-                for (int i = x; i < smaller(x + CTS_GROUP_SIDE, band->width); i++) {
+            for (int j = y; j < cts_smaller_int(y + CTS_GROUP_SIDE, y1); j++)
+                for (int i = x; i < cts_smaller_int(x + CTS_GROUP_SIDE, band->width); i++) {
                     const size_t at = (size_t)j * (size_t)band->width + (size_t)i;
                     if (errors->origin[at] == CTS_PIXEL_RENDERED)
                         place[n++] = (uint32_t)at;
