@@ -1,5 +1,6 @@
 #include "app/batch/batch_plan.h"
 
+#include "base/bytes.h"
 #include "base/mem.h"
 #include "base/text.h"
 #include "ctsplat/label_files.h"
@@ -100,19 +101,10 @@ static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
     return CTS_OK;
 }
 
-/* FNV-1a hash that distinguishes texts within one run. */
-static uint64_t text_key(const char *text, size_t n)
-{
-    uint64_t key = UINT64_C(14695981039346656037);
-    for (size_t i = 0; i < n; i++)
-        key = (key ^ (unsigned char)text[i]) * UINT64_C(1099511628211);
-    return key;
-}
-
 static uint64_t folder_key(const char *path)
 {
     const char *const slash = strrchr(path, '/');
-    return text_key(path, slash ? (size_t)(slash - path) : 0);
+    return cts_fnv(CTS_FNV, path, slash ? (size_t)(slash - path) : 0);
 }
 
 /* Files without a series UID form a series per folder; a single one is a series of its own. */
@@ -181,7 +173,7 @@ static CtsStatus add_home(CtsBatchPlan *p, Home home, CtsError *err)
 static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
 {
     SingleFile *const last = p->n_singles ? &p->singles[p->n_singles - 1] : NULL;
-    const uint64_t sop = text_key(file->sop_uid, strlen(file->sop_uid));
+    const uint64_t sop = cts_fnv(CTS_FNV, file->sop_uid, strlen(file->sop_uid));
     if (last && last->series == key) {
         if (last->sop != sop)
             last->offset = SEVERAL;
@@ -191,7 +183,7 @@ static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const c
     if (st)
         return st;
     const char *const study = file->study_uid ? file->study_uid : "";
-    SingleFile single = {text_key(study, strlen(study)), key, sop, SEVERAL};
+    SingleFile single = {cts_fnv(CTS_FNV, study, strlen(study)), key, sop, SEVERAL};
     if (file->place && study[0] && file->series_uid[0]) {
         PlaceRecord record = {.place = *file->place};
         snprintf(record.series_uid, sizeof record.series_uid, "%s", name);

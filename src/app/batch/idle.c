@@ -1,6 +1,7 @@
 #include "app/batch/idle.h"
 
 #include "app/batch/journal.h"
+#include "base/bytes.h"
 #include "base/file.h"
 #include "output/export/sc_texts.h"
 #include <dirent.h>
@@ -23,9 +24,7 @@ static uint64_t hash_word(uint64_t hash, uint64_t word)
 
 static uint64_t hash_text_from(uint64_t hash, const char *text)
 {
-    while (*text)
-        hash = (hash ^ (unsigned char)*text++) * UINT64_C(1099511628211);
-    return hash_word(hash, 0);
+    return hash_word(cts_fnv(hash, text, strlen(text)), 0);
 }
 
 static uint64_t hash_stat(uint64_t hash, const struct stat *info)

@@ -1,6 +1,7 @@
 /* Copies of slices: the same voxels twice, as the files have them or in another encoding. */
 #include "input/series/series_check.h"
 
+#include "base/bytes.h"
 #include "base/file_bytes.h"
 #include "base/mem.h"
 #include "base/sandbox.h"
@@ -46,16 +47,13 @@ end:
 static uint64_t sample_of(const CtsSlice *s)
 {
     uint8_t bytes[4096];
-    uint64_t hash = 14695981039346656037u; /* FNV-1a */
     CtsFileBytes file = {.fd = -1};
     const bool whole = !s->syntax || s->syntax->deflated;
     const uint64_t size = whole ? s->file_bytes : s->pixel_bytes;
     const size_t n = size < sizeof bytes ? (size_t)size : sizeof bytes;
     const uint64_t offset = (whole ? 0 : s->pixel_offset) + (size - n) / 2;
-    if (cts_slice_open(s, &file, NULL) || cts_file_bytes_read(&file, bytes, n, offset, NULL))
-        hash = 0;
-    for (size_t i = 0; hash && i < n; i++)
-        hash = (hash ^ bytes[i]) * 1099511628211u;
+    const bool read = !cts_slice_open(s, &file, NULL) && !cts_file_bytes_read(&file, bytes, n, offset, NULL);
+    const uint64_t hash = read ? cts_fnv(CTS_FNV, bytes, n) : 0;
     cts_file_bytes_close(&file);
     return hash;
 }

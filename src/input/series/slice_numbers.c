@@ -1,9 +1,11 @@
 #include "input/series/series_check.h"
 
+#include "base/bytes.h"
 #include "base/mem.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end)
 {
@@ -37,12 +39,7 @@ bool cts_slice_set_each_in_order(const CtsSliceSet *set)
 /* FNV-1a of the UID, then the number. */
 static uint64_t key_of(const char *study_uid, int number)
 {
-    uint64_t key = UINT64_C(14695981039346656037);
-    for (const char *c = study_uid; *c; c++)
-        key = (key ^ (unsigned char)*c) * UINT64_C(1099511628211);
-    for (int byte = 0; byte < 4; byte++)
-        key = (key ^ ((unsigned)number >> 8 * byte & 0xFF)) * UINT64_C(1099511628211);
-    return key;
+    return cts_fnv(cts_fnv(CTS_FNV, study_uid, strlen(study_uid)), &number, sizeof number);
 }
 
 static int by_key(const void *a, const void *b)
