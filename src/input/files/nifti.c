@@ -95,7 +95,8 @@ static CtsStatus read_nifti_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsErro
             memcpy(bytes, f->part, m);
             bytes += m;
         }
-        f->part += m;
+        if (m)
+            f->part += m;
         f->n_part -= m;
         n -= m;
         const CtsStatus st = n > 0 ? unpack_part(f, err) : CTS_OK;
