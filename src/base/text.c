@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 /* 0 when it is no character: PS3.5 has no use for overlong forms either. */
 static size_t utf8_length(const unsigned char *p, size_t n, unsigned *code)
@@ -57,6 +58,18 @@ bool cts_text_rgb(const char *text, double rgb[3])
     for (int c = 0; c < 3; c++)
         rgb[c] = (double)strtoul((const char[]){text[1 + 2 * c], text[2 + 2 * c], 0}, NULL, 16) / 255;
     return true;
+}
+
+bool cts_text_lists(const char *list, const char *word)
+{
+    const size_t n = strlen(word);
+    for (; *list; list += strspn(list, ",")) {
+        const size_t length = strcspn(list, ",");
+        if (length == n && !strncasecmp(list, word, n))
+            return true;
+        list += length;
+    }
+    return false;
 }
 
 bool cts_uid_is_valid(const char *uid)

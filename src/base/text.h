@@ -14,6 +14,9 @@ size_t cts_text_step(const char *p, size_t n, bool *safe);
 /* Replaces unsafe characters by question marks. */
 void cts_text_clean(char *text);
 
+/* True if a list with commas holds the word, in any case of its letters. */
+bool cts_text_lists(const char *list, const char *word);
+
 /* True for a valid UID (PS3.5 9.1), tolerating leading zeros: 1 to 64 digits and single dots between them. */
 bool cts_uid_is_valid(const char *uid);
 

@@ -73,7 +73,8 @@ def send(port, called, paths, aet='CT1', *words):
 
 def records(out):
     with open(out + '/batch.jsonl') as f:
-        return {r['series_uid']: r for r in map(json.loads, f)}
+        # The captures that came back are images without a volume.
+        return {r['series_uid']: r for r in map(json.loads, f) if r['status'] != 'thumbnail'}
 
 
 def captures(out):

@@ -241,9 +241,11 @@ bool cts_journal_record_is_settled(const CtsBatchSettings *s, const json_t *reco
     char hex[65];
     if (strcmp(cts_json_text_of(record, "input_sha256"), input_sha256))
         return false;
-    /* Before version 0.5.0 series without a volume were skipped. */
+    /* Before version 0.5.0 series without a volume were skipped. Those of a modality left out (exit code 3) may be
+     * wanted now. */
     if (!strcmp(status, "skipped"))
-        return !json_is_true(json_object_get(json_object_get(record, "geometry"), "passed"));
+        return json_integer_value(json_object_get(record, "exit_code")) != 3 &&
+               !json_is_true(json_object_get(json_object_get(record, "geometry"), "passed"));
     if (!strcmp(status, "thumbnail"))
         return image_is_up_to_date(s, record);
     /* Unreadable files may be readable now; geometry and pixels do not change. */

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/stage_timer.h"
+#include "base/text.h"
 #include "output/report/log.h"
 #include <limits.h>
 #include <math.h>
@@ -330,6 +331,12 @@ static CtsStatus render_series(Work *w)
     CtsStatus st = cts_worker_begin_series(w->worker_process, w->loaded.series, &err);
     if (!st)
         st = list_label_files(w, &err);
+    const char *const modalities = cts_options_given(o, "modality");
+    if (!st && modalities && !cts_text_lists(modalities, w->loaded.series->modality)) {
+        w->worker_process->skipped = true;
+        st = cts_fail(&err, CTS_ERR_NO_SERIES, "is of modality %s, and not of %s", w->loaded.series->modality,
+                      modalities);
+    }
     const bool is_shown = !st && cts_worker_shows_image(w->worker_process);
     if (is_shown)
         st = draw_image(w, &err);

@@ -68,7 +68,8 @@ bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t si
     for (; n && *p == ' '; n--)
         p++;
     n = n < size ? n : size - 1;
-    memcpy(text, p, n);
+    if (n)
+        memcpy(text, p, n);
     text[n] = 0;
     return n > 0;
 }

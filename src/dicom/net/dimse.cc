@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -124,17 +125,27 @@ void fill_query(DcmDataset &query, const CtsRequest &request, const char *series
     query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
 }
 
-/* The study's CT series by C-FIND, or the requested one: a whole study contains objects that are not needed, and some
- * peers fail to send them. A peer without an answer may have the series nevertheless. */
+/* True for a modality of volumes, and where the peer does not say. */
+bool may_be_volume(const CtsFoundSeries &series)
+{
+    bool may = !series.modality[0];
+    for (const char *name : cts_modality_names)
+        may |= !std::strcmp(series.modality, name);
+    return may;
+}
+
+/* The study's CT, MR and PET series by C-FIND, or the requested one: a whole study contains objects that are not
+ * needed, and some peers fail to send them. A peer without an answer may have the series nevertheless. */
 std::vector<CtsFoundSeries> find_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request)
 {
     CtsFound found = {};
     CtsSeriesQuery query = {};
     query.study_uid = request.study_uid;
     query.series_uid = request.series_uid;
-    query.modality = request.series_uid ? nullptr : "CT";
     cts_search_study(&query, &net, cts_dimse_search, &scu, &found, nullptr);
-    std::vector<CtsFoundSeries> series(found.items, found.items + found.n);
+    std::vector<CtsFoundSeries> series;
+    std::copy_if(found.items, found.items + found.n, std::back_inserter(series),
+                 [&](const CtsFoundSeries &one) { return request.series_uid || may_be_volume(one); });
     cts_found_free(&found);
     if (request.series_uid && series.empty()) {
         series.emplace_back();

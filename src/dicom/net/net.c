@@ -1,6 +1,7 @@
 #include "dicom/net/peer.h"
 
 #include "base/mem.h"
+#include "base/text.h"
 #include "dicom/header/dcm_read.h"
 #include "dicom/header/header_reader.h"
 #include "dicom/net/answers.h"
@@ -262,6 +263,16 @@ static CtsStatus check_query(const CtsSeriesQuery *q, CtsError *err)
     return st;
 }
 
+/* Keeps the series of a list of modalities, for which a peer has no key. */
+static void keep_modalities(CtsFound *found, const char *list)
+{
+    int n = 0;
+    for (int i = 0; i < found->n; i++)
+        if (!found->items[i].modality[0] || cts_text_lists(list, found->items[i].modality))
+            found->items[n++] = found->items[i];
+    found->n = n;
+}
+
 CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeriesQuery *query, CtsFound *found,
                        CtsError *err)
 {
@@ -270,6 +281,10 @@ CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeries
     *found = (CtsFound){0};
     if ((st = cts_net_check(peer, given, err)) || (st = check_query(query, err)))
         return st;
-    st = cts_protocol_program.find(peer, &net, query, found, err);
+    CtsSeriesQuery asked = *query;
+    if (query->modality && strchr(query->modality, ','))
+        asked.modality = NULL;
+    if (!(st = cts_protocol_program.find(peer, &net, &asked, found, err)) && asked.modality != query->modality)
+        keep_modalities(found, query->modality);
     return cts_net_stopped(&net) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : st;
 }
