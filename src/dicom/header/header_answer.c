@@ -50,6 +50,8 @@ static const Field fields[] = {
     {FIELD(pet.is_suvbw), FLAG, 6, 0, 1}, /* and those after it, up to is_reprojection */
     {FIELD(pet.value), REAL_OR_NAN, CTS_PET_N_VALUES, -INFINITY, INFINITY},
     {FIELD(localizer), FLAG, 1, 0, 1},
+    {FIELD(contrast), FLAG, 1, 0, 1},
+    {FIELD(image_type), TEXT, 1, 0, 64},
     {FIELD(page), FLAG, 1, 0, 1},
     {FIELD(frame), INTEGER, 1, 0, CTS_MAX_FRAMES - 1},
     {FIELD(n_frames), INTEGER, 1, 0, CTS_MAX_FRAMES},

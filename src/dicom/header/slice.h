@@ -104,10 +104,12 @@ typedef struct CtsSlice {
     double volume_number[CTS_N_VOLUME_NUMBERS];
     const char *volume_word[CTS_N_VOLUME_WORDS];
     CtsPet pet;
-    bool localizer;       /* a scout */
-    bool page;            /* a dose report or the like: never had a place in a patient */
-    int frame, n_frames;  /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
-    const char *stack_id; /* (0020,9056), of a frame; at most 16 characters */
+    bool localizer;         /* a scout */
+    bool contrast;          /* (0018,0010) or (0018,0012) names a contrast agent */
+    const char *image_type; /* (0008,0008), at most 64 characters; "" where missing */
+    bool page;              /* a dose report or the like: never had a place in a patient */
+    int frame, n_frames;    /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
+    const char *stack_id;   /* (0020,9056), of a frame; at most 16 characters */
     /* For a frame whose object is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
     const char *concatenation; /* (0020,9161); "" where missing */
     int part_number, n_parts;  /* (0020,9162), from 1, and (0020,9163); 0 where missing */

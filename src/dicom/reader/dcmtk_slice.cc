@@ -217,7 +217,10 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     s->kvp = positive_number(item, DCM_KVP);
     s->trigger_ms = positive_number(item, DCM_TriggerTime);
     s->thickness_mm = positive_number(item, DCM_SliceThickness);
-    const std::string_view image_type = cts_attribute_text(item, DCM_ImageType);
+    s->contrast = !cts_attribute_text(item, DCM_ContrastBolusAgent).empty() ||
+                  cts_attribute_has(item, DCM_ContrastBolusAgentSequence);
+    const std::string_view image_type = s->image_type =
+        cts_dcm_share(texts, cts_attribute_text(item, DCM_ImageType), 64);
     for (int i = 2; i < 8; i++)
         s->localizer |= cts_text_value(image_type, i) == "LOCALIZER";
     if (s->modality_id == CTS_MODALITY_CT && names_quantity(image_type))

@@ -27,5 +27,13 @@ void cts_series_describe(CtsSeries *series)
         add_trait(series, "%.3g mm thick", middle->thickness_mm);
     if (middle->kernel && middle->kernel[0])
         add_trait(series, "kernel %.32s", middle->kernel);
+    if (middle->contrast)
+        add_trait(series, "contrast agent");
+    /* The first two values say ORIGINAL or DERIVED, PRIMARY or SECONDARY. */
+    const char *type = middle->image_type;
+    for (int i = 0; type && i < 2; i++)
+        type = strchr(type, '\\') ? strchr(type, '\\') + 1 : NULL;
+    if (type && *type)
+        add_trait(series, "%.32s", type);
     cts_text_clean(series->traits);
 }
