@@ -112,8 +112,10 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class, CtsModali
         return CTS_OBJECT_DIRECTORY;
     if (std::find(std::begin(label_classes), std::end(label_classes), sop_class) != std::end(label_classes))
         return CTS_OBJECT_LABELS;
-    const bool is_image = sop_class != UID_RTDoseStorage && cts_attribute_has(item, DCM_PhotometricInterpretation) &&
-                          cts_attribute_has(item, DCM_Rows);
+    /* This program's own captures, which come back from a PACS, are pictures of a series that is there. */
+    const bool is_image = sop_class != UID_RTDoseStorage &&
+                          cts_attribute_text(item, DCM_ManufacturerModelName) != "ctsplat" &&
+                          cts_attribute_has(item, DCM_PhotometricInterpretation) && cts_attribute_has(item, DCM_Rows);
     const CtsObjectKind other = is_image ? CTS_OBJECT_IMAGE : CTS_OBJECT_OTHER;
     if (!sop_class.empty() || !cts_attribute_has(item, DCM_ImagePositionPatient))
         return other;
