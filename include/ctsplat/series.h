@@ -54,8 +54,7 @@ typedef struct CtsSeries {
     char *description;    /* (0008,103E), UTF-8, may identify the patient: print only when requested */
     char transfer_syntax[65];
     char orientation[16]; /* axial, coronal, sagittal or oblique */
-    char traits[160]; /* what distinguishes it without naming the patient: size, spacing, thickness, kernel, contrast
-                         agent, image type */
+    char traits[160];     /* size, spacing, thickness, kernel, contrast agent and image type; not the patient */
     int n_slices, columns, rows;
     /* column, row, slice (along the slice normal, the median where it varies; 0: fewer than two positions) */
     double spacing_mm[3];

@@ -430,7 +430,7 @@ static int decode_without_seccomp(void)
     seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1, SCMP_A0(SCMP_CMP_EQ, PR_SET_SECCOMP, 0));
     if (seccomp_load(filter))
         return 77;
-    for (int i = 0; i < 50; i++) /* whether the process ends before or after it is sent the stream */
+    for (int i = 0; i < 50; i++) /* the process may end before or after it is sent the stream */
         if (!is_refused(&d, "CTSPLAT_NO_SANDBOX=1"))
             return 1;
     setenv(CTS_ISOLATION_WAIVED, "1", 1);

@@ -76,7 +76,8 @@ CtsStatus cts_web_open(CtsWeb *web, const CtsPeer *peer, const CtsNet *net, cons
     curl_easy_setopt(c, CURLOPT_LOW_SPEED_LIMIT, 1L); /* silence for so long ends a transfer */
     curl_easy_setopt(c, CURLOPT_LOW_SPEED_TIME, (long)net->timeout_s);
     curl_easy_setopt(c, CURLOPT_USERAGENT, "ctsplat/" CTS_VERSION);
-    curl_easy_setopt(c, CURLOPT_ACCEPT_ENCODING, "identity"); /* what a peer compresses nevertheless is decoded */
+    /* Curl decodes an answer that is compressed all the same. */
+    curl_easy_setopt(c, CURLOPT_ACCEPT_ENCODING, "identity");
     curl_easy_setopt(c, CURLOPT_NOPROGRESS, 0L);
     curl_easy_setopt(c, CURLOPT_XFERINFOFUNCTION, stop_transfer);
     curl_easy_setopt(c, CURLOPT_XFERINFODATA, web);
