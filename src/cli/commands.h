@@ -12,14 +12,16 @@ typedef struct CliCommand {
     const char *summary; /* one line */
     int min_operands, max_operands;
     const char *operand; /* name of an operand in messages */
-    CliRun *run;
+    CliRun *run; /* NULL: in the program ctsplat-NAME of libexec */
 } CliCommand;
 
 /* In the order of CTS_FOR_INFO...; CTS_FOR_JOB is not a command. */
 enum { CLI_N_COMMANDS = CTS_FOR_JOB };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
-CliRun cli_batch, cli_bench, cli_check, cli_info, cli_render, cli_compare, cli_presets, cli_serve;
+CliRun cli_batch, cli_bench, cli_check, cli_info, cli_render, cli_compare, cli_presets;
+/* The program ctsplat-serve of libexec has the same files as ctsplat, and this command; in ctsplat it is NULL. */
+CliRun cli_serve __attribute__((weak));
 
 /* argv[0] is the command's name. */
 CtsStatus cli_arguments(CtsOptions *options, int command, int argc, const char *const *argv, CtsError *err);

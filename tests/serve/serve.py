@@ -5,6 +5,7 @@ import json
 import os
 import random
 import shutil
+import signal
 import socket
 import ssl
 import subprocess
@@ -301,6 +302,14 @@ def starts():
             f.write('short\n')
         done = subprocess.run([ctsplat, 'serve', *args], capture_output=True, text=True, timeout=60)
         assert done.returncode == code and done.stderr.count('error:') == 1, (args, done)
+    os.makedirs('empty')
+    done = subprocess.run([ctsplat, 'serve', data], capture_output=True, text=True, env={**os.environ, 'CTSPLAT_LIBEXEC': 'empty'})
+    assert done.returncode == 1 and 'ctsplat-serve is not in the folder of CTSPLAT_LIBEXEC' in done.stderr, done
+    with Server(ctsplat, data) as server:
+        with open(f'/proc/{server.process.pid}/comm') as f:
+            assert f.read() == 'ctsplat-serve\n', 'one process, of that program'
+        server.process.send_signal(signal.SIGINT)
+        assert server.process.wait(60) == 0
     with Server(ctsplat, data, listen='unix:here.sock'):
         assert os.stat('here.sock').st_mode & 0o777 == 0o600
         with socket.socket(socket.AF_UNIX) as s:

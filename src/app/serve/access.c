@@ -93,7 +93,7 @@ static bool brings_token(const CtsServer *server, const CtsHttpRequest *request,
     char cookie[sizeof answer->headers->value];
     if (strcmp(request->path, "/"))
         return false;
-    server->http->query(request, take_token, &given);
+    cts_http_query(request, take_token, &given);
     if (!given || !same_token(given, strlen(given), server->token))
         return false;
     const int n = snprintf(cookie, sizeof cookie, "ctsplat=%s; HttpOnly; SameSite=Strict; Path=/%s", server->token,

@@ -1,7 +1,6 @@
 /* HTTP by libmicrohttpd: one thread serves all connections. */
 #include "app/serve/http.h"
 
-#include "base/load_plugin.h"
 #include <microhttpd.h>
 #include <poll.h>
 #include <stdatomic.h>
@@ -41,14 +40,14 @@ static enum MHD_Result take_part(void *context, enum MHD_ValueKind kind, const c
     return MHD_YES;
 }
 
-static void query_of(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
-                     void *context)
+void cts_http_query(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
+                    void *context)
 {
     Taker taker = {take, context};
     MHD_get_connection_values(((const HttpRequest *)request)->connection, MHD_GET_ARGUMENT_KIND, take_part, &taker);
 }
 
-static void wait_for(CtsHttpRequest *request)
+void cts_http_wait(CtsHttpRequest *request)
 {
     HttpRequest *const r = (HttpRequest *)request;
     r->waits = true;
@@ -71,7 +70,7 @@ static struct MHD_Response *response_of(CtsHttpAnswer *a)
     return text;
 }
 
-static void answer(CtsHttpRequest *request, CtsHttpAnswer *a)
+void cts_http_answer(CtsHttpRequest *request, CtsHttpAnswer *a)
 {
     HttpRequest *const r = (HttpRequest *)request;
     r->status = a->status;
@@ -153,7 +152,7 @@ static void completed(void *context, struct MHD_Connection *connection, void **k
     *kept = NULL;
 }
 
-static CtsStatus start(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err)
+CtsStatus cts_http_start(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err)
 {
     CtsHttpServer *const s = *server = calloc(1, sizeof *s);
     const bool tls = settings->certificate != NULL;
@@ -178,7 +177,7 @@ static CtsStatus start(CtsHttpServer **server, const CtsHttpSettings *settings, 
                     tls ? " (is the certificate that of the key, both PEM?)" : "");
 }
 
-static void stop(CtsHttpServer **server)
+void cts_http_stop(CtsHttpServer **server)
 {
     if (!*server)
         return;
@@ -190,5 +189,3 @@ static void stop(CtsHttpServer **server)
     free(*server);
     *server = NULL;
 }
-
-CTS_PLUGIN_TABLE(CtsHttp, cts_http, start, stop, query_of, wait_for, answer)

@@ -1,5 +1,4 @@
-/* The HTTP interface, free of libmicrohttpd's types. Its implementation is a plug-in (base/load_plugin.h), since no
- * other command needs it. */
+/* The HTTP interface, free of libmicrohttpd's types. */
 #pragma once
 
 #include "ctsplat/status.h"
@@ -36,17 +35,13 @@ typedef struct CtsHttpAnswer {
     int n_headers;
 } CtsHttpAnswer;
 
-typedef struct CtsHttp {
-    CtsStatus (*start)(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err);
-    /* Every request must have been answered. */
-    void (*stop)(CtsHttpServer **server);
-    /* Calls take for each query parameter; value is "" where it has none. */
-    void (*query)(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
-                  void *context);
-    /* Within ask: announces a later answer from any thread. */
-    void (*wait)(CtsHttpRequest *request);
-    /* Once, within ask or after wait; frees request and takes over the contents of answer. */
-    void (*answer)(CtsHttpRequest *request, CtsHttpAnswer *answer);
-} CtsHttp;
-
-CtsStatus cts_http(const CtsHttp **http, CtsError *err);
+CtsStatus cts_http_start(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err);
+/* Every request must have been answered. */
+void cts_http_stop(CtsHttpServer **server);
+/* Calls take for each query parameter; value is "" where it has none. */
+void cts_http_query(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
+                    void *context);
+/* Within ask: announces a later answer from any thread. */
+void cts_http_wait(CtsHttpRequest *request);
+/* Once, within ask or after cts_http_wait(); frees request and takes over the contents of answer. */
+void cts_http_answer(CtsHttpRequest *request, CtsHttpAnswer *answer);

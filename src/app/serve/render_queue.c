@@ -232,7 +232,7 @@ static void serve_one(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume
     unlink_request(server, e);
     pthread_cond_broadcast(&server->work);
     pthread_mutex_unlock(&server->lock);
-    server->http->answer(e->request, &answer);
+    cts_http_answer(e->request, &answer);
     cts_render_request_free(e);
     pthread_mutex_lock(&server->lock);
 }
@@ -268,7 +268,7 @@ static void drop_waiting(CtsServer *server, CtsRenderRequest *e, const char *why
 {
     CtsHttpAnswer answer;
     cts_answer_text(&answer, server, 503, why);
-    server->http->answer(e->request, &answer);
+    cts_http_answer(e->request, &answer);
     unlink_request(server, e);
     cts_render_request_free(e);
 }

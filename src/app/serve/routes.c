@@ -39,14 +39,14 @@ static void answer_json(CtsServer *server, CtsHttpRequest *request, char *json)
         cts_answer_bytes(&answer, server, 200, "application/json", json, strlen(json), false);
     else
         cts_answer_text(&answer, server, 503, "out of memory");
-    server->http->answer(request, &answer);
+    cts_http_answer(request, &answer);
 }
 
 static void answer_text(CtsServer *server, CtsHttpRequest *request, int status, const char *text)
 {
     CtsHttpAnswer answer;
     cts_answer_text(&answer, server, status, text);
-    server->http->answer(request, &answer);
+    cts_http_answer(request, &answer);
 }
 
 static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char *name)
@@ -61,7 +61,7 @@ static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char 
                           "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
                           "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
         cts_answer_header(&answer, "Referrer-Policy", "no-referrer");
-        server->http->answer(request, &answer);
+        cts_http_answer(request, &answer);
         return true;
     }
     return false;
@@ -92,7 +92,7 @@ static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, Ct
     if (!st && e->cached->series && !e->cached->series->renderable)
         st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->cached->series->reason);
     if (!st) {
-        server->http->wait(e->request);
+        cts_http_wait(e->request);
         if (!cts_render_queue_add(server, e))
             st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are queued (ask again)");
     }
@@ -142,7 +142,7 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, const Ta
     }
     e->request = request;
     e->socket = request->socket;
-    server->http->query(request, cts_query_add, &e->render_query.query);
+    cts_http_query(request, cts_query_add, &e->render_query.query);
     find_instance(server, e, target);
     CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->render_query, request->accept, &format, &err);
     const bool acceptable = st || format;
@@ -157,7 +157,7 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, const Ta
                         "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last two), "
                         "and application/dicom+json for renderedvolumetricmetadata");
     cts_render_request_free(e);
-    server->http->answer(request, &answer);
+    cts_http_answer(request, &answer);
 }
 
 static void request_series(CtsServer *server, CtsHttpRequest *request, const Parts *p)
@@ -200,7 +200,7 @@ void cts_routes_dispatch(void *context, CtsHttpRequest *request)
     CtsHttpAnswer answer;
     Parts p;
     if (!cts_access_check(server, request, &answer)) {
-        server->http->answer(request, &answer);
+        cts_http_answer(request, &answer);
         return;
     }
     split_path(request->path, &p);

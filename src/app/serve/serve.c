@@ -3,15 +3,12 @@
 
 #include "base/cpu.h"
 #include "base/file.h"
-#include "base/load_plugin.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-CTS_PLUGIN_ENTRY(CtsHttp, cts_http, CTS_HTTP_PLUGIN)
 
 /* Interval of checks for disconnected clients. */
 enum { WATCH_MS = 100 };
@@ -83,7 +80,7 @@ static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, const Ct
     pthread_sigmask(SIG_SETMASK, &all, &before);
     CtsStatus st = cts_render_queue_begin(server, err);
     if (!st)
-        st = server->http->start(http, settings, err);
+        st = cts_http_start(http, settings, err);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     return st;
 }
@@ -112,7 +109,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         cts_render_queue_watch(server, WATCH_MS);
     cts_render_queue_end(server);
     if (http)
-        server->http->stop(&http);
+        cts_http_stop(&http);
     else
         close(settings.socket);
     cts_listen_close(server);
@@ -146,9 +143,8 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
     pthread_mutex_init(&server->lock, NULL);
     pthread_cond_init(&server->work, NULL);
     allow_connections();
-    if (!(st = cts_http(&server->http, err)) &&
-        (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, "CERTIFICATE", &certificate, err)) &&
-                                   !(st = read_pem(options->net.tls_key, "PRIVATE KEY", &key, err)))))
+    if (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, "CERTIFICATE", &certificate, err)) &&
+                                  !(st = read_pem(options->net.tls_key, "PRIVATE KEY", &key, err))))
         st = listen_and_serve(server, certificate, key, ready, note, err);
     cts_series_cache_free(&server->cache);
     cts_names_free(&server->names);

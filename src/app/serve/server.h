@@ -90,7 +90,6 @@ typedef struct CtsRenderRequest {
 } CtsRenderRequest;
 
 typedef struct CtsServer {
-    const CtsHttp *http;
     const CtsOptions *options;
     char *folder;     /* for pictures being sent, unlinked once they are complete */
     char token[4097]; /* "": no token is needed */
