@@ -82,6 +82,9 @@ typedef struct CtsExport CtsExport;
 CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPicture *first, int n_frames,
                            const CtsExportSettings *settings, CtsReport *report, CtsError *err);
 CtsStatus cts_export_rows(CtsExport *output, const CtsPicture *band, CtsError *err);
+/* Before the end: the error estimate of a picture, which PNG, EXR, WebP and secondary captures carry; of several
+ * pictures in a file the largest. Without it, or not known, they carry none. */
+void cts_export_error(CtsExport *output, const CtsErrorBound *bound);
 /* A .dcm describes the error in report->verified. Sets *output to NULL, also on failure; bytes (may be NULL) is the
  * file's size. */
 CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err);

@@ -93,7 +93,8 @@ for kind in ('still', 'turn', 'mip-still', 'mip-turn'):
 
 still, turn = pydicom.dcmread('phantom-still.dcm'), pydicom.dcmread('phantom-turn.dcm')
 assert still.SeriesDescription == 'VR bone', still.SeriesDescription
-assert 'rmse' in still.DerivationDescription and 'engine tiled' in still.DerivationDescription
+assert 'error estimate 0.' in still.DerivationDescription
+assert '/255 rms, largest ' in still.DerivationDescription and 'engine tiled' in still.DerivationDescription
 assert still.BurnedInAnnotation == 'YES' and turn.BurnedInAnnotation == 'NO'
 assert len(still.DerivationCodeSequence) == 1 and still.DerivationCodeSequence[0].CodeValue == '113074'
 assert still.ViewCodeSequence[0].CodeMeaning == 'Anterior'

@@ -262,6 +262,7 @@ def test_fill():
 def test_rotation(tmp_path, phantom):
     by_program(tmp_path, "--rotation", "5", "--size", "96x80", name="turn.png")
     for i, picture in enumerate(phantom.rotation(5, **SMALL)):
+        assert picture.bound.rmse < 1 / 255
         picture.save(tmp_path / "package.png", force=True)
         assert (tmp_path / "package.png").read_bytes() == (tmp_path / ("turn-%03d.png" % i)).read_bytes(), i
     assert i == 4

@@ -229,10 +229,15 @@ static void test_memory(void **state)
                             {.name = "annotate", .value = "scale"}, {.name = "rotation", .value = "3"}};
     CtsError err = {0};
     CtsPicture *picture = NULL;
-    if (cts_options_run(words, 5, NULL, &picture, NULL, &err))
+    CtsReport report = {0};
+    CtsExport *export;
+    if (cts_options_run(words, 5, NULL, &picture, &report, &err))
         fail_msg("%s", err.text);
-    const CtsExportSettings plain = {0};
-    assert_int_equal(cts_export(&(const CtsPicture *){picture}, 1, b, &plain, NULL, NULL, &err), CTS_OK);
+    assert_int_equal(cts_export_begin(&export, b, picture, 1, &(CtsExportSettings){0}, NULL, &err), CTS_OK);
+    assert_int_equal(cts_export_rows(export, picture, &err), CTS_OK);
+    cts_export_error(export, &report.bound);
+    assert_int_equal(cts_export_end(&export, NULL, &err), CTS_OK);
+    cts_report_free(&report);
     assert_same_bytes(a, b);
     cts_picture_free(&picture);
 

@@ -157,11 +157,60 @@ static void test_sizes(void **state)
     assert_int_equal(cts_export_check_size("a.jpg", 10, 10, 2, false, &settings, &err), CTS_ERR_USAGE);
 }
 
+/* The largest estimate of a file's pictures stands in it, once, and only where there is one; its pixels stay. */
+static void test_error_estimate(void **state)
+{
+    static const char *const endings[] = {"png", "exr", "webp"};
+    static const CtsErrorBound bounds[] = {{.rmse = 1}, {.known = true, .rmse = 0.4 / 255}, {.known = true}};
+    char folder[64], path[100], bare[100];
+    CtsError err = {0};
+    CtsPicture *p = make_picture(64, 32, 4, true);
+    make_folder(folder);
+    for (int i = 0; i < 3; i++) {
+        size_t n, n_bare;
+        CtsExport *export;
+        snprintf(path, sizeof path, "%s/a.%s", folder, endings[i]);
+        snprintf(bare, sizeof bare, "%s/bare.%s", folder, endings[i]);
+        assert_int_equal(cts_export_begin(&export, path, p, 1, &(CtsExportSettings){0}, NULL, &err), CTS_OK);
+        assert_int_equal(cts_export_rows(export, p, &err), CTS_OK);
+        for (int k = 0; k < 3; k++)
+            cts_export_error(export, &bounds[k]);
+        assert_int_equal(cts_export_end(&export, NULL, &err), CTS_OK);
+        assert_int_equal(cts_export(&(const CtsPicture *){p}, 1, bare, &(CtsExportSettings){0}, NULL, NULL, &err),
+                         CTS_OK);
+        uint8_t *const bytes = slurp(path, &n), *const without = slurp(bare, &n_bare);
+        const uint8_t *const text = memmem(bytes, n, "0.4/255 rms", 11);
+        assert_non_null(text);
+        assert_null(memmem(text + 11, n - (size_t)(text + 11 - bytes), "/255 rms", 8));
+        assert_null(memmem(without, n_bare, "/255 rms", 8));
+        if (!strcmp(endings[i], "webp")) {
+            int width, height, width_bare, height_bare;
+            uint8_t *const a = WebPDecodeRGBA(bytes, n, &width, &height);
+            uint8_t *const b = WebPDecodeRGBA(without, n_bare, &width_bare, &height_bare);
+            assert_true(a && b && width == width_bare && height == height_bare);
+            assert_memory_equal(a, b, (size_t)(4 * width * height));
+            WebPFree(a);
+            WebPFree(b);
+        } else {
+            CtsPicture *q, *r;
+            assert_int_equal(cts_picture_read(path, &q, &err), CTS_OK);
+            assert_int_equal(cts_picture_read(bare, &r, &err), CTS_OK);
+            assert_memory_equal(q->pixels, r->pixels, (size_t)(64 * 32 * 4) * sizeof *q->pixels);
+            cts_picture_free(&q);
+            cts_picture_free(&r);
+        }
+        free(bytes);
+        free(without);
+    }
+    cts_picture_free(&p);
+    remove_folder(folder);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_jpg),   cmocka_unit_test(test_webp_alpha), cmocka_unit_test(test_webp_rotation),
-        cmocka_unit_test(test_png_8), cmocka_unit_test(test_sizes),
+        cmocka_unit_test(test_png_8), cmocka_unit_test(test_sizes),      cmocka_unit_test(test_error_estimate),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -199,9 +199,12 @@ CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, Ct
 {
     const CtsStageTimer meter = cts_stage_timer_start(report);
     CtsStatus st = CTS_OK;
-    for (int i = 0; i < files->outputs->n && !st; i++)
+    for (int i = 0; i < files->outputs->n && !st; i++) {
+        if (files->exports[i])
+            cts_export_error(files->exports[i], &report->bound);
         if (files->exports[i] && (cts_output_n_frames(files->outputs, i) == 1 || frame == files->outputs->rotation - 1))
             st = end_output(files, i, frame, err);
+    }
     cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }

@@ -12,6 +12,7 @@ typedef struct Whole {
     void *context;
     bool alone; /* the bands have no other receiver */
     CtsPicture *picture;
+    int frame; /* its number */
     CtsStatus status;
     CtsError err;
 } Whole;
@@ -54,14 +55,21 @@ static CtsStatus take_over(Whole *w, CtsPicture *band)
 static void take_band(void *context, int frame, CtsPicture *band)
 {
     Whole *const w = context;
-    if (w->status)
-        return;
-    w->status = w->alone && band->height == band->whole_height ? take_over(w, band) : copy_band(w, band);
-    if (w->status || band->first_row + band->height < band->whole_height)
-        return;
+    w->frame = frame;
+    if (!w->status)
+        w->status = w->alone && band->height == band->whole_height ? take_over(w, band) : copy_band(w, band);
+}
+
+/* Passed on when its error is known, too. */
+static void pass_picture(void *context, const CtsErrorBound *bound)
+{
+    Whole *const w = context;
     CtsPicture *const whole = w->picture;
+    (void)bound;
+    if (w->status || !whole)
+        return;
     w->picture = NULL;
-    w->status = w->take(w->context, frame, whole, &w->err);
+    w->status = w->take(w->context, w->frame, whole, &w->err);
 }
 
 static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, CtsError *err)
@@ -110,7 +118,7 @@ static CtsStatus run_options(CtsSession *session, const CtsOptions *options, Who
 {
     CtsJob job;
     CtsPreset preset;
-    const CtsWatch watch = {.context = whole, .band = whole ? take_band : NULL};
+    const CtsWatch watch = {.context = whole, .band = whole ? take_band : NULL, .frame = whole ? pass_picture : NULL};
     CtsStatus st = cts_options_one_job(options, &preset, &job, report, err);
     job.render.stop = options->net.stop;
     if (!st && !whole && !options->outputs.n)

@@ -156,7 +156,7 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
     if (!e)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     e->format = format_of_path(path);
-    e->job = (CtsExportJob){.path = strdup(path), .settings = *settings, .report = report};
+    e->job = (CtsExportJob){.path = strdup(path), .settings = *settings, .report = report, .rmse = -1};
     e->job.head = (CtsExportHead){
         .width = first->width,
         .height = first->whole_height,
@@ -195,6 +195,12 @@ CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
     const CtsStatus st = e->format->rows(&e->job, band, err);
     report_export_step(e, wall_ms, cpu_ms, 0, 0);
     return st;
+}
+
+void cts_export_error(CtsExport *e, const CtsErrorBound *bound)
+{
+    if (bound->known && bound->rmse > e->job.rmse)
+        e->job.rmse = bound->rmse;
 }
 
 CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err)

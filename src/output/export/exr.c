@@ -11,8 +11,10 @@
 #include "output/image/samples.h"
 #include <math.h>
 #include <openexr.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 /* 1 to 2 % more bytes than OpenEXR 3.1's level of 6, in about half the time. */
 enum { BATCH = 64, ZIP_LEVEL = 4 };
@@ -111,6 +113,24 @@ static exr_result_t set_camera(exr_context_t file, const CtsExportHead *head)
     return set_matrix(file, "worldToNDC", m);
 }
 
+/* The error estimate is known when the header is already written: a text of fixed length stands in for it. */
+static const char no_error[] = "not estimated          ";
+_Static_assert(sizeof no_error == CTS_ERROR_TEXT, "the text of an error estimate fits");
+
+static CtsStatus patch_error(const CtsExportJob *job, CtsError *err)
+{
+    enum { ATTRIBUTES_MAX = 1 << 13 };
+    static const char begin[] = "ctsplat.error\0string"; /* then four bytes of length */
+    char head[ATTRIBUTES_MAX], text[CTS_ERROR_TEXT], padded[CTS_ERROR_TEXT];
+    const ssize_t n = pread(cts_temp_fd(job->temp), head, sizeof head, 0);
+    const char *const at = n > 0 ? memmem(head, (size_t)n, begin, sizeof begin) : NULL;
+    if (!at)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: its header cannot be read again", job->path);
+    cts_describe_error(job->rmse, text);
+    snprintf(padded, sizeof padded, "%-*s", CTS_ERROR_TEXT - 1, text);
+    return cts_temp_write_at(job->temp, padded, CTS_ERROR_TEXT - 1, (uint64_t)(at - head) + sizeof begin + 4, err);
+}
+
 static exr_result_t set_texts(exr_context_t file, const CtsPictureInfo *info)
 {
     char view[80], window[80], date_text[32];
@@ -120,6 +140,7 @@ static exr_result_t set_texts(exr_context_t file, const CtsPictureInfo *info)
     if ((rv = exr_attr_set_string(file, 0, "software", "ctsplat " CTS_VERSION)) ||
         (rv = exr_attr_set_string(file, 0, "comments", "not for diagnostic use")) ||
         (rv = exr_attr_set_string(file, 0, "ctsplat.view", view)) ||
+        (rv = exr_attr_set_string(file, 0, "ctsplat.error", no_error)) ||
         (info->preset[0] && (rv = exr_attr_set_string(file, 0, "ctsplat.preset", info->preset))) ||
         (info->occlusion > 0 && (rv = exr_attr_set_float(file, 0, "ctsplat.occlusion", (float)info->occlusion))) ||
         (cts_describe_window(info, window, sizeof window) &&
@@ -301,7 +322,7 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
     for (int t = 0; t < w->n_threads; t++)
         exr_encoding_destroy(w->file, &w->encoders[t].pipe);
     failed(w, exr_finish(&w->file)); /* the table of chunks is written here */
-    return w->status;
+    return w->status || job->rmse < 0 ? w->status : patch_error(job, err);
 }
 
 static void release(CtsExportJob *job)

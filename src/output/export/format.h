@@ -23,6 +23,7 @@ typedef struct CtsExportJob {
     CtsExportSettings settings;
     CtsTempFile *temp; /* the file being written; export.c opens and commits it */
     CtsReport *report; /* for findings; may be NULL */
+    double rmse;       /* largest error estimate of its pictures so far, in display values; negative: none */
     void *state;       /* the format's own, zeroed before begin */
 } CtsExportJob;
 

@@ -306,7 +306,12 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     const PngWriter *const w = job->state;
     const uint32_t adler = htobe32(w->adler);
-    const CtsStatus st = write_chunk(job, "IDAT", &adler, sizeof adler, err);
+    char error[CTS_ERROR_TEXT];
+    CtsStatus st = write_chunk(job, "IDAT", &adler, sizeof adler, err);
+    if (!st && job->rmse >= 0) {
+        cts_describe_error(job->rmse, error);
+        st = write_text(job, "ctsplat:error", error, err);
+    }
     return st ? st : write_chunk(job, "IEND", NULL, 0, err);
 }
 

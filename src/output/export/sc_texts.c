@@ -121,18 +121,23 @@ static void describe_occlusion(const CtsPictureInfo *info, char *text, size_t si
     snprintf(text, size, ", occlusion %s", number);
 }
 
-/* The picture's error as known when the object is written. */
-static void describe_error(const CtsExportJob *job, char *text, size_t size)
+/* The picture's error as known when the object is written: estimated, and measured. */
+static void describe_errors(const CtsExportJob *job, char *text, size_t size)
 {
     const CtsVerified *v = job->report ? &job->report->verified : NULL;
-    char rmse[32], largest[32];
+    char estimate[CTS_ERROR_TEXT], rmse[CTS_ERROR_TEXT], largest[32];
+    int n = 0;
     *text = 0;
+    if (job->rmse >= 0) {
+        cts_describe_error(job->rmse, estimate);
+        n = snprintf(text, size, ", error estimate %s", estimate);
+    }
     if (!v || v->pixels == 0)
         return;
-    cts_describe_number(v->rmse, 3, rmse, sizeof rmse);
-    cts_describe_number(v->max, 3, largest, sizeof largest);
-    snprintf(text, size, ", error measured at %llu pixels: rmse %s, largest %s of 1", (unsigned long long)v->pixels,
-             rmse, largest);
+    cts_describe_error(v->rmse, rmse);
+    cts_describe_number(255 * v->max, 3, largest, sizeof largest);
+    snprintf(text + n, size - (size_t)n, ", error measured at %llu pixels: %s, largest %s/255",
+             (unsigned long long)v->pixels, rmse, largest);
 }
 
 void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
@@ -140,7 +145,7 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
     char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32];
-    char step[100] = "", occlusion[48], error[120];
+    char step[100] = "", occlusion[48], error[160];
     memset(words, 0, sizeof *words);
     words->image_type = mode_terms[info->mode].image_type;
     words->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
@@ -151,7 +156,7 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
     cts_describe_number(info->azimuth_deg, 9, angles[0], sizeof angles[0]);
     cts_describe_number(info->elevation_deg, 9, angles[1], sizeof angles[1]);
     describe_occlusion(info, occlusion, sizeof occlusion);
-    describe_error(job, error, sizeof error);
+    describe_errors(job, error, sizeof error);
     if (n_frames > 1) {
         char degrees[32];
         cts_describe_number(360.0 / n_frames, 6, degrees, sizeof degrees);

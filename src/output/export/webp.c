@@ -2,7 +2,9 @@
 #include "output/export/format.h"
 
 #include "base/mem.h"
+#include "output/image/describe.h"
 #include "output/image/samples.h"
+#include <stdio.h>
 #include <webp/encode.h>
 #include <webp/mux.h>
 
@@ -13,7 +15,8 @@ typedef struct WebpWriter {
     WebPConfig config;
     WebPAnimEncoder *frames; /* of more than one */
     uint8_t *rgba;           /* the current frame */
-    int n_rows, n_frames;    /* received so far */
+    int n_frames;            /* received so far */
+    WebPData file;           /* when it is encoded */
 } WebpWriter;
 
 static CtsStatus fail_webp(const CtsExportJob *job, const char *what, CtsError *err)
@@ -43,12 +46,6 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     return st || job->head.n_frames == 1 ? st : begin_animation(job, w, err);
 }
 
-static int put_bytes(const uint8_t *bytes, size_t n, const WebPPicture *picture)
-{
-    CtsError err = {0};
-    return cts_temp_write(picture->custom_ptr, bytes, n, &err) == CTS_OK;
-}
-
 /* Time of a frame in milliseconds, rounded, so that rates that do not divide a second cause no drift. */
 static int time_ms(const CtsExportJob *job, int frame)
 {
@@ -59,18 +56,22 @@ static int time_ms(const CtsExportJob *job, int frame)
 static CtsStatus add_frame(const CtsExportJob *job, WebpWriter *w, CtsError *err)
 {
     WebPPicture picture;
+    WebPMemoryWriter encoded;
+    WebPMemoryWriterInit(&encoded);
     if (!WebPPictureInit(&picture))
         return fail_webp(job, "another version than it was built with", err);
     picture.width = job->head.width;
     picture.height = job->head.height;
     picture.use_argb = w->frames != NULL;
-    picture.writer = put_bytes;
-    picture.custom_ptr = job->temp;
+    picture.writer = WebPMemoryWrite;
+    picture.custom_ptr = &encoded;
     const bool done = WebPPictureImportRGBA(&picture, w->rgba, 4 * job->head.width) &&
                       (w->frames ? WebPAnimEncoderAdd(w->frames, &picture, time_ms(job, w->n_frames), &w->config)
                                  : WebPEncode(&w->config, &picture));
     const WebPEncodingError why = picture.error_code;
     WebPPictureFree(&picture);
+    if (!w->frames)
+        w->file = (WebPData){encoded.mem, encoded.size}; /* freed by release() */
     if (done)
         return CTS_OK;
     return why == VP8_ENC_ERROR_OUT_OF_MEMORY || why == VP8_ENC_ERROR_BITSTREAM_OUT_OF_MEMORY
@@ -90,27 +91,45 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
     return st;
 }
 
+/* The file with its error estimate as XMP, in place of the one without. */
+static CtsStatus add_error(const CtsExportJob *job, WebPData *file, CtsError *err)
+{
+    char error[CTS_ERROR_TEXT], text[400];
+    WebPData whole;
+    cts_describe_error(job->rmse, error);
+    const int n = snprintf(
+        text, sizeof text,
+        "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"><rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">"
+        "<rdf:Description rdf:about=\"\" xmlns:ctsplat=\"urn:ctsplat:\" ctsplat:error=\"%s\"/></rdf:RDF></x:xmpmeta>",
+        error);
+    const WebPData xmp = {(const uint8_t *)text, (size_t)n};
+    WebPMux *const mux = WebPMuxCreate(file, 0);
+    WebPDataInit(&whole);
+    const bool done =
+        mux && WebPMuxSetChunk(mux, "XMP ", &xmp, 0) == WEBP_MUX_OK && WebPMuxAssemble(mux, &whole) == WEBP_MUX_OK;
+    WebPMuxDelete(mux);
+    WebPDataClear(file);
+    *file = whole;
+    return done ? CTS_OK : fail_webp(job, "the error estimate could not be added", err);
+}
+
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     WebpWriter *const w = job->state;
-    WebPData file;
-    if (!w->frames)
-        return CTS_OK;
-    WebPDataInit(&file);
     CtsStatus st = CTS_OK;
-    if (!WebPAnimEncoderAdd(w->frames, NULL, time_ms(job, w->n_frames), NULL) ||
-        !WebPAnimEncoderAssemble(w->frames, &file))
+    if (w->frames && (!WebPAnimEncoderAdd(w->frames, NULL, time_ms(job, w->n_frames), NULL) ||
+                      !WebPAnimEncoderAssemble(w->frames, &w->file)))
         st = fail_webp(job, WebPAnimEncoderGetError(w->frames), err);
-    else
-        st = cts_temp_write(job->temp, file.bytes, file.size, err);
-    WebPDataClear(&file);
-    return st;
+    if (!st && job->rmse >= 0)
+        st = add_error(job, &w->file, err);
+    return st ? st : cts_temp_write(job->temp, w->file.bytes, w->file.size, err);
 }
 
 static void release(CtsExportJob *job)
 {
     WebpWriter *const w = job->state;
     WebPAnimEncoderDelete(w->frames);
+    WebPDataClear(&w->file);
     cts_free(&w->rgba);
 }
 

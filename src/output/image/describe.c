@@ -56,6 +56,13 @@ void cts_describe_direction(const double direction_lps[3], char text[4])
     text[n] = 0;
 }
 
+void cts_describe_error(double rmse, char text[CTS_ERROR_TEXT])
+{
+    char number[12];
+    cts_describe_number(255 * rmse, 3, number, sizeof number);
+    snprintf(text, CTS_ERROR_TEXT, "%s/255 rms", number);
+}
+
 bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size)
 {
     if (size)

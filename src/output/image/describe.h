@@ -13,5 +13,9 @@ void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size);
  * of more than sin 15 degrees of its length. "" for a zero vector. */
 void cts_describe_direction(const double direction_lps[3], char text[4]);
 
+/* An error estimate as "0.28/255 rms". */
+enum { CTS_ERROR_TEXT = 24 };
+void cts_describe_error(double rmse, char text[CTS_ERROR_TEXT]);
+
 /* The grey window as "low,high" in HU; false (and "") when the picture is composite. */
 bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size);

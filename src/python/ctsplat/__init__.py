@@ -363,6 +363,8 @@ class Picture(_WithDiagnostics):
         _check(lib.cts_export_begin(output, chars, self._c, 1, settings, ffi.NULL, err), err)
         with output:  # a file that is not whole by its end is given up
             _check(lib.cts_export_rows(output[0], self._c, err), err)
+            if self.bound:
+                lib.cts_export_error(output[0], ffi.new("CtsErrorBound *", {"known": True, "rmse": self.bound.rmse}))
             _check(lib.cts_export_end(output, ffi.NULL, err), err)
 
     def _repr_png_(self) -> bytes:
