@@ -163,8 +163,6 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "batch: PATH is missing (see ctsplat batch --help)");
     if (!options->output_dir)
         return cts_fail(err, CTS_ERR_USAGE, "batch: no folder to write into (give -O DIR)");
-    if (options->fresh && options->resume)
-        return cts_fail(err, CTS_ERR_USAGE, "batch: --fresh starts over, --resume does not: give one of them");
     if (options->settled_s && options->from.given)
         return cts_fail(err, CTS_ERR_USAGE, "batch: --settled is about files that come to a PATH, not for --from");
     cli_interrupt_sets_stop();

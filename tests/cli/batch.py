@@ -175,7 +175,7 @@ def test_resume(b):
     # Other notation, another order, or an explicit default is no change.
     same = more[:more.index("--compress")] + ["--compress=rle", "--fit", "visible", "--engine", "auto", "--kernel",
                                               "tent", "--mode", "composite", "--background", "#000000", "--shade", "on",
-                                              "--remove-table=on", "--slab-at", "0.0", "--annotate", "none"]
+                                              "--remove-table=on", "--annotate", "none"]
     at = same.index("--size")
     b.ok(0, *(same[:at] + same[at + 2:] + ["--size", "48x48"]))
     check(times("o") == fourth, "rendered again for the same options")

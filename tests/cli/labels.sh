@@ -47,8 +47,6 @@ printf '{"show": ["1", "rest"], "label": {"1": "#ff0000:0.2", "rest": %s}}' "$(c
 ok render $see --show 1,rest --label 1=#ff0000:0.2 --label rest=own.json -o options.png
 ok render $see --look look.json -o look.png
 cmp options.png look.png || fail "a look file makes another picture than its options"
-ok render $see --appearance look.json -o look.png --force
-cmp options.png look.png || fail "--appearance makes another picture than --look"
 ok render $see --show all,rest --label 1=#00ff00 --label rest=own.json -o options.png --force
 ok render $see --look look.json --show all,rest --label 1=#00ff00 -o look.png --force
 cmp options.png look.png || fail "options beside a look file do not win"

@@ -1,11 +1,11 @@
-# --slab, --slab-at and --window; the warning of preset vessel about a series without contrast agent.
+# --slab and --window; the warning of preset vessel about a series without contrast agent.
 small="--size 64x64"
 ok render "$data/phantom" $small -p soft -o whole.png
 ok render "$data/phantom" $small -p soft --slab 5 -o slab.png
 ! cmp -s whole.png slab.png || fail "--slab changes nothing"
-ok render "$data/phantom" $small -p soft --slab 5 --slab-at 30 -o front.png
-! cmp -s front.png slab.png || fail "--slab-at changes nothing"
-ok render "$data/phantom" $small -p soft --slab 5 --slab-at 30 --engine raycast -o raycast.png
+ok render "$data/phantom" $small -p soft --slab 5@30 -o front.png
+! cmp -s front.png slab.png || fail "another place changes nothing"
+ok render "$data/phantom" $small -p soft --slab 5@30 --engine raycast -o raycast.png
 cmp front.png raycast.png || fail "the engines differ"
 ok render "$data/phantom" $small -p soft --slab 1000 -o wide.png
 cmp whole.png wide.png || fail "a slab around everything changes something"
@@ -14,7 +14,7 @@ has out 'slab of 5 mm'
 has out 'inside of the body'
 ok render "$data/phantom" $small -p soft --remove-table off --explain
 has out 'everything in the volume'
-refused 2 'slab' render "$data/phantom" $small --slab-at 5 -o x.png
+refused 2 'slab' render "$data/phantom" $small --slab @5 -o x.png
 refused 2 'slab' render "$data/phantom" $small --slab 5 --engine classic -o x.png
 refused 2 'slab' render "$data/phantom" $small --slab 0 -o x.png
 
@@ -31,9 +31,9 @@ done
 # The frame holds what the slab shows.
 ok render "$data/phantom" $small -p skin --explain
 has out '^frame: 2[0-9]+(\.[0-9]+)? x'
-ok render "$data/phantom" $small -p skin --slab 5 --slab-at 90 --explain
+ok render "$data/phantom" $small -p skin --slab 5@90 --explain
 has out '^frame: [1-9][0-9]?(\.[0-9]+)? x|^frame: 1[0-9][0-9](\.[0-9]+)? x'
-ok render "$data/phantom" $small -p skin --slab 5 --slab-at 1000 -o none.png
+ok render "$data/phantom" $small -p skin --slab 5@1000 -o none.png
 has err 'warning: nothing .* lies in the slab'
 ok render "$data/phantom" $small -p soft --explain
 has out '--remove-table off: everything'

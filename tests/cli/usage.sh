@@ -66,9 +66,20 @@ refused 2 'did you mean render' rendr x
 refused 2 'boen: no such preset .did you mean bone' render "$data/phantom" -p boen -o x.png
 refused 2 'did you mean png' render "$data/phantom" -o x.pgn
 refused 2 'did you mean tiled' render "$data/phantom" -o x.png --engine tield
-refused 2 'not an option of render, but of batch' render "$data/phantom" -o x.png --presets bone,skin
-refused 2 '--preset skin: .*bone .*ctsplat batch --presets' render "$data/phantom" -o x.png -p bone -p skin
-refused 2 '--view left: .*ctsplat batch --views' render "$data/phantom" -o x.png --view right --view left
+refused 2 'not an option of render, but of batch' render "$data/phantom" -o x.png --jobs 2
+refused 2 'bone,skin: no such preset' render "$data/phantom" -o x.png --preset bone,skin
+refused 2 '--view left,head: not one of' render "$data/phantom" -o x.png --view left,head
+# Other spellings are the same option, and those that are gone are none.
+small="--size 16x16 --deidentify"
+ok render "$data/phantom" -o new.png $small --preset bone --view left --ambient-occlusion 0.5
+ok render "$data/phantom" -o old.png $small --presets bone --views left --occlusion 0.5
+cmp old.png new.png || fail "--presets, --views and --occlusion make another picture"
+refused 2 '--preset skin: .*bone ' render "$data/phantom" -o x.png --presets bone -p skin
+for gone in appearance=x.json resume slab-at=3; do
+    refused 2 'no such option' render "$data/phantom" -o x.png --$gone
+done
+refused 2 '--preset skin: .*bone .*ctsplat batch --preset' render "$data/phantom" -o x.png -p bone -p skin
+refused 2 '--view left: .*ctsplat batch --view' render "$data/phantom" -o x.png --view right --view left
 ok render "$data/phantom" -o number.png --size 16x16 --series-number 4
 has err 'warning: --series-number acts on .*dcm outputs, and there is none'
 

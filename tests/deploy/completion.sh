@@ -79,9 +79,9 @@ expect picture.png folder
 typed=(presets sk)
 expect skin
 if ctsplat batch --help all >help 2>&1; then
-    typed=(batch --presets bone,sk)
+    typed=(batch --preset bone,sk)
     expect bone,skin
-    typed=(batch --formats '')
+    typed=(batch --format '')
     expect png exr dcm
 fi
 

@@ -102,4 +102,4 @@ assert all(line['status'] == 'done' and 'unsent' not in line for line in lines('
 
 batch('-O', 'none', '--formats', 'dcm', '--send', to, '--aet', 'a name that is too long', code=2)
 said = batch('-O', 'none', '--send', to, code=2)
-assert '--formats dcm' in said and not os.path.exists('none'), said
+assert '--format dcm' in said and not os.path.exists('none'), said

@@ -42,7 +42,7 @@ SCENES = [dict(preset=p, view=v) for p in ("bone", "skin", "muscle", "ct-aaa", "
     dict(preset="bone", mode="mip", view=(20, 10)), dict(preset="skin", mode="average"), dict(mode="minip"),
     dict(preset="bone", background="none"), dict(preset="bone", shade=False, background="#203040"),
     dict(preset="skin", crop=(-40, 40, -50.5, 10, -30, 30)), dict(preset="bone", remove_table=False),
-    dict(preset="bone", engine="combined", kernel="gaussian", fit="volume"), dict(preset="bone", slab=20, slab_at=5),
+    dict(preset="bone", engine="combined", kernel="gaussian", fit="volume"), dict(preset="bone", slab="20@5"),
     dict(preset="skin", smooth=1.5, max_error=4, annotate="orientation,scale", mm_per_pixel=1.25),
 ]
 

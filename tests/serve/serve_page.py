@@ -93,9 +93,9 @@ def smooth(browser, _):
 def occlusion(browser, _):
     """Lit presets have a slider, and it darkens the picture."""
     before = browser.run("return document.querySelector('#command').textContent")
-    assert '--occlusion' not in before and not browser.run("return document.querySelector('#light').hidden")
+    assert '--ambient-occlusion' not in before and not browser.run("return document.querySelector('#light').hidden")
     rested(browser, lambda: browser.run("const o = document.querySelector('#occlusion'); o.value = 0.8; o.oninput()"))
-    assert browser.run("return document.querySelector('#command').textContent").rstrip().endswith('--occlusion 0.8')
+    assert browser.run("return document.querySelector('#command').textContent").rstrip().endswith('--ambient-occlusion 0.8')
 
 
 def key(browser, name, text=None):

@@ -34,7 +34,7 @@ static const char *sample_of(const CtsOption *o)
     static const struct {
         const char *name, *value;
     } samples[] = {{"size", "64x48"},   {"kernel", "cone:2"}, {"crop", "0,1,0,1,0,1"}, {"annotate", "scale"},
-                   {"centre", "1,2,3"}, {"swivel", "40,20"},  {"fill", "-600"}};
+                   {"centre", "1,2,3"}, {"swivel", "40,20"},  {"fill", "-600"},        {"slab", "9@2"}};
     for (size_t i = 0; i < sizeof samples / sizeof *samples; i++)
         if (!strcmp(samples[i].name, o->name))
             return samples[i].value;
@@ -145,8 +145,7 @@ static void test_rows(void **state)
         assert_true(o->help && *o->help && o->commands);
         assert_true((o->kind == CTS_FLAG) == !o->argument);
         assert_true((o->kind != CTS_INT && o->kind != CTS_NUMBER) || cts_option_bounds(o));
-        if (o->several)
-            assert_non_null(cts_option(o->several, strlen(o->several)));
+        assert_ptr_equal(cts_option(o->name, strlen(o->name)), o);
     }
 }
 
@@ -155,7 +154,10 @@ static void refused(const char *name, const char *value, const char *pattern)
     CtsOptions options;
     CtsError err = {0};
     cts_options_begin(&options);
-    if (take(&options, CTS_FOR_JOB, name, value, &err) != CTS_ERR_USAGE || !strstr(err.text, pattern))
+    CtsStatus st = take(&options, CTS_FOR_JOB, name, value, &err);
+    if (!st)
+        st = cts_options_end(&options, CTS_FOR_JOB, &err);
+    if (st != CTS_ERR_USAGE || !strstr(err.text, pattern))
         fail_msg("%s=%s: \"%s\", not \"%s\"", name, value, err.text, pattern);
     cts_options_free(&options);
 }

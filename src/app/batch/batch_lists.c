@@ -78,8 +78,8 @@ static CtsStatus take_default(const CtsOptions *options, int kind, CtsBatchLists
 
 static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsReport *report, CtsError *err)
 {
-    const char *const named = options->presets ? options->presets : options->preset;
-    CtsStatus st = named ? split("presets", named, &l->texts[0], &l->preset_names, &l->n_named, err) : CTS_OK;
+    CtsStatus st =
+        options->preset ? split("preset", options->preset, &l->texts[0], &l->preset_names, &l->n_named, err) : CTS_OK;
     if (st)
         return st;
     if (!(l->presets = calloc((size_t)l->n_named + N_KINDS, sizeof *l->presets)))
@@ -88,7 +88,7 @@ static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsRe
         st = cts_options_preset(options, l->preset_names[i], &l->presets[i], report, err);
         for (int k = 0; k < i && !st; k++)
             if (!strcmp(l->presets[k].name, l->presets[i].name))
-                st = cts_fail(err, CTS_ERR_USAGE, "`presets`: two are called %s (give one of them another name)",
+                st = cts_fail(err, CTS_ERR_USAGE, "`preset`: two are called %s (give one of them another name)",
                               l->presets[i].name);
     }
     l->n_presets = l->n_named;
@@ -120,12 +120,8 @@ static void join_circles(const CtsOptions *options, CtsBatchLists *l, CtsReport 
 /* A view by numbers holds a comma itself. */
 static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsError *err)
 {
-    const char *view = cts_options_given(options, "view");
-    CtsStatus st = split("views",
-                         options->views ? options->views
-                         : view         ? view
-                                        : "anterior",
-                         &l->texts[1], &l->view_texts, &l->n_views, err);
+    CtsStatus st =
+        split("view", options->view ? options->view : "anterior", &l->texts[1], &l->view_texts, &l->n_views, err);
     if (st)
         return st;
     if (!(l->views = calloc((size_t)l->n_views, sizeof *l->views)))
@@ -138,10 +134,10 @@ static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsErro
         if (cts_number(name, &number) && i + 1 < l->n_views)
             l->texts[1][l->view_texts[++i] - l->texts[1] - 1] = ',';
         v->name = name;
-        st = cts_view_of("views", name, &v->azimuth_deg, &v->elevation_deg, err);
+        st = cts_view_of(name, &v->azimuth_deg, &v->elevation_deg, err);
         for (int k = 0; k < n - 1 && !st; k++)
             if (!strcmp(l->views[k].name, name))
-                st = cts_fail(err, CTS_ERR_USAGE, "`views`: %s twice", name);
+                st = cts_fail(err, CTS_ERR_USAGE, "`view`: %s twice", name);
     }
     l->n_views = n;
     return st;
@@ -151,14 +147,14 @@ static CtsStatus take_formats(const CtsOptions *options, CtsBatchLists *l, bool 
 {
     const CtsFormatInfo *format;
     CtsStatus st =
-        split("formats", options->formats ? options->formats : "png", &l->texts[2], &l->formats, &l->n_formats, err);
+        split("format", options->formats ? options->formats : "png", &l->texts[2], &l->formats, &l->n_formats, err);
     for (int i = 0; i < l->n_formats && !st; i++) {
-        if ((st = cts_format_of("formats", l->formats[i], &format, err)))
+        if ((st = cts_format_of(l->formats[i], &format, err)))
             return st;
         *any_object |= format->is_object;
         for (int k = 0; k < i; k++)
             if (!strcmp(l->formats[k], l->formats[i]))
-                return cts_fail(err, CTS_ERR_USAGE, "`formats`: %s twice", l->formats[i]);
+                return cts_fail(err, CTS_ERR_USAGE, "`format`: %s twice", l->formats[i]);
     }
     return st;
 }
@@ -169,7 +165,7 @@ static CtsStatus take_peer(const CtsOptions *options, CtsBatchLists *l, bool any
     if (!options->send.given)
         return CTS_OK;
     if (!any_object)
-        return cts_fail(err, CTS_ERR_USAGE, "`send`: there is no DICOM output to send (give `formats` dcm)");
+        return cts_fail(err, CTS_ERR_USAGE, "`send`: there is no DICOM output to send (give `format` dcm)");
     if (p->web)
         snprintf(l->send_to, sizeof l->send_to, "%s", p->url);
     else

@@ -2,6 +2,8 @@
  * the earlier one: a batch then renders its pictures again. */
 #include "app/options/options.h"
 
+#include <string.h>
+
 #define ON(command) (1u << CTS_FOR_##command)
 #define ONE (ON(RENDER) | ON(JOB))
 #define RENDERING (ONE | ON(BATCH))
@@ -28,6 +30,8 @@
 #define PARSED(name) .kind = CTS_PARSED, .parse = cts_parse_##name
 /* Shown by --help without "all". */
 #define BASIC .is_basic = true
+/* Of a batch, several values with commas between them. */
+#define LIST_OF_BATCH .is_list_of_batch = true
 /* A heading of the help; belongs to no command. */
 #define SECTION(title)                                                                                                 \
     {                                                                                                                  \
@@ -48,7 +52,6 @@ const CtsOption cts_options[] = {
     {'o', "output", "FILE", ONE, REMAKES(NOTHING),
      "write this file, whose name ends in {outputs}; may be repeated; - is standard output", NULL, TEXTS(outputs),
      BASIC},
-    {0, "format", "NAME", ON(RENDER), REMAKES(NOTHING), "{formats}: what -o - writes", NULL, PARSED(format)},
     {'O', "output-dir", "DIR", ON(BATCH) | ON(BENCH), REMAKES(NOTHING),
      "write into this folder; it is made where it does not exist", NULL, TEXT(output_dir), BASIC},
     {0, "paper", NULL, ON(BENCH), REMAKES(NOTHING),
@@ -57,17 +60,13 @@ const CtsOption cts_options[] = {
     {0, "full", NULL, ON(BENCH), REMAKES(NOTHING),
      "every kernel, the ray caster and more requested errors too: several times as long", NULL, FLAG(full)},
     {'p', "preset", "NAME or FILE", PICTURES | ON(REQUEST), REMAKES(NOTHING),
-     "a built-in preset, one of your own, or a preset file", "by modality: bone, mr-mip, pet-mip", TEXT(preset),
-     .several = "presets", BASIC},
+     "a built-in preset, one of your own, or a preset file; of a batch a list: a series takes those that fit it",
+     "by modality: bone, mr-mip, pet-mip", TEXT(preset), LIST_OF_BATCH, BASIC},
     {0, "view", "NAME or AZ,EL", PICTURES | ON(REQUEST), REMAKES(NOTHING),
-     "{views}, or azimuth and elevation in degrees", "anterior", PARSED(view), .several = "views", BASIC},
-    {0, "presets", "LIST", ON(BATCH), REMAKES(NOTHING),
-     "presets, names or files with commas between them: each with every view; a series takes those that fit it",
-     "--preset", TEXT(presets), BASIC},
-    {0, "views", "LIST", ON(BATCH), REMAKES(NOTHING), "views with commas between them, such as anterior,left,30,-20",
-     "--view", TEXT(views), BASIC},
-    {0, "formats", "LIST", ON(BATCH), REMAKES(NOTHING), "{formats}, with commas between them", "png", TEXT(formats),
-     BASIC},
+     "{views}, or azimuth and elevation in degrees; of a batch a list, such as anterior,left,30,-20", "anterior",
+     TEXT(view), LIST_OF_BATCH, BASIC},
+    {0, "format", "NAME", ON(RENDER) | ON(BATCH), REMAKES(NOTHING),
+     "{formats}: what -o - writes; the files of a batch, a list", "of a batch png", TEXT(formats), BASIC},
     {0, "rotation", "N", LOOKS, REMAKES(PICTURE),
      "N views over 360 degrees about the head-foot axis, from --view on: FILE becomes FILE-000 and so on, but {stacks} "
      "one file of N frames",
@@ -127,7 +126,6 @@ const CtsOption cts_options[] = {
      "the smallest", TEXT(source.choice.order)},
     {0, "look", "FILE", LOOKS, REMAKES(NOTHING),
      "show, hide, label, label_colours and label_order as JSON; options beside it win", NULL, TEXT(appearance_path)},
-    {0, "appearance", "FILE", LOOKS, REMAKES(NOTHING), "the same as --look", NULL, TEXT(appearance_path)},
     SECTION("Error and engines, the paper's among them"),
     {0, "engine", "NAME", LOOKS, REMAKES(RENDERER), "how the picture is rendered", "auto",
      CHOICE(render.engine, cts_engine_names)},
@@ -166,23 +164,22 @@ const CtsOption cts_options[] = {
      "interpolation along the slice axis, where slices lie further apart than 1.5 pixels: along shapes, cubic or "
      "linear",
      "shape", CHOICE(source.interpolation, interpolations)},
-    {0, "smooth", "MM", LOOKS, REMAKES(VOLUME), "smooth the volume first, with a Gaussian of this standard deviation",
-     "0", NUMBER(source.smooth_mm), RANGE(0, CTS_MAX_SMOOTH_MM), BASIC},
+    {0, "smooth", "MM", LOOKS, REMAKES(VOLUME), "smooth the volume first (Gaussian of this standard deviation)", "0",
+     NUMBER(source.smooth_mm), RANGE(0, CTS_MAX_SMOOTH_MM), BASIC},
     {0, "fill", "HU", LOOKS, REMAKES(VOLUME),
      "voxels of exactly this value that are connected to the volume's border are air (filling outside the scan)", "off",
      PARSED(fill)},
-    {0, "slab", "MM", LOOKS, REMAKES(PICTURE),
-     "only a slab of this thickness across the view (engines tiled and raycast)", "off", NUMBER(render.slab_mm),
-     RANGE(1e-3, 1e5)},
-    {0, "slab-at", "MM", LOOKS, REMAKES(PICTURE), "distance of the slab's middle in front of the volume's centre", "0",
-     NUMBER(render.slab_at_mm), RANGE(-1e5, 1e5)},
+    {0, "slab", "MM[@MM]", LOOKS, REMAKES(PICTURE),
+     "only a slab of this thickness across the view, its middle so far in front of the volume's centre (engines tiled "
+     "and raycast)",
+     "off", PARSED(slab)},
     {0, "window", "LOW,HIGH", LOOKS, REMAKES(TRANSFER),
      "the values (HU, SUV or as stored) that are black and white in mip, minip and average",
      "as the preset says; one that fits for a --mode without a preset", PARSED(window)},
     {0, "shade", "on or off", LOOKS, REMAKES(TRANSFER), "gradient lighting", "as the preset says",
      SWITCH(render.shade)},
-    {0, "occlusion", "S", LOOKS, REMAKES(TRANSFER), "darkening of folds, of a lit picture", "as the preset says",
-     NUMBER(render.occlusion), BOUNDS(OCCLUSION)},
+    {0, "ambient-occlusion", "S", LOOKS, REMAKES(TRANSFER), "darkening of folds, of a lit picture",
+     "as the preset says", NUMBER(render.occlusion), BOUNDS(OCCLUSION)},
     {0, "background", "#RRGGBB or none", LOOKS, REMAKES(TRANSFER), "colour behind the volume; none writes alpha",
      "as the preset says", PARSED(background), BASIC},
     {0, "crop", "X0,X1,Y0,Y1,Z0,Z1", PICTURES | ON(REQUEST), REMAKES(VOLUME),
@@ -269,8 +266,6 @@ const CtsOption cts_options[] = {
      RANGE(1, 256), BASIC},
     {0, "shard", "I/N", ON(BATCH), REMAKES(NOTHING),
      "take the I-th of N parts of the series, I from 0; shards may share DIR", "0/1", PARSED(shard), BASIC},
-    {0, "resume", NULL, ON(BATCH), REMAKES(NOTHING),
-     "resume an earlier run that was stopped, as a batch does by default", NULL, FLAG(resume)},
     {0, "settled", "SECONDS", ON(BATCH), REMAKES(NOTHING),
      "leave a series to which a file came in the last SECONDS to the next run, and try failed ones again at growing "
      "intervals; 0: off",
@@ -278,7 +273,8 @@ const CtsOption cts_options[] = {
     {0, "forget", "DAYS", ON(BATCH), REMAKES(NOTHING),
      "remove pictures and record of a series that is no longer below PATH, DAYS after it ended; 0: never", "0",
      INT(forget_days), RANGE(0, 36500)},
-    {0, "fresh", NULL, ON(BATCH), REMAKES(NOTHING), "start over: render every output again", NULL, FLAG(fresh)},
+    {0, "fresh", NULL, ON(BATCH), REMAKES(NOTHING),
+     "start over: render every output again, and do not resume an earlier run", NULL, FLAG(fresh)},
     {0, "sections", "on or off", ON(BATCH), REMAKES(NOTHING),
      "an axial, a coronal and a sagittal section on the card of each volume", "on", CHOICE(no_sections, switches)},
     {0, "merge", "DIR", ON(BATCH), REMAKES(NOTHING), "make one contact sheet of all shards in DIR, and render nothing",
@@ -317,6 +313,24 @@ const CtsOption cts_options[] = {
     {'h', "help", NULL, ON(JOB) - 1, REMAKES(NOTHING), "print this and stop", NULL, FLAG(help), BASIC},
     {.name = NULL},
 };
+
+/* Other spellings of options, understood everywhere and shown nowhere. */
+static const struct {
+    const char *spelling, *name;
+} aliases[] = {{"formats", "format"}, {"occlusion", "ambient-occlusion"}, {"presets", "preset"}, {"views", "view"}};
+
+const CtsOption *cts_option(const char *name, size_t length)
+{
+    for (size_t i = 0; i < sizeof aliases / sizeof *aliases; i++)
+        if (strlen(aliases[i].spelling) == length && !strncmp(aliases[i].spelling, name, length)) {
+            name = aliases[i].name;
+            length = strlen(name);
+        }
+    for (const CtsOption *o = cts_options; o->name; o++)
+        if (strlen(o->name) == length && !strncmp(o->name, name, length))
+            return o;
+    return NULL;
+}
 
 const CtsBounds *cts_option_bounds(const CtsOption *option)
 {

@@ -64,14 +64,14 @@ int cts_name_find(const char *option, const char *text, size_t length, const cha
     return -1;
 }
 
-CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err)
+CtsStatus cts_view_of(const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err)
 {
     const char *names[CTS_N_VIEWS];
     double angles[2];
     if (!cts_numbers(text, angles, 2)) {
         for (int i = 0; i < CTS_N_VIEWS; i++)
             names[i] = cts_views[i].name;
-        const int view = cts_name_find(option, text, strlen(text), names, CTS_N_VIEWS,
+        const int view = cts_name_find("view", text, strlen(text), names, CTS_N_VIEWS,
                                        ", nor AZIMUTH,ELEVATION in degrees (such as -30,20)", err);
         if (view < 0)
             return CTS_ERR_USAGE;
@@ -83,33 +83,23 @@ CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg,
     const CtsBounds *elevation = cts_setting_bounds(CTS_SETTING_ELEVATION);
     if (cts_setting_check(CTS_SETTING_AZIMUTH, angles[0], NULL) ||
         cts_setting_check(CTS_SETTING_ELEVATION, angles[1], NULL))
-        return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: the azimuth goes from %g to %g, the elevation from %g to %g",
-                        option, text, azimuth->low, azimuth->high, elevation->low, elevation->high);
+        return cts_fail(err, CTS_ERR_USAGE, "`view` %s: the azimuth goes from %g to %g, the elevation from %g to %g",
+                        text, azimuth->low, azimuth->high, elevation->low, elevation->high);
     *azimuth_deg = angles[0];
     *elevation_deg = angles[1];
     return CTS_OK;
 }
 
-CtsStatus cts_parse_view(CtsOptions *options, const char *text, CtsError *err)
-{
-    return cts_view_of("view", text, &options->render.azimuth_deg, &options->render.elevation_deg, err);
-}
-
-CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err)
+CtsStatus cts_format_of(const char *text, const CtsFormatInfo **format, CtsError *err)
 {
     enum { MOST = 16 }; /* more than there are formats */
     const char *names[MOST];
     int n = 0;
     for (; n < MOST && cts_format((size_t)n); n++)
         names[n] = cts_format((size_t)n)->name;
-    const int i = cts_name_find(option, text, strlen(text), names, n, "", err);
+    const int i = cts_name_find("format", text, strlen(text), names, n, "", err);
     *format = i < 0 ? NULL : cts_format((size_t)i);
     return i < 0 ? CTS_ERR_USAGE : CTS_OK;
-}
-
-CtsStatus cts_parse_format(CtsOptions *options, const char *text, CtsError *err)
-{
-    return cts_format_of("format", text, &options->format, err);
 }
 
 /* Two whole numbers with a sign between them. */
@@ -227,6 +217,23 @@ CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "`swivel` %s: more than %g pictures (a larger step)", text, frames->high);
     options->rotation = (int)n;
     options->swivel_step_deg = 2 * deg[0] / n;
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_slab(CtsOptions *options, const char *text, CtsError *err)
+{
+    static const double least = 1e-3, most = 1e5; /* mm; any position of a slice is within */
+    char thickness[64];
+    double mm, at_mm = 0;
+    const size_t n = strcspn(text, "@");
+    snprintf(thickness, sizeof thickness, "%.*s", (int)n, text);
+    if (n >= sizeof thickness || !cts_number(thickness, &mm) || (text[n] && !cts_number(text + n + 1, &at_mm)) ||
+        mm < least || mm > most || fabs(at_mm) > most)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`slab` %s: not MM or MM@MM, a thickness from %g to %g and a distance from -%g to %g", text,
+                        least, most, most, most);
+    options->render.slab_mm = mm;
+    options->render.slab_at_mm = at_mm;
     return CTS_OK;
 }
 

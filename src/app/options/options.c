@@ -6,14 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-const CtsOption *cts_option(const char *name, size_t length)
-{
-    for (const CtsOption *o = cts_options; o->name; o++)
-        if (strlen(o->name) == length && !strncmp(o->name, name, length))
-            return o;
-    return NULL;
-}
-
 void cts_options_begin(CtsOptions *options)
 {
     *options = (CtsOptions){.shard.n = 1, .series_timeout_s = 3600, .find.modality = "CT", .listen = "127.0.0.1:8484"};
@@ -107,11 +99,11 @@ CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsJob
     CtsStatus st;
     if (!o || !cts_option_is_of(o, command))
         return fail_unknown_name(command, word->name, err);
-    if (o->several && command != CTS_FOR_BATCH && cts_options_given(options, o->name))
+    if (o->is_list_of_batch && command != CTS_FOR_BATCH && cts_options_given(options, o->name))
         return cts_fail(err, CTS_ERR_USAGE,
                         "`%s` %s: a picture has only one, and %s is given too (ctsplat batch `%s` "
                         "LIST makes a picture with each)",
-                        o->name, word->value, cts_options_given(options, o->name), o->several);
+                        o->name, word->value, cts_options_given(options, o->name), o->name);
     if ((st = put_value(options, o, word->value, err)))
         return word->from ? cts_context(err, "%s", word->from) : st;
     if (!(st = cts_grow(&options->words, options->n_words, err)))
@@ -156,7 +148,7 @@ static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *e
             return cts_fail(err, CTS_ERR_READ, "%s: holds an option that this build does not have: %.60s",
                             options->state_path, said.name);
         for (int k = 0; k < n_own; k++)
-            own |= !strcmp(options->words[k].name, said.name);
+            own |= !strcmp(options->words[k].name, o->name);
         said.from = options->state_path;
         if (!own)
             st = cts_options_take(options, command, &said, err);
@@ -240,6 +232,12 @@ CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err
         options->state->preset.name[0] = 0; /* another preset is given */
     else if (options->state)
         options->preset = options->state->preset.name;
+    /* A batch has lists. */
+    CtsRenderSettings *const r = &options->render;
+    if (command != CTS_FOR_BATCH &&
+        ((options->view && (st = cts_view_of(options->view, &r->azimuth_deg, &r->elevation_deg, err))) ||
+         (options->formats && (st = cts_format_of(options->formats, &options->format, err)))))
+        return st;
     if (options->swivel_step_deg > 0 && cts_options_given(options, "rotation"))
         return cts_fail(err, CTS_ERR_USAGE, "`swivel`: `rotation` is given too (choose one)");
     return check_peers(options, command, err);

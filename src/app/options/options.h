@@ -44,11 +44,11 @@ void cts_appearance_file_free(CtsAppearanceFile *look);
 /* Values of all options, defaults where not given. Strings point into the option texts. */
 typedef struct CtsOptions {
     CtsTextList paths, outputs;
-    const CtsFormatInfo *format; /* of standard output; NULL when not given */
+    const CtsFormatInfo *format; /* of `formats`, except of a batch; NULL when not given */
     const char *output_dir;      /* NULL when not given */
     const char *log;
 
-    const char *preset; /* NULL: by modality */
+    const char *preset, *view, *formats; /* as given, of a batch lists; NULL: by modality, anterior, none or png */
     CtsRenderSettings render;
     int rotation;           /* frames; 0: off */
     double swivel_step_deg; /* the rotation is a swivel; 0: it is not */
@@ -76,14 +76,13 @@ typedef struct CtsOptions {
     const char *state_path, *write_state;
     CtsState *state; /* of state_path; its preset is used where none is given */
 
-    const char *presets, *views, *formats; /* batch: lists, as given; NULL when not */
-    int jobs;                              /* 0: as many as threads */
-    int settled_s, forget_days;            /* 0: off */
+    int jobs;                   /* 0: as many as threads */
+    int settled_s, forget_days; /* 0: off */
     struct CtsShard {
         int i, n; /* i of n */
     } shard;
     double series_timeout_s, series_mib; /* 0: no limit of its own */
-    bool resume, fresh;
+    bool fresh;
     const char *merge;
 
     const char *listen, *token_file, *allow_origin; /* serve: the last two NULL when not given */
@@ -128,14 +127,14 @@ typedef struct CtsOption {
     const char *const *choices;
     int n_choices, first;
     CtsOptionParser *parse;
-    bool is_basic;       /* one of the dozen that most people need */
-    const char *several; /* the corresponding option of batch with several values; NULL: the last value given applies */
+    bool is_basic;         /* one of the dozen that most people need */
+    bool is_list_of_batch; /* has several values in a batch; elsewhere it is given once. Of others the last applies */
 } CtsOption;
 
 /* The table, in groups whose headings are rows without a name; name is NULL in its last row. */
 extern const CtsOption cts_options[];
 
-/* NULL for none. */
+/* By its name or another spelling; NULL for none. */
 const CtsOption *cts_option(const char *name, size_t length);
 static inline bool cts_option_is_of(const CtsOption *option, CtsCommand command)
 {
@@ -185,14 +184,14 @@ bool cts_numbers(const char *text, double *values, int n);
 int cts_name_find(const char *option, const char *text, size_t length, const char *const *names, int n,
                   const char *more, CtsError *err);
 
-/* A view by its name or its two angles; option: whose argument it is. */
-CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
-/* The format of this name, with errors as above. */
-CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err);
+/* A view by its name or its two angles. */
+CtsStatus cts_view_of(const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
+/* The format of this name. */
+CtsStatus cts_format_of(const char *text, const CtsFormatInfo **format, CtsError *err);
 
 CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_fill,
-    cts_parse_format, cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard,
-    cts_parse_size, cts_parse_swivel, cts_parse_trace_pixel, cts_parse_view, cts_parse_window;
+    cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard, cts_parse_size, cts_parse_slab,
+    cts_parse_swivel, cts_parse_trace_pixel, cts_parse_window;
 
 /* The caller sets remove_table, from the preset (cts_options_preset()). */
 CtsSource cts_options_source(const CtsOptions *options);

@@ -56,7 +56,7 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
         preset->window_low_hu = options->window.low_hu;
         preset->window_high_hu = options->window.high_hu;
         preset->window_absolute = true;
-    } else if (options->render.mode > CTS_MODE_COMPOSITE && !options->preset && !options->presets) {
+    } else if (options->render.mode > CTS_MODE_COMPOSITE && !options->preset) {
         preset->window_low_hu = preset->window_high_hu = 0; /* empty: one that fits (app/job/auto_window.h) */
     }
     if (options->render.mode >= 0)
@@ -66,9 +66,10 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
     if (options->render.occlusion != CTS_OCCLUSION_AS_PRESET)
         preset->occlusion = options->render.occlusion;
     if (options->render.occlusion > 0 && !(preset->shade && preset->mode == CTS_MODE_COMPOSITE))
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_OCCLUSION_UNUSED,
-                              "preset %s: `occlusion` darkens a lit picture alone (`shade` on lights mode composite)",
-                              preset->name);
+        cts_report_diagnostic(
+            report, CTS_DIAGNOSTIC_OCCLUSION_UNUSED,
+            "preset %s: `ambient-occlusion` darkens a lit picture alone (`shade` on lights mode composite)",
+            preset->name);
     if (options->remove_table != CTS_AS_PRESET)
         preset->remove_table = options->remove_table == CTS_ON;
     if (options->window.given && preset->mode == CTS_MODE_COMPOSITE && options->render.grey_bits == 16)

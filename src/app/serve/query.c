@@ -78,9 +78,8 @@ static CtsStatus take_query_options(CtsRenderQuery *render_query, CtsError *err)
                                    .value = render_query->query.parts[i].value};
         if (!strcmp(word.name, "preset") && (st = check_query_preset(word.value, err)))
             return st;
-        const bool is_appearance = !strcmp(word.name, "look") || !strcmp(word.name, "appearance");
-        if (is_appearance && word.value[0] != '{')
-            return cts_fail(err, CTS_ERR_USAGE, "`%s`: belongs in the request itself, as JSON", word.name);
+        if (!strcmp(word.name, "look") && word.value[0] != '{')
+            return cts_fail(err, CTS_ERR_USAGE, "`look`: belongs in the request itself, as JSON");
         st = cts_options_take(&render_query->options, CTS_FOR_REQUEST, &word, err);
     }
     return st;

@@ -71,7 +71,7 @@ static const struct {
     const char *name, *advice;
 } advices[] = {
     {"brain", "the skull is brighter than the brain and surrounds it: `view` head with `slab` 10 shows a section of "
-              "the brain, `slab-at` MM another one"},
+              "the brain, `slab` 10@MM another one"},
     {"vessel", "bone is as dense as blood with contrast agent, and is visible too: `slab` 60 leaves out bone before "
                "and behind, `crop` bone beside"},
     {"vessel-window", "bone is brighter than blood with contrast agent: `slab` 40 leaves out bone before and behind"},

@@ -163,7 +163,7 @@ static void report_occlusion(const CtsStateScene *scene)
     if (scene->shaded && scene->preset->occlusion > 0)
         cts_report_diagnostic(
             scene->report, CTS_DIAGNOSTIC_STATE_LEFT_OUT,
-            "the presentation state has no information for other programs on `occlusion` %g: the standard "
+            "the presentation state has no information for other programs on `ambient-occlusion` %g: the standard "
             "has no place for it",
             scene->preset->occlusion);
 }

@@ -634,7 +634,7 @@ class Volume(_WithDiagnostics):
     def render(self, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
                **options: Any) -> Picture:
         """Renders one picture. options: those of `ctsplat render`, such as mode="mip", max_error=2, crop=(x0, x1, y0, y1, z0,
-        z1), background="none", shade=False, occlusion=0.5, labels="organs.nii.gz", threads=4."""
+        z1), background="none", shade=False, ambient_occlusion=0.5, labels="organs.nii.gz", threads=4."""
         picture = _owner("CtsPicture", lib.cts_picture_free)
         return Picture(picture, self._run({"preset": preset, "view": view, "size": size, **options}, picture), self)
 

@@ -365,7 +365,7 @@ static void report_framing(const CtsRenderSettings *s, CtsReport *report)
     if (!s->centre_given)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_NOTHING_VISIBLE, "%s",
-            s->slab_mm > 0 ? "nothing that this preset shows lies in the slab (see `slab_at`)"
+            s->slab_mm > 0 ? "nothing that this preset shows lies in the slab (see `slab`)"
                            : "nothing of this volume is visible with this preset (see what HU it shows, the range "
                              "of the series' HU, and what a crop leaves)");
     else

@@ -2,15 +2,13 @@
 function kind(name, argument, help)
 {
     if (name == "--preset")
-        return "@presets @json"
-    if (name == "--presets")
-        return "@list @presets"
-    if (name ~ /^--views?$/)
-        return (name == "--views" ? "@list " : "") "anterior posterior left right head feet"
+        return list "@presets @json"
+    if (name == "--view")
+        return list "anterior posterior left right head feet"
     if (name == "--annotate")
         return "@list orientation scale labels"
-    if (name == "--formats" && match(help, /^[a-z]+( [a-z]+)*,/))
-        return "@list " substr(help, 1, RLENGTH - 1)
+    if (name == "--format" && match(help, /^[a-z]+( [a-z]+)*:/))
+        return list substr(help, 1, RLENGTH - 1)
     if (argument ~ /FILE/)
         return "@files"
     if (argument ~ /DIR|PATH/)
@@ -31,6 +29,8 @@ function put()
         print names "\t" kind(name, argument, help) "\t" help
     names = ""
 }
+
+/^Usage: ctsplat batch / { list = "@list " }
 
 /^  (-[a-zA-Z], |    )--/ {
     put()

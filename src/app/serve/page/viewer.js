@@ -28,7 +28,7 @@ function options(coarse = 1) {
   if (look.window)
     w.window = look.window.join(',');
   if (look.occlusion !== undefined)
-    w.occlusion = look.occlusion;
+    w['ambient-occlusion'] = look.occlusion;
   if (look.smooth)
     w.smooth = 1;
   if (look.hidden.size)
