@@ -75,6 +75,19 @@ violations()
                     file[name] = FILENAME
                 }
             }'
+        # A message names an option as `name`, which the table has.
+        grep -E '\.(c|h|cc)$' "$work/list" | grep -v '^\./tests' | tr '\n' '\0' |
+            xargs -0 awk -v table="$table" '
+            BEGIN {
+                while ((getline < table) > 0)
+                    if (match($0, /^ *\{[^,]*, "[a-z-]+",/))
+                        names["`" substr($0, index($0, "\"") + 1, RLENGTH - index($0, "\"") - 2) "`"]
+            }
+            index($0, "\"") && !/^ *(\/\*|\*)/ {
+                for (text = substr($0, index($0, "\"")); match(text, /`[a-z_-]+`/); text = substr(text, RSTART + RLENGTH))
+                    if (!(substr(text, RSTART, RLENGTH) in names))
+                        print FILENAME ":" FNR ": " substr(text, RSTART, RLENGTH) " <- no option of this name"
+            }' /dev/null
         # src/README.md lists every folder.
         for room in $(sed -n 's|^\./src/\(.*\)/[^/]*\.[ch]c*$|\1|p' "$work/list" | sort -u); do
             [ ! -e src/README.md ] || grep -q "^| .$room. |" src/README.md || echo "src/README.md: no folder $room"
@@ -120,6 +133,7 @@ violations()
     )
 }
 
+table=$(realpath "$1")/src/app/options/option_table.c
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
@@ -142,6 +156,7 @@ breach '/* no''body does */\n'
 breach '/* Wh''at it does. */\n'
 breach '/* -O''fast */\n'
 breach '/* as no_such_function() does */\n'
+breach 'const char a[] = "`max_error` is no option";\n'
 breach "/* $(printf '%0120d' 0) */\\n"
 mkdir -p "$work/src/x" "$work/src/y"
 touch "$work/src/x/same.c" "$work/src/y/same.c"

@@ -8,9 +8,8 @@
 #include <jansson.h>
 #include <signal.h>
 
-/* Messages of the library write options without dashes and settings as fields, between backticks. Copies text to out
- * with each `max_error` written as the option, truncated to size; returns out. Names that are not options stay
- * unchanged. */
+/* Copies text to out, truncated to size, with each option that the library's messages write as `max-error` written as
+ * --max-error; returns out. */
 const char *cli_with_options(const char *text, char *out, size_t size);
 
 /* Draws a progress bar if stderr is a terminal: done of all steps; what describes the current step. */

@@ -11,7 +11,7 @@ for engine in tiled combined; do
     has log '"code":"max_error"'
     grep '"event":"error"' log | grep -o '"rmse":[0-9.e-]*' | awk -F: '{ exit !($2 * 255 <= 0.5) }' || fail "the error of $engine exceeds the requested one"
 done
-sheets=$(sed -n 's/.*max_error` 0.5: the error of \([0-9]*\) sheets.*/\1/p' log)
+sheets=$(sed -n 's/.*max-error` 0.5: the error of \([0-9]*\) sheets.*/\1/p' log)
 [ -n "$sheets" ] || fail "a hard preset needs more sheets than one"
 ok render "$data/phantom" -p hard.json --view 30,15 $frame --engine combined --samples "$sheets" -o same.png
 ok compare combined.png same.png

@@ -344,7 +344,7 @@ static CtsStatus render_series(Work *w)
         st = cts_fail(&err, w->loaded.series->refusal, "%s%s", w->loaded.series->reason,
                       is_shown || !w->loaded.series->passed ? ""
                                                             : "; its pixels may show the patient's name, so it is not "
-                                                              "shown (`show_patient` shows it)");
+                                                              "shown (`show-patient` shows it)");
     if (!st && !(st = cts_log_open(&w->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
         cts_log_run(w->log, w->settings->command, w->loaded.series->uid);
         for (int i = 0; w->log && !o->show_paths && i < s->n_paths; i++)

@@ -139,10 +139,10 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
         if (settings->deidentify)
             return cts_fail(
                 err, CTS_ERR_USAGE,
-                "`write_state`: a presentation state names the slices it is of, which `deidentify` forbids");
+                "`write-state`: a presentation state names the slices it is of, which `deidentify` forbids");
         for (int i = 0; i < outputs->n; i++)
             if (same_file(outputs->paths[i], outputs->state))
-                return cts_fail(err, CTS_ERR_USAGE, "%s: given for -o and `write_state`", outputs->state);
+                return cts_fail(err, CTS_ERR_USAGE, "%s: given for -o and `write-state`", outputs->state);
         if ((st = cts_file_check_writable(outputs->state, settings->force, err)) ||
             (settings->force && (st = refuse_ct_slice(outputs->state, err))))
             return st;

@@ -30,7 +30,7 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_SEVERAL_SERIES,
             "%zu series found; taking %s (%s), the one with the most slices%s; `series` takes another, "
-            "by UID or number (ctsplat info; there `show_patient` adds date and description)",
+            "by UID or number (ctsplat info; there `show-patient` adds date and description)",
             list->n, name_of_series(taken).text, taken->traits,
             taken == list->items ? "" : " of those that can be rendered");
     else

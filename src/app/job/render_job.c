@@ -379,10 +379,10 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
     CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
     if (loaded->series && loaded->series->no_patient && job->outputs.state)
         return cts_fail(err, CTS_ERR_PIXELS,
-                        "`write_state`: a NIfTI file has no patient and no slices for a presentation state to name");
+                        "`write-state`: a NIfTI file has no patient and no slices for a presentation state to name");
     if (loaded->series && loaded->series->frames_differ && job->outputs.state)
         return cts_fail(err, CTS_ERR_GEOMETRY,
-                        "`write_state`: a presentation state names one frame of reference, and each slice has its own");
+                        "`write-state`: a presentation state names one frame of reference, and each slice has its own");
     if (prepared->no_contrast)
         cts_contrast_report(&prepared->preset, report);
     settings.source = loaded->series;

@@ -139,7 +139,7 @@ CtsStatus cts_parse_trace_pixel(CtsOptions *options, const char *text, CtsError 
     int pixel[2];
     if (!pair(text, ',', pixel) || pixel[0] < 0 || pixel[1] < 0)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "`trace_pixel` %s: not X,Y in pixels from the left and the top (such as 512,300)", text);
+                        "`trace-pixel` %s: not X,Y in pixels from the left and the top (such as 512,300)", text);
     options->render.trace = true;
     options->render.trace_x = pixel[0];
     options->render.trace_y = pixel[1];

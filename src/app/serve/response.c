@@ -61,20 +61,6 @@ static int status_of(CtsStatus st)
     }
 }
 
-/* Rewrites settings between backticks as the request's parameter names: `series_uid`. */
-static void name_settings(char *text)
-{
-    for (char *at = strchr(text, '`'); at; at = strchr(at, '`')) {
-        const size_t n = strspn(at + 1, "abcdefghijklmnopqrstuvwxyz0123456789-");
-        if (n > 0 && at[1 + n] == '`') {
-            for (size_t i = 1; i <= n; i++)
-                at[i] = at[i] == '-' ? '_' : at[i];
-            at += n + 1;
-        }
-        at++;
-    }
-}
-
 char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *cached, const char *text)
 {
     CtsNames own = {0};
@@ -86,8 +72,6 @@ char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *cached, 
     free(here);
     free(there);
     cts_names_free(&own);
-    if (masked)
-        name_settings(masked);
     return masked;
 }
 

@@ -322,7 +322,7 @@ static double report_lost(CtsTableSearch *r, CtsReport *report)
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
             "%.1f cm3 (%.1f %% of the body) of the removed voxels form parts thicker than tables, and "
-            "may be patient (compare with `remove_table` off)",
+            "may be patient (compare with `remove-table` off)",
             lost_mm3 / 1000, 100 * lost_mm3 / r->body.mm3);
     return lost_mm3;
 }

@@ -33,7 +33,7 @@ CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
     if (!st && s->trace && (s->trace_x < 0 || s->trace_x >= s->width || s->trace_y < 0 || s->trace_y >= s->height))
         st = cts_fail(
             err, CTS_ERR_USAGE,
-            "`trace_pixel` %d,%d: no pixel of a picture of %d x %d (X from 0 at the left, Y from 0 at the top)",
+            "`trace-pixel` %d,%d: no pixel of a picture of %d x %d (X from 0 at the left, Y from 0 at the top)",
             s->trace_x, s->trace_y, s->width, s->height);
     return st;
 }
@@ -104,7 +104,7 @@ void cts_scene_report_region(const CtsScene *scene, CtsReport *report)
         cts_report_plan(report, "a slab of %g mm across the view, its middle %g mm in front of the volume's centre",
                         s->slab_mm, s->slab_at_mm);
     if (cts_scene_body(scene))
-        cts_report_plan(report, "mode %s: the inside of the body, 3 mm under the skin (`remove_table` off: everything)",
+        cts_report_plan(report, "mode %s: the inside of the body, 3 mm under the skin (`remove-table` off: everything)",
                         cts_mode_names[mode]);
     else if (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE)
         cts_report_plan(report, "mode %s: everything in the volume, air around the body too", cts_mode_names[mode]);

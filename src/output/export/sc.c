@@ -108,11 +108,11 @@ static CtsStatus check_size(const char *path, int width, int height, int n_frame
     if (settings->compression == CTS_SC_NONE && frame_bytes * (uint64_t)n_frames > max_pixel_bytes)
         return cts_fail(err, CTS_ERR_USAGE,
                         "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views, a smaller "
-                        "picture, or `compression`)",
+                        "picture, or `compress`)",
                         path, n_frames, width, height);
     if (memory > 0 && needed > memory)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "%s: to compress a picture of %dx%d takes %.1f GB of memory, more than there is (`compression` "
+                        "%s: to compress a picture of %dx%d takes %.1f GB of memory, more than there is (`compress` "
                         "none needs little)",
                         path, width, height, (double)needed / 1e9);
     return CTS_OK;

@@ -302,7 +302,7 @@ static void report_no_key(const CtsEngine *engine, CtsReport *report)
     const char *const why = engine->skips_void ? "skips only what is provably invisible" : "skips no void";
     cts_report_skip(report, "void key", "engine %s %s", engine->name, why);
     cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY_UNUSED,
-                          "`void_key`: engine %s %s, so nothing is lost (%s take the key)", engine->name, why,
+                          "`void` key: engine %s %s, so nothing is lost (%s take the key)", engine->name, why,
                           cts_engines_with(offsetof(CtsEngine, uses_void_key), CTS_ENGINE_FLAG, list));
 }
 
@@ -316,7 +316,7 @@ static void report_key_once(CtsFrames *f, CtsReport *report)
     else if (!is_hu(f))
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_VOID_KEY_UNUSED,
-            "`void_key`: the mixture model is one of HU, so only what is provably invisible is skipped");
+            "`void` key: the mixture model is one of HU, so only what is provably invisible is skipped");
     else if (f->key_found)
         cts_void_key_report(&f->key, &f->preset, report);
     f->key_reported = true;
@@ -592,7 +592,7 @@ static CtsStatus trace_frame_pixel(const CtsFrame *frame, CtsReport *report, Cts
         return control->march->trace_pixel(&control->scene, s->trace_x, s->trace_y, report, err);
     cts_report_diagnostic(
         report, CTS_DIAGNOSTIC_TRACE_LEFT_OUT,
-        "`trace_pixel`: nothing to trace, since the exact march has mode composite and kernel tent alone");
+        "`trace-pixel`: nothing to trace, since the exact march has mode composite and kernel tent alone");
     return CTS_OK;
 }
 

@@ -52,11 +52,11 @@ static void report_samples(const CtsRenderSettings *small, double requested, int
     if (samples > 0)
         snprintf(sheets, sizeof sheets, "the error of %d sheets a layer is", samples);
     if (best <= requested)
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_MAX_ERROR, "`max_error` %g: %s %.3g/255 rms on %d trial rays",
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_MAX_ERROR, "`max-error` %g: %s %.3g/255 rms on %d trial rays",
                               requested, sheets, best / MARGIN, small->width * small->height);
     else
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_MAX_ERROR_MISSED,
-                              "`max_error` %g is not met: %s %.3g/255 rms on %d trial rays (exact: %s)", requested,
+                              "`max-error` %g is not met: %s %.3g/255 rms on %d trial rays (exact: %s)", requested,
                               sheets, best / MARGIN, small->width * small->height,
                               cts_engines_with(offsetof(CtsEngine, is_reference), CTS_ENGINE_FLAG, list));
 }

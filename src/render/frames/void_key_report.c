@@ -21,7 +21,7 @@ static void report_key(const CtsVoidKey *key, const CtsPreset *preset, CtsReport
         cts_report_skip(report, "void key", "preset %s %s: only what is provably invisible is skipped", preset->name,
                         why);
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY_UNUSED,
-                              "`void_key`: preset %s %s, so only what is provably invisible is skipped", preset->name,
+                              "`void` key: preset %s %s, so only what is provably invisible is skipped", preset->name,
                               why);
         return;
     }
@@ -35,11 +35,11 @@ static void report_key(const CtsVoidKey *key, const CtsPreset *preset, CtsReport
                     "the opacity",
                     text, of_visible, 100 * key->opacity_dropped);
     if (key->dropped == 0)
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY, "`void_key` loses nothing: the preset shows nothing %s",
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY, "`void` key loses nothing: the preset shows nothing %s",
                               text);
     else
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_VOID_KEY_LOSES,
-                              "`void_key`: %s counts as void: %.4g %% of the voxels that would be visible, and with "
+                              "`void` key: %s counts as void: %.4g %% of the voxels that would be visible, and with "
                               "them %.4g %% of the opacity, are lost",
                               text, of_visible, 100 * key->opacity_dropped);
 }
