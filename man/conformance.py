@@ -67,7 +67,7 @@ statement = [
       ("Retrieve (C-GET)", "yes: --from", "no"),
       ("Retrieve (C-MOVE)", "yes: --from with --move-port", "storage of what was asked for alone"),
       ("DICOMweb QIDO-RS, WADO-RS, STOW-RS", "yes: a URL in --from, --send", "no"),
-      ("DICOMweb rendered3D (Retrieve Rendered Volume)", "no", "ctsplat serve"),
+      ("DICOMweb rendered3D (Retrieve Rendered Volume), thumbnails, capabilities", "no", "ctsplat serve"),
       ("Storage commitment, worklist, MPPS, printing, media", "no", "no")]),
     (H, "Introduction"),
     (P, "For administrators of PACS and for integrators. Version " + version + ". Terms are those of the DICOM standard "
@@ -115,7 +115,7 @@ statement = [
         "whole series, or a Volume Rendering Volumetric Presentation State that ctsplat wrote; others are 400). Media types: "
         "image/jpeg (the default), image/png with 8 bits, image/webp, application/dicom; a swivel is image/webp or "
         "application/dicom; application/dicom+json for renderedvolumetricmetadata. None that is accepted: 406. There is no "
-        "renderedMPR, no thumbnail and no capabilities document: 404."),
+        "renderedMPR: 404."),
     (T, ("Parameter", "Values", "What is done"),
      [("accept", "media types", "stands in for the Accept header"),
       ("renderingmethod", "volume_rendered, maximum_ip, minimum_ip, average_ip", "as the preset says where it is missing"),
@@ -135,6 +135,16 @@ statement = [
       ("preset, view, size, max-error and others", "as options of ctsplat render", "extensions: ctsplat-serve(1)")]),
     (P, "Beside a presentation state only orientation, the viewpoint parameters, viewport, quality and accept are taken; others "
         "are 400. A parameter that is not known is 400 too, by name, where the standard lets it be ignored."),
+    (P, "Thumbnails: GET of /studies/UID/thumbnail (its largest volume; else its first series), "
+        "/studies/UID/series/UID/thumbnail and /studies/UID/series/UID/instances/UID/thumbnail. A series' is the volume as "
+        "ctsplat renders it without options, or where it is none the middle image by its window; an instance's is its own "
+        "image, of several frames the middle one. image/jpeg (the default), image/png or image/webp, else 406. Of the "
+        "parameters accept, charset and viewport alone, whose two numbers are 256,256 where they are missing and 1024 at "
+        "most; others are 400. A volume fills the viewport; an image keeps its proportions and is never enlarged. Images "
+        "whose pixels may show the patient's name (as in a batch, see below), what is no image, and a series that is "
+        "refused are 404, with the reason. Each has an ETag; If-None-Match is answered by 304."),
+    (P, "Capabilities: OPTIONS of / is answered by a WADL document (PS3.18 Annex H), application/vnd.sun.wadl+xml alone, "
+        "with a base that is relative to the request. With Access-Control-Request-Method it is a preflight of CORS."),
     (H, "Media and files"),
     (P, "Files of PS3.10 are read whatever their names, from folders, zip files and by a DICOMDIR, with and without "
         "preamble."),

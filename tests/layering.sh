@@ -45,8 +45,8 @@ src/lab/bench     | output/report/ |
 src/app/job       | |
 src/app/options   | app/job/ |
 src/app/contact   | output/image/ output/report/info.h | jansson.h webp/
-src/app/batch     | output/export/sc_texts.h output/report/ app/job/ app/options/ app/contact/ | jansson.h
-src/app/serve     | dicom/header/slice.h dicom/net/listener.h output/report/redact.h app/job/ app/options/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
+src/app/batch     | dicom/codec/pixels.h output/export/sc_texts.h output/report/ app/job/ app/options/ app/contact/ | jansson.h
+src/app/serve     | dicom/codec/pixels.h dicom/header/slice.h dicom/net/listener.h output/report/redact.h app/job/ app/options/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
 src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h openexr_base.h expat.h
 '
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.

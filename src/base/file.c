@@ -217,6 +217,24 @@ CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err)
     return st;
 }
 
+bool cts_user_path(char *path, size_t size, const char *variable, const char *fallback, const char *name, bool made)
+{
+    const char *folder = getenv(variable), *home = getenv("HOME");
+    int n = -1;
+    /* A relative folder must be ignored. */
+    if (folder && *folder == '/')
+        n = snprintf(path, size, "%s/ctsplat/%s", folder, name);
+    else if (home && *home == '/')
+        n = snprintf(path, size, "%s/%s/ctsplat/%s", home, fallback, name);
+    const bool is_known = n > 0 && n < (int)size;
+    for (char *slash = path; made && is_known && (slash = strchr(slash + 1, '/'));) {
+        *slash = 0;
+        mkdir(path, 0700);
+        *slash = '/';
+    }
+    return is_known;
+}
+
 CtsStatus cts_file_text(const char *path, size_t most, CtsStatus fault, char **text, size_t *n, CtsError *err)
 {
     FILE *const file = fopen(path, "rbe");

@@ -49,6 +49,10 @@ CtsStatus cts_file_text(const char *path, size_t most, CtsStatus fault, char **t
 const char *cts_temp_root(void);
 CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err);
 
+/* The path of a user's own file by the XDG base directory specification: $VARIABLE/ctsplat/NAME, or below ~/FALLBACK;
+ * made: its folders too, up to the last slash, for the user alone. False when neither is known. */
+bool cts_user_path(char *path, size_t size, const char *variable, const char *fallback, const char *name, bool made);
+
 /* CTS_OK when path could be written: its folder exists and is writable, and path is absent (or force is set and path
  * is a regular file). */
 CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err);

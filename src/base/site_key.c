@@ -4,6 +4,7 @@
 #include "base/hash.h"
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,23 +13,6 @@
 #include <unistd.h>
 
 enum { FEWEST_BYTES = 16, MAX_BYTES = 4096 };
-
-/* NULL without memory or a home; made: its folders too. */
-static char *own_path(bool made)
-{
-    const char *state = getenv("XDG_STATE_HOME"), *home = getenv("HOME");
-    char *path = NULL;
-    if (state && *state == '/')
-        path = asprintf(&path, "%s/ctsplat/key", state) < 0 ? NULL : path;
-    else if (home && *home == '/')
-        path = asprintf(&path, "%s/.local/state/ctsplat/key", home) < 0 ? NULL : path;
-    for (char *slash = path; made && path && (slash = strchr(slash + 1, '/'));) {
-        *slash = 0;
-        mkdir(path, 0700);
-        *slash = '/';
-    }
-    return path;
-}
 
 /* Written to a temporary file and renamed, so that readers never see a partial file; the first of two writers wins. */
 static CtsStatus make_key_file(const char *path, CtsError *err)
@@ -74,14 +58,15 @@ static CtsStatus read_key(int fd, const char *path, CtsKey *key, CtsError *err)
 
 CtsStatus cts_key_load(const char *path, bool may_make, CtsKey *key, CtsError *err)
 {
-    char *own = path ? NULL : own_path(may_make);
-    const char *name = path ? path : own;
+    char own[PATH_MAX];
+    const bool is_own = !path && cts_user_path(own, sizeof own, "XDG_STATE_HOME", ".local/state", "key", may_make);
+    const char *name = is_own ? own : path;
     CtsStatus st = CTS_OK;
     if (!name)
         return cts_fail(err, CTS_ERR_READ,
                         "the key's folder is unknown, as neither XDG_STATE_HOME nor HOME is set (give `key`)");
     int fd = open(name, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (fd < 0 && own && may_make && errno == ENOENT) {
+    if (fd < 0 && is_own && may_make && errno == ENOENT) {
         st = make_key_file(name, err);
         fd = st ? -1 : open(name, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     }
@@ -94,6 +79,5 @@ CtsStatus cts_key_load(const char *path, bool may_make, CtsKey *key, CtsError *e
         st = read_key(fd, name, key, err);
     if (fd >= 0)
         close(fd);
-    free(own);
     return st;
 }

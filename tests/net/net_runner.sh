@@ -6,7 +6,7 @@ trap 'rm -rf "$work"' EXIT
 script=$(realpath "$1") ctsplat=$(realpath "$2") loopback=$(realpath "$3") data=$(realpath "$4") program=${5:+$(realpath "$5")}
 cd "$work"
 export OMP_WAIT_POLICY=PASSIVE HOME="$work"
-unset CTSPLAT_CREDENTIALS http_proxy https_proxy all_proxy HTTP_PROXY HTTPS_PROXY ALL_PROXY
+unset XDG_CACHE_HOME CTSPLAT_CREDENTIALS http_proxy https_proxy all_proxy HTTP_PROXY HTTPS_PROXY ALL_PROXY
 # Debian's python3 has Debian's pydicom; another one earlier in PATH may not.
 python=/usr/bin/python3
 [ -x $python ] || python=python3

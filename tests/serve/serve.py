@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import xml.etree.ElementTree
 from concurrent.futures import ThreadPoolExecutor
 
 import pydicom
@@ -173,6 +174,94 @@ def states(study, uid, slices):
     stranger.save_as(f'all/of-{uid}/1.2.3.4.dcm')
     with Server(ctsplat, 'all/of-{series_uid}') as server:
         server.refused(400, '^[^/]*private attributes', one % '1.2.3.4')
+
+
+def thumbnails(study, uid):
+    """A series as `render` shows it, an object by itself; kept on the disk, until the files are others."""
+    shutil.copytree(data, 'small')
+    files = sorted(os.listdir('small'))
+    sops = [pydicom.dcmread(f'small/{name}', stop_before_pixels=True).SOPInstanceUID for name in files]
+    named = pydicom.dcmread(f'small/{files[0]}')
+    named.SOPClassUID = named.file_meta.MediaStorageSOPClassUID = '1.2.840.10008.5.1.4.1.1.7'
+    named.SeriesInstanceUID, named.SOPInstanceUID, named.BurnedInAnnotation = '1.2.9', '1.2.9.1', 'YES'
+    named.save_as('small/named.dcm')
+    os.makedirs('small/broken')
+    for name in files[:9] + files[13:22]:
+        with open(f'small/{name}', 'rb') as f, open(f'small/broken/{name}', 'wb') as to:
+            to.write(f.read().replace(uid.encode(), uid[:-1].encode() + (b'1' if uid[-1] == '0' else b'0')))
+    broken = pydicom.dcmread(f'small/broken/{files[0]}', stop_before_pixels=True).SeriesInstanceUID
+    series = f'/studies/{study}/series/{uid}'
+    kept = os.path.expanduser('~/.cache/ctsplat/thumbnails')
+    own = {ending: render(ending, '--size', '256x256', '--png-bits', '8') for ending in ('jpg', 'png', 'webp')}
+    with Server(ctsplat, 'small') as server:
+        tags = set()
+        for path in f'/studies/{study}/thumbnail', f'{series}/thumbnail', f'/series/{server.series()[0]["id"]}/thumbnail':
+            for accept, ending in ('*/*', 'jpg'), ('image/png', 'png'), ('image/webp, image/png;q=0.1', 'webp'), ('', 'jpg'):
+                status, headers, body = server.ask(path, {'Accept': accept})
+                tags.add(headers['ETag'])
+                assert body == own[ending], (path, accept)
+                status, same, empty = server.ask(path, {'Accept': accept, 'If-None-Match': f'"x", {headers["ETag"]}'})
+                assert (status, empty, same['ETag']) == (304, b'', headers['ETag'])
+                assert headers['Cache-Control'] == 'private, no-cache' and 'no-store' not in same['Cache-Control']
+        assert len(tags) == 3 == len(os.listdir(kept)) and os.stat(kept).st_mode & 0o777 == 0o700, os.listdir(kept)
+        assert server.get(f'{series}/thumbnail?viewport=64,48&accept=image/png') == render('png', '--size', '64x48', '--png-bits', '8')
+        slices = {server.get(f'{series}/instances/{sops[k]}/thumbnail', {'Accept': 'image/png'}) for k in (0, 24, 30)}
+        assert len(slices) == 3 and all(png[16:24] == bytes([0, 0, 0, 64] * 2) for png in slices), 'each is its own, not enlarged'
+        one = server.get(f'{series}/instances/{sops[24]}/thumbnail?viewport=40,20&accept=image/png')
+        assert one[16:24] == bytes([0, 0, 0, 20] * 2), one[:24]
+        for text, query in [('a part', 'viewport=9,9,1,1'), ('not WIDTH,HEIGHT', 'viewport=9'), ('`size` 0x9', 'viewport=0,9'),
+                            ('`size` 9.5x9', 'viewport=9.5,9'), ('at most 1024', 'viewport=1025,9'),
+                            ('given twice', 'viewport=9,9&viewport=9,9'), ('viewport, accept and charset', 'preset=bone')]:
+            server.refused(400, text, f'{series}/thumbnail?{query}')
+        server.refused(406, 'image/jpeg, image/png and image/webp$', f'{series}/thumbnail', headers={'Accept': 'application/dicom'})
+        server.refused(404, "patient's name", f'/studies/{study}/series/1.2.9/thumbnail')
+        server.refused(404, "patient's name", f'/studies/{study}/series/1.2.9/instances/1.2.9.1/thumbnail')
+        server.refused(404, 'missing', f'/studies/{study}/series/{broken}/thumbnail')
+        for path in '/studies/1.2/thumbnail', f'{series}1/thumbnail', f'{series}/instances/1.2/thumbnail', \
+                f'{series}/instances/1.2.9.1/thumbnail', f'{series}/thumbnail/thumbnail':
+            server.refused(404, '.', path)
+        server.refused(401, 'token', f'{series}/thumbnail', token=False)
+        # A client that goes away, and a file that is another one since: what is kept stays, and no picture of both.
+        with socket.create_connection((server.host, server.port)) as s:
+            s.sendall(f'GET {series}/thumbnail?viewport=999,999 HTTP/1.1\r\nHost: localhost\r\n'
+                      f'Authorization: Bearer {server.token}\r\n\r\n'.encode())
+        shutil.copy(f'small/{files[30]}', f'small/{files[24]}')
+        status, _, body = server.ask(f'{series}/instances/{sops[24]}/thumbnail?viewport=41,41')
+        assert status == 500 and b'changed' in body and b'small' not in body, body
+        assert server.get(f'{series}/instances/{sops[24]}/thumbnail?viewport=40,20&accept=image/png') == one
+        n_kept = len(os.listdir(kept))
+    shutil.copy(os.path.join(data, files[24]), 'small')
+    os.utime(os.path.join(kept, os.listdir(kept)[0]), (0, 0))
+    with Server(ctsplat, 'small', '--show-patient') as server:
+        assert server.ask(f'{series}/thumbnail')[1]['ETag'] not in tags and len(os.listdir(kept)) == n_kept, 'other files, and an old one less'
+        assert server.get(f'/studies/{study}/series/1.2.9/thumbnail')[:3] == b'\xff\xd8\xff'
+    shutil.rmtree(kept)
+    with open(kept, 'w'):
+        pass
+    with Server(ctsplat, 'small') as server:
+        assert server.get(f'{series}/thumbnail') == server.get(f'{series}/thumbnail') and 'not kept' in server.stderr()
+    os.remove(kept)
+    os.makedirs('each')
+    os.rename('small', f'each/{uid}')
+    with Server(ctsplat, 'each/{series_uid}') as server:
+        assert server.get(f'{series}/instances/{sops[24]}/thumbnail?viewport=40,20&accept=image/png') == one
+        assert server.get(f'{series}/thumbnail')[:3] == b'\xff\xd8\xff' == server.get(f'{series}/thumbnail')[:3]
+        server.refused(404, 'no such object', f'{series}/instances/1.2/thumbnail')
+    shutil.rmtree('each')
+
+
+def capabilities():
+    """WADL by OPTIONS /; to a page of another site a preflight."""
+    site = {'Origin': 'https://a.example', 'Access-Control-Request-Method': 'GET'}
+    with Server(ctsplat, data, '--allow-origin', 'https://a.example') as server:
+        status, headers, body = server.ask('/', method='OPTIONS')
+        ids = [m.get('id') for m in xml.etree.ElementTree.fromstring(body).iter() if m.get('id')]
+        assert status == 200 and headers['Content-Type'] == 'application/vnd.sun.wadl+xml' and ids == ['RetrieveThumbnail', 'RetrieveRendered3D']
+        assert server.ask('/', method='OPTIONS', token=False)[0] == 401
+        for path in '/', '/studies/1.2/thumbnail':
+            status, headers, body = server.ask(path, site, method='OPTIONS', token=False)
+            assert status == 200 and headers['Access-Control-Allow-Origin'] == 'https://a.example' and body == b'\n', headers
+        server.refused(405, 'GET', '/series', method='OPTIONS')
 
 
 def labels():
@@ -396,6 +485,8 @@ with Server(ctsplat, data, '--host', 'known.example') as whole:
     assert whole.series()[0]['id'] == name and whole.series()[0]['loaded']
 assert data not in messages and first.SeriesInstanceUID not in messages and str(first.PatientName) not in messages, messages
 states(first.StudyInstanceUID, first.SeriesInstanceUID, first.SOPInstanceUID)
+thumbnails(first.StudyInstanceUID, first.SeriesInstanceUID)
+capabilities()
 labels()
 leaves_cleanly(name)
 memory()

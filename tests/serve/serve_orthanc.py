@@ -44,7 +44,9 @@ def look_at(pacs, server, study, series, resource):
     assert refused(pacs, base.replace(series, '1.2.3')) == 404
     # The functions of the DICOMweb plug-in still work.
     assert pacs.json(f'/dicom-web/studies/{study}/series')[0]['0020000E']['Value'] == [series]
-    assert pacs.get(f'/series/{resource}/thumbnail')[:3] == b'\xff\xd8\xff'
+    small = pacs.get(base.replace('rendered3D?viewport=64,48', 'thumbnail'))
+    assert small == server.get(base.replace('/dicom-web', '').replace('rendered3D?viewport=64,48', 'thumbnail'))
+    assert pacs.get(f'/series/{resource}/thumbnail') == small and small[:3] == b'\xff\xd8\xff'
 
 
 def state(pacs, study):

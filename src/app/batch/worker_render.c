@@ -5,6 +5,7 @@
 #include "base/exit_code.h"
 #include "base/stage_timer.h"
 #include "base/text.h"
+#include "dicom/codec/pixels.h"
 #include "output/report/log.h"
 #include <limits.h>
 #include <math.h>
@@ -163,16 +164,11 @@ static CtsStatus draw_sections(Work *w, CtsError *err)
 static CtsStatus draw_image(Work *w, CtsError *err)
 {
     CtsPicture *picture = NULL;
-    CtsImage *const image = calloc(1, sizeof *image);
-    CtsStatus st =
-        image ? cts_series_image(w->loaded.series, image, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = cts_picture_new(&picture, image->width, image->height, 4, err))) {
-        for (size_t i = 0; i < 4 * (size_t)image->width * (size_t)image->height; i++)
-            picture->pixels[i] = i % 4 == 3 ? 1 : (float)image->rgb[i / 4 * 3 + i % 4] / 255;
+    const CtsSeries *const s = w->loaded.series;
+    CtsStatus st = cts_slice_picture(s->slices[s->n_slices / 2], CTS_THUMBNAIL_SIDE, CTS_THUMBNAIL_SIDE, &picture, err);
+    if (!st)
         st = save_card_picture(w, picture, "image", err);
-    }
     cts_picture_free(&picture);
-    free(image);
     if (st != CTS_ERR_PIXELS && st != CTS_ERR_READ)
         return st;
     cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_PIXELS_REFUSED, "no thumbnail: %s", err->text);

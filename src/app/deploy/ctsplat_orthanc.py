@@ -1,4 +1,4 @@
-"""Pictures of volumes in Orthanc, made by `ctsplat serve`: PS3.18 rendered3D below /dicom-web, thumbnails of series, and
+"""Pictures of volumes in Orthanc, made by `ctsplat serve`: PS3.18 rendered3D and thumbnails below /dicom-web, and
 previews that are made when a series is stable; and folders of stable series for `ctsplat batch`. Nothing is rendered inside
 Orthanc.
 
@@ -37,7 +37,6 @@ SETTINGS.update(CONFIGURATION.get('Ctsplat', {}))
 STORAGE = CONFIGURATION.get('StorageDirectory', 'OrthancStorage')
 ROOT = '/' + CONFIGURATION.get('DicomWeb', {}).get('Root', '/dicom-web/').strip('/')
 PREVIEW = 4484  # the attachment of a series that holds its preview; numbers from 1024 on are free for all
-THUMBNAIL = 'viewport=256,256&max-error=2&accept=image/jpeg'
 CT = ('CT',)
 lock = threading.Lock()
 SETTLED_S = 3  # after which `batch --settled 1` takes what came, a second for each one that is begun
@@ -200,18 +199,18 @@ def refuse(output, refused):
 
 
 def rendered(output, uri, **request):
-    """GET ROOT/studies/S[/series/E[/instances/I]]/rendered3D."""
+    """GET ROOT/studies/S[/series/E[/instances/I]]/rendered3D or thumbnail."""
     if request['method'] != 'GET':
         output.SendMethodNotAllowed('GET')
         return
-    study_uid, series_uid, instance_uid = (list(request['groups']) + [None, None])[:3]
+    study_uid, series_uid, instance_uid = (list(request['groups'])[:-1] + [None, None])[:3]
     query = urllib.parse.urlencode(request['get'])
     try:
         series_uid = place_all(study_uid, series_uid, instance_uid)
         path = f'/studies/{study_uid}/series/{series_uid}'
         if instance_uid:
             path += f'/instances/{instance_uid}'
-        answer(output, *ask(f'{path}/rendered3D?{query}', request['headers'].get('accept')))
+        answer(output, *ask(f"{path}/{request['groups'][-1]}?{query}", request['headers'].get('accept')))
     except Refused as refused:
         refuse(output, refused)
 
@@ -222,7 +221,7 @@ def preview(resource):
     study = api(f'/series/{resource}/study')['MainDicomTags']['StudyInstanceUID']
     uid = tags['SeriesInstanceUID']
     place(uid)
-    return ask(f'/studies/{study}/series/{uid}/rendered3D?{THUMBNAIL}')
+    return ask(f'/studies/{study}/series/{uid}/thumbnail')
 
 
 def thumbnail(output, uri, **request):
@@ -274,6 +273,6 @@ def changed(change, level, resource):
 os.makedirs(SETTINGS['Folder'], mode=0o750, exist_ok=True)
 UID = '([0-9.]+)'
 for below in '', f'/series/{UID}', f'/series/{UID}/instances/{UID}':
-    orthanc.RegisterRestCallback(f'{re.escape(ROOT)}/studies/{UID}{below}/rendered3D', rendered)
+    orthanc.RegisterRestCallback(f'{re.escape(ROOT)}/studies/{UID}{below}/(rendered3D|thumbnail)', rendered)
 orthanc.RegisterRestCallback('/series/([0-9a-f-]+)/thumbnail', thumbnail)
 orthanc.RegisterOnChangeCallback(changed)

@@ -130,7 +130,7 @@ static bool host_is_ours(const CtsServer *server, const char *given)
 static void answer_preflight(const CtsServer *server, CtsHttpAnswer *answer)
 {
     cts_answer_text(answer, server, 200, "");
-    cts_answer_header(answer, "Access-Control-Allow-Methods", "GET");
+    cts_answer_header(answer, "Access-Control-Allow-Methods", "GET, OPTIONS");
     cts_answer_header(answer, "Access-Control-Allow-Headers", "Authorization");
 }
 
@@ -139,10 +139,12 @@ bool cts_access_check(const CtsServer *server, const CtsHttpRequest *request, Ct
     const char *host = request->host, *method = request->method;
     if (!server->local_socket && (!host || !host_is_ours(server, host)))
         cts_answer_text(answer, server, 400, "Host: not a name of this server (see --host of ctsplat serve)");
-    else if (!strcmp(method, "OPTIONS") && server->options->allow_origin)
+    else if (!strcmp(method, "OPTIONS") && server->options->allow_origin && request->asked_method)
         answer_preflight(server, answer);
-    else if (strcmp(method, "GET") && strcmp(method, "HEAD"))
-        cts_answer_text(answer, server, 405, "only GET is answered"), cts_answer_header(answer, "Allow", "GET, HEAD");
+    else if (strcmp(method, "GET") && strcmp(method, "HEAD") &&
+             (strcmp(method, "OPTIONS") || strcmp(request->path, "/")))
+        cts_answer_text(answer, server, 405, "only GET is answered, and OPTIONS of /"),
+            cts_answer_header(answer, "Allow", "GET, HEAD");
     else if (server->token[0] && brings_token(server, request, answer))
         return false;
     else if (server->token[0] && !has_token(server, request))

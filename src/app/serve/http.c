@@ -122,6 +122,8 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
             .authorization = header_of(connection, MHD_HTTP_HEADER_AUTHORIZATION),
             .cookie = header_of(connection, MHD_HTTP_HEADER_COOKIE),
             .accept = header_of(connection, MHD_HTTP_HEADER_ACCEPT),
+            .if_none_match = header_of(connection, MHD_HTTP_HEADER_IF_NONE_MATCH),
+            .asked_method = header_of(connection, "Access-Control-Request-Method"),
             .socket = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd,
         };
         return has_body(connection) ? refuse_body(connection) : MHD_YES;

@@ -9,7 +9,8 @@ typedef struct CtsHttpServer CtsHttpServer;
 /* A request until it is answered. It owns its texts; headers are NULL where absent. */
 typedef struct CtsHttpRequest {
     const char *method, *path;
-    const char *host, *authorization, *cookie, *accept;
+    const char *host, *authorization, *cookie, *accept, *if_none_match;
+    const char *asked_method; /* Access-Control-Request-Method, of another site's page */
     int socket;
 } CtsHttpRequest;
 

@@ -4,12 +4,9 @@
 #include "app/job/auto_window.h"
 #include "base/clock.h"
 #include "base/thread.h"
-#include <errno.h>
-#include <fcntl.h>
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 void cts_render_request_free(CtsRenderRequest *e)
 {
@@ -91,38 +88,6 @@ static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcess
     return st;
 }
 
-/* The picture's file, which has no name any more. */
-static CtsStatus open_picture(const CtsRenderRequest *e, int *fd, CtsError *err)
-{
-    *fd = open(e->render_query.path, O_RDONLY | O_CLOEXEC);
-    if (*fd < 0)
-        return cts_fail(err, CTS_ERR_OUTPUT, "the picture cannot be read back: %s", strerror(errno));
-    unlink(e->render_query.path);
-    return CTS_OK;
-}
-
-static CtsStatus answer_picture(CtsServer *server, CtsRenderRequest *e, CtsHttpAnswer *answer, CtsError *err)
-{
-    if (e->render_query.metadata) {
-        char *const json = cts_list_module(e);
-        if (!json)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        cts_answer_bytes(answer, server, 200, "application/dicom+json", json, strlen(json), false);
-        return CTS_OK;
-    }
-    int fd;
-    const CtsStatus st = open_picture(e, &fd, err);
-    if (st)
-        return st;
-    cts_answer_bytes(answer, server, 200, e->render_query.media_type, "", 0, true);
-    answer->fd = fd;
-    char *const scene = cts_list_scene(server, e);
-    if (scene)
-        cts_answer_header(answer, "Ctsplat-Scene", scene);
-    free(scene);
-    return CTS_OK;
-}
-
 /* One slice is no volume. */
 static CtsStatus check_instance(const CtsRenderRequest *e, CtsError *err)
 {
@@ -150,15 +115,13 @@ static CtsStatus settle_request(CtsRenderRequest *e, CtsError *err)
     return e->status;
 }
 
-/* Finds the series first where it was not known. Its volume may be there since. */
+/* The series' volume may be there since. */
 static CtsStatus make_processed(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume **processed, CtsError *err)
 {
     CtsSeriesCache *const cache = &server->cache;
     const CtsSource *const source = &e->render_query.job.source;
     CtsStatus st = settle_request(e, err);
-    if (!st && !(st = cts_series_cache_read(cache, &server->lock, e->cached, source, &e->report, err)))
-        st = settle_request(e, err);
-    if (st)
+    if (st || (st = cts_series_cache_read(cache, &server->lock, e->cached, source, &e->report, err)))
         return st;
     pthread_mutex_lock(&server->lock);
     *processed = cts_series_cache_volume(e->cached, source);
@@ -170,9 +133,16 @@ static CtsStatus make_processed(CtsServer *server, CtsRenderRequest *e, CtsProce
 static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed,
                              CtsHttpAnswer *answer, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    if (!processed) {
-        st = make_processed(server, e, &processed, err);
+    const bool found = processed;
+    CtsStatus st = found ? CTS_OK
+                         : cts_series_cache_find(&server->cache, &server->lock, e->cached, &e->render_query.job.source,
+                                                 &e->report, err);
+    if (!st && e->render_query.thumbnail)
+        st = cts_thumbnail_find(server, e, err);
+    const bool is_of_volume = !e->is_kept && !e->slice;
+    if (!found) {
+        if (!st && is_of_volume)
+            st = make_processed(server, e, &processed, err);
         pthread_mutex_lock(&server->lock);
         e->cached->busy = false;
         if (processed)
@@ -180,12 +150,18 @@ static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcesse
         pthread_cond_broadcast(&server->work);
         pthread_mutex_unlock(&server->lock);
     }
-    if (!st)
+    if (!st && !e->render_query.thumbnail)
         st = check_instance(e, err);
-    if (!st && !e->stop && !(st = make_picture(server, e, processed, err)))
-        st = answer_picture(server, e, answer, err);
-    else if (!st)
+    if (!st && e->stop)
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "stopped");
+    if (!st && e->slice && !e->is_kept)
+        st = cts_thumbnail_draw(e, err);
+    else if (!st && is_of_volume)
+        st = make_picture(server, e, processed, err);
+    if (!st)
+        st = cts_answer_picture(answer, server, e, err);
+    if (e->render_query.thumbnail && (st == CTS_ERR_PIXELS || st == CTS_ERR_GEOMETRY))
+        st = CTS_ERR_NO_SERIES; /* the request is right, but there is no thumbnail: 404 */
     pthread_mutex_lock(&server->lock);
     if (processed)
         processed->n_users--;

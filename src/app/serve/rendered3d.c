@@ -6,32 +6,35 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The standard's parameters; with a presentation state only those of camera, size and media type are allowed. */
+/* The standard's parameters; with a presentation state only those of camera, size and media type are allowed, of a
+ * thumbnail only the last two. */
 static const struct Parameter {
     const char *name;
-    bool goes_with_state, is_word; /* a parameter with the same name as a ctsplat option */
-    const char *not_here;          /* why not; NULL: it is */
+    bool of_thumbnail, goes_with_state, is_word; /* a parameter with the same name as a ctsplat option */
+    const char *not_here;                        /* why not; NULL: it is */
 } parameters[] = {
-    {"renderingmethod", false, false, NULL},
-    {"orientation", true, false, NULL},
-    {"viewpointposition", true, false, NULL},
-    {"viewpointlookat", true, false, NULL},
-    {"viewpointup", true, false, NULL},
-    {"swivelrange", false, false, NULL},
-    {"animationrate", false, false, NULL},
-    {"animationstepsize", false, false, NULL},
-    {"renderedvolumetricmetadata", false, false, NULL},
-    {"accept", true, false, NULL},
-    {"charset", true, false, NULL},
-    {"viewport", true, false, NULL},
-    {"window", false, false, NULL},
-    {"quality", true, true, NULL},
-    {"volumeinputreference", false, false, "not supported (a volume is a whole series)"},
-    {"match", false, false, "not supported (a volume is a whole series)"},
-    {"volumetriccurvepoint", false, false, "not supported (no flights along curves; swivelrange turns the volume)"},
-    {"mprslab", false, false, "belongs to renderedMPR, which is not supported"},
-    {"annotation", false, false, "not supported (annotate=orientation,scale draws marks without the patient's name)"},
-    {"iccprofile", false, false, "not supported (pictures are sRGB)"},
+    {"renderingmethod", false, false, false, NULL},
+    {"orientation", false, true, false, NULL},
+    {"viewpointposition", false, true, false, NULL},
+    {"viewpointlookat", false, true, false, NULL},
+    {"viewpointup", false, true, false, NULL},
+    {"swivelrange", false, false, false, NULL},
+    {"animationrate", false, false, false, NULL},
+    {"animationstepsize", false, false, false, NULL},
+    {"renderedvolumetricmetadata", false, false, false, NULL},
+    {"accept", true, true, false, NULL},
+    {"charset", true, true, false, NULL},
+    {"viewport", true, true, false, NULL},
+    {"window", false, false, false, NULL},
+    {"quality", false, true, true, NULL},
+    {"volumeinputreference", false, false, false, "not supported (a volume is a whole series)"},
+    {"match", false, false, false, "not supported (a volume is a whole series)"},
+    {"volumetriccurvepoint", false, false, false,
+     "not supported (no flights along curves; swivelrange turns the volume)"},
+    {"mprslab", false, false, false, "belongs to renderedMPR, which is not supported"},
+    {"annotation", false, false, false,
+     "not supported (annotate=orientation,scale draws marks without the patient's name)"},
+    {"iccprofile", false, false, false, "not supported (pictures are sRGB)"},
 };
 
 static const struct Parameter *parameter(const char *name)
@@ -43,12 +46,14 @@ static const struct Parameter *parameter(const char *name)
 }
 
 /* Parameters that remain are ctsplat's own options. */
-static CtsStatus sort_out_parameters(const CtsQuery *from, bool of_state, CtsQuery *words, CtsError *err)
+static CtsStatus sort_out_parameters(const CtsQuery *from, const CtsRenderQuery *of, CtsQuery *words, CtsError *err)
 {
     for (int i = 0; i < from->n; i++) {
         const char *name = from->parts[i].name;
         const struct Parameter *const p = parameter(name);
-        if (of_state && !(p && p->goes_with_state))
+        if (of->thumbnail && !(p && p->of_thumbnail))
+            return cts_fail(err, CTS_ERR_USAGE, "%.60s: a thumbnail takes viewport, accept and charset alone", name);
+        if (of->state_path && !(p && p->goes_with_state))
             return cts_fail(err, CTS_ERR_USAGE, "%.60s: cannot be combined with a presentation state, which sets it",
                             name);
         if (p && p->not_here)
@@ -226,9 +231,11 @@ static CtsStatus take_window(const CtsQuery *from, CtsQuery *words, CtsError *er
     return CTS_OK;
 }
 
-static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *err)
+enum { MAX_THUMBNAIL = 1024 };
+
+static CtsStatus take_viewport(const CtsQuery *from, bool thumbnail, CtsQuery *words, CtsError *err)
 {
-    const char *viewport = cts_query_value(from, "viewport");
+    const char *given = cts_query_value(from, "viewport"), *viewport = given || !thumbnail ? given : "256,256";
     double v[2];
     if (!viewport)
         return CTS_OK;
@@ -237,6 +244,9 @@ static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *
                         "viewport %.60s: not WIDTH,HEIGHT in pixels (a part of the picture is not "
                         "supported)",
                         viewport);
+    if (thumbnail && (v[0] > MAX_THUMBNAIL || v[1] > MAX_THUMBNAIL))
+        return cts_fail(err, CTS_ERR_USAGE, "viewport %.60s: a thumbnail has at most %d pixels a side", viewport,
+                        MAX_THUMBNAIL);
     cts_query_make(words, "size", "%.17gx%.17g", v[0], v[1]);
     return CTS_OK;
 }
@@ -307,7 +317,7 @@ static const CtsFormatInfo *choose_format(CtsRenderQuery *render_query, const ch
     const char *types[4];
     const CtsFormatInfo *formats[4];
     int n = 0;
-    for (size_t i = 0; i < 4; i++) {
+    for (size_t i = 0; i < (render_query->thumbnail ? 3 : 4); i++) {
         char path[16];
         snprintf(path, sizeof path, "a.%s", names[i]);
         formats[n] = cts_export_format(path);
@@ -332,10 +342,10 @@ CtsStatus cts_render_query_rendered3d(CtsRenderQuery *render_query, const char *
     if (metadata && strcmp(metadata, "yes"))
         st = cts_fail(err, CTS_ERR_USAGE, "renderedvolumetricmetadata %.40s: not yes", metadata);
     render_query->metadata = metadata;
-    if (!st && !(st = sort_out_parameters(&from, render_query->state_path, words, err)) &&
-        !(st = take_method(&from, words, err)) && !(st = take_camera(&from, words, err)) &&
-        !(st = take_swivel(render_query, &from, err)) && !(st = take_window(&from, words, err)))
-        st = take_viewport(&from, words, err);
+    if (!st && !(st = sort_out_parameters(&from, render_query, words, err)) && !(st = take_method(&from, words, err)) &&
+        !(st = take_camera(&from, words, err)) && !(st = take_swivel(render_query, &from, err)) &&
+        !(st = take_window(&from, words, err)))
+        st = take_viewport(&from, render_query->thumbnail, words, err);
     if (!st)
         *format = choose_format(render_query, wanted ? wanted : accept);
     return st;

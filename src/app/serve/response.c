@@ -1,15 +1,22 @@
 #include "app/serve/server.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 void cts_answer_header(CtsHttpAnswer *answer, const char *name, const char *value)
 {
-    if (answer->n_headers == CTS_HTTP_HEADERS || strlen(value) >= sizeof answer->headers->value)
+    int i = 0;
+    while (i < answer->n_headers && strcmp(answer->headers[i].name, name))
+        i++;
+    if (i == CTS_HTTP_HEADERS || strlen(value) >= sizeof answer->headers->value)
         return;
-    answer->headers[answer->n_headers].name = name;
-    snprintf(answer->headers[answer->n_headers++].value, sizeof answer->headers->value, "%s", value);
+    answer->n_headers += i == answer->n_headers;
+    answer->headers[i].name = name;
+    snprintf(answer->headers[i].value, sizeof answer->headers->value, "%s", value);
 }
 
 void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *media_type,
@@ -81,4 +88,41 @@ void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const Ct
     char *text = cts_server_masked(server, cached, err->text);
     cts_answer_text(answer, server, status_of(st), text ? text : "out of memory");
     free(text);
+}
+
+/* Of a picture the file, which has no name any more. */
+static CtsStatus answer_file(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *e, CtsError *err)
+{
+    const int fd = open(e->render_query.path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return cts_fail(err, CTS_ERR_OUTPUT, "the picture cannot be read back: %s", strerror(errno));
+    if (!e->etag[0] || !server->thumbnails[0])
+        unlink(e->render_query.path);
+    cts_answer_bytes(answer, server, 200, e->render_query.media_type, "", 0, true);
+    answer->fd = fd;
+    return CTS_OK;
+}
+
+CtsStatus cts_answer_picture(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *e, CtsError *err)
+{
+    char *const json = e->render_query.metadata ? cts_list_module(e) : e->etag[0] ? NULL : cts_list_scene(server, e);
+    const char *const has = e->request->if_none_match;
+    CtsStatus st = CTS_OK;
+    if (e->render_query.metadata && json) {
+        cts_answer_bytes(answer, server, 200, "application/dicom+json", json, strlen(json), false);
+        return CTS_OK;
+    }
+    if (e->render_query.metadata)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (e->etag[0] && has && strstr(has, e->etag))
+        cts_answer_bytes(answer, server, 304, e->render_query.media_type, "", 0, true);
+    else
+        st = answer_file(answer, server, e, err);
+    if (!st && e->etag[0]) {
+        cts_answer_header(answer, "ETag", e->etag);
+        cts_answer_header(answer, "Cache-Control", "private, no-cache"); /* asks with the ETag each time */
+    } else if (!st && json)
+        cts_answer_header(answer, "Ctsplat-Scene", json);
+    free(json);
+    return st;
 }

@@ -71,6 +71,7 @@ static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char 
 typedef struct Target {
     const char *id, *study_uid, *uid; /* id, or the UIDs; uid NULL: the study's one volume */
     const char *instance_uid;         /* NULL: a series */
+    bool thumbnail;
 } Target;
 
 static CtsStatus find_target(CtsServer *server, const Target *t, CtsCachedSeries **found, CtsError *err)
@@ -79,19 +80,23 @@ static CtsStatus find_target(CtsServer *server, const Target *t, CtsCachedSeries
         *found = cts_series_cache_by_id(&server->cache, t->id);
         return *found ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
     }
-    return t->uid ? cts_series_cache_by_uid(&server->cache, t->study_uid, t->uid, found, err)
-                  : cts_series_cache_of_study(&server->cache, t->study_uid, found, err);
+    return t->uid ? cts_series_cache_by_uid(&server->cache, t->study_uid, t->uid, t->instance_uid, found, err)
+                  : cts_series_cache_of_study(&server->cache, t->study_uid, t->thumbnail, found, err);
 }
 
-/* Queues the render request, or fails with the reason. */
-static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, CtsError *err)
+/* Queues the render request, which is the queue's then, or fails with the reason. *is_kept: it is a thumbnail's that
+ * need not be made, and is not queued. */
+static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, Target target, bool *is_kept, CtsError *err)
 {
     pthread_mutex_lock(&server->lock);
     CtsStatus st = server->stopping ? cts_fail(err, CTS_ERR_INTERRUPTED, "the server is stopping")
                                     : find_target(server, &target, &e->cached, err);
-    if (!st && e->cached->series && !e->cached->series->renderable)
+    if (!st && e->cached->series && target.thumbnail)
+        st = cts_thumbnail_find(server, e, err);
+    else if (!st && e->cached->series && !e->cached->series->renderable)
         st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->cached->series->reason);
-    if (!st) {
+    *is_kept = !st && e->is_kept;
+    if (!st && !*is_kept) {
         cts_http_wait(e->request);
         if (!cts_render_queue_add(server, e))
             st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are queued (ask again)");
@@ -110,12 +115,13 @@ static CtsStatus prepare_request(CtsServer *server, CtsRenderRequest *e, const C
     return st;
 }
 
-/* An object is a presentation state, or should be a whole series. */
+/* An object is a presentation state, or should be a whole series where it is not a thumbnail's. */
 static void find_instance(const CtsServer *server, CtsRenderRequest *e, const Target *target)
 {
     if (!target->instance_uid)
         return;
-    e->render_query.state_path = cts_series_cache_state(&server->cache, target->uid, target->instance_uid);
+    if (!target->thumbnail)
+        e->render_query.state_path = cts_series_cache_state(&server->cache, target->uid, target->instance_uid);
     if (!e->render_query.state_path)
         snprintf(e->render_query.instance_uid, sizeof e->render_query.instance_uid, "%s", target->instance_uid);
 }
@@ -143,19 +149,25 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, const Ta
     e->request = request;
     e->socket = request->socket;
     cts_http_query(request, cts_query_add, &e->render_query.query);
+    e->render_query.thumbnail = target->thumbnail;
     find_instance(server, e, target);
     CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->render_query, request->accept, &format, &err);
     const bool acceptable = st || format;
+    bool is_kept = false;
     if (!st && format && !(st = prepare_request(server, e, format, &err)))
-        st = queue(server, e, of_state(e, target), &err);
-    if (!st && acceptable)
+        st = queue(server, e, of_state(e, target), &is_kept, &err);
+    if (!st && is_kept)
+        st = cts_answer_picture(&answer, server, e, &err);
+    else if (!st && acceptable)
         return;
-    if (acceptable)
-        cts_answer_failure(&answer, server, e->cached, st, &err);
-    else
+    if (!acceptable)
         cts_answer_text(&answer, server, 406,
-                        "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last two), "
-                        "and application/dicom+json for renderedvolumetricmetadata");
+                        target->thumbnail
+                            ? "there are image/jpeg, image/png and image/webp"
+                            : "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last "
+                              "two), and application/dicom+json for renderedvolumetricmetadata");
+    else if (st)
+        cts_answer_failure(&answer, server, e->cached, st, &err);
     cts_render_request_free(e);
     cts_http_answer(request, &answer);
 }
@@ -169,29 +181,31 @@ static void request_series(CtsServer *server, CtsHttpRequest *request, const Par
         answer_json(server, request, cts_list_labels(server, p->at[1]));
     else if (is(p, 2, "presets") && p->n == 3)
         answer_json(server, request, cts_list_presets(server, p->at[1]));
+    else if (is(p, 2, "thumbnail") && p->n == 3)
+        request_picture(server, request, &(Target){.id = p->at[1], .thumbnail = true}, NULL);
     else if (format && !strncmp(p->at[2], "picture.", 8) && !strcmp(p->at[2] + 8, format->name))
         request_picture(server, request, &(Target){.id = p->at[1]}, format);
     else
-        answer_text(
-            server, request, 404,
-            "there are /series, /series/ID/labels, /series/ID/presets and /series/ID/picture.ENDING, its ending a "
-            "format's");
+        answer_text(server, request, 404,
+                    "there are /series, /series/ID/labels, /series/ID/presets, /series/ID/thumbnail and "
+                    "/series/ID/picture.ENDING, its ending a format's");
 }
 
-/* /studies/S/rendered3D and paths below it. */
+/* /studies/S/rendered3D, thumbnail, and paths below it. */
 static void request_study(CtsServer *server, CtsHttpRequest *request, const Parts *p)
 {
     const Target target = {.study_uid = p->at[1],
                            .uid = p->n > 3 && is(p, 2, "series") ? p->at[3] : NULL,
-                           .instance_uid = p->n == 7 && is(p, 4, "instances") ? p->at[5] : NULL};
+                           .instance_uid = p->n == 7 && is(p, 4, "instances") ? p->at[5] : NULL,
+                           .thumbnail = is(p, p->n - 1, "thumbnail")};
     const bool of_study = p->n == 3, of_series = p->n == 5 && target.uid;
-    if ((of_study || of_series || target.instance_uid) && is(p, p->n - 1, "rendered3D"))
+    if ((of_study || of_series || target.instance_uid) && (target.thumbnail || is(p, p->n - 1, "rendered3D")))
         request_picture(server, request, &target, NULL);
     else
         answer_text(
             server, request, 404,
-            "of PS3.18 there is rendered3D, of a study, a series or an object; renderedMPR and other resources are not "
-            "supported");
+            "of PS3.18 there are rendered3D and thumbnail, of a study, a series or an object; renderedMPR and other "
+            "resources are not supported");
 }
 
 void cts_routes_dispatch(void *context, CtsHttpRequest *request)
@@ -204,7 +218,7 @@ void cts_routes_dispatch(void *context, CtsHttpRequest *request)
         return;
     }
     split_path(request->path, &p);
-    if (p.n == 1 && answer_asset(server, request, p.at[0]))
+    if (p.n == 1 && answer_asset(server, request, strcmp(request->method, "OPTIONS") ? p.at[0] : "capabilities.wadl"))
         return;
     if (is(&p, 0, "series"))
         request_series(server, request, &p);

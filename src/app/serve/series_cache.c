@@ -152,8 +152,11 @@ CtsStatus cts_series_cache_fill(CtsSeriesCache *cache, const CtsOptions *options
         if (!strstr(options->paths.items[i], CTS_SERIES_UID_MARKER))
             paths[n++] = options->paths.items[i];
     st = find_site_key(cache, err);
-    const CtsSeriesSearch search = {
-        .paths = paths, .n_paths = n, .n_threads = options->render.n_threads, .rules = options->source.rules};
+    const CtsSeriesSearch search = {.paths = paths,
+                                    .n_paths = n,
+                                    .n_threads = options->render.n_threads,
+                                    .images = true,
+                                    .rules = options->source.rules};
     if (!st && n)
         st = cts_series_search(&search, &cache->list, report, err);
     for (size_t i = 0; !st && cache->list && i < cache->list->n; i++) {
@@ -192,8 +195,9 @@ void cts_series_cache_sweep(CtsSeriesCache *cache)
 {
     for (CtsCachedSeries **link = &cache->first; *link;) {
         CtsCachedSeries *const s = *link;
-        if (s->on_demand && !s->series && s->n_requested == 0) {
+        if (s->on_demand && !s->bytes && !s->processed_volumes && s->n_requested == 0) {
             *link = s->next;
+            cts_series_cache_drop(cache, s);
             free(s);
         } else {
             link = &s->next;
@@ -209,21 +213,23 @@ static bool can_be_had(const CtsSeriesCache *cache)
     return can;
 }
 
-/* Of several volumes under one UID the first that can be rendered. */
-static CtsCachedSeries *find_uid(const CtsSeriesCache *cache, const char *study_uid, const char *uid)
+/* Of several volumes under one UID the one with the object, or the first that can be rendered. */
+static CtsCachedSeries *find_uid(const CtsSeriesCache *cache, const char *study_uid, const char *uid,
+                                 const char *sop_uid)
 {
     CtsCachedSeries *found = NULL;
     for (CtsCachedSeries *s = cache->first; s; s = s->next)
         if (!strcmp(s->uid, uid) && !strcmp(s->study_uid, study_uid) &&
-            (!found || (found->series && !found->series->renderable && s->series && s->series->renderable)))
+            (!found || (sop_uid && s->series && cts_cached_series_count(s, sop_uid)) ||
+             (found->series && !found->series->renderable && s->series && s->series->renderable)))
             found = s;
     return found;
 }
 
-CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid,
+CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid, const char *sop_uid,
                                   CtsCachedSeries **found, CtsError *err)
 {
-    *found = find_uid(cache, study_uid, uid);
+    *found = find_uid(cache, study_uid, uid, sop_uid);
     if (*found)
         return CTS_OK;
     if (!cts_uid_is_valid(study_uid) || !cts_uid_is_valid(uid) || !can_be_had(cache))
@@ -234,20 +240,27 @@ CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, 
     return st;
 }
 
-CtsStatus cts_series_cache_of_study(CtsSeriesCache *cache, const char *study_uid, CtsCachedSeries **found,
-                                    CtsError *err)
+static double volume_size(const CtsCachedSeries *s)
+{
+    return s->series->renderable ? (double)s->series->columns * s->series->rows * s->series->n_slices : 0;
+}
+
+CtsStatus cts_series_cache_of_study(CtsSeriesCache *cache, const char *study_uid, bool thumbnail,
+                                    CtsCachedSeries **found, CtsError *err)
 {
     int n = 0;
     *found = NULL;
     for (CtsCachedSeries *s = cache->first; s; s = s->next)
-        if (!strcmp(s->study_uid, study_uid) && s->series && s->series->renderable) {
-            *found = s;
+        if (!strcmp(s->study_uid, study_uid) && s->series && (thumbnail || s->series->renderable)) {
+            if (!*found || volume_size(s) > volume_size(*found))
+                *found = s;
             n++;
         }
     if (n == 0)
         return cts_fail(err, CTS_ERR_NO_SERIES, "there is no volume of such a study here");
-    return n == 1 ? CTS_OK
-                  : cts_fail(err, CTS_ERR_USAGE, "the study has %d volumes (ask for one: /studies/.../series/...)", n);
+    return thumbnail || n == 1
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_USAGE, "the study has %d volumes (ask for one: /studies/.../series/...)", n);
 }
 
 CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *s, const CtsSource *source)

@@ -66,8 +66,9 @@ void cts_series_cache_free(CtsSeriesCache *cache);
 
 /* NULL if there is none. */
 CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *cache, const char *id);
-/* Finds by UIDs; adds a series known only to a peer, or to a path with {series_uid} in it. */
-CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid,
+/* Finds by UIDs, that of an object may be NULL; adds a series known only to a peer, or to a path with {series_uid} in
+ * it. */
+CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid, const char *sop_uid,
                                   CtsCachedSeries **found, CtsError *err);
 /* PATH with a series' UID in place of {series_uid}, and more behind it; NULL where it has no such place, or without
  * memory. */
@@ -77,9 +78,9 @@ char *cts_series_cache_path(const char *pattern, const char *uid, const char *mo
 char *cts_series_cache_state(const CtsSeriesCache *cache, const char *series_uid, const char *sop_uid);
 /* The number of slices of a series that this object contains. */
 int cts_cached_series_count(const CtsCachedSeries *cached, const char *sop_uid);
-/* The one volume of a study. */
-CtsStatus cts_series_cache_of_study(CtsSeriesCache *cache, const char *study_uid, CtsCachedSeries **found,
-                                    CtsError *err);
+/* The one volume of a study; for a thumbnail the largest, or its first series without a volume. */
+CtsStatus cts_series_cache_of_study(CtsSeriesCache *cache, const char *study_uid, bool thumbnail,
+                                    CtsCachedSeries **found, CtsError *err);
 
 /* Removes series loaded on demand that are no longer available. */
 void cts_series_cache_sweep(CtsSeriesCache *cache);
@@ -87,8 +88,10 @@ void cts_series_cache_sweep(CtsSeriesCache *cache);
 /* The volume of these, or NULL. */
 CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *cached, const CtsSource *source);
 
-/* Without the lock, by the holder of cached->busy: finds and reads the series if needed. Takes lock where it needs it.
- */
+/* Without the lock, by the holder of cached->busy: finds the series if needed; reads one that was found. Takes lock
+ * where it needs it. */
+CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
+                                const CtsSource *source, CtsReport *report, CtsError *err);
 CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
                                 const CtsSource *source, CtsReport *report, CtsError *err);
 /* Processes the volume of a series that was read, by the same. CTS_ERR_MEMORY without enough memory. */

@@ -165,7 +165,7 @@ static CtsStatus look_in(const char *path, const CtsSource *source, CtsCachedSer
                          CtsError *err)
 {
     const CtsSeriesSearch search = {
-        .paths = &path, .n_paths = 1, .n_threads = source->n_threads, .rules = source->rules};
+        .paths = &path, .n_paths = 1, .n_threads = source->n_threads, .images = true, .rules = source->rules};
     const CtsStatus st = cts_series_search(&search, &s->loaded.list, report, err);
     return st ? st : cts_series_choose(s->loaded.list, s->uid, &s->loaded.series, err);
 }
@@ -227,7 +227,7 @@ static CtsStatus read_cached_slices(CtsSeriesCache *cache, pthread_mutex_t *lock
     return st;
 }
 
-CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
+CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
                                 const CtsSource *source, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -236,7 +236,14 @@ CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
         s->series = s->loaded.series;
         pthread_mutex_unlock(lock);
     }
-    if (!st && !s->series->renderable)
+    return st;
+}
+
+CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
+                                const CtsSource *source, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (!s->series->renderable)
         st = cts_fail(err, s->series->refusal ? s->series->refusal : CTS_ERR_GEOMETRY, "%s", s->series->reason);
     if (!st && !(s->loaded.scanned && s->loaded.scanned->even->grey))
         st = read_cached_slices(cache, lock, s, source, report, err);

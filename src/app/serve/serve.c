@@ -101,6 +101,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
     if (!(st = search_served(server, note, err)) && !(st = cts_access_token(server, err)) &&
         !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
         cts_names_add(&server->names, server->folder);
+        cts_thumbnails_begin(server, note);
         st = begin_threads(server, &http, &settings, err);
     }
     if (!st)

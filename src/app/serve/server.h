@@ -5,7 +5,9 @@
 #include "app/options/options.h"
 #include "app/serve/http.h"
 #include "app/serve/series_cache.h"
+#include "dicom/header/slice.h"
 #include "output/report/redact.h"
+#include <limits.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stddef.h>
@@ -32,12 +34,13 @@ const char *cts_query_value(const CtsQuery *query, const char *name);
 
 typedef struct CtsRenderQuery {
     CtsQuery query; /* as ctsplat's own options */
+    bool thumbnail; /* of PS3.18's parameters only those of a thumbnail */
     const char *media_type;
     bool metadata;                                  /* the answer is the metadata, not the picture */
     double swivel_range_deg, swivel_step_deg, rate; /* 0: not given */
     char *state_path;                               /* of the presentation state requested; NULL: none */
-    char instance_uid[65];                          /* the object that must be the whole series; "": any */
-    char *path;                                     /* temporary file for the picture */
+    char instance_uid[65]; /* the object of a thumbnail; of a picture the one that must be the whole series; "": any */
+    char *path;            /* temporary file for the picture */
     CtsOptions options;
     CtsPreset preset;
     CtsJob job; /* points at the two */
@@ -81,7 +84,11 @@ typedef struct CtsRenderRequest {
     CtsReport report;
     CtsPictureInfo info; /* of the first frame, once has_info is set */
     bool has_info;
-    bool is_settled; /* the job is complete (cts_options_settle()), unless this failed: */
+    /* Of a thumbnail: */
+    char etag[67];         /* a hash of what decides its bytes, quoted; "": of a picture */
+    const CtsSlice *slice; /* shown by itself, NULL: the volume is shown */
+    bool is_kept;          /* on the disk, or with the client */
+    bool is_settled;       /* the job is complete (cts_options_settle()), unless this failed: */
     CtsStatus status;
     CtsError err;
     volatile sig_atomic_t stop; /* set when the client has disconnected */
@@ -91,8 +98,9 @@ typedef struct CtsRenderRequest {
 
 typedef struct CtsServer {
     const CtsOptions *options;
-    char *folder;     /* for pictures being sent, unlinked once they are complete */
-    char token[4097]; /* "": no token is needed */
+    char *folder;              /* for pictures being sent, unlinked once they are complete */
+    char thumbnails[PATH_MAX]; /* the folder of those that are kept, with a slash behind it; "": none are */
+    char token[4097];          /* "": no token is needed */
     bool local_socket, tls;
     CtsNames names;       /* of input files and of the folder, which are never sent */
     pthread_mutex_t lock; /* of all below */
@@ -116,6 +124,9 @@ void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status,
 /* The answer for a failure: status and reason, without names of files and UIDs. cached may be NULL. */
 void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsCachedSeries *cached, CtsStatus st,
                         const CtsError *err);
+/* The picture, thumbnail or metadata of a finished request. */
+CtsStatus cts_answer_picture(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *render_request,
+                             CtsError *err);
 /* text without names of files and UIDs; free with free(), NULL without memory. */
 char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *cached, const char *text);
 
@@ -138,6 +149,14 @@ CtsStatus cts_render_queue_begin(CtsServer *server, CtsError *err);
 /* Waits, then stops rendering for clients that have disconnected. */
 void cts_render_queue_watch(CtsServer *server, int ms);
 void cts_render_queue_end(CtsServer *server);
+
+/* thumbnails.c: finds the folder, makes it, and removes old ones. */
+void cts_thumbnails_begin(CtsServer *server, void (*note)(const char *text));
+/* Sets what the request shows, once its series is known, and is_kept. CTS_ERR_NO_SERIES for an object that is not there
+ * and for pixels that are not shown. */
+CtsStatus cts_thumbnail_find(const CtsServer *server, CtsRenderRequest *render_request, CtsError *err);
+/* Writes that of a slice. */
+CtsStatus cts_thumbnail_draw(CtsRenderRequest *render_request, CtsError *err);
 
 /* listings.c: JSON, to be freed with free(); NULL without memory. */
 char *cts_list_series(CtsServer *server);

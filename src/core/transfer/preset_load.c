@@ -10,17 +10,9 @@
 #include <strings.h>
 #include <sys/stat.h>
 
-/* $XDG_CONFIG_HOME/ctsplat/presets, by default below ~/.config; false when neither is known. */
 static bool user_folder(char *path, size_t size)
 {
-    const char *config = getenv("XDG_CONFIG_HOME"), *home = getenv("HOME");
-    int n = -1;
-    /* A relative XDG_CONFIG_HOME must be ignored (XDG base directory specification). */
-    if (config && config[0] == '/')
-        n = snprintf(path, size, "%s/ctsplat/presets", config);
-    else if (home && home[0] == '/')
-        n = snprintf(path, size, "%s/.config/ctsplat/presets", home);
-    return n > 0 && n < (int)size;
+    return cts_user_path(path, size, "XDG_CONFIG_HOME", ".config", "presets", false);
 }
 
 static const CtsPreset *find_builtin(const char *name)

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/file_bytes.h"
+#include "ctsplat/picture.h"
 #include "dicom/header/slice.h"
 #include "dicom/protocol/pixel_sandbox.h"
 
@@ -11,6 +12,10 @@ bool cts_slice_is_compressed(const CtsSlice *slice);
 /* Called when words first <= n < end of a slice are available at `at`: in their final place, or, with a decoder, in
  * memory valid during this call. They are in the cache. */
 typedef void (*cts_words_ready_fn)(void *context, const uint16_t *at, size_t first, size_t end);
+
+/* The middle frame of a slice's object as DCMTK shows it (cts_series_image()), at most width x height pixels, without
+ * an alpha channel. */
+CtsStatus cts_slice_picture(const CtsSlice *slice, int width, int height, CtsPicture **picture, CtsError *err);
 
 /* Reads the stored words of a slice without fault, in native byte order and widened to 16 bits: rows * columns words,
  * not yet masked or rescaled. They come in parts, in order; ready() is called after each and writes its result in their

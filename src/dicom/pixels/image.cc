@@ -1,7 +1,6 @@
 /* A thumbnail of the middle frame of any image, as DCMTK renders it. */
 #include <dcmtk/config/osconfig.h>
 
-#include "ctsplat/series.h"
 #include "dicom/header/dcm_call.hpp"
 #include "dicom/pixels/pixel_tasks.h"
 #include "dicom/protocol/dicom_begin.h"
@@ -83,16 +82,16 @@ CtsStatus unpack_jpeg2000(DcmDataset &data, const CtsSyntax *syntax, int frame, 
     return put.good() ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
-/* The image at the side of a thumbnail at most, with square pixels. */
-std::unique_ptr<DicomImage> reduced(const DicomImage &image)
+/* The image within the box, with square pixels. */
+std::unique_ptr<DicomImage> reduced(const DicomImage &image, const CtsImageBox &box)
 {
     const double columns = static_cast<double>(image.getWidth()), ratio = image.getHeightWidthRatio();
     const double rows = static_cast<double>(image.getHeight()) * (ratio > 0 && std::isfinite(ratio) ? ratio : 1);
-    const double scale = std::min(1.0, CTS_IMAGE_SIDE / std::max(columns, rows));
-    const auto side = [=](double n) {
-        return static_cast<unsigned long>(std::clamp(std::lround(n * scale), 1L, static_cast<long>(CTS_IMAGE_SIDE)));
+    const double scale = std::min({1.0, box.width / columns, box.height / rows});
+    const auto side = [=](double n, int most) {
+        return static_cast<unsigned long>(std::clamp(std::lround(n * scale), 1L, static_cast<long>(most)));
     };
-    return std::unique_ptr<DicomImage>(image.createScaledImage(side(columns), side(rows), 1, 0));
+    return std::unique_ptr<DicomImage>(image.createScaledImage(side(columns, box.width), side(rows, box.height), 1, 0));
 }
 
 /* The first window or VOI LUT of the header, else the values without a hundredth at either end. */
@@ -107,25 +106,27 @@ void choose_values(DicomImage &image)
         image.setMinMaxWindow();
 }
 
-CtsStatus render(DcmDataset &data, E_TransferSyntax xfer, int frame, CtsImage *answer, CtsError *err)
+CtsStatus render(DcmDataset &data, E_TransferSyntax xfer, int frame, const CtsImageBox &box, void *answer,
+                 CtsError *err)
 {
     DicomImage image(&data, xfer, CIF_UsePartialAccessToPixelData | CIF_NeverAccessEmbeddedOverlays,
                      static_cast<unsigned long>(frame), 1);
     if (image.getStatus() != EIS_Normal)
         return cts_fail(err, CTS_ERR_PIXELS, "DCMTK cannot show its pixels (%s)",
                         DicomImage::getString(image.getStatus()));
-    const std::unique_ptr<DicomImage> small = reduced(image);
+    const std::unique_ptr<DicomImage> small = reduced(image, box);
     if (!small || small->getStatus() != EIS_Normal)
         return cts_fail(err, CTS_ERR_PIXELS, "DCMTK cannot reduce its pixels");
     choose_values(*small);
     const auto *const values = static_cast<const uint8_t *>(small->getOutputData(8));
     if (!values)
         return cts_fail(err, CTS_ERR_PIXELS, "DCMTK cannot show its pixels");
-    answer->width = static_cast<int>(small->getWidth());
-    answer->height = static_cast<int>(small->getHeight());
+    const CtsImageBox size = {static_cast<int>(small->getWidth()), static_cast<int>(small->getHeight())};
+    std::memcpy(answer, &size, sizeof size);
+    auto *const rgb = static_cast<uint8_t *>(answer) + sizeof size;
     const size_t n = small->getWidth() * small->getHeight(), per_pixel = small->isMonochrome() ? 1 : 3;
     for (size_t i = 0; i < 3 * n; i++)
-        answer->rgb[i] = values[per_pixel == 3 ? i : i / 3];
+        rgb[i] = values[per_pixel == 3 ? i : i / 3];
     return CTS_OK;
 }
 
@@ -146,8 +147,9 @@ CtsStatus cts_pixels_image(const void *order, const uint8_t *stream, size_t n, v
 try {
     CtsMetaScan meta;
     DcmDataset data;
-    (void)order;
-    if (n_answer < sizeof(CtsImage))
+    CtsImageBox box;
+    std::memcpy(&box, order, sizeof box);
+    if (box.width < 1 || box.height < 1 || n_answer < cts_image_bytes(box))
         return cts_fail(err, CTS_ERR_INTERNAL, "its thumbnail has no room");
     const CtsSyntax *syntax =
         cts_scan_meta(stream, n, n, &meta) == CTS_SCAN_DONE ? cts_syntax_find(meta.syntax_uid) : nullptr;
@@ -170,8 +172,7 @@ try {
         n_frames = 1;
     const CtsStatus st = is_2000 ? unpack_jpeg2000(data, syntax, n_frames / 2, n_frames, err) : CTS_OK;
     return st ? st
-              : render(data, is_2000 ? EXS_LittleEndianExplicit : xfer, is_2000 ? 0 : n_frames / 2,
-                       static_cast<CtsImage *>(answer), err);
+              : render(data, is_2000 ? EXS_LittleEndianExplicit : xfer, is_2000 ? 0 : n_frames / 2, box, answer, err);
 } catch (...) {
     return cts_dcm_caught(err, CTS_ERR_PIXELS);
 }

@@ -19,7 +19,7 @@ typedef enum CtsPixelsTask {
     CTS_PIXELS_GUNZIP,  /* uint64_t, the bytes unpacked until now; a gzip file's next part; CtsUnpacked, then its bytes
                          */
     CTS_PIXELS_UNZIP,   /* a zip file; CtsMemberRecord and member, repeated */
-    CTS_PIXELS_IMAGE,   /* a DICOM file; CtsImage (ctsplat/series.h) */
+    CTS_PIXELS_IMAGE,   /* CtsImageBox; a DICOM file; CtsImageBox of the image, then its pixels, 3 bytes each */
     CTS_PIXELS_ENCODE, /* CtsEncodeOrder; samples of this program; a size_t, then the JPEG 2000 stream of that length */
     CTS_N_PIXELS_TASKS
 } CtsPixelsTask;
@@ -43,6 +43,16 @@ static inline size_t cts_frame_bytes(const CtsFrameFormat *format)
 {
     const size_t n_samples = format->n_colours > 0 ? (size_t)format->n_colours : 1;
     return (size_t)format->columns * (size_t)format->rows * n_samples * (size_t)(format->bits_allocated / 8);
+}
+
+/* Sizes of an image: the largest, and its own. */
+typedef struct CtsImageBox {
+    int width, height;
+} CtsImageBox;
+
+static inline size_t cts_image_bytes(CtsImageBox box)
+{
+    return sizeof box + 3 * (size_t)box.width * (size_t)box.height;
 }
 
 /* Record of an unzipped member, followed by its name with a NUL and its bytes; the next record is at a multiple of

@@ -3,7 +3,8 @@
 import os
 import sys
 
-TYPES = {'.html': 'text/html; charset=utf-8', '.css': 'text/css; charset=utf-8', '.js': 'text/javascript; charset=utf-8'}
+TYPES = {'.html': 'text/html; charset=utf-8', '.css': 'text/css; charset=utf-8', '.js': 'text/javascript; charset=utf-8',
+         '.wadl': 'application/vnd.sun.wadl+xml'}
 output, *files = sys.argv[1:]
 arrays, rows = [], []
 for i, path in enumerate(files):

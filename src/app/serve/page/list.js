@@ -1,8 +1,6 @@
 // The series as cards: header data, and a thumbnail that is requested when its card becomes visible.
 import {ask, element, inTurn, showState, status} from './ask.js';
 
-const THUMBNAIL = 'size=240x240&max-error=8&quality=80';
-
 function facts(series) {
   const shown = [series.study_date, series.description].filter(text => text).join(', ');
   return [title(series), series.traits, ...(shown ? [shown] : [])];
@@ -14,22 +12,24 @@ export function title(series) {
 
 function card(series) {
   const lines = facts(series).map(text => element('p', {textContent: text}));
-  if (!series.renderable) {
-    const why = element('p', {className: 'faint', textContent: series.reason});
+  if (!series.renderable)
+    lines.push(element('p', {className: 'faint', textContent: series.reason}));
+  if (!series.renderable && !series.passed) {
     const none = element('div', {className: 'thumb'}, element('div', {className: 'none'}));
     none.dataset.state = 'no picture';
-    return element('div', {className: 'card'}, none, ...lines, why);
+    return element('div', {className: 'card'}, none, ...lines);
   }
   const picture = element('img', {alt: '', width: 240, height: 240});
   const thumb = element('div', {className: 'thumb'}, picture);
-  const link = element('a', {className: 'card', href: `#${series.id}`}, thumb, ...lines);
+  const link = series.renderable ? element('a', {className: 'card', href: `#${series.id}`}, thumb, ...lines) :
+    element('div', {className: 'card'}, thumb, ...lines);
   link.setAttribute('aria-label', facts(series).join(', '));
   thumb.dataset.state = 'waiting …';
   link.make = async () => {
     let isWaiting = true;
     showState(series.id, () => isWaiting, text => thumb.dataset.state = text);
     try {
-      const {blob} = await ask(`series/${series.id}/picture.webp?${THUMBNAIL}`);
+      const {blob} = await ask(`series/${series.id}/thumbnail`);
       picture.src = URL.createObjectURL(blob);
       thumb.dataset.state = '';
     } catch (e) {
@@ -57,7 +57,7 @@ export async function showList() {
   for (const series of all) {
     const shown = card(series);
     document.getElementById('list').append(shown);
-    if (series.renderable)
+    if (shown.make)
       sight.observe(shown);
   }
   return all;
