@@ -1,50 +1,42 @@
-/* The plain functions: EVP makes itself ready with code that memory may fail under. */
-#define OPENSSL_API_COMPAT 10100
 #include "base/hash.h"
 
-#include <openssl/sha.h>
+#include <openssl/evp.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { BLOCK_BYTES = 64 };
-
+/* A digest, or under a key a signature, as OpenSSL has HMAC in steps. */
 struct CtsHash {
-    SHA256_CTX context;
+    EVP_MD_CTX *context;
     bool failed, keyed;
-    uint8_t outer[BLOCK_BYTES];
 };
 
 CtsStatus cts_hash_start(CtsHash **hash, CtsError *err)
 {
-    CtsHash *h = *hash = calloc(1, sizeof *h);
-    if (!h)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    h->failed = SHA256_Init(&h->context) != 1;
-    return CTS_OK;
+    return cts_hash_start_keyed(hash, NULL, err);
 }
 
 CtsStatus cts_hash_start_keyed(CtsHash **hash, const CtsKey *key, CtsError *err)
 {
-    uint8_t inner[BLOCK_BYTES];
-    const CtsStatus st = cts_hash_start(hash, err);
-    if (st || !key)
-        return st;
-    (*hash)->keyed = true;
-    for (int i = 0; i < BLOCK_BYTES; i++) {
-        const uint8_t byte = i < CTS_KEY_BYTES ? key->bytes[i] : 0;
-        inner[i] = byte ^ 0x36;
-        (*hash)->outer[i] = byte ^ 0x5c;
-    }
-    cts_hash_bytes(*hash, inner, sizeof inner);
+    CtsHash *h = *hash = calloc(1, sizeof *h);
+    if (!h)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    h->context = EVP_MD_CTX_new();
+    h->keyed = key;
+    EVP_PKEY *const pkey = key ? EVP_PKEY_new_mac_key(EVP_PKEY_HMAC, NULL, key->bytes, CTS_KEY_BYTES) : NULL;
+    if (key)
+        h->failed = !pkey || !h->context || EVP_DigestSignInit(h->context, NULL, EVP_sha256(), NULL, pkey) != 1;
+    else
+        h->failed = !h->context || EVP_DigestInit_ex(h->context, EVP_sha256(), NULL) != 1;
+    EVP_PKEY_free(pkey);
     return CTS_OK;
 }
 
 void cts_hash_bytes(CtsHash *hash, const void *bytes, size_t n)
 {
-    if (SHA256_Update(&hash->context, bytes, n) != 1)
-        hash->failed = true;
+    hash->failed = hash->failed || (hash->keyed ? EVP_DigestSignUpdate(hash->context, bytes, n)
+                                                : EVP_DigestUpdate(hash->context, bytes, n)) != 1;
 }
 
 void cts_hash_text(CtsHash *hash, const char *text)
@@ -55,10 +47,10 @@ void cts_hash_text(CtsHash *hash, const char *text)
 CtsStatus cts_hash_finish(CtsHash **hash, uint8_t digest[CTS_DIGEST_BYTES], CtsError *err)
 {
     CtsHash *h = *hash;
-    bool bad = SHA256_Final(digest, &h->context) != 1 || h->failed;
-    if (h->keyed)
-        bad |= SHA256_Init(&h->context) != 1 || SHA256_Update(&h->context, h->outer, BLOCK_BYTES) != 1 ||
-               SHA256_Update(&h->context, digest, CTS_DIGEST_BYTES) != 1 || SHA256_Final(digest, &h->context) != 1;
+    size_t n = CTS_DIGEST_BYTES;
+    const bool bad = h->failed || (h->keyed ? EVP_DigestSignFinal(h->context, digest, &n)
+                                            : EVP_DigestFinal_ex(h->context, digest, NULL)) != 1;
+    EVP_MD_CTX_free(h->context);
     free(h);
     *hash = NULL;
     return bad ? cts_fail(err, CTS_ERR_INTERNAL, "SHA-256 failed in libcrypto") : CTS_OK;

@@ -35,9 +35,8 @@ const megabytes = bytes => bytes < 1e9 ? `${Math.round(bytes / 1e6)} MB` : `${(b
 /* Text from outside, with invisible and bidirectional control characters replaced. */
 const clean = text => spelled(String(text ?? '')).replace(
   /[\u0000-\u001f\u007f-\u009f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]/g, '\ufffd');
-/* Options, which messages write as `max_error`, as the command line has them. */
-const OPTIONS = {width: 'size', height: 'size', n_threads: 'threads', frames: 'rotation', compression: 'compress'};
-const spelled = text => text.replace(/`([a-z_-]+)`/g, (all, name) => `--${OPTIONS[name] ?? name.replaceAll('_', '-')}`);
+/* Options, which messages write as `max-error`, as the command line has them. */
+const spelled = text => text.replace(/`([a-z-]+)`/g, '--$1');
 /* A UID split so that its middle is truncated first: its end distinguishes series. */
 const uidParts = uid => [make('span', {class: 'head'}, uid ? uid.slice(0, -14) : '(without UID)'),
   make('span', {}, uid.slice(-14))];

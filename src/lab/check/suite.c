@@ -1,6 +1,7 @@
 #include "lab/check/suite.h"
 
 #include "base/mem.h"
+#include "base/random.h"
 #include "core/scene/engine.h"
 
 #include <math.h>
@@ -245,12 +246,9 @@ double cts_check_differing(const CtsPicture *a, const CtsPicture *b)
 double cts_hu_noise(const double vox[3], const void *data)
 {
     const double *range = data;
-    uint64_t z = (uint64_t)range[2] + (uint64_t)vox[0] * 0x9e3779b97f4a7c15u + (uint64_t)vox[1] * 0xc2b2ae3d27d4eb4fu +
-                 (uint64_t)vox[2] * 0x165667b19e3779f9u;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    z ^= z >> 31;
-    return range[0] + (range[1] - range[0]) * (double)(z >> 11) / 9007199254740992.0;
+    uint64_t state = (uint64_t)range[2] + ((uint64_t)vox[0] - 1) * 0x9e3779b97f4a7c15u +
+                     (uint64_t)vox[1] * 0xc2b2ae3d27d4eb4fu + (uint64_t)vox[2] * 0x165667b19e3779f9u;
+    return range[0] + (range[1] - range[0]) * (double)(cts_random_next(&state) >> 11) * 0x1p-53;
 }
 
 double cts_hu_checkers(const double vox[3], const void *data)

@@ -1,6 +1,7 @@
 #include "render/error/reference_samples.h"
 
 #include "base/mem.h"
+#include "base/random.h"
 #include "core/scene/openness.h"
 #include "core/scene/resolve.h"
 #include "engine/raycast/raycast.h"
@@ -38,11 +39,11 @@ typedef struct SamplePlacing {
 static void place_in(SamplePlacing *p, const int box[4], size_t n)
 {
     const uint64_t width = (uint64_t)box[2], area = width * (uint64_t)box[3];
-    const uint64_t first = cts_reference_random(&p->random) % area;
+    const uint64_t first = cts_random_next(&p->random) % area;
     uint64_t at = first;
     for (size_t i = 0; i < n; i++) {
         if (i == 1) {
-            at = cts_reference_random(&p->random) % (area - 1);
+            at = cts_random_next(&p->random) % (area - 1);
             at += at >= first;
         }
         (*p->xy)[0] = box[0] + (int)(at % width);

@@ -34,12 +34,3 @@ bool cts_reference_find(const CtsReference *reference, const CtsPicture *band, s
 
 /* A hash of the scene. */
 uint64_t cts_reference_seed(const CtsScene *scene);
-
-/* SplitMix64 (Steele, Lea, Flood 2014). */
-static inline uint64_t cts_reference_random(uint64_t *state)
-{
-    uint64_t z = *state += 0x9e3779b97f4a7c15u;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return z ^ (z >> 31);
-}

@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/limits.h"
 #include "base/mem.h"
+#include "base/random.h"
 #include "base/simd_fixed.h"
 #include <math.h>
 #include <stdlib.h>
@@ -170,7 +171,7 @@ static void offer_pixels(CtsVerify *v, const CtsPicture *band, const float *boun
             const size_t pixel = (size_t)y * (size_t)band->width + (size_t)x;
             const double weight = bound ? importance_of_bound((double)bound[pixel]) : importance(band, back, x, y);
             CtsVerifyClass *class = &v->classes[class_of(weight)];
-            CtsCandidate c = {.random = cts_reference_random(&state), .x = x, .y = band->first_row + y};
+            CtsCandidate c = {.random = cts_random_next(&state), .x = x, .y = band->first_row + y};
             class->offered++;
             if (class->n == v->n && c.random <= class->heap[0].random)
                 continue;
