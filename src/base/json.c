@@ -105,23 +105,27 @@ CtsStatus cts_json_fail(const CtsJsonAt *at, CtsError *err, const char *format, 
     return fail_at(at, false, err, text);
 }
 
+typedef struct PlaceName {
+    char text[80];
+} PlaceName;
+
 /* "opacity", or "points 3" (counted from 1) for the third element of points. */
-static void describe_place(const CtsJsonAt *at, char text[80])
+static PlaceName place_of(const CtsJsonAt *at)
 {
+    PlaceName name = {"the file"};
     if (at->key)
-        snprintf(text, 80, "%.60s", at->key);
+        snprintf(name.text, sizeof name.text, "%.60s", at->key);
     else if (at->parent)
-        snprintf(text, 80, "%.50s %zu", at->parent->key ? at->parent->key : "element", at->index + 1);
-    else
-        snprintf(text, 80, "the file");
+        snprintf(name.text, sizeof name.text, "%.50s %zu", at->parent->key ? at->parent->key : "element",
+                 at->index + 1);
+    return name;
 }
 
 CtsStatus cts_json_check_keys(const CtsJsonAt *at, const char *const *keys, size_t n_keys, CtsError *err)
 {
-    char what[80], text[600];
-    describe_place(at, what);
+    char text[600];
     if (!json_is_object(at->value))
-        return cts_json_fail(at, err, "%s is not an object { }", what);
+        return cts_json_fail(at, err, "%s is not an object { }", place_of(at).text);
     const char *key;
     json_t *value;
     json_object_foreach(at->value, key, value)
@@ -145,34 +149,30 @@ CtsStatus cts_json_check_keys(const CtsJsonAt *at, const char *const *keys, size
 
 CtsStatus cts_json_need(const CtsJsonAt *object, const char *key, CtsJsonAt *member, CtsError *err)
 {
-    char what[80];
-    describe_place(object, what);
-    return cts_json_member(object, key, member) ? CTS_OK : cts_json_fail(object, err, "%s has no %s", what, key);
+    return cts_json_member(object, key, member)
+               ? CTS_OK
+               : cts_json_fail(object, err, "%s has no %s", place_of(object).text, key);
 }
 
 CtsStatus cts_json_check_array(const CtsJsonAt *at, size_t low, size_t high, CtsError *err)
 {
-    char what[80];
-    describe_place(at, what);
     if (!json_is_array(at->value))
-        return cts_json_fail(at, err, "%s is not a list [ ]", what);
+        return cts_json_fail(at, err, "%s is not a list [ ]", place_of(at).text);
     const size_t n = json_array_size(at->value);
     if (n >= low && n <= high)
         return CTS_OK;
     if (low == high)
-        return cts_json_fail(at, err, "%s has %zu values, not %zu", what, n, low);
-    return cts_json_fail(at, err, "%s has %zu entries (%zu to %zu)", what, n, low, high);
+        return cts_json_fail(at, err, "%s has %zu values, not %zu", place_of(at).text, n, low);
+    return cts_json_fail(at, err, "%s has %zu entries (%zu to %zu)", place_of(at).text, n, low, high);
 }
 
 CtsStatus cts_json_number(const CtsJsonAt *at, double low, double high, double *value, CtsError *err)
 {
-    char what[80];
-    describe_place(at, what);
     if (!json_is_number(at->value))
-        return cts_json_fail(at, err, "%s is not a number", what);
+        return cts_json_fail(at, err, "%s is not a number", place_of(at).text);
     *value = json_number_value(at->value);
     if (!(*value >= low && *value <= high))
-        return cts_json_fail(at, err, "%s is %.10g (%g to %g)", what, *value, low, high);
+        return cts_json_fail(at, err, "%s is %.10g (%g to %g)", place_of(at).text, *value, low, high);
     return CTS_OK;
 }
 
@@ -188,20 +188,16 @@ CtsStatus cts_json_numbers(const CtsJsonAt *at, size_t n, double low, double hig
 
 CtsStatus cts_json_bool(const CtsJsonAt *at, bool *value, CtsError *err)
 {
-    char what[80];
-    describe_place(at, what);
     if (!json_is_boolean(at->value))
-        return cts_json_fail(at, err, "%s is neither true nor false", what);
+        return cts_json_fail(at, err, "%s is neither true nor false", place_of(at).text);
     *value = json_is_true(at->value);
     return CTS_OK;
 }
 
 CtsStatus cts_json_string(const CtsJsonAt *at, const char **value, CtsError *err)
 {
-    char what[80];
-    describe_place(at, what);
     if (!json_is_string(at->value))
-        return cts_json_fail(at, err, "%s is not a text in quotes", what);
+        return cts_json_fail(at, err, "%s is not a text in quotes", place_of(at).text);
     *value = json_string_value(at->value);
     return CTS_OK;
 }

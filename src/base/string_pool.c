@@ -1,5 +1,6 @@
 #include "base/string_pool.h"
 
+#include "base/bytes.h"
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,11 +33,9 @@ const char *cts_string_pool_add(CtsStringPool *t, const char *text, size_t n)
 
 const char *cts_string_pool_share(CtsStringPool *t, const char *text, size_t n)
 {
-    uint32_t hash = 2166136261u;
     n = strnlen(text, n);
-    for (size_t i = 0; i < n; i++)
-        hash = (hash ^ (uint8_t)text[i]) * 16777619u;
-    const char **slot = &t->shared[(hash ^ hash >> 16) % CTS_TEXT_SLOTS];
+    const uint64_t hash = cts_fnv(CTS_FNV, text, n);
+    const char **slot = &t->shared[(hash ^ hash >> 32) % CTS_TEXT_SLOTS];
     if (!*slot || strncmp(*slot, text, n) != 0 || (*slot)[n])
         *slot = cts_string_pool_add(t, text, n);
     return *slot;

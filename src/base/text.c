@@ -4,9 +4,9 @@
 #include <string.h>
 #include <strings.h>
 
-/* 0 when it is no character: PS3.5 has no use for overlong forms either. */
-static size_t utf8_length(const unsigned char *p, size_t n, unsigned *code)
+size_t cts_text_code(const char *text, size_t n, unsigned *code)
 {
+    const unsigned char *const p = (const unsigned char *)text;
     const size_t length = p[0] < 0x80                   ? 1
                           : p[0] >= 0xC2 && p[0] < 0xE0 ? 2
                           : p[0] >= 0xE0 && p[0] < 0xF0 ? 3
@@ -33,7 +33,7 @@ static bool unsafe(unsigned code)
 size_t cts_text_step(const char *p, size_t n, bool *safe)
 {
     unsigned code = 0;
-    const size_t length = utf8_length((const unsigned char *)p, n, &code);
+    const size_t length = cts_text_code(p, n, &code);
     *safe = length && !unsafe(code);
     return length ? length : 1;
 }

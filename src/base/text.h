@@ -7,6 +7,9 @@
 
 CTS_C_BEGIN
 
+/* Length of the UTF-8 character at text, of n > 0 bytes, and its code point; 0 when it is none: PS3.5 has no use for
+ * overlong forms either. */
+size_t cts_text_code(const char *text, size_t n, unsigned *code);
 /* Length of the UTF-8 character at p, of n > 0 bytes; 1 where it is invalid. *safe: valid and printable, unlike
  * controls and marks that change the writing direction or break a line. */
 size_t cts_text_step(const char *p, size_t n, bool *safe);

@@ -1,6 +1,5 @@
 #include "cli/commands.h"
 
-#include "base/did_you_mean.h"
 #include <stdio.h>
 #include <string.h>
 
@@ -14,15 +13,9 @@ static const CtsOption *find_short_option(char letter)
 
 static CtsStatus fail_unknown_word(const char *word, size_t length, int command, CtsError *err)
 {
-    CtsDidYouMean nearest_word = {.written = word + 2, .length = length > 2 ? length - 2 : 0};
-    char hint[96] = "";
-    for (const CtsOption *o = cts_options; o->name; o++)
-        if (cts_option_is_of(o, (CtsCommand)command))
-            cts_did_you_mean_try(&nearest_word, o->name);
-    if (nearest_word.word)
-        snprintf(hint, sizeof hint, " (did you mean --%s?)", nearest_word.word);
-    return cts_fail(err, CTS_ERR_USAGE, "%.*s: no such option%s (see ctsplat %s --help)", (int)length, word, hint,
-                    cli_commands[command].name);
+    const char *const near = cts_option_near((CtsCommand)command, word + 2, length > 2 ? length - 2 : 0);
+    return cts_fail(err, CTS_ERR_USAGE, "%.*s: no such option%s%s%s (see ctsplat %s --help)", (int)length, word,
+                    near ? " (did you mean --" : "", near ? near : "", near ? "?)" : "", cli_commands[command].name);
 }
 
 /* An option that other commands have. */

@@ -15,7 +15,7 @@ for key in engine kernel samples tolerance void wall_ms wall_ms_spread serial_ms
     [ "$(grep -c "\"$key\":" b/bench.jsonl)" = "$(grep -c . b/bench.jsonl)" ] || fail "not every line has $key"
 done
 # A row for each line, as on standard output; nothing is fetched from anywhere.
-[ "$(grep -c '^<tr><td>' b/report.html)" = "$(grep -c . b/bench.jsonl)" ] || fail "rows of the page and lines differ"
+[ "$(sed -n '/^<pre>/,/^<.pre>/p' b/report.html | wc -l)" = $(($(grep -c . b/bench.jsonl) + 2)) ] || fail "rows of the page and lines differ"
 grep -oE '(src|href|url)[=(].{9}' b/report.html | grep -vE -e "^href='#" -e '^url[(]#' | grep -q . &&
     fail "the page needs more than itself"
 has b/report.html 'Pictures of 24 x 24 pixels'

@@ -210,18 +210,6 @@ def test_errors(tmp_path, phantom):
     assert [f.code for f in lost.diagnostics] == ["not_finite"]
 
 
-def test_former_names(phantom):
-    """Names of the version before warn, and are the same objects."""
-    picture = phantom.render(**SMALL)
-    for thing in (phantom, picture):
-        with pytest.warns(DeprecationWarning, match="diagnostics"):
-            assert thing.findings is thing.diagnostics
-    with pytest.warns(DeprecationWarning, match="Diagnostic"):
-        assert ctsplat.Finding is ctsplat.Diagnostic
-    with pytest.raises(AttributeError, match="no_such_name"):
-        ctsplat.no_such_name
-
-
 def test_settings_in_messages(phantom):
     """Settings are named as in Python."""
     with pytest.raises(ctsplat.Error, match="`label_colours`"):

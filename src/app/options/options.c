@@ -83,14 +83,21 @@ static CtsStatus put_value(CtsOptions *options, const CtsOption *o, const char *
     return CTS_OK;
 }
 
-/* Fails with a suggestion among the names that command has. */
-static CtsStatus fail_unknown_name(CtsCommand command, const char *name, CtsError *err)
+const char *cts_option_near(CtsCommand command, const char *name, size_t length)
 {
-    CtsDidYouMean nearest_word = {.written = name, .length = strlen(name)};
+    CtsDidYouMean nearest_word = {.written = name, .length = length};
     for (const CtsOption *o = cts_options; o->name; o++)
         if (cts_option_is_of(o, command))
             cts_did_you_mean_try(&nearest_word, o->name);
-    return cts_fail(err, CTS_ERR_USAGE, "%s: no such option%s", name, cts_did_you_mean_hint(&nearest_word).text);
+    return nearest_word.word;
+}
+
+/* Fails with a suggestion among the names that command has. */
+static CtsStatus fail_unknown_name(CtsCommand command, const char *name, CtsError *err)
+{
+    const char *const near = cts_option_near(command, name, strlen(name));
+    return cts_fail(err, CTS_ERR_USAGE, "%s: no such option%s%s%s", name, near ? " (did you mean " : "",
+                    near ? near : "", near ? "?)" : "");
 }
 
 CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsJobOption *word, CtsError *err)

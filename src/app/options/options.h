@@ -136,6 +136,8 @@ extern const CtsOption cts_options[];
 
 /* By its name or another spelling; NULL for none. */
 const CtsOption *cts_option(const char *name, size_t length);
+/* The option of the command whose name is nearest to one of this length; NULL where none is near. */
+const char *cts_option_near(CtsCommand command, const char *name, size_t length);
 static inline bool cts_option_is_of(const CtsOption *option, CtsCommand command)
 {
     return option->commands >> command & 1;

@@ -1,4 +1,4 @@
-/* Bit-exact properties: threads, CPU features, and the paper's savings in lossless settings. Found is the number of
+/* Bit-exact properties: CPU features, and the paper's savings in lossless settings. Found is the number of
  * different values. */
 #include "base/cpu.h"
 #include "lab/check/suite.h"
@@ -41,14 +41,6 @@ static CtsStatus compare_pictures(CtsCheckRun *run_a, CtsCheckRun *run_b, const 
     cts_picture_free(&pa);
     cts_picture_free(&pb);
     return st;
-}
-
-static CtsStatus threads(CtsCheckRun *run, const void *data, CtsError *err)
-{
-    CtsFormulaScene a = *(const CtsFormulaScene *)data, b = a;
-    a.n_threads = 1;
-    b.n_threads = 7;
-    return compare_pictures(run, run, &a, &b, err);
 }
 
 static CtsStatus cpu_features(CtsCheckRun *run, const void *data, CtsError *err)
@@ -108,8 +100,6 @@ enum { REUSING = 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_COMBINED };
 enum { SAVING = 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED };
 
 static const CtsCheckCase cases[] = {
-    EQUAL("equal: 1 and 7 threads", CHECK_OF_ALL, threads, NOISE),
-    EQUAL("equal: 1 and 7 threads, lit", CHECK_OF_ALL, threads, LIT_NOISE),
     EQUAL("equal: with and without CPU features", CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_SHEETS, cpu_features,
           NOISE),
     EQUAL("equal: with and without CPU features, lit", CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_SHEETS, cpu_features,

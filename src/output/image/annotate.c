@@ -68,13 +68,10 @@ static double to_letter(const CtsLetter *letter, double x, double y)
     for (int i = 0; i < 2 && letter->marks[i]; i++) {
         const CtsMark *const m = letter->marks[i];
         const double dx = (letter->glyph->width - m->glyph.width) / 2.0, step = CTS_MARK_HEIGHT + CTS_MARK_GAP;
-        const double right = letter->glyph->width - 1;
         if (m->place == CTS_MARK_ABOVE)
             nearest = fmin(nearest, to_glyph(&m->glyph, x - dx, y + step * ++n_above));
-        else if (m->place == CTS_MARK_BELOW)
-            nearest = fmin(nearest, to_glyph(&m->glyph, x - dx, y - CTS_CAPITAL - step * n_below++));
         else
-            nearest = fmin(nearest, to_glyph(&m->glyph, x - right, y + 3));
+            nearest = fmin(nearest, to_glyph(&m->glyph, x - dx, y - CTS_CAPITAL - step * n_below++));
     }
     return nearest;
 }

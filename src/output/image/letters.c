@@ -1,7 +1,9 @@
 /* Letters as a pen draws them: capitals of Latin and Greek, with their accents, digits and signs. */
 #include "output/image/letters.h"
 
+#include "base/text.h"
 #include <stddef.h>
+#include <string.h>
 
 /* A pair of hexadecimal-like digits (0 to 9, a to g) is a point, right and down, and a blank lifts the pen. */
 static const CtsGlyph glyphs[] = {
@@ -140,20 +142,20 @@ static const struct {
     [OGONEK] = {0x328, {{0, 4, "3012132444"}, CTS_MARK_BELOW}},
 };
 
-/* Capitals of Latin-1, Latin Extended-A and Romanian with their parts, from the canonical decompositions of Unicode:
- * each composed letter precedes its base. */
+/* Capitals of Latin-1, Latin Extended-A and Romanian, and Greek letters, with their parts, from the canonical
+ * decompositions of Unicode: each composed letter precedes its base. */
 static const struct {
     Accent accent;
     const char *letters;
 } composed[] = {
     {GRAVE, "ÀAÈEÌIÒOÙU"},
-    {ACUTE, "ÁAÉEÍIÓOÚUÝYĆCĹLŃNŔRŚSŹZ"},
+    {ACUTE, "ÁAÉEÍIÓOÚUÝYĆCĹLŃNŔRŚSŹZΆΑΈΕΉΗΊΙΌΟΎΥΏΩάΑέΕήΗίΙόΟύΥώΩΐϊΰϋ"},
     {CIRCUMFLEX, "ÂAÊEÎIÔOÛUĈCĜGĤHĴJŜSŴWŶY"},
     {TILDE, "ÃAÑNÕOĨIŨU"},
     {MACRON, "ĀAĒEĪIŌOŪU"},
     {BREVE, "ĂAĔEĞGĬIŎOŬU"},
     {DOT, "ĊCĖEĠGİIŻZ"},
-    {DIAERESIS, "ÄAËEÏIÖOÜUŸY"},
+    {DIAERESIS, "ÄAËEÏIÖOÜUŸYΪΙΫΥϊΙϋΥ"},
     {RING, "ÅAŮU"},
     {DOUBLE_ACUTE, "ŐOŰU"},
     {CARON, "ČCĎDĚEĽLŇNŘRŠSŤTŽZ"},
@@ -178,37 +180,15 @@ static const struct {
 static const char greek_capitals[] = "AB  EZH IK MN O P  TY X  ";
 enum { ALPHA = 0x391, OMEGA = 0x3A9, SMALL_ALPHA = 0x3B1, FINAL_SIGMA = 0x3C2, SMALL_OMEGA = 0x3C9 };
 
-/* Greek with a tonos, a dialytika, or both: base as above. */
-static const struct {
-    uint16_t letter, base;
-    Accent accents[2];
-} greek_accented[] = {
-    {0x386, 0x391, {ACUTE}},
-    {0x388, 0x395, {ACUTE}},
-    {0x389, 0x397, {ACUTE}},
-    {0x38A, 0x399, {ACUTE}},
-    {0x38C, 0x39F, {ACUTE}},
-    {0x38E, 0x3A5, {ACUTE}},
-    {0x38F, 0x3A9, {ACUTE}},
-    {0x390, 0x399, {DIAERESIS, ACUTE}},
-    {0x3AA, 0x399, {DIAERESIS}},
-    {0x3AB, 0x3A5, {DIAERESIS}},
-    {0x3AC, 0x391, {ACUTE}},
-    {0x3AD, 0x395, {ACUTE}},
-    {0x3AE, 0x397, {ACUTE}},
-    {0x3AF, 0x399, {ACUTE}},
-    {0x3B0, 0x3A5, {DIAERESIS, ACUTE}},
-    {0x3CA, 0x399, {DIAERESIS}},
-    {0x3CB, 0x3A5, {DIAERESIS}},
-    {0x3CC, 0x39F, {ACUTE}},
-    {0x3CD, 0x3A5, {ACUTE}},
-    {0x3CE, 0x3A9, {ACUTE}},
-};
-
 #define N_OF(table) (sizeof(table) / sizeof *(table))
 
+/* Of a letter without accents; Greek ones are capitals. */
 static const CtsGlyph *glyph_of(uint32_t letter)
 {
+    if (letter >= SMALL_ALPHA && letter <= SMALL_OMEGA)
+        letter -= SMALL_ALPHA - ALPHA - (letter == FINAL_SIGMA);
+    if (letter >= ALPHA && letter <= OMEGA && greek_capitals[letter - ALPHA] != ' ')
+        letter = (unsigned char)greek_capitals[letter - ALPHA];
     for (size_t i = 0; i < N_OF(glyphs); i++)
         if (glyphs[i].letter == letter)
             return &glyphs[i];
@@ -218,56 +198,23 @@ static const CtsGlyph *glyph_of(uint32_t letter)
 /* The next code point of UTF-8; an invalid byte gives a code point without a glyph. */
 static uint32_t next_code_point(const char **text)
 {
-    const unsigned char *p = (const unsigned char *)*text;
-    const int n = *p < 0x80 ? 1 : *p >> 5 == 6 ? 2 : *p >> 4 == 14 ? 3 : *p >> 3 == 30 ? 4 : 0;
-    uint32_t letter = n == 1 ? *p : n ? *p & (0x7FU >> n) : 0xFFFD;
-    for (int i = 1; i < n; i++) {
-        if (p[i] >> 6 != 2) {
-            *text += i;
-            return 0xFFFD;
-        }
-        letter = letter << 6 | (p[i] & 0x3F);
-    }
+    unsigned code = 0xFFFD;
+    const size_t n = cts_text_code(*text, strnlen(*text, 4), &code);
     *text += n ? n : 1;
-    return letter;
+    return n ? code : 0xFFFD;
 }
 
-static void put_accents(CtsLetter *letter, const Accent of[2])
-{
-    for (int i = 0; i < 2; i++)
-        letter->marks[i] = of[i] ? &accents[of[i]].mark : NULL;
-}
-
-/* A capital whose parts are in the table. */
+/* A letter whose parts are in the table. */
 static bool find_capital(uint32_t capital, CtsLetter *letter)
 {
     *letter = (CtsLetter){.glyph = glyph_of(capital)};
     for (size_t row = 0; !letter->glyph && row < N_OF(composed); row++)
-        for (const char *p = composed[row].letters; *p && !letter->glyph; p++)
-            if (next_code_point(&p) == capital) {
-                letter->glyph = glyph_of((unsigned char)*p);
-                put_accents(letter, (Accent[2]){composed[row].accent});
-            }
-    return letter->glyph;
-}
-
-static bool find_greek(uint32_t code, CtsLetter *letter)
-{
-    Accent none[2] = {NONE};
-    const Accent *marks = none;
-    for (size_t i = 0; i < N_OF(greek_accented); i++)
-        if (greek_accented[i].letter == code) {
-            marks = greek_accented[i].accents;
-            code = greek_accented[i].base;
-            break;
+        for (const char *p = composed[row].letters; *p && !letter->glyph;) {
+            const bool is_it = next_code_point(&p) == capital;
+            const uint32_t base = next_code_point(&p);
+            if (is_it && find_capital(base, letter))
+                letter->marks[letter->marks[0] ? 1 : 0] = &accents[composed[row].accent].mark;
         }
-    code = code == FINAL_SIGMA ? code + 1 : code;
-    code = code >= SMALL_ALPHA && code <= SMALL_OMEGA ? code - SMALL_ALPHA + ALPHA : code;
-    if (code < ALPHA || code > OMEGA)
-        return false;
-    const char latin = greek_capitals[code - ALPHA];
-    *letter = (CtsLetter){.glyph = glyph_of(latin == ' ' ? code : (unsigned char)latin)};
-    put_accents(letter, marks);
     return letter->glyph;
 }
 
@@ -276,8 +223,7 @@ static bool find_letter(uint32_t code, CtsLetter *letter)
 {
     enum { SMALL_FIRST = 0xE0, SMALL_LAST = 0xFE, APART = 32 };
     const uint32_t capital = code >= 'a' && code <= 'z' ? code - APART : code == 0xFF ? 0x178 : code;
-    return find_capital(capital, letter) || find_greek(code, letter) ||
-           (code > 0xFF && find_capital(code - 1, letter)) ||
+    return find_capital(capital, letter) || (code > 0xFF && find_capital(code - 1, letter)) ||
            (code >= SMALL_FIRST && code <= SMALL_LAST && find_capital(code - APART, letter));
 }
 

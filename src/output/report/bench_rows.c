@@ -253,7 +253,6 @@ CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html,
         goto end;
     fputs("<!DOCTYPE html>\n<html lang=en><head><meta charset=utf-8><meta name=viewport content='width=device-width'>"
           "<title>ctsplat bench</title>\n<style>body{font:14px sans-serif;margin:2em;color:#222}"
-          "table{border-collapse:collapse}td,th{border:1px solid #ccc;padding:3px 7px;text-align:right}"
           "svg{max-width:100%;height:auto}</style></head><body>\n<h1>Error against run time</h1>\n",
           f);
     if (svg) {
@@ -264,8 +263,9 @@ CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html,
     cts_bench_legend(rows, legend);
     fputs("<p>", f);
     cts_html_text(f, legend);
-    fputs("</p>\n", f);
-    cts_table_html(table, f);
+    fputs("</p>\n<pre>", f);
+    cts_table_print(table, f);
+    fputs("</pre>\n", f);
     for (int i = 0; i < rows->n; i++)
         if (!rows->rows[i].measured) {
             fprintf(f, "<p>Left out: %s %s: ", cts_engine_names[rows->rows[i].engine],

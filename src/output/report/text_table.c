@@ -74,17 +74,6 @@ void cts_html_text(FILE *file, const char *text)
     }
 }
 
-void cts_table_html(const CtsTable *table, FILE *file)
-{
-    fputs("<table>", file);
-    for (int i = 0; i < table->n_cells; i++) {
-        fputs(i % table->n_columns ? "" : "\n<tr>", file);
-        fputs(i < table->n_columns ? "<th>" : "<td>", file);
-        cts_html_text(file, table->cells[i]);
-    }
-    fputs("\n</table>\n", file);
-}
-
 void cts_table_free(CtsTable **table)
 {
     if (!*table)

@@ -11,7 +11,6 @@ CtsTable *cts_table_new(const char *const *headings, int n_columns);
 /* The next cell, row by row. */
 void cts_table_cell(CtsTable *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void cts_table_print(const CtsTable *table, FILE *file);
-/* The same in HTML (table is not NULL), and text with < > & and quotes as entities. */
-void cts_table_html(const CtsTable *table, FILE *file);
+/* Text with < > & and quotes as entities. */
 void cts_html_text(FILE *file, const char *text);
 void cts_table_free(CtsTable **table);

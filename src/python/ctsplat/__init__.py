@@ -13,7 +13,6 @@ import queue
 import struct
 import tempfile
 import threading
-import warnings
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
@@ -38,24 +37,6 @@ class Diagnostic(NamedTuple):
     code: str
     severity: str
     text: str
-
-
-def __getattr__(name: str) -> Any:
-    if name == "Finding":
-        warnings.warn("ctsplat.Finding is ctsplat.Diagnostic now", DeprecationWarning, stacklevel=2)
-        return Diagnostic
-    raise AttributeError("module 'ctsplat' has no attribute %r" % name)
-
-
-class _WithDiagnostics:
-    """The former name of the attribute diagnostics."""
-
-    diagnostics: List[Diagnostic]
-
-    @property
-    def findings(self) -> List[Diagnostic]:
-        warnings.warn("findings is diagnostics now", DeprecationWarning, stacklevel=2)
-        return self.diagnostics
 
 
 class Bound(NamedTuple):
@@ -301,7 +282,7 @@ def presets() -> List[str]:
     return names
 
 
-class Picture(_WithDiagnostics):
+class Picture:
     """A rendered picture. Display values (sRGB); row 0 is the top.
 
     rgba: float32, (height, width, 4), colours multiplied by alpha; depth_mm: float32, (height, width), from the camera
@@ -450,7 +431,7 @@ def _as_numbers(array: Any) -> np.ndarray:
                         if array.dtype.newbyteorder("=").name in _NUMBERS else _NEAREST[array.dtype.kind])
 
 
-class Volume(_WithDiagnostics):
+class Volume:
     """A volume in memory, for many pictures.
 
     Volume(array, spacing_mm=(k, j, i)): HU with index k towards the head, j to the back and i to the patient's left.
