@@ -34,8 +34,8 @@ typedef struct CtsExportSettings {
     int series_number; /* of secondary captures; 0: one that preset, kind and view have for themselves */
     const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: by preset and mode */
     bool png_8_bits;                /* a .png has 8 bits a sample, not 16 */
-    int quality;                    /* of .jpg and .webp, 1 to 100; 0: the default */
-    int frame_rate;                 /* frames a second of an animated .webp; 0: the default */
+    int quality;                    /* of .jpg, .webp and .mp4, 1 to 100; 0: the default */
+    int frame_rate;                 /* frames a second of .webp, .mp4 and .gif; 0: the default */
     bool scratch;                   /* a temporary file of this process, which need not be synced to the disk */
     bool force;                     /* overwrite a file that exists; else CTS_ERR_OUTPUT */
     int n_threads;

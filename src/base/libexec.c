@@ -67,27 +67,31 @@ static CtsStatus report_start(const char *path, int why, CtsError *err)
                     path, strerror(why));
 }
 
-CtsStatus cts_libexec_start(const char *program, const char *argument, const int *descriptors, int n, pid_t *pid,
+CtsStatus cts_program_start(const char *const *arguments, const int *descriptors, const int *as, int n, pid_t *pid,
                             CtsError *err)
 {
-    char path[PATH_MAX];
-    CtsStatus st = cts_libexec_find(program, path, err);
-    char *const arguments[] = {path, (char *)(uintptr_t)argument, NULL};
     posix_spawn_file_actions_t files;
     posix_spawnattr_t attributes;
     sigset_t all;
-    if (st)
-        return st;
     sigfillset(&all);
     posix_spawnattr_init(&attributes);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
     posix_spawnattr_setsigmask(&attributes, &all);
     int why = posix_spawn_file_actions_init(&files);
     for (int i = 0; !why && i < n; i++)
-        why = posix_spawn_file_actions_adddup2(&files, descriptors[i], descriptors[i]); /* not closed at the start */
+        why = posix_spawn_file_actions_adddup2(&files, descriptors[i], as[i]); /* not closed at the start */
     if (!why)
-        why = posix_spawn(pid, path, &files, &attributes, arguments, environ);
+        why = posix_spawn(pid, arguments[0], &files, &attributes, (char *const *)(uintptr_t)arguments, environ);
     posix_spawn_file_actions_destroy(&files);
     posix_spawnattr_destroy(&attributes);
-    return why ? report_start(path, why, err) : CTS_OK;
+    return why ? report_start(arguments[0], why, err) : CTS_OK;
+}
+
+CtsStatus cts_libexec_start(const char *program, const char *argument, const int *descriptors, int n, pid_t *pid,
+                            CtsError *err)
+{
+    char path[PATH_MAX];
+    const CtsStatus st = cts_libexec_find(program, path, err);
+    return st ? st
+              : cts_program_start((const char *const[]){path, argument, NULL}, descriptors, descriptors, n, pid, err);
 }

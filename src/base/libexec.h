@@ -1,4 +1,4 @@
-/* Programs of libexec, which the program and the library start and users do not call. */
+/* Programs that the program and the library start: those of libexec, which users do not call, and others. */
 #pragma once
 
 #include "ctsplat/status.h"
@@ -13,7 +13,11 @@ bool cts_program_folder(char folder[PATH_MAX]);
  * the installed folders, relative to the object that contains this code. CTS_ERR_INTERNAL when it is missing. */
 CtsStatus cts_libexec_find(const char *program, char path[PATH_MAX], CtsError *err);
 
-/* Starts the program with one argument. It inherits the n descriptors and no other one of this library's, and all
- * signals are blocked until it unblocks them. A child process of this one: the caller reaps it. */
+/* Starts the program whose path is the first argument; NULL ends them. It inherits the n descriptors, under the numbers
+ * in `as`, and no other one of this library's, and all signals are blocked until it unblocks them. A child process of
+ * this one: the caller reaps it. */
+CtsStatus cts_program_start(const char *const *arguments, const int *descriptors, const int *as, int n, pid_t *pid,
+                            CtsError *err);
+/* The same for a program of libexec with one argument. */
 CtsStatus cts_libexec_start(const char *program, const char *argument, const int *descriptors, int n, pid_t *pid,
                             CtsError *err);

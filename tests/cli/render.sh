@@ -90,11 +90,6 @@ has err 'warning: .*--new-uids.* there is none'
 ls | grep -E '^\.|tmp' && fail "a temporary file is left"
 exit 0
 
-# Films: what is written instead.
-for film in turn.gif turn.MP4; do
-    refused 2 'animated \.webp holds a --rotation; .*ffmpeg' render "$data/phantom" $small --rotation 4 -o $film
-done
-
 # A line for each picture, on request where stderr is no terminal.
 grep -q "16x16  error" err && fail "a summary without --summary"
 ok render "$data/phantom" --size 16x16 -o line.png -o line.jpg --summary

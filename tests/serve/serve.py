@@ -73,7 +73,7 @@ def words(server, series):
         server.refused(400, text, picture + query)
     server.refused(400, r'^a \.webp has at most 16383', f'/series/{series}/picture.webp?size=17000x8')
     server.refused(404, 'no such series', '/series/0123456789abcdef/picture.png')
-    server.refused(404, 'format', f'/series/{series}/picture.gif')
+    server.refused(404, 'format', f'/series/{series}/picture.bmp')
     server.refused(404, 'no such address', '/nothing')
     shades = {p['name']: p['shade'] for p in json.loads(server.get('/presets'))}
     assert shades['bone'] == {'occlusion': 0.45} and shades['ct-bone'] == {'occlusion': 0} and shades['bone-window'] is None, shades

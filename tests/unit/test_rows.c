@@ -155,6 +155,9 @@ static void test_formats(void **state)
         fail_msg("%s", err.text);
     size_t n = 0;
     for (const CtsFormatInfo *format; (format = cts_format(n)); n++) {
+        const bool is_film = !strcmp(format->name, "mp4") || !strcmp(format->name, "gif");
+        if (is_film && system("command -v ffmpeg >/dev/null"))
+            continue;
         check_format(format, folder, source);
         check_alpha(format, folder, source);
         for (size_t other = 0; other < n; other++)

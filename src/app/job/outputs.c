@@ -8,7 +8,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <unistd.h>
 
 static bool holds_frames(const char *path)
@@ -96,17 +95,6 @@ static CtsHint near_ending(const char *path)
     return cts_did_you_mean_hint(&nearest_word);
 }
 
-static bool is_video(const char *path)
-{
-    static const char *const endings[] = {"gif",  "mp4", "m4v",  "mov",  "avi", "mkv",
-                                          "webm", "mpg", "mpeg", "apng", "ogv"};
-    const char *dot = strrchr(path, '.');
-    for (size_t i = 0; dot && i < sizeof endings / sizeof *endings; i++)
-        if (!strcasecmp(dot + 1, endings[i]))
-            return true;
-    return false;
-}
-
 CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -114,12 +102,6 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
     for (int i = 0; i < outputs->n; i++) {
         const char *path = outputs->paths[i];
         const CtsFormatInfo *format = cts_export_format(path);
-        if (!format && is_video(path))
-            return cts_fail(
-                err, CTS_ERR_USAGE,
-                "%s: no films of this format are written (an animated .webp holds a `rotation`; or of its pictures as "
-                ".png files ffmpeg makes one: see EXAMPLES of ctsplat(1))",
-                path);
         if (!format)
             return cts_fail(err, CTS_ERR_USAGE, "%s: the ending names no format (%s)%s", path,
                             cts_format_endings(NULL, endings), near_ending(path).text);

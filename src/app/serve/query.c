@@ -36,8 +36,8 @@ const char *cts_query_value(const CtsQuery *query, const char *name)
 
 const char *cts_media_type_of(const CtsFormatInfo *format)
 {
-    static const char *const types[][2] = {
-        {"png", "image/png"}, {"jpg", "image/jpeg"}, {"webp", "image/webp"}, {"dcm", "application/dicom"}};
+    static const char *const types[][2] = {{"png", "image/png"},         {"jpg", "image/jpeg"}, {"webp", "image/webp"},
+                                           {"dcm", "application/dicom"}, {"mp4", "video/mp4"},  {"gif", "image/gif"}};
     for (size_t i = 0; i < sizeof types / sizeof *types; i++)
         if (!strcmp(types[i][0], format->name))
             return types[i][1];

@@ -40,8 +40,8 @@ CTS_ENUM_TABLE(char *const, cts_sc_compression_names, CTS_SC_N_COMPRESSIONS, [CT
 
 enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 
-static const CtsFormat *const formats[] = {&cts_format_png, &cts_format_exr, &cts_format_dcm, &cts_format_jpg,
-                                           &cts_format_webp};
+static const CtsFormat *const formats[] = {&cts_format_png,  &cts_format_exr, &cts_format_dcm, &cts_format_jpg,
+                                           &cts_format_webp, &cts_format_mp4, &cts_format_gif};
 enum { N_FORMATS = sizeof formats / sizeof *formats };
 
 static const CtsFormat *format_of_path(const char *path)

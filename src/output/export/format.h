@@ -47,7 +47,8 @@ typedef struct CtsFormat {
     CtsStatus (*read)(const char *path, CtsPicture **picture, CtsError *err); /* NULL: not read_back */
 } CtsFormat;
 
-extern const CtsFormat cts_format_png, cts_format_exr, cts_format_dcm, cts_format_jpg, cts_format_webp;
+extern const CtsFormat cts_format_png, cts_format_exr, cts_format_dcm, cts_format_jpg, cts_format_webp, cts_format_mp4,
+    cts_format_gif;
 
 /* The time for outputs: UTC from SOURCE_DATE_EPOCH (seconds since 1970) when it is set, for reproducible files, else
  * local time; returns true for the former. A value that is not a whole number of seconds up to the year 9999 counts as

@@ -7,6 +7,7 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdio.h>
+#include <string.h>
 
 #include <jpeglib.h> /* needs FILE and size_t */
 
@@ -68,12 +69,9 @@ static void start_jpg(JpgWriter *w)
         w->jpeg.X_density = w->jpeg.Y_density = (UINT16)per_cm;
     }
     jpeg_start_compress(&w->jpeg, TRUE);
-    char view[80], text[400];
-    cts_describe_view(&head->info, view, sizeof view);
-    const int n = snprintf(text, sizeof text, "ctsplat %s, preset %s, view %s; not for diagnostic use", CTS_VERSION,
-                           head->info.preset, view);
-    jpeg_write_marker(&w->jpeg, JPEG_COM, (const JOCTET *)text,
-                      (unsigned)(n < (int)sizeof text ? n : (int)sizeof text - 1));
+    char text[CTS_DESCRIPTION];
+    cts_describe_picture(&head->info, text);
+    jpeg_write_marker(&w->jpeg, JPEG_COM, (const JOCTET *)text, (unsigned)strlen(text));
 }
 
 static CtsStatus begin(CtsExportJob *job, CtsError *err)

@@ -36,6 +36,14 @@ void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size)
     number_pair(info->azimuth_deg, info->elevation_deg, text, size);
 }
 
+void cts_describe_picture(const CtsPictureInfo *info, char text[CTS_DESCRIPTION])
+{
+    char view[80];
+    cts_describe_view(info, view, sizeof view);
+    snprintf(text, CTS_DESCRIPTION, "ctsplat %s, preset %s, view %s; not for diagnostic use", CTS_VERSION, info->preset,
+             view);
+}
+
 void cts_describe_direction(const double direction_lps[3], char text[4])
 {
     static const char letters[3][2] = {{'L', 'R'}, {'P', 'A'}, {'H', 'F'}}; /* towards +, towards - */

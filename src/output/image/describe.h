@@ -9,6 +9,10 @@ void cts_describe_number(double value, int n_digits, char *text, size_t size);
 /* The view in the notation of --view: a name if it has one, else "azimuth,elevation" in degrees. */
 void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size);
 
+/* The program, preset and view, as a comment in a file. */
+enum { CTS_DESCRIPTION = 400 };
+void cts_describe_picture(const CtsPictureInfo *info, char text[CTS_DESCRIPTION]);
+
 /* The letters of a patient direction (LPS): A P L R H F, the strongest component first, further letters for components
  * of more than sin 15 degrees of its length. "" for a zero vector. */
 void cts_describe_direction(const double direction_lps[3], char text[4]);
