@@ -15,7 +15,7 @@ struct CtsTempFile {
     char *target;     /* the final name */
     char *path;       /* the temporary one */
     char *folder;     /* of both */
-    bool loose;       /* need not survive a power cut */
+    bool is_unsynced; /* need not survive a power cut */
     bool is_private;  /* not for others */
     size_t n_waiting; /* bytes not yet submitted to the disk */
 };
@@ -83,7 +83,7 @@ CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError
         return fail_errno(err, temp->target, "cannot be written");
     temp->n_waiting += n;
     /* Start writing to the disk early, so that the sync at the end is short; only a hint. */
-    if (temp->n_waiting >= WRITE_BEHIND && !temp->loose) {
+    if (temp->n_waiting >= WRITE_BEHIND && !temp->is_unsynced) {
         sync_file_range(temp->fd, 0, 0, SYNC_FILE_RANGE_WRITE);
         temp->n_waiting = 0;
     }
@@ -153,7 +153,7 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
     /* The mode is left as it is where the file system has one for all files, as CIFS, which answers EPERM. */
     if (fchmod(t->fd, (t->is_private ? 0640 : 0666) & ~current_umask())) {
     }
-    if (fstat(t->fd, &info) || (!t->loose && !cts_sync_file(t->fd)))
+    if (fstat(t->fd, &info) || (!t->is_unsynced && !cts_sync_file(t->fd)))
         st = fail_errno(err, t->target, "cannot be written");
     const int closed = close(t->fd);
     t->fd = -1;
@@ -165,7 +165,7 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
     if (!st) {
         if (bytes)
             *bytes = (uint64_t)info.st_size;
-        if (!t->loose)
+        if (!t->is_unsynced)
             sync_folder(t->folder);
         free_temp(temp);
         return CTS_OK;
@@ -176,7 +176,7 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
 
 void cts_temp_do_not_sync(CtsTempFile *temp)
 {
-    temp->loose = true;
+    temp->is_unsynced = true;
 }
 
 void cts_temp_keep_private(CtsTempFile *temp)

@@ -124,9 +124,9 @@ static CtsStatus run_found(const CtsOptions *options, CtsBatchLists *lists, CtsR
 
 static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
 {
-    char bad[80] = "", stood[64] = "", thumbnails[64] = "", skipped[64] = "", waiting[80] = "";
-    if (r->n_stood)
-        snprintf(stood, sizeof stood, " (%zu of them in earlier runs)", r->n_stood);
+    char bad[80] = "", earlier[64] = "", thumbnails[64] = "", skipped[64] = "", waiting[80] = "";
+    if (r->n_up_to_date)
+        snprintf(earlier, sizeof earlier, " (%zu of them in earlier runs)", r->n_up_to_date);
     if (r->n_thumbnails)
         snprintf(thumbnails, sizeof thumbnails, ", %zu thumbnail%s (no volumes)", r->n_thumbnails,
                  r->n_thumbnails == 1 ? "" : "s");
@@ -137,7 +137,7 @@ static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
     if (r->n_waiting)
         snprintf(waiting, sizeof waiting, ", %zu waiting for their last files", r->n_waiting);
     cli_note("%zu of %zu series%s done%s%s%s%s%s: %s (index.html shows them, batch.jsonl lists files and reasons)",
-             r->n_done, r->n_series, r->n_series > r->n_uids ? " (some UIDs hold several)" : "", stood, thumbnails,
+             r->n_done, r->n_series, r->n_series > r->n_uids ? " (some UIDs hold several)" : "", earlier, thumbnails,
              skipped, waiting, bad, options->output_dir);
     if (r->n_unreadable)
         cli_note("files that cannot be read: %llu", (unsigned long long)r->n_unreadable);

@@ -92,8 +92,8 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     if ((st = cts_options_one_job(options, preset, &job, &report, err)) ||
         (!options->paper && (st = make_folder(options, err))))
         goto end;
-    CliWatch seen = {0};
-    const CtsWatch watch = cli_watch(&seen);
+    CliWatch cli = {0};
+    const CtsWatch watch = cli_watch(&cli);
     st = cts_source_find(&job.source, &watch, 2, &loaded, &report, err);
     if (!st && loaded.series->renderable)
         st = cts_options_settle(options, loaded.series->modality_id, loaded.series->quantity, preset, &job, &report,

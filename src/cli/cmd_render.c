@@ -144,13 +144,13 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
         st = begin_render(options, log, preset, &job, &standard_output, &report, err);
     cts_stage_timer_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
-        CliWatch seen = {.log = log,
-                         .job = &job,
-                         .reported_later = standard_output.path,
-                         .names = options->show_paths ? NULL : &names,
-                         .summed_up = options->summary || isatty(STDERR_FILENO),
-                         .picture_start_ms = whole.wall_ms};
-        const CtsWatch watch = cli_watch(&seen);
+        CliWatch cli = {.log = log,
+                        .job = &job,
+                        .reported_later = standard_output.path,
+                        .names = options->show_paths ? NULL : &names,
+                        .summed_up = options->summary || isatty(STDERR_FILENO),
+                        .picture_start_ms = whole.wall_ms};
+        const CtsWatch watch = cli_watch(&cli);
         st = cts_options_run_job(options, preset, &job, &watch, &report, err);
         cli_progress_clear();
     }

@@ -140,75 +140,75 @@ CtsStatus cli_print_json(json_t *value, CtsError *err)
 static void step(void *context, double done, int all, const char *what)
 {
     enum { FIRST_FRAME = 2 };
-    CliWatch *seen = context;
+    CliWatch *cli = context;
     char text[128];
     const double now_ms = cts_wall_ms(), frames = done - FIRST_FRAME;
     if (frames <= 0)
-        seen->frames_start_ms = now_ms;
+        cli->frames_start_ms = now_ms;
     const bool knows = all > FIRST_FRAME + 1 && frames >= 1;
     snprintf(text, sizeof text, "%s%s", what,
-             cli_time_left(knows ? (now_ms - seen->frames_start_ms) / 1000 / frames * (all - done) : -1).text);
+             cli_time_left(knows ? (now_ms - cli->frames_start_ms) / 1000 / frames * (all - done) : -1).text);
     cli_progress(done, all, text);
 }
 
 static void diagnostics(void *context, const CtsReport *report)
 {
-    CliWatch *seen = context;
-    cli_print_diagnostics(&report->diagnostics, seen->n_diagnostics);
-    seen->n_diagnostics = report->diagnostics.n;
+    CliWatch *cli = context;
+    cli_print_diagnostics(&report->diagnostics, cli->n_diagnostics);
+    cli->n_diagnostics = report->diagnostics.n;
 }
 
 static void found(void *context, const CtsSeriesList *list)
 {
-    const CliWatch *seen = context;
-    for (size_t i = 0; seen->log && seen->names && i < list->n_paths; i++)
-        cts_names_add(seen->names, list->paths[i]);
+    const CliWatch *cli = context;
+    for (size_t i = 0; cli->log && cli->names && i < list->n_paths; i++)
+        cts_names_add(cli->names, list->paths[i]);
 }
 
 static void loaded(void *context)
 {
-    const CliWatch *seen = context;
-    const CtsJob *const job = seen->job;
+    const CliWatch *cli = context;
+    const CtsJob *const job = cli->job;
     if (job)
-        cts_log_picture(seen->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
+        cts_log_picture(cli->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
     cli_interrupt_sets_stop();
 }
 
 static void output(void *context, const char *path, const char *format, uint64_t bytes)
 {
-    CliWatch *seen = context;
-    const bool later = seen->reported_later && !strcmp(path, seen->reported_later);
-    const size_t n = strlen(seen->files);
+    CliWatch *cli = context;
+    const bool later = cli->reported_later && !strcmp(path, cli->reported_later);
+    const size_t n = strlen(cli->files);
     if (!later)
-        cts_log_output(seen->log, path, format, bytes);
-    snprintf(seen->files + n, sizeof seen->files - n, "%s%s", n ? ", " : "", later ? "standard output" : path);
+        cts_log_output(cli->log, path, format, bytes);
+    snprintf(cli->files + n, sizeof cli->files - n, "%s%s", n ? ", " : "", later ? "standard output" : path);
 }
 
 /* One line a picture: files, size, error and what was asked, time. Without files, those of a rotation's last frame hold
  * it. */
 static void frame(void *context, const CtsErrorBound *bound)
 {
-    CliWatch *seen = context;
-    const CtsRenderSettings *const s = &seen->job->render;
+    CliWatch *cli = context;
+    const CtsRenderSettings *const s = &cli->job->render;
     const double now_ms = cts_wall_ms(), error = 255 * bound->rmse;
     const double asked = s->max_error > 0 ? s->max_error : CTS_DEFAULT_ERROR;
     char text[120] = "error not estimated";
     if (bound->known)
         snprintf(text, sizeof text, "error %.3g/255 (%s %.3g%s)", error, s->max_error > 0 ? "asked" : "default", asked,
                  error > asked ? ", not met" : "");
-    cli_note("%s%s%dx%d  %s  %.2f s", seen->files, seen->files[0] ? "  " : "", s->width, s->height, text,
-             (now_ms - seen->picture_start_ms) / 1000);
-    seen->picture_start_ms = now_ms;
-    seen->files[0] = 0;
+    cli_note("%s%s%dx%d  %s  %.2f s", cli->files, cli->files[0] ? "  " : "", s->width, s->height, text,
+             (now_ms - cli->picture_start_ms) / 1000);
+    cli->picture_start_ms = now_ms;
+    cli->files[0] = 0;
 }
 
-CtsWatch cli_watch(CliWatch *seen)
+CtsWatch cli_watch(CliWatch *cli)
 {
-    return (CtsWatch){.context = seen,
+    return (CtsWatch){.context = cli,
                       .step = cli_progress_shows() ? step : NULL,
                       .diagnostics = diagnostics,
                       .found = found,
                       .loaded = loaded,
                       .output = output,
-                      .frame = seen->summed_up ? frame : NULL};
+                      .frame = cli->summed_up ? frame : NULL};
 }

@@ -33,7 +33,7 @@ void cli_note(const char *format, ...) __attribute__((format(printf, 1, 2)));
 /* Warnings among findings[from..n), each text once. */
 void cli_print_diagnostics(const CtsDiagnostics *diagnostics, size_t from);
 
-/* A job seen from the terminal: a progress bar, warnings as they come, outputs into the log. */
+/* A job as the terminal shows it: a progress bar, warnings as they come, outputs into the log. */
 typedef struct CliWatch {
     CtsLog *log;                /* NULL: none */
     const char *reported_later; /* an output that is not yet reported, or NULL */
@@ -47,7 +47,7 @@ typedef struct CliWatch {
 } CliWatch;
 
 /* From loading on, signals ask the job to stop. */
-CtsWatch cli_watch(CliWatch *seen);
+CtsWatch cli_watch(CliWatch *cli);
 
 /* -o -: a picture on standard output. It is made in a folder of its own, so that nothing of it is written before it is
  * whole. */

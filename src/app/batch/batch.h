@@ -60,9 +60,10 @@ typedef struct CtsBatchSettings {
 
 typedef struct CtsBatchResult {
     size_t n_series, n_uids; /* the files of one UID may hold several series */
-    size_t n_done, n_stood, n_thumbnails, n_skipped, n_refused, n_failed; /* n_stood of n_done needed nothing */
-    size_t n_waiting;                                                     /* left to a later run by `settled` */
-    bool is_idle;                                                         /* nothing has changed since the last run */
+    size_t n_done, n_up_to_date, n_thumbnails, n_skipped, n_refused,
+        n_failed;                               /* n_up_to_date of n_done needed nothing */
+    size_t n_waiting;                           /* left to a later run by `settled` */
+    bool is_idle;                               /* nothing has changed since the last run */
     uint64_t n_unreadable, n_objects, n_packed; /* files that no series has: as CtsArchiveCounts has them */
 } CtsBatchResult;
 

@@ -30,23 +30,23 @@ typedef struct Unit {
 } Unit;
 
 /* A series that has slices in a folder, both by their keys. */
-typedef struct Home {
+typedef struct FolderSeries {
     uint64_t folder, series;
-} Home;
+} FolderSeries;
 
 /* Files met one after the other of a series that may have a single slice. */
 typedef struct SingleFile {
     uint64_t study, series, sop; /* by their keys */
-    uint64_t offset; /* of the first file's place and series UID in the list; SEVERAL: more than one slice */
+    uint64_t offset; /* of the first file's place and series UID in the list; NOT_SINGLE: more than one slice */
 } SingleFile;
 
-static const uint64_t SEVERAL = UINT64_MAX;
+static const uint64_t NOT_SINGLE = UINT64_MAX;
 
 /* A single slice that lies in a stack of n of them. */
-typedef struct Stacked {
+typedef struct StackMember {
     uint64_t series;
     int n;
-} Stacked;
+} StackMember;
 
 /* A single slice's place in the list. */
 typedef struct PlaceRecord {
@@ -66,11 +66,11 @@ struct CtsBatchPlan {
     CtsArchives *archives;
     char last_uid[80];
     uint64_t last_key;
-    Entry *lost; /* files that cannot be read, by their folder's key */
-    size_t n_lost, n_homes, n_singles, n_stacked;
-    Home *homes;
+    Entry *unreadable; /* files that cannot be read, by their folder's key */
+    size_t n_unreadable, n_folder_series, n_singles, n_members;
+    FolderSeries *folder_series;
     SingleFile *singles;
-    Stacked *stacked; /* in order of series */
+    StackMember *members; /* in order of series */
     CtsBatchLabelFile *label_files;
     size_t n_label_files;
     CtsStudyNumbers numbers;
@@ -82,7 +82,7 @@ struct CtsBatchPlan {
 typedef struct FileRecord {
     uint64_t bytes, n_voxels;
     int64_t mtime_ns, came_ns;
-    bool lost; /* it cannot be read; its name is that of its folder */
+    bool unreadable; /* it cannot be read; its name is that of its folder */
 } FileRecord;
 
 /* The first 64 bits of the SHA-256 of a UID, for the assignment to shards and the 16 hex digits of names. */
@@ -156,16 +156,17 @@ static CtsStatus keep_record(CtsBatchPlan *p, const CtsArchiveFile *file, const 
                         strerror(errno));
     const Entry entry = {key, p->list_bytes, (uint32_t)size};
     p->list_bytes += size;
-    return file->why ? add_entry(&p->lost, &p->n_lost, entry, err) : add_entry(&p->entries, &p->n_entries, entry, err);
+    return file->why ? add_entry(&p->unreadable, &p->n_unreadable, entry, err)
+                     : add_entry(&p->entries, &p->n_entries, entry, err);
 }
 
-static CtsStatus add_home(CtsBatchPlan *p, Home home, CtsError *err)
+static CtsStatus add_folder_series(CtsBatchPlan *p, FolderSeries pair, CtsError *err)
 {
-    if (p->n_homes && !memcmp(&p->homes[p->n_homes - 1], &home, sizeof home))
+    if (p->n_folder_series && !memcmp(&p->folder_series[p->n_folder_series - 1], &pair, sizeof pair))
         return CTS_OK;
-    const CtsStatus st = cts_grow(&p->homes, p->n_homes, err);
+    const CtsStatus st = cts_grow(&p->folder_series, p->n_folder_series, err);
     if (!st)
-        p->homes[p->n_homes++] = home;
+        p->folder_series[p->n_folder_series++] = pair;
     return st;
 }
 
@@ -176,14 +177,14 @@ static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const c
     const uint64_t sop = cts_fnv(CTS_FNV, file->sop_uid, strlen(file->sop_uid));
     if (last && last->series == key) {
         if (last->sop != sop)
-            last->offset = SEVERAL;
+            last->offset = NOT_SINGLE;
         return CTS_OK;
     }
     const CtsStatus st = cts_grow(&p->singles, p->n_singles, err);
     if (st)
         return st;
     const char *const study = file->study_uid ? file->study_uid : "";
-    SingleFile single = {cts_fnv(CTS_FNV, study, strlen(study)), key, sop, SEVERAL};
+    SingleFile single = {cts_fnv(CTS_FNV, study, strlen(study)), key, sop, NOT_SINGLE};
     if (file->place && study[0] && file->series_uid[0]) {
         PlaceRecord record = {.place = *file->place};
         snprintf(record.series_uid, sizeof record.series_uid, "%s", name);
@@ -198,9 +199,9 @@ static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const c
 }
 
 /* Records an unreadable file, which may be a slice of the series in its folder and is reported with it. */
-static CtsStatus take_lost(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError *err)
+static CtsStatus take_unreadable(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError *err)
 {
-    CtsArchiveFile lost = *file;
+    CtsArchiveFile unreadable = *file;
     char name[80];
     uint64_t unused;
     struct stat info;
@@ -211,12 +212,12 @@ static CtsStatus take_lost(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError
         return CTS_OK;
     }
     if (!lstat(file->path, &info)) {
-        lost.bytes = (uint64_t)info.st_size;
-        lost.mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
+        unreadable.bytes = (uint64_t)info.st_size;
+        unreadable.mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
     }
-    if ((st = name_series(&lost, name, &unused, err)))
+    if ((st = name_series(&unreadable, name, &unused, err)))
         return st;
-    return keep_record(p, &lost, name, folder_key(file->path), err);
+    return keep_record(p, &unreadable, name, folder_key(file->path), err);
 }
 
 static CtsStatus plan_labels(CtsBatchPlan *p, const CtsArchiveFile *file, CtsError *err)
@@ -244,7 +245,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     p->n_files++;
     p->settings->listener.searching(p->settings->listener.context, p->n_files);
     if (file->why)
-        return take_lost(p, file, err);
+        return take_unreadable(p, file, err);
     if (file->labels_of)
         return plan_labels(p, file, err);
     if (file->series_uid[0] && !strcmp(file->series_uid, p->last_uid))
@@ -254,7 +255,8 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;
     if ((file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
-        (st = add_home(p, (Home){folder_key(file->path), key}, err)) || (st = add_single(p, file, name, key, err)) ||
+        (st = add_folder_series(p, (FolderSeries){folder_key(file->path), key}, err)) ||
+        (st = add_single(p, file, name, key, err)) ||
         (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
         return st;
     return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
@@ -274,9 +276,9 @@ static int by_offset(const void *a, const void *b)
     return x->offset < y->offset ? -1 : x->offset > y->offset;
 }
 
-static int by_home(const void *a, const void *b)
+static int by_folder(const void *a, const void *b)
 {
-    const Home *x = a, *y = b;
+    const FolderSeries *x = a, *y = b;
     if (x->folder != y->folder)
         return x->folder < y->folder ? -1 : 1;
     return (x->series > y->series) - (x->series < y->series);
@@ -284,26 +286,27 @@ static int by_home(const void *a, const void *b)
 
 /* The series that unreadable files are reported with: the one in their folder; where the folder has none or several, a
  * series named after the folder. */
-static CtsStatus owner_of(const CtsBatchPlan *p, const Entry *lost, uint64_t *key, bool *homeless, CtsError *err)
+static CtsStatus owner_of(const CtsBatchPlan *p, const Entry *unreadable, uint64_t *key, bool *is_apart, CtsError *err)
 {
-    size_t first = 0, end = p->n_homes;
+    size_t first = 0, end = p->n_folder_series;
     while (first < end) {
         const size_t middle = (first + end) / 2;
-        if (p->homes[middle].folder < lost->key)
+        if (p->folder_series[middle].folder < unreadable->key)
             first = middle + 1;
         else
             end = middle;
     }
-    while (end < p->n_homes && p->homes[end].folder == lost->key && p->homes[end].series == p->homes[first].series)
+    while (end < p->n_folder_series && p->folder_series[end].folder == unreadable->key &&
+           p->folder_series[end].series == p->folder_series[first].series)
         end++;
-    *homeless = end == first || (end < p->n_homes && p->homes[end].folder == lost->key);
-    if (!*homeless) {
-        *key = p->homes[first].series;
+    *is_apart = end == first || (end < p->n_folder_series && p->folder_series[end].folder == unreadable->key);
+    if (!*is_apart) {
+        *key = p->folder_series[first].series;
         return CTS_OK;
     }
-    char *text = malloc(lost->size);
+    char *text = malloc(unreadable->size);
     CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && pread(fileno(p->list), text, lost->size, (off_t)lost->offset) != (ssize_t)lost->size)
+    if (!st && pread(fileno(p->list), text, unreadable->size, (off_t)unreadable->offset) != (ssize_t)unreadable->size)
         st =
             cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir, strerror(errno));
     if (!st)
@@ -312,22 +315,22 @@ static CtsStatus owner_of(const CtsBatchPlan *p, const Entry *lost, uint64_t *ke
     return st;
 }
 
-static CtsStatus place_lost(CtsBatchPlan *p, CtsError *err)
+static CtsStatus place_unreadable(CtsBatchPlan *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     uint64_t asked_for = 0;
-    if (p->n_homes)
-        qsort(p->homes, p->n_homes, sizeof *p->homes, by_home);
+    if (p->n_folder_series)
+        qsort(p->folder_series, p->n_folder_series, sizeof *p->folder_series, by_folder);
     if (p->options->source.series_uid)
         st = plan_key(p->options->source.series_uid, &asked_for, err);
-    for (size_t k = 0; k < p->n_lost && !st; k++) {
-        const Entry *lost = &p->lost[k];
+    for (size_t k = 0; k < p->n_unreadable && !st; k++) {
+        const Entry *unreadable = &p->unreadable[k];
         uint64_t key;
-        bool homeless;
-        if ((st = owner_of(p, lost, &key, &homeless, err)))
+        bool is_apart;
+        if ((st = owner_of(p, unreadable, &key, &is_apart, err)))
             return st;
-        if (is_mine(p, key) && (!p->options->source.series_uid || (!homeless && key == asked_for)))
-            st = add_entry(&p->entries, &p->n_entries, (Entry){key, lost->offset, lost->size}, err);
+        if (is_mine(p, key) && (!p->options->source.series_uid || (!is_apart && key == asked_for)))
+            st = add_entry(&p->entries, &p->n_entries, (Entry){key, unreadable->offset, unreadable->size}, err);
     }
     return st;
 }
@@ -369,11 +372,11 @@ static void filter_singles(CtsBatchPlan *p)
         qsort(p->singles, p->n_singles, sizeof *p->singles, by_study_and_series);
     for (size_t first = 0, end; first < p->n_singles; first = end) {
         const SingleFile single = p->singles[first];
-        bool several = single.offset == SEVERAL;
+        bool several = single.offset == NOT_SINGLE;
         for (end = first + 1;
              end < p->n_singles && p->singles[end].study == single.study && p->singles[end].series == single.series;
              end++)
-            several |= p->singles[end].offset == SEVERAL || p->singles[end].sop != single.sop;
+            several |= p->singles[end].offset == NOT_SINGLE || p->singles[end].sop != single.sop;
         if (!several)
             p->singles[n++] = single;
     }
@@ -420,8 +423,8 @@ static CtsStatus stack_study(CtsBatchPlan *p, const SingleFile *singles, size_t 
             n_slices += stack[i] == k;
         }
         for (size_t i = 0; i < n && !st; i++)
-            if (stack[i] == k && !(st = cts_grow(&p->stacked, p->n_stacked, err)))
-                p->stacked[p->n_stacked++] = (Stacked){singles[i].series, n_slices};
+            if (stack[i] == k && !(st = cts_grow(&p->members, p->n_members, err)))
+                p->members[p->n_members++] = (StackMember){singles[i].series, n_slices};
         if (!st && first)
             st = note_stack(p, first, n_slices, err);
     }
@@ -430,9 +433,9 @@ static CtsStatus stack_study(CtsBatchPlan *p, const SingleFile *singles, size_t 
     return st;
 }
 
-static int by_stacked_series(const void *a, const void *b)
+static int by_member_series(const void *a, const void *b)
 {
-    const Stacked *x = a, *y = b;
+    const StackMember *x = a, *y = b;
     return (x->series > y->series) - (x->series < y->series);
 }
 
@@ -448,8 +451,8 @@ static CtsStatus find_stacks(CtsBatchPlan *p, CtsError *err)
     free(p->singles);
     p->singles = NULL;
     p->n_singles = 0;
-    if (p->n_stacked)
-        qsort(p->stacked, p->n_stacked, sizeof *p->stacked, by_stacked_series);
+    if (p->n_members)
+        qsort(p->members, p->n_members, sizeof *p->members, by_member_series);
     return st;
 }
 
@@ -493,7 +496,7 @@ CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, co
     if (fflush(p->list))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", o->output_dir, strerror(errno));
     cts_study_numbers_sort(&p->numbers);
-    if (!st && !(st = find_stacks(p, err)) && !(st = place_lost(p, err)))
+    if (!st && !(st = find_stacks(p, err)) && !(st = place_unreadable(p, err)))
         st = make_units(p, err);
     found->n_series = p->n_units;
     found->archives = p->archives;
@@ -516,10 +519,10 @@ void cts_plan_free(CtsBatchPlan **plan)
     if (p->list)
         fclose(p->list);
     free(p->entries);
-    free(p->lost);
-    free(p->homes);
+    free(p->unreadable);
+    free(p->folder_series);
     free(p->singles);
-    free(p->stacked);
+    free(p->members);
     free(p->units);
     for (size_t i = 0; i < p->n_label_files; i++) {
         free(p->label_files[i].path);
@@ -587,8 +590,8 @@ static CtsStatus hash_labels(const CtsBatchPlan *p, CtsHash *hash, const char *u
     return st;
 }
 
-/* n_stacked: of the stack, which the series' record names. */
-static CtsStatus hash_files(const CtsBatchPlan *p, File *files, int n, const char *uid, int n_stacked, char hex[65],
+/* n_members: of the stack, which the series' record names. */
+static CtsStatus hash_files(const CtsBatchPlan *p, File *files, int n, const char *uid, int n_members, char hex[65],
                             CtsError *err)
 {
     CtsHash *hash;
@@ -603,9 +606,9 @@ static CtsStatus hash_files(const CtsBatchPlan *p, File *files, int n, const cha
         cts_hash_text(hash, files[i].sop_uid);
         cts_hash_text(hash, numbers);
     }
-    if (n_stacked) {
+    if (n_members) {
         char number[16];
-        snprintf(number, sizeof number, "%d", n_stacked);
+        snprintf(number, sizeof number, "%d", n_members);
         cts_hash_text(hash, number);
     }
     CtsStatus ended;
@@ -632,12 +635,12 @@ CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *ser
     if (st || (st = read_files(plan, unit, series->text, files, err)))
         goto end;
     size_t own = 0;
-    while (own + 1 < unit->n && files[own].record.lost)
+    while (own + 1 < unit->n && files[own].record.unreadable)
         own++;
-    const Stacked wanted = {.series = plan->entries[unit->first].key};
-    const Stacked *const stacked =
-        plan->n_stacked ? bsearch(&wanted, plan->stacked, plan->n_stacked, sizeof wanted, by_stacked_series) : NULL;
-    series->n_stacked = stacked ? stacked->n : 0;
+    const StackMember wanted = {.series = plan->entries[unit->first].key};
+    const StackMember *const member =
+        plan->n_members ? bsearch(&wanted, plan->members, plan->n_members, sizeof wanted, by_member_series) : NULL;
+    series->n_stacked = member ? member->n : 0;
     snprintf(series->own_uid, sizeof series->own_uid, "%s", files[own].name);
     snprintf(series->uid, sizeof series->uid, "%s", files[own].name);
     if (plan->key && (st = cts_uid_keyed(plan->key, "series of a batch", series->own_uid, series->uid, err)))

@@ -128,17 +128,17 @@ static void report_series(Run *r, const json_t *record)
     listener->series(listener->context, text, !done && strcmp(status, "thumbnail") && strcmp(status, "skipped"));
 }
 
-/* Counts the final record of a series; stood: nothing had to be rendered. */
-static void count_record(Run *r, const json_t *record, bool stood)
+/* Counts the final record of a series; up_to_date: nothing had to be rendered. */
+static void count_record(Run *r, const json_t *record, bool up_to_date)
 {
     const char *status = cts_json_text_of(record, "status");
-    r->result->n_stood += stood && !strcmp(status, "done");
+    r->result->n_up_to_date += up_to_date && !strcmp(status, "done");
     r->result->n_done += !strcmp(status, "done");
     r->result->n_thumbnails += !strcmp(status, "thumbnail");
     r->result->n_skipped += !strcmp(status, "skipped");
     r->result->n_refused += !strcmp(status, "refused");
     r->result->n_failed += !strcmp(status, "failed");
-    if (!stood)
+    if (!up_to_date)
         report_series(r, record);
 }
 
@@ -175,7 +175,7 @@ static void queue_to_send(Run *r, const json_t *record)
 }
 
 /* Adds the last record of a series: its pictures are rendered, or cannot be. */
-static void end_series(Run *r, json_t *record, bool stood)
+static void end_series(Run *r, json_t *record, bool up_to_date)
 {
     const int n_waiting =
         strcmp(cts_json_text_of(record, "status"), "done") ? 0 : cts_journal_record_n_unsent(r->settings, record);
@@ -184,11 +184,11 @@ static void end_series(Run *r, json_t *record, bool stood)
         cts_worker_set_status(record, 5, "not sent yet");
         queue_to_send(r, record);
     }
-    if (n_waiting == 0 && !stood)
+    if (n_waiting == 0 && !up_to_date)
         cts_later_set_try(&r->later, r->settings, record);
     add_record(r, record);
     if (n_waiting == 0)
-        count_record(r, record, stood);
+        count_record(r, record, up_to_date);
 }
 
 static void end_sending(Run *r, json_t *record)
@@ -199,7 +199,7 @@ static void end_sending(Run *r, json_t *record)
     count_record(r, record, false);
 }
 
-static void take_last(Run *r, CtsWorker *w, bool stood)
+static void take_last(Run *r, CtsWorker *w, bool up_to_date)
 {
     CtsError err;
     w->n_ended++;
@@ -208,7 +208,7 @@ static void take_last(Run *r, CtsWorker *w, bool stood)
     if (w->phase == CTS_WORKER_SENDS)
         end_sending(r, w->record);
     else
-        end_series(r, w->record, stood);
+        end_series(r, w->record, up_to_date);
     if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->record, "exit_code")) == 5 &&
         !json_object_get(w->record, "unsent") && cts_folder_probe(r->settings, &err))
         give_up_batch(r, CTS_ERR_OUTPUT, &err);
@@ -347,17 +347,17 @@ static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
     json_t *record = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
     bool changed = false;
     const bool held = record && cts_later_is_held(&r->later, r->settings, record, series->input_sha256);
-    const bool stands = held || (record && is_up_to_date(r, series, record));
-    const bool waits = !stands && cts_later_waits(&r->later, r->settings, series, &record, &changed);
+    const bool is_done = held || (record && is_up_to_date(r, series, record));
+    const bool waits = !is_done && cts_later_waits(&r->later, r->settings, series, &record, &changed);
     if (held)
         count_record(r, record, true);
     if (changed)
         add_record(r, record);
     r->result->n_waiting += waits;
-    r->n_unknown -= stands || waits;
-    r->n_uids_ended += stands || waits;
+    r->n_unknown -= is_done || waits;
+    r->n_uids_ended += is_done || waits;
     json_decref(record);
-    return stands || waits;
+    return is_done || waits;
 }
 
 /* One thread more than an equal share, to use the time in which other workers wait for the disk. */

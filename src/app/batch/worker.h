@@ -16,11 +16,11 @@ enum { CTS_WORKER_NO_MEMORY = 3 };
 
 /* Messages to the parent, one per line. The last four are followed by a journal record, with all details that
  * cts_journal_record_redact() may remove: */
-#define CTS_WORKER_LOADED "loaded"      /* the volume is read; the worker waits for a byte */
-#define CTS_WORKER_BEGUN "begun "       /* data of the series so far; not for the journal */
-#define CTS_WORKER_RECORD "line "       /* not final: more records of this series follow */
-#define CTS_WORKER_LAST_RECORD "last "  /* final */
-#define CTS_WORKER_UP_TO_DATE "stands " /* final, and nothing had to be rendered */
+#define CTS_WORKER_LOADED "loaded"     /* the volume is read; the worker waits for a byte */
+#define CTS_WORKER_BEGUN "begun "      /* data of the series so far; not for the journal */
+#define CTS_WORKER_RECORD "line "      /* not final: more records of this series follow */
+#define CTS_WORKER_LAST_RECORD "last " /* final */
+#define CTS_WORKER_UP_TO_DATE "same "  /* final, and nothing had to be rendered */
 
 /* State of the worker process. */
 typedef struct CtsWorkerProcess {

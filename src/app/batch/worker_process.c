@@ -549,7 +549,7 @@ CtsStatus cts_worker_end_series(CtsWorkerProcess *c, const CtsReport *report, Ct
 {
     CtsError err;
     CtsStatus st = CTS_OK;
-    const bool stands = !status && c->known && c->n_pictures == 0;
+    const bool is_up_to_date = !status && c->known && c->n_pictures == 0;
     /* An interrupted series keeps its last record. */
     if (status != CTS_ERR_INTERRUPTED) {
         report_diagnostics(c, &report->diagnostics, report->diagnostics.n, NULL);
@@ -557,14 +557,14 @@ CtsStatus cts_worker_end_series(CtsWorkerProcess *c, const CtsReport *report, Ct
         if (report->table.known)
             json_object_set_new(c->record, "table", cts_table_json(&report->table));
         record_times(c, report);
-        if (stands)
+        if (is_up_to_date)
             keep_times(c);
         else
             keep_diagnostics(c);
         cts_worker_report_status(c, status, status ? why->text : "");
         if (status && (c->skipped || (c->now && c->now->passed && status == c->now->refusal)))
             json_object_set_new(c->record, "status", json_string(c->skipped ? "skipped" : "thumbnail"));
-        st = cts_worker_send_record(c, stands ? CTS_WORKER_UP_TO_DATE : CTS_WORKER_LAST_RECORD, &err);
+        st = cts_worker_send_record(c, is_up_to_date ? CTS_WORKER_UP_TO_DATE : CTS_WORKER_LAST_RECORD, &err);
         c->is_final = true;
     }
     json_decref(c->record);

@@ -74,22 +74,22 @@ static void narrow_window(const CtsScene *scene, CtsProjection *p)
 
 struct CtsVisibleBlocks {
     const struct CtsBodyMask *body; /* of this body's inside */
-    int32_t *sees;
+    int32_t *visibility;
     CtsVisibleCells *cells;
 };
 
-void cts_visible_blocks_free(CtsVisibleBlocks **seen)
+void cts_visible_blocks_free(CtsVisibleBlocks **blocks)
 {
-    if (!*seen)
+    if (!*blocks)
         return;
-    cts_free(&(*seen)->sees);
-    cts_free(&(*seen)->cells);
-    cts_free(seen);
+    cts_free(&(*blocks)->visibility);
+    cts_free(&(*blocks)->cells);
+    cts_free(blocks);
 }
 
 typedef struct Seeing {
     const CtsProjector *projector;
-    CtsVisibleBlocks *seen;
+    CtsVisibleBlocks *blocks;
 } Seeing;
 
 static void test_macrocell_rows(void *context, int worker, size_t first, size_t end)
@@ -109,9 +109,10 @@ static void test_macrocell_rows(void *context, int worker, size_t first, size_t 
                 high[a] = low[a] + CTS_FINE_MACROCELL;
             }
             const CtsMaskCover body = p->body ? cts_body_mask_cover(p->body, low, high) : CTS_COVER_ALL;
-            s->seen->sees[block] = appearance == CTS_APPEARANCE_HIDDEN || body == CTS_COVER_NONE    ? CTS_NO_CELL
-                                   : appearance == CTS_APPEARANCES_DIFFER || body == CTS_COVER_SOME ? 0
-                                                                                                    : CTS_ALL_CELLS;
+            s->blocks->visibility[block] = appearance == CTS_APPEARANCE_HIDDEN || body == CTS_COVER_NONE ? CTS_NO_CELL
+                                           : appearance == CTS_APPEARANCES_DIFFER || body == CTS_COVER_SOME
+                                               ? 0
+                                               : CTS_ALL_CELLS;
         }
 }
 
@@ -120,7 +121,7 @@ static CtsVisibleCells visible_cells(const CtsProjector *p, const int block[3])
 {
     enum { N = CTS_FINE_MACROCELL, CORNERS = N + 1 };
     double field[CORNERS][CORNERS][CORNERS];
-    CtsVisibleCells seen = {0, 0};
+    CtsVisibleCells cells = {0, 0};
     for (int c = 0; p->body && c < CORNERS * CORNERS * CORNERS; c++) {
         const int in[3] = {c % CORNERS, c / CORNERS % CORNERS, c / CORNERS / CORNERS};
         double at[3];
@@ -142,10 +143,10 @@ static CtsVisibleCells visible_cells(const CtsProjector *p, const int block[3])
         const int appearance = p->voxel_labels ? cts_appearance_of_cell(p->voxel_labels, cell) : CTS_APPEARANCE_PRESET;
         if (appearance == CTS_APPEARANCE_HIDDEN || n_inside == 0)
             continue;
-        seen.some |= UINT64_C(1) << c;
-        seen.all |= (uint64_t)(appearance != CTS_APPEARANCES_DIFFER && n_inside == 8) << c;
+        cells.some |= UINT64_C(1) << c;
+        cells.all |= (uint64_t)(appearance != CTS_APPEARANCES_DIFFER && n_inside == 8) << c;
     }
-    return seen;
+    return cells;
 }
 
 static void test_cells(void *context, int worker, size_t first, size_t end)
@@ -155,41 +156,41 @@ static void test_cells(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t row = first; row < end; row++)
         for (int i = 0; i < n[0]; i++) {
-            const int32_t place = s->seen->sees[row * (size_t)n[0] + (size_t)i];
+            const int32_t place = s->blocks->visibility[row * (size_t)n[0] + (size_t)i];
             const int at[3] = {i, (int)(row % (size_t)n[1]), (int)(row / (size_t)n[1])};
             if (place >= 0)
-                s->seen->cells[place] = visible_cells(s->projector, at);
+                s->blocks->cells[place] = visible_cells(s->projector, at);
         }
 }
 
 /* Once for all views. */
-static CtsStatus find_visible_blocks(const CtsProjector *projector, int n_threads, CtsVisibleBlocks **seen,
+static CtsStatus find_visible_blocks(const CtsProjector *projector, int n_threads, CtsVisibleBlocks **blocks,
                                      CtsError *err)
 {
     const int *const n = projector->macrocells->n_fine;
     const size_t n_rows = (size_t)n[1] * (size_t)n[2], n_blocks = n_rows * (size_t)n[0];
     int32_t n_some = 0;
     CtsStatus st;
-    if (*seen && (*seen)->body == projector->body)
+    if (*blocks && (*blocks)->body == projector->body)
         return CTS_OK;
-    cts_visible_blocks_free(seen);
-    if ((st = cts_alloc_zeroed(seen, 1, err)) || (st = cts_alloc_array(&(*seen)->sees, n_blocks, err)))
+    cts_visible_blocks_free(blocks);
+    if ((st = cts_alloc_zeroed(blocks, 1, err)) || (st = cts_alloc_array(&(*blocks)->visibility, n_blocks, err)))
         goto end;
-    Seeing s = {projector, *seen};
-    (*seen)->body = projector->body;
+    Seeing s = {projector, *blocks};
+    (*blocks)->body = projector->body;
     cts_parallel(n_threads, n_rows, 0, test_macrocell_rows, &s);
     for (size_t i = 0; i < n_blocks; i++)
-        if ((*seen)->sees[i] >= 0)
-            (*seen)->sees[i] = n_some++;
-    if (!(st = cts_alloc_array(&(*seen)->cells, (size_t)n_some, err)))
+        if ((*blocks)->visibility[i] >= 0)
+            (*blocks)->visibility[i] = n_some++;
+    if (!(st = cts_alloc_array(&(*blocks)->cells, (size_t)n_some, err)))
         cts_parallel(n_threads, n_rows, 0, test_cells, &s);
 end:
     if (st)
-        cts_visible_blocks_free(seen);
+        cts_visible_blocks_free(blocks);
     return st;
 }
 
-static CtsStatus prepare_projection(Projecting *pr, int n_threads, CtsVisibleBlocks **seen, CtsError *err)
+static CtsStatus prepare_projection(Projecting *pr, int n_threads, CtsVisibleBlocks **blocks, CtsError *err)
 {
     CtsStatus st;
     CtsProjection *p = &pr->projection;
@@ -209,10 +210,10 @@ static CtsStatus prepare_projection(Projecting *pr, int n_threads, CtsVisibleBlo
             (st = cts_alloc_array(&pr->scratch[t].order, n_layers, err)))
             return st;
     if (projector->body || projector->voxel_labels) {
-        if ((st = find_visible_blocks(projector, n_threads, seen, err)))
+        if ((st = find_visible_blocks(projector, n_threads, blocks, err)))
             return st;
-        p->sees = (*seen)->sees;
-        p->cells = (*seen)->cells;
+        p->visibility = (*blocks)->visibility;
+        p->cells = (*blocks)->cells;
     }
     pr->tile = CTS_CPU_CHOICE(cpu, cts_project_tile);
     return CTS_OK;
@@ -227,7 +228,7 @@ static void free_scratch(Projecting *pr, int n_threads)
     cts_free(&pr->scratch);
 }
 
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **seen,
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **blocks,
                       CtsPicture *picture, CtsReport *report, CtsError *err)
 {
     const CtsVolume *v = scene->volume;
@@ -260,7 +261,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     narrow_window(scene, &pr.projection);
-    CtsStatus st = prepare_projection(&pr, n_threads, seen, err);
+    CtsStatus st = prepare_projection(&pr, n_threads, blocks, err);
     if (!st)
         cts_parallel(n_threads, (size_t)((picture->height + CTS_PROJECT_TILE - 1) / CTS_PROJECT_TILE), 1, project_some,
                      &pr);

@@ -7,8 +7,8 @@
 
 /* Visible cells of a volume, where not all are. */
 typedef struct CtsVisibleBlocks CtsVisibleBlocks;
-void cts_visible_blocks_free(CtsVisibleBlocks **seen);
+void cts_visible_blocks_free(CtsVisibleBlocks **blocks);
 
-/* *seen: NULL, or the cache of an earlier picture of the volume; the caller frees it. picture NULL: only the plan. */
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **seen,
+/* *blocks: NULL, or the cache of an earlier picture of the volume; the caller frees it. picture NULL: only the plan. */
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **blocks,
                       CtsPicture *picture, CtsReport *report, CtsError *err);

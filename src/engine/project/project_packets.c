@@ -92,7 +92,7 @@ static LayerBox box_of(const CtsProjection *p, const RaySlopes *w, const double 
 /* Properties common to the macro-cells of a box. */
 typedef struct BoxContents {
     CtsRange range;
-    bool sees_some, sees_all;
+    bool sees_some, all_visible;
 } BoxContents;
 
 INLINE BoxContents common_of(const CtsProjection *p, const LayerBox *box, int layer)
@@ -104,9 +104,9 @@ INLINE BoxContents common_of(const CtsProjection *p, const LayerBox *box, int la
     for (int v = box->low[1]; v <= box->high[1]; v++)
         for (int u = box->low[0]; u <= box->high[0]; u++) {
             const size_t i = at + (size_t)u * su + (size_t)v * sv;
-            const int sees = p->sees ? p->sees[i] : CTS_ALL_CELLS;
-            c.sees_all &= sees == CTS_ALL_CELLS;
-            if (sees == CTS_NO_CELL)
+            const int visibility = p->visibility ? p->visibility[i] : CTS_ALL_CELLS;
+            c.all_visible &= visibility == CTS_ALL_CELLS;
+            if (visibility == CTS_NO_CELL)
                 continue;
             c.sees_some = true;
             c.range.low = m->fine[i].low < c.range.low ? m->fine[i].low : c.range.low;
@@ -219,19 +219,19 @@ static CtsVisibleCells visible_cells_of(const CtsProjection *p, const int cell[3
         at = at * (size_t)n[a] + (size_t)(cell[a] / CTS_FINE_MACROCELL);
         *bit = *bit * CTS_FINE_MACROCELL + cell[a] % CTS_FINE_MACROCELL;
     }
-    const int32_t place = p->sees[at];
+    const int32_t place = p->visibility[at];
     const uint64_t all = place == CTS_ALL_CELLS ? UINT64_MAX : 0;
     return place >= 0 ? p->cells[place] : (CtsVisibleCells){all, all};
 }
 
 /* Of the lanes in the mask, between two times. */
 static void find_visible_values(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, vmask mask,
-                                const vn cell[3], const vf t[2], bool sees_all, VisibleInterval *seen)
+                                const vn cell[3], const vf t[2], bool all_visible, VisibleInterval *visible)
 {
-    seen->n = 1;
-    seen->first[0] = t[0];
-    seen->last[0] = t[1];
-    for (int l = 0; l < LANES && !sees_all; l++) {
+    visible->n = 1;
+    visible->first[0] = t[0];
+    visible->last[0] = t[1];
+    for (int l = 0; l < LANES && !all_visible; l++) {
         double first[CTS_MAX_CELL_INTERVALS], last[CTS_MAX_CELL_INTERVALS];
         const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
         int bit, n = 0;
@@ -240,16 +240,16 @@ static void find_visible_values(const CtsProjection *p, const RaySlopes *w, cons
         const CtsVisibleCells cells = visible_cells_of(p, at, &bit);
         if (cells.all >> bit & 1)
             continue;
-        seen->last[0][l] = t[0][l];
+        visible->last[0][l] = t[0][l];
         if (cells.some >> bit & 1) {
             const CtsProjectedRay ray = ray_of(w, r, l);
             n = cts_project_stretches(&p->projector, &ray, at, t[0][l], t[1][l], first, last);
         }
-        for (; seen->n < n; seen->n++)
-            seen->first[seen->n] = seen->last[seen->n] = t[0];
+        for (; visible->n < n; visible->n++)
+            visible->first[visible->n] = visible->last[visible->n] = t[0];
         for (int i = 0; i < n; i++) {
-            seen->first[i][l] = first[i];
-            seen->last[i][l] = last[i];
+            visible->first[i][l] = first[i];
+            visible->last[i][l] = last[i];
         }
     }
 }
@@ -282,16 +282,16 @@ INLINE vf largest_between(const RaySlopes *w, const ProjectionPacket *r, const v
 /* Results of a packet. */
 typedef struct PacketResult {
     vf best; /* times sign */
-    vmask seen;
+    vmask visible;
 } PacketResult;
 
-/* Updates the results in layer k of cells; with sees_all false only whether rays without any visible interval so far
+/* Updates the results in layer k of cells; with all_visible false only whether rays without any visible interval so far
  * have one. */
-static void march_layer(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int k, bool sees_all,
+static void march_layer(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int k, bool all_visible,
                         PacketResult *found)
 {
     vf t[4];
-    VisibleInterval seen;
+    VisibleInterval visible;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
         vmask some = r->inside & (t[n] < t[n + 1]);
@@ -305,16 +305,16 @@ static void march_layer(const CtsProjection *p, const RaySlopes *w, const Projec
             v[c] *= p->sign;
         const vf most =
             vf_max(vf_max(vf_max(v[0], v[1]), vf_max(v[2], v[3])), vf_max(vf_max(v[4], v[5]), vf_max(v[6], v[7])));
-        some &= (most > found->best) | ~found->seen;
+        some &= (most > found->best) | ~found->visible;
         if (!mask_any(some))
             continue;
-        find_visible_values(p, w, r, some, cell, t + n, sees_all, &seen);
-        for (int i = 0; i < seen.n; i++) {
-            const vmask here = some & (seen.first[i] < seen.last[i]), may = here & (most > found->best);
-            found->seen |= here;
+        find_visible_values(p, w, r, some, cell, t + n, all_visible, &visible);
+        for (int i = 0; i < visible.n; i++) {
+            const vmask here = some & (visible.first[i] < visible.last[i]), may = here & (most > found->best);
+            found->visible |= here;
             if (!mask_any(may))
                 continue;
-            const vf largest = vf_min(largest_between(w, r, cell, v, seen.first[i], seen.last[i]), most);
+            const vf largest = vf_min(largest_between(w, r, cell, v, visible.first[i], visible.last[i]), most);
             found->best = vf_select(may, vf_max(found->best, largest), found->best);
         }
     }
@@ -327,10 +327,10 @@ static int layer_end(const CtsProjection *p, int layer)
 }
 
 static void march_macrocells(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer,
-                             bool sees_all, PacketResult *found)
+                             bool all_visible, PacketResult *found)
 {
     for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
-        march_layer(p, w, r, k, sees_all, found);
+        march_layer(p, w, r, k, all_visible, found);
 }
 
 static int32_t bound_of(const CtsProjection *p, const BoxContents *c)
@@ -373,18 +373,18 @@ static int layer_of_rank(Layers *layers, int rank)
 static void find_visible_rays(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r,
                               PacketResult *found)
 {
-    for (int layer = r->first; layer <= r->last && mask_any(r->inside & ~found->seen); layer++) {
+    for (int layer = r->first; layer <= r->last && mask_any(r->inside & ~found->visible); layer++) {
         const LayerBox box = box_of(p, w, r->low, r->high, layer);
         const BoxContents c = common_of(p, &box, layer);
         if (c.sees_some)
-            march_macrocells(p, w, r, layer, c.sees_all, found);
+            march_macrocells(p, w, r, layer, c.all_visible, found);
     }
 }
 
 static void find_extremes(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, Layers *layers,
                           double *grey)
 {
-    PacketResult found = {.best = vf_of(p->least), .seen = p->sees ? r->inside & 0 : r->inside};
+    PacketResult found = {.best = vf_of(p->least), .visible = p->visibility ? r->inside & 0 : r->inside};
     for (int rank = 0; rank <= layers->last - layers->first; rank++) {
         const int layer = layer_of_rank(layers, rank);
         const double least = least_found(p, r, &found);
@@ -395,11 +395,11 @@ static void find_extremes(const CtsProjection *p, const RaySlopes *w, const Proj
         const LayerBox box = box_of(p, w, r->low, r->high, layer);
         const BoxContents c = common_of(p, &box, layer);
         if (c.sees_some && bound_of(p, &c) > least)
-            march_macrocells(p, w, r, layer, c.sees_all, &found);
+            march_macrocells(p, w, r, layer, c.all_visible, &found);
     }
     find_visible_rays(p, w, r, &found);
     for (int l = 0; l < LANES; l++)
-        if (found.seen[l])
+        if (found.visible[l])
             grey[l] = p->sign * found.best[l];
 }
 
@@ -409,12 +409,12 @@ typedef struct Summed {
 } Summed;
 
 /* Two points of Gauss's rule are exact for a cubic. */
-INLINE void sum_layer(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int k, bool sees_all,
+INLINE void sum_layer(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int k, bool all_visible,
                       Summed *s)
 {
     const double apart = 0.57735026918962576451; /* 1 / sqrt(3) */
     vf t[4];
-    VisibleInterval seen;
+    VisibleInterval visible;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
         const vmask some = r->inside & (t[n] < t[n + 1]);
@@ -424,9 +424,9 @@ INLINE void sum_layer(const CtsProjection *p, const RaySlopes *w, const Projecti
             continue;
         cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
         load_packet_corners(p, cell, v);
-        find_visible_values(p, w, r, some, cell, t + n, sees_all, &seen);
-        for (int i = 0; i < seen.n; i++) {
-            const vf middle = (seen.first[i] + seen.last[i]) / 2, half = (seen.last[i] - seen.first[i]) / 2;
+        find_visible_values(p, w, r, some, cell, t + n, all_visible, &visible);
+        for (int i = 0; i < visible.n; i++) {
+            const vf middle = (visible.first[i] + visible.last[i]) / 2, half = (visible.last[i] - visible.first[i]) / 2;
             const vf one = field_at(w, r, cell, v, middle - half * apart);
             const vf two = field_at(w, r, cell, v, middle + half * apart);
             s->sum += vf_select(some, half * (one + two), vf_of(0));
@@ -455,11 +455,11 @@ static void find_means(const CtsProjection *p, const RaySlopes *w, const Project
         const BoxContents c = common_of(p, &box, layer);
         if (!c.sees_some)
             continue;
-        if (c.sees_all && c.range.low == c.range.high)
+        if (c.all_visible && c.range.low == c.range.high)
             sum_even(p, w, r, layer, c.range.low, &s);
         else
             for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
-                sum_layer(p, w, r, k, c.sees_all, &s);
+                sum_layer(p, w, r, k, c.all_visible, &s);
     }
     for (int l = 0; l < LANES; l++)
         if (s.length[l] > 0)

@@ -51,7 +51,7 @@ typedef struct CtsProjection {
     CtsProjector projector;
     int axes[3]; /* of the volume: axes[2] is crossed layer by layer, as the ray advances fastest along it */
     const int32_t
-        *sees; /* of each fine macro-cell: CTS_ALL_CELLS, CTS_NO_CELL or a place in cells[]; NULL: all of all */
+        *visibility; /* of each fine macro-cell: CTS_ALL_CELLS, CTS_NO_CELL or a place in cells[]; NULL: all of all */
     const CtsVisibleCells *cells;
     double sign; /* 1: search for the largest level, -1: the smallest */
     /* levels times sign: smaller ones count as `least`, and larger ones than `enough` need not be distinguished */

@@ -6,10 +6,10 @@
 #include <math.h>
 
 /* The visible part of a segment: n cubics, of this share of its length each. */
-typedef struct Seen {
+typedef struct VisibleParts {
     int n;
     double hu[CTS_MAX_RAY_INTERVALS][4], share[CTS_MAX_RAY_INTERVALS];
-} Seen;
+} VisibleParts;
 
 /* The crossings of a segment with the body's boundary, and its ends; the body's mask minus its level there, as a cubic.
  * Returns the number of intervals. */
@@ -39,21 +39,22 @@ static int body_splits(const CtsRaycaster *caster, const CtsRay *ray, const CtsR
     return n + 1;
 }
 
-static void add_segment(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRaySegment *segment, Seen *seen)
+static void add_segment(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRaySegment *segment,
+                        VisibleParts *visible)
 {
     CtsRayInterval interval[CTS_MAX_RAY_INTERVALS] = {{0, 1, CTS_APPEARANCE_PRESET}};
     double above[4], split[5];
     const int n_body = body_splits(caster, walk->ray, segment, above, split);
     const int n = caster->voxel_labels ? cts_raycast_label_intervals(caster->voxel_labels, walk, interval) : 1;
-    seen->n = 0;
+    visible->n = 0;
     for (int i = 0; i < n; i++)
-        for (int b = 0; b < n_body && seen->n < CTS_MAX_RAY_INTERVALS; b++) {
+        for (int b = 0; b < n_body && visible->n < CTS_MAX_RAY_INTERVALS; b++) {
             const double from = fmax(interval[i].from, split[b]), to = fmin(interval[i].to, split[b + 1]);
             const bool body = cts_cubic_at(above, 0.5 * (split[b] + split[b + 1])) > 0;
             if (interval[i].appearance == CTS_APPEARANCE_HIDDEN || !body || from >= to)
                 continue;
-            cts_cubic_part(segment->hu, from, to, seen->hu[seen->n]);
-            seen->share[seen->n++] = to - from;
+            cts_cubic_part(segment->hu, from, to, visible->hu[visible->n]);
+            visible->share[visible->n++] = to - from;
         }
 }
 
@@ -64,11 +65,11 @@ static bool mean(const CtsRaycaster *caster, const CtsRay *ray, double *hu)
     CtsRaySegment segment;
     double sum = 0, length = 0;
     while (caster->field->next(caster->field, &walk, &segment)) {
-        Seen seen;
-        add_segment(caster, &walk, &segment, &seen);
-        for (int i = 0; i < seen.n; i++) {
-            sum += seen.share[i] * (segment.t1_mm - segment.t0_mm) * cts_cubic_mean(seen.hu[i]);
-            length += seen.share[i] * (segment.t1_mm - segment.t0_mm);
+        VisibleParts visible;
+        add_segment(caster, &walk, &segment, &visible);
+        for (int i = 0; i < visible.n; i++) {
+            sum += visible.share[i] * (segment.t1_mm - segment.t0_mm) * cts_cubic_mean(visible.hu[i]);
+            length += visible.share[i] * (segment.t1_mm - segment.t0_mm);
         }
     }
     *hu = sum / length;
@@ -82,13 +83,13 @@ static bool extreme(const CtsRaycaster *caster, const CtsRay *ray, bool largest,
     CtsRaySegment segment;
     double best = largest ? -INFINITY : INFINITY;
     while (caster->field->next(caster->field, &walk, &segment)) {
-        Seen seen;
-        add_segment(caster, &walk, &segment, &seen);
-        for (int i = 0; i < seen.n; i++) {
+        VisibleParts visible;
+        add_segment(caster, &walk, &segment, &visible);
+        for (int i = 0; i < visible.n; i++) {
             double low, high;
-            cts_cubic_range(seen.hu[i], &low, &high);
+            cts_cubic_range(visible.hu[i], &low, &high);
             if (CTS_MUTATED(MODE_EXTREMES))
-                low = high = seen.hu[i][0];
+                low = high = visible.hu[i][0];
             best = largest ? fmax(best, high) : fmin(best, low);
         }
         if (largest)

@@ -119,8 +119,9 @@ enum { CTS_MASK_VALUES = 65536 };
 /* A plane's pixels, valid until the next is read. */
 typedef struct CtsMaskPlane {
     const uint16_t *values; /* 0 for no label */
-    const uint16_t *shares; /* of CTS_WHOLE_SHARE: how much of each the label of value `sharer` fills; NULL: all */
-    uint16_t sharer;
+    const uint16_t
+        *shares; /* of CTS_WHOLE_SHARE: how much of each the label of value `shared_value` fills; NULL: all */
+    uint16_t shared_value;
 } CtsMaskPlane;
 
 /* Planes that lie parallel, in any order. Pixel (i, j) of plane p has its centre at

@@ -125,7 +125,7 @@ static CtsStatus place_shares(const MaskPlacing *p, int slice, const Affine *a, 
             const double x = a->at[0] + i * a->by[0][0], y = a->at[1] + j * a->by[1][1];
             if (x >= 0 && y >= 0 && x < p->mask->columns && y < p->mask->rows)
                 st = add_mask_share(
-                    p, slice, j, i, plane->sharer,
+                    p, slice, j, i, plane->shared_value,
                     (double)plane->shares[(size_t)y * (size_t)p->mask->columns + (size_t)x] / CTS_WHOLE_SHARE, err);
         }
     return st;
@@ -222,7 +222,7 @@ static CtsStatus place_on_grid(const MaskPlacing *p, CtsError *err)
 typedef struct LabelField {
     const MaskPlacing *placing;
     uint16_t *values, *shares; /* shares NULL: a value means a whole pixel */
-    uint16_t sharer;
+    uint16_t shared_value;
     double (*origin)[2]; /* of each plane: inverse * position */
 } LabelField;
 
@@ -234,7 +234,7 @@ typedef struct Mix {
 
 static void mix_pixel(const LabelField *f, size_t at, double weight, Mix *mix)
 {
-    const int value = f->shares ? f->sharer : f->values[at];
+    const int value = f->shares ? f->shared_value : f->values[at];
     const double share = f->shares ? weight * f->shares[at] / CTS_WHOLE_SHARE : weight;
     int i = 0;
     if (!value || !(share > 0))
@@ -336,7 +336,7 @@ static CtsStatus load_planes(const MaskPlacing *p, LabelField *f, CtsError *err)
         memcpy(f->values + (size_t)q * n_pixels, plane.values, n_pixels * sizeof *f->values);
         if (plane.shares)
             memcpy(f->shares + (size_t)q * n_pixels, plane.shares, n_pixels * sizeof *f->shares);
-        f->sharer = plane.sharer;
+        f->shared_value = plane.shared_value;
         for (int r = 0; r < 2; r++)
             f->origin[q][r] = cts_dot3(p->inverse[r], m->position_lps[q]);
     }

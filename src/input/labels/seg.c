@@ -57,7 +57,7 @@ typedef struct Seg {
     CtsSandbox decoder;
     int first_plane;   /* the frames of a mask that is placed */
     const int *planes; /* indices of the planes; NULL: consecutive ones from first_plane on */
-    bool has_strangers;
+    bool has_unlisted_values;
     bool crops;      /* a volume, in a presentation state */
     double held_mm3; /* by labels, in the file */
 } Seg;
@@ -358,7 +358,7 @@ static CtsStatus take_pixels(Seg *s, const uint8_t *bytes, size_t n, int frame, 
                                                : (v ? value : 0);
         if (s->type == FRACTIONAL)
             s->shares[i] = (uint16_t)lround((double)v * CTS_WHOLE_SHARE / s->maximum);
-        s->has_strangers |= s->type == LABELMAP && s->values[i] && s->label_of[v] < 0;
+        s->has_unlisted_values |= s->type == LABELMAP && s->values[i] && s->label_of[v] < 0;
     }
     return CTS_OK;
 }
@@ -379,7 +379,7 @@ static CtsStatus read_plane(void *context, int number, CtsMaskPlane *plane, CtsE
         return cts_context(err, "frame %d", frame + 1);
     if (s->bits_allocated > 1 || (s->offset && is_jpeg2000(s)))
         return take_pixels(s, pixels, n, frame, err);
-    spread_bits(pixels, shift % 8, n, plane->sharer, s->values);
+    spread_bits(pixels, shift % 8, n, plane->shared_value, s->values);
     return CTS_OK;
 }
 
@@ -437,7 +437,7 @@ static CtsStatus place_all(Seg *s, CtsError *err)
         st = at_once ? cts_mask_place(&mask, s->reading, &s->held_mm3, err) : place_each(s, by_value, err);
     if (!st)
         st = cts_label_check_meets(s->reading, s->held_mm3, err);
-    if (!st && s->has_strangers)
+    if (!st && s->has_unlisted_values)
         cts_report_diagnostic(s->reading->report, CTS_DIAGNOSTIC_LABEL_WITHOUT_SEGMENT,
                               "label file %d: some pixels have a number that no segment has", s->reading->file);
     cts_free(&by_value);

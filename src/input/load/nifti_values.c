@@ -83,8 +83,8 @@ static Scale scale_of(const Values *v, CtsQuantity quantity)
     const double span = v->high - v->low;
     if (quantity != CTS_QUANTITY_HU)
         return (Scale){cts_grey_decimal_step(span, LAST), v->low};
-    const bool exact = (v->whole && span <= LAST) || !(span > 0);
-    return (Scale){exact ? 1 : span / LAST, v->low};
+    const bool keeps_values = (v->whole && span <= LAST) || !(span > 0);
+    return (Scale){keeps_values ? 1 : span / LAST, v->low};
 }
 
 static void make_words(const Values *v, const CtsBox *b, Scale scale, uint16_t *words)

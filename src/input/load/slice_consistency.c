@@ -46,8 +46,8 @@ static int foretold(const Beside *b, int i)
 /* Air, or body: the two levels that a rescale moves. Padding is neither. */
 static bool is_in(const Beside *b, int i, bool air)
 {
-    const bool dark = foretold(b, i) < 2 * AIR_BELOW, seen = b->near[i] | b->other[i];
-    return (dark == air) & seen;
+    const bool dark = foretold(b, i) < 2 * AIR_BELOW, is_known = b->near[i] | b->other[i];
+    return (dark == air) & is_known;
 }
 
 /* Quick test: true if two of three pixels of air or of the body deviate from the prediction in the same direction, as 1

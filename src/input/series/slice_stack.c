@@ -58,10 +58,10 @@ static void classify(CtsSliceStack *s, const double *gaps, int n)
     const double tolerance = cts_slice_stack_tolerance_mm(s->spacing_mm);
     const double even_mm = (s->layer[n - 1] - s->layer[0]) / n_gaps;
     double drift = 0;
-    bool even = true, whole = true;
+    bool is_even = true, whole = true;
     s->first_gap = -1;
     for (int i = 0; i < n_gaps; i++) {
-        even &= fabs(gaps[i] - even_mm) <= tolerance;
+        is_even &= fabs(gaps[i] - even_mm) <= tolerance;
         drift = fmax(drift, fabs(s->layer[i] - s->layer[0] - i * even_mm));
         const int k = multiple_of(gaps[i], s->spacing_mm);
         whole &= k > 0;
@@ -70,7 +70,7 @@ static void classify(CtsSliceStack *s, const double *gaps, int n)
             s->first_gap = i;
     }
     /* Gaps within the tolerance may still add up to a drift; a tenth of a layer is visible. */
-    if (even && drift <= 0.1 * s->spacing_mm)
+    if (is_even && drift <= 0.1 * s->spacing_mm)
         s->kind = CTS_STACK_EVEN;
     else if (whole && s->n_missing > 0 && !changes_protocol(gaps, n_gaps, s->spacing_mm))
         s->kind = CTS_STACK_MISSING;

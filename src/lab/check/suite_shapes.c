@@ -244,7 +244,7 @@ static const CtsCheckPoint from_0[] = {{0, 0, {1, 1, 1}}, {400, 0.9, {1, 1, 1}}}
 static const CtsCheckPoint tissues[] = {{100, 0, {0.9, 0.4, 0.3}}, {700, 0.2, {1, 0.9, 0.6}}, {1100, 0.5, {1, 1, 1}}};
 static const CtsCheckPoint opaque[] = {{100, 0, {0.9, 0.4, 0.3}}, {700, 0.2, {1, 0.9, 0.6}}, {1100, 1, {1, 1, 1}}};
 static const CtsCheckPoint step_770[] = {{770, 0, {1, 1, 1}}, {770, 1, {1, 1, 1}}};
-static const CtsCheckPoint faint_and_opaque[] = {
+static const CtsCheckPoint thin_and_opaque[] = {
     {0, 2.36e-4, {1, 0, 0}}, {400, 2.36e-4, {1, 0, 0}}, {401, 1, {0, 1, 0}}};
 #define BALL .formula = hu_ball, .hu = {26, 36200, 1500}, CHECK_POINTS(of_6200)
 #define MARKER(NAME, AZ, EL, RIGHT, UP)                                                                                \
@@ -278,7 +278,7 @@ static const CtsCheckCase cases[] = {
                 .formula = hu_wall, .hu = {-200, 1200, 5}, CHECK_POINTS(opaque), SIZE, .mm_per_pixel = 0.3,
                 .bound = {1e-5, 1e-5, 1e-6}),
     CHECK_SCENE("range: faint haze before an opaque wall", CHECK_OF_ALL, cts_check_volume_scene, .dims = {5, 206, 5},
-                .formula = hu_haze, CHECK_POINTS(faint_and_opaque), CHECK_SIZE(9, 9), .mm_per_pixel = 0.3,
+                .formula = hu_haze, CHECK_POINTS(thin_and_opaque), CHECK_SIZE(9, 9), .mm_per_pixel = 0.3,
                 .bound = {1e-4, 5e-4, 1e-6}),
     CHECK_SCENE("depth: an opaque plane", CHECK_OF_ALL, plane_depth, CHECK_CUBE(17), .hu = {0, 0, 100},
                 CHECK_POINTS(step_770), CHECK_SIZE(20, 20), .mm_per_pixel = 0.4, .bound = {0.4, 0.03, 0.02}),

@@ -25,8 +25,8 @@ static const CtsCheckPoint peak[] = {{499, 0, {1, 0.7, 0.3}}, {500, 0.6, {1, 0.7
 static const CtsCheckPoint between[] = {
     {499.02, 0, {1, 0.7, 0.3}}, {499.1, 0.8, {1, 0.7, 0.3}}, {499.24, 0, {1, 0.7, 0.3}}};
 static const CtsCheckPoint opaque_peak[] = {{499, 0, {1, 0.7, 0.3}}, {500, 1, {1, 0.7, 0.3}}, {501, 0, {1, 0.7, 0.3}}};
-static const CtsCheckPoint faint[] = {{100, 0, {0.9, 0.5, 0.2}}, {900, 0.002, {0.3, 0.8, 1}}};
-static const CtsCheckPoint even_faint[] = {{0, 1e-4, {0.25, 0.5, 1}}};
+static const CtsCheckPoint low_opacity[] = {{100, 0, {0.9, 0.5, 0.2}}, {900, 0.002, {0.3, 0.8, 1}}};
+static const CtsCheckPoint even_low_opacity[] = {{0, 1e-4, {0.25, 0.5, 1}}};
 static const CtsCheckPoint grey_range[] = {{-1024, 0, {0, 0, 1}}, {64511, 0.02, {1, 1, 0}}};
 
 #define PLATE .dims = {9, 13, 9}, .hu = {500}
@@ -95,10 +95,10 @@ static const CtsCheckCase cases[] = {
                  CHECK_POINTS(grey_range), ASKEW(20, 50, 1, 0.4), .bound = {CHECK_NONE, 5e-4, 1e-6}),
     CHECK_LINEAR("range: all 16 bits in one ramp", .dims = {9, 16, 9}, .hu = {-1024, 0, 4369, 0},
                  CHECK_POINTS(grey_range), SPACING(1), .bound = {1e-3, 1e-4, 1e-6}),
-    CHECK_LINEAR("layers: 20,000 of one grey", .dims = {2, 20000, 2}, .hu = {500}, CHECK_POINTS(even_faint), .width = 3,
-                 .height = 3, .mm_per_pixel = 0.2, .bound = {1e-5, 1e-5, 2e-7}),
+    CHECK_LINEAR("layers: 20,000 of one grey", .dims = {2, 20000, 2}, .hu = {500}, CHECK_POINTS(even_low_opacity),
+                 .width = 3, .height = 3, .mm_per_pixel = 0.2, .bound = {1e-5, 1e-5, 2e-7}),
     CHECK_LINEAR("layers: 20,000 in a ramp", .dims = {2, 20000, 2}, .hu = {0, 0, 0.0625, 0}, .hu_step = 0.0625,
-                 CHECK_POINTS(faint), .width = 3, .height = 3, .mm_per_pixel = 0.2,
+                 CHECK_POINTS(low_opacity), .width = 3, .height = 3, .mm_per_pixel = 0.2,
                  .bound = {2e-4, CHECK_PROMISED, 2e-7}),
 };
 

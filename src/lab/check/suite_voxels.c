@@ -43,8 +43,8 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const CtsFormulaScene *s = data;
     /* The truth's own error at steps that a ray grazes. */
-    const bool exact = cts_check_family(run->engine) == CHECK_RAYCAST;
-    const double bound = exact ? 3e-4 : s->max_error > 0 ? s->max_error / 255 : CHECK_PROMISED;
+    const bool is_reference = cts_check_family(run->engine) == CHECK_RAYCAST;
+    const double bound = is_reference ? 3e-4 : s->max_error > 0 ? s->max_error / 255 : CHECK_PROMISED;
     CtsRenderedScene m;
     CtsPicture *picture = NULL;
     CtsStatus st = cts_check_make(run, s, &m, err);
@@ -158,7 +158,7 @@ static const CtsCheckPoint haze_to_metal[] = {{-500, 0, {1, 1, 1}},
                                               {20000, 1, {1, 1, 1}}};
 static const CtsCheckPoint about_metal[] = {
     {103, 0, {0.2, 0.7, 0.9}}, {103, 1, {0.2, 0.7, 0.9}}, {9500, 1, {0.2, 0.7, 0.9}}, {9500, 0, {0.2, 0.7, 0.9}}};
-static const CtsCheckPoint faint_ramp[] = {{1116, 0, {0.7, 0.3, 0.9}}, {1416, 0.1, {0.8, 0.3, 0.6}}};
+static const CtsCheckPoint low_ramp[] = {{1116, 0, {0.7, 0.3, 0.9}}, {1416, 0.1, {0.8, 0.3, 0.6}}};
 static const CtsCheckPoint step_300[] = {{300, 0, {1, 1, 1}}, {300, 0.9, {1, 1, 1}}};
 static const CtsCheckPoint step_100[] = {{100, 0, {1, 0.8, 0.6}}, {100, 1, {1, 0.8, 0.6}}};
 static const CtsCheckPoint stripes[] = {{60, 0, {1, 0, 0}},  {60, 0.3, {1, 0.5, 0}}, {150, 0.3, {1, 0.5, 0}},
@@ -193,7 +193,7 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 
 #define VOXELS(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_FIELDS | CHECK_OF_SHEETS, voxels, __VA_ARGS__)
 /* Cases whose target tiled does not meet yet. */
-#define EXACT(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_RAYCAST, voxels, __VA_ARGS__)
+#define OF_REFERENCE(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_RAYCAST, voxels, __VA_ARGS__)
 
 static const CtsCheckCase cases[] = {
     VOXELS("thin: a plate at 45", SINGLE(1, 2500, 45, 0)),
@@ -205,7 +205,7 @@ static const CtsCheckCase cases[] = {
     VOXELS("thin: a bright dot at 45, 35", SINGLE(3, 20000, 45, 35.26)),
     VOXELS("voxels: plates, magnified", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0)),
     VOXELS("voxels: plates, magnified, oblique", PLATES, CHECK_POINTS(from_1800), QUARTER(30, 20)),
-    EXACT("voxels: plates, oblique", PLATES, CHECK_POINTS(from_1800), WHOLE(-50, 35)),
+    OF_REFERENCE("voxels: plates, oblique", PLATES, CHECK_POINTS(from_1800), WHOLE(-50, 35)),
     VOXELS("voxels: plates, reduced", PLATES, CHECK_POINTS(from_1800), DOUBLE(120, -65)),
     VOXELS("voxels: plates by a step, magnified", PLATES, CHECK_POINTS(step_1800), QUARTER(5, 2)),
     VOXELS("voxels: wires, magnified", WIRES, CHECK_POINTS(from_1800), QUARTER(0, 0)),
@@ -221,9 +221,9 @@ static const CtsCheckCase cases[] = {
     VOXELS("voxels: a stent from the head", HELIX, CHECK_POINTS(from_1800), WHOLE(10, 85)),
     VOXELS("voxels: a stent, reduced", HELIX, CHECK_POINTS(from_1800), DOUBLE(-110, -15)),
     VOXELS("voxels: a peak between two levels", LEVELS, CHECK_POINTS(between_levels), QUARTER(0, 0)),
-    EXACT("voxels: a peak between two levels, oblique", LEVELS, CHECK_POINTS(between_levels), HALF(25, -40)),
-    EXACT("voxels: a shell of a hundredth of a level", LEVELS, CHECK_POINTS(hundredth), QUARTER(46.69, 0.445)),
-    EXACT("voxels: a plateau between two levels, oblique", LEVELS, CHECK_POINTS(within_levels), WHOLE(-60, 15)),
+    OF_REFERENCE("voxels: a peak between two levels, oblique", LEVELS, CHECK_POINTS(between_levels), HALF(25, -40)),
+    OF_REFERENCE("voxels: a shell of a hundredth of a level", LEVELS, CHECK_POINTS(hundredth), QUARTER(46.69, 0.445)),
+    OF_REFERENCE("voxels: a plateau between two levels, oblique", LEVELS, CHECK_POINTS(within_levels), WHOLE(-60, 15)),
     VOXELS("voxels: a shell between two levels", LUMP, CHECK_POINTS(thin_shell), HALF(30, 20)),
     VOXELS("voxels: plates, magnified, 0.1 asked", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0), .max_error = 0.1),
     VOXELS("voxels: plates, reduced, 0.1 asked", PLATES, CHECK_POINTS(from_1800), DOUBLE(120, -65), .max_error = 0.1),
@@ -250,15 +250,16 @@ static const CtsCheckCase cases[] = {
     VOXELS("voxels: grazing a stent, not magnified", HELIX, CHECK_POINTS(step_1800), WHOLE(33, 57)),
     VOXELS("voxels: stripes about one dot, magnified", DOT, CHECK_POINTS(stripes), QUARTER(45, 35.26)),
     VOXELS("voxels: stripes about a stent", HELIX, CHECK_POINTS(stripes), HALF(30, 20)),
-    EXACT("voxels: shells about bright wires, magnified", BRIGHT(2), CHECK_POINTS(about_metal), QUARTER(10, -47)),
-    EXACT("voxels: shells about bright dots", BRIGHT(3), CHECK_POINTS(about_metal), HALF(10, -47)),
-    EXACT("voxels: shells about bright dots, 0.5 asked", BRIGHT(3), CHECK_POINTS(about_metal), QUARTER(47, 28),
-          .max_error = 0.5),
-    VOXELS("voxels: a sharp ball at 44 degrees, magnified", BALL, CHECK_POINTS(faint_ramp), CHECK_VIEW(43.999, -0.516),
+    OF_REFERENCE("voxels: shells about bright wires, magnified", BRIGHT(2), CHECK_POINTS(about_metal),
+                 QUARTER(10, -47)),
+    OF_REFERENCE("voxels: shells about bright dots", BRIGHT(3), CHECK_POINTS(about_metal), HALF(10, -47)),
+    OF_REFERENCE("voxels: shells about bright dots, 0.5 asked", BRIGHT(3), CHECK_POINTS(about_metal), QUARTER(47, 28),
+                 .max_error = 0.5),
+    VOXELS("voxels: a sharp ball at 44 degrees, magnified", BALL, CHECK_POINTS(low_ramp), CHECK_VIEW(43.999, -0.516),
            .mm_per_pixel = 0.1, CHECK_SIZE(160, 40)),
-    VOXELS("voxels: a sharp ball at 44 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp), CHECK_VIEW(43.999, -0.516),
+    VOXELS("voxels: a sharp ball at 44 degrees, 0.1 asked", BALL, CHECK_POINTS(low_ramp), CHECK_VIEW(43.999, -0.516),
            .mm_per_pixel = 0.1, CHECK_SIZE(160, 40), .max_error = 0.1),
-    VOXELS("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp), CHECK_VIEW(45, 0.3),
+    VOXELS("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, CHECK_POINTS(low_ramp), CHECK_VIEW(45, 0.3),
            .mm_per_pixel = 0.2, CHECK_SIZE(80, 40), .max_error = 0.1),
     VOXELS("voxels: grain, lit", GRAIN, CHECK_POINTS(soft), HALF(158.58, 35.56), .lit = true),
     VOXELS("voxels: grain, lit, reduced", GRAIN, CHECK_POINTS(soft), DOUBLE(20, -70), .lit = true),

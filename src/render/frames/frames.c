@@ -25,7 +25,7 @@ struct CtsFrames {
     CtsRenderSettings settings;
     const CtsEngine *engine;
     CtsEngineId engine_id; /* of engine, which may leave frames to the exact march (CTS_ENGINE_AUTO) */
-    const char *why_exact; /* reason for the exact march; NULL: none */
+    const char *why_march; /* reason for the exact march; NULL: none */
     CtsOpenness *openness; /* of original; NULL until a frame needs it */
     CtsLut *lut;
     double lut_scale; /* extinction_scale that lut was made for */
@@ -58,7 +58,7 @@ static bool has_step(const CtsPreset *preset)
 }
 
 /* Reason why CTS_ENGINE_AUTO renders by the exact march, or NULL where an engine with levels may do it. */
-static const char *why_exact(const CtsModel *model, const CtsSceneStore *store, const CtsEngine *levels)
+static const char *why_march(const CtsModel *model, const CtsSceneStore *store, const CtsEngine *levels)
 {
     const CtsRenderSettings *const s = &store->settings;
     const CtsVolume *const volume = model->volume;
@@ -83,7 +83,7 @@ static CtsEngineId resolve_engine(const CtsModel *model, const CtsSceneStore *st
     *why = NULL;
     if (store->settings.engine != CTS_ENGINE_AUTO)
         return store->settings.engine;
-    *why = why_exact(model, store, cts_engine(levels));
+    *why = why_march(model, store, cts_engine(levels));
     return *why && !store->settings.level ? cts_engine_march(levels) : levels;
 }
 
@@ -173,7 +173,7 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsModel *model, const CtsPre
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     *f = (CtsFrames){.engine_id = id,
-                     .why_exact = why,
+                     .why_march = why,
                      .given = *model,
                      .preset = store.preset,
                      .settings = *settings,
@@ -478,8 +478,8 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
             choice.level = finest_level(f->engine);
         scene->plan.level = choice.level;
         scene->plan.n_tried = frame->engine_id == march ? 0 : choice.n_tried;
-    } else if (is_auto && f->why_exact) {
-        cts_report_plan(report, "engine auto: %s, as %s", f->engine->name, f->why_exact);
+    } else if (is_auto && f->why_march) {
+        cts_report_plan(report, "engine auto: %s, as %s", f->engine->name, f->why_march);
     }
     scene->cache = &f->engine_cache[frame->engine_id];
     control->scene.plan = scene->plan;
