@@ -27,9 +27,10 @@ def listed(name, what):
     return [(k, uid_of[k]) for k in re.findall(r"UID_(\w+)", found.group(1))]
 
 
-def named(name):
-    """The UIDs of storage classes that a file of the source names."""
-    return [(k, uid_of[k]) for k in dict.fromkeys(re.findall(r"UID_(\w+Storage)\b", source(name)))]
+def written_classes(*names):
+    """The UIDs of storage classes in files of the source."""
+    uids = {uid for n in names for uid in re.findall(r'"(1\.2\.840\.10008\.5\.1\.4\.[0-9.]+)"', source(n))}
+    return sorted((keyword_of[uid], uid) for uid in uids)
 
 
 def attributes(*names):
@@ -51,9 +52,11 @@ read_classes = [(keyword_of[uid], uid) for _, uid in read_classes] + [
     (keyword_of.get(uid, "LabelMapSegmentationStorage") + " (--labels)", uid)
     for uid in re.findall(r'"([0-9.]+)"', label_uids)]
 models = [(k, uid_of[k]) for k in
-          dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("dicom/net/dimse.cc")))]
-storage = "dicom/net/dimse.hpp"
+          dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("dicom/net/dcmtk_dimse.cc")))]
+storage = "dicom/net/dcmtk_dimse.hpp"
 ct_classes, captures = listed(storage, "cts_ct_classes"), listed(storage, "cts_capture_classes")
+
+both = "dicom/objects/records.c", "dicom/writer/dcmtk_write.cc"
 
 P, H, S, T = "p", "h", "s", "t"
 statement = [
@@ -87,7 +90,7 @@ statement = [
         "No asynchronous operations. A peer that is down, refuses or breaks off is tried four times, after one, two "
         "and four seconds; a silent one is given up after --peer-timeout, 30 seconds."),
     (S, "SOP classes of storage, as SCU"),
-    (T, ("SOP class", "UID"), sorted(set(named("dicom/objects/dcm_sc.cc") + named("dicom/objects/dcm_state.cc")))),
+    (T, ("SOP class", "UID"), written_classes("dicom/objects/capture_attributes.c", "dicom/objects/objects.h")),
     (P, "Offered in the transfer syntax that the file has, and uncompressed ones in Implicit VR Little Endian too."),
     (S, "SOP classes of query and retrieve, as SCU"),
     (T, ("SOP class", "UID"), models),
@@ -194,12 +197,12 @@ statement = [
     (H, "Attributes"),
     (P, "By their keywords of PS3.6; values that the source lacks are left out where the standard allows it."),
     (S, "Copied from the source to each object, unless --deidentify is given"),
-    (P, ", ".join(attributes("dicom/objects/dcm_study.cc")) + "."),
+    (P, ", ".join(attributes("dicom/writer/dcmtk_study.cc")) + "."),
     (S, "Written to secondary captures"),
     (P, "PixelData, " +
-     ", ".join(attributes("dicom/objects/dcm_sc.cc", "dicom/objects/dcm_put.cc", "dicom/objects/dcm_put.hpp")) + "."),
+     ", ".join(attributes("dicom/objects/capture_attributes.c", "dicom/writer/dcmtk_side.cc", *both)) + "."),
     (S, "Written to presentation states"),
-    (P, ", ".join(attributes("dicom/objects/dcm_state.cc", "dicom/objects/dcm_put.cc", "dicom/objects/dcm_put.hpp"))
+    (P, ", ".join(attributes("dicom/objects/state_attributes.c", *both))
      + ". Private attributes of group 0073, creator CTSPLAT STATE 1: (0073,xx01) the preset, (0073,xx02) the options."),
     (H, "Character sets"),
     (P, "SpecificCharacterSet and all texts of the source are copied byte for byte, in any character set; names of "

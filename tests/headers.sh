@@ -1,9 +1,9 @@
 #!/bin/sh
-# Each header compiles alone: headers.sh SOURCE_ROOT CC CXX
+# Each header compiles alone: headers.sh SOURCE_ROOT CC CXX GENERATED
 # Public ones as C and as C++; the tree's own as C, except templates (*_tmpl.h) and headers for C++ only.
 set -u
 
-root=$1 cc=$2 cxx=$3
+root=$1 cc=$2 cxx=$3 generated=${4%/*}
 bad=0
 
 # alone LANGUAGE HEADER COMPILER...
@@ -12,7 +12,7 @@ alone()
     language=$1 header=$2
     shift 2
     echo "#include \"$header\"" |
-        "$@" -Wall -Wextra -Wundef -Werror -fsyntax-only -I"$root/include" -I"$root/src" -x "$language" - || {
+        "$@" -Wall -Wextra -Wundef -Werror -fsyntax-only -I"$root/include" -I"$root/src" -I"$generated" -x "$language" - || {
         echo "$header does not compile alone as $language"
         bad=1
     }

@@ -10,13 +10,7 @@
 
 CTS_API_BEGIN
 
-typedef enum CtsScCompression {
-    CTS_SC_NONE,
-    CTS_SC_RLE,
-    CTS_SC_JPEG_LOSSLESS,
-    CTS_SC_JPEG_2000,
-    CTS_SC_N_COMPRESSIONS
-} CtsScCompression;
+typedef enum CtsScCompression { CTS_SC_NONE, CTS_SC_RLE, CTS_SC_JPEG_LOSSLESS, CTS_SC_N_COMPRESSIONS } CtsScCompression;
 extern const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS];
 
 /* CTS_QUALITY_DEFAULT: errors of 1.3 to 2.6 of 255 rms (.jpg) and 1.5 to 2.2 (.webp) at 0.2 to 0.25 and 0.11 to 0.2 of

@@ -122,7 +122,8 @@ static int close_others(const int keep[2])
     return result ? result : close_between(high + 1, INT_MAX);
 }
 
-int cts_isolation_leave_all(const int keep[2])
+/* Separates a child process from its parent: signals, files, no core files. */
+static int leave_all(const int keep[2])
 {
     leave_signals();
     /* a core file would contain patient data; if this fails, the limit on core files still holds */
@@ -135,7 +136,7 @@ int cts_isolation_enter(const int keep[2], size_t n_bytes)
 {
     mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, at a thread's first call */
     free(malloc(1));
-    int result = cts_isolation_leave_all(keep);
+    int result = leave_all(keep);
     if (!result)
         result = limit_resources(n_bytes);
     return result ? result : load_filter();

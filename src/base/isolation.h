@@ -15,6 +15,3 @@ bool cts_isolation_is_waived(void);
  * sanitizers, which map and open files freely, keep only the limits on processes, programs and the network
  * (CTS_SANITIZED). */
 int cts_isolation_enter(const int keep[2], size_t n_bytes);
-
-/* Only the separation of a child process from its parent: signals, files, no core files. */
-int cts_isolation_leave_all(const int keep[2]);

@@ -17,8 +17,9 @@
 static const char *const PLACES[] = {"", "cli/", "ctsplat/", CTS_LIBEXEC_FROM_BIN, CTS_LIBEXEC_FROM_LIB};
 enum { N_PLACES = sizeof PLACES / sizeof *PLACES };
 
-/* Without /proc the program's path is the one that it was started by. */
-bool cts_program_folder(char folder[PATH_MAX])
+/* The folder of the program or the shared library that contains this code, with a slash behind it. Without /proc the
+ * program's path is the one that it was started by. */
+static bool program_folder(char folder[PATH_MAX])
 {
     Dl_info info;
     struct link_map *here;
@@ -46,7 +47,7 @@ CtsStatus cts_libexec_find(const char *program, char path[PATH_MAX], CtsError *e
         return exists_in(chosen, "/", program, path)
                    ? CTS_OK
                    : cts_fail(err, CTS_ERR_INTERNAL, "%s is not in the folder of CTSPLAT_LIBEXEC, %s", program, chosen);
-    if (cts_program_folder(folder))
+    if (program_folder(folder))
         for (int i = 0; i < N_PLACES; i++)
             if (exists_in(folder, PLACES[i], program, path))
                 return CTS_OK;

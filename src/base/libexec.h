@@ -3,11 +3,7 @@
 
 #include "ctsplat/status.h"
 #include <limits.h>
-#include <stdbool.h>
 #include <sys/types.h>
-
-/* The folder of the program, or of the shared library, that contains this code, with a slash behind it. */
-bool cts_program_folder(char folder[PATH_MAX]);
 
 /* Path of the program: in the folder that the environment variable CTSPLAT_LIBEXEC names, else in the build folder or
  * the installed folders, relative to the object that contains this code. CTS_ERR_INTERNAL when it is missing. */

@@ -44,7 +44,7 @@ static void hang_by(int lifeline)
 static CtsStatus isolate(const Service *w, CtsError *err)
 {
     const int keep[] = {w->socket, w->lifeline};
-    const int wall = w->task->own_bytes ? cts_isolation_leave_all(keep) : cts_isolation_enter(keep, w->memory_limit);
+    const int wall = cts_isolation_enter(keep, w->memory_limit);
     if (!wall || cts_isolation_is_waived())
         return CTS_OK;
     return cts_fail(err, CTS_ERR_INTERNAL,

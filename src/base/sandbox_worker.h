@@ -12,7 +12,6 @@ typedef CtsStatus (*cts_sandbox_work_fn)(const void *order, const uint8_t *strea
 typedef struct CtsSandboxTask {
     cts_sandbox_work_fn work;
     CtsStatus (*prepare)(CtsError *err); /* before the isolation: what opens files; NULL: nothing */
-    bool own_bytes;                      /* trusted input from ctsplat itself: no isolation, and threads are allowed */
 } CtsSandboxTask;
 
 /* The program's main function: serves streams of one task until the socket closes. Returns the exit code. */

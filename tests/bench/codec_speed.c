@@ -5,9 +5,8 @@
 #include "base/clock.h"
 #include "base/file_bytes.h"
 #include "ctsplat/series.h"
-#include "dicom/pixels/pixel_tasks.h"
-#include "dicom/header/dcm_read.h"
 #include "dicom/header/slice.h"
+#include "dicom/pixels/pixel_tasks.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

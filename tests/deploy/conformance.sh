@@ -9,8 +9,8 @@ command -v dcmdump >/dev/null || exit 77
 
 # The page must name: UIDs in the source's tables, DCMTK's names of others, keywords of written attributes.
 grep -ohE '"1\.2\.840\.10008\.[0-9.]+"' "$root"/src/dicom/protocol/syntax.c "$root"/src/dicom/reader/dcmtk_slice.cc \
-    "$root"/src/output/export/sc.c "$root"/src/dicom/net/net.c | tr -d '"' | grep -vx '1\.2\.840\.10008\.' >"$work/words"
-grep -ohE 'UID_[A-Za-z0-9_]+(Storage|Syntax|Model)\b' "$root"/src/dicom/net/dimse.cc "$root"/src/dicom/net/ct_storage.hpp "$root"/src/dicom/objects/*.cc |
+    "$root"/src/output/export/sc.c "$root"/src/dicom/objects/*.[ch] "$root"/src/dicom/net/net.c | tr -d '"' | grep -vx '1\.2\.840\.10008\.' >"$work/words"
+grep -ohE 'UID_[A-Za-z0-9_]+(Storage|Syntax|Model)\b' "$root"/src/dicom/net/dcmtk_dimse.* |
     sed 's/^UID_//' >>"$work/words"
 echo VerificationSOPClass >>"$work/words"
 "$ctsplat" render "$root/testdata/phantom" --size 32x32 -o "$work/one.dcm" --write-state "$work/state.dcm" 2>/dev/null

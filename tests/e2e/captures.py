@@ -70,7 +70,7 @@ for kind in ('still', 'turn', 'mip-still', 'mip-turn'):
     check(kind, plain.pixel_array, truth, bits)
     # Under sanitizers, captures.sh compresses some kinds only.
     thorough = os.environ.get('CTS_SANITIZE', 'none') == 'none'
-    for compression in ('rle', 'jpeg-lossless', 'jpeg-2000') if thorough or kind in ('still', 'mip-turn') else ():
+    for compression in ('rle', 'jpeg-lossless') if thorough or kind in ('still', 'mip-turn') else ():
         name = 'phantom-%s-%s.dcm' % (kind, compression)
         data = pydicom.dcmread(name)
         n_frames = int(data.get('NumberOfFrames', 1))
@@ -86,10 +86,9 @@ for kind in ('still', 'turn', 'mip-still', 'mip-turn'):
             assert (frames_of(pixels, truth.shape) == frames_of(plain.pixel_array, truth.shape)).all(), name
         if compression == 'rle':
             assert (data.pixel_array == plain.pixel_array).all(), name
-        if compression != 'jpeg-2000':
-            tool = {'rle': 'dcmdrle', 'jpeg-lossless': 'dcmdjpeg'}[compression]
-            subprocess.run([tool, name, 'dcmtk.dcm'], check=True)
-            assert (pydicom.dcmread('dcmtk.dcm').pixel_array == plain.pixel_array).all(), name
+        tool = {'rle': 'dcmdrle', 'jpeg-lossless': 'dcmdjpeg'}[compression]
+        subprocess.run([tool, name, 'dcmtk.dcm'], check=True)
+        assert (pydicom.dcmread('dcmtk.dcm').pixel_array == plain.pixel_array).all(), name
 
 still, turn = pydicom.dcmread('phantom-still.dcm'), pydicom.dcmread('phantom-turn.dcm')
 assert still.SeriesDescription == 'VR bone', still.SeriesDescription

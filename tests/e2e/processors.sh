@@ -13,7 +13,7 @@ files()
     folder=$1
     shift
     mkdir "$folder"
-    for words in "--compress jpeg-2000 -o $folder/a.png -o $folder/a.exr -o $folder/a.jpg -o $folder/a.webp -o $folder/a.dcm" \
+    for words in "--compress jpeg-lossless -o $folder/a.png -o $folder/a.exr -o $folder/a.jpg -o $folder/a.webp -o $folder/a.dcm" \
         "--png-bits 8 --background none -o $folder/b.png -o $folder/b.webp --compress jpeg-lossless -o $folder/b.dcm" \
         "--mode mip -o $folder/c.png -o $folder/c.jpg -o $folder/c.webp --compress rle -o $folder/c.dcm"; do
         last="$* ctsplat render $words"

@@ -147,7 +147,7 @@ print(*sorted({line.split()[-1] for line in open("/proc/self/maps") if "ctsplat"
 
 
 def test_moved_with_its_libraries(tmp_path):
-    """Every codec, format, plug-in and program works from the package's own folder."""
+    """Every codec, format and program works from the package's own folder."""
     package = os.path.dirname(ctsplat.__file__)
     with open("/proc/self/maps", encoding="ascii") as maps:
         library = next(line.split()[-1] for line in maps if "/libctsplat.so" in line)

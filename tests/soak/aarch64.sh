@@ -99,7 +99,7 @@ scene exr -p skin --engine tiled
 scene exr -p muscle --engine raycast --size 80x64
 scene webp -p skin --occlusion 0.5 --background none
 scene jpg -p lung
-scene dcm --mode mip --compress jpeg-2000
+scene dcm --mode mip --compress jpeg-lossless
 scene png --mode minip
 scene dcm --mode average --compress rle
 tests=passed

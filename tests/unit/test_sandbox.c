@@ -516,7 +516,7 @@ static void test_many_threads(void **state)
 
 int main(int argc, char **argv)
 {
-    static const CtsSandboxTask tasks[] = {{act, NULL, false}};
+    static const CtsSandboxTask tasks[] = {{act, NULL}};
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_deaths),       cmocka_unit_test(test_killed),
         cmocka_unit_test(test_two_frames),   cmocka_unit_test(test_children_taken),

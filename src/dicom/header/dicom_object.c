@@ -3,13 +3,12 @@
 #include "base/mem.h"
 #include "base/sandbox.h"
 #include "dicom/protocol/dicom_begin.h"
-#include "dicom/protocol/pixel_sandbox.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 /* FIRST_READ: most captures, structure sets without contours, DICOMDIRs. CPU_S: of the largest header. */
-enum { FIRST_READ = 64 << 10, CPU_S = 300, N_ORDER = 2 };
+enum { FIRST_READ = 64 << 10, CPU_S = 300 };
 
 static CtsStatus open_file(CtsDicomObject *o, const CtsFile *source, CtsError *err)
 {
@@ -27,30 +26,33 @@ static CtsStatus open_file(CtsDicomObject *o, const CtsFile *source, CtsError *e
     return n && cts_scan_begins_dicom(begin, n) ? CTS_OK : cts_fail(err, CTS_ERR_READ, "is no DICOM file");
 }
 
-/* Passes the file's first n bytes; the answer may have n_answer bytes. */
-static CtsStatus ask(const CtsDicomObject *o, CtsSandbox *reader, size_t n, size_t n_answer, uint64_t max_header,
-                     const uint8_t **answer, CtsError *err)
+/* Passes the file's first n bytes, and the order's records; the answer may have n_answer bytes. */
+static CtsStatus ask(const CtsDicomObject *o, CtsSandbox *reader, size_t n, size_t n_answer, CtsReaderOrder order,
+                     const uint8_t *records, const uint8_t **answer, CtsError *err)
 {
     const CtsHeaderItem item = {sizeof item, n, o->file.n_bytes};
-    const uint64_t order[N_ORDER] = {1, max_header};
     const void *shared;
     uint8_t *stream;
-    CtsStatus st = cts_sandbox_room(reader, sizeof item + n, n_answer, &stream, err);
+    order.records_at = sizeof item + n;
+    const size_t n_all = (size_t)(order.records_at + order.n_records);
+    CtsStatus st = cts_sandbox_room(reader, n_all, n_answer, &stream, err);
     if (st)
         return st;
     memcpy(stream, &item, sizeof item);
+    if (records)
+        memcpy(stream + order.records_at, records, (size_t)order.n_records);
     if ((st = cts_file_bytes_read(&o->file, stream + sizeof item, n, 0, err)))
         return st;
-    cts_sandbox_send(reader, order, sizeof order, stream, sizeof item + n, n_answer);
+    cts_sandbox_send(reader, &order, sizeof order, stream, n_all, n_answer);
     st = cts_sandbox_take(reader, &shared, err);
     *answer = shared;
     if (st == CTS_ERR_PIXELS)
-        err->status = CTS_ERR_READ;
-    return st == CTS_ERR_PIXELS ? CTS_ERR_READ : st;
+        err->status = records ? CTS_ERR_OUTPUT : CTS_ERR_READ;
+    return st == CTS_ERR_PIXELS ? err->status : st;
 }
 
-static CtsStatus take_records(CtsDicomObject *o, const CtsHeaderAnswer *a, const uint8_t *answer, size_t n_answer,
-                              CtsError *err)
+static CtsStatus take_bytes(CtsDicomObject *o, const CtsHeaderAnswer *a, const uint8_t *answer, size_t n_answer,
+                            CtsError *err)
 {
     if (a->at > n_answer || a->n > n_answer - a->at || !cts_header_facts_hold(&a->facts, o->file.n_bytes))
         return cts_header_no_sense(err);
@@ -64,24 +66,27 @@ static CtsStatus take_records(CtsDicomObject *o, const CtsHeaderAnswer *a, const
 }
 
 /* Asks until the bytes and the room for the answer are enough. */
-static CtsStatus read_elements(CtsDicomObject *o, CtsSandbox *reader, uint64_t max_header, CtsError *err)
+static CtsStatus ask_enough(CtsDicomObject *o, CtsSandbox *reader, CtsReaderOrder order, const uint8_t *records,
+                            CtsError *err)
 {
-    size_t n = FIRST_READ, n_answer = 2 * FIRST_READ;
+    size_t n = FIRST_READ, n_answer = 2 * FIRST_READ + 2 * (size_t)order.n_records;
+    order.n_files = 1;
+    reader->cpu_limit_s = CPU_S;
     for (;;) {
         CtsHeaderAnswer a;
         const uint8_t *answer;
         n = o->file.n_bytes < n ? (size_t)o->file.n_bytes : n;
         /* Measured: DCMTK's objects of a segmentation take 11 bytes for each of the file's. */
-        reader->memory_limit = ((size_t)256 << 20) + 24 * n;
-        const CtsStatus st = ask(o, reader, n, n_answer, max_header, &answer, err);
+        reader->memory_limit = ((size_t)256 << 20) + 24 * (n + (size_t)order.n_records);
+        const CtsStatus st = ask(o, reader, n, n_answer, order, records, &answer, err);
         if (st)
             return st;
         memcpy(&a, answer, sizeof a);
         if (a.result == CTS_HEADER_DONE)
-            return take_records(o, &a, answer, n_answer, err);
-        if (a.result == CTS_HEADER_MORE && n < o->file.n_bytes && a.need > n && a.need <= 2 * max_header)
+            return take_bytes(o, &a, answer, n_answer, err);
+        if (a.result == CTS_HEADER_MORE && n < o->file.n_bytes && a.need > n && a.need <= 2 * order.max_header)
             n = a.need > 4 * (uint64_t)n ? (size_t)a.need : 4 * n;
-        else if (a.result == CTS_HEADER_ROOM && a.need > n_answer && a.need <= 8 * max_header)
+        else if (a.result == CTS_HEADER_ROOM && a.need > n_answer && a.need <= 8 * order.max_header)
             n_answer = (size_t)a.need + 2 * FIRST_READ;
         else
             return a.result == CTS_HEADER_BAD      ? cts_fail(err, CTS_ERR_READ, "%.*s", (int)sizeof a.why, a.why)
@@ -93,12 +98,24 @@ static CtsStatus read_elements(CtsDicomObject *o, CtsSandbox *reader, uint64_t m
 CtsStatus cts_dicom_object_open(CtsDicomObject *o, const CtsFile *source, uint64_t max_header, CtsError *err)
 {
     CtsSandbox reader = cts_sandbox_make(CTS_READER_PROGRAM, CTS_READER_OBJECT, "reader");
-    reader.cpu_limit_s = CPU_S;
     *o = (CtsDicomObject){.file.fd = -1};
     CtsStatus st = open_file(o, source, err);
     if (!st)
-        st = read_elements(o, &reader, max_header, err);
+        st = ask_enough(o, &reader, (CtsReaderOrder){.max_header = max_header}, NULL, err);
     cts_sandbox_stop(&reader);
+    return st;
+}
+
+CtsStatus cts_dicom_object_make(CtsDicomObject *o, const CtsSlice *source, CtsReaderOrder order, const uint8_t *records,
+                                CtsError *err)
+{
+    CtsSandbox writer = cts_sandbox_make(CTS_READER_PROGRAM, CTS_READER_WRITE, "writer");
+    *o = (CtsDicomObject){.file.fd = -1};
+    order.max_header = CTS_MAX_HEADER_BYTES;
+    CtsStatus st = cts_slice_open(source, &o->file, err);
+    if (!st && (st = ask_enough(o, &writer, order, records, err)))
+        cts_context(err, "%s", source->path);
+    cts_sandbox_stop(&writer);
     return st;
 }
 
@@ -107,44 +124,6 @@ void cts_dicom_object_close(CtsDicomObject *o)
     cts_file_bytes_close(&o->file);
     free(o->records);
     *o = (CtsDicomObject){.file.fd = -1};
-}
-
-/* The n bytes of a deflated data set, by its whole file. */
-static CtsStatus inflate_data_set(const CtsDicomObject *o, uint8_t *bytes, size_t n, CtsError *err)
-{
-    const size_t n_deflated = (size_t)(o->file.n_bytes - o->facts.data_offset);
-    CtsSandbox *inflater = NULL;
-    uint8_t *deflated = NULL;
-    size_t got = 0;
-    CtsStatus st = cts_alloc_array(&deflated, n_deflated, err);
-    if (!st && !(st = cts_file_bytes_read(&o->file, deflated, n_deflated, o->facts.data_offset, err)) &&
-        !(st = cts_codec_inflate(&inflater, deflated, n_deflated, bytes, n, &got, err)) && got < n)
-        st = cts_header_no_sense(err);
-    cts_free(&deflated);
-    cts_sandbox_free(&inflater);
-    return st;
-}
-
-CtsStatus cts_slice_data_set(const CtsSlice *slice, uint8_t **bytes, CtsDataSet *set, CtsError *err)
-{
-    CtsFileBytes now;
-    CtsDicomObject o = {.file.fd = -1};
-    *bytes = NULL;
-    CtsStatus st = cts_slice_open(slice, &now, err);
-    cts_file_bytes_close(&now);
-    if (!st)
-        st = cts_dicom_object_open(&o, &(CtsFile){slice->path, false, slice->memory, slice->file_bytes},
-                                   CTS_MAX_HEADER_BYTES, err);
-    if (!st && !o.syntax)
-        st = cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is unknown", o.facts.syntax_uid);
-    const size_t n = (size_t)o.facts.header_bytes;
-    if (!st && !(st = cts_alloc_array(bytes, n, err)))
-        st = o.syntax->deflated ? inflate_data_set(&o, *bytes, n, err)
-                                : cts_file_bytes_read(&o.file, *bytes, n, o.facts.data_offset, err);
-    if (!st)
-        *set = (CtsDataSet){*bytes, n, cts_syntax_native(o.syntax->explicit_vr, o.syntax->big_endian)};
-    cts_dicom_object_close(&o);
-    return st ? cts_context(err, "%s", slice->path) : st;
 }
 
 CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err)

@@ -20,16 +20,11 @@ typedef struct CtsDicomObject {
 CtsStatus cts_dicom_object_open(CtsDicomObject *object, const CtsFile *source, uint64_t max_header, CtsError *err);
 void cts_dicom_object_close(CtsDicomObject *object);
 
-/* The data set of a slice up to its pixels, in the uncompressed syntax `native`. */
-typedef struct CtsDataSet {
-    const uint8_t *bytes;
-    size_t n;
-    const CtsSyntax *native;
-} CtsDataSet;
-
-/* The data set of a slice, whose file must be the one that was scanned; its bytes are for cts_free(). CTS_ERR_READ with
- * the path. */
-CtsStatus cts_slice_data_set(const CtsSlice *slice, uint8_t **bytes, CtsDataSet *data_set, CtsError *err);
+/* Encodes an object up to its pixels: its attributes, order.n_records bytes of records, and what is copied of a slice,
+ * whose file must be the one that was scanned. `elements` are the bytes. CTS_ERR_READ with the path. Close in any case.
+ */
+CtsStatus cts_dicom_object_make(CtsDicomObject *object, const CtsSlice *source, CtsReaderOrder order,
+                                const uint8_t *records, CtsError *err);
 
 /* The UIDs of an object: "" where missing. CTS_ERR_READ, with the path, for a file that is not DICOM. */
 typedef struct CtsDcmIds {

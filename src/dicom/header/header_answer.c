@@ -43,6 +43,7 @@ static const Field fields[] = {
     {FIELD(thickness_mm), REAL, 1, -INFINITY, INFINITY},
     {FIELD(time_s), REAL, 1, -1, 90100},
     {FIELD(declared_lossless), FLAG, 1, 0, 1},
+    {FIELD(lossy_ratio), OPTIONAL_TEXT, 2, 0, CTS_MAX_TEXT}, /* and lossy_method */
     {FIELD(volume_number), REAL_OR_NAN, CTS_N_VOLUME_NUMBERS, -INFINITY, INFINITY},
     {FIELD(volume_word), OPTIONAL_TEXT, CTS_N_VOLUME_WORDS, 0, 64},
     {FIELD(pet.units), INTEGER, 1, 0, CTS_PET_GML},

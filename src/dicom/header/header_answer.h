@@ -7,9 +7,9 @@
 
 CTS_C_BEGIN
 
-/* The program of libexec that reads headers, and its tasks. */
+/* The program of libexec that reads headers and writes objects, and its tasks. */
 #define CTS_READER_PROGRAM "ctsplat-dicom"
-enum { CTS_READER_HEADERS, CTS_READER_OBJECT, CTS_N_READER_TASKS };
+enum { CTS_READER_HEADERS, CTS_READER_OBJECT, CTS_READER_WRITE, CTS_N_READER_TASKS };
 
 enum {
     CTS_MAX_HEADER_BYTES = 64 << 20, /* everything before PixelData, of a slice; measured: up to 68 kB in 379 files */
@@ -18,8 +18,17 @@ enum {
     CTS_MAX_TEXT = 1 << 16  /* longest text of a header; of most attributes 64 characters are permitted */
 };
 
+/* The order of a message. */
+typedef struct CtsReaderOrder {
+    uint64_t n_files, max_header; /* limit of bytes in front of the pixels */
+    /* CTS_READER_WRITE: of the object's attributes as records (dicom/header/elements.h), in the message. */
+    uint64_t records_at, n_records;
+    int syntax_number;
+    bool deidentified, body_side; /* the file's patient and study are not copied; the side of its body part is */
+} CtsReaderOrder;
+
 /* A file whose first n bytes lie `at` bytes behind the start of the message, which begins with one of these for each
- * file; the message's order is their number and the limit of bytes in front of the pixels, uint64_t each. */
+ * file. */
 typedef struct CtsHeaderItem {
     uint64_t at, n, n_file;
 } CtsHeaderItem;

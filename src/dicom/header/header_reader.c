@@ -156,10 +156,10 @@ static void take_oldest(CtsHeaderReader *r)
 static void send_message(CtsHeaderReader *r)
 {
     const CtsHeaderMessage *m = &r->messages[r->n_sent];
-    const uint64_t order[] = {(uint64_t)m->n_files, CTS_MAX_HEADER_BYTES};
+    const CtsReaderOrder order = {.n_files = (uint64_t)m->n_files, .max_header = CTS_MAX_HEADER_BYTES};
     if (!m->n_files)
         return;
-    cts_sandbox_send(r->sandbox, order, sizeof order, r->stream, m->n, m->n_answer);
+    cts_sandbox_send(r->sandbox, &order, sizeof order, r->stream, m->n, m->n_answer);
     r->messages[++r->n_sent].n_files = 0;
 }
 

@@ -100,6 +100,7 @@ typedef struct CtsSlice {
     double thickness_mm;    /* (0018,0050); negative when missing */
     double time_s;          /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
     bool declared_lossless; /* (0028,2110) is 00 */
+    const char *lossy_ratio, *lossy_method; /* (0028,2112) and (0028,2114) as stored; may be NULL */
     /* Of MR and PET; NaN and "" where missing. */
     double volume_number[CTS_N_VOLUME_NUMBERS];
     const char *volume_word[CTS_N_VOLUME_WORDS];

@@ -1,6 +1,6 @@
 /* Decoding of text in any DICOM character set. */
+#include "dicom/header/utf8.h"
 #include "base/text.h"
-#include "dicom/header/dcm_read.h"
 #include <iconv.h>
 #include <stdlib.h>
 #include <string.h>

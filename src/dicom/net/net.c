@@ -2,8 +2,8 @@
 
 #include "base/mem.h"
 #include "base/text.h"
-#include "dicom/header/dcm_read.h"
 #include "dicom/header/header_reader.h"
+#include "dicom/header/utf8.h"
 #include "dicom/net/answers.h"
 #include <stdio.h>
 #include <stdlib.h>

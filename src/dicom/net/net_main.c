@@ -1,5 +1,5 @@
 /* The program ctsplat-net: one request of the library, whose socket's number is the argument. */
-#include "dicom/header/dcm_read.h"
+#include "dicom/dcmtk/start_dcmtk.h"
 #include "dicom/net/wire.h"
 #include <pthread.h>
 #include <signal.h>

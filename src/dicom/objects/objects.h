@@ -1,8 +1,9 @@
-/* The C interface to DCMTK for writing and reading secondary captures and presentation states, loaded like
- * base/load_plugin.h. No DCMTK type and no exception crosses it. The caller decides on the contents
- * (output/export), this code encodes them. */
+/* Secondary captures and presentation states, written by the program ctsplat-dicom (dicom/writer), and read back. The
+ * caller decides on the contents (output/export). */
 #pragma once
 
+#include "base/file.h"
+#include "base/sandbox.h"
 #include "ctsplat/api.h"
 #include "ctsplat/labels.h"
 #include "ctsplat/series.h"
@@ -41,38 +42,32 @@ typedef struct CtsScObject {
     int width, height, n_frames;               /* more than one frame makes a multi-frame object */
     bool grey;                                 /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
     const char *syntax_uid;                    /* transfer syntax of the pixels */
-    bool reversible_ycc;                       /* colours are stored as JPEG 2000's reversible transform of RGB */
     char date[9], time[7];                     /* of creation: YYYYMMDD and HHMMSS; "": omitted */
     const double *azimuth_deg, *elevation_deg; /* of each frame */
     double mm_per_pixel;                       /* 0: not known */
     bool burned_in, recognizable;
-    const CtsSeries *source;
-    const CtsDataSet *header; /* of its first slice: patient and study are copied from it, byte for byte */
-    const CtsLabels *labels;  /* the labels whose files are referenced; NULL: none */
-    const CtsDataSet *lossy;  /* of a slice with lossy compressed pixels; NULL when there is none */
+    const CtsSeries *source; /* patient and study are copied from its first slice, byte for byte */
+    const CtsLabels *labels; /* the labels whose files are referenced; NULL: none */
+    const CtsSlice *lossy;   /* with lossy compressed pixels; NULL when there is none */
 } CtsScObject;
 
-/* Receives the encoded file in parts. */
-typedef CtsStatus (*CtsScSink)(void *context, const void *bytes, size_t n, CtsError *err);
+/* Writes the file up to PixelData (7FE0,0010), which is the last element and the caller's to write: Explicit VR Little
+ * Endian, as all compressed syntaxes have it. */
+CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsTempFile *file, CtsError *err);
 
-/* The file up to PixelData (7FE0,0010), which is the last element and the caller's to write: Explicit VR Little Endian,
- * as all compressed syntaxes have it. */
-CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err);
-
-/* One frame to be compressed. */
+/* One frame to be compressed, without loss, by ctsplat-pixels: its samples are to be put into its room, and the encoded
+ * fragment of even length is valid until the next room is made. Zero-initialise; cts_sandbox_free() its encoder. */
 typedef struct CtsScFrame {
     int width, height;
     bool grey;     /* as in CtsScObject */
     void *samples; /* words in native byte order */
     size_t n_samples_bytes;
-    int n_threads;
+    CtsSandbox *encoder;
 } CtsScFrame;
 
-/* Lossless codecs by their transfer syntax: RLE Lossless, JPEG Lossless SV1 (DCMTK), JPEG 2000 Lossless (OpenJPEG). The
- * sink gets the fragments of the frame, one call each, of even length. */
-CtsStatus cts_dcm_sc_encode(const char *syntax_uid, const CtsScFrame *frame, CtsScSink sink, void *context,
-                            CtsError *err);
-CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err);
+CtsStatus cts_frame_room(CtsScFrame *frame, CtsError *err);
+/* syntax_uid: RLE Lossless or JPEG Lossless SV1. */
+CtsStatus cts_frame_encode(CtsScFrame *frame, const char *syntax_uid, const void **fragment, size_t *n, CtsError *err);
 
 /* The first frame of a secondary capture (8-bit RGB or MONOCHROME2 of 8 or 16 bits), as 16-bit words, n_samples per
  * pixel, 8-bit values unscaled. Free samples with cts_free(). */
@@ -99,7 +94,6 @@ enum { CTS_STATE_GROUP = 0x0073, CTS_STATE_CREATOR = 0x0010, CTS_STATE_PRESET = 
 
 typedef struct CtsDcmState {
     const CtsSeries *source;
-    const CtsDataSet *header; /* of its first slice */
     char sop_uid[65], series_uid[65], study_uid[65], frame_uid[65], input_uid[65];
     int series_number;
     char date[9], time[7];
@@ -120,18 +114,10 @@ typedef struct CtsDcmState {
     const char *preset, *options;                /* private, byte by byte */
 } CtsDcmState;
 
-CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err);
+CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsTempFile *file, CtsError *err);
 
 /* The private texts of a state that ctsplat wrote, to be freed with free(), and the UID of its series ("" if
  * missing). */
 CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err);
-
-typedef struct CtsDcmWriters {
-    __typeof__(cts_dcm_sc_write) *sc_write;
-    __typeof__(cts_dcm_sc_encode) *sc_encode;
-    __typeof__(cts_dcm_state_write) *state_write;
-} CtsDcmWriters;
-
-CtsStatus cts_dcm_writers(const CtsDcmWriters **writers, CtsError *err);
 
 CTS_C_END

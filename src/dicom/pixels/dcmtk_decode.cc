@@ -1,7 +1,7 @@
 /* Decodes one RLE, JPEG or JPEG-LS frame with DCMTK's codecs. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/header/dcm_call.hpp"
+#include "dicom/dcmtk/dcmtk_failures.hpp"
 #include "dicom/pixels/pixel_tasks.h"
 
 #include <cstdio>

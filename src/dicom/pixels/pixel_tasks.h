@@ -31,6 +31,7 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, 
 CtsStatus cts_dcm_start_decoders(CtsError *err);
 /* The same, and the dictionary that data sets without VRs need. */
 CtsStatus cts_dcm_start_images(CtsError *err);
+CtsStatus cts_dcm_start_encoders(CtsError *err);
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);

@@ -20,7 +20,7 @@ typedef enum CtsPixelsTask {
                          */
     CTS_PIXELS_UNZIP,   /* a zip file; CtsMemberRecord and member, repeated */
     CTS_PIXELS_IMAGE,   /* CtsImageBox; a DICOM file; CtsImageBox of the image, then its pixels, 3 bytes each */
-    CTS_PIXELS_ENCODE, /* CtsEncodeOrder; samples of this program; a size_t, then the JPEG 2000 stream of that length */
+    CTS_PIXELS_ENCODE,  /* CtsEncodeOrder; a frame's samples; a size_t, then its only fragment of that length */
     CTS_N_PIXELS_TASKS
 } CtsPixelsTask;
 
@@ -84,7 +84,7 @@ typedef struct CtsUnpacked {
 typedef struct CtsEncodeOrder {
     int width, height;
     bool grey; /* 16-bit words, else 8-bit red, green, blue */
-    int n_threads;
+    int syntax_number;
 } CtsEncodeOrder;
 
 /* A decoder without a process yet. */

@@ -1,7 +1,9 @@
 /* A file's first bytes -> framing, data set, slices. */
+#include "dicom/dcmtk/start_dcmtk.h"
 #include "dicom/reader/dcmtk_attributes.hpp"
 #include "dicom/reader/reader.h"
 #include "dicom/reader/tag_scan.h"
+#include "dicom/writer/dcmtk_write.hpp"
 
 #include <algorithm>
 #include <cstdio>
@@ -9,6 +11,7 @@
 #include <cstring>
 #include <dcmtk/dcmdata/dcistrmb.h>
 #include <new>
+#include <stdexcept>
 
 namespace
 {
@@ -22,7 +25,8 @@ enum {
 struct Header {
     const uint8_t *bytes;
     const CtsHeaderItem &item;
-    size_t most; /* bytes in front of the pixels */
+    const CtsReaderOrder &order;
+    CtsElements records; /* of the order */
     CtsHeaderAnswer &answer;
     CtsMetaScan meta;
     CtsDataScan scan;
@@ -75,7 +79,7 @@ CtsHeaderResult find_syntax(Header &h)
 /* Checks the framing of n of n_all bytes. */
 CtsScanResult scan(Header &h, const uint8_t *bytes, size_t n, uint64_t n_all, size_t start)
 {
-    return cts_scan_data(bytes, n, n_all, start, h.native, h.most, &h.scan);
+    return cts_scan_data(bytes, n, n_all, start, h.native, h.order.max_header, &h.scan);
 }
 
 CtsHeaderResult scan_plain(Header &h)
@@ -95,7 +99,7 @@ CtsHeaderResult scan_deflated(Header &h)
         return refuse(h, "is a deflated file of more than 16 MiB (inflate it with dcmconv +te)");
     if (h.item.n < h.item.n_file)
         return ask_for(h, h.item.n_file, "header");
-    for (size_t want = FIRST_INFLATE; want <= h.most; want *= 2) {
+    for (size_t want = FIRST_INFLATE; want <= h.order.max_header; want *= 2) {
         size_t got = 0;
         h.inflated.resize(want);
         if (cts_inflate(h.bytes + start, h.item.n - start, 0, h.inflated.data(), want, &got, &err))
@@ -107,7 +111,7 @@ CtsHeaderResult scan_deflated(Header &h)
         if (result == CTS_SCAN_DONE)
             return CTS_HEADER_DONE;
     }
-    return refuse(h, "more than %zu MiB precede the pixels", h.most >> 20);
+    return refuse(h, "more than %zu MiB precede the pixels", static_cast<size_t>(h.order.max_header >> 20));
 }
 
 CtsHeaderResult read_data_set(Header &h, DcmDataset &data)
@@ -189,6 +193,12 @@ size_t pack_elements(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n
     return h.answer.n = cts_elements_pack(data, h.meta.sop_class_uid, bytes, n);
 }
 
+/* The object, which is read as it is. */
+size_t pack_written(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
+{
+    return h.answer.n = cts_dcm_write(data, h.order, h.records, bytes, n);
+}
+
 /* One file's answer, at *used bytes of the message's. */
 void answer_file(Header &h, Pack pack, uint8_t *out, size_t *used, size_t n_answer)
 try {
@@ -204,27 +214,46 @@ try {
     h.answer.result = result;
 } catch (const std::bad_alloc &) {
     h.answer.result = CTS_HEADER_MEMORY;
+} catch (const std::runtime_error &why) {
+    h.answer.result = refuse(h, "its patient and study cannot be copied: %s", why.what());
 }
 
 CtsStatus answer_message(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer, Pack pack,
                          CtsError *err)
 {
-    uint64_t numbers[2]; /* of files, and limit of their headers */
-    std::memcpy(numbers, order, sizeof numbers);
+    CtsReaderOrder o;
+    std::memcpy(&o, order, sizeof o);
     auto *const items = reinterpret_cast<const CtsHeaderItem *>(stream);
     auto *const answers = static_cast<CtsHeaderAnswer *>(answer);
-    size_t used = numbers[0] * sizeof *answers;
-    if (numbers[0] * sizeof *items > n || used > n_answer)
+    size_t used = o.n_files * sizeof *answers;
+    if (o.n_files * sizeof *items > n || used > n_answer)
         return cts_fail(err, CTS_ERR_INTERNAL, "a message of headers is too small");
-    for (uint64_t i = 0; i < numbers[0]; i++) {
+    const uint8_t *const records = stream + o.records_at;
+    for (uint64_t i = 0; i < o.n_files; i++) {
         answers[i] = CtsHeaderAnswer{};
-        Header h{stream + items[i].at, items[i], numbers[1], answers[i], {}, {}, nullptr, nullptr, {}};
+        Header h{stream + items[i].at,
+                 items[i],
+                 o,
+                 {records, records + o.n_records},
+                 answers[i],
+                 {},
+                 {},
+                 nullptr,
+                 nullptr,
+                 {}};
         answer_file(h, pack, static_cast<uint8_t *>(answer), &used, n_answer);
     }
     return CTS_OK;
 }
 
 } // namespace
+
+CtsStatus cts_reader_prepare(CtsError *err)
+{
+    dcmEnableAutomaticInputDataCorrection.set(OFFalse); /* values as they are, byte for byte */
+    dcmEnableUnknownVRConversion.set(OFTrue);           /* an archive may have passed a known attribute on as UN */
+    return cts_dcm_start(err);
+}
 
 CtsStatus cts_reader_headers(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
                              CtsError *err)
@@ -236,4 +265,10 @@ CtsStatus cts_reader_object(const void *order, const uint8_t *stream, size_t n, 
                             CtsError *err)
 {
     return answer_message(order, stream, n, answer, n_answer, pack_elements, err);
+}
+
+CtsStatus cts_reader_write(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
+                           CtsError *err)
+{
+    return answer_message(order, stream, n, answer, n_answer, pack_written, err);
 }

@@ -236,6 +236,8 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     if (lossy == "01")
         s->odd |= CTS_ODD_LOSSY;
     s->declared_lossless = lossy == "00";
+    s->lossy_ratio = share_some(texts, cts_attribute_text(item, DCM_LossyImageCompressionRatio));
+    s->lossy_method = share_some(texts, cts_attribute_text(item, DCM_LossyImageCompressionMethod));
 }
 
 bool read_shape(CtsAttributes &item, CtsSlice *s)

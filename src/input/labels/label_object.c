@@ -2,7 +2,7 @@
 
 #include "base/mem.h"
 #include "base/text.h"
-#include "dicom/header/dcm_read.h"
+#include "dicom/header/utf8.h"
 #include "dicom/protocol/dicom_begin.h"
 #include "dicom/protocol/pixel_sandbox.h"
 #include <stdio.h>

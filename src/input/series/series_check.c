@@ -4,7 +4,7 @@
 #include "base/mem.h"
 #include "base/text.h"
 #include "base/vec3.h"
-#include "dicom/header/dcm_read.h"
+#include "dicom/header/utf8.h"
 #include "input/series/slice_stack.h"
 #include "input/series/suv.h"
 #include <stdarg.h>

@@ -35,8 +35,9 @@ void cts_date_texts(char date[9], char time[7])
     strftime(time, 7, "%H%M%S", &now);
 }
 
-CTS_ENUM_TABLE(char *const, cts_sc_compression_names, CTS_SC_N_COMPRESSIONS, [CTS_SC_NONE] = "none",
-               [CTS_SC_RLE] = "rle", [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless", [CTS_SC_JPEG_2000] = "jpeg-2000");
+CTS_ENUM_TABLE(
+    char *const, cts_sc_compression_names,
+    CTS_SC_N_COMPRESSIONS, [CTS_SC_NONE] = "none", [CTS_SC_RLE] = "rle", [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless");
 
 enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 

@@ -1,4 +1,4 @@
-/* Secondary captures: contents of the object. The encoding is in dicom/dcm_sc. */
+/* Secondary captures: contents of the object. The attributes are in dicom/objects. */
 #include "output/export/format.h"
 
 #include "base/hash.h"
@@ -20,7 +20,6 @@ static const struct {
     [CTS_SC_NONE] = {NULL, 0},
     [CTS_SC_RLE] = {"1.2.840.10008.1.2.5", 4},
     [CTS_SC_JPEG_LOSSLESS] = {"1.2.840.10008.1.2.4.70", 4},
-    [CTS_SC_JPEG_2000] = {"1.2.840.10008.1.2.4.90", 12},
 };
 static const char native_uid[] = "1.2.840.10008.1.2.1";
 
@@ -90,11 +89,6 @@ static void warn(const CtsExportJob *job, bool recognizable)
                               "skin may be visible: a face can identify the patient, whatever the header says");
 }
 
-static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
-{
-    return cts_temp_write(context, bytes, n, err);
-}
-
 static size_t row_bytes_of(int width, bool grey)
 {
     return (size_t)width * (grey ? 2 : 3);
@@ -125,11 +119,8 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     if (!job->settings.source)
         return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", job->path);
     ScWriter *w = job->state;
-    const CtsScFrame frame = {
-        .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
-    const CtsDcmWriters *dcm = NULL;
-    if ((st = cts_dcm_writers(&dcm, err)) ||
-        (st = cts_alloc_bytes((void **)&w->row, row_bytes_of(head->width, head->grey), 1, err)) ||
+    const CtsScFrame frame = {.width = head->width, .height = head->height, .grey = head->grey};
+    if ((st = cts_alloc_bytes((void **)&w->row, row_bytes_of(head->width, head->grey), 1, err)) ||
         (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
         (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))
         return st;
@@ -175,7 +166,6 @@ static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *words, c
         .n_frames = head->n_frames,
         .grey = head->grey,
         .syntax_uid = w->spool.syntax_uid ? w->spool.syntax_uid : native_uid,
-        .reversible_ycc = job->settings.compression == CTS_SC_JPEG_2000 && !head->grey,
         .azimuth_deg = w->azimuth_deg,
         .elevation_deg = w->elevation_deg,
         .mm_per_pixel = head->info.mm_per_pixel,
@@ -183,28 +173,11 @@ static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *words, c
         .recognizable = head->info.shows_skin,
         .source = source,
         .labels = job->settings.labels,
+        .lossy = lossy_slice(source),
     };
     if (!job->settings.deidentify)
         cts_date_texts(object.date, object.time);
     return object;
-}
-
-static CtsStatus write_head(const CtsExportJob *job, const CtsDcmWriters *dcm, CtsScObject *object, CtsError *err)
-{
-    const CtsSlice *lossy = lossy_slice(object->source);
-    CtsDataSet first, of_lossy;
-    uint8_t *first_bytes, *lossy_bytes = NULL;
-    CtsStatus st = cts_slice_data_set(object->source->slices[0], &first_bytes, &first, err);
-    object->header = &first;
-    if (!st && lossy) {
-        st = cts_slice_data_set(lossy, &lossy_bytes, &of_lossy, err);
-        object->lossy = &of_lossy;
-    }
-    if (!st)
-        st = dcm->sc_write(object, sink, job->temp, err);
-    cts_free(&first_bytes);
-    cts_free(&lossy_bytes);
-    return st;
 }
 
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
@@ -213,17 +186,14 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
     CtsScTexts words;
     CtsScNames names;
     uint8_t pixels[CTS_DIGEST_BYTES];
-    const CtsDcmWriters *dcm = NULL;
     CtsStatus st;
     cts_sc_texts(job, &words);
-    if ((st = cts_dcm_writers(&dcm, err)) || (st = cts_hash_finish(&w->hash, pixels, err)) ||
-        (st = cts_sc_names(job, &words, pixels, &names, err)))
+    if ((st = cts_hash_finish(&w->hash, pixels, err)) || (st = cts_sc_names(job, &words, pixels, &names, err)))
         return st;
-    CtsScObject object = object_of(job, &words, &names);
+    const CtsScObject object = object_of(job, &words, &names);
     warn(job, object.recognizable);
-    if ((st = write_head(job, dcm, &object, err)))
-        return st;
-    return cts_sc_spool_copy(&w->spool, job->temp, err);
+    st = cts_dcm_sc_write(&object, job->temp, err);
+    return st ? st : cts_sc_spool_copy(&w->spool, job->temp, err);
 }
 
 static void release(CtsExportJob *job)

@@ -21,30 +21,25 @@ CtsStatus cts_sc_spool_open(CtsScSpool *spool, const char *path, const char *syn
     CtsStatus st;
     *spool = (CtsScSpool){.syntax_uid = syntax_uid, .frame = *frame, .max_frames = n_frames};
     spool->frame.n_samples_bytes = (size_t)frame->width * (size_t)frame->height * (frame->grey ? 2 : 3);
-    if (syntax_uid && ((st = cts_alloc_bytes(&spool->frame.samples, spool->frame.n_samples_bytes, 1, err)) ||
-                       (st = cts_alloc_array(&spool->offsets, (size_t)n_frames, err))))
+    if (syntax_uid && (st = cts_alloc_array(&spool->offsets, (size_t)n_frames, err)))
         return st;
     return cts_temp_open(&spool->file, path, err);
 }
 
-static CtsStatus put_fragment(void *context, const void *bytes, size_t n, CtsError *err)
-{
-    CtsScSpool *spool = context;
-    if (n >= UINT32_MAX)
-        return cts_fail(err, CTS_ERR_OUTPUT, "a compressed frame is more than a fragment can hold, 4 GiB");
-    const CtsStatus st = put_pair(spool->file, item_tag, (uint32_t)n, err);
-    spool->n_bytes += 8 + n;
-    return st ? st : cts_temp_write(spool->file, bytes, n, err);
-}
-
+/* An item of its only fragment. */
 static CtsStatus compress(CtsScSpool *spool, CtsError *err)
 {
+    const void *fragment;
+    size_t n;
+    CtsStatus st = cts_frame_encode(&spool->frame, spool->syntax_uid, &fragment, &n, err);
+    if (st)
+        return st;
+    if (n >= UINT32_MAX)
+        return cts_fail(err, CTS_ERR_OUTPUT, "a compressed frame is more than a fragment can hold, 4 GiB");
     spool->offsets[spool->n_frames] = (uint32_t)spool->n_bytes; /* unused where it does not fit */
-    if (strcmp(spool->syntax_uid, "1.2.840.10008.1.2.4.90") == 0)
-        return cts_j2k_encode(&spool->frame, put_fragment, spool, err);
-    const CtsDcmWriters *dcm = NULL;
-    const CtsStatus st = cts_dcm_writers(&dcm, err);
-    return st ? st : dcm->sc_encode(spool->syntax_uid, &spool->frame, put_fragment, spool, err);
+    spool->n_bytes += 8 + n;
+    st = put_pair(spool->file, item_tag, (uint32_t)n, err);
+    return st ? st : cts_temp_write(spool->file, fragment, n, err);
 }
 
 CtsStatus cts_sc_spool_write(CtsScSpool *spool, void *samples, size_t n_bytes, CtsError *err)
@@ -59,6 +54,8 @@ CtsStatus cts_sc_spool_write(CtsScSpool *spool, void *samples, size_t n_bytes, C
     } else {
         if (n_bytes > spool->frame.n_samples_bytes - spool->n_frame_bytes || spool->n_frames == spool->max_frames)
             return cts_fail(err, CTS_ERR_INTERNAL, "more rows than the secondary capture has");
+        if (spool->n_frame_bytes == 0 && (st = cts_frame_room(&spool->frame, err)))
+            return st;
         memcpy((uint8_t *)spool->frame.samples + spool->n_frame_bytes, samples, n_bytes);
     }
     spool->n_frame_bytes += n_bytes;
@@ -121,6 +118,6 @@ CtsStatus cts_sc_spool_copy(const CtsScSpool *spool, CtsTempFile *to, CtsError *
 void cts_sc_spool_close(CtsScSpool *spool)
 {
     cts_temp_discard(&spool->file);
-    cts_free(&spool->frame.samples);
+    cts_sandbox_free(&spool->frame.encoder);
     cts_free(&spool->offsets);
 }

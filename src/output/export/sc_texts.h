@@ -31,7 +31,7 @@ CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScTexts *words, const u
 typedef struct CtsScSpool {
     CtsTempFile *file;
     const char *syntax_uid; /* NULL: not compressed */
-    CtsScFrame frame;       /* one frame; its samples are there only when they are compressed */
+    CtsScFrame frame;       /* one frame; its room is made only when it is compressed */
     size_t n_frame_bytes;   /* received of the current frame */
     uint32_t *offsets;      /* of each frame's first fragment behind the table of them */
     int n_frames, max_frames;

@@ -1,4 +1,4 @@
-/* Presentation states: the standard's attributes for a picture. The encoding is in dicom/dcm_state. */
+/* Presentation states: the standard's attributes for a picture. The attributes are in dicom/objects. */
 #include "ctsplat/state.h"
 
 #include "base/clamp.h"
@@ -103,11 +103,6 @@ static CtsStatus write_options(const CtsStateScene *scene, char **text, CtsError
     return CTS_OK;
 }
 
-static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
-{
-    return cts_temp_write(context, bytes, n, err);
-}
-
 static CtsStatus choose_names(const CtsStateScene *scene, CtsDcmState *s, CtsError *err)
 {
     char view[80];
@@ -197,21 +192,15 @@ static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *words, CtsDc
     return CTS_OK;
 }
 
-static CtsStatus write_state_file(const char *path, CtsDcmState *s, bool force, CtsError *err)
+static CtsStatus write_state_file(const char *path, const CtsDcmState *s, bool force, CtsError *err)
 {
     CtsTempFile *temp = NULL;
-    CtsDataSet first;
-    uint8_t *bytes;
-    const CtsDcmWriters *dcm = NULL;
-    CtsStatus st = cts_slice_data_set(s->source->slices[0], &bytes, &first, err);
-    s->header = &first;
-    if (!st && !(st = cts_temp_open(&temp, path, err)) && !(st = cts_dcm_writers(&dcm, err)) &&
-        !(st = dcm->state_write(s, sink, temp, err))) {
+    CtsStatus st = cts_temp_open(&temp, path, err);
+    if (!st && !(st = cts_dcm_state_write(s, temp, err))) {
         cts_temp_keep_private(temp);
         st = cts_temp_commit(&temp, force, NULL, err);
     }
     cts_temp_discard(&temp);
-    cts_free(&bytes);
     return st;
 }
 

@@ -44,7 +44,6 @@ static CtsStatus read_headers(const void *order, const uint8_t *stream, size_t n
 
 int main(int argc, char **argv)
 {
-    static const CtsSandboxTask tasks[CTS_N_READER_TASKS] = {
-        [CTS_READER_HEADERS] = {read_headers, cts_reader_prepare, false}};
+    static const CtsSandboxTask tasks[CTS_N_READER_TASKS] = {[CTS_READER_HEADERS] = {read_headers, cts_reader_prepare}};
     return cts_sandbox_serve(argc, argv, tasks, CTS_N_READER_TASKS);
 }

@@ -1,4 +1,4 @@
-#include "dicom/net/dimse.hpp"
+#include "dicom/net/dcmtk_dimse.hpp"
 #include "dicom/net/store_answer.h"
 
 /* A peer that accepts only known callers does not say more than that it rejects this one. */

@@ -2,9 +2,7 @@
  * to C.7.2.3), as the source has them. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/objects/dcm_put.hpp"
-
-#include <string>
+#include "dicom/writer/dcmtk_write.hpp"
 
 namespace
 {
@@ -123,38 +121,17 @@ const DcmTagKey as_is[] = {DCM_IssuerOfPatientID,
 
 } // namespace
 
-void cts_dcm_put_label_series(Put &put, const CtsLabels &labels, const char *study_uid)
-{
-    for (size_t i = 0; i < labels.n_objects; i++) {
-        const CtsLabelObject &label = labels.objects[i];
-        if (!*label.sop_uid || !*label.series_uid || strcmp(label.study_uid, study_uid) != 0)
-            continue;
-        if (DcmItem *series = put.item(DCM_ReferencedSeriesSequence)) {
-            Put in_series(*series);
-            in_series.text(DCM_SeriesInstanceUID, label.series_uid);
-            in_series.reference(DCM_ReferencedInstanceSequence, label.class_uid, label.sop_uid);
-            put.keep(in_series.state());
-        }
-    }
-}
-
-void cts_dcm_put_study(Put &put, DcmItem &source, const char *pseudonym)
+void cts_dcm_copy_study(DcmItem &to, DcmItem &source, bool deidentified)
 {
     for (const DcmTagKey &tag : always)
-        if (pseudonym || !source.tagExists(tag))
-            put.text(tag, "");
+        if (deidentified || !source.tagExists(tag))
+            cts_dcm_check(to.insertEmptyElement(DcmTag(tag)));
         else
-            cts_dcm_copy(put, source, tag);
+            cts_dcm_copy(to, source, tag);
     for (const DcmTagKey &tag : filled)
-        if (!pseudonym && source.tagExistsWithValue(tag))
-            cts_dcm_copy(put, source, tag, true);
+        if (!deidentified && source.tagExistsWithValue(tag))
+            cts_dcm_copy(to, source, tag, true);
     for (const DcmTagKey &tag : as_is)
-        if (!pseudonym && source.tagExists(tag))
-            cts_dcm_copy(put, source, tag);
-    if (!pseudonym)
-        return;
-    put.text(DCM_PatientName, (std::string("Anonymous^") + pseudonym).c_str()).text(DCM_PatientID, pseudonym);
-    put.text(DCM_PatientIdentityRemoved, "YES").text(DCM_LongitudinalTemporalInformationModified, "REMOVED");
-    put.text(DCM_DeidentificationMethod, "ctsplat: identity and dates removed, new UIDs, pixels unchanged");
-    put.code(DCM_DeidentificationMethodCodeSequence, {"113100", "DCM", "Basic Application Confidentiality Profile"});
+        if (!deidentified)
+            cts_dcm_copy(to, source, tag);
 }

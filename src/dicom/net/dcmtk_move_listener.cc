@@ -1,4 +1,4 @@
-#include "dicom/net/dimse.hpp"
+#include "dicom/net/dcmtk_dimse.hpp"
 
 #include "dicom/net/listener.h"
 

@@ -1,0 +1,27 @@
+/* Failures and exceptions of DCMTK as statuses. */
+#ifndef CTS_DICOM_DCMTK_FAILURES_HPP
+#define CTS_DICOM_DCMTK_FAILURES_HPP
+
+#include "dicom/dcmtk/start_dcmtk.h"
+
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/ofstd/ofcond.h>
+#include <new>
+
+/* Status for a failure of DCMTK: out of memory, or `otherwise`. */
+inline CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
+{
+    return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
+}
+
+/* Status of the exception being handled, since C callers cannot catch any. */
+inline CtsStatus cts_dcm_caught(CtsError *err, CtsStatus otherwise)
+try {
+    throw;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    return cts_fail(err, otherwise, "unexpected failure in DCMTK");
+}
+
+#endif

@@ -1,0 +1,168 @@
+/* Secondary captures as attributes (PS3.3 A.8.1, A.8.4 and A.8.5). */
+#include "dicom/objects/records.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { FRAME_MS = 100 }; /* 36 frames of a rotation last 3.6 s */
+
+static const char *class_uid(const CtsScObject *object)
+{
+    if (object->n_frames == 1)
+        return "1.2.840.10008.5.1.4.1.1.7";
+    return object->grey ? "1.2.840.10008.5.1.4.1.1.7.3" : "1.2.840.10008.5.1.4.1.1.7.4";
+}
+
+static void put_series_and_equipment(CtsRecords *to, const CtsScObject *object)
+{
+    static const uint32_t dates[] = {DCM_InstanceCreationDate, DCM_ContentDate, DCM_DateOfSecondaryCapture};
+    static const uint32_t times[] = {DCM_InstanceCreationTime, DCM_ContentTime, DCM_TimeOfSecondaryCapture};
+    static const uint32_t makers[] = {DCM_Manufacturer, DCM_ManufacturerModelName,
+                                      DCM_SecondaryCaptureDeviceManufacturer,
+                                      DCM_SecondaryCaptureDeviceManufacturerModelName};
+    cts_put_text(to, DCM_StudyInstanceUID, object->names->study_uid);
+    cts_put_text(to, DCM_SeriesInstanceUID, object->names->series_uid);
+    cts_put_text(to, DCM_SOPInstanceUID, object->names->sop_uid);
+    cts_put_text(to, DCM_SOPClassUID, class_uid(object));
+    cts_put_text(to, DCM_Modality, object->source->modality[0] ? object->source->modality : "CT");
+    cts_put_number(to, DCM_SeriesNumber, object->names->series_number);
+    cts_put_number(to, DCM_InstanceNumber, object->names->instance_number);
+    cts_put_text(to, DCM_SeriesDescription, object->words->series_description);
+    cts_put_text(to, DCM_ConversionType, "WSD");
+    /* SeriesDate and SeriesTime would have to be those of views that were made before. */
+    for (size_t i = 0; *object->date && i < sizeof dates / sizeof *dates; i++)
+        cts_put_text(to, dates[i], object->date);
+    for (size_t i = 0; *object->time && i < sizeof times / sizeof *times; i++)
+        cts_put_text(to, times[i], object->time);
+    for (size_t i = 0; i < sizeof makers / sizeof *makers; i++)
+        cts_put_text(to, makers[i], "ctsplat");
+    cts_put_text(to, DCM_SoftwareVersions, CTS_VERSION);
+    cts_put_text(to, DCM_SecondaryCaptureDeviceSoftwareVersions, CTS_VERSION);
+    cts_put_text(to, DCM_DeviceSerialNumber, "0");
+}
+
+/* Once lossy, always lossy. */
+static void put_lossy(CtsRecords *to, const CtsSlice *lossy)
+{
+    cts_put_text(to, DCM_LossyImageCompression, lossy ? "01" : "00");
+    if (lossy && lossy->lossy_ratio)
+        cts_put_text(to, DCM_LossyImageCompressionRatio, lossy->lossy_ratio);
+    if (lossy && lossy->lossy_method)
+        cts_put_text(to, DCM_LossyImageCompressionMethod, lossy->lossy_method);
+}
+
+static void put_image(CtsRecords *to, const CtsScObject *object)
+{
+    char image_type[64];
+    snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object->words->image_type);
+    cts_put_text(to, DCM_ImageType, image_type);
+    cts_put_text(to, DCM_PatientOrientation, object->words->patient_orientation);
+    cts_put_text(to, DCM_DerivationDescription, object->words->derivation);
+    cts_put_code(to, DCM_DerivationCodeSequence, object->words->mode);
+    cts_put_code(to, DCM_ViewCodeSequence, object->words->view);
+    if (object->mm_per_pixel > 0) {
+        cts_put_numbers(to, DCM_PixelSpacing, (double[]){object->mm_per_pixel, object->mm_per_pixel}, 2);
+        cts_put_text(to, DCM_PixelSpacingCalibrationType, "GEOMETRY");
+        cts_put_text(to, DCM_PixelSpacingCalibrationDescription, "orthographic projection, one scale at all depths");
+    }
+    cts_put_text(to, DCM_BurnedInAnnotation, object->burned_in ? "YES" : "NO");
+    cts_put_text(to, DCM_RecognizableVisualFeatures, object->recognizable ? "YES" : "NO");
+}
+
+static void put_purpose(CtsRecords *to)
+{
+    cts_put_text(to, DCM_SpatialLocationsPreserved, "NO");
+    cts_put_code(to, DCM_PurposeOfReferenceCodeSequence,
+                 (CtsScCode){"121322", "DCM", "Source image for image processing operation"});
+}
+
+/* Every slice the picture was made of. An enhanced object is one instance with many slices. */
+static void put_references(CtsRecords *to, const CtsScObject *object)
+{
+    bool named = false;
+    for (int i = 0; i < object->source->n_slices; i++)
+        named |= object->source->slices[i]->sop_uid[0] != 0;
+    if (named)
+        cts_put_source_series(to, object->source);
+    cts_put_sources(to, DCM_SourceImageSequence, object->source, put_purpose);
+    cts_put_label_series(to, object->labels, object->names->study_uid);
+}
+
+/* In the place of patient and study. */
+static void put_pseudonym(CtsRecords *to, const char *pseudonym)
+{
+    char name[80];
+    snprintf(name, sizeof name, "Anonymous^%s", pseudonym);
+    cts_put_text(to, DCM_PatientName, name);
+    cts_put_text(to, DCM_PatientID, pseudonym);
+    cts_put_text(to, DCM_PatientIdentityRemoved, "YES");
+    cts_put_text(to, DCM_LongitudinalTemporalInformationModified, "REMOVED");
+    cts_put_text(to, DCM_DeidentificationMethod, "ctsplat: identity and dates removed, new UIDs, pixels unchanged");
+    cts_put_code(to, DCM_DeidentificationMethodCodeSequence,
+                 (CtsScCode){"113100", "DCM", "Basic Application Confidentiality Profile"});
+}
+
+/* FrameTime is the increment and comes first, since some viewers know nothing else. The angles are separate vectors
+ * that must be listed beside it (C.8.6.4). A text value is shorter than 64 KiB. */
+static void put_frames(CtsRecords *to, const CtsScObject *object)
+{
+    const bool angles_fit = object->n_frames <= 0xFFFE / 17;
+    const double steps[] = {0x0018, 0x1063, 0x0018, 0x2003, 0x0018, 0x2004};
+    cts_put_number(to, DCM_StartTrim, 1);
+    cts_put_number(to, DCM_StopTrim, object->n_frames);
+    cts_put_number(to, DCM_RecommendedDisplayFrameRate, 1000 / FRAME_MS);
+    cts_put_number(to, DCM_CineRate, 1000 / FRAME_MS);
+    cts_put_number(to, DCM_FrameTime, FRAME_MS);
+    cts_put_number(to, DCM_NumberOfFrames, object->n_frames);
+    if (angles_fit) {
+        cts_put_numbers(to, DCM_FramePrimaryAngleVector, object->azimuth_deg, (size_t)object->n_frames);
+        cts_put_numbers(to, DCM_FrameSecondaryAngleVector, object->elevation_deg, (size_t)object->n_frames);
+    }
+    cts_put_numbers(to, DCM_FrameIncrementPointer, steps, angles_fit ? 6 : 2);
+}
+
+static void put_pixel_format(CtsRecords *to, const CtsScObject *object)
+{
+    const int bits = object->grey ? 16 : 8;
+    cts_put_number(to, DCM_SamplesPerPixel, object->grey ? 1 : 3);
+    cts_put_text(to, DCM_PhotometricInterpretation, object->grey ? "MONOCHROME2" : "RGB");
+    cts_put_number(to, DCM_Rows, object->height);
+    cts_put_number(to, DCM_Columns, object->width);
+    cts_put_number(to, DCM_BitsAllocated, bits);
+    cts_put_number(to, DCM_BitsStored, bits);
+    cts_put_number(to, DCM_HighBit, bits - 1);
+    cts_put_number(to, DCM_PixelRepresentation, 0);
+    if (!object->grey) {
+        cts_put_number(to, DCM_PlanarConfiguration, 0);
+        cts_put_profile(to);
+    } else if (object->n_frames == 1) { /* black at 0, white at 65535 */
+        cts_put_number(to, DCM_WindowCenter, 32768);
+        cts_put_number(to, DCM_WindowWidth, 65536);
+    } else {
+        cts_put_number(to, DCM_RescaleIntercept, 0);
+        cts_put_number(to, DCM_RescaleSlope, 1);
+        cts_put_text(to, DCM_RescaleType, "US");
+        cts_put_text(to, DCM_PresentationLUTShape, "IDENTITY");
+    }
+}
+
+CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsTempFile *file, CtsError *err)
+{
+    CtsRecords to = {0};
+    const bool deidentified = object->names->pseudonym[0];
+    put_series_and_equipment(&to, object);
+    put_lossy(&to, object->lossy);
+    put_image(&to, object);
+    if (deidentified)
+        put_pseudonym(&to, object->names->pseudonym);
+    else
+        put_references(&to, object);
+    if (object->n_frames > 1)
+        put_frames(&to, object);
+    put_pixel_format(&to, object);
+    const CtsReaderOrder order = {.syntax_number = cts_syntax_number(cts_syntax_find(object->syntax_uid)),
+                                  .deidentified = deidentified,
+                                  .body_side = true};
+    return cts_records_write(&to, order, object->source->slices[0], file, err);
+}

@@ -1,0 +1,138 @@
+#include "dicom/objects/records.h"
+
+#include "base/file_bytes.h"
+#include <stdlib.h>
+#include <string.h>
+
+void cts_put_more(CtsRecords *to, const void *bytes, size_t n)
+{
+    if (!n || to->status ||
+        (to->n + n > to->capacity &&
+         (to->status = cts_bytes_reserve(&to->bytes, &to->capacity, 2 * (to->n + n), NULL))))
+        return;
+    memcpy(to->bytes + to->n, bytes, n);
+    to->n += n;
+}
+
+size_t cts_put_begin(CtsRecords *to, uint32_t tag, CtsValueKind kind)
+{
+    cts_put_more(to, &(CtsRecord){tag, kind, 0}, sizeof(CtsRecord));
+    return to->n;
+}
+
+void cts_put_end(CtsRecords *to, size_t value)
+{
+    const uint64_t n = to->n - value, zeros = 0;
+    cts_put_more(to, &zeros, (8 - n % 8) % 8);
+    if (!to->status)
+        memcpy(to->bytes + value - sizeof n, &n, sizeof n);
+}
+
+void cts_put_bytes(CtsRecords *to, uint32_t tag, CtsValueKind kind, const void *bytes, size_t n)
+{
+    const size_t value = cts_put_begin(to, tag, kind);
+    cts_put_more(to, bytes, n);
+    cts_put_end(to, value);
+}
+
+void cts_put_text(CtsRecords *to, uint32_t tag, const char *text)
+{
+    cts_put_bytes(to, tag, CTS_VALUE_TEXT, text, strlen(text));
+}
+
+void cts_put_numbers(CtsRecords *to, uint32_t tag, const double *values, size_t n)
+{
+    cts_put_bytes(to, tag, CTS_VALUE_NUMBERS, values, n * sizeof *values);
+}
+
+void cts_put_number(CtsRecords *to, uint32_t tag, double value)
+{
+    cts_put_numbers(to, tag, &value, 1);
+}
+
+size_t cts_put_item(CtsRecords *to, uint32_t sequence)
+{
+    cts_put_begin(to, sequence, CTS_VALUE_ITEMS);
+    return cts_put_begin(to, 0, CTS_VALUE_ITEM);
+}
+
+void cts_put_item_end(CtsRecords *to, size_t item)
+{
+    cts_put_end(to, item);
+    cts_put_end(to, item - sizeof(CtsRecord));
+}
+
+void cts_put_code(CtsRecords *to, uint32_t sequence, CtsScCode code)
+{
+    const size_t item = cts_put_item(to, sequence);
+    cts_put_text(to, DCM_CodeValue, code.value);
+    cts_put_text(to, DCM_CodingSchemeDesignator, code.scheme);
+    cts_put_text(to, DCM_CodeMeaning, code.meaning);
+    cts_put_item_end(to, item);
+}
+
+size_t cts_put_reference(CtsRecords *to, uint32_t sequence, const char *class_uid, const char *uid)
+{
+    const size_t item = cts_put_item(to, sequence);
+    cts_put_text(to, DCM_ReferencedSOPClassUID, class_uid);
+    cts_put_text(to, DCM_ReferencedSOPInstanceUID, uid);
+    return item;
+}
+
+void cts_put_sources(CtsRecords *to, uint32_t sequence, const CtsSeries *source, void (*complete)(CtsRecords *to))
+{
+    const char *last = "";
+    for (int i = 0; i < source->n_slices; i++) {
+        const char *const uid = source->slices[i]->sop_uid;
+        if (*uid && strcmp(uid, last) != 0) {
+            const size_t item = cts_put_reference(to, sequence, source->slices[0]->class_uid, uid);
+            if (complete)
+                complete(to);
+            cts_put_item_end(to, item);
+        }
+        last = uid;
+    }
+}
+
+void cts_put_source_series(CtsRecords *to, const CtsSeries *source)
+{
+    const size_t series = cts_put_item(to, DCM_ReferencedSeriesSequence);
+    cts_put_text(to, DCM_SeriesInstanceUID, source->uid);
+    cts_put_sources(to, DCM_ReferencedInstanceSequence, source, NULL);
+    cts_put_item_end(to, series);
+}
+
+void cts_put_label_series(CtsRecords *to, const CtsLabels *labels, const char *study_uid)
+{
+    for (size_t i = 0; labels && i < labels->n_objects; i++) {
+        const CtsLabelObject *const label = &labels->objects[i];
+        if (!*label->sop_uid || !*label->series_uid || strcmp(label->study_uid, study_uid) != 0)
+            continue;
+        const size_t series = cts_put_item(to, DCM_ReferencedSeriesSequence);
+        cts_put_text(to, DCM_SeriesInstanceUID, label->series_uid);
+        cts_put_item_end(to, cts_put_reference(to, DCM_ReferencedInstanceSequence, label->class_uid, label->sop_uid));
+        cts_put_item_end(to, series);
+    }
+}
+
+void cts_put_profile(CtsRecords *to)
+{
+    cts_put_bytes(to, DCM_ICCProfile, CTS_VALUE_BYTES, cts_icc_srgb, CTS_ICC_BYTES);
+    cts_put_text(to, DCM_ColorSpace, "SRGB");
+}
+
+CtsStatus cts_records_write(CtsRecords *records, CtsReaderOrder order, const CtsSlice *source, CtsTempFile *file,
+                            CtsError *err)
+{
+    CtsDicomObject object;
+    order.n_records = records->n;
+    CtsStatus st = records->status ? cts_fail(err, records->status, "out of memory")
+                                   : cts_dicom_object_make(&object, source, order, records->bytes, err);
+    if (!records->status) {
+        if (!st)
+            st = cts_temp_write(file, object.elements.at, (size_t)(object.elements.end - object.elements.at), err);
+        cts_dicom_object_close(&object);
+    }
+    free(records->bytes);
+    return st;
+}

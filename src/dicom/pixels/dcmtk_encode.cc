@@ -1,0 +1,107 @@
+/* One frame compressed without loss by DCMTK. */
+#include <dcmtk/config/osconfig.h>
+
+#include "dicom/dcmtk/dcmtk_failures.hpp"
+#include "dicom/pixels/pixel_tasks.h"
+
+#include <cstring>
+#include <dcmtk/dcmdata/dcpixel.h>
+#include <dcmtk/dcmdata/dcpixseq.h>
+#include <dcmtk/dcmdata/dcpxitem.h>
+#include <dcmtk/dcmdata/dcrleerg.h>
+#include <dcmtk/dcmdata/dcrlerp.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmjpeg/djencode.h>
+#include <dcmtk/dcmjpeg/djrplol.h>
+#include <memory>
+
+namespace
+{
+
+/* The minimal attributes for DCMTK's encoders. */
+OFCondition describe_frame(DcmDataset &data, const CtsEncodeOrder &frame, const uint8_t *samples, unsigned long n)
+{
+    const int bits = frame.grey ? 16 : 8;
+    const struct {
+        DcmTagKey tag;
+        int value;
+    } words[] = {{DCM_SamplesPerPixel, frame.grey ? 1 : 3},
+                 {DCM_PixelRepresentation, 0},
+                 {DCM_PlanarConfiguration, 0},
+                 {DCM_Rows, frame.height},
+                 {DCM_Columns, frame.width},
+                 {DCM_BitsAllocated, bits},
+                 {DCM_BitsStored, bits},
+                 {DCM_HighBit, bits - 1}};
+    std::unique_ptr<DcmPixelData> pixels(new DcmPixelData(DcmTag(DCM_PixelData)));
+    OFCondition state = data.putAndInsertString(DCM_SOPClassUID, UID_SecondaryCaptureImageStorage);
+    if (state.good())
+        state = data.putAndInsertString(DCM_SOPInstanceUID, "2.25.0");
+    if (state.good())
+        state = data.putAndInsertString(DCM_PhotometricInterpretation, frame.grey ? "MONOCHROME2" : "RGB");
+    for (const auto &word : words)
+        if (state.good())
+            state = data.putAndInsertUint16(word.tag, static_cast<Uint16>(word.value));
+    if (state.good())
+        state = frame.grey ? pixels->putUint16Array(reinterpret_cast<const Uint16 *>(samples), n / 2)
+                           : pixels->putUint8Array(samples, n);
+    if (state.good() && !pixels->valueLoaded())
+        state = EC_MemoryExhausted;
+    return state.good() ? data.insert(pixels.release()) : state;
+}
+
+/* The only fragment of a frame: a size_t, then its bytes. */
+CtsStatus take_fragment(DcmPixelSequence &fragments, void *answer, size_t n_answer, CtsError *err)
+{
+    DcmPixelItem *item = nullptr;
+    Uint8 *bytes = nullptr;
+    /* 0 is the table of offsets */
+    if (fragments.card() != 2 || fragments.getItem(item, 1).bad() || item->getUint8Array(bytes).bad() || !bytes)
+        return cts_fail(err, CTS_ERR_OUTPUT, "it cannot be taken from DCMTK");
+    const size_t n = item->getLength();
+    if (n > n_answer - sizeof n)
+        return cts_fail(err, CTS_ERR_OUTPUT, "it grows too much");
+    std::memcpy(answer, &n, sizeof n);
+    std::memcpy(static_cast<uint8_t *>(answer) + sizeof n, bytes, n);
+    return CTS_OK;
+}
+
+} // namespace
+
+CtsStatus cts_dcm_start_encoders(CtsError *err)
+try {
+    const CtsStatus st = cts_dcm_start(err);
+    DcmRLEEncoderRegistration::registerCodecs();
+    DJEncoderRegistration::registerCodecs();
+    return st;
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_INTERNAL);
+}
+
+CtsStatus cts_pixels_encode(const void *order, const uint8_t *samples, size_t n, void *answer, size_t n_answer,
+                            CtsError *err)
+try {
+    CtsEncodeOrder frame;
+    std::memcpy(&frame, order, sizeof frame);
+    const E_TransferSyntax syntax = DcmXfer(cts_syntax_by_number(frame.syntax_number)->uid).getXfer();
+    const DcmRLERepresentationParameter rle;
+    const DJ_RPLossless jpeg;
+    const DcmRepresentationParameter *parameter = &rle;
+    if (syntax == EXS_JPEGProcess14SV1)
+        parameter = &jpeg;
+    DcmDataset data;
+    DcmElement *element = nullptr;
+    DcmPixelSequence *fragments = nullptr;
+    OFCondition state = describe_frame(data, frame, samples, static_cast<unsigned long>(n));
+    if (state.good())
+        state = data.chooseRepresentation(syntax, parameter);
+    if (state.good())
+        state = data.findAndGetElement(DCM_PixelData, element);
+    DcmPixelData *const pixels = dynamic_cast<DcmPixelData *>(element);
+    if (state.good())
+        state = pixels ? pixels->getEncapsulatedRepresentation(syntax, parameter, fragments) : EC_UnsupportedEncoding;
+    return state.good() && fragments ? take_fragment(*fragments, answer, n_answer, err)
+                                     : cts_fail(err, CTS_ERR_OUTPUT, "%s", state.text());
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_OUTPUT);
+}

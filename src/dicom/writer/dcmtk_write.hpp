@@ -1,0 +1,26 @@
+/* Objects encoded by DCMTK, in the program ctsplat-dicom. The functions throw std::bad_alloc, and std::runtime_error
+ * with DCMTK's reason. */
+#ifndef CTS_WRITER_DCMTK_WRITE_HPP
+#define CTS_WRITER_DCMTK_WRITE_HPP
+
+#include "dicom/header/elements.h"
+#include "dicom/header/header_answer.h"
+
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
+
+/* Encodes an object of these attributes, and of the patient and study of the source, into at most n bytes; returns the
+ * number of bytes, or more than n where they do not fit. */
+size_t cts_dcm_write(DcmItem &source, const CtsReaderOrder &order, CtsElements attributes, uint8_t *bytes, size_t n);
+
+/* Copies patient and study, or leaves what is required of them empty; and the side of the body part. */
+void cts_dcm_copy_study(DcmItem &to, DcmItem &source, bool deidentified);
+void cts_dcm_copy_side(DcmItem &to, DcmItem &source);
+
+/* Copies an element with its value bytes, without private elements in it; does nothing where it is missing. */
+void cts_dcm_copy(DcmItem &to, DcmItem &source, const DcmTagKey &tag, bool filled = false);
+
+/* Throws for a failure. */
+void cts_dcm_check(const OFCondition &state);
+
+#endif
