@@ -211,10 +211,8 @@ CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *v, const 
     CtsStatus st = cts_alloc_zeroed(&count.of_part, parts->n_parts, err);
     if (st)
         return st;
-    for (uint32_t n = 0; n < parts->n_parts; n++) {
-        const CtsComponent *const p = &parts->parts[n];
-        outside[n] = p->lo[0] == 0 || p->lo[1] == 0 || p->hi[0] == parts->dims[0] - 1 || p->hi[1] == parts->dims[1] - 1;
-    }
+    for (uint32_t n = 0; n < parts->n_parts; n++)
+        outside[n] = cts_component_at_border(parts, n, 2);
     visit_samples(&a, count_lung, &count);
     if (!is_known) {
         level->lung_hu = LUNG_HU;

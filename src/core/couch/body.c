@@ -116,7 +116,7 @@ static CtsStatus find_dense(BodySearch *s, CtsError *err)
     CtsComponents *const p = &s->parts;
     uint8_t *flags = NULL, *sized = NULL;
     each_section(s, find_rest);
-    if ((st = cts_components_find(p, &s->body->foreign, true, err)) ||
+    if ((st = cts_components_find(p, &s->body->foreign, CTS_CONNECTED_BY_FACES, err)) ||
         (st = cts_alloc_array(&flags, p->n_parts, err)) || (st = cts_alloc_array(&sized, p->n_parts, err)) ||
         (st = choose_patient(s, flags, sized, err)))
         goto end;
@@ -160,7 +160,7 @@ static CtsStatus find_whole(BodySearch *s, CtsError *err)
     CtsStatus st;
     uint8_t *outside = NULL;
     each_section(s, find_air);
-    if (!(st = cts_components_find(&s->parts, &s->body->whole, false, err)) &&
+    if (!(st = cts_components_find(&s->parts, &s->body->whole, CTS_CONNECTED_IN_SLICE, err)) &&
         !(st = cts_alloc_array(&outside, s->parts.n_parts, err)) &&
         !(st = cts_air_outside(s->plan, s->volume, &s->parts, s->has_table, &s->body->air, outside, err))) {
         s->flags = outside;
@@ -225,7 +225,7 @@ static CtsStatus drop_shells(BodySearch *s, CtsError *err)
     CtsBits *const thin = s->plates_found;
     uint8_t *flags = NULL;
     double mm3 = 0;
-    if ((st = cts_components_find(&s->parts, thin, true, err)) ||
+    if ((st = cts_components_find(&s->parts, thin, CTS_CONNECTED_BY_FACES, err)) ||
         (st = cts_alloc_array(&flags, s->parts.n_parts, err)) ||
         (st = choose_shells(s->plan, s->volume, &s->parts, flags, &mm3, err)) || mm3 == 0 ||
         mm3 > SHELL_SHARE * body->mm3)

@@ -354,17 +354,15 @@ static CtsStatus fill_sections(const CtsBits *sections, CtsBits *whole, CtsError
 {
     CtsComponents air = {0};
     uint8_t *outside = NULL;
-    const int *const dims = sections->dims;
-    CtsStatus st = cts_bits_new(whole, dims, err);
+    CtsStatus st = cts_bits_new(whole, sections->dims, err);
     if (st)
         return st;
     cts_bits_combine(whole, CTS_BITS_OR, sections);
     cts_bits_combine(whole, CTS_BITS_NOT, whole);
-    if (!(st = cts_components_find(&air, whole, false, err)))
+    if (!(st = cts_components_find(&air, whole, CTS_CONNECTED_IN_SLICE, err)))
         st = cts_alloc_zeroed(&outside, air.n_parts + 1, err);
     for (uint32_t p = 0; !st && p < air.n_parts; p++)
-        outside[p] = air.parts[p].lo[0] == 0 || air.parts[p].lo[1] == 0 || air.parts[p].hi[0] == dims[0] - 1 ||
-                     air.parts[p].hi[1] == dims[1] - 1;
+        outside[p] = cts_component_at_border(&air, p, 2);
     if (!st) {
         cts_components_paint(&air, outside, whole);
         cts_bits_combine(whole, CTS_BITS_NOT, whole);

@@ -5,6 +5,7 @@
 
 #include "base/bits.h"
 #include "core/model/body_mask.h"
+#include "core/volume/components.h"
 #include "ctsplat/volume.h"
 
 /* A volume as sections across the scanner's axis, from head to feet: voxels denser than air, one bit per voxel, several
@@ -71,44 +72,6 @@ void cts_thin_rows(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitR
 /* One of these functions applied to all sections, which may be changed in place. */
 void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
                       CtsBits *out);
-
-/* Connected parts of a bit mask: voxels that share a face are connected. */
-
-/* Voxels first <= i < end of one row, all set, as long as possible. */
-typedef struct CtsRun {
-    uint32_t first, end;
-    uint32_t part; /* index into CtsComponents.parts */
-} CtsRun;
-
-typedef struct CtsComponent {
-    uint64_t n_voxels;
-    int lo[3], hi[3]; /* the box of its voxels, hi included */
-} CtsComponent;
-
-/* Runs in order of rows, k * dims[1] + j; the runs of row r are row_start[r] <= n < row_start[r + 1]. Parts are in
- * order of their first run. */
-typedef struct CtsComponents {
-    int dims[3];
-    CtsRun *runs;
-    uint32_t *row_start;
-    uint32_t n_runs;
-    CtsComponent *parts;
-    uint32_t n_parts;
-} CtsComponents;
-
-/* A zero-initialised CtsComponents may be freed; finding frees the previous contents. across_slices false: voxels of
- * different slices are never connected. */
-CtsStatus cts_components_find(CtsComponents *parts, const CtsBits *bits, bool across_slices, CtsError *err);
-void cts_components_free(CtsComponents *parts);
-
-/* For each part, the number of its voxels that are set in bits; free with cts_free(). */
-CtsStatus cts_components_count_in(const CtsComponents *parts, const CtsBits *bits, uint64_t **count, CtsError *err);
-
-/* Sets the bits of the parts whose flag is set; all other bits become 0. */
-void cts_components_paint(const CtsComponents *parts, const uint8_t *flags, CtsBits *bits);
-/* The same for slice k alone, where other bits become those of `under` (NULL: 0). */
-void cts_components_paint_slice(const CtsComponents *parts, const uint8_t *flags, int k, const CtsBits *under,
-                                CtsBits *slice);
 
 /* Extruded structures along the scanner's axis: constant thin cross-sections. */
 

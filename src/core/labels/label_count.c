@@ -153,7 +153,7 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
         CtsLabel *const l = &labels->items[i];
         count_label_voxels(l, &labels->grid);
         l->fact.in_air = l->fact.air_share > AIR_SHARE && !may_hold_air(l);
-        l->fact.parts = cts_label_components(l, labels->grid.rows, &st, err);
+        l->fact.parts = cts_label_components(l, &labels->grid, &st, err);
     }
     if (!st && labels->n > 1)
         st = count_overlap(labels, err);

@@ -1,10 +1,10 @@
 /* The filling outside a scan: one value that padding, rotating or masking has put there. */
 #include "ctsplat/series.h"
 
-#include "base/bits.h"
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "base/parallel.h"
+#include "core/volume/components.h"
+#include "core/volume/threshold.h"
 #include "core/volume/volume_new.h"
 #include "input/load/load.h"
 #include <math.h>
@@ -77,85 +77,34 @@ bool cts_scanned_find_fill(const CtsScanned *s, double *hu)
     return fill;
 }
 
-/* Voxels of the fill's value, and those of them that are connected to the border so far. */
-typedef struct Flood {
-    const uint16_t *slices;
-    uint16_t level;
-    CtsBits equal, reached;
-} Flood;
-
-static void find_equal(void *context, int worker, size_t first, size_t end)
+/* Sets the voxels of a level. */
+static CtsStatus find_equal(const uint16_t *slices, uint16_t level, int n_threads, CtsBits *equal, CtsError *err)
 {
-    const Flood *const f = context;
-    const int nx = f->equal.dims[0], ny = f->equal.dims[1];
-    (void)worker;
-    for (int k = (int)first; k < (int)end; k++)
-        for (int j = 0; j < ny; j++) {
-            const uint16_t *const row = f->slices + ((size_t)k * (size_t)ny + (size_t)j) * (size_t)nx;
-            uint64_t *const bits = cts_bits_row(&f->equal, j, k);
-            for (int i = 0; i < nx; i++)
-                bits[i >> 6] |= (uint64_t)(row[i] == f->level) << (i & 63);
-        }
+    CtsBits above = {0};
+    const CtsStatus st = level < UINT16_MAX ? cts_bits_new(&above, equal->dims, err) : CTS_OK;
+    cts_bits_threshold(equal, slices, level, n_threads);
+    if (!st && level < UINT16_MAX) {
+        cts_bits_threshold(&above, slices, (uint16_t)(level + 1), n_threads);
+        cts_bits_combine(equal, CTS_BITS_AND_NOT, &above);
+    }
+    cts_bits_free(&above);
+    return st;
 }
 
-/* Spreads reached bits of one word over its runs of equal voxels, in both directions. */
-static uint64_t spread(uint64_t reached, uint64_t equal)
+/* Leaves those that are connected to the border. */
+static CtsStatus keep_at_border(CtsBits *bits, CtsError *err)
 {
-    uint64_t up = equal, down = equal;
-    for (int n = 1; n < 64; n *= 2) {
-        reached |= (up & reached << n) | (down & reached >> n);
-        up &= up << n;
-        down &= down >> n;
+    CtsComponents parts = {0};
+    uint8_t *at_border = NULL;
+    CtsStatus st = cts_components_find(&parts, bits, CTS_CONNECTED_BY_FACES, err);
+    if (!st && !(st = cts_alloc_array(&at_border, parts.n_parts, err))) {
+        for (uint32_t p = 0; p < parts.n_parts; p++)
+            at_border[p] = cts_component_at_border(&parts, p, 3);
+        cts_components_paint(&parts, at_border, bits);
     }
-    return reached;
-}
-
-/* One row: marks voxels next to reached ones in the adjacent rows, and their runs. Returns whether the row has
- * grown. */
-static bool grow_row(const Flood *f, int j, int k)
-{
-    const int last_j = f->equal.dims[1] - 1, last_k = f->equal.dims[2] - 1, n_words = (int)f->equal.row_words;
-    const uint64_t *const equal = cts_bits_row(&f->equal, j, k);
-    const uint64_t *const beside[4] = {
-        cts_bits_row(&f->reached, j > 0 ? j - 1 : j, k), cts_bits_row(&f->reached, j < last_j ? j + 1 : j, k),
-        cts_bits_row(&f->reached, j, k > 0 ? k - 1 : k), cts_bits_row(&f->reached, j, k < last_k ? k + 1 : k)};
-    uint64_t *const reached = cts_bits_row(&f->reached, j, k);
-    uint64_t grown = 0;
-    for (int w = 0; w < n_words; w++) {
-        const uint64_t before = reached[w], carry = w ? reached[w - 1] >> 63 : 0;
-        const uint64_t touched = before | carry | beside[0][w] | beside[1][w] | beside[2][w] | beside[3][w];
-        reached[w] = spread(touched & equal[w], equal[w]);
-        grown |= reached[w] ^ before;
-    }
-    for (int w = n_words - 2; w >= 0; w--) {
-        const uint64_t before = reached[w];
-        reached[w] = spread((before | reached[w + 1] << 63) & equal[w], equal[w]);
-        grown |= reached[w] ^ before;
-    }
-    return grown;
-}
-
-/* Forward and backward over all rows until nothing grows. */
-static void flood(const Flood *f)
-{
-    const int nx = f->equal.dims[0], ny = f->equal.dims[1], nz = f->equal.dims[2];
-    for (int k = 0; k < nz; k++)
-        for (int j = 0; j < ny; j++) {
-            const uint64_t *const equal = cts_bits_row(&f->equal, j, k);
-            uint64_t *const reached = cts_bits_row(&f->reached, j, k);
-            const bool all = j == 0 || j == ny - 1 || k == 0 || k == nz - 1;
-            for (size_t w = 0; w < f->equal.row_words; w++)
-                reached[w] = all ? equal[w] : 0;
-            reached[0] |= equal[0] & 1;
-            reached[(nx - 1) >> 6] |= equal[(nx - 1) >> 6] & UINT64_C(1) << ((nx - 1) & 63);
-        }
-    for (bool grown = true; grown;) {
-        grown = false;
-        for (int row = 0; row < ny * nz; row++)
-            grown |= grow_row(f, row % ny, row / ny);
-        for (int row = ny * nz - 1; row >= 0 && grown; row--)
-            grow_row(f, row % ny, row / ny);
-    }
+    cts_free(&at_border);
+    cts_components_free(&parts);
+    return st;
 }
 
 CtsStatus cts_scanned_clear_fill(CtsScanned *s, double hu, int n_threads, uint64_t *n_cleared, CtsError *err)
@@ -163,27 +112,23 @@ CtsStatus cts_scanned_clear_fill(CtsScanned *s, double hu, int n_threads, uint64
     const CtsVolume *const v = s->even;
     const int dims[3] = {v->dims[0], v->dims[1], s->n_slices};
     const double level = floor((hu - v->hu_offset) / v->hu_step + 0.5);
-    Flood f = {.slices = slice_of(s, 0)};
+    CtsBits fill = {0};
     CtsStatus st;
     *n_cleared = 0;
     if (!(level >= 1 && level <= UINT16_MAX)) /* 0 is air already */
         return CTS_OK;
-    f.level = (uint16_t)level;
-    if (!(st = cts_bits_new(&f.equal, dims, err)) && !(st = cts_bits_new_unset(&f.reached, dims, err))) {
-        cts_parallel(cts_threads(n_threads), (size_t)s->n_slices, 0, find_equal, &f);
-        flood(&f);
+    if (!(st = cts_bits_new(&fill, dims, err)) &&
+        !(st = find_equal(slice_of(s, 0), (uint16_t)level, cts_threads(n_threads), &fill, err)) &&
+        !(st = keep_at_border(&fill, err))) {
         uint16_t *grey = v->grey + (size_t)s->offset * cts_scanned_layer_voxels(s);
         for (int k = 0; k < dims[2]; k++)
-            for (int j = 0; j < dims[1]; j++, grey += dims[0]) {
-                const uint64_t *const row = cts_bits_row(&f.reached, j, k);
-                for (int w = 0; w < (int)f.reached.row_words; w++)
-                    for (uint64_t bits = row[w]; bits; bits &= bits - 1)
+            for (int j = 0; j < dims[1]; j++, grey += dims[0])
+                for (int w = 0; w < (int)fill.row_words; w++)
+                    for (uint64_t bits = cts_bits_row(&fill, j, k)[w]; bits; bits &= bits - 1)
                         grey[64 * w + __builtin_ctzll(bits)] = 0;
-            }
-        *n_cleared = cts_bits_count(&f.reached);
+        *n_cleared = cts_bits_count(&fill);
     }
-    cts_bits_free(&f.equal);
-    cts_bits_free(&f.reached);
+    cts_bits_free(&fill);
     return st;
 }
 

@@ -1,6 +1,7 @@
 #include "input/load/outliers.h"
 
 #include "base/mem.h"
+#include "core/volume/components.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -45,59 +46,30 @@ CtsStatus cts_outliers_take(CtsOutliers *o, size_t voxel, double hu, CtsError *e
     return CTS_OK;
 }
 
-static int by_size(const void *a, const void *b)
-{
-    const size_t x = *(const size_t *)a, y = *(const size_t *)b;
-    return (x > y) - (x < y);
-}
-
-static size_t root_of_outlier(size_t *parent, size_t n)
-{
-    while (parent[n] != n)
-        n = parent[n] = parent[parent[n]];
-    return n;
-}
-
-/* Joins voxel n with its neighbour at (i, j, k), if that is an outlier too. */
-static void join_outlier(const CtsOutliers *o, const int dims[3], int i, int j, int k, size_t n, size_t *parent)
-{
-    if (i < 0 || j < 0 || k < 0 || i >= dims[0] || j >= dims[1] || k >= dims[2])
-        return;
-    const size_t voxel = ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0] + (size_t)i;
-    const size_t *const found = bsearch(&voxel, o->voxels, n, sizeof voxel, by_size);
-    if (found)
-        parent[root_of_outlier(parent, (size_t)(found - o->voxels))] = root_of_outlier(parent, n);
-}
-
 /* The number of voxels of the largest 26-connected part. */
-static CtsStatus largest_part(const CtsOutliers *o, const int dims[3], size_t *largest, CtsError *err)
+static CtsStatus largest_part(const CtsOutliers *o, const int dims[3], uint64_t *largest, CtsError *err)
 {
-    size_t *parent = NULL, *count = NULL;
-    CtsStatus st = cts_alloc_array(&parent, o->n, err);
-    if (!st)
-        st = cts_alloc_zeroed(&count, o->n, err);
+    CtsBits bits = {0};
+    CtsComponents parts = {0};
     const size_t nx = (size_t)dims[0], ny = (size_t)dims[1];
-    for (size_t n = 0; !st && n < o->n; n++) {
-        const int i = (int)(o->voxels[n] % nx), j = (int)(o->voxels[n] / nx % ny), k = (int)(o->voxels[n] / nx / ny);
-        parent[n] = n;
-        for (int by = 0; by < 13; by++) /* the half of the 26 neighbours that precede it */
-            join_outlier(o, dims, i + by % 3 - 1, j + by / 3 % 3 - 1, k + by / 9 - 1, n, parent);
-    }
+    CtsStatus st = cts_bits_new(&bits, dims, err);
+    for (size_t n = 0; !st && n < o->n; n++)
+        cts_bits_set(&bits, (int)(o->voxels[n] % nx), (int)(o->voxels[n] / nx % ny), (int)(o->voxels[n] / nx / ny));
+    if (!st)
+        st = cts_components_find(&parts, &bits, CTS_CONNECTED_BY_CORNERS, err);
     *largest = 0;
-    for (size_t n = 0; !st && n < o->n; n++) {
-        const size_t size = ++count[root_of_outlier(parent, n)];
-        *largest = size > *largest ? size : *largest;
-    }
-    cts_free(&parent);
-    cts_free(&count);
+    for (uint32_t p = 0; p < parts.n_parts; p++)
+        *largest = parts.parts[p].n_voxels > *largest ? parts.parts[p].n_voxels : *largest;
+    cts_components_free(&parts);
+    cts_bits_free(&bits);
     return st;
 }
 
 CtsStatus cts_outliers_check(const CtsOutliers *o, const int dims[3], CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    size_t largest = 0;
-    if (o->n <= o->most && (st = largest_part(o, dims, &largest, err)))
+    uint64_t largest = 0;
+    if (o->n && o->n <= o->most && (st = largest_part(o, dims, &largest, err)))
         return st;
     if (o->n > o->most || largest > LARGEST_PART)
         return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", o->low, o->high);

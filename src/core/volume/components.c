@@ -1,4 +1,4 @@
-#include "core/couch/table_removal.h"
+#include "core/volume/components.h"
 
 #include "base/mem.h"
 #include <string.h>
@@ -36,13 +36,14 @@ static uint32_t root_of_run(CtsRun *runs, uint32_t n)
     return n;
 }
 
-static void join_rows(CtsComponents *p, size_t row_a, size_t row_b)
+/* reach: 1 if runs that end where others begin are connected, by an edge or a corner; else 0. */
+static void join_rows(CtsComponents *p, size_t row_a, size_t row_b, uint32_t reach)
 {
     uint32_t a = p->row_start[row_a], b = p->row_start[row_b];
     const uint32_t end_a = p->row_start[row_a + 1], end_b = p->row_start[row_b + 1];
     while (a < end_a && b < end_b) {
         /* Most adjacent runs are already joined, which is visible without searching their roots. */
-        if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end &&
+        if (p->runs[a].first < p->runs[b].end + reach && p->runs[b].first < p->runs[a].end + reach &&
             p->runs[a].part != p->runs[b].part) {
             const uint32_t ra = root_of_run(p->runs, a), rb = root_of_run(p->runs, b);
             if (ra < rb)
@@ -117,18 +118,29 @@ static CtsStatus number_components(CtsComponents *p, CtsError *err)
     return st;
 }
 
-CtsStatus cts_components_find(CtsComponents *p, const CtsBits *bits, bool across_slices, CtsError *err)
+CtsStatus cts_components_join(CtsComponents *p, CtsConnection connection, CtsError *err)
 {
-    const size_t ny = (size_t)bits->dims[1];
-    CtsStatus st = list_runs(p, bits, err);
-    for (size_t k = 0, row = 0; k < (size_t)bits->dims[2] && !st; k++)
+    const size_t ny = (size_t)p->dims[1];
+    const uint32_t reach = connection == CTS_CONNECTED_BY_CORNERS;
+    for (size_t k = 0, row = 0; k < (size_t)p->dims[2]; k++)
         for (size_t j = 0; j < ny; j++, row++) {
             if (j > 0)
-                join_rows(p, row - 1, row);
-            if (k > 0 && across_slices)
-                join_rows(p, row - ny, row);
+                join_rows(p, row - 1, row, reach);
+            if (k == 0 || connection == CTS_CONNECTED_IN_SLICE)
+                continue;
+            join_rows(p, row - ny, row, reach);
+            if (reach && j > 0)
+                join_rows(p, row - ny - 1, row, reach);
+            if (reach && j + 1 < ny)
+                join_rows(p, row - ny + 1, row, reach);
         }
-    if (st || (st = number_components(p, err)))
+    return number_components(p, err);
+}
+
+CtsStatus cts_components_find(CtsComponents *p, const CtsBits *bits, CtsConnection connection, CtsError *err)
+{
+    CtsStatus st = list_runs(p, bits, err);
+    if (st || (st = cts_components_join(p, connection, err)))
         cts_components_free(p);
     return st;
 }
