@@ -191,14 +191,13 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *search, CtsArchiveCounts *c
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
 /* The scanned slices of a series with their positions. Constant after reading; cts_scanned_volume() makes volumes for
- * pictures. Slice k's voxels are at grey[(offset + k) * columns * rows] of `even`, as in a volume. */
+ * pictures. Slice k's voxels are at grey[k * columns * rows] of `even`. */
 typedef struct CtsScanned {
     int n_slices;
     int *number;               /* n_slices: which of the series' slices each is; damaged ones are left out */
     double (*position_lps)[3]; /* the centre of each slice's first voxel */
     double *layer;             /* position of each slice, in layers of `even`; NULL: slice k is layer k */
     CtsVolume *even;           /* place, size and HU of the evenly spaced volume; its grey may be handed over: NULL */
-    int offset, n_slots;       /* grey has room for n_slots slices, and slice 0 is number `offset` of them */
 } CtsScanned;
 
 /* Observer of the reading of slices. take (may be NULL) gets the stored values: called for words first <= n < end of
@@ -251,13 +250,13 @@ CtsStatus cts_scanned_of_hu(const CtsHuArray *given, int n_threads, CtsScanned *
 
 /* Evenly spaced layers, as a volume of its own, interpolated like cts_volume_interpolate() where slices are unevenly
  * spaced. Adds to *made. hand_over: no other volume will be made of it; the slices' own memory becomes the volume, and
- * scanned keeps only their positions. */
+ * scanned keeps only their positions. Layers of unevenly spaced slices need memory beside the slices' in any case. */
 CtsStatus cts_scanned_volume(CtsScanned *scanned, CtsInterpolation how, bool hand_over, int n_threads,
                              CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err);
 
 /* Slices that are unevenly spaced (scanned->layer) and not handed over, as linear layers. */
 CtsLinearLayers cts_scanned_linear_layers(const CtsScanned *scanned);
-/* Of such slices, voxels low[] to high[], inclusive, of a volume by shapes or cubics: low[] is even; the others are
+/* Of such slices, voxels low[] to high[], inclusive, of a volume: low[] is even; the others are
  * counted as air. last: the memory of the slices is freed. */
 CtsStatus cts_scanned_box(CtsScanned *scanned, CtsInterpolation how, const int low[3], const int high[3], bool last,
                           int n_threads, CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err);

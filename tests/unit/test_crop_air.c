@@ -108,12 +108,12 @@ enum { N_SLICES = 12, N_LAYERS = 38 };
 
 static CtsScanned scan_of_trunk(double layer[N_SLICES])
 {
-    CtsScanned scanned = {.n_slices = N_SLICES, .layer = layer, .offset = N_LAYERS - N_SLICES, .n_slots = N_LAYERS};
+    CtsScanned scanned = {.n_slices = N_SLICES, .layer = layer};
     CtsError err = {0};
     assert_int_equal(cts_volume_new(&scanned.even, NX, NY, N_LAYERS, &err), CTS_OK);
     for (int a = 0; a < 3; a++)
         scanned.even->step_lps[a][a] = a < 2 ? STEP_MM : SLICE_MM;
-    uint16_t *to = scanned.even->grey + (size_t)scanned.offset * NX * NY;
+    uint16_t *to = scanned.even->grey;
     for (int k = 0; k < N_SLICES; k++) {
         layer[k] = k + 1 < N_SLICES ? 3.4 * k - 0.3 * (k % 3) : N_LAYERS - 1;
         for (int j = 0; j < NY; j++)

@@ -1,8 +1,7 @@
-/* An uneven stack becomes an even one in its own memory. */
+/* An uneven stack becomes an even one. */
 #include "core/volume/linear_layers.h"
 #include "core/volume/shape_interpolation.h"
 #include "core/volume/threshold.h"
-#include "input/load/load.h"
 #include "unit.h"
 #include <math.h>
 #include <stdbool.h>
@@ -10,38 +9,59 @@
 #include <string.h>
 
 /* Slices of a field that is linear along the stack must give that field at every layer; voxels in a layer differ, and
- * so do neighbours, so that a slice overwritten too early shows. */
+ * so do neighbours, so that a wrong slice shows. */
 static double field(double layer, size_t voxel)
 {
     return 100 + 40 * layer + (double)(voxel % 97) * 3;
 }
 
-static void check_stack_by(const double *layer, int n_slices, int n_layers, size_t voxels, int threads, bool linear)
+/* Positions of slices in layers. */
+typedef struct Stack {
+    const double *layer;
+    int n_slices, n_layers;
+    size_t voxels; /* of a layer */
+} Stack;
+
+static void resample(const Stack *s, const uint16_t *slices, uint16_t *layers, CtsInterpolation how, int threads)
 {
-    const int offset = cts_resample_offset(layer, n_slices, n_layers);
-    const int slots = offset + n_slices > n_layers ? offset + n_slices : n_layers;
-    uint16_t *grey = malloc((size_t)slots * voxels * sizeof *grey);
-    assert_non_null(grey);
-    memset(grey, 0xEE, (size_t)slots * voxels * sizeof *grey);
-    for (int i = 0; i < n_slices; i++)
-        for (size_t v = 0; v < voxels; v++)
-            grey[(size_t)(offset + i) * voxels + v] = (uint16_t)lround(field(layer[i], v));
-    const CtsResampling resampling = {voxels, layer, n_slices, n_layers, offset, linear};
-    cts_resample_stack(grey, &resampling, threads);
-    for (int j = 0; j < n_layers; j++)
-        for (size_t v = 0; v < voxels; v++)
-            if (fabs(grey[(size_t)j * voxels + v] - field(j, v)) > 1.01)
-                fail_msg("layer %d of %d, voxel %zu: %d, not %g", j, n_layers, v, grey[(size_t)j * voxels + v],
+    CtsInterpolationCounts made = {0};
+    cts_shape_interpolate_layers(&(CtsShapeStack){.slices = slices,
+                                                  .layers = layers,
+                                                  .n_columns = (int)s->voxels,
+                                                  .n_rows = 1,
+                                                  .n_slices = s->n_slices,
+                                                  .end = {(int)s->voxels, 1, s->n_layers},
+                                                  .layer = s->layer,
+                                                  .n_parts = 1,
+                                                  .scale = &(CtsVolume){.hu_step = 1}},
+                                 how, threads, &made);
+}
+
+static void check_stack_by(const Stack *s, CtsInterpolation how, int threads)
+{
+    uint16_t *slices = malloc((size_t)s->n_slices * s->voxels * sizeof *slices);
+    uint16_t *layers = malloc((size_t)s->n_layers * s->voxels * sizeof *layers);
+    assert_true(slices && layers);
+    memset(layers, 0xEE, (size_t)s->n_layers * s->voxels * sizeof *layers);
+    for (int i = 0; i < s->n_slices; i++)
+        for (size_t v = 0; v < s->voxels; v++)
+            slices[(size_t)i * s->voxels + v] = (uint16_t)lround(field(s->layer[i], v));
+    resample(s, slices, layers, how, threads);
+    for (int j = 0; j < s->n_layers; j++)
+        for (size_t v = 0; v < s->voxels; v++)
+            if (fabs(layers[(size_t)j * s->voxels + v] - field(j, v)) > 1.01)
+                fail_msg("layer %d of %d, voxel %zu: %d, not %g", j, s->n_layers, v, layers[(size_t)j * s->voxels + v],
                          field(j, v));
-    assert_true(slots <= n_layers + n_slices + 1);
-    free(grey);
+    free(slices);
+    free(layers);
 }
 
 /* A straight line is one for cubics too. */
 static void check_stack(const double *layer, int n_slices, int n_layers, size_t voxels, int threads)
 {
-    check_stack_by(layer, n_slices, n_layers, voxels, threads, true);
-    check_stack_by(layer, n_slices, n_layers, voxels, threads, false);
+    const Stack stack = {layer, n_slices, n_layers, voxels};
+    check_stack_by(&stack, CTS_INTERPOLATION_LINEAR, threads);
+    check_stack_by(&stack, CTS_INTERPOLATION_CUBIC, threads);
 }
 
 static void test_linear_field(void **state)
@@ -60,34 +80,11 @@ static void test_linear_field(void **state)
     }
 }
 
-/* Slices elsewhere give the same layers as slices in the memory of the layers. */
-static void check_elsewhere(const CtsResampling *r, const uint16_t *slices, const uint16_t *expected)
-{
-    uint16_t *layers = calloc((size_t)r->n_layers * r->layer_voxels, sizeof *layers);
-    CtsInterpolationCounts made = {0};
-    assert_non_null(layers);
-    cts_shape_interpolate_layers(&(CtsShapeStack){.slices = slices,
-                                                  .layers = layers,
-                                                  .n_columns = (int)r->layer_voxels,
-                                                  .n_rows = 1,
-                                                  .n_slices = r->n_slices,
-                                                  .end = {(int)r->layer_voxels, 1, r->n_layers},
-                                                  .layer = r->layer,
-                                                  .n_parts = 1,
-                                                  .scale = &(CtsVolume){.hu_step = 1}},
-                                 CTS_INTERPOLATION_CUBIC, 3, &made);
-    for (size_t i = 0; i < (size_t)r->n_layers * r->layer_voxels; i++)
-        if (layers[i] != expected[i])
-            fail_msg("layer %zu of %d, voxel %zu: %d, expected %d, of %d slices", i / r->layer_voxels, r->n_layers,
-                     i % r->layer_voxels, layers[i], expected[i], r->n_slices);
-    free(layers);
-}
-
 /* Bits of layers that are not stored are those of stored ones. */
-static void check_bits(const CtsResampling *r, const uint16_t *slices, const uint16_t *layers)
+static void check_bits(const Stack *r, const uint16_t *slices, const uint16_t *layers)
 {
     const CtsLinearLayers linear = {slices, r->n_slices, r->layer};
-    const int dims[3] = {(int)r->layer_voxels, 1, r->n_layers};
+    const int dims[3] = {(int)r->voxels, 1, r->n_layers};
     CtsBits stored = {0}, read = {0};
     CtsError err;
     uint64_t n_runs;
@@ -99,8 +96,8 @@ static void check_bits(const CtsResampling *r, const uint16_t *slices, const uin
     assert_memory_equal(read.words, stored.words, cts_bits_n_words(&read) * sizeof *read.words);
     for (int k = 0; k < r->n_layers; k++) {
         uint16_t made[3];
-        const CtsLinearLayer layer = cts_linear_layer(&linear, r->layer_voxels, k);
-        const size_t at = (size_t)k * r->layer_voxels + 7;
+        const CtsLinearLayer layer = cts_linear_layer(&linear, r->voxels, k);
+        const size_t at = (size_t)k * r->voxels + 7;
         assert_memory_equal(cts_linear_layer_row(&layer, 7, 3, made), layers + at, sizeof made);
     }
     cts_bits_free(&stored);
@@ -111,20 +108,15 @@ static void check_bits(const CtsResampling *r, const uint16_t *slices, const uin
 static void check_range(const double *layer, int n_slices, int n_layers)
 {
     enum { VOXELS = 133 };
-    const int offset = cts_resample_offset(layer, n_slices, n_layers);
-    uint16_t *grey = malloc((size_t)(offset + n_slices + n_layers) * VOXELS * sizeof *grey);
+    const Stack stack = {layer, n_slices, n_layers, VOXELS};
+    uint16_t *grey = malloc((size_t)n_layers * VOXELS * sizeof *grey);
     uint16_t *slices = malloc((size_t)n_slices * VOXELS * sizeof *slices);
     assert_true(grey && slices);
     for (int i = 0; i < n_slices * VOXELS; i++)
         slices[i] = (uint16_t)(rand() % 4 ? rand() & 0xffff : 65535 * (rand() & 1));
-    memcpy(grey + offset * VOXELS, slices, (size_t)n_slices * VOXELS * sizeof *grey);
-    const CtsResampling lines = {VOXELS, layer, n_slices, n_layers, offset, true};
-    cts_resample_stack(grey, &lines, 1);
-    check_bits(&lines, slices, grey);
-    memcpy(grey + offset * VOXELS, slices, (size_t)n_slices * VOXELS * sizeof *grey);
-    const CtsResampling resampling = {VOXELS, layer, n_slices, n_layers, offset, false};
-    cts_resample_stack(grey, &resampling, 1);
-    check_elsewhere(&resampling, slices, grey);
+    resample(&stack, slices, grey, CTS_INTERPOLATION_LINEAR, 1);
+    check_bits(&stack, slices, grey);
+    resample(&stack, slices, grey, CTS_INTERPOLATION_CUBIC, 3);
     for (int j = 0, below = 0; j < n_layers; j++) {
         while (below + 2 < n_slices && layer[below + 1] <= j)
             below++;
@@ -149,7 +141,7 @@ static void test_random_stacks(void **state)
         for (int i = 1; i < n; i++)
             layer[i] *= (n_layers - 1) / layer[n - 1];
         layer[n - 1] = n_layers - 1;
-        check_stack_by(layer, n, n_layers, 40, 1, true);
+        check_stack_by(&(Stack){layer, n, n_layers, 40}, CTS_INTERPOLATION_LINEAR, 1);
         check_range(layer, n, n_layers);
     }
 }
@@ -158,13 +150,9 @@ static void test_random_stacks(void **state)
 static void test_kept_slices(void **state)
 {
     const double layer[] = {0, 1, 3};
-    uint16_t grey[6 * 3];
-    const int offset = cts_resample_offset(layer, 3, 4);
-    assert_int_equal(offset, 2);
+    uint16_t grey[4 * 3];
     const uint16_t slices[3][3] = {{1, 65535, 0}, {7, 8, 9}, {11, 65535, 4}};
-    memcpy(grey + 3 * offset, slices, sizeof slices);
-    const CtsResampling resampling = {3, layer, 3, 4, offset, true};
-    cts_resample_stack(grey, &resampling, 1);
+    resample(&(Stack){layer, 3, 4, 3}, slices[0], grey, CTS_INTERPOLATION_LINEAR, 1);
     const uint16_t wanted[4][3] = {{1, 65535, 0}, {7, 8, 9}, {9, 32772, 7}, {11, 65535, 4}};
     assert_memory_equal(grey, wanted, sizeof wanted);
 }

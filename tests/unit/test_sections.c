@@ -18,7 +18,7 @@ static CtsPicture *draw(CtsLabel *labels, size_t n, bool sagittal)
                       .step_lps = {{2, 0, 0}, {0, 2, 0}, {0, 0, 4}}};
     if (sagittal)
         memcpy(even.step_lps, (double[3][3]){{0, 2, 0}, {0, 0, -2}, {4, 0, 0}}, sizeof even.step_lps);
-    const CtsScanned scanned = {.n_slices = NZ, .even = &even, .n_slots = NZ};
+    const CtsScanned scanned = {.n_slices = NZ, .even = &even};
     const CtsLabels all = {.items = labels, .n = n, .counted = true};
     CtsPicture *picture = NULL;
     memset(grey, 0, sizeof grey);

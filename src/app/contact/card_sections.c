@@ -81,7 +81,7 @@ static bool voxel_of_pixel(const Drawing *d, const Plane *plane, int x, int y, d
 static double scanned_value(const Drawing *d, int i, int j, int k)
 {
     const CtsVolume *const v = d->scanned->even;
-    const size_t row = (size_t)(d->scanned->offset + k) * (size_t)d->dims[1] + (size_t)j;
+    const size_t row = (size_t)k * (size_t)d->dims[1] + (size_t)j;
     return v->hu_offset + v->hu_step * v->grey[row * (size_t)d->dims[0] + (size_t)i];
 }
 

@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "core/volume/linear_layers.h"
 #include "core/volume/shape_move.h"
 #include "core/volume/slice_interpolation.h"
 #include <assert.h>
@@ -43,6 +44,7 @@ typedef struct Shaping {
     int n_blocks[2];
     uint16_t level[N_SURFACES];
     float alike, edges; /* grey levels */
+    bool is_linear;
     cts_shape_reach_fn reach;
     cts_shape_find_fn find;
     cts_shape_write_fn write;
@@ -485,10 +487,12 @@ static void blend_gap(const Shaping *s, int gap, const RowGroup *r)
             const size_t at = r->from + row * r->stride_from;
             const uint16_t *const slices[4] = {of[0] + at, of[1] + at, of[2] + at, of[3] + at};
             uint16_t *const to = stored_layer(t, j) + r->to + row * r->stride_to;
-            if (!is_copy)
-                cts_slice_interpolation_row(to, slices, (int)r->n, &weights);
-            else if (to != slices[1])
+            if (is_copy && to != slices[1])
                 memcpy(to, slices[1], r->n * sizeof *to);
+            else if (!is_copy && s->is_linear)
+                cts_slice_blend_row(to, slices[1], slices[2], r->n, (float)((j - from) / here));
+            else if (!is_copy)
+                cts_slice_interpolation_row(to, slices, (int)r->n, &weights);
         }
     }
 }
@@ -553,7 +557,9 @@ void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation h
     enum { AT_ONCE = 8 };
     const unsigned cpu = cts_cpu_flags();
     const int threads = cts_threads(n_threads);
-    Shaping s = {.stack = stack, .n_blocks = {(stack->n_columns + 1) / BLOCK, (stack->n_rows + 1) / BLOCK}};
+    Shaping s = {.stack = stack,
+                 .n_blocks = {(stack->n_columns + 1) / BLOCK, (stack->n_rows + 1) / BLOCK},
+                 .is_linear = how == CTS_INTERPOLATION_LINEAR};
     for (int l = 0; l < N_SURFACES; l++)
         s.level[l] = level_of_hu(stack->scale, SURFACE_HU[l]);
     const double levels_of_one_hu = value_of_one_hu(stack->scale) / stack->scale->hu_step;

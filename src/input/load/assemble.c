@@ -500,7 +500,7 @@ static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSlice
     return st;
 }
 
-static CtsStatus fill_even_slices(const Loading *in, int offset, CtsVolume *v, CtsReport *report, CtsError *err)
+static CtsStatus fill_volume(const Loading *in, CtsVolume *v, CtsReport *report, CtsError *err)
 {
     const int n_threads = in->n_threads;
     Assembly a = {.slices = in->slices,
@@ -512,7 +512,7 @@ static CtsStatus fill_even_slices(const Loading *in, int offset, CtsVolume *v, C
     const bool is_hu = v->quantity == CTS_QUANTITY_HU;
     double rounding = 0;
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
-    a.first = v->grey + (size_t)offset * a.layer_voxels;
+    a.first = v->grey;
     a.whole_numbers = is_hu;
     for (int k = 0; k < a.n_slices; k++)
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
@@ -564,7 +564,7 @@ static CtsStatus in_series(const CtsSeries *series, CtsError *err)
 }
 
 /* Stores the slices' positions with the scanned volume. */
-static CtsStatus place_slices(CtsScanned *scanned, const Loading *in, CtsSliceStack *stack, CtsError *err)
+static CtsStatus place_slices(CtsScanned *scanned, const Loading *in, const CtsSliceStack *stack, CtsError *err)
 {
     CtsStatus st = cts_alloc_array(&scanned->position_lps, (size_t)in->n_slices, err);
     if (!st)
@@ -574,11 +574,8 @@ static CtsStatus place_slices(CtsScanned *scanned, const Loading *in, CtsSliceSt
     for (int k = 0; !st && k < in->n_slices; k++)
         memcpy(scanned->position_lps[k], in->slices[k].position_lps, sizeof *scanned->position_lps);
     scanned->n_slices = in->n_slices;
-    if (stack->kind != CTS_STACK_EVEN) {
-        scanned->layer = stack->layer;
-        stack->layer = NULL;
-        scanned->offset = cts_resample_offset(scanned->layer, in->n_slices, stack->n_layers);
-    }
+    if (!st && stack->kind != CTS_STACK_EVEN && !(st = cts_alloc_array(&scanned->layer, (size_t)in->n_slices, err)))
+        memcpy(scanned->layer, stack->layer, (size_t)in->n_slices * sizeof *scanned->layer);
     return st;
 }
 
@@ -591,11 +588,8 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     if (st || (st = plan_stack(series, in, &stack, report, err)) || (st = place_slices(*scanned, in, &stack, err)))
         goto end;
     const bool even = stack.kind == CTS_STACK_EVEN;
-    const int offset = (*scanned)->offset;
-    const int n_slots = even || offset + in->n_slices < stack.n_layers ? stack.n_layers : offset + in->n_slices;
-    (*scanned)->n_slots = n_slots;
-    if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
-        (st = cts_volume_new_unset(&(*scanned)->even, series->columns, series->rows, n_slots, err)))
+    if ((st = check_memory(series->columns, series->rows, in->n_slices + (even ? 0 : stack.n_layers), err)) ||
+        (st = cts_volume_new_unset(&(*scanned)->even, series->columns, series->rows, in->n_slices, err)))
         goto end;
     v = (*scanned)->even;
     v->modality = series->modality_id;
@@ -604,7 +598,7 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     if (!even) /* on average */
         v->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);
     place_volume(v, in->slices, in->n_slices, &stack);
-    st = fill_even_slices(in, offset, v, report, err);
+    st = fill_volume(in, v, report, err);
 end:
     if (st)
         cts_scanned_free(scanned);

@@ -23,7 +23,7 @@ static const double MIN_RANGE_HU = 100;
 
 static const uint16_t *slice_of(const CtsScanned *s, int k)
 {
-    return s->even->grey + (size_t)(s->offset + k) * cts_scanned_layer_voxels(s);
+    return s->even->grey + (size_t)k * cts_scanned_layer_voxels(s);
 }
 
 /* Number of voxels from `at` on, `step` apart, that equal the first, at most n. */
@@ -120,7 +120,7 @@ CtsStatus cts_scanned_clear_fill(CtsScanned *s, double hu, int n_threads, uint64
     if (!(st = cts_bits_new(&fill, dims, err)) &&
         !(st = find_equal(slice_of(s, 0), (uint16_t)level, cts_threads(n_threads), &fill, err)) &&
         !(st = keep_at_border(&fill, err))) {
-        uint16_t *grey = v->grey + (size_t)s->offset * cts_scanned_layer_voxels(s);
+        uint16_t *grey = v->grey;
         for (int k = 0; k < dims[2]; k++)
             for (int j = 0; j < dims[1]; j++, grey += dims[0])
                 for (int w = 0; w < (int)fill.row_words; w++)
@@ -129,37 +129,5 @@ CtsStatus cts_scanned_clear_fill(CtsScanned *s, double hu, int n_threads, uint64
         *n_cleared = cts_bits_count(&fill);
     }
     cts_bits_free(&fill);
-    return st;
-}
-
-CtsStatus cts_scanned_copy(const CtsScanned *s, CtsScanned **copy, CtsError *err)
-{
-    const size_t n = (size_t)s->n_slices,
-                 n_bytes = (size_t)s->n_slots * cts_scanned_layer_voxels(s) * sizeof *s->even->grey;
-    CtsStatus st;
-    *copy = NULL;
-    if (!cts_memory_allows((double)n_bytes, cts_memory_available()))
-        return cts_fail(err, CTS_ERR_MEMORY, "another copy of the slices needs %.0f MiB more memory than is free",
-                        (double)n_bytes / 1048576);
-    if ((st = cts_alloc_zeroed(copy, 1, err)) || (st = cts_alloc_array(&(*copy)->position_lps, n, err)) ||
-        (st = cts_volume_new_like(&(*copy)->even, s->even, s->n_slots, err)))
-        goto end;
-    memcpy((*copy)->position_lps, s->position_lps, n * sizeof *s->position_lps);
-    (*copy)->n_slices = s->n_slices;
-    (*copy)->offset = s->offset;
-    (*copy)->n_slots = s->n_slots;
-    if (s->number && !(st = cts_alloc_array(&(*copy)->number, n, err)))
-        memcpy((*copy)->number, s->number, n * sizeof *s->number);
-    if (!st && s->layer) {
-        if (((*copy)->layer = malloc(n * sizeof *s->layer)))
-            memcpy((*copy)->layer, s->layer, n * sizeof *s->layer);
-        else
-            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
-    const size_t first = (size_t)s->offset * cts_scanned_layer_voxels(s);
-    memcpy((*copy)->even->grey + first, s->even->grey + first, n * cts_scanned_layer_voxels(s) * sizeof *s->even->grey);
-end:
-    if (st)
-        cts_scanned_free(copy);
     return st;
 }

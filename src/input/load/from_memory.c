@@ -310,7 +310,7 @@ static CtsStatus place_array(CtsScanned *s, const CtsBox *b, CtsError *err)
     CtsStatus st = cts_alloc_array(&s->position_lps, (size_t)dims[2], err);
     if (st || (st = cts_volume_new_unset(&s->even, dims[0], dims[1], dims[2], err)))
         return st;
-    s->n_slices = s->n_slots = dims[2];
+    s->n_slices = dims[2];
     memcpy(s->even->origin_lps, b->origin_lps, sizeof b->origin_lps);
     memcpy(s->even->step_lps, b->step_lps, sizeof b->step_lps);
     for (int k = 0; k < dims[2]; k++)

@@ -32,20 +32,3 @@ static inline size_t cts_scanned_layer_voxels(const CtsScanned *s)
 {
     return (size_t)s->even->dims[0] * (size_t)s->even->dims[1];
 }
-
-/* An unevenly spaced stack becomes an evenly spaced one in its own memory, by cubics along the stack
- * (core/volume/slice_interpolation.h) or by straight lines. */
-
-/* layer[i]: position of slice i in layers, rising from 0 to n_layers - 1. Returns the slot for slice 0 that keeps
- * layers from overwriting slices still needed: slice i goes to slot offset + i. */
-int cts_resample_offset(const double *layer, int n_slices, int n_layers);
-
-typedef struct CtsResampling {
-    size_t layer_voxels;
-    const double *layer; /* as above */
-    int n_slices, n_layers, offset;
-    bool linear;
-} CtsResampling;
-
-/* From slots offset ... offset + n_slices - 1 to slots 0 ... n_layers - 1, each of layer_voxels grey levels. */
-void cts_resample_stack(uint16_t *grey, const CtsResampling *resampling, int n_threads);

@@ -15,25 +15,28 @@ void cts_scanned_free(CtsScanned **scanned)
     cts_volume_free(&(*scanned)->even);
     cts_free(&(*scanned)->number);
     cts_free(&(*scanned)->position_lps);
-    free((*scanned)->layer);
+    cts_free(&(*scanned)->layer);
     cts_free(scanned);
 }
 
-/* A volume in the same place, with the slices in memory of its own. */
-static CtsStatus copy(CtsScanned *s, CtsVolume **volume, CtsError *err)
+static CtsStatus new_volume(CtsVolume **volume, const CtsVolume *like, int n_layers, CtsError *err)
 {
-    const CtsVolume *const even = s->even;
-    const size_t n_bytes = (size_t)s->n_slots * cts_scanned_layer_voxels(s) * sizeof *even->grey;
-    if (!cts_memory_allows((double)n_bytes, cts_memory_available()))
+    const double n_bytes = (double)like->dims[0] * like->dims[1] * n_layers * sizeof *like->grey;
+    *volume = NULL;
+    if (!cts_memory_allows(n_bytes, cts_memory_available()))
         return cts_fail(err, CTS_ERR_MEMORY, "another volume of one scan needs %.0f MiB more memory than is free",
-                        (double)n_bytes / 1048576);
-    const CtsStatus st = cts_volume_new_like(volume, even, s->n_slots, err);
-    if (st)
-        return st;
-    const size_t first = (size_t)s->offset * cts_scanned_layer_voxels(s);
-    memcpy((*volume)->grey + first, even->grey + first,
-           (size_t)s->n_slices * cts_scanned_layer_voxels(s) * sizeof *even->grey);
-    return CTS_OK;
+                        n_bytes / 1048576);
+    return cts_volume_new_like(volume, like, n_layers, err);
+}
+
+/* A volume in the same place, with the slices in memory of its own. */
+static CtsStatus copy_slices(const CtsScanned *s, CtsVolume **volume, CtsError *err)
+{
+    const CtsStatus st = new_volume(volume, s->even, s->n_slices, err);
+    if (!st)
+        memcpy((*volume)->grey, s->even->grey,
+               (size_t)s->n_slices * cts_scanned_layer_voxels(s) * sizeof *s->even->grey);
+    return st;
 }
 
 static CtsStatus give_slices(CtsScanned *s, CtsVolume **volume, CtsError *err)
@@ -47,61 +50,22 @@ static CtsStatus give_slices(CtsScanned *s, CtsVolume **volume, CtsError *err)
     return CTS_OK;
 }
 
-/* Resampling overwrites the slices, so they are elsewhere, or are copied as far as memory allows. */
-static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, int n_threads,
-                     CtsInterpolationCounts *made)
-{
-    const size_t first = (size_t)s->offset * cts_scanned_layer_voxels(s),
-                 n = (size_t)s->n_slices * cts_scanned_layer_voxels(s);
-    uint16_t *copied = NULL;
-    const uint16_t *slices = s->even->grey ? s->even->grey + first : NULL;
-    if (how == CTS_INTERPOLATION_SHAPE && !slices) {
-        const double n_bytes = (double)n * sizeof *copied;
-        if (cts_memory_allows(n_bytes, cts_memory_available()) && !cts_alloc_array(&copied, n, NULL))
-            memcpy(copied, v->grey + first, n * sizeof *copied);
-        made->no_memory |= !copied;
-        slices = copied;
-    }
-    if (slices && how == CTS_INTERPOLATION_SHAPE)
-        cts_shape_interpolate_layers(&(CtsShapeStack){.slices = slices,
-                                                      .layers = v->grey,
-                                                      .n_columns = v->dims[0],
-                                                      .n_rows = v->dims[1],
-                                                      .n_slices = s->n_slices,
-                                                      .end = {v->dims[0], v->dims[1], v->dims[2]},
-                                                      .layer = s->layer,
-                                                      .n_parts = 1,
-                                                      .scale = v},
-                                     how, n_threads, made);
-    else
-        cts_resample_stack(v->grey,
-                           &(CtsResampling){.layer_voxels = cts_scanned_layer_voxels(s),
-                                            .layer = s->layer,
-                                            .n_slices = s->n_slices,
-                                            .n_layers = s->even->dims[2],
-                                            .offset = s->offset,
-                                            .linear = how == CTS_INTERPOLATION_LINEAR},
-                           n_threads);
-    cts_free(&copied);
-}
-
 CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over, int n_threads, CtsVolume **volume,
                              CtsInterpolationCounts *made, CtsError *err)
 {
+    const int *const dims = s->even->dims;
     *volume = NULL;
     if (!s->even->grey)
         return cts_fail(err, CTS_ERR_INTERNAL, "the slices have been handed over");
-    const CtsStatus st = hand_over ? give_slices(s, volume, err) : copy(s, volume, err);
-    if (st)
-        return st;
     if (s->layer)
-        resample(s, *volume, how, cts_threads(n_threads), made);
-    return CTS_OK;
+        return cts_scanned_box(s, how, (const int[3]){0}, (const int[3]){dims[0] - 1, dims[1] - 1, dims[2] - 1},
+                               hand_over, n_threads, volume, made, err);
+    return hand_over ? give_slices(s, volume, err) : copy_slices(s, volume, err);
 }
 
 CtsLinearLayers cts_scanned_linear_layers(const CtsScanned *s)
 {
-    return (CtsLinearLayers){s->even->grey + (size_t)s->offset * cts_scanned_layer_voxels(s), s->n_slices, s->layer};
+    return (CtsLinearLayers){s->even->grey, s->n_slices, s->layer};
 }
 
 CtsStatus cts_scanned_box(CtsScanned *s, CtsInterpolation how, const int low[3], const int high[3], bool last,
@@ -109,14 +73,10 @@ CtsStatus cts_scanned_box(CtsScanned *s, CtsInterpolation how, const int low[3],
 {
     CtsVolume box = *s->even;
     cts_volume_become_air_box(&box, low, high);
-    const double n_bytes = (double)cts_volume_n_voxels(&box) * sizeof *box.grey;
-    *volume = NULL;
-    if (!cts_memory_allows(n_bytes, cts_memory_available()))
-        return cts_fail(err, CTS_ERR_MEMORY, "layers need %.0f MiB more memory than is free", n_bytes / 1048576);
-    const CtsStatus st = cts_volume_new_like(volume, &box, box.dims[2], err);
+    const CtsStatus st = new_volume(volume, &box, box.dims[2], err);
     if (st)
         return st;
-    cts_shape_interpolate_layers(&(CtsShapeStack){.slices = cts_scanned_linear_layers(s).slices,
+    cts_shape_interpolate_layers(&(CtsShapeStack){.slices = s->even->grey,
                                                   .layers = (*volume)->grey,
                                                   .n_columns = s->even->dims[0],
                                                   .n_rows = s->even->dims[1],
@@ -129,6 +89,25 @@ CtsStatus cts_scanned_box(CtsScanned *s, CtsInterpolation how, const int low[3],
                                  how, n_threads, made);
     if (last)
         cts_free(&s->even->grey);
+    return CTS_OK;
+}
+
+CtsStatus cts_scanned_copy(const CtsScanned *s, CtsScanned **copy, CtsError *err)
+{
+    const size_t n = (size_t)s->n_slices;
+    CtsStatus st = cts_alloc_zeroed(copy, 1, err);
+    if (st || (st = cts_alloc_array(&(*copy)->position_lps, n, err)) ||
+        (s->number && (st = cts_alloc_array(&(*copy)->number, n, err))) ||
+        (s->layer && (st = cts_alloc_array(&(*copy)->layer, n, err))) || (st = copy_slices(s, &(*copy)->even, err))) {
+        cts_scanned_free(copy);
+        return st;
+    }
+    (*copy)->n_slices = s->n_slices;
+    memcpy((*copy)->position_lps, s->position_lps, n * sizeof *s->position_lps);
+    if (s->number)
+        memcpy((*copy)->number, s->number, n * sizeof *s->number);
+    if (s->layer)
+        memcpy((*copy)->layer, s->layer, n * sizeof *s->layer);
     return CTS_OK;
 }
 
