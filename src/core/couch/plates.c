@@ -155,8 +155,8 @@ static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts,
     CtsComponents *const p = &w->parts;
     CtsStatus st;
     memset(chosen_parts->words, 0, cts_bits_n_words(chosen_parts) * sizeof *chosen_parts->words);
-    if ((st = cts_components_find(p, &thin, CTS_CONNECTED_IN_SLICE, err)) || (st = cts_components_count_in(p, &always, &count, err)) ||
-        (st = cts_alloc_array(&chosen, p->n_parts, err)))
+    if ((st = cts_components_find(p, &thin, CTS_CONNECTED_IN_SLICE, err)) ||
+        (st = cts_components_count_in(p, &always, &count, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)
         chosen[n] = (double)count[n] >= s->sure_voxels ||

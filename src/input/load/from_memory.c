@@ -46,11 +46,16 @@ typedef struct ArrayPass {
     const HuArray *array;
     CtsVolume *volume;
     Range *ranges; /* by slice */
-    void **rows;   /* by worker: room for numbers of a row */
+    double *rows;  /* for each worker room for two rows of numbers */
 } ArrayPass;
 
-/* Numbers of row (j, k): where they lie, or gathered. */
-static inline const void *row_of(const ArrayPass *p, int j, int k, void *gathered)
+static double *rows_of_worker(const ArrayPass *p, int worker)
+{
+    return p->rows + (size_t)worker * 2 * (size_t)p->array->box.dims[0];
+}
+
+/* Row (j, k) as the array has it: where it lies, or gathered. */
+static const void *row_of(const ArrayPass *p, int j, int k, double *gathered)
 {
     const CtsBox *const b = &p->array->box;
     const uint8_t *const at = p->array->bytes + b->first + j * b->stride[1] + k * b->stride[2];
@@ -62,125 +67,66 @@ static inline const void *row_of(const ArrayPass *p, int j, int k, void *gathere
     return gathered;
 }
 
+/* Its numbers. row: room for two rows. */
+static const double *numbers_of_row(const ArrayPass *p, int j, int k, double *row)
+{
+    const size_t n = (size_t)p->array->box.dims[0];
+    const void *const from = row_of(p, j, k, row + n);
+    if (p->array->number == CTS_FLOAT64)
+        return from;
+    for (size_t i = 0; i < n && p->array->number == CTS_FLOAT32; i++)
+        row[i] = (double)((const float *)from)[i];
+    for (size_t i = 0; i < n && p->array->number == CTS_INT32; i++)
+        row[i] = ((const int32_t *)from)[i];
+    for (size_t i = 0; i < n && p->array->number == CTS_INT16; i++)
+        row[i] = ((const int16_t *)from)[i];
+    for (size_t i = 0; i < n && p->array->number == CTS_UINT16; i++)
+        row[i] = ((const uint16_t *)from)[i];
+    return row;
+}
+
 static inline uint16_t *grey_of(const ArrayPass *p, int j, int k)
 {
     const int *const dims = p->volume->dims;
     return p->volume->grey + ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0];
 }
 
-/* Extremes are those of integers with the order of the numbers, and a sum without room for fractions tests for whole
- * numbers (where |x| exceeds a quarter of it, x is no HU anyway), so that both loops vectorise. A row with non-finite
- * values is processed number by number. */
-#define RANGE_OF(NAME, type, Bits, MAX, INFINITE, ROOMY)                                                               \
-    static inline __attribute__((always_inline)) Range NAME(const type *row, size_t n)                                 \
-    {                                                                                                                  \
-        Range r = {INFINITY, -INFINITY, true, 0};                                                                      \
-        Bits low = MAX, high = -(MAX)-1, largest = 0, odd = 0;                                                         \
-        for (size_t i = 0; i < n; i++) {                                                                               \
-            Bits bits;                                                                                                 \
-            memcpy(&bits, &row[i], sizeof bits);                                                                       \
-            const Bits size = bits & MAX, rising = bits < 0 ? bits ^ MAX : bits;                                       \
-            low = rising < low ? rising : low;                                                                         \
-            high = rising > high ? rising : high;                                                                      \
-            largest = size > largest ? size : largest;                                                                 \
-            odd |= (row[i] + ROOMY) - ROOMY != row[i];                                                                 \
-        }                                                                                                              \
-        if (largest < INFINITE) {                                                                                      \
-            type ends[2];                                                                                              \
-            low = low < 0 ? low ^ MAX : low;                                                                           \
-            high = high < 0 ? high ^ MAX : high;                                                                       \
-            memcpy(&ends[0], &low, sizeof low);                                                                        \
-            memcpy(&ends[1], &high, sizeof high);                                                                      \
-            return (Range){(double)ends[0] + 0.0, (double)ends[1] + 0.0, !odd, 0};                                     \
-        }                                                                                                              \
-        for (size_t i = 0; i < n; i++) {                                                                               \
-            const double x = (double)row[i];                                                                           \
-            const bool lost = !isfinite(x);                                                                            \
-            r.n_lost += lost;                                                                                          \
-            r.low = !lost && x < r.low ? x : r.low;                                                                    \
-            r.high = !lost && x > r.high ? x : r.high;                                                                 \
-            r.whole &= lost || x == floor(x);                                                                          \
-        }                                                                                                              \
-        return r;                                                                                                      \
-    }
-/* ROOMY is 1.5 times 2 to the power of the mantissa's bits (23, 52): sums with it are rounded to whole numbers.
- * INFINITE: the bits of infinity. */
-RANGE_OF(range_of_floats, float, int32_t, INT32_MAX, 0x7F800000, 12582912.0F)
-RANGE_OF(range_of_doubles, double, int64_t, INT64_MAX, INT64_C(0x7FF0000000000000), 6755399441055744.0)
-#undef RANGE_OF
-
-#define RANGE_OF_INTEGERS(NAME, type)                                                                                  \
-    static inline __attribute__((always_inline)) Range NAME(const type *row, size_t n)                                 \
-    {                                                                                                                  \
-        type low = row[0], high = row[0];                                                                              \
-        for (size_t i = 1; i < n; i++) {                                                                               \
-            low = row[i] < low ? row[i] : low;                                                                         \
-            high = row[i] > high ? row[i] : high;                                                                      \
-        }                                                                                                              \
-        return (Range){low, high, true, 0};                                                                            \
-    }
-RANGE_OF_INTEGERS(range_of_integers, int32_t)
-RANGE_OF_INTEGERS(range_of_shorts, int16_t)
-RANGE_OF_INTEGERS(range_of_words, uint16_t)
-#undef RANGE_OF_INTEGERS
-
 static Range join_ranges(Range a, Range b)
 {
     return (Range){fmin(a.low, b.low), fmax(a.high, b.high), a.whole && b.whole, a.n_lost + b.n_lost};
 }
 
-/* Non-finite values become padding, 0: for them x - x is not a number. */
-#define GREY_OF(row)                                                                                                   \
-    for (size_t i = 0; i < n; i++) {                                                                                   \
-        const double x = (double)(row)[i];                                                                             \
-        double g = (x - offset) * scale + 0.5 + (x - x);                                                               \
-        g = g >= 0 ? g : 0;                                                                                            \
-        g = g <= GREY_MAX ? g : GREY_MAX;                                                                              \
-        grey[i] = (uint16_t)(int32_t)g;                                                                                \
-    }
-
-/* Finds the range of a slice, or converts it to grey levels. */
-static inline __attribute__((always_inline)) void any_slice(const ArrayPass *p, int k, bool looks, void *gathered)
+static void find_range(const ArrayPass *p, int k, double *numbers)
 {
-    const size_t n = (size_t)p->array->box.dims[0];
-    const double offset = p->volume->hu_offset, scale = 1 / p->volume->hu_step;
-    Range all = {INFINITY, -INFINITY, true, 0};
+    Range r = {INFINITY, -INFINITY, true, 0};
     for (int j = 0; j < p->array->box.dims[1]; j++) {
-        const void *const row = row_of(p, j, k, gathered);
-        uint16_t *const restrict grey = grey_of(p, j, k);
-#define ROW_CASE(kind, type, range_of)                                                                                 \
-    case kind:                                                                                                         \
-        if (looks)                                                                                                     \
-            all = join_ranges(all, range_of(row, n));                                                                  \
-        else                                                                                                           \
-            GREY_OF((const type *)row)                                                                                 \
-        break;
-        switch (p->array->number) {
-            ROW_CASE(CTS_FLOAT64, double, range_of_doubles)
-            ROW_CASE(CTS_FLOAT32, float, range_of_floats)
-            ROW_CASE(CTS_INT16, int16_t, range_of_shorts)
-            ROW_CASE(CTS_UINT16, uint16_t, range_of_words)
-        default:
-            ROW_CASE(CTS_INT32, int32_t, range_of_integers)
+        const double *const row = numbers_of_row(p, j, k, numbers);
+        for (int i = 0; i < p->array->box.dims[0]; i++) {
+            const double x = row[i] + 0.0; /* no negative zero */
+            const bool lost = !isfinite(x);
+            r.n_lost += lost;
+            r.low = !lost && x < r.low ? x : r.low;
+            r.high = !lost && x > r.high ? x : r.high;
+            r.whole &= lost || x == rint(x);
         }
     }
-    if (looks)
-        p->ranges[k] = all;
-}
-#undef ROW_CASE
-#undef GREY_OF
-
-CTS_TARGET_AVX2 static void slice_avx2(const ArrayPass *p, int k, bool looks, void *gathered)
-{
-    any_slice(p, k, looks, gathered);
+    p->ranges[k] = r;
 }
 
-static void slice(const ArrayPass *p, int k, bool looks, void *gathered)
+/* Non-finite values become padding, 0: for them x - x is not a number. */
+static void make_slice(const ArrayPass *p, int k, double *numbers)
 {
-    if (cts_cpu_flags() & CTS_CPU_AVX2)
-        slice_avx2(p, k, looks, gathered);
-    else
-        any_slice(p, k, looks, gathered);
+    const double offset = p->volume->hu_offset, scale = 1 / p->volume->hu_step;
+    for (int j = 0; j < p->array->box.dims[1]; j++) {
+        const double *const row = numbers_of_row(p, j, k, numbers);
+        uint16_t *const restrict grey = grey_of(p, j, k);
+        for (int i = 0; i < p->array->box.dims[0]; i++) {
+            double g = (row[i] - offset) * scale + 0.5 + (row[i] - row[i]);
+            g = g >= 0 ? g : 0;
+            g = g <= GREY_MAX ? g : GREY_MAX;
+            grey[i] = (uint16_t)(int32_t)g;
+        }
+    }
 }
 
 /* HU of 16 bits, which are converted directly, like a slice's stored words. */
@@ -189,7 +135,7 @@ static bool has_words(const ArrayPass *p)
     return p->volume->quantity == CTS_QUANTITY_HU && (p->array->number == CTS_INT16 || p->array->number == CTS_UINT16);
 }
 
-static Range convert_slice(const ArrayPass *p, int k, void *gathered)
+static Range convert_slice(const ArrayPass *p, int k, double *gathered)
 {
     const CtsStored stored = {
         .bits = 16, .is_signed = p->array->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
@@ -206,16 +152,16 @@ static void find_ranges(void *context, int worker, size_t first, size_t end)
     const ArrayPass *const p = context;
     for (int k = (int)first; k < (int)end; k++)
         if (has_words(p))
-            p->ranges[k] = convert_slice(p, k, p->rows[worker]);
+            p->ranges[k] = convert_slice(p, k, rows_of_worker(p, worker));
         else
-            slice(p, k, true, p->rows[worker]);
+            find_range(p, k, rows_of_worker(p, worker));
 }
 
 static void make_slices(void *context, int worker, size_t first, size_t end)
 {
     const ArrayPass *const p = context;
     for (int k = (int)first; k < (int)end; k++)
-        slice(p, k, false, p->rows[worker]);
+        make_slice(p, k, rows_of_worker(p, worker));
 }
 
 static CtsStatus check_array(const CtsHuArray *g, CtsError *err)
@@ -239,13 +185,6 @@ static CtsStatus check_array(const CtsHuArray *g, CtsError *err)
                : cts_fail(err, CTS_ERR_USAGE, "numbers of kind %d", (int)g->number);
 }
 
-static double number_at(const ArrayPass *p, const void *row, int i)
-{
-    return p->array->number == CTS_FLOAT64   ? ((const double *)row)[i]
-           : p->array->number == CTS_FLOAT32 ? (double)((const float *)row)[i]
-                                             : ((const int32_t *)row)[i];
-}
-
 /* The range without isolated values that no scanner measures, which are listed. */
 static CtsStatus leave_values_out(const ArrayPass *p, Range *all, CtsOutliers *outliers, CtsReport *report,
                                   CtsError *err)
@@ -255,12 +194,10 @@ static CtsStatus leave_values_out(const ArrayPass *p, Range *all, CtsOutliers *o
     size_t voxel = 0;
     for (int k = 0; k < dims[2]; k++)
         for (int j = 0; j < dims[1]; j++) {
-            const void *const row = row_of(p, j, k, p->rows[0]);
-            for (int i = 0; !st && i < dims[0]; i++, voxel++) {
-                const double x = number_at(p, row, i);
-                if (isfinite(x))
-                    st = cts_outliers_take(outliers, voxel, x, err);
-            }
+            const double *const row = numbers_of_row(p, j, k, p->rows);
+            for (int i = 0; !st && i < dims[0]; i++, voxel++)
+                if (isfinite(row[i]))
+                    st = cts_outliers_take(outliers, voxel, row[i], err);
         }
     *all = (Range){outliers->rest_low, outliers->rest_high, outliers->rest_whole, all->n_lost};
     return st ? st : cts_outliers_check(outliers, dims, report, err);
@@ -331,18 +268,13 @@ CtsStatus cts_scanned_of_hu(const CtsHuArray *array, int n_threads, CtsScanned *
     const CtsBox *const box = &as_scanned.box;
     ArrayPass pass = {.array = &as_scanned};
     if (!(st = place_array(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
-        st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
-    for (int t = 0; !st && t < n_threads; t++)
-        if (!(pass.rows[t] = malloc((size_t)box->dims[0] * sizeof(double))))
-            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        st = cts_alloc_array(&pass.rows, (size_t)n_threads * 2 * (size_t)box->dims[0], err);
     pass.volume = (*scanned)->even;
     if (!st) {
         pass.volume->quantity = array->quantity;
         pass.volume->modality = array->modality;
         st = fill_from_array(&pass, pass.volume, n_threads, report, err);
     }
-    for (int t = 0; pass.rows && t < n_threads; t++)
-        free(pass.rows[t]);
     cts_free(&pass.rows);
     cts_free(&pass.ranges);
     if (st)
