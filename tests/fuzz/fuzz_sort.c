@@ -1,6 +1,7 @@
 /* Series sorting on invented headers: 16 bytes a slice, positions, times and numbers all mixed up. */
 #include "fuzz.h"
 #include "input/series/series_check.h"
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -33,11 +34,14 @@ static CtsSlice *invent(const uint8_t *b, int k)
     s->position_lps[0] = b[2] == 255 ? b[3] * 0.01 : 0;
     s->position_lps[1] = b[4] * steps_mm[b[5] % 4] * 0.1;
     s->position_lps[2] = (b[6] - 128) * steps_mm[b[7] % 8] + (b[8] - 128) * 1e-3;
-    s->has_acquisition = b[9] & 1;
-    s->acquisition_number = b[9] >> 1 & 3;
-    s->has_temporal = b[9] >> 3 & 1;
-    s->temporal_index = b[9] >> 4 & 3;
-    s->time_s = b[10] == 0 ? -1 : b[10] + 256 * (b[11] & 3);
+    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++)
+        s->volume_number[i] = NAN;
+    if (b[9] & 1)
+        s->volume_number[CTS_ACQUISITION_NUMBER] = b[9] >> 1 & 3;
+    if (b[9] >> 3 & 1)
+        s->volume_number[CTS_TEMPORAL_POSITION] = b[9] >> 4 & 3;
+    if (b[10])
+        s->volume_number[CTS_ACQUISITION_TIME] = b[10] + 256 * (b[11] & 3);
     s->instance_number = b[12];
     s->localizer = b[13] > 250;
     s->thickness_mm = b[13] & 3;

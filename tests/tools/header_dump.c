@@ -1,6 +1,7 @@
 /* Prints the fields of each slice as its header has them, for comparison with another reader: header_dump FILE...
  * A line for each slice: the file's number, then name=value, separated by tabs; texts are escaped like those of C. */
 #include "input/files/file_header.h"
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -47,10 +48,12 @@ static void dump(int file, const CtsSlice *s)
     whole("SeriesNumber", s->series_number);
     if (s->has_instance)
         whole("InstanceNumber", s->instance_number);
-    if (s->has_acquisition)
-        whole("AcquisitionNumber", s->acquisition_number);
-    numbers("KVP", &s->kvp, 1);
-    numbers("TriggerTime", &s->trigger_ms, 1);
+    if (!isnan(s->volume_number[CTS_ACQUISITION_NUMBER]))
+        whole("AcquisitionNumber", (int)s->volume_number[CTS_ACQUISITION_NUMBER]);
+    if (!isnan(s->volume_number[CTS_VOLTAGE]))
+        numbers("KVP", &s->volume_number[CTS_VOLTAGE], 1);
+    if (!isnan(s->volume_number[CTS_TRIGGER_TIME]))
+        numbers("TriggerTime", &s->volume_number[CTS_TRIGGER_TIME], 1);
     numbers("SliceThickness", &s->thickness_mm, 1);
     if (s->rows)
         whole("Rows", s->rows);

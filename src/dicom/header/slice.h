@@ -51,8 +51,16 @@ typedef enum CtsIdentity {
     CTS_N_IDENTITY
 } CtsIdentity;
 
-/* Numbers and words by which volumes at the same positions differ, in the order in which they tell them apart. */
+/* Numbers and words by which volumes at the same positions differ; those from CTS_ECHO_NUMBER on of MR and PET. */
 typedef enum CtsVolumeNumber {
+    CTS_ACQUISITION_NUMBER,   /* (0020,0012) */
+    CTS_VOLTAGE,              /* (0018,0060) */
+    CTS_TEMPORAL_POSITION,    /* (0020,0100) */
+    CTS_TRIGGER_TIME,         /* (0018,1060) */
+    CTS_PHASE_PERCENT,        /* of a cardiac cycle: (0020,9241) */
+    CTS_PHASE_DELAY,          /* (0020,9153), ms */
+    CTS_CONTENT_TIME,         /* (0008,0033), seconds of the day */
+    CTS_ACQUISITION_TIME,     /* (0008,0032), else ContentTime, seconds of the day */
     CTS_ECHO_NUMBER,          /* (0018,0086) */
     CTS_ECHO_TIME,            /* (0018,0081) */
     CTS_INVERSION_TIME,       /* (0018,0082) */
@@ -90,20 +98,14 @@ typedef struct CtsSlice {
     const char *description, *charset; /* (0008,103E) and (0008,0005) as stored; may be NULL */
     const char *study_date;            /* (0008,0020) as stored; may be NULL */
     int series_number;                 /* (0020,0011); negative where missing */
-    bool has_acquisition, has_temporal, has_instance;
-    int acquisition_number, instance_number, temporal_index;
-    double kvp, trigger_ms; /* (0018,0060), (0018,1060); negative when missing */
-    double content_s;       /* ContentTime in seconds of the day; negative when missing */
-    /* Of a cardiac cycle: (0020,9241), percent, and (0020,9153), ms; NaN when missing. */
-    double phase_percent, phase_delay_ms;
-    const char *kernel;     /* (0018,1210), at most 64 characters; "" where missing */
-    double thickness_mm;    /* (0018,0050); negative when missing */
-    double time_s;          /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
-    bool declared_lossless; /* (0028,2110) is 00 */
-    const char *lossy_ratio, *lossy_method; /* (0028,2112) and (0028,2114) as stored; may be NULL */
-    /* Of MR and PET; NaN and "" where missing. */
-    double volume_number[CTS_N_VOLUME_NUMBERS];
-    const char *volume_word[CTS_N_VOLUME_WORDS];
+    bool has_instance;
+    int instance_number;
+    const char *kernel;                          /* (0018,1210), at most 64 characters; "" where missing */
+    double thickness_mm;                         /* (0018,0050); negative when missing */
+    bool declared_lossless;                      /* (0028,2110) is 00 */
+    const char *lossy_ratio, *lossy_method;      /* (0028,2112) and (0028,2114) as stored; may be NULL */
+    double volume_number[CTS_N_VOLUME_NUMBERS];  /* NaN where missing */
+    const char *volume_word[CTS_N_VOLUME_WORDS]; /* of MR and PET; "" where missing */
     CtsPet pet;
     bool localizer;         /* a scout */
     bool contrast;          /* (0018,0010) or (0018,0012) names a contrast agent */

@@ -69,7 +69,6 @@ void cts_dcm_read_mr(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     s->volume_number[CTS_INVERSION_TIME] = cts_attribute_number_or_nan(item, DCM_InversionTime);
     s->volume_number[CTS_FLIP_ANGLE] = cts_attribute_number_or_nan(item, DCM_FlipAngle);
     s->volume_number[CTS_B_VALUE] = b_value(item);
-    s->volume_number[CTS_FRAME_REFERENCE_TIME] = s->volume_number[CTS_TIME_SLICE] = NAN;
     s->volume_word[CTS_GRADIENT_DIRECTION] = direction_text(item, texts);
     s->volume_word[CTS_COMPLEX_COMPONENT] =
         cts_dcm_share(texts, cts_attribute_text(item, DCM_ComplexImageComponent), 16);

@@ -189,8 +189,6 @@ void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     read_corrections(item, p);
     read_times(item, p);
     read_dose(item, p);
-    for (double &number : s->volume_number)
-        number = NAN;
     const double moment = date_time_of(item, cts_attribute_text(item, DCM_FrameReferenceDateTime));
     s->volume_number[CTS_FRAME_REFERENCE_TIME] = std::isnan(moment) ? p->value[CTS_PET_FRAME_REFERENCE_MS] : moment;
     s->volume_number[CTS_TIME_SLICE] = time_slice(item);

@@ -48,13 +48,25 @@ double positive_number(CtsAttributes &item, const DcmTagKey &tag)
     return cts_attribute_decimals(item, tag, &value, 1) ? value : -1;
 }
 
-/* HHMMSS.FFFFFF as seconds of the day, -1 when it is anything else. */
+double whole_or_nan(CtsAttributes &item, const DcmTagKey &tag)
+{
+    int value;
+    return integer(item, tag, &value) ? value : static_cast<double>(NAN);
+}
+
+double real_or_nan(CtsAttributes &item, const DcmTagKey &tag)
+{
+    double value;
+    return cts_attribute_real(item, tag, &value) ? value : static_cast<double>(NAN);
+}
+
+/* HHMMSS.FFFFFF as seconds of the day, NaN when it is anything else. */
 double seconds_of_day(std::string_view text)
 {
     double t = 0;
     if (text.size() < 6 || text.find('\\') != std::string_view::npos ||
         !cts_parse_ds(text.data(), text.size(), &t, 1) || !(t >= 0 && t < 240000))
-        return -1;
+        return NAN;
     const double hours = std::floor(t / 1e4), minutes = std::floor(std::fmod(t, 1e4) / 100);
     return hours * 3600 + minutes * 60 + std::fmod(t, 100);
 }
@@ -184,6 +196,23 @@ const char *scanner_of(CtsAttributes &item, CtsStringPool &texts)
     return cts_dcm_share(texts, scanner, scanner.size());
 }
 
+/* Those that slices of any modality may have. */
+void read_volume_numbers(CtsAttributes &item, CtsSlice *s)
+{
+    double *const v = s->volume_number;
+    std::fill_n(v, static_cast<int>(CTS_N_VOLUME_NUMBERS), NAN);
+    v[CTS_ACQUISITION_NUMBER] = whole_or_nan(item, DCM_AcquisitionNumber);
+    v[CTS_VOLTAGE] = real_or_nan(item, DCM_KVP);
+    v[CTS_TEMPORAL_POSITION] = whole_or_nan(item, DCM_TemporalPositionIdentifier);
+    v[CTS_TRIGGER_TIME] = real_or_nan(item, DCM_TriggerTime);
+    v[CTS_PHASE_PERCENT] = real_or_nan(item, DCM_NominalPercentageOfCardiacPhase);
+    v[CTS_PHASE_DELAY] = real_or_nan(item, DCM_NominalCardiacTriggerDelayTime);
+    v[CTS_CONTENT_TIME] = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
+    v[CTS_ACQUISITION_TIME] = seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
+    if (std::isnan(v[CTS_ACQUISITION_TIME]))
+        v[CTS_ACQUISITION_TIME] = v[CTS_CONTENT_TIME];
+}
+
 void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
 {
     static const DcmTagKey tags[CTS_N_IDENTITY] = {DCM_PatientID,          DCM_IssuerOfPatientID, DCM_PatientName,
@@ -204,20 +233,9 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     s->first_frame = -1;
     s->description = share_some(texts, cts_attribute_text(item, DCM_SeriesDescription));
     s->charset = share_some(texts, cts_attribute_text(item, DCM_SpecificCharacterSet));
-    s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
     s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
-    s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
-    s->time_s = seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
-    s->content_s = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
-    if (s->time_s < 0)
-        s->time_s = s->content_s;
-    if (!cts_attribute_real(item, DCM_NominalPercentageOfCardiacPhase, &s->phase_percent))
-        s->phase_percent = NAN;
-    if (!cts_attribute_real(item, DCM_NominalCardiacTriggerDelayTime, &s->phase_delay_ms))
-        s->phase_delay_ms = NAN;
+    read_volume_numbers(item, s);
     s->kernel = cts_dcm_share(texts, cts_attribute_text(item, DCM_ConvolutionKernel), 64);
-    s->kvp = positive_number(item, DCM_KVP);
-    s->trigger_ms = positive_number(item, DCM_TriggerTime);
     s->thickness_mm = positive_number(item, DCM_SliceThickness);
     s->contrast = !cts_attribute_text(item, DCM_ContrastBolusAgent).empty() ||
                   cts_attribute_has(item, DCM_ContrastBolusAgentSequence);

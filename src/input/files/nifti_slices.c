@@ -38,14 +38,8 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
                   .modality = "CT",
                   .scanner = "",
                   .kernel = "",
-                  .content_s = -1,
-                  .phase_percent = NAN,
-                  .phase_delay_ms = NAN,
                   .series_number = -1,
-                  .kvp = -1,
-                  .trigger_ms = -1,
                   .thickness_mm = -1,
-                  .time_s = -1,
                   .n_frames = box->dims[2],
                   .stack_id = "",
                   .concatenation = "",
@@ -61,6 +55,8 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
                   .row_spacing_mm = cts_norm3(box->step_lps[1])};
     for (int part = 0; part < CTS_N_IDENTITY; part++)
         s.identity[part] = "";
+    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++)
+        s.volume_number[i] = NAN;
     for (int c = 0; c < 3; c++) {
         s.row_lps[c] = box->step_lps[0][c] / s.column_spacing_mm;
         s.column_lps[c] = box->step_lps[1][c] / s.row_spacing_mm;

@@ -612,9 +612,11 @@ static CtsStatus check_each_slice(CtsSliceSet *set, CtsSeries *series, CtsError 
 static bool is_watch(const CtsSliceSet *set)
 {
     for (int i = 0; i < set->n; i++)
-        for (int k = 0; k < i; k++)
-            if (set->items[i]->time_s < 0 || set->items[i]->time_s == set->items[k]->time_s)
+        for (int k = 0; k < i; k++) {
+            const double time = set->items[i]->volume_number[CTS_ACQUISITION_TIME];
+            if (isnan(time) || time == set->items[k]->volume_number[CTS_ACQUISITION_TIME])
                 return false;
+        }
     return true;
 }
 

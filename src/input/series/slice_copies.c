@@ -125,9 +125,12 @@ static bool same_hu(Copies *c, const CtsSlice *a, const CtsSlice *b)
  */
 static bool same_acquisition(const CtsSlice *a, const CtsSlice *b)
 {
-    return a->acquisition_number == b->acquisition_number && a->temporal_index == b->temporal_index &&
-           a->kvp == b->kvp && a->trigger_ms == b->trigger_ms && a->time_s == b->time_s &&
-           !strcmp(a->kernel ? a->kernel : "", b->kernel ? b->kernel : "");
+    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++) {
+        const double x = a->volume_number[i], y = b->volume_number[i];
+        if (i != CTS_CONTENT_TIME && x != y && !(isnan(x) && isnan(y)))
+            return false;
+    }
+    return !strcmp(a->kernel ? a->kernel : "", b->kernel ? b->kernel : "");
 }
 
 /* Decoding takes as long as loading, so phases of one encoding are decoded once, to see that they differ, and those of

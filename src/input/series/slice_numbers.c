@@ -22,8 +22,8 @@ bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end)
 static int acquisition_end(const CtsSliceSet *set, int i)
 {
     int end = i + 1;
-    while (end < set->n && set->items[i]->has_acquisition && set->items[end]->has_acquisition &&
-           set->items[end]->acquisition_number == set->items[i]->acquisition_number)
+    while (end < set->n && set->items[end]->volume_number[CTS_ACQUISITION_NUMBER] ==
+                               set->items[i]->volume_number[CTS_ACQUISITION_NUMBER])
         end++;
     return end;
 }

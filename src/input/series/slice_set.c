@@ -31,16 +31,19 @@ static int compare_numbers(double a, double b)
     return (a > b) - (a < b);
 }
 
+/* Missing numbers sort before others. */
+static double or_least(double number)
+{
+    return isnan(number) ? -INFINITY : number;
+}
+
 static int by_position(const void *a, const void *b, void *reference)
 {
     const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    static const CtsVolumeNumber numbers[] = {CTS_ACQUISITION_NUMBER, CTS_TEMPORAL_POSITION, CTS_ACQUISITION_TIME};
     int order = compare_numbers(cts_slice_stack_position_mm(reference, x), cts_slice_stack_position_mm(reference, y));
-    if (!order)
-        order = compare_numbers(x->acquisition_number, y->acquisition_number);
-    if (!order)
-        order = compare_numbers(x->temporal_index, y->temporal_index);
-    if (!order)
-        order = compare_numbers(x->time_s, y->time_s);
+    for (int i = 0; !order && i < 3; i++)
+        order = compare_numbers(or_least(x->volume_number[numbers[i]]), or_least(y->volume_number[numbers[i]]));
     if (!order)
         order = compare_numbers(x->instance_number, y->instance_number);
     if (!order)
@@ -90,23 +93,16 @@ static bool repeats_whole(const CtsSliceSet *part, double same_mm)
     return whole;
 }
 
+/* Criteria: the volumes' numbers (CtsVolumeNumber) and words (CtsVolumeWord), and others. */
 enum {
-    BY_ACQUISITION,
-    BY_VOLTAGE,
-    BY_TEMPORAL_POSITION,
-    BY_TRIGGER,
-    BY_TRIGGER_ORDER, /* one for each slice, later in each phase */
-    BY_PHASE_PERCENT,
-    BY_PHASE_DELAY,
+    BY_WORD = CTS_N_VOLUME_NUMBERS,
+    BY_TRIGGER_ORDER = BY_WORD + CTS_N_VOLUME_WORDS, /* one for each slice, later in each phase */
+    BY_CONTENT_ORDER,                                /* the same */
     BY_THICKNESS,
     BY_KERNEL,
     BY_OBJECT,
     BY_TIME,
-    BY_CONTENT_TIME,                            /* one for all slices of a phase */
-    BY_CONTENT_ORDER,                           /* one for each slice, later in each phase */
-    BY_NUMBER,                                  /* and the numbers after it: CtsVolumeNumber */
-    BY_WORD = BY_NUMBER + CTS_N_VOLUME_NUMBERS, /* and the words after it: CtsVolumeWord */
-    N_WAYS = BY_WORD + CTS_N_VOLUME_WORDS
+    N_WAYS
 };
 
 static const struct {
@@ -114,26 +110,26 @@ static const struct {
     bool takes_turns;  /* the slices of two acquisitions may lie between each other */
     bool must_overlap; /* its values may also change within one scan, so parts must overlap */
 } ways[N_WAYS] = {
-    [BY_ACQUISITION] = {"AcquisitionNumber (0020,0012)", true, false},
-    [BY_VOLTAGE] = {"KVP (0018,0060)", true, false},
-    [BY_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true, false},
-    [BY_TRIGGER] = {"TriggerTime (0018,1060)", true, false},
+    [CTS_ACQUISITION_NUMBER] = {"AcquisitionNumber (0020,0012)", true, false},
+    [CTS_VOLTAGE] = {"KVP (0018,0060)", true, false},
+    [CTS_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true, false},
+    [CTS_TRIGGER_TIME] = {"TriggerTime (0018,1060)", true, false},
     [BY_TRIGGER_ORDER] = {"TriggerTime (0018,1060)", false, true},
-    [BY_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true},
-    [BY_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true},
+    [CTS_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true},
+    [CTS_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true},
     [BY_THICKNESS] = {"SliceThickness (0018,0050)", true, false},
     [BY_KERNEL] = {"ConvolutionKernel (0018,1210)", false, true},
-    [BY_CONTENT_TIME] = {"ContentTime (0008,0033)", false, true},
+    [CTS_CONTENT_TIME] = {"ContentTime (0008,0033)", false, true},
     [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true},
     [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false, false},
     [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false},
-    [BY_NUMBER + CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", false, false},
-    [BY_NUMBER + CTS_ECHO_TIME] = {"EchoTime (0018,0081)", false, false},
-    [BY_NUMBER + CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", false, false},
-    [BY_NUMBER + CTS_FLIP_ANGLE] = {"FlipAngle (0018,1314)", false, false},
-    [BY_NUMBER + CTS_B_VALUE] = {"DiffusionBValue (0018,9087)", false, false},
-    [BY_NUMBER + CTS_FRAME_REFERENCE_TIME] = {"FrameReferenceTime (0054,1300)", false, false},
-    [BY_NUMBER + CTS_TIME_SLICE] = {"ImageIndex (0054,1330)", false, false},
+    [CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", false, false},
+    [CTS_ECHO_TIME] = {"EchoTime (0018,0081)", false, false},
+    [CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", false, false},
+    [CTS_FLIP_ANGLE] = {"FlipAngle (0018,1314)", false, false},
+    [CTS_B_VALUE] = {"DiffusionBValue (0018,9087)", false, false},
+    [CTS_FRAME_REFERENCE_TIME] = {"FrameReferenceTime (0054,1300)", false, false},
+    [CTS_TIME_SLICE] = {"ImageIndex (0054,1330)", false, false},
     [BY_WORD + CTS_GRADIENT_DIRECTION] = {"DiffusionGradientOrientation (0018,9089)", false, false},
     [BY_WORD + CTS_IMAGE_TYPE] = {"ImageType (0008,0008)", false, false},
     [BY_WORD + CTS_COMPLEX_COMPONENT] = {"ComplexImageComponent (0008,9208)", false, false},
@@ -145,43 +141,18 @@ static const struct {
     signed char ways[N_WAYS];
 } orders[CTS_N_MODALITIES] = {
     [CTS_MODALITY_CT] = {12,
-                         {BY_ACQUISITION, BY_VOLTAGE, BY_TEMPORAL_POSITION, BY_TRIGGER, BY_PHASE_PERCENT,
-                          BY_PHASE_DELAY, BY_THICKNESS, BY_KERNEL, BY_OBJECT, BY_TIME, BY_CONTENT_TIME,
-                          BY_CONTENT_ORDER}},
+                         {CTS_ACQUISITION_NUMBER, CTS_VOLTAGE, CTS_TEMPORAL_POSITION, CTS_TRIGGER_TIME,
+                          CTS_PHASE_PERCENT, CTS_PHASE_DELAY, BY_THICKNESS, BY_KERNEL, BY_OBJECT, BY_TIME,
+                          CTS_CONTENT_TIME, BY_CONTENT_ORDER}},
     [CTS_MODALITY_MR] = {18,
-                         {BY_NUMBER + CTS_ECHO_NUMBER, BY_NUMBER + CTS_ECHO_TIME, BY_NUMBER + CTS_INVERSION_TIME,
-                          BY_NUMBER + CTS_FLIP_ANGLE, BY_NUMBER + CTS_B_VALUE, BY_WORD + CTS_GRADIENT_DIRECTION,
-                          BY_TEMPORAL_POSITION, BY_TRIGGER, BY_TRIGGER_ORDER, BY_WORD + CTS_IMAGE_TYPE,
-                          BY_WORD + CTS_COMPLEX_COMPONENT, BY_ACQUISITION, BY_PHASE_PERCENT, BY_PHASE_DELAY, BY_OBJECT,
-                          BY_TIME, BY_CONTENT_TIME, BY_CONTENT_ORDER}},
+                         {CTS_ECHO_NUMBER, CTS_ECHO_TIME, CTS_INVERSION_TIME, CTS_FLIP_ANGLE, CTS_B_VALUE,
+                          BY_WORD + CTS_GRADIENT_DIRECTION, CTS_TEMPORAL_POSITION, CTS_TRIGGER_TIME, BY_TRIGGER_ORDER,
+                          BY_WORD + CTS_IMAGE_TYPE, BY_WORD + CTS_COMPLEX_COMPONENT, CTS_ACQUISITION_NUMBER,
+                          CTS_PHASE_PERCENT, CTS_PHASE_DELAY, BY_OBJECT, BY_TIME, CTS_CONTENT_TIME, BY_CONTENT_ORDER}},
     [CTS_MODALITY_PT] = {6,
-                         {BY_NUMBER + CTS_FRAME_REFERENCE_TIME, BY_NUMBER + CTS_TIME_SLICE, BY_TEMPORAL_POSITION,
-                          BY_PHASE_PERCENT, BY_PHASE_DELAY, BY_OBJECT}},
+                         {CTS_FRAME_REFERENCE_TIME, CTS_TIME_SLICE, CTS_TEMPORAL_POSITION, CTS_PHASE_PERCENT,
+                          CTS_PHASE_DELAY, BY_OBJECT}},
 };
-
-/* The value of a criterion that is a number; NaN where it is missing. */
-static double number_label(const CtsSlice *s, int way)
-{
-    if (way >= BY_NUMBER)
-        return s->volume_number[way - BY_NUMBER];
-    switch (way) {
-    case BY_ACQUISITION:
-        return s->has_acquisition ? (double)s->acquisition_number : (double)NAN;
-    case BY_VOLTAGE:
-        return s->kvp < 0 ? (double)NAN : s->kvp;
-    case BY_TEMPORAL_POSITION:
-        return s->has_temporal ? (double)s->temporal_index : (double)NAN;
-    case BY_PHASE_PERCENT:
-        return s->phase_percent;
-    case BY_PHASE_DELAY:
-        return s->phase_delay_ms;
-    case BY_CONTENT_TIME:
-    case BY_CONTENT_ORDER:
-        return s->content_s < 0 ? (double)NAN : s->content_s;
-    default:
-        return s->trigger_ms < 0 ? (double)NAN : s->trigger_ms;
-    }
-}
 
 /* The text of a criterion; NULL for an object that is no frame. */
 static const char *text_label(const CtsSlice *s, int way)
@@ -197,7 +168,7 @@ static bool label_texts(const CtsSliceSet *set, int way, double *part)
 {
     for (int i = 0; i < set->n; i++) {
         const char *const text = text_label(set->items[i], way);
-        if (!text || (way < BY_WORD && !*text))
+        if (!text || (way >= BY_TRIGGER_ORDER && !*text))
             return false;
         part[i] = i;
         for (int k = 0; k < i && part[i] == i; k++)
@@ -232,16 +203,16 @@ static bool label_thickness(const CtsSliceSet *set, double *part)
 }
 
 /* Rank of a slice among those at its position by a number; false where two of one position have equal ones. */
-static bool label_order(const CtsSliceSet *set, int way, double same_mm, double *part)
+static bool label_order(const CtsSliceSet *set, CtsVolumeNumber number, double same_mm, double *part)
 {
     for (int first = 0, end; first < set->n; first = end) {
         for (end = first + 1; end < set->n && cts_slice_same_place(set->items[end - 1], set->items[end], same_mm);)
             end++;
         for (int i = first; i < end; i++) {
-            const double own = number_label(set->items[i], way);
+            const double own = set->items[i]->volume_number[number];
             part[i] = 0;
             for (int k = first; k < end; k++) {
-                const double other = number_label(set->items[k], way);
+                const double other = set->items[k]->volume_number[number];
                 if (isnan(own) || (k != i && other == own))
                     return false;
                 part[i] += other < own;
@@ -255,50 +226,45 @@ static bool label_order(const CtsSliceSet *set, int way, double same_mm, double 
 static bool label_times(const CtsSliceSet *set, double same_mm, double *part)
 {
     for (int i = 0; i < set->n; i++) {
-        const CtsSlice *const s = set->items[i];
-        const bool repeats = i > 0 && cts_slice_same_place(set->items[i - 1], s, same_mm);
+        const double time = set->items[i]->volume_number[CTS_ACQUISITION_TIME];
+        const bool repeats = i > 0 && cts_slice_same_place(set->items[i - 1], set->items[i], same_mm);
         part[i] = repeats ? part[i - 1] + 1 : 0;
-        if (s->time_s < 0 || (repeats && !(s->time_s > set->items[i - 1]->time_s)))
+        if (isnan(time) || (repeats && !(time > set->items[i - 1]->volume_number[CTS_ACQUISITION_TIME])))
             return false;
     }
     return true;
 }
 
-/* part[i] for each slice by a criterion; false when it does not separate them. Of CT every slice has the attribute; of
- * MR, images without diffusion gradients have no direction. */
+/* part[i] for each slice by a criterion; false when it does not separate them. Of MR, images without diffusion
+ * gradients have no direction; numbers that CT have, too, every slice has. */
 static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
-    if (way == BY_KERNEL || way == BY_OBJECT || way >= BY_WORD)
-        return label_texts(set, way, part);
     if (way == BY_THICKNESS)
         return label_thickness(set, part);
     if (way == BY_CONTENT_ORDER || way == BY_TRIGGER_ORDER)
-        return label_order(set, way, same_mm, part);
+        return label_order(set, way == BY_CONTENT_ORDER ? CTS_CONTENT_TIME : CTS_TRIGGER_TIME, same_mm, part);
     if (way == BY_TIME)
         return label_times(set, same_mm, part);
+    if (way >= BY_WORD)
+        return label_texts(set, way, part);
     for (int i = 0; i < set->n; i++) {
-        part[i] = number_label(set->items[i], way);
-        if (isnan(part[i]) && way < BY_NUMBER)
+        part[i] = or_least(set->items[i]->volume_number[way]);
+        if (part[i] == -INFINITY && way < CTS_ECHO_NUMBER)
             return false;
-        part[i] = isnan(part[i]) ? -INFINITY : part[i];
     }
     return true;
-}
-
-static double time_of(const CtsSlice *s, int way)
-{
-    return way == BY_CONTENT_ORDER ? s->content_s : s->time_s;
 }
 
 /* Phases are consecutive: a later part begins after the earlier one has ended. */
 static bool in_turn(const CtsSliceSet *parts, int n_parts, int way)
 {
+    const CtsVolumeNumber time = way == BY_CONTENT_ORDER ? CTS_CONTENT_TIME : CTS_ACQUISITION_TIME;
     double end = -1;
     for (int p = 0; p < n_parts; p++) {
         double first = INFINITY, last = -1;
         for (int i = 0; i < parts[p].n; i++) {
-            first = fmin(first, time_of(parts[p].items[i], way));
-            last = fmax(last, time_of(parts[p].items[i], way));
+            first = fmin(first, parts[p].items[i]->volume_number[time]);
+            last = fmax(last, parts[p].items[i]->volume_number[time]);
         }
         if (!(first > end))
             return false;
