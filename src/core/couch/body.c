@@ -131,40 +131,19 @@ end:
     return st;
 }
 
-static void find_air(void *context, int worker, size_t first, size_t end)
-{
-    const BodySearch *const s = context;
-    (void)worker;
-    for (int k = (int)first; k < (int)end; k++) {
-        const CtsBits dense = cts_bits_slice(&s->body->dense, k);
-        CtsBits air = cts_bits_slice(&s->body->whole, k);
-        cts_bits_combine(&air, CTS_BITS_NOT, &dense);
-    }
-}
-
 /* The whole is the complement of the air outside. */
-static void paint_whole(void *context, int worker, size_t first, size_t end)
-{
-    const BodySearch *const s = context;
-    (void)worker;
-    for (int k = (int)first; k < (int)end; k++) {
-        CtsBits whole = cts_bits_slice(&s->body->whole, k), foreign = cts_bits_slice(&s->body->foreign, k);
-        cts_components_paint_slice(&s->parts, s->flags, k, NULL, &whole);
-        cts_bits_combine(&foreign, CTS_BITS_AND, &whole);
-        cts_bits_combine(&whole, CTS_BITS_NOT, &whole);
-    }
-}
-
 static CtsStatus find_whole(BodySearch *s, CtsError *err)
 {
     CtsStatus st;
     uint8_t *outside = NULL;
-    each_section(s, find_air);
-    if (!(st = cts_components_find(&s->parts, &s->body->whole, CTS_CONNECTED_IN_SLICE, err)) &&
+    CtsBits *const whole = &s->body->whole;
+    cts_bits_combine(whole, CTS_BITS_NOT, &s->body->dense);
+    if (!(st = cts_components_find(&s->parts, whole, CTS_CONNECTED_IN_SLICE, err)) &&
         !(st = cts_alloc_array(&outside, s->parts.n_parts, err)) &&
         !(st = cts_air_outside(s->plan, s->volume, &s->parts, s->has_table, &s->body->air, outside, err))) {
-        s->flags = outside;
-        each_section(s, paint_whole);
+        cts_components_paint(&s->parts, outside, whole);
+        cts_bits_combine(&s->body->foreign, CTS_BITS_AND, whole);
+        cts_bits_combine(whole, CTS_BITS_NOT, whole);
     }
     cts_free(&outside);
     return st;

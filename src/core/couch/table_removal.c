@@ -218,34 +218,19 @@ static const uint64_t *gone_row(const CtsTableSearch *r, int j, int k, uint64_t 
     return row;
 }
 
-typedef struct GoneCount {
-    const CtsTableSearch *found;
-    _Atomic uint64_t n_dense;
-} GoneCount;
-
-static void count_gone_slices(void *context, int worker, size_t first, size_t end)
-{
-    GoneCount *const c = context;
-    const CtsBits *const dense = &c->found->dense;
-    uint64_t n = 0;
-    (void)worker;
-    for (int k = (int)first; k < (int)end; k++)
-        for (int j = 0; j < dense->dims[1]; j++) {
-            uint64_t made[CTS_BITS_ROW_WORDS];
-            const uint64_t *const gone = gone_row(c->found, j, k, made), *const row = cts_bits_row(dense, j, k);
-            for (size_t w = 0; w < dense->row_words; w++)
-                if (gone[w] & row[w]) /* few words have any */
-                    n += (uint64_t)cts_popcount(gone[w] & row[w]);
-        }
-    atomic_fetch_add(&c->n_dense, n);
-}
-
 /* Number of dense voxels that become air. */
 static uint64_t count_dense_gone(const CtsTableSearch *r)
 {
-    GoneCount count = {.found = r};
-    cts_parallel(r->n_threads, (size_t)r->dims[2], 0, count_gone_slices, &count);
-    return atomic_load(&count.n_dense);
+    uint64_t n = 0;
+    for (int k = 0; k < r->dense.dims[2]; k++)
+        for (int j = 0; j < r->dense.dims[1]; j++) {
+            uint64_t made[CTS_BITS_ROW_WORDS];
+            const uint64_t *const gone = gone_row(r, j, k, made), *const row = cts_bits_row(&r->dense, j, k);
+            for (size_t w = 0; w < r->dense.row_words; w++)
+                if (gone[w] & row[w]) /* few words have any */
+                    n += (uint64_t)cts_popcount(gone[w] & row[w]);
+        }
+    return n;
 }
 
 /* Moves a row of n voxels to its own place or to one before it in memory; those that are gone become air. at: bit of

@@ -126,12 +126,6 @@ static void paint_runs(const Painting *p, size_t plane, size_t voxel_label, cons
     }
 }
 
-static int by_place(const void *a, const void *b)
-{
-    const uint32_t p = ((const CtsFractionalVoxel *)a)->at, q = ((const CtsFractionalVoxel *)b)->at;
-    return (p > q) - (p < q);
-}
-
 /* Assigns the remainder to the unlabelled entry, and the voxel to its largest fraction. */
 static CtsStatus end_plane(const Painting *p, size_t plane, Sharings *all)
 {
@@ -145,7 +139,7 @@ static CtsStatus end_plane(const Painting *p, size_t plane, Sharings *all)
         o->voxel_label[plane * (size_t)o->dims[0] * (size_t)o->dims[1] + s->voxel.at] = s->voxel.voxel_label[0];
     }
     if (shared->n)
-        qsort(shared->items, shared->n, sizeof *shared->items, by_place);
+        qsort(shared->items, shared->n, sizeof *shared->items, cts_fractional_by_place);
     return st;
 }
 

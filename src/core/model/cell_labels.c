@@ -27,12 +27,6 @@ static void add_share(CtsCellLabels *c, int voxel_label, int corner, double shar
     c->corner[at][corner] += share;
 }
 
-static int by_place(const void *a, const void *b)
-{
-    const uint32_t p = ((const CtsFractionalVoxel *)a)->at, q = ((const CtsFractionalVoxel *)b)->at;
-    return (p > q) - (p < q);
-}
-
 /* NULL where a scanned voxel has one label only. */
 static const CtsFractionalVoxel *shared_at(const CtsVoxelLabels *o, size_t at)
 {
@@ -41,7 +35,7 @@ static const CtsFractionalVoxel *shared_at(const CtsVoxelLabels *o, size_t at)
     const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
     const CtsFractionalPlane *const plane = &o->shared[at / in_plane];
     const CtsFractionalVoxel key = {.at = (uint32_t)(at % in_plane)};
-    return bsearch(&key, plane->items, plane->n, sizeof key, by_place);
+    return bsearch(&key, plane->items, plane->n, sizeof key, cts_fractional_by_place);
 }
 
 static void add_voxel(const CtsVoxelLabels *o, CtsCellLabels *c, size_t at, int corner, double weight)

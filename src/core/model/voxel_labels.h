@@ -37,6 +37,13 @@ typedef struct CtsFractionalVoxel {
     uint16_t voxel_label[CTS_MAX_FRACTIONS], share[CTS_MAX_FRACTIONS];
 } CtsFractionalVoxel;
 
+/* For qsort() and bsearch(). */
+static inline int cts_fractional_by_place(const void *a, const void *b)
+{
+    const uint32_t p = ((const CtsFractionalVoxel *)a)->at, q = ((const CtsFractionalVoxel *)b)->at;
+    return (p > q) - (p < q);
+}
+
 typedef struct CtsFractionalPlane {
     CtsFractionalVoxel *items; /* n, by rising place; owned */
     size_t n;

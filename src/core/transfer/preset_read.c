@@ -57,8 +57,9 @@ void cts_preset_note(CtsPreset *preset, const char *text)
     strncat(preset->note, text, sizeof preset->note - strlen(preset->note) - 1);
 }
 
-static CtsStatus read_place(const CtsJsonAt *point, const char *key, double previous_hu, double most, double *hu,
-                            CtsError *err)
+/* The HU of a point, not below the previous one's, and the member for its value. */
+static CtsStatus read_point(const CtsJsonAt *point, const char *key, const char *value_key, double previous_hu,
+                            double most, double *hu, CtsJsonAt *value, CtsError *err)
 {
     CtsJsonAt at;
     CtsStatus st = cts_json_need(point, key, &at, err);
@@ -66,7 +67,7 @@ static CtsStatus read_place(const CtsJsonAt *point, const char *key, double prev
         st = cts_json_number(&at, -most, most, hu, err);
     if (!st && *hu < previous_hu)
         st = cts_json_fail(&at, err, "%s falls from %.10g to %.10g (points go upwards)", key, previous_hu, *hu);
-    return st;
+    return st ? st : cts_json_need(point, value_key, value, err);
 }
 
 CtsStatus cts_preset_read_opacity(const CtsJsonAt *point, const char *hu, const char *opacity, CtsPreset *preset,
@@ -74,9 +75,9 @@ CtsStatus cts_preset_read_opacity(const CtsJsonAt *point, const char *hu, const 
 {
     CtsJsonAt at;
     CtsOpacityPoint *p = &preset->opacity[preset->n_opacity];
-    CtsStatus st =
-        read_place(point, hu, preset->n_opacity ? p[-1].hu : -INFINITY, cts_preset_max_value(preset), &p->hu, err);
-    if (!st && !(st = cts_json_need(point, opacity, &at, err)) && !(st = cts_json_number(&at, 0, 1, &p->opacity, err)))
+    CtsStatus st = read_point(point, hu, opacity, preset->n_opacity ? p[-1].hu : -INFINITY,
+                              cts_preset_max_value(preset), &p->hu, &at, err);
+    if (!st && !(st = cts_json_number(&at, 0, 1, &p->opacity, err)))
         preset->n_opacity++;
     return st;
 }
@@ -86,9 +87,9 @@ CtsStatus cts_preset_read_colour(const CtsJsonAt *point, const char *hu, const c
 {
     CtsJsonAt at;
     CtsColourPoint *p = &preset->colour[preset->n_colour];
-    CtsStatus st =
-        read_place(point, hu, preset->n_colour ? p[-1].hu : -INFINITY, cts_preset_max_value(preset), &p->hu, err);
-    if (!st && !(st = cts_json_need(point, rgb, &at, err)) && !(st = cts_json_numbers(&at, 3, 0, 1, p->rgb, err)))
+    CtsStatus st = read_point(point, hu, rgb, preset->n_colour ? p[-1].hu : -INFINITY, cts_preset_max_value(preset),
+                              &p->hu, &at, err);
+    if (!st && !(st = cts_json_numbers(&at, 3, 0, 1, p->rgb, err)))
         preset->n_colour++;
     return st;
 }

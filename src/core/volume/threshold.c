@@ -52,20 +52,6 @@ typedef struct Threshold {
     _Atomic uint64_t n_runs;
 } Threshold;
 
-static void threshold_slices(void *context, int worker, size_t first, size_t end)
-{
-    Threshold *const t = context;
-    const size_t nx = (size_t)t->bits->dims[0], ny = (size_t)t->bits->dims[1];
-    uint64_t n_runs = 0;
-    (void)worker;
-    for (size_t row = first * ny; row < end * ny; row++) {
-        uint64_t *words = t->bits->words + row * t->bits->row_words;
-        threshold_row(words, t->grey + row * nx, (int)nx, t->min);
-        n_runs += cts_bits_count_runs(words, t->bits->row_words);
-    }
-    atomic_fetch_add(&t->n_runs, n_runs);
-}
-
 /* A level between two is at least the lower one and at most the higher one, so only words in which the slices differ
  * need levels. */
 static void threshold_between(uint64_t *words, const uint64_t *low, const uint64_t *high, const CtsLinearLayer *layer,
@@ -81,19 +67,22 @@ static void threshold_between(uint64_t *words, const uint64_t *low, const uint64
     }
 }
 
-static void threshold_layers(void *context, int worker, size_t first, size_t end)
+static void threshold_rows(void *context, int worker, size_t first, size_t end)
 {
     Threshold *const t = context;
     const size_t nx = (size_t)t->bits->dims[0], ny = (size_t)t->bits->dims[1];
     uint64_t n_runs = 0;
     (void)worker;
     for (size_t k = first; k < end; k++) {
-        const CtsLinearLayer layer = cts_linear_layer(t->layers, nx * ny, (int)k);
-        const int below = cts_slice_below(t->layers->layer, t->layers->n_slices, (int)k);
+        const CtsLinearLayer layer =
+            t->layers ? cts_linear_layer(t->layers, nx * ny, (int)k) : (CtsLinearLayer){t->grey + k * nx * ny, NULL, 0};
+        const int below = t->layers ? cts_slice_below(t->layers->layer, t->layers->n_slices, (int)k) : 0;
         for (size_t j = 0; j < ny; j++) {
             uint64_t *const words = cts_bits_row(t->bits, (int)j, (int)k);
-            const uint64_t *const low = cts_bits_row(t->slices, (int)j, below);
-            if (layer.high)
+            const uint64_t *const low = t->layers ? cts_bits_row(t->slices, (int)j, below) : NULL;
+            if (!t->layers)
+                threshold_row(words, layer.low + j * nx, (int)nx, t->min);
+            else if (layer.high)
                 threshold_between(words, low, cts_bits_row(t->slices, (int)j, below + 1), &layer, j * nx, nx, t->min);
             else
                 memcpy(words, low, t->bits->row_words * sizeof *words);
@@ -106,7 +95,7 @@ static void threshold_layers(void *context, int worker, size_t first, size_t end
 uint64_t cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads)
 {
     Threshold t = {.bits = bits, .grey = grey, .min = grey_min};
-    cts_parallel(n_threads, (size_t)bits->dims[2], 0, threshold_slices, &t);
+    cts_parallel(n_threads, (size_t)bits->dims[2], 0, threshold_rows, &t);
     return atomic_load(&t.n_runs);
 }
 
@@ -119,7 +108,7 @@ CtsStatus cts_bits_threshold_layers(CtsBits *bits, const CtsLinearLayers *layers
     if (st)
         return st;
     cts_bits_threshold(&slices, layers->slices, grey_min, n_threads);
-    cts_parallel(n_threads, (size_t)bits->dims[2], 0, threshold_layers, &t);
+    cts_parallel(n_threads, (size_t)bits->dims[2], 0, threshold_rows, &t);
     cts_bits_free(&slices);
     *n_runs = atomic_load(&t.n_runs);
     return CTS_OK;

@@ -1,5 +1,6 @@
 #include "input/labels/contours.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include "base/vec3.h"
 #include <math.h>
@@ -68,12 +69,6 @@ double cts_outline_area(const CtsOutline *o)
     return all;
 }
 
-static int by_x(const void *a, const void *b)
-{
-    const CtsCrossing *x = a, *y = b;
-    return (x->x > y->x) - (x->x < y->x);
-}
-
 /* Adds the crossings of a contour's edges with a row: an edge includes its lower end and excludes its upper one, so
  * that a vertex on a row counts once. */
 static CtsStatus add_crossings(CtsOutline *o, size_t contour, double row, CtsError *err)
@@ -117,7 +112,7 @@ static CtsStatus find_parts(CtsOutline *o, size_t a, size_t b, double row, bool 
         st = add_crossings(o, b, row, err);
     if (st)
         return st;
-    qsort(o->crossings, o->n_crossings, sizeof *o->crossings, by_x);
+    qsort(o->crossings, o->n_crossings, sizeof *o->crossings, cts_compare_double);
     for (size_t i = 0, inside = 0; i + 1 < o->n_crossings; i++) {
         inside ^= o->crossings[i].contour == a ? 1 : 2;
         if (o->crossings[i + 1].x - o->crossings[i].x > (inside == 3 ? 0 : ROUNDING_PIXELS))
@@ -221,7 +216,7 @@ static CtsStatus fill_slice(CtsOutline *o, CtsLabel *label, int slice, const Cts
             if (o->contours[c].low[1] <= j && o->contours[c].high[1] >= j)
                 st = add_crossings(o, c, j, err);
         if (o->n_crossings)
-            qsort(o->crossings, o->n_crossings, sizeof *o->crossings, by_x);
+            qsort(o->crossings, o->n_crossings, sizeof *o->crossings, cts_compare_double);
         if (!st)
             st = fill_row(o, label, (uint32_t)slice * (uint32_t)o->grid->rows + (uint32_t)j, err);
     }

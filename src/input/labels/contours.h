@@ -15,7 +15,7 @@ typedef struct CtsContour {
 
 /* An edge's crossing with a row. */
 typedef struct CtsCrossing {
-    double x; /* pixels */
+    double x; /* pixels; first, as crossings are sorted by it */
     size_t contour;
 } CtsCrossing;
 

@@ -1,5 +1,6 @@
 #include "input/series/series_check.h"
 
+#include "base/compare.h"
 #include "base/vec3.h"
 #include <math.h>
 #include <stdlib.h>
@@ -50,14 +51,8 @@ static void corner_off(const CtsSlice *s, const Axes *mean, int corner, double o
 }
 
 typedef struct Deviation {
-    double at_mm, pixels[3]; /* along the normal; displacement of one corner */
+    double at_mm, pixels[3]; /* along the normal, which they are sorted by; displacement of one corner */
 } Deviation;
-
-static int by_place(const void *a, const void *b)
-{
-    const double x = ((const Deviation *)a)->at_mm, y = ((const Deviation *)b)->at_mm;
-    return (x > y) - (x < y);
-}
 
 /* The mean of n deviations, and the variance of that mean by their scatter. */
 static double mean_off(const Deviation *off, int n, double mean[3])
@@ -100,7 +95,7 @@ bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep)
         }
         if (!settled)
             break;
-        qsort(off, (size_t)n, sizeof *off, by_place);
+        qsort(off, (size_t)n, sizeof *off, cts_compare_double);
         settled = n >= 4 && !drifts(off, n);
     }
     free(off);

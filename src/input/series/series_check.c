@@ -669,10 +669,22 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **par
     return st;
 }
 
-static void copy_diagnostics(CtsDiagnostics *to, const CtsDiagnostics *from)
+static void free_sets(CtsSliceSet *sets, int n)
 {
-    for (size_t i = 0; i < from->n; i++)
-        cts_diagnostics_add(to, from->items[i].id, "%s", from->items[i].text);
+    for (int i = 0; i < n; i++)
+        cts_slice_set_free(&sets[i]);
+    free(sets);
+}
+
+/* A series with diagnostics of its own. */
+static CtsSeries copy_of(const CtsSeries *series)
+{
+    CtsSeries copy = *series;
+    copy.diagnostics = (CtsDiagnostics){0};
+    for (size_t i = 0; i < series->diagnostics.n; i++)
+        cts_diagnostics_add(&copy.diagnostics, series->diagnostics.items[i].id, "%s",
+                            series->diagnostics.items[i].text);
+    return copy;
 }
 
 /* Add one volume, with what was found about the whole series. */
@@ -683,9 +695,7 @@ static CtsStatus add_volume(CtsSeriesList *list, const CtsSeries *whole, CtsSlic
     if (st)
         return st;
     CtsSeries *const series = &list->items[list->n++];
-    *series = *whole;
-    series->diagnostics = (CtsDiagnostics){0};
-    copy_diagnostics(&series->diagnostics, &whole->diagnostics);
+    *series = copy_of(whole);
     if (!(st = finish_series(series, part, numbers, is_whole, err)))
         cts_series_describe(series);
     return st;
@@ -695,21 +705,17 @@ static CtsStatus add_volume(CtsSeriesList *list, const CtsSeries *whole, CtsSlic
 static CtsStatus add_grid(CtsSeriesList *list, const CtsSeries *all, CtsSliceSet *set, const CtsStudyNumbers *numbers,
                           bool is_whole, CtsError *err)
 {
-    CtsSeries whole = *all;
+    CtsSeries whole = copy_of(all);
     CtsSliceSet *parts = NULL;
     int n_parts = 0;
     CtsStatus st = CTS_OK;
-    whole.diagnostics = (CtsDiagnostics){0};
-    copy_diagnostics(&whole.diagnostics, &all->diagnostics);
     if (!whole.refusal)
         st = separate(set, &whole, &parts, &n_parts, err);
     if (!st && !n_parts)
         st = add_volume(list, &whole, set, numbers, is_whole, err);
     for (int p = 0; !st && p < n_parts; p++)
         st = add_volume(list, &whole, &parts[p], numbers, false, err);
-    for (int p = 0; p < n_parts; p++)
-        cts_slice_set_free(&parts[p]);
-    free(parts);
+    free_sets(parts, n_parts);
     cts_diagnostics_free(&whole.diagnostics);
     return st;
 }
@@ -729,9 +735,7 @@ CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const 
         st = add_grid(list, &all, set, numbers, true, err);
     for (int g = 0; !st && g < n_grids; g++)
         st = add_grid(list, &all, &grids[g], numbers, false, err);
-    for (int g = 0; g < n_grids; g++)
-        cts_slice_set_free(&grids[g]);
-    free(grids);
+    free_sets(grids, n_grids);
     cts_slice_set_free(set);
     cts_diagnostics_free(&all.diagnostics);
     return st;

@@ -26,26 +26,21 @@ void cts_slice_set_filter(CtsSliceSet *set, const bool *keep)
     set->n = kept;
 }
 
-static int compare_numbers(double a, double b)
+static double or_zero(double number)
 {
-    return (a > b) - (a < b);
-}
-
-/* Missing numbers sort before others. */
-static double or_least(double number)
-{
-    return isnan(number) ? -INFINITY : number;
+    return isnan(number) ? 0 : number;
 }
 
 static int by_position(const void *a, const void *b, void *reference)
 {
     const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
     static const CtsVolumeNumber numbers[] = {CTS_ACQUISITION_NUMBER, CTS_TEMPORAL_POSITION, CTS_ACQUISITION_TIME};
-    int order = compare_numbers(cts_slice_stack_position_mm(reference, x), cts_slice_stack_position_mm(reference, y));
-    for (int i = 0; !order && i < 3; i++)
-        order = compare_numbers(or_least(x->volume_number[numbers[i]]), or_least(y->volume_number[numbers[i]]));
-    if (!order)
-        order = compare_numbers(x->instance_number, y->instance_number);
+    double p = cts_slice_stack_position_mm(reference, x), q = cts_slice_stack_position_mm(reference, y);
+    for (int i = 0; p == q && i < 3; i++) {
+        p = or_zero(x->volume_number[numbers[i]]);
+        q = or_zero(y->volume_number[numbers[i]]);
+    }
+    int order = p == q ? cts_compare_int(&x->instance_number, &y->instance_number) : cts_compare_double(&p, &q);
     if (!order)
         order = strcmp(x->path, y->path);
     return order ? order : x->frame - y->frame;
@@ -248,9 +243,10 @@ static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
     if (way >= BY_WORD)
         return label_texts(set, way, part);
     for (int i = 0; i < set->n; i++) {
-        part[i] = or_least(set->items[i]->volume_number[way]);
-        if (part[i] == -INFINITY && way < CTS_ECHO_NUMBER)
+        part[i] = set->items[i]->volume_number[way];
+        if (isnan(part[i]) && way < CTS_ECHO_NUMBER)
             return false;
+        part[i] = isnan(part[i]) ? -INFINITY : part[i];
     }
     return true;
 }
