@@ -20,7 +20,8 @@ typedef struct CtsShapeStack {
 } CtsShapeStack;
 
 /* Makes the layers by linear or cubic interpolation (core/volume/slice_interpolation.h), then, with
- * CTS_INTERPOLATION_SHAPE, overwrites pixels displaced with the surfaces of air and bone; layers that are slices are copied. Adds to *made,
- * including where memory for surfaces was too short. The result does not depend on the number of threads. */
+ * CTS_INTERPOLATION_SHAPE, overwrites pixels displaced with the surfaces of air and bone; layers that are slices are
+ * copied. Adds to *made, including where memory for surfaces was too short. The result does not depend on the number of
+ * threads. */
 void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation how, int n_threads,
                                   CtsInterpolationCounts *made);

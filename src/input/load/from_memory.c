@@ -96,7 +96,7 @@ static Range join_ranges(Range a, Range b)
     return (Range){fmin(a.low, b.low), fmax(a.high, b.high), a.whole && b.whole, a.n_lost + b.n_lost};
 }
 
-static void find_range(const ArrayPass *p, int k, double *numbers)
+static void find_slice_range(const ArrayPass *p, int k, double *numbers)
 {
     Range r = {INFINITY, -INFINITY, true, 0};
     for (int j = 0; j < p->array->box.dims[1]; j++) {
@@ -154,7 +154,7 @@ static void find_ranges(void *context, int worker, size_t first, size_t end)
         if (has_words(p))
             p->ranges[k] = convert_slice(p, k, rows_of_worker(p, worker));
         else
-            find_range(p, k, rows_of_worker(p, worker));
+            find_slice_range(p, k, rows_of_worker(p, worker));
 }
 
 static void make_slices(void *context, int worker, size_t first, size_t end)
