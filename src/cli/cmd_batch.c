@@ -7,16 +7,10 @@
 #include <stdio.h>
 #include <string.h>
 
-static void on_warning(void *context, const char *text)
+static void on_message(void *context, bool is_warning, const char *text)
 {
     (void)context;
-    cli_warning("%s", text);
-}
-
-static void on_note(void *context, const char *text)
-{
-    (void)context;
-    cli_note("%s", text);
+    is_warning ? cli_warning("%s", text) : cli_note("%s", text);
 }
 
 static void on_series(void *context, const char *text, bool failed)
@@ -63,8 +57,7 @@ static CtsStatus run_batch(const CtsOptions *options, CtsBatchLists *lists, CtsR
                                  .lists = lists,
                                  .job = cts_options_job(options),
                                  .command = command,
-                                 .listener = {.warning = on_warning,
-                                              .note = on_note,
+                                 .listener = {.message = on_message,
                                               .series = on_series,
                                               .searching = on_searching,
                                               .progress = on_progress,

@@ -215,7 +215,7 @@ static void letters_of_names(void **state)
     } cases[] = {{"Gr\u00f6\u00dfe", "GRO\u0308SSE", false},
                  {"\u03ae\u03c0\u03b1\u03c1", "H\u0301\u03a0AP", false},
                  {"\u03c3\u03c2\u0390", "\u03a3\u03a3I\u0308\u0301", false},
-                 {"\u0105\u0142\u017c", "A\u0328\u0141Z\u0307", false},
+                 {"\u0105\u0142\u017c", "A\u0328Z\u0307", true},
                  {"ti\u1ebfng", "TING", true},
                  {"a  b ", "A B", false},
                  {"Lung, left (x=1)", "LUNG, LEFT (X=1)", false},
@@ -225,12 +225,18 @@ static void letters_of_names(void **state)
                  {"a\xff\xe4z", "AZ", true}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         check_drawn(cases[i].text, cases[i].alike, cases[i].lacks);
-    /* Latin-1 and Latin Extended-A without multiplication and division signs, small letters like capitals. */
+    /* Latin-1 and Latin Extended-A, small letters like capitals; those that are no letter with an accent are left out.
+     */
+    static const uint16_t others[] = {0xC6,  0xD0,  0xD7,  0xD8,  0xDE,  0x110, 0x126, 0x131, 0x132,
+                                      0x138, 0x13F, 0x141, 0x149, 0x14A, 0x152, 0x166, 0x17F};
     for (unsigned code = 0xC0; code < 0x180; code++) {
         const char text[] = {(char)(0xC0 | code >> 6), (char)(0x80 | (code & 0x3F)), 0};
         CtsLetters letters = {.n = 0};
         cts_letters_add(text, &letters);
-        if (code != 0xF7 && (letters.lacks || !letters.n || !letters.items[0].glyph))
+        bool is_other = false;
+        for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+            is_other |= code == others[i] || code == others[i] + (code < 0x100 ? 32u : 1u);
+        if (!is_other && (letters.lacks || !letters.n || !letters.items[0].glyph))
             fail_msg("U+%04X is not drawn", code);
     }
 }

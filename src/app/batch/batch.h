@@ -39,8 +39,7 @@ typedef struct CtsBatchProgress {
 
 /* For people: lines and a forecast. */
 typedef struct CtsBatchListener {
-    void (*warning)(void *context, const char *text);
-    void (*note)(void *context, const char *text);
+    void (*message)(void *context, bool is_warning, const char *text);
     /* A series has ended; text is a line about it. */
     void (*series)(void *context, const char *text, bool failed);
     /* The search is running, and the number of series is not yet known. */

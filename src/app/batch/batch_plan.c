@@ -208,7 +208,7 @@ static CtsStatus take_unreadable(CtsBatchPlan *p, const CtsArchiveFile *file, Ct
     CtsStatus st;
     if (!file->path[0]) {
         if (p->n_warnings++ < MAX_WARNINGS)
-            p->settings->listener.warning(p->settings->listener.context, file->why);
+            p->settings->listener.message(p->settings->listener.context, true, file->why);
         return CTS_OK;
     }
     if (!lstat(file->path, &info)) {
@@ -398,7 +398,7 @@ static CtsStatus note_stack(CtsBatchPlan *p, const SingleFile *first, int n, Cts
     if (p->key && (st = cts_uid_keyed(p->key, "series of a batch", record.series_uid, uid, err)))
         return st;
     snprintf(text, sizeof text, CTS_SINGLE_SLICES_TEXT, uid, n - 1, n);
-    p->settings->listener.note(p->settings->listener.context, text);
+    p->settings->listener.message(p->settings->listener.context, false, text);
     return CTS_OK;
 }
 
@@ -503,7 +503,7 @@ CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, co
     if (p->n_warnings > MAX_WARNINGS) {
         char text[80];
         snprintf(text, sizeof text, "%d more folders cannot be searched", p->n_warnings - MAX_WARNINGS);
-        settings->listener.warning(settings->listener.context, text);
+        settings->listener.message(settings->listener.context, true, text);
     }
 end:
     if (st)

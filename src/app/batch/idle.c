@@ -29,9 +29,9 @@ static uint64_t hash_text_from(uint64_t hash, const char *text)
 
 static uint64_t hash_stat(uint64_t hash, const struct stat *info)
 {
-    hash = hash_word(hash_word(hash, (uint64_t)info->st_size), (uint64_t)info->st_mtim.tv_sec);
-    hash = hash_word(hash_word(hash, (uint64_t)info->st_mtim.tv_nsec), (uint64_t)info->st_ctim.tv_sec);
-    return hash_word(hash, (uint64_t)info->st_ctim.tv_nsec);
+    const int64_t numbers[] = {info->st_size, info->st_mtim.tv_sec, info->st_mtim.tv_nsec, info->st_ctim.tv_sec,
+                               info->st_ctim.tv_nsec};
+    return hash_word(hash, cts_fnv(CTS_FNV, numbers, sizeof numbers));
 }
 
 static uint64_t sum_folder(int fd, uint64_t seed, int depth, bool hidden);

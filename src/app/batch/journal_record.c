@@ -13,11 +13,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static bool is_at(int i, const int *wanted)
-{
-    return !wanted || *wanted == i;
-}
-
 CtsStatus cts_journal_record_hash(const CtsBatchSettings *s, const CtsBatchPicture *picture, bool is_dcm, char hex[65],
                                   CtsError *err)
 {
@@ -28,15 +23,17 @@ CtsStatus cts_journal_record_hash(const CtsBatchSettings *s, const CtsBatchPictu
     cts_hash_text(hash, CTS_VERSION);
     cts_hash_text(hash, s->lists->options);
     for (int i = 0; i < s->lists->n_presets && !st; i++) {
-        char *text = is_at(i, picture ? &picture->preset : NULL) ? cts_preset_to_json(&s->lists->presets[i]) : NULL;
+        if (picture && picture->preset != i)
+            continue;
+        char *text = cts_preset_to_json(&s->lists->presets[i]);
         if (text)
             cts_hash_text(hash, text);
-        else if (is_at(i, picture ? &picture->preset : NULL))
+        else
             st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         free(text);
     }
     for (int i = 0; i < s->lists->n_views; i++)
-        if (is_at(i, picture ? &picture->view : NULL))
+        if (!picture || picture->view == i)
             cts_hash_text(hash, s->lists->views[i].name);
     for (int i = 0; i < s->lists->n_formats && !picture; i++)
         cts_hash_text(hash, s->lists->formats[i]);

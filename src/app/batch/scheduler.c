@@ -449,7 +449,7 @@ static void leave_unsent(Run *r)
     r->later.due.text[0] = '0'; /* before any time: the next run begins with them */
     snprintf(text, sizeof text, "%zu more series are not sent, as %d before them could not be (run the batch again)", n,
              MAX_UNSENT);
-    r->settings->listener.warning(r->settings->listener.context, text);
+    r->settings->listener.message(r->settings->listener.context, true, text);
 }
 
 /* Permits up to n_jobs workers to render. */
@@ -576,8 +576,8 @@ static void warn_without_locks(const Run *r)
         "%s: its file system has no locks (flock: %s): do not run two batches, or shards of different numbers, there "
         "at once",
         r->settings->options->output_dir, strerror(error));
-    if (error && listener->warning)
-        listener->warning(listener->context, text);
+    if (error)
+        listener->message(listener->context, true, text);
 }
 
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err)

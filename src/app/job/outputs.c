@@ -3,11 +3,11 @@
 #include "base/did_you_mean.h"
 #include "base/file.h"
 #include "base/stage_timer.h"
-#include <libgen.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 static bool holds_frames(const char *path)
@@ -73,16 +73,14 @@ static CtsStatus check_output(const char *path, const CtsExportSettings *setting
 /* Two names of one file: the same name in the same folder, however that is written. */
 static bool same_file(const char *a, const char *b)
 {
+    const char *const slash_a = strrchr(a, '/'), *const slash_b = strrchr(b, '/');
+    const char *const name_a = slash_a ? slash_a + 1 : a, *const name_b = slash_b ? slash_b + 1 : b;
     char folder_a[PATH_MAX], folder_b[PATH_MAX];
-    char *copy_a = strdup(a), *copy_b = strdup(b), *copy_c = strdup(a), *copy_d = strdup(b);
-    const bool same = copy_a && copy_b && copy_c && copy_d && !strcmp(basename(copy_a), basename(copy_b)) &&
-                      realpath(dirname(copy_c), folder_a) && realpath(dirname(copy_d), folder_b) &&
-                      !strcmp(folder_a, folder_b);
-    free(copy_a);
-    free(copy_b);
-    free(copy_c);
-    free(copy_d);
-    return same;
+    struct stat x, y;
+    snprintf(folder_a, sizeof folder_a, "%.*s.", (int)(name_a - a), a);
+    snprintf(folder_b, sizeof folder_b, "%.*s.", (int)(name_b - b), b);
+    return !strcmp(name_a, name_b) && !stat(folder_a, &x) && !stat(folder_b, &y) && x.st_dev == y.st_dev &&
+           x.st_ino == y.st_ino;
 }
 
 static CtsHint near_ending(const char *path)

@@ -7,6 +7,7 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <jpeglib.h> /* needs FILE and size_t */
@@ -17,7 +18,8 @@ typedef struct JpgWriter {
     const CtsExportJob *job;
     struct jpeg_compress_struct jpeg;
     struct jpeg_error_mgr errors;
-    FILE *sink;    /* into the job's temp */
+    unsigned char *bytes; /* the compressed picture, n_bytes */
+    unsigned long n_bytes;
     CtsError *err; /* of the current call */
     CtsStatus status;
     jmp_buf failed;
@@ -34,21 +36,13 @@ static void on_error(j_common_ptr jpeg)
     JpgWriter *const w = writer_of(jpeg);
     char text[JMSG_LENGTH_MAX];
     jpeg->err->format_message(jpeg, text);
-    if (!w->status) /* write_to_sink() has not set an error already */
-        w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);
+    w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);
     longjmp(w->failed, 1);
 }
 
 static void on_message(j_common_ptr jpeg)
 {
     (void)jpeg;
-}
-
-static ssize_t write_to_sink(void *context, const char *bytes, size_t n)
-{
-    JpgWriter *const w = context;
-    w->status = cts_temp_write(w->job->temp, bytes, n, w->err);
-    return w->status ? 0 : (ssize_t)n;
 }
 
 /* Colours at full resolution: the edges of a render are where its colours change. */
@@ -86,9 +80,7 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     if (setjmp(w->failed))
         return w->status;
     jpeg_create_compress(&w->jpeg);
-    if (!(w->sink = fopencookie(w, "w", (cookie_io_functions_t){.write = write_to_sink})))
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
-    jpeg_stdio_dest(&w->jpeg, w->sink);
+    jpeg_mem_dest(&w->jpeg, &w->bytes, &w->n_bytes);
     const CtsStatus st = cts_alloc_array(&w->row, (size_t)job->head.width * 3, err);
     if (!st)
         start_jpg(w);
@@ -115,16 +107,14 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
     if (setjmp(w->failed))
         return w->status;
     jpeg_finish_compress(&w->jpeg);
-    return CTS_OK;
+    return cts_temp_write(job->temp, w->bytes, w->n_bytes, err);
 }
 
 static void release(CtsExportJob *job)
 {
     JpgWriter *const w = job->state;
     jpeg_destroy_compress(&w->jpeg);
-    w->err = NULL;
-    if (w->sink)
-        fclose(w->sink);
+    free(w->bytes);
     cts_free(&w->row);
 }
 

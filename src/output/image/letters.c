@@ -79,18 +79,7 @@ static const CtsGlyph glyphs[] = {
     {'~', 10, "0927476989a7"},
     {0xB0, 4, "103041433414030110"}, /* degree */
     {0xB7, 1, "0808"},               /* middle dot */
-    {0xC6, 14, "e0600g 707geg 38d8"},
-    {0xD0, 10, "000g5g8faca4815000 0868"}, /* Eth, and D with a bar */
-    {0xD7, 8, "058d 850d"},
-    {0xD8, 10, "307092a4ac9e7g3g1e0c041230 0ga0"},
-    {0xDE, 9, "000g 04648597998b6c0c"},
-    {0x110, 10, "000g5g8faca4815000 0868"},
-    {0x126, 12, "202g a0ag 28a8 04c4"},
-    {0x141, 9, "000g9g 0b55"},
-    {0x14A, 10, "0g00aea0 ae7g5g"},
-    {0x152, 14, "e0703012040c1e3g7geg 707g 78d8"},
-    {0x166, 10, "00a0 505g 2888"},
-    {0x393, 9, "0g0090"}, /* Greek letters that Latin has not */
+    {0x393, 9, "0g0090"},            /* Greek letters that Latin has not */
     {0x394, 12, "600gcg60"},
     {0x398, 10, "307092a4ac9e7g3g1e0c041230 3878"},
     {0x39B, 11, "0g50ag"},
@@ -102,78 +91,38 @@ static const CtsGlyph glyphs[] = {
     {0x3A9, 12, "0g3g3c08043090c4c89c9gcg"},
 };
 
-typedef enum Accent {
-    NONE,
-    GRAVE,
-    ACUTE,
-    CIRCUMFLEX,
-    TILDE,
-    MACRON,
-    BREVE,
-    DOT,
-    DIAERESIS,
-    RING,
-    DOUBLE_ACUTE,
-    CARON,
-    COMMA_BELOW,
-    CEDILLA,
-    OGONEK,
-    N_ACCENTS
-} Accent;
-
-/* Diacritics, drawn like letters; CtsMark has their position. */
+/* Diacritics, drawn like letters, and the capitals of Latin-1, Latin Extended-A and Romanian, and Greek letters, that
+ * have them, from the canonical decompositions of Unicode: each composed letter precedes its base. */
 static const struct {
     uint16_t combining; /* the character that puts it on the letter before */
     CtsMark mark;
-} accents[N_ACCENTS] = {
-    [GRAVE] = {0x300, {{0, 6, "1054"}, CTS_MARK_ABOVE}},
-    [ACUTE] = {0x301, {{0, 6, "5014"}, CTS_MARK_ABOVE}},
-    [CIRCUMFLEX] = {0x302, {{0, 6, "043064"}, CTS_MARK_ABOVE}},
-    [TILDE] = {0x303, {{0, 9, "0321537190"}, CTS_MARK_ABOVE}},
-    [MACRON] = {0x304, {{0, 8, "0282"}, CTS_MARK_ABOVE}},
-    [BREVE] = {0x306, {{0, 8, "0023446380"}, CTS_MARK_ABOVE}},
-    [DOT] = {0x307, {{0, 1, "0203"}, CTS_MARK_ABOVE}},
-    [DIAERESIS] = {0x308, {{0, 7, "0203 7273"}, CTS_MARK_ABOVE}},
-    [RING] = {0x30A, {{0, 4, "103041433414030110"}, CTS_MARK_ABOVE}},
-    [DOUBLE_ACUTE] = {0x30B, {{0, 8, "3004 8054"}, CTS_MARK_ABOVE}},
-    [CARON] = {0x30C, {{0, 6, "003460"}, CTS_MARK_ABOVE}},
-    [COMMA_BELOW] = {0x326, {{0, 2, "2204"}, CTS_MARK_BELOW}},
-    [CEDILLA] = {0x327, {{0, 4, "2022434414"}, CTS_MARK_BELOW}},
-    [OGONEK] = {0x328, {{0, 4, "3012132444"}, CTS_MARK_BELOW}},
+    const char *composed;
+} accents[] = {
+    {0x300, {{0, 6, "1054"}, CTS_MARK_ABOVE}, "ÀAÈEÌIÒOÙU"},
+    {0x301,
+     {{0, 6, "5014"}, CTS_MARK_ABOVE},
+     "ÁAÉEÍIÓOÚUÝYĆCĹLŃNŔRŚSŹZ"
+     "ΆΑΈΕΉΗΊΙΌΟΎΥΏΩάΑέΕήΗίΙόΟύΥώΩΐϊΰϋ"},
+    {0x302, {{0, 6, "043064"}, CTS_MARK_ABOVE}, "ÂAÊEÎIÔOÛUĈCĜGĤHĴJŜSŴWŶY"},
+    {0x303, {{0, 9, "0321537190"}, CTS_MARK_ABOVE}, "ÃAÑNÕOĨIŨU"},
+    {0x304, {{0, 8, "0282"}, CTS_MARK_ABOVE}, "ĀAĒEĪIŌOŪU"},
+    {0x306, {{0, 8, "0023446380"}, CTS_MARK_ABOVE}, "ĂAĔEĞGĬIŎOŬU"},
+    {0x307, {{0, 1, "0203"}, CTS_MARK_ABOVE}, "ĊCĖEĠGİIŻZ"},
+    {0x308, {{0, 7, "0203 7273"}, CTS_MARK_ABOVE}, "ÄAËEÏIÖOÜUŸYΪΙΫΥϊΙϋΥ"},
+    {0x30A, {{0, 4, "103041433414030110"}, CTS_MARK_ABOVE}, "ÅAŮU"},
+    {0x30B, {{0, 8, "3004 8054"}, CTS_MARK_ABOVE}, "ŐOŰU"},
+    {0x30C, {{0, 6, "003460"}, CTS_MARK_ABOVE}, "ČCĎDĚEĽLŇNŘRŠSŤTŽZ"},
+    {0x326, {{0, 2, "2204"}, CTS_MARK_BELOW}, "ȘSȚT"},
+    {0x327, {{0, 4, "2022434414"}, CTS_MARK_BELOW}, "ÇCĢGĶKĻLŅNŖRŞSŢT"},
+    {0x328, {{0, 4, "3012132444"}, CTS_MARK_BELOW}, "ĄAĘEĮIŲU"},
 };
 
-/* Capitals of Latin-1, Latin Extended-A and Romanian, and Greek letters, with their parts, from the canonical
- * decompositions of Unicode: each composed letter precedes its base. */
-static const struct {
-    Accent accent;
-    const char *letters;
-} composed[] = {
-    {GRAVE, "ÀAÈEÌIÒOÙU"},
-    {ACUTE, "ÁAÉEÍIÓOÚUÝYĆCĹLŃNŔRŚSŹZΆΑΈΕΉΗΊΙΌΟΎΥΏΩάΑέΕήΗίΙόΟύΥώΩΐϊΰϋ"},
-    {CIRCUMFLEX, "ÂAÊEÎIÔOÛUĈCĜGĤHĴJŜSŴWŶY"},
-    {TILDE, "ÃAÑNÕOĨIŨU"},
-    {MACRON, "ĀAĒEĪIŌOŪU"},
-    {BREVE, "ĂAĔEĞGĬIŎOŬU"},
-    {DOT, "ĊCĖEĠGİIŻZ"},
-    {DIAERESIS, "ÄAËEÏIÖOÜUŸYΪΙΫΥϊΙϋΥ"},
-    {RING, "ÅAŮU"},
-    {DOUBLE_ACUTE, "ŐOŰU"},
-    {CARON, "ČCĎDĚEĽLŇNŘRŠSŤTŽZ"},
-    {COMMA_BELOW, "ȘSȚT"},
-    {CEDILLA, "ÇCĢGĶKĻLŅNŖRŞSŢT"},
-    {OGONEK, "ĄAĘEĮIŲU"},
-};
-
-/* Ligatures and the like, replaced by plain letters. */
+/* Characters that ASCII has others for. */
 static const struct {
     uint16_t letter;
     const char *written;
 } written_as[] = {
-    {0xA0, " "},    {0xAB, "<"},    {0xBB, ">"},     {0xB5, "M"},   {0xDF, "SS"},  {0x131, "I"},
-    {0x132, "IJ"},  {0x133, "IJ"},  {0x138, "K"},    {0x13F, "L."}, {0x140, "L."}, {0x149, "'N"},
-    {0x17F, "S"},   {0x1E9E, "SS"}, {0x2010, "-"},   {0x2011, "-"}, {0x2012, "-"}, {0x2013, "-"},
-    {0x2014, "-"},  {0x2212, "-"},  {0x2018, "'"},   {0x2019, "'"}, {0x2BC, "'"},  {0x201C, "\""},
-    {0x201D, "\""}, {0x201E, "\""}, {0x2026, "..."}, {0x202F, " "}, {0x2009, " "},
+    {0xA0, " "}, {0xDF, "SS"}, {0x2010, "-"}, {0x2013, "-"}, {0x2018, "'"}, {0x2019, "'"},
 };
 
 /* Greek from 0x391 to 0x3A9 as Latin capitals of the same shape; a blank: drawn by a glyph of its own. */
@@ -208,12 +157,12 @@ static uint32_t next_code_point(const char **text)
 static bool find_capital(uint32_t capital, CtsLetter *letter)
 {
     *letter = (CtsLetter){.glyph = glyph_of(capital)};
-    for (size_t row = 0; !letter->glyph && row < N_OF(composed); row++)
-        for (const char *p = composed[row].letters; *p && !letter->glyph;) {
+    for (size_t row = 0; !letter->glyph && row < N_OF(accents); row++)
+        for (const char *p = accents[row].composed; *p && !letter->glyph;) {
             const bool is_it = next_code_point(&p) == capital;
             const uint32_t base = next_code_point(&p);
             if (is_it && find_capital(base, letter))
-                letter->marks[letter->marks[0] ? 1 : 0] = &accents[composed[row].accent].mark;
+                letter->marks[letter->marks[0] ? 1 : 0] = &accents[row].mark;
         }
     return letter->glyph;
 }
@@ -229,7 +178,7 @@ static bool find_letter(uint32_t code, CtsLetter *letter)
 
 static const CtsMark *combining(uint32_t code)
 {
-    for (int i = 1; i < N_ACCENTS; i++)
+    for (size_t i = 0; i < N_OF(accents); i++)
         if (accents[i].combining == code)
             return &accents[i].mark;
     return NULL;
