@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -73,6 +74,15 @@ bool cts_write_all(int fd, const void *data, size_t n)
     const char *p = data;
     for (ssize_t done; n > 0; p += done, n -= (size_t)done)
         if ((done = TEMP_FAILURE_RETRY(write(fd, p, n))) < 0)
+            return false;
+    return true;
+}
+
+bool cts_send_all(int socket, const void *data, size_t n)
+{
+    const char *p = data;
+    for (ssize_t done; n > 0; p += done, n -= (size_t)done)
+        if ((done = TEMP_FAILURE_RETRY(send(socket, p, n, MSG_NOSIGNAL))) < 0)
             return false;
     return true;
 }

@@ -10,6 +10,8 @@ CTS_C_BEGIN
 
 /* Repeats short writes; false, with errno, on failure. */
 bool cts_write_all(int fd, const void *data, size_t n);
+/* The same into a socket, without a signal where its other end is closed. */
+bool cts_send_all(int socket, const void *data, size_t n);
 
 /* fsync(); true, too, where the file system has none, as those of object stores, which keep a file once it is closed.
  */

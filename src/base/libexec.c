@@ -82,7 +82,7 @@ CtsStatus cts_program_start(const char *const *arguments, const int *descriptors
     for (int i = 0; !why && i < n; i++)
         why = posix_spawn_file_actions_adddup2(&files, descriptors[i], as[i]); /* not closed at the start */
     if (!why)
-        why = posix_spawn(pid, arguments[0], &files, &attributes, (char *const *)(uintptr_t)arguments, environ);
+        why = posix_spawnp(pid, arguments[0], &files, &attributes, (char *const *)(uintptr_t)arguments, environ);
     posix_spawn_file_actions_destroy(&files);
     posix_spawnattr_destroy(&attributes);
     return why ? report_start(arguments[0], why, err) : CTS_OK;

@@ -9,9 +9,9 @@
  * the installed folders, relative to the object that contains this code. CTS_ERR_INTERNAL when it is missing. */
 CtsStatus cts_libexec_find(const char *program, char path[PATH_MAX], CtsError *err);
 
-/* Starts the program whose path is the first argument; NULL ends them. It inherits the n descriptors, under the numbers
- * in `as`, and no other one of this library's, and all signals are blocked until it unblocks them. A child process of
- * this one: the caller reaps it. */
+/* Starts the program that the first argument names, in PATH where it has no slash; NULL ends them. It inherits the n
+ * descriptors, under the numbers in `as`, and no other one of this library's, and all signals are blocked until it
+ * unblocks them. A child process of this one: the caller reaps it. */
 CtsStatus cts_program_start(const char *const *arguments, const int *descriptors, const int *as, int n, pid_t *pid,
                             CtsError *err);
 /* The same for a program of libexec with one argument. */

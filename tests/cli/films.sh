@@ -13,7 +13,7 @@ for film in a.mp4 a.GIF; do
         refused 5 "$film: ffmpeg: ended unexpectedly" $turn -o $film
     done
     printf '#!/bin/sh\necho "Unknown encoder '"'libx264'"'" >&2\nexit 1\n' >fake/ffmpeg
-    refused 5 "$film: this ffmpeg has no libx264" $turn -o $film
+    refused 5 "$film: ffmpeg: Unknown encoder .libx264. .take one that has it" $turn -o $film
 done
 PATH=$all
 refused 2 'a.avi: the ending names no format .*\.mp4 or \.gif' $turn -o a.avi

@@ -97,6 +97,8 @@ def guarded(server, series):
         server.refused(405, 'GET', '/series', method=method)
     assert 'Access-Control-Allow-Origin' not in server.ask('/series', headers={'Origin': 'http://a.example'})[1]
     assert server.ask('/series', method='HEAD')[2] == b''
+    for more in {'Content-Length': '9'}, {'Transfer-Encoding': 'chunked'}:
+        assert server.refused(413, 'has none', '/series', headers=more)['Connection'] == 'close'
 
 
 def rendered(server, study, uid):

@@ -90,7 +90,7 @@ with Server(ctsplat, folder + '/{series_uid}') as whole:
         name = archive.json('/series')[0]
         # The preview is made by itself.
         end = time.monotonic() + 200
-        while '4484' not in archive.json(f'/series/{name}/attachments'):
+        while not glob.glob(os.path.expanduser('~/.cache/ctsplat/thumbnails/*.jpg')):
             assert time.monotonic() < end, open('pacs.log').read()[-2000:]
             time.sleep(0.1)
         look_at(archive, whole, source.StudyInstanceUID, source.SeriesInstanceUID, name)

@@ -1,5 +1,5 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, posix_spawn, shmget, poll, recv, waitid, getrandom, accept; kill: the
+ * write, fsync, rename, posix_spawnp, shmget, poll, recv, waitid, getrandom, accept; kill: the
  * process that was started last, when it is sent data) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later
  * ones fail too. Calls are counted over all threads; child processes do not fail, or with CTS_FAIL_CHILD=1 only they
  * do. When the call was reached, a line is appended to the file CTS_FAIL_MARK. */
@@ -41,7 +41,7 @@ enum Call {
     ACCEPT,
     N_CALLS
 };
-static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync",  "rename",    "posix_spawn",
+static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync",  "rename",    "posix_spawnp",
                                            "shmget", "kill", "poll", "recv",  "waitid", "getrandom", "accept"};
 static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO,    ENOSPC,     EIO,    EACCES, EAGAIN,
                                     ENOMEM, 0,      ENOMEM, ECONNRESET, ECHILD, EAGAIN, EMFILE};
@@ -214,14 +214,14 @@ int renameat2(int from_fd, const char *from, int to_fd, const char *to, unsigned
     return fails(RENAME) ? -1 : NEXT(rename_fn, "renameat2")(from_fd, from, to_fd, to, flags);
 }
 
-int posix_spawn(pid_t *pid, const char *path, const posix_spawn_file_actions_t *files, const posix_spawnattr_t *how,
-                char *const arguments[], char *const environment[])
+int posix_spawnp(pid_t *pid, const char *path, const posix_spawn_file_actions_t *files, const posix_spawnattr_t *how,
+                 char *const arguments[], char *const environment[])
 {
     typedef int (*spawn_fn)(pid_t *, const char *, const posix_spawn_file_actions_t *, const posix_spawnattr_t *,
                             char *const *, char *const *);
     if (fails(SPAWN))
         return errors[SPAWN];
-    const int why = NEXT(spawn_fn, "posix_spawn")(pid, path, files, how, arguments, environment);
+    const int why = NEXT(spawn_fn, "posix_spawnp")(pid, path, files, how, arguments, environment);
     child = why ? child : *pid;
     return why;
 }

@@ -4,6 +4,7 @@
 #include "app/batch/worker.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
+#include "base/file.h"
 #include "base/json.h"
 #include "base/mem.h"
 #include "base/sanitized.h"
@@ -82,11 +83,9 @@ json_t *cts_worker_new_record(const CtsBatchSettings *settings, const CtsPlanSer
 
 static CtsStatus send_text(const CtsWorkerProcess *worker_process, const char *message, CtsError *err)
 {
-    ssize_t done;
-    for (size_t n = strlen(message); n > 0; message += done, n -= (size_t)done)
-        if ((done = TEMP_FAILURE_RETRY(send(worker_process->socket, message, n, MSG_NOSIGNAL))) < 0)
-            return cts_fail(err, CTS_ERR_INTERRUPTED, "the batch process has ended: %s", strerror(errno));
-    return CTS_OK;
+    return cts_send_all(worker_process->socket, message, strlen(message))
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_INTERRUPTED, "the batch process has ended: %s", strerror(errno));
 }
 
 /* The text with the series' name in the batch wherever reasons and findings have its own; NULL without memory. */

@@ -15,7 +15,6 @@ enum { LEVELS = 4096, QUALITY = 80, TURN_QUALITY = 70 };
 struct CtsThumbnail {
     char *stem;
     int source_width, source_height, n_channels;
-    bool has_alpha;
     int width, height; /* of one frame */
     int n_frames, n_slots;
     int frame, row; /* the next ones to be added */
@@ -57,7 +56,6 @@ CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, int side, 
     t->source_width = first->width;
     t->source_height = height;
     t->n_channels = first->n_channels;
-    t->has_alpha = first->n_channels == 4 && first->has_alpha;
     t->width = scaled(first->width, longest, side);
     t->height = scaled(height, longest, side);
     t->n_frames = n_frames;

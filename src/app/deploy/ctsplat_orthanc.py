@@ -36,7 +36,6 @@ CONFIGURATION = json.loads(orthanc.GetConfiguration())
 SETTINGS.update(CONFIGURATION.get('Ctsplat', {}))
 STORAGE = CONFIGURATION.get('StorageDirectory', 'OrthancStorage')
 ROOT = '/' + CONFIGURATION.get('DicomWeb', {}).get('Root', '/dicom-web/').strip('/')
-PREVIEW = 4484  # the attachment of a series that holds its preview; numbers from 1024 on are free for all
 CT = ('CT',)
 lock = threading.Lock()
 SETTLED_S = 3  # after which `batch --settled 1` takes what came, a second for each one that is begun
@@ -225,27 +224,19 @@ def preview(resource):
 
 
 def thumbnail(output, uri, **request):
-    """GET /series/ID/thumbnail: the preview that is kept, or a new one."""
-    resource = request['groups'][0]
+    """GET /series/ID/thumbnail."""
     try:
-        kept = orthanc.RestApiGet(f'/series/{resource}/attachments/{PREVIEW}/data')
-        output.AnswerBuffer(kept, 'image/jpeg')
-        return
-    except orthanc.OrthancException:
-        pass
-    try:
-        answer(output, *preview(resource))
+        answer(output, *preview(request['groups'][0]))
     except Refused as refused:
         refuse(output, refused)
     except orthanc.OrthancException:
         refuse(output, Refused(404, 'there is no such series here'))
 
 
-def keep_preview(resource):
+def make_preview(resource):
+    """The server keeps it."""
     try:
-        status, _, body = preview(resource)
-        if status == 200:
-            orthanc.RestApiPut(f'/series/{resource}/attachments/{PREVIEW}', body)
+        preview(resource)
     except (Refused, orthanc.OrthancException):
         pass  # no volume, or deleted meanwhile; a client that requests its thumbnail gets the reason
 
@@ -263,7 +254,7 @@ def hand_over(resource):
 
 def changed(change, level, resource):
     if change == orthanc.ChangeType.STABLE_SERIES:
-        for setting, do in ('Previews', keep_preview), ('Batch', hand_over):
+        for setting, do in ('Previews', make_preview), ('Batch', hand_over):
             if SETTINGS[setting]:
                 threading.Thread(target=do, args=[resource], daemon=True).start()
     elif change == orthanc.ChangeType.DELETED and level == orthanc.ResourceType.SERIES:

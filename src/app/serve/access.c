@@ -137,7 +137,9 @@ static void answer_preflight(const CtsServer *server, CtsHttpAnswer *answer)
 bool cts_access_check(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
     const char *host = request->host, *method = request->method;
-    if (!server->local_socket && (!host || !host_is_ours(server, host)))
+    if (request->has_body)
+        cts_answer_text(answer, server, 413, "a request with a body: only GET is answered, which has none");
+    else if (!server->local_socket && (!host || !host_is_ours(server, host)))
         cts_answer_text(answer, server, 400, "Host: not a name of this server (see --host of ctsplat serve)");
     else if (!strcmp(method, "OPTIONS") && server->options->allow_origin && request->asked_method)
         answer_preflight(server, answer);

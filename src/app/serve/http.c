@@ -86,22 +86,10 @@ static const char *header_of(struct MHD_Connection *connection, const char *name
     return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
 }
 
-/* Requests with a body are rejected without reading it. */
 static bool has_body(struct MHD_Connection *connection)
 {
     const char *length = header_of(connection, "Content-Length");
     return header_of(connection, "Transfer-Encoding") || (length && strcmp(length, "0"));
-}
-
-static enum MHD_Result refuse_body(struct MHD_Connection *connection)
-{
-    static char text[] = "a request with a body: only GET is answered, which has none\n";
-    struct MHD_Response *const no = MHD_create_response_from_buffer(sizeof text - 1, text, MHD_RESPMEM_PERSISTENT);
-    MHD_add_response_header(no, "Content-Type", "text/plain; charset=utf-8");
-    MHD_add_response_header(no, "Connection", "close");
-    const enum MHD_Result done = MHD_queue_response(connection, MHD_HTTP_CONTENT_TOO_LARGE, no);
-    MHD_destroy_response(no);
-    return done;
 }
 
 static enum MHD_Result handle(void *context, struct MHD_Connection *connection, const char *path, const char *method,
@@ -124,9 +112,11 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
             .accept = header_of(connection, MHD_HTTP_HEADER_ACCEPT),
             .if_none_match = header_of(connection, MHD_HTTP_HEADER_IF_NONE_MATCH),
             .asked_method = header_of(connection, "Access-Control-Request-Method"),
+            .has_body = has_body(connection),
             .socket = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd,
         };
-        return has_body(connection) ? refuse_body(connection) : MHD_YES;
+        if (!r->shown.has_body) /* answered before it is read, which ends the connection */
+            return MHD_YES;
     }
     *n_body = 0;
     if (!r->render_query) {

@@ -11,6 +11,7 @@ typedef struct CtsHttpRequest {
     const char *method, *path;
     const char *host, *authorization, *cookie, *accept, *if_none_match;
     const char *asked_method; /* Access-Control-Request-Method, of another site's page */
+    bool has_body; /* which is not read */
     int socket;
 } CtsHttpRequest;
 

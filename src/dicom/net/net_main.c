@@ -34,7 +34,7 @@ static void on_sent(void *context, const char *path)
     CtsNetAnswer answer = {.kind = CTS_NET_SENT};
     while (files[answer.number].path != path)
         answer.number++;
-    cts_wire_write(library, &answer, sizeof answer);
+    cts_send_all(library, &answer, sizeof answer);
 }
 
 static void send_found(const CtsFound *found)
@@ -42,7 +42,7 @@ static void send_found(const CtsFound *found)
     CtsNetAnswer answer = {.kind = CTS_NET_FOUND};
     for (int i = 0; i < found->n; i++) {
         answer.found = found->items[i];
-        cts_wire_write(library, &answer, sizeof answer);
+        cts_send_all(library, &answer, sizeof answer);
     }
 }
 
@@ -51,7 +51,7 @@ static void send_diagnostics(const CtsDiagnostics *diagnostics)
     for (size_t i = 0; i < diagnostics->n; i++) {
         CtsNetAnswer answer = {.kind = CTS_NET_DIAGNOSTIC, .number = (int)diagnostics->items[i].id};
         snprintf(answer.result.error.text, sizeof answer.result.error.text, "%s", diagnostics->items[i].text);
-        cts_wire_write(library, &answer, sizeof answer);
+        cts_send_all(library, &answer, sizeof answer);
     }
 }
 
@@ -146,5 +146,5 @@ int main(int argc, char **argv)
         cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     else if (!cts_dcm_start(err))
         answer = run_task(&request, texts, files);
-    return !cts_wire_write(library, &answer, sizeof answer);
+    return !cts_send_all(library, &answer, sizeof answer);
 }

@@ -31,11 +31,11 @@ typedef struct NetCall {
 
 static bool write_request(const NetCall *c, const CtsNetRequest *request, const char *const texts[CTS_N_NET_TEXTS])
 {
-    bool good = cts_wire_write(c->socket, request, sizeof *request);
+    bool good = cts_send_all(c->socket, request, sizeof *request);
     for (int i = 0; i < CTS_N_NET_TEXTS && good; i++)
         good = cts_wire_write_text(c->socket, texts[i]);
     for (int i = 0; i < c->n_outgoing && good; i++)
-        good = cts_wire_write(c->socket, &c->outgoing_files[i], sizeof *c->outgoing_files) &&
+        good = cts_send_all(c->socket, &c->outgoing_files[i], sizeof *c->outgoing_files) &&
                cts_wire_write_text(c->socket, c->outgoing_files[i].path);
     return good;
 }
@@ -46,7 +46,7 @@ static bool await_answer(NetCall *c, int *left_ms)
     struct pollfd ready = {.fd = c->socket, .events = POLLIN};
     while (poll(&ready, 1, TICK_MS) <= 0) {
         if (*left_ms == GRACE_MS && cts_net_stopped(c->net))
-            cts_wire_write(c->socket, "", 1);
+            cts_send_all(c->socket, "", 1);
         if (cts_net_stopped(c->net) && (*left_ms -= TICK_MS) <= 0)
             kill(c->pid, SIGKILL);
     }

@@ -2,6 +2,7 @@
  * Both are of one build, so that structures go as they lie in memory. */
 #pragma once
 
+#include "base/file.h"
 #include "dicom/net/peer.h"
 
 typedef enum CtsNetTask { CTS_NET_SEND, CTS_NET_FETCH, CTS_NET_FIND, CTS_N_NET_TASKS } CtsNetTask;
@@ -42,7 +43,6 @@ typedef struct CtsNetAnswer {
 } CtsNetAnswer;
 
 /* False when the other side is gone. */
-bool cts_wire_write(int socket, const void *bytes, size_t n);
 bool cts_wire_read(int socket, void *bytes, size_t n);
 /* A text, or NULL. The one read is to be freed with free(); false also without memory, and past 64 KiB. */
 bool cts_wire_write_text(int socket, const char *text);

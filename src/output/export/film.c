@@ -1,6 +1,7 @@
 /* Films by the program ffmpeg, which gets raw frames through a socket: H.264 in MP4, and GIF. */
 #include "output/export/format.h"
 
+#include "base/file.h"
 #include "base/libexec.h"
 #include "base/mem.h"
 #include "base/text.h"
@@ -20,29 +21,23 @@
 enum { LARGEST = 8192, MAX_ARGUMENTS = 48 };
 
 typedef struct FilmWriter {
-    pid_t pid;    /* 0: none */
-    int frames;   /* ffmpeg's input; 0: closed */
-    int messages; /* a file in memory with what ffmpeg prints: nothing unless it fails */
+    pid_t pid;            /* 0: none */
+    int frames, messages; /* ffmpeg's input; a file in memory with what it prints, nothing unless it fails; 0: none */
     uint8_t *row;
 } FilmWriter;
 
-static CtsStatus find_ffmpeg(const char *path, char program[PATH_MAX], CtsError *err)
-{
-    for (const char *at = getenv("PATH"); at && *at; at += strspn(at, ":")) {
-        const int n = (int)strcspn(at, ":");
-        if (snprintf(program, PATH_MAX, "%.*s/ffmpeg", n, at) < PATH_MAX && !access(program, X_OK))
-            return CTS_OK;
-        at += n;
-    }
-    return cts_fail(err, CTS_ERR_OUTPUT, "%s: is made by the program ffmpeg, which is not in PATH (package ffmpeg)",
-                    path);
-}
-
+/* Before any work: the program is in PATH. */
 static CtsStatus check_film(const char *path, const CtsExportSettings *settings, CtsError *err)
 {
     char program[PATH_MAX];
     (void)settings;
-    return find_ffmpeg(path, program, err);
+    for (const char *at = getenv("PATH"); at && *at; at += strcspn(at, ":"), at += strspn(at, ":")) {
+        snprintf(program, sizeof program, "%.*s/ffmpeg", (int)strcspn(at, ":"), at);
+        if (!access(program, X_OK))
+            return CTS_OK;
+    }
+    return cts_fail(err, CTS_ERR_OUTPUT, "%s: is made by the program ffmpeg, which is not in PATH (package ffmpeg)",
+                    path);
 }
 
 static CtsStatus fail_film(const CtsExportJob *job, const FilmWriter *w, CtsError *err)
@@ -51,50 +46,39 @@ static CtsStatus fail_film(const CtsExportJob *job, const FilmWriter *w, CtsErro
     const ssize_t n = pread(w->messages, text, sizeof text - 1, 0);
     text[n > 0 ? strcspn(text, "\n") : 0] = 0;
     cts_text_clean(text);
-    if (strstr(text, "libx264"))
-        return cts_fail(err, CTS_ERR_OUTPUT,
-                        "%s: this ffmpeg has no libx264 (take one that has it, as Debian's package)", job->path);
-    return cts_fail(err, CTS_ERR_OUTPUT, "%s: ffmpeg: %s", job->path, *text ? text : "ended unexpectedly");
+    return cts_fail(err, CTS_ERR_OUTPUT, "%s: ffmpeg: %s%s", job->path, *text ? text : "ended unexpectedly",
+                    strstr(text, "Unknown encoder") ? " (take one that has it, as Debian's package ffmpeg)" : "");
 }
 
-/* ffmpeg with the words of a format. Its bytes depend on the number of threads, which is fixed here, and on its
- * version.
+/* ffmpeg with a format's options. Its bytes depend on the number of threads, which is fixed here, and on its version.
  */
 static CtsStatus begin_film(CtsExportJob *job, const char *format, CtsError *err)
 {
     FilmWriter *const w = job->state;
-    const int rate = job->settings.frame_rate;
-    const char *arguments[MAX_ARGUMENTS];
-    char program[PATH_MAX];
-    char *words = NULL, *path = NULL, comment[CTS_DESCRIPTION + 8] = "comment=";
+    const CtsExportHead *const head = &job->head;
+    const int rate = job->settings.frame_rate ? job->settings.frame_rate : CTS_FRAME_RATE_DEFAULT;
+    const char *arguments[MAX_ARGUMENTS] = {NULL};
+    char words[1000], path[PATH_MAX + 8], comment[CTS_DESCRIPTION + 8] = "comment=";
     int n = 0, pair[2];
-    CtsStatus st = find_ffmpeg(job->path, program, err);
-    if (st || (st = cts_alloc_array(&w->row, (size_t)job->head.width * 3, err)))
+    CtsStatus st = cts_alloc_array(&w->row, (size_t)head->width * 3, err);
+    if (st)
         return st;
     if ((w->messages = memfd_create("ffmpeg", MFD_CLOEXEC)) < 0 ||
         socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair))
         return cts_fail(err, CTS_ERR_OUTPUT, "%s: ffmpeg cannot be connected: %s", job->path, strerror(errno));
     w->frames = pair[0];
-    cts_describe_picture(&job->head.info, comment + strlen(comment));
-    if (asprintf(&path, "file:%s", cts_temp_path(job->temp)) < 0 ||
-        asprintf(&words,
-                 "-hide_banner -loglevel error -xerror -f rawvideo -pixel_format rgb24 -video_size %dx%d "
-                 "-framerate %d -i pipe:0 -fflags +bitexact -flags +bitexact -threads 4 %s -y",
-                 job->head.width, job->head.height, rate ? rate : CTS_FRAME_RATE_DEFAULT, format) < 0)
-        st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
-    arguments[n++] = program;
-    for (char *rest = words, *word; !st && (word = strsep(&rest, " "));)
-        arguments[n++] = word;
-    arguments[n++] = "-metadata";
+    cts_describe_picture(&head->info, comment + strlen(comment));
+    snprintf(path, sizeof path, "file:%s", cts_temp_path(job->temp));
+    snprintf(words, sizeof words,
+             "ffmpeg -hide_banner -loglevel error -xerror -f rawvideo -pixel_format rgb24 -video_size %dx%d "
+             "-framerate %d -i pipe:0 -fflags +bitexact -flags +bitexact -threads 4 %s -y -metadata",
+             head->width, head->height, rate, format);
+    for (char *rest = words; rest; n++)
+        arguments[n] = strsep(&rest, " ");
     arguments[n++] = comment;
-    arguments[n++] = path;
-    arguments[n] = NULL;
-    if (!st)
-        st =
-            cts_program_start(arguments, (int[]){pair[1], w->messages, w->messages}, (int[]){0, 1, 2}, 3, &w->pid, err);
+    arguments[n] = path;
+    st = cts_program_start(arguments, (int[]){pair[1], w->messages, w->messages}, (int[]){0, 1, 2}, 3, &w->pid, err);
     close(pair[1]);
-    free(words);
-    free(path);
     return st;
 }
 
@@ -102,7 +86,7 @@ static CtsStatus begin_film(CtsExportJob *job, const char *format, CtsError *err
  * 18, at which a film looks like its frames. */
 static CtsStatus begin_mp4(CtsExportJob *job, CtsError *err)
 {
-    char words[300];
+    char words[400];
     const int quality = job->settings.quality ? job->settings.quality : CTS_QUALITY_DEFAULT;
     snprintf(words, sizeof words,
              "-c:v libx264 -crf %d -pix_fmt yuv420p -vf "
@@ -120,45 +104,41 @@ static CtsStatus begin_gif(CtsExportJob *job, CtsError *err)
 
 static CtsStatus send_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
-    FilmWriter *const w = job->state;
-    const size_t n = (size_t)band->width * 3;
+    const FilmWriter *const w = job->state;
     for (int y = 0; y < band->height; y++) {
         cts_samples_row8(band, y, 3, w->row);
-        for (size_t done = 0; done < n;) {
-            const ssize_t sent = send(w->frames, w->row + done, n - done, MSG_NOSIGNAL);
-            if (sent < 0 && errno != EINTR)
-                return fail_film(job, w, err);
-            done += sent > 0 ? (size_t)sent : 0;
-        }
+        if (!cts_send_all(w->frames, w->row, (size_t)band->width * 3))
+            return fail_film(job, w, err);
     }
     return CTS_OK;
 }
 
-/* A process that ignores its children gets no exit code; then the messages decide. */
+/* The exit status, 0 for a process that ignores its children. */
+static int end_ffmpeg(FilmWriter *w)
+{
+    int code = 0;
+    if (w->frames)
+        close(w->frames);
+    if (w->pid)
+        TEMP_FAILURE_RETRY(waitpid(w->pid, &code, 0));
+    w->frames = w->pid = 0;
+    return code;
+}
+
 static CtsStatus finish_film(CtsExportJob *job, CtsError *err)
 {
     FilmWriter *const w = job->state;
-    int code = 0;
-    close(w->frames);
-    w->frames = 0;
-    while (waitpid(w->pid, &code, 0) < 0 && errno == EINTR)
-        continue;
-    w->pid = 0;
-    return code || lseek(w->messages, 0, SEEK_END) ? fail_film(job, w, err) : CTS_OK;
+    return end_ffmpeg(w) || lseek(w->messages, 0, SEEK_END) ? fail_film(job, w, err) : CTS_OK;
 }
 
 static void release_film(CtsExportJob *job)
 {
     FilmWriter *const w = job->state;
-    if (w->frames)
-        close(w->frames);
+    if (w->pid)
+        kill(w->pid, SIGKILL);
+    end_ffmpeg(w);
     if (w->messages > 0)
         close(w->messages);
-    if (w->pid) {
-        kill(w->pid, SIGKILL);
-        while (waitpid(w->pid, NULL, 0) < 0 && errno == EINTR)
-            continue;
-    }
     cts_free(&w->row);
 }
 
