@@ -22,7 +22,7 @@ src/dicom/protocol | |
 src/dicom/header  | core/volume/stored.h dicom/protocol/ | iconv.h
 src/dicom/codec   | dicom/protocol/ dicom/header/ |
 src/dicom/pixels  | dicom/dcmtk/ dicom/protocol/ | openjpeg.h zip.h zlib.h
-src/dicom/writer  | dicom/header/ |
+src/dicom/writer  | dicom/dcmtk/ dicom/header/ |
 src/dicom/reader  | dicom/dcmtk/ dicom/protocol/ dicom/header/ dicom/writer/ |
 src/dicom/objects | dicom/protocol/ dicom/header/ dicom/codec/ | dicom_names.inc
 src/dicom/net     | dicom/dcmtk/ dicom/header/ | curl/ jansson.h netdb.h netinet/ openssl/

@@ -10,7 +10,7 @@ enum { ROOM = 1 << 20 };
 
 static CtsHeaderAnswer *read_header(const uint8_t *data, size_t n)
 {
-    const uint64_t order[] = {1, ROOM}; /* files, and limit of their headers */
+    const CtsReaderOrder order = {.n_files = 1, .max_header = ROOM};
     const CtsHeaderItem item = {sizeof item, n, n};
     uint8_t *const stream = malloc(sizeof item + n);
     CtsHeaderAnswer *const answer = calloc(1, ROOM);
@@ -18,7 +18,7 @@ static CtsHeaderAnswer *read_header(const uint8_t *data, size_t n)
     assert(stream && answer && !cts_reader_prepare(&err));
     memcpy(stream, &item, sizeof item);
     memcpy(stream + sizeof item, data, n);
-    assert(!cts_reader_headers(order, stream, sizeof item + n, answer, ROOM, &err));
+    assert(!cts_reader_answer(&order, stream, sizeof item + n, answer, ROOM, &err));
     free(stream);
     return answer;
 }

@@ -8,14 +8,14 @@ enum { ROOM = 1 << 14 };
 /* The records of a data set, which stay in `answer`. */
 static CtsElements read_elements(const Bytes *data, uint64_t *answer)
 {
-    const uint64_t order[] = {1, CTS_MAX_HEADER_BYTES};
+    const CtsReaderOrder order = {.task = CTS_READER_OBJECT, .n_files = 1, .max_header = CTS_MAX_HEADER_BYTES};
     const CtsHeaderItem item = {sizeof item, data->n, data->n};
     Bytes stream = {0};
     CtsError err = {0};
     put(&stream, &item, sizeof item);
     put(&stream, data->data, data->n);
     assert_int_equal(cts_reader_prepare(&err), CTS_OK);
-    assert_int_equal(cts_reader_object(order, stream.data, stream.n, answer, ROOM, &err), CTS_OK);
+    assert_int_equal(cts_reader_answer(&order, stream.data, stream.n, answer, ROOM, &err), CTS_OK);
     free(stream.data);
     const CtsHeaderAnswer *const a = (const CtsHeaderAnswer *)answer;
     if (a->result != CTS_HEADER_DONE)

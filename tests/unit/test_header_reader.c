@@ -1,4 +1,5 @@
 /* Headers read by another process: many in few messages, and whatever that process does. */
+#include "dicom/header/dicom_object.h"
 #include "dicom/header/header_reader.h"
 #include "dicom_files.h"
 
@@ -72,6 +73,44 @@ static void test_faults(void **state)
     }
 }
 
+/* An object is written or refused, whatever the writer does. */
+static void test_writer(void **state)
+{
+    static const struct {
+        CtsRecord record;
+        char text[32];
+    } uids[] = {{{0x00080016, CTS_VALUE_TEXT, 25}, "1.2.840.10008.5.1.4.1.1.7"},
+                {{0x00080018, CTS_VALUE_TEXT, 25}, "1.2.3.4.5.6.7.8.9.10.11.1"}};
+    static const struct {
+        const char *fault;
+        CtsStatus status;
+        const char *why;
+    } cases[] = {{"sound", CTS_OK, ""},
+                 {"reader:c", CTS_ERR_OUTPUT, "its writer crashed"},
+                 {"reader:m", CTS_ERR_OUTPUT, "memory"},
+                 {"reader:n", CTS_ERR_READ, "without sense"},
+                 {"reader:o", CTS_ERR_READ, "without sense"},
+                 {"reader:l", CTS_ERR_READ, "without sense"}};
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        Slice s = sound_slice();
+        s.description = cases[c].fault;
+        Bytes bytes = slice_bytes(&s);
+        const CtsSlice source = {.path = "IM", .memory = bytes.data, .file_bytes = bytes.n};
+        const CtsReaderOrder order = {.n_records = sizeof uids, .syntax_number = 1, .body_side = true};
+        CtsDicomObject object;
+        CtsError err = {0};
+        if (cts_dicom_object_make(&object, &source, order, (const uint8_t *)uids, &err) != cases[c].status ||
+            !strstr(err.text, cases[c].why))
+            fail_msg("%s: status %d, %s", cases[c].fault, (int)err.status, err.text);
+        if (!cases[c].status) {
+            assert_true(object.elements.end - object.elements.at > 132);
+            assert_memory_equal(object.elements.at + 128, "DICM", 4);
+        }
+        cts_dicom_object_close(&object);
+        free(bytes.data);
+    }
+}
+
 static void test_missing_program(void **state)
 {
     CtsHeaderReader reader = {0};
@@ -87,6 +126,6 @@ static void test_missing_program(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_long), cmocka_unit_test(test_faults),
-                                       cmocka_unit_test(test_missing_program)};
+                                       cmocka_unit_test(test_writer), cmocka_unit_test(test_missing_program)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,11 +7,21 @@
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/ofstd/ofcond.h>
 #include <new>
+#include <stdexcept>
 
 /* Status for a failure of DCMTK: out of memory, or `otherwise`. */
 inline CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
 {
     return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
+}
+
+/* Throws for a failure: std::bad_alloc, or std::runtime_error with DCMTK's reason. */
+inline void cts_dcm_check(const OFCondition &state)
+{
+    if (state == EC_MemoryExhausted)
+        throw std::bad_alloc();
+    if (state.bad())
+        throw std::runtime_error(state.text());
 }
 
 /* Status of the exception being handled, since C callers cannot catch any. */
@@ -20,8 +30,8 @@ try {
     throw;
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-} catch (...) {
-    return cts_fail(err, otherwise, "unexpected failure in DCMTK");
+} catch (const std::exception &why) {
+    return cts_fail(err, otherwise, "%s", why.what());
 }
 
 #endif

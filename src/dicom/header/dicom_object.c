@@ -66,56 +66,55 @@ static CtsStatus take_bytes(CtsDicomObject *o, const CtsHeaderAnswer *a, const u
 }
 
 /* Asks until the bytes and the room for the answer are enough. */
-static CtsStatus ask_enough(CtsDicomObject *o, CtsSandbox *reader, CtsReaderOrder order, const uint8_t *records,
-                            CtsError *err)
+static CtsStatus ask_enough(CtsDicomObject *o, CtsReaderOrder order, const uint8_t *records, CtsError *err)
 {
     size_t n = FIRST_READ, n_answer = 2 * FIRST_READ + 2 * (size_t)order.n_records;
+    CtsSandbox reader = cts_sandbox_make(CTS_READER_PROGRAM, order.task, records ? "writer" : "reader");
+    CtsHeaderAnswer a = {.result = CTS_HEADER_MORE};
+    CtsStatus st = CTS_OK;
     order.n_files = 1;
-    reader->cpu_limit_s = CPU_S;
-    for (;;) {
-        CtsHeaderAnswer a;
+    reader.cpu_limit_s = CPU_S;
+    while (!st && a.result != CTS_HEADER_DONE) {
         const uint8_t *answer;
         n = o->file.n_bytes < n ? (size_t)o->file.n_bytes : n;
         /* Measured: DCMTK's objects of a segmentation take 11 bytes for each of the file's. */
-        reader->memory_limit = ((size_t)256 << 20) + 24 * (n + (size_t)order.n_records);
-        const CtsStatus st = ask(o, reader, n, n_answer, order, records, &answer, err);
-        if (st)
-            return st;
+        reader.memory_limit = ((size_t)256 << 20) + 24 * (n + (size_t)order.n_records);
+        if ((st = ask(o, &reader, n, n_answer, order, records, &answer, err)))
+            break;
         memcpy(&a, answer, sizeof a);
         if (a.result == CTS_HEADER_DONE)
-            return take_bytes(o, &a, answer, n_answer, err);
-        if (a.result == CTS_HEADER_MORE && n < o->file.n_bytes && a.need > n && a.need <= 2 * order.max_header)
+            st = take_bytes(o, &a, answer, n_answer, err);
+        else if (a.result == CTS_HEADER_MORE && n < o->file.n_bytes && a.need > n && a.need <= 2 * order.max_header)
             n = a.need > 4 * (uint64_t)n ? (size_t)a.need : 4 * n;
         else if (a.result == CTS_HEADER_ROOM && a.need > n_answer && a.need <= 8 * order.max_header)
             n_answer = (size_t)a.need + 2 * FIRST_READ;
         else
-            return a.result == CTS_HEADER_BAD      ? cts_fail(err, CTS_ERR_READ, "%.*s", (int)sizeof a.why, a.why)
-                   : a.result == CTS_HEADER_MEMORY ? cts_fail(err, CTS_ERR_READ, "needs too much memory")
-                                                   : cts_header_no_sense(err);
+            st = a.result == CTS_HEADER_BAD      ? cts_fail(err, CTS_ERR_READ, "%.*s", (int)sizeof a.why, a.why)
+                 : a.result == CTS_HEADER_MEMORY ? cts_fail(err, CTS_ERR_READ, "needs too much memory")
+                                                 : cts_header_no_sense(err);
     }
+    cts_sandbox_stop(&reader);
+    return st;
 }
 
 CtsStatus cts_dicom_object_open(CtsDicomObject *o, const CtsFile *source, uint64_t max_header, CtsError *err)
 {
-    CtsSandbox reader = cts_sandbox_make(CTS_READER_PROGRAM, CTS_READER_OBJECT, "reader");
     *o = (CtsDicomObject){.file.fd = -1};
     CtsStatus st = open_file(o, source, err);
     if (!st)
-        st = ask_enough(o, &reader, (CtsReaderOrder){.max_header = max_header}, NULL, err);
-    cts_sandbox_stop(&reader);
+        st = ask_enough(o, (CtsReaderOrder){.task = CTS_READER_OBJECT, .max_header = max_header}, NULL, err);
     return st;
 }
 
 CtsStatus cts_dicom_object_make(CtsDicomObject *o, const CtsSlice *source, CtsReaderOrder order, const uint8_t *records,
                                 CtsError *err)
 {
-    CtsSandbox writer = cts_sandbox_make(CTS_READER_PROGRAM, CTS_READER_WRITE, "writer");
     *o = (CtsDicomObject){.file.fd = -1};
+    order.task = CTS_READER_WRITE;
     order.max_header = CTS_MAX_HEADER_BYTES;
     CtsStatus st = cts_slice_open(source, &o->file, err);
-    if (!st && (st = ask_enough(o, &writer, order, records, err)))
+    if (!st && (st = ask_enough(o, order, records, err)))
         cts_context(err, "%s", source->path);
-    cts_sandbox_stop(&writer);
     return st;
 }
 

@@ -9,7 +9,12 @@ CTS_C_BEGIN
 
 /* The program of libexec that reads headers and writes objects, and its tasks. */
 #define CTS_READER_PROGRAM "ctsplat-dicom"
-enum { CTS_READER_HEADERS, CTS_READER_OBJECT, CTS_READER_WRITE, CTS_N_READER_TASKS };
+typedef enum CtsReaderTask {
+    CTS_READER_HEADERS,
+    CTS_READER_OBJECT,
+    CTS_READER_WRITE,
+    CTS_N_READER_TASKS
+} CtsReaderTask;
 
 enum {
     CTS_MAX_HEADER_BYTES = 64 << 20, /* everything before PixelData, of a slice; measured: up to 68 kB in 379 files */
@@ -20,6 +25,7 @@ enum {
 
 /* The order of a message. */
 typedef struct CtsReaderOrder {
+    CtsReaderTask task;
     uint64_t n_files, max_header; /* limit of bytes in front of the pixels */
     /* CTS_READER_WRITE: of the object's attributes as records (dicom/header/elements.h), in the message. */
     uint64_t records_at, n_records;

@@ -16,63 +16,56 @@ static const char *class_uid(const CtsScObject *object)
 
 static void put_series_and_equipment(CtsRecords *to, const CtsScObject *object)
 {
-    static const uint32_t dates[] = {DCM_InstanceCreationDate, DCM_ContentDate, DCM_DateOfSecondaryCapture};
-    static const uint32_t times[] = {DCM_InstanceCreationTime, DCM_ContentTime, DCM_TimeOfSecondaryCapture};
-    static const uint32_t makers[] = {DCM_Manufacturer, DCM_ManufacturerModelName,
-                                      DCM_SecondaryCaptureDeviceManufacturer,
-                                      DCM_SecondaryCaptureDeviceManufacturerModelName};
-    cts_put_text(to, DCM_StudyInstanceUID, object->names->study_uid);
-    cts_put_text(to, DCM_SeriesInstanceUID, object->names->series_uid);
-    cts_put_text(to, DCM_SOPInstanceUID, object->names->sop_uid);
-    cts_put_text(to, DCM_SOPClassUID, class_uid(object));
-    cts_put_text(to, DCM_Modality, object->source->modality[0] ? object->source->modality : "CT");
-    cts_put_number(to, DCM_SeriesNumber, object->names->series_number);
-    cts_put_number(to, DCM_InstanceNumber, object->names->instance_number);
-    cts_put_text(to, DCM_SeriesDescription, object->words->series_description);
-    cts_put_text(to, DCM_ConversionType, "WSD");
+    CTS_PUT_TEXTS(to, {DCM_StudyInstanceUID, object->names->study_uid},
+                  {DCM_SeriesInstanceUID, object->names->series_uid}, {DCM_SOPInstanceUID, object->names->sop_uid},
+                  {DCM_SOPClassUID, class_uid(object)},
+                  {DCM_Modality, object->source->modality[0] ? object->source->modality : "CT"},
+                  {DCM_SeriesDescription, object->words->series_description}, {DCM_ConversionType, "WSD"});
+    CTS_PUT_NUMBERS(to, {DCM_SeriesNumber, object->names->series_number},
+                    {DCM_InstanceNumber, object->names->instance_number});
     /* SeriesDate and SeriesTime would have to be those of views that were made before. */
-    for (size_t i = 0; *object->date && i < sizeof dates / sizeof *dates; i++)
-        cts_put_text(to, dates[i], object->date);
-    for (size_t i = 0; *object->time && i < sizeof times / sizeof *times; i++)
-        cts_put_text(to, times[i], object->time);
-    for (size_t i = 0; i < sizeof makers / sizeof *makers; i++)
-        cts_put_text(to, makers[i], "ctsplat");
-    cts_put_text(to, DCM_SoftwareVersions, CTS_VERSION);
-    cts_put_text(to, DCM_SecondaryCaptureDeviceSoftwareVersions, CTS_VERSION);
-    cts_put_text(to, DCM_DeviceSerialNumber, "0");
+    if (*object->date)
+        CTS_PUT_TEXTS(to, {DCM_InstanceCreationDate, object->date}, {DCM_ContentDate, object->date},
+                      {DCM_DateOfSecondaryCapture, object->date});
+    if (*object->time)
+        CTS_PUT_TEXTS(to, {DCM_InstanceCreationTime, object->time}, {DCM_ContentTime, object->time},
+                      {DCM_TimeOfSecondaryCapture, object->time});
+    CTS_PUT_TEXTS(to, {DCM_Manufacturer, "ctsplat"}, {DCM_ManufacturerModelName, "ctsplat"},
+                  {DCM_SecondaryCaptureDeviceManufacturer, "ctsplat"},
+                  {DCM_SecondaryCaptureDeviceManufacturerModelName, "ctsplat"}, {DCM_SoftwareVersions, CTS_VERSION},
+                  {DCM_SecondaryCaptureDeviceSoftwareVersions, CTS_VERSION}, {DCM_DeviceSerialNumber, "0"});
 }
 
 /* Once lossy, always lossy. */
 static void put_lossy(CtsRecords *to, const CtsSlice *lossy)
 {
-    cts_put_text(to, DCM_LossyImageCompression, lossy ? "01" : "00");
+    CTS_PUT_TEXTS(to, {DCM_LossyImageCompression, lossy ? "01" : "00"});
     if (lossy && lossy->lossy_ratio)
-        cts_put_text(to, DCM_LossyImageCompressionRatio, lossy->lossy_ratio);
+        CTS_PUT_TEXTS(to, {DCM_LossyImageCompressionRatio, lossy->lossy_ratio});
     if (lossy && lossy->lossy_method)
-        cts_put_text(to, DCM_LossyImageCompressionMethod, lossy->lossy_method);
+        CTS_PUT_TEXTS(to, {DCM_LossyImageCompressionMethod, lossy->lossy_method});
 }
 
 static void put_image(CtsRecords *to, const CtsScObject *object)
 {
     char image_type[64];
     snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object->words->image_type);
-    cts_put_text(to, DCM_ImageType, image_type);
-    cts_put_text(to, DCM_PatientOrientation, object->words->patient_orientation);
-    cts_put_text(to, DCM_DerivationDescription, object->words->derivation);
+    CTS_PUT_TEXTS(to, {DCM_ImageType, image_type}, {DCM_PatientOrientation, object->words->patient_orientation},
+                  {DCM_DerivationDescription, object->words->derivation});
     cts_put_code(to, DCM_DerivationCodeSequence, object->words->mode);
     cts_put_code(to, DCM_ViewCodeSequence, object->words->view);
     if (object->mm_per_pixel > 0) {
         cts_put_numbers(to, DCM_PixelSpacing, (double[]){object->mm_per_pixel, object->mm_per_pixel}, 2);
-        cts_put_text(to, DCM_PixelSpacingCalibrationType, "GEOMETRY");
-        cts_put_text(to, DCM_PixelSpacingCalibrationDescription, "orthographic projection, one scale at all depths");
+        CTS_PUT_TEXTS(to, {DCM_PixelSpacingCalibrationType, "GEOMETRY"},
+                      {DCM_PixelSpacingCalibrationDescription, "orthographic projection, one scale at all depths"});
     }
-    cts_put_text(to, DCM_BurnedInAnnotation, object->burned_in ? "YES" : "NO");
-    cts_put_text(to, DCM_RecognizableVisualFeatures, object->recognizable ? "YES" : "NO");
+    CTS_PUT_TEXTS(to, {DCM_BurnedInAnnotation, object->burned_in ? "YES" : "NO"},
+                  {DCM_RecognizableVisualFeatures, object->recognizable ? "YES" : "NO"});
 }
 
 static void put_purpose(CtsRecords *to)
 {
-    cts_put_text(to, DCM_SpatialLocationsPreserved, "NO");
+    CTS_PUT_TEXTS(to, {DCM_SpatialLocationsPreserved, "NO"});
     cts_put_code(to, DCM_PurposeOfReferenceCodeSequence,
                  (CtsScCode){"121322", "DCM", "Source image for image processing operation"});
 }
@@ -94,11 +87,9 @@ static void put_pseudonym(CtsRecords *to, const char *pseudonym)
 {
     char name[80];
     snprintf(name, sizeof name, "Anonymous^%s", pseudonym);
-    cts_put_text(to, DCM_PatientName, name);
-    cts_put_text(to, DCM_PatientID, pseudonym);
-    cts_put_text(to, DCM_PatientIdentityRemoved, "YES");
-    cts_put_text(to, DCM_LongitudinalTemporalInformationModified, "REMOVED");
-    cts_put_text(to, DCM_DeidentificationMethod, "ctsplat: identity and dates removed, new UIDs, pixels unchanged");
+    CTS_PUT_TEXTS(to, {DCM_PatientName, name}, {DCM_PatientID, pseudonym}, {DCM_PatientIdentityRemoved, "YES"},
+                  {DCM_LongitudinalTemporalInformationModified, "REMOVED"},
+                  {DCM_DeidentificationMethod, "ctsplat: identity and dates removed, new UIDs, pixels unchanged"});
     cts_put_code(to, DCM_DeidentificationMethodCodeSequence,
                  (CtsScCode){"113100", "DCM", "Basic Application Confidentiality Profile"});
 }
@@ -109,12 +100,9 @@ static void put_frames(CtsRecords *to, const CtsScObject *object)
 {
     const bool angles_fit = object->n_frames <= 0xFFFE / 17;
     const double steps[] = {0x0018, 0x1063, 0x0018, 0x2003, 0x0018, 0x2004};
-    cts_put_number(to, DCM_StartTrim, 1);
-    cts_put_number(to, DCM_StopTrim, object->n_frames);
-    cts_put_number(to, DCM_RecommendedDisplayFrameRate, 1000 / FRAME_MS);
-    cts_put_number(to, DCM_CineRate, 1000 / FRAME_MS);
-    cts_put_number(to, DCM_FrameTime, FRAME_MS);
-    cts_put_number(to, DCM_NumberOfFrames, object->n_frames);
+    CTS_PUT_NUMBERS(to, {DCM_StartTrim, 1}, {DCM_StopTrim, object->n_frames},
+                    {DCM_RecommendedDisplayFrameRate, 1000 / FRAME_MS}, {DCM_CineRate, 1000 / FRAME_MS},
+                    {DCM_FrameTime, FRAME_MS}, {DCM_NumberOfFrames, object->n_frames});
     if (angles_fit) {
         cts_put_numbers(to, DCM_FramePrimaryAngleVector, object->azimuth_deg, (size_t)object->n_frames);
         cts_put_numbers(to, DCM_FrameSecondaryAngleVector, object->elevation_deg, (size_t)object->n_frames);
@@ -125,25 +113,18 @@ static void put_frames(CtsRecords *to, const CtsScObject *object)
 static void put_pixel_format(CtsRecords *to, const CtsScObject *object)
 {
     const int bits = object->grey ? 16 : 8;
-    cts_put_number(to, DCM_SamplesPerPixel, object->grey ? 1 : 3);
-    cts_put_text(to, DCM_PhotometricInterpretation, object->grey ? "MONOCHROME2" : "RGB");
-    cts_put_number(to, DCM_Rows, object->height);
-    cts_put_number(to, DCM_Columns, object->width);
-    cts_put_number(to, DCM_BitsAllocated, bits);
-    cts_put_number(to, DCM_BitsStored, bits);
-    cts_put_number(to, DCM_HighBit, bits - 1);
-    cts_put_number(to, DCM_PixelRepresentation, 0);
+    CTS_PUT_TEXTS(to, {DCM_PhotometricInterpretation, object->grey ? "MONOCHROME2" : "RGB"});
+    CTS_PUT_NUMBERS(to, {DCM_SamplesPerPixel, object->grey ? 1 : 3}, {DCM_Rows, object->height},
+                    {DCM_Columns, object->width}, {DCM_BitsAllocated, bits}, {DCM_BitsStored, bits},
+                    {DCM_HighBit, bits - 1}, {DCM_PixelRepresentation, 0});
     if (!object->grey) {
-        cts_put_number(to, DCM_PlanarConfiguration, 0);
+        CTS_PUT_NUMBERS(to, {DCM_PlanarConfiguration, 0});
         cts_put_profile(to);
     } else if (object->n_frames == 1) { /* black at 0, white at 65535 */
-        cts_put_number(to, DCM_WindowCenter, 32768);
-        cts_put_number(to, DCM_WindowWidth, 65536);
+        CTS_PUT_NUMBERS(to, {DCM_WindowCenter, 32768}, {DCM_WindowWidth, 65536});
     } else {
-        cts_put_number(to, DCM_RescaleIntercept, 0);
-        cts_put_number(to, DCM_RescaleSlope, 1);
-        cts_put_text(to, DCM_RescaleType, "US");
-        cts_put_text(to, DCM_PresentationLUTShape, "IDENTITY");
+        CTS_PUT_TEXTS(to, {DCM_RescaleType, "US"}, {DCM_PresentationLUTShape, "IDENTITY"});
+        CTS_PUT_NUMBERS(to, {DCM_RescaleIntercept, 0}, {DCM_RescaleSlope, 1});
     }
 }
 

@@ -35,19 +35,21 @@ void cts_put_bytes(CtsRecords *to, uint32_t tag, CtsValueKind kind, const void *
     cts_put_end(to, value);
 }
 
-void cts_put_text(CtsRecords *to, uint32_t tag, const char *text)
-{
-    cts_put_bytes(to, tag, CTS_VALUE_TEXT, text, strlen(text));
-}
-
 void cts_put_numbers(CtsRecords *to, uint32_t tag, const double *values, size_t n)
 {
     cts_put_bytes(to, tag, CTS_VALUE_NUMBERS, values, n * sizeof *values);
 }
 
-void cts_put_number(CtsRecords *to, uint32_t tag, double value)
+void cts_put_all_texts(CtsRecords *to, const CtsPutText *rows, size_t n)
 {
-    cts_put_numbers(to, tag, &value, 1);
+    for (size_t i = 0; i < n; i++)
+        cts_put_bytes(to, rows[i].tag, CTS_VALUE_TEXT, rows[i].text, strlen(rows[i].text));
+}
+
+void cts_put_all_numbers(CtsRecords *to, const CtsPutNumber *rows, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        cts_put_numbers(to, rows[i].tag, &rows[i].number, 1);
 }
 
 size_t cts_put_item(CtsRecords *to, uint32_t sequence)
@@ -65,17 +67,15 @@ void cts_put_item_end(CtsRecords *to, size_t item)
 void cts_put_code(CtsRecords *to, uint32_t sequence, CtsScCode code)
 {
     const size_t item = cts_put_item(to, sequence);
-    cts_put_text(to, DCM_CodeValue, code.value);
-    cts_put_text(to, DCM_CodingSchemeDesignator, code.scheme);
-    cts_put_text(to, DCM_CodeMeaning, code.meaning);
+    CTS_PUT_TEXTS(to, {DCM_CodeValue, code.value}, {DCM_CodingSchemeDesignator, code.scheme},
+                  {DCM_CodeMeaning, code.meaning});
     cts_put_item_end(to, item);
 }
 
 size_t cts_put_reference(CtsRecords *to, uint32_t sequence, const char *class_uid, const char *uid)
 {
     const size_t item = cts_put_item(to, sequence);
-    cts_put_text(to, DCM_ReferencedSOPClassUID, class_uid);
-    cts_put_text(to, DCM_ReferencedSOPInstanceUID, uid);
+    CTS_PUT_TEXTS(to, {DCM_ReferencedSOPClassUID, class_uid}, {DCM_ReferencedSOPInstanceUID, uid});
     return item;
 }
 
@@ -97,7 +97,7 @@ void cts_put_sources(CtsRecords *to, uint32_t sequence, const CtsSeries *source,
 void cts_put_source_series(CtsRecords *to, const CtsSeries *source)
 {
     const size_t series = cts_put_item(to, DCM_ReferencedSeriesSequence);
-    cts_put_text(to, DCM_SeriesInstanceUID, source->uid);
+    CTS_PUT_TEXTS(to, {DCM_SeriesInstanceUID, source->uid});
     cts_put_sources(to, DCM_ReferencedInstanceSequence, source, NULL);
     cts_put_item_end(to, series);
 }
@@ -109,7 +109,7 @@ void cts_put_label_series(CtsRecords *to, const CtsLabels *labels, const char *s
         if (!*label->sop_uid || !*label->series_uid || strcmp(label->study_uid, study_uid) != 0)
             continue;
         const size_t series = cts_put_item(to, DCM_ReferencedSeriesSequence);
-        cts_put_text(to, DCM_SeriesInstanceUID, label->series_uid);
+        CTS_PUT_TEXTS(to, {DCM_SeriesInstanceUID, label->series_uid});
         cts_put_item_end(to, cts_put_reference(to, DCM_ReferencedInstanceSequence, label->class_uid, label->sop_uid));
         cts_put_item_end(to, series);
     }
@@ -118,7 +118,7 @@ void cts_put_label_series(CtsRecords *to, const CtsLabels *labels, const char *s
 void cts_put_profile(CtsRecords *to)
 {
     cts_put_bytes(to, DCM_ICCProfile, CTS_VALUE_BYTES, cts_icc_srgb, CTS_ICC_BYTES);
-    cts_put_text(to, DCM_ColorSpace, "SRGB");
+    CTS_PUT_TEXTS(to, {DCM_ColorSpace, "SRGB"});
 }
 
 CtsStatus cts_records_write(CtsRecords *records, CtsReaderOrder order, const CtsSlice *source, CtsTempFile *file,

@@ -23,9 +23,25 @@ void cts_put_more(CtsRecords *to, const void *bytes, size_t n);
 void cts_put_end(CtsRecords *to, size_t value);
 
 void cts_put_bytes(CtsRecords *to, uint32_t tag, CtsValueKind kind, const void *bytes, size_t n);
-void cts_put_text(CtsRecords *to, uint32_t tag, const char *text);
 void cts_put_numbers(CtsRecords *to, uint32_t tag, const double *values, size_t n);
-void cts_put_number(CtsRecords *to, uint32_t tag, double value);
+
+/* Single values: CTS_PUT_TEXTS(to, {DCM_Modality, "PR"}, {DCM_Manufacturer, "ctsplat"}). */
+typedef struct CtsPutText {
+    uint32_t tag;
+    const char *text;
+} CtsPutText;
+typedef struct CtsPutNumber {
+    uint32_t tag;
+    double number;
+} CtsPutNumber;
+void cts_put_all_texts(CtsRecords *to, const CtsPutText *rows, size_t n);
+void cts_put_all_numbers(CtsRecords *to, const CtsPutNumber *rows, size_t n);
+#define CTS_PUT_TEXTS(to, ...)                                                                                         \
+    cts_put_all_texts((to), (const CtsPutText[]){__VA_ARGS__},                                                         \
+                      sizeof((const CtsPutText[]){__VA_ARGS__}) / sizeof(CtsPutText))
+#define CTS_PUT_NUMBERS(to, ...)                                                                                       \
+    cts_put_all_numbers((to), (const CtsPutNumber[]){__VA_ARGS__},                                                     \
+                        sizeof((const CtsPutNumber[]){__VA_ARGS__}) / sizeof(CtsPutNumber))
 
 /* Another item at the end of a sequence: its attributes stand between the two calls. */
 size_t cts_put_item(CtsRecords *to, uint32_t sequence);

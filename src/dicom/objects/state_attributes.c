@@ -6,32 +6,15 @@
 /* Series, equipment, frame of reference, identification. */
 static void put_names(CtsRecords *to, const CtsDcmState *s)
 {
-    const struct {
-        uint32_t tag;
-        const char *text;
-    } texts[] = {{DCM_SOPClassUID, CTS_STATE_CLASS},
-                 {DCM_SOPInstanceUID, s->sop_uid},
-                 {DCM_StudyInstanceUID, s->study_uid},
-                 {DCM_SeriesInstanceUID, s->series_uid},
-                 {DCM_Modality, "PR"},
-                 {DCM_SeriesDescription, "ctsplat states"},
-                 {DCM_SeriesDate, s->date},
-                 {DCM_SeriesTime, s->time},
-                 {DCM_Manufacturer, "ctsplat"},
-                 {DCM_ManufacturerModelName, "ctsplat"},
-                 {DCM_DeviceSerialNumber, "0"},
-                 {DCM_SoftwareVersions, CTS_VERSION},
-                 {DCM_FrameOfReferenceUID, s->frame_uid},
-                 {DCM_PositionReferenceIndicator, ""},
-                 {DCM_ContentLabel, "CTSPLAT"},
-                 {DCM_ContentDescription, s->description},
-                 {DCM_ContentCreatorName, "ctsplat"},
-                 {DCM_PresentationCreationDate, s->date},
-                 {DCM_PresentationCreationTime, s->time}};
-    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
-        cts_put_text(to, texts[i].tag, texts[i].text);
-    cts_put_number(to, DCM_SeriesNumber, s->series_number);
-    cts_put_number(to, DCM_InstanceNumber, 1);
+    CTS_PUT_TEXTS(to, {DCM_SOPClassUID, CTS_STATE_CLASS}, {DCM_SOPInstanceUID, s->sop_uid},
+                  {DCM_StudyInstanceUID, s->study_uid}, {DCM_SeriesInstanceUID, s->series_uid}, {DCM_Modality, "PR"},
+                  {DCM_SeriesDescription, "ctsplat states"}, {DCM_SeriesDate, s->date}, {DCM_SeriesTime, s->time},
+                  {DCM_Manufacturer, "ctsplat"}, {DCM_ManufacturerModelName, "ctsplat"}, {DCM_DeviceSerialNumber, "0"},
+                  {DCM_SoftwareVersions, CTS_VERSION}, {DCM_FrameOfReferenceUID, s->frame_uid},
+                  {DCM_PositionReferenceIndicator, ""}, {DCM_ContentLabel, "CTSPLAT"},
+                  {DCM_ContentDescription, s->description}, {DCM_ContentCreatorName, "ctsplat"},
+                  {DCM_PresentationCreationDate, s->date}, {DCM_PresentationCreationTime, s->time});
+    CTS_PUT_NUMBERS(to, {DCM_SeriesNumber, s->series_number}, {DCM_InstanceNumber, 1});
     if (s->capture_uid[0])
         cts_put_item_end(
             to, cts_put_reference(to, DCM_RenderedImageReferenceSequence, s->capture_class_uid, s->capture_uid));
@@ -41,8 +24,8 @@ static void put_names(CtsRecords *to, const CtsDcmState *s)
 static size_t put_crop(CtsRecords *to, int number, const char *method)
 {
     const size_t crop = cts_put_item(to, DCM_VolumeCroppingSequence);
-    cts_put_number(to, DCM_CroppingSpecificationNumber, number);
-    cts_put_text(to, DCM_VolumeCroppingMethod, method);
+    CTS_PUT_TEXTS(to, {DCM_VolumeCroppingMethod, method});
+    CTS_PUT_NUMBERS(to, {DCM_CroppingSpecificationNumber, number});
     return crop;
 }
 
@@ -86,7 +69,7 @@ static void put_crops(CtsRecords *to, const CtsDcmState *s)
     }
     put_segments(to, s, CTS_CROP_INCLUDE, &n);
     put_segments(to, s, CTS_CROP_EXCLUDE, &n);
-    cts_put_text(to, DCM_GlobalCrop, n ? "YES" : "NO");
+    CTS_PUT_TEXTS(to, {DCM_GlobalCrop, n ? "YES" : "NO"});
     if (n)
         cts_put_numbers(to, DCM_GlobalCroppingSpecificationIndex, numbers, (size_t)n);
 }
@@ -95,17 +78,14 @@ static void put_crops(CtsRecords *to, const CtsDcmState *s)
 static void put_input(CtsRecords *to, const CtsDcmState *s)
 {
     const size_t set = cts_put_item(to, DCM_VolumetricPresentationInputSetSequence);
-    cts_put_text(to, DCM_VolumetricPresentationInputSetUID, s->input_uid);
-    cts_put_text(to, DCM_PresentationInputType, "VOLUME");
+    CTS_PUT_TEXTS(to, {DCM_VolumetricPresentationInputSetUID, s->input_uid}, {DCM_PresentationInputType, "VOLUME"});
     cts_put_sources(to, DCM_ReferencedImageSequence, s->source, NULL);
     cts_put_item_end(to, set);
     const size_t input = cts_put_item(to, DCM_VolumetricPresentationStateInputSequence);
-    cts_put_number(to, DCM_VolumetricPresentationInputNumber, 1);
-    cts_put_text(to, DCM_VolumetricPresentationInputSetUID, s->input_uid);
-    cts_put_number(to, DCM_WindowCenter, s->window_centre_hu);
-    cts_put_number(to, DCM_WindowWidth, s->window_width_hu);
-    cts_put_text(to, DCM_VOILUTFunction, "LINEAR_EXACT");
-    cts_put_text(to, DCM_Crop, "NO");
+    CTS_PUT_TEXTS(to, {DCM_VolumetricPresentationInputSetUID, s->input_uid}, {DCM_VOILUTFunction, "LINEAR_EXACT"},
+                  {DCM_Crop, "NO"});
+    CTS_PUT_NUMBERS(to, {DCM_VolumetricPresentationInputNumber, 1}, {DCM_WindowCenter, s->window_centre_hu},
+                    {DCM_WindowWidth, s->window_width_hu});
     cts_put_item_end(to, input);
     put_crops(to, s);
     cts_put_source_series(to, s->source);
@@ -115,20 +95,19 @@ static void put_input(CtsRecords *to, const CtsDcmState *s)
 static void put_view(CtsRecords *to, const CtsDcmState *s)
 {
     cts_put_code(to, DCM_ViewCodeSequence, s->view);
-    cts_put_text(to, DCM_RenderProjection, "ORTHOGRAPHIC");
+    CTS_PUT_TEXTS(to, {DCM_RenderProjection, "ORTHOGRAPHIC"});
     cts_put_numbers(to, DCM_ViewpointPosition, s->viewpoint_lps, 3);
     cts_put_numbers(to, DCM_ViewpointLookAtPoint, s->look_at_lps, 3);
     cts_put_numbers(to, DCM_ViewpointUpDirection, s->up_lps, 3);
     cts_put_numbers(to, DCM_RenderFieldOfView, s->field_mm, 6);
-    cts_put_text(to, DCM_RenderingMethod, s->method);
+    CTS_PUT_TEXTS(to, {DCM_RenderingMethod, s->method});
     if (!s->shaded)
         return;
-    cts_put_text(to, DCM_ShadingStyle, "DOUBLESIDED");
-    cts_put_number(to, DCM_AmbientReflectionIntensity, s->ambient);
+    CTS_PUT_TEXTS(to, {DCM_ShadingStyle, "DOUBLESIDED"});
+    CTS_PUT_NUMBERS(to, {DCM_AmbientReflectionIntensity, s->ambient});
     cts_put_numbers(to, DCM_LightDirection, s->forward_lps, 3);
-    cts_put_number(to, DCM_DiffuseReflectionIntensity, s->diffuse);
-    cts_put_number(to, DCM_SpecularReflectionIntensity, s->specular);
-    cts_put_number(to, DCM_Shininess, s->shininess);
+    CTS_PUT_NUMBERS(to, {DCM_DiffuseReflectionIntensity, s->diffuse}, {DCM_SpecularReflectionIntensity, s->specular},
+                    {DCM_Shininess, s->shininess});
 }
 
 static void put_display(CtsRecords *to, const CtsDcmState *s)
@@ -139,17 +118,15 @@ static void put_display(CtsRecords *to, const CtsDcmState *s)
                   {DCM_GreenPaletteColorLookupTableDescriptor, DCM_GreenPaletteColorLookupTableData},
                   {DCM_BluePaletteColorLookupTableDescriptor, DCM_BluePaletteColorLookupTableData},
                   {DCM_AlphaPaletteColorLookupTableDescriptor, DCM_AlphaPaletteColorLookupTableData}};
-    cts_put_text(to, DCM_PixelPresentation, "TRUE_COLOR");
+    CTS_PUT_TEXTS(to, {DCM_PixelPresentation, "TRUE_COLOR"});
     const size_t stream = cts_put_item(to, DCM_VolumeStreamSequence);
-    cts_put_text(to, DCM_VolumetricPresentationInputSetUID, s->input_uid);
+    CTS_PUT_TEXTS(to, {DCM_VolumetricPresentationInputSetUID, s->input_uid});
     const size_t component = cts_put_item(to, DCM_PresentationStateClassificationComponentSequence);
-    cts_put_text(to, DCM_RGBATransferFunctionDescription, s->description);
-    cts_put_text(to, DCM_ComponentType, "ONE_TO_RGBA");
+    CTS_PUT_TEXTS(to, {DCM_RGBATransferFunctionDescription, s->description}, {DCM_ComponentType, "ONE_TO_RGBA"});
     const size_t input = cts_put_item(to, DCM_ComponentInputSequence);
-    cts_put_number(to, DCM_VolumetricPresentationInputIndex, 1);
+    CTS_PUT_NUMBERS(to, {DCM_VolumetricPresentationInputIndex, 1});
     cts_put_item_end(to, input);
-    cts_put_text(to, DCM_RGBLUTTransferFunction, "TABLE");
-    cts_put_text(to, DCM_AlphaLUTTransferFunction, "TABLE");
+    CTS_PUT_TEXTS(to, {DCM_RGBLUTTransferFunction, "TABLE"}, {DCM_AlphaLUTTransferFunction, "TABLE"});
     for (size_t i = 0; i < sizeof tables / sizeof *tables; i++) {
         cts_put_numbers(to, tables[i].descriptor, (double[]){CTS_STATE_ENTRIES, 0, 16}, 3);
         cts_put_bytes(to, tables[i].data, CTS_VALUE_BYTES, s->tables[i], sizeof s->tables[i]);
@@ -176,7 +153,7 @@ CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsTempFile *file, CtsEr
     put_input(&to, state);
     put_view(&to, state);
     put_display(&to, state);
-    cts_put_text(&to, CTS_STATE_GROUP << 16 | CTS_STATE_CREATOR, CTS_STATE_BLOCK);
+    CTS_PUT_TEXTS(&to, {CTS_STATE_GROUP << 16 | CTS_STATE_CREATOR, CTS_STATE_BLOCK});
     put_private(&to, CTS_STATE_PRESET, state->preset);
     put_private(&to, CTS_STATE_OPTIONS, state->options);
     return cts_records_write(&to, order, state->source->slices[0], file, err);

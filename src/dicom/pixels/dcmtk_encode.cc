@@ -14,40 +14,35 @@
 #include <dcmtk/dcmjpeg/djencode.h>
 #include <dcmtk/dcmjpeg/djrplol.h>
 #include <memory>
+#include <utility>
 
 namespace
 {
 
 /* The minimal attributes for DCMTK's encoders. */
-OFCondition describe_frame(DcmDataset &data, const CtsEncodeOrder &frame, const uint8_t *samples, unsigned long n)
+void describe_frame(DcmDataset &data, const CtsEncodeOrder &frame, const uint8_t *samples, unsigned long n)
 {
     const int bits = frame.grey ? 16 : 8;
-    const struct {
-        DcmTagKey tag;
-        int value;
-    } words[] = {{DCM_SamplesPerPixel, frame.grey ? 1 : 3},
-                 {DCM_PixelRepresentation, 0},
-                 {DCM_PlanarConfiguration, 0},
-                 {DCM_Rows, frame.height},
-                 {DCM_Columns, frame.width},
-                 {DCM_BitsAllocated, bits},
-                 {DCM_BitsStored, bits},
-                 {DCM_HighBit, bits - 1}};
+    const std::pair<DcmTagKey, int> words[] = {{DCM_SamplesPerPixel, frame.grey ? 1 : 3},
+                                               {DCM_PixelRepresentation, 0},
+                                               {DCM_PlanarConfiguration, 0},
+                                               {DCM_Rows, frame.height},
+                                               {DCM_Columns, frame.width},
+                                               {DCM_BitsAllocated, bits},
+                                               {DCM_BitsStored, bits},
+                                               {DCM_HighBit, bits - 1}};
     std::unique_ptr<DcmPixelData> pixels(new DcmPixelData(DcmTag(DCM_PixelData)));
-    OFCondition state = data.putAndInsertString(DCM_SOPClassUID, UID_SecondaryCaptureImageStorage);
-    if (state.good())
-        state = data.putAndInsertString(DCM_SOPInstanceUID, "2.25.0");
-    if (state.good())
-        state = data.putAndInsertString(DCM_PhotometricInterpretation, frame.grey ? "MONOCHROME2" : "RGB");
-    for (const auto &word : words)
-        if (state.good())
-            state = data.putAndInsertUint16(word.tag, static_cast<Uint16>(word.value));
-    if (state.good())
-        state = frame.grey ? pixels->putUint16Array(reinterpret_cast<const Uint16 *>(samples), n / 2)
-                           : pixels->putUint8Array(samples, n);
-    if (state.good() && !pixels->valueLoaded())
-        state = EC_MemoryExhausted;
-    return state.good() ? data.insert(pixels.release()) : state;
+    cts_dcm_check(data.putAndInsertString(DCM_SOPClassUID, UID_SecondaryCaptureImageStorage));
+    cts_dcm_check(data.putAndInsertString(DCM_SOPInstanceUID, "2.25.0"));
+    cts_dcm_check(data.putAndInsertString(DCM_PhotometricInterpretation, frame.grey ? "MONOCHROME2" : "RGB"));
+    for (const auto &[tag, value] : words)
+        cts_dcm_check(data.putAndInsertUint16(tag, static_cast<Uint16>(value)));
+    cts_dcm_check(frame.grey ? pixels->putUint16Array(reinterpret_cast<const Uint16 *>(samples), n / 2)
+                             : pixels->putUint8Array(samples, n));
+    if (!pixels->valueLoaded())
+        throw std::bad_alloc();
+    cts_dcm_check(data.insert(pixels.get()));
+    pixels.release();
 }
 
 /* The only fragment of a frame: a size_t, then its bytes. */
@@ -92,16 +87,11 @@ try {
     DcmDataset data;
     DcmElement *element = nullptr;
     DcmPixelSequence *fragments = nullptr;
-    OFCondition state = describe_frame(data, frame, samples, static_cast<unsigned long>(n));
-    if (state.good())
-        state = data.chooseRepresentation(syntax, parameter);
-    if (state.good())
-        state = data.findAndGetElement(DCM_PixelData, element);
-    DcmPixelData *const pixels = dynamic_cast<DcmPixelData *>(element);
-    if (state.good())
-        state = pixels ? pixels->getEncapsulatedRepresentation(syntax, parameter, fragments) : EC_UnsupportedEncoding;
-    return state.good() && fragments ? take_fragment(*fragments, answer, n_answer, err)
-                                     : cts_fail(err, CTS_ERR_OUTPUT, "%s", state.text());
+    describe_frame(data, frame, samples, static_cast<unsigned long>(n));
+    cts_dcm_check(data.chooseRepresentation(syntax, parameter));
+    cts_dcm_check(data.findAndGetElement(DCM_PixelData, element));
+    cts_dcm_check(dynamic_cast<DcmPixelData &>(*element).getEncapsulatedRepresentation(syntax, parameter, fragments));
+    return take_fragment(*fragments, answer, n_answer, err);
 } catch (...) {
     return cts_dcm_caught(err, CTS_ERR_OUTPUT);
 }

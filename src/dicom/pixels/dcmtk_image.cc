@@ -133,13 +133,9 @@ CtsStatus render(DcmDataset &data, E_TransferSyntax xfer, int frame, const CtsIm
 } // namespace
 
 CtsStatus cts_dcm_start_images(CtsError *err)
-try {
-    setenv("DCMDICTPATH", DCM_DICT_DEFAULT_PATH, 1); /* read here: a sandbox has no files */
-    dcmDataDict.rdlock();
-    dcmDataDict.rdunlock();
-    return cts_dcm_start_decoders(err);
-} catch (...) {
-    return cts_dcm_caught(err, CTS_ERR_INTERNAL);
+{
+    const CtsStatus st = cts_dcm_start(err);
+    return st ? st : cts_dcm_start_decoders(err);
 }
 
 CtsStatus cts_pixels_image(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,

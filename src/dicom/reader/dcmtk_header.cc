@@ -218,34 +218,6 @@ try {
     h.answer.result = refuse(h, "its patient and study cannot be copied: %s", why.what());
 }
 
-CtsStatus answer_message(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer, Pack pack,
-                         CtsError *err)
-{
-    CtsReaderOrder o;
-    std::memcpy(&o, order, sizeof o);
-    auto *const items = reinterpret_cast<const CtsHeaderItem *>(stream);
-    auto *const answers = static_cast<CtsHeaderAnswer *>(answer);
-    size_t used = o.n_files * sizeof *answers;
-    if (o.n_files * sizeof *items > n || used > n_answer)
-        return cts_fail(err, CTS_ERR_INTERNAL, "a message of headers is too small");
-    const uint8_t *const records = stream + o.records_at;
-    for (uint64_t i = 0; i < o.n_files; i++) {
-        answers[i] = CtsHeaderAnswer{};
-        Header h{stream + items[i].at,
-                 items[i],
-                 o,
-                 {records, records + o.n_records},
-                 answers[i],
-                 {},
-                 {},
-                 nullptr,
-                 nullptr,
-                 {}};
-        answer_file(h, pack, static_cast<uint8_t *>(answer), &used, n_answer);
-    }
-    return CTS_OK;
-}
-
 } // namespace
 
 CtsStatus cts_reader_prepare(CtsError *err)
@@ -255,20 +227,22 @@ CtsStatus cts_reader_prepare(CtsError *err)
     return cts_dcm_start(err);
 }
 
-CtsStatus cts_reader_headers(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
-                             CtsError *err)
-{
-    return answer_message(order, stream, n, answer, n_answer, pack_slices, err);
-}
-
-CtsStatus cts_reader_object(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
+CtsStatus cts_reader_answer(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
                             CtsError *err)
 {
-    return answer_message(order, stream, n, answer, n_answer, pack_elements, err);
-}
-
-CtsStatus cts_reader_write(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
-                           CtsError *err)
-{
-    return answer_message(order, stream, n, answer, n_answer, pack_written, err);
+    static const Pack packs[CTS_N_READER_TASKS] = {pack_slices, pack_elements, pack_written};
+    CtsReaderOrder o;
+    std::memcpy(&o, order, sizeof o);
+    auto *const items = reinterpret_cast<const CtsHeaderItem *>(stream);
+    auto *const answers = static_cast<CtsHeaderAnswer *>(answer);
+    size_t used = o.n_files * sizeof *answers;
+    if (o.n_files * sizeof *items > n || used > n_answer)
+        return cts_fail(err, CTS_ERR_INTERNAL, "a message of headers is too small");
+    const CtsElements records = {stream + o.records_at, stream + o.records_at + o.n_records};
+    for (uint64_t i = 0; i < o.n_files; i++) {
+        answers[i] = CtsHeaderAnswer{};
+        Header h{stream + items[i].at, items[i], o, records, answers[i], {}, {}, nullptr, nullptr, {}};
+        answer_file(h, packs[o.task], static_cast<uint8_t *>(answer), &used, n_answer);
+    }
+    return CTS_OK;
 }

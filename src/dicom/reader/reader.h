@@ -10,14 +10,10 @@ CTS_C_BEGIN
 /* Makes DCMTK ready for reading. */
 CtsStatus cts_reader_prepare(CtsError *err);
 
-/* Tasks, in an isolated process: reads the headers of one message (dicom/header/header_answer.h), and gives their
+/* All tasks, in an isolated process: reads the headers of one message (dicom/header/header_answer.h), and gives their
  * slices, all elements as records (dicom/header/elements.h), or an object that is written from them (dicom/writer). */
-CtsStatus cts_reader_headers(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
-                             CtsError *err);
-CtsStatus cts_reader_object(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
+CtsStatus cts_reader_answer(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
                             CtsError *err);
-CtsStatus cts_reader_write(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
-                           CtsError *err);
 
 /* A decimal string (DS, PS3.5 6.2) of exactly n_values numbers: the whole text, finite, with '.' as the decimal point
  * in any locale. Accepts more than 16 bytes per value, surrounding blanks and a sign. */

@@ -6,7 +6,6 @@
 #include <cstring>
 #include <dcmtk/dcmdata/dcostrmb.h>
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -193,14 +192,6 @@ void put_meta(DcmFileFormat &file, E_TransferSyntax syntax)
 }
 
 } // namespace
-
-void cts_dcm_check(const OFCondition &state)
-{
-    if (state == EC_MemoryExhausted)
-        throw std::bad_alloc();
-    if (state.bad())
-        throw std::runtime_error(state.text());
-}
 
 void cts_dcm_copy(DcmItem &to, DcmItem &source, const DcmTagKey &tag, bool filled)
 {

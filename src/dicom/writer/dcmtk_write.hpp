@@ -1,8 +1,8 @@
-/* Objects encoded by DCMTK, in the program ctsplat-dicom. The functions throw std::bad_alloc, and std::runtime_error
- * with DCMTK's reason. */
+/* Objects encoded by DCMTK, in the program ctsplat-dicom. The functions throw as cts_dcm_check() does. */
 #ifndef CTS_WRITER_DCMTK_WRITE_HPP
 #define CTS_WRITER_DCMTK_WRITE_HPP
 
+#include "dicom/dcmtk/dcmtk_failures.hpp"
 #include "dicom/header/elements.h"
 #include "dicom/header/header_answer.h"
 
@@ -19,8 +19,5 @@ void cts_dcm_copy_side(DcmItem &to, DcmItem &source);
 
 /* Copies an element with its value bytes, without private elements in it; does nothing where it is missing. */
 void cts_dcm_copy(DcmItem &to, DcmItem &source, const DcmTagKey &tag, bool filled = false);
-
-/* Throws for a failure. */
-void cts_dcm_check(const OFCondition &state);
 
 #endif

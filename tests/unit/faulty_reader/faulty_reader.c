@@ -1,19 +1,20 @@
 /* ctsplat-dicom, but in a message with the text "reader:" it crashes, or, of a file alone, has the fault of the letter
  * behind that text. */
 #include "base/sandbox_worker.h"
+#include "dicom/dcmtk/start_dcmtk.h"
 #include "dicom/reader/reader.h"
 #include <signal.h>
 #include <string.h>
 
-static CtsStatus read_headers(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
+static CtsStatus answer_badly(const void *order, const uint8_t *stream, size_t n, void *answer, size_t n_answer,
                               CtsError *err)
 {
     const uint8_t *const fault = memmem(stream, n, "reader:", 7);
-    const CtsStatus st = cts_reader_headers(order, stream, n, answer, n_answer, err);
+    const CtsStatus st = cts_reader_answer(order, stream, n, answer, n_answer, err);
     CtsHeaderAnswer *const first = answer;
-    uint64_t n_files;
-    memcpy(&n_files, order, sizeof n_files);
-    switch (!fault ? 0 : n_files > 1 ? 'c' : fault[7]) {
+    CtsReaderOrder o;
+    memcpy(&o, order, sizeof o);
+    switch (!fault ? 0 : o.n_files > 1 ? 'c' : fault[7]) {
     case 'c':
         raise(SIGSEGV);
         break;
@@ -44,6 +45,7 @@ static CtsStatus read_headers(const void *order, const uint8_t *stream, size_t n
 
 int main(int argc, char **argv)
 {
-    static const CtsSandboxTask tasks[CTS_N_READER_TASKS] = {[CTS_READER_HEADERS] = {read_headers, cts_reader_prepare}};
+    static const CtsSandboxTask tasks[CTS_N_READER_TASKS] = {
+        [CTS_READER_HEADERS] = {answer_badly, cts_reader_prepare}, [CTS_READER_WRITE] = {answer_badly, cts_dcm_start}};
     return cts_sandbox_serve(argc, argv, tasks, CTS_N_READER_TASKS);
 }
