@@ -1,7 +1,7 @@
 /* Stages of a picture, in their order. Tables of settings state with each setting the first stage to be remade when its
  * value changes; the stages after it follow. Caches and batches derive from these tables what is up to date: settings
- * of rendering (core/scene/settings.h), of the volume (app/job/source_choice.c), and options
- * (app/options/option_table.c). */
+ * of rendering (core/scene/settings.h), and options
+ * (app/options/option_table.c); app/job/source_choice.c prints what a volume depends on. */
 #pragma once
 
 typedef enum CtsRemakes {

@@ -12,10 +12,6 @@ const STATES = {
   failed: {word: 'Failed', mark: '✕', rank: 0}
 };
 const MARKS = {warning: ['⚠', 'refused'], refusal: ['⊘', 'failed'], note: ['ℹ', '']};
-const COLOURS = {
-  scan: '#7a8793', decode: '#3f7fbf', grey: '#5fb3d9', classify: '#8e6bbf', occlusion: '#a08a5c', footprint: '#c06ba8', splat: '#d97b34',
-  composite: '#e0b13c', shade: '#7cae3a', warp: '#3a9d8f', export: '#4f5fc4'
-};
 const SYNTAXES = {
   '1.2.840.10008.1.2': 'Implicit VR', '1.2.840.10008.1.2.1': 'Explicit VR', '1.2.840.10008.1.2.2': 'Big Endian',
   '1.2.840.10008.1.2.1.99': 'Deflated', '1.2.840.10008.1.2.5': 'RLE', '1.2.840.10008.1.2.4.50': 'JPEG Baseline',
@@ -67,7 +63,6 @@ const series = list(data.series).map(object).map((line, index) => {
   const s = {index, line, uid: clean(line.series_uid), state: STATES[line.status] ? line.status : 'failed',
     reason: clean(line.reason), geometry: object(line.geometry), pictures: list(line.pictures),
     findings: byCode(list(line.findings).map(object).filter(f => !clean(f.text) || !clean(line.reason).startsWith(clean(f.text)))),
-    stages: Object.entries(object(line.stages)).map(([name, t]) => [clean(name), +object(t).wall_ms || 0]),
     sources: list(line.sources).map(object), file: clean(line.reason_file), labels: list(line.labels).map(object),
     wall_ms: +line.wall_ms || 0, memory: +line.peak_rss_bytes || 0, ended: clean(line.ended)};
   if (run?.goes_on && line.unfinished !== undefined) {
@@ -216,23 +211,11 @@ function sources(s) {
     `${clean(f.folder)}/${clean(f.first)}`), f.files > 1 ? ` and ${count(f.files - 1)} more` : '')));
 }
 
-function bar(name, share, among) {
-  const i = make('i', {title: name});
-  i.style.background = COLOURS[name] ?? '#9a8f7d';
-  i.style[among ? 'flexGrow' : 'width'] = among ? 1000 * share : `${100 * share}%`;
-  return i;
-}
-
-function times(s, open) {
-  if (!s.wall_ms && !s.stages.length) return null;
-  const stack = make('div', {class: 'stack', 'aria-hidden': 'true'}, s.stages.map(([name, ms]) => bar(name, ms, true)));
-  const largest = Math.max(...s.stages.map(stage => stage[1]), 1e-9);
-  return make('details', {class: 'times', open},
-    make('summary', {}, make('span', {class: 'line'},
-      `${time(s.wall_ms)}${s.memory ? ` · peak ${megabytes(s.memory)}` : ''}`,
-      s.ended && make('time', {datetime: s.ended}, s.ended.slice(0, 16).replace('T', ' '))), stack),
-    make('div', {class: 'stages'}, s.stages.flatMap(([name, ms]) => [make('span', {}, name),
-      make('span', {}, bar(name, ms / largest)), make('span', {}, time(ms))])));
+/* The times of its stages are in the journal. */
+function times(s) {
+  return s.wall_ms > 0 && make('p', {class: 'times'},
+    make('span', {}, `${time(s.wall_ms)}${s.memory ? ` · peak ${megabytes(s.memory)}` : ''}`),
+    s.ended && make('time', {datetime: s.ended}, s.ended.slice(0, 16).replace('T', ' ')));
 }
 
 /* A rotation's preview: one picture with all frames side by side, shifted behind a window of one frame. */

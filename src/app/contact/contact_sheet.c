@@ -78,9 +78,9 @@ static CtsStatus write_json(CtsTempFile *temp, const json_t *value, CtsError *er
     return st;
 }
 
-static const char *const kept[] = {"series_uid", "status",         "reason",     "reason_file", "exit_code", "ended",
-                                   "files",      "sources",        "unfinished", "geometry",    "findings",  "stages",
-                                   "wall_ms",    "peak_rss_bytes", "threads",    "labels"};
+static const char *const kept[] = {"series_uid", "status",  "reason",  "reason_file",   "exit_code",
+                                   "ended",      "files",   "sources", "unfinished",    "geometry",
+                                   "findings",   "wall_ms", "labels",  "peak_rss_bytes"};
 
 /* The entry of this preset and view in the array, added where missing. Searches backwards, since neighbours mostly
  * match. */

@@ -61,7 +61,7 @@ function showSeries(s, place) {
   $('aside', viewer).replaceChildren(...[make('p', {}, s.name), s.details && make('p', {}, make('bdi', {}, s.details)),
     s.reason && make('p', {class: `reason ${s.state}`}, s.file ? `${s.file}: ${s.reason}` : s.reason), uid,
     s.sources.length && sources(s), facts(s), s.labels.length && labels(s), s.findings.length && findings(s),
-    times(s, true)].filter(Boolean));
+    times(s)].filter(Boolean));
   showPicture(Math.min(place, Math.max(0, s.pictures.length - 1)));
   focusable(shown.indexOf(s));
   state.open = s.uid;
