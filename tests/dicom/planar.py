@@ -123,7 +123,7 @@ def test_batch(work):
             shown = [t['path'] for t in r['thumbnails']]
             check(f'{r["modality"]} by {options}', r['status'] == 'thumbnail' and len(shown) == (is_plain or shows_all) and
                   glob.glob(f'{out}/{r["folder"]}/thumbs/*') == [f'{out}/{path}' for path in shown] and
-                  ('show_patient' in r['reason']) == (not shown), r)
+                  ('show-patient' in r['reason']) == (not shown), r)
         check('counts', '7 thumbnails' in said and 'without an image (reports, plans, labels): 2' in said, said)
     with open(f'{out}/index.html') as f:
         check('the sheet counts objects', '"objects":2,' in f.read())

@@ -80,20 +80,15 @@ static bool has_token(const CtsServer *server, const CtsHttpRequest *request)
     return in_cookie(request->cookie, server->token);
 }
 
-static void take_token(void *token, const char *name, const char *value)
-{
-    if (!strcmp(name, "token"))
-        *(const char **)token = value;
-}
-
 /* The address that was printed at the start leads to the page, and does not stay in the browser's history. */
 static bool brings_token(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
-    const char *given = NULL;
+    CtsQuery query = {.n = 0};
     char cookie[sizeof answer->headers->value];
     if (strcmp(request->path, "/"))
         return false;
-    cts_http_query(request, take_token, &given);
+    cts_http_query(request, &query);
+    const char *const given = cts_query_value(&query, "token");
     if (!given || !same_token(given, strlen(given), server->token))
         return false;
     const int n = snprintf(cookie, sizeof cookie, "ctsplat=%s; HttpOnly; SameSite=Strict; Path=/%s", server->token,

@@ -1,5 +1,5 @@
 /* HTTP by libmicrohttpd: one thread serves all connections. */
-#include "app/serve/http.h"
+#include "app/serve/server.h"
 
 #include <microhttpd.h>
 #include <poll.h>
@@ -15,7 +15,7 @@ enum { MAX_CONNECTIONS = 2000, SILENCE_S = 30, LAST_MS = 3000, POLL_MS = 5 };
 
 struct CtsHttpServer {
     struct MHD_Daemon *daemon;
-    CtsHttpSettings settings;
+    CtsServer *server;
     atomic_int n_requests; /* requests without a complete answer */
 };
 
@@ -27,24 +27,16 @@ typedef struct HttpRequest {
     bool render_query, waits;
 } HttpRequest;
 
-typedef struct Taker {
-    void (*take)(void *context, const char *name, const char *value);
-    void *context;
-} Taker;
-
-static enum MHD_Result take_part(void *context, enum MHD_ValueKind kind, const char *name, const char *value)
+static enum MHD_Result add_parameter(void *query, enum MHD_ValueKind kind, const char *name, const char *value)
 {
-    const Taker *const t = context;
     (void)kind;
-    t->take(t->context, name, value ? value : "");
+    cts_query_add(query, name, value ? value : "");
     return MHD_YES;
 }
 
-void cts_http_query(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
-                    void *context)
+void cts_http_query(const CtsHttpRequest *request, CtsQuery *query)
 {
-    Taker taker = {take, context};
-    MHD_get_connection_values(((const HttpRequest *)request)->connection, MHD_GET_ARGUMENT_KIND, take_part, &taker);
+    MHD_get_connection_values(((const HttpRequest *)request)->connection, MHD_GET_ARGUMENT_KIND, add_parameter, query);
 }
 
 void cts_http_wait(CtsHttpRequest *request)
@@ -95,13 +87,13 @@ static bool has_body(struct MHD_Connection *connection)
 static enum MHD_Result handle(void *context, struct MHD_Connection *connection, const char *path, const char *method,
                               const char *version, const char *body, size_t *n_body, void **kept)
 {
-    CtsHttpServer *const server = context;
+    CtsHttpServer *const http = context;
     HttpRequest *r = *kept;
     (void)version, (void)body;
     if (!r) {
         if (!(r = *kept = calloc(1, sizeof *r)))
             return MHD_NO;
-        atomic_fetch_add(&server->n_requests, 1);
+        atomic_fetch_add(&http->n_requests, 1);
         r->connection = connection;
         r->shown = (CtsHttpRequest){
             .method = method,
@@ -121,7 +113,7 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
     *n_body = 0;
     if (!r->render_query) {
         r->render_query = true;
-        server->settings.ask(server->settings.context, &r->shown);
+        cts_routes_dispatch(http->server, &r->shown);
         if (r->waits)
             return MHD_YES;
     }
@@ -133,51 +125,49 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
 static void completed(void *context, struct MHD_Connection *connection, void **kept,
                       enum MHD_RequestTerminationCode why)
 {
-    CtsHttpServer *const server = context;
+    CtsHttpServer *const http = context;
     HttpRequest *const r = *kept;
     (void)connection, (void)why;
     if (r)
-        atomic_fetch_sub(&server->n_requests, 1);
+        atomic_fetch_sub(&http->n_requests, 1);
     if (r && r->response)
         MHD_destroy_response(r->response);
     free(r);
     *kept = NULL;
 }
 
-CtsStatus cts_http_start(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err)
+CtsStatus cts_http_start(CtsHttpServer **http, CtsServer *server, int socket, const char *certificate, const char *key,
+                         CtsError *err)
 {
-    CtsHttpServer *const s = *server = calloc(1, sizeof *s);
-    const bool tls = settings->certificate != NULL;
+    CtsHttpServer *const s = *http = calloc(1, sizeof *s);
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    s->settings = *settings;
+    s->server = server;
     const struct MHD_OptionItem keys[] = {
-        {MHD_OPTION_HTTPS_MEM_CERT, 0, (void *)(uintptr_t)settings->certificate},
-        {MHD_OPTION_HTTPS_MEM_KEY, 0, (void *)(uintptr_t)settings->key},
+        {MHD_OPTION_HTTPS_MEM_CERT, 0, (void *)(uintptr_t)certificate},
+        {MHD_OPTION_HTTPS_MEM_KEY, 0, (void *)(uintptr_t)key},
         {MHD_OPTION_END, 0, NULL},
     };
-    const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | (tls ? MHD_USE_TLS : 0u);
-    s->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, s, MHD_OPTION_LISTEN_SOCKET, settings->socket,
+    const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | (key ? MHD_USE_TLS : 0u);
+    s->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, s, MHD_OPTION_LISTEN_SOCKET, socket,
                                  MHD_OPTION_CONNECTION_LIMIT, (unsigned)MAX_CONNECTIONS, MHD_OPTION_CONNECTION_TIMEOUT,
                                  (unsigned)SILENCE_S, MHD_OPTION_NOTIFY_COMPLETED, completed, s, MHD_OPTION_ARRAY,
-                                 tls ? keys : keys + 2, MHD_OPTION_END);
+                                 key ? keys : keys + 2, MHD_OPTION_END);
     if (s->daemon)
         return CTS_OK;
     free(s);
-    *server = NULL;
+    *http = NULL;
     return cts_fail(err, CTS_ERR_READ, "the server could not be started%s",
-                    tls ? " (is the certificate that of the key, both PEM?)" : "");
+                    key ? " (is the certificate that of the key, both PEM?)" : "");
 }
 
-void cts_http_stop(CtsHttpServer **server)
+void cts_http_stop(CtsHttpServer **http)
 {
-    if (!*server)
-        return;
-    const int socket = MHD_quiesce_daemon((*server)->daemon);
-    for (int ms = 0; ms < LAST_MS && atomic_load(&(*server)->n_requests); ms += POLL_MS)
+    const int socket = MHD_quiesce_daemon((*http)->daemon);
+    for (int ms = 0; ms < LAST_MS && atomic_load(&(*http)->n_requests); ms += POLL_MS)
         poll(NULL, 0, POLL_MS);
-    MHD_stop_daemon((*server)->daemon);
+    MHD_stop_daemon((*http)->daemon);
     close(socket);
-    free(*server);
-    *server = NULL;
+    free(*http);
+    *http = NULL;
 }

@@ -5,22 +5,17 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+struct CtsServer;
+struct CtsQuery;
 typedef struct CtsHttpServer CtsHttpServer;
 /* A request until it is answered. It owns its texts; headers are NULL where absent. */
 typedef struct CtsHttpRequest {
     const char *method, *path;
     const char *host, *authorization, *cookie, *accept, *if_none_match;
     const char *asked_method; /* Access-Control-Request-Method, of another site's page */
-    bool has_body; /* which is not read */
+    bool has_body;            /* which is not read */
     int socket;
 } CtsHttpRequest;
-
-typedef struct CtsHttpSettings {
-    int socket;                                          /* listens already; the server's from now on */
-    const char *certificate, *key;                       /* PEM texts; NULL: no TLS */
-    void (*ask)(void *context, CtsHttpRequest *request); /* called in the server's own thread; must return quickly */
-    void *context;
-} CtsHttpSettings;
 
 enum { CTS_HTTP_HEADERS = 8 }; /* of one answer, beside libmicrohttpd's own */
 
@@ -37,13 +32,15 @@ typedef struct CtsHttpAnswer {
     int n_headers;
 } CtsHttpAnswer;
 
-CtsStatus cts_http_start(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err);
+/* Passes requests to cts_routes_dispatch() in a thread of its own. socket: listens already; the server's from now on.
+ * certificate and key: PEM texts, or NULL: no TLS. */
+CtsStatus cts_http_start(CtsHttpServer **http, struct CtsServer *server, int socket, const char *certificate,
+                         const char *key, CtsError *err);
 /* Every request must have been answered. */
-void cts_http_stop(CtsHttpServer **server);
-/* Calls take for each query parameter; value is "" where it has none. */
-void cts_http_query(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
-                    void *context);
-/* Within ask: announces a later answer from any thread. */
+void cts_http_stop(CtsHttpServer **http);
+/* Adds the parameters; the value of one without is "". */
+void cts_http_query(const CtsHttpRequest *request, struct CtsQuery *query);
+/* Within cts_routes_dispatch(): announces a later answer from any thread. */
 void cts_http_wait(CtsHttpRequest *request);
-/* Once, within ask or after cts_http_wait(); frees request and takes over the contents of answer. */
+/* Once, within that or after cts_http_wait(); frees request and takes over the contents of answer. */
 void cts_http_answer(CtsHttpRequest *request, CtsHttpAnswer *answer);

@@ -6,9 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-void cts_query_add(void *query, const char *name, const char *value)
+void cts_query_add(CtsQuery *q, const char *name, const char *value)
 {
-    CtsQuery *const q = query;
     q->too_many |= q->n == CTS_QUERY_PARTS;
     if (q->too_many)
         return;

@@ -1,6 +1,7 @@
 /* Translation of the parameters of PS3.18 8.3.5 to ctsplat's options. */
 #include "app/options/options.h"
 #include "app/serve/server.h"
+#include <fnmatch.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -251,43 +252,24 @@ static CtsStatus take_viewport(const CtsQuery *from, bool thumbnail, CtsQuery *w
     return CTS_OK;
 }
 
-/* Specificity with which a range such as image/png, image or * followed by a star matches the type: 3, 2, 1; 0: no
- * match. */
-static int match(const char *range, size_t n, const char *type)
-{
-    const size_t slash = strcspn(type, "/");
-    if (n == 3 && !strncmp(range, "*/*", 3))
-        return 1;
-    if (n == slash + 2 && range[slash + 1] == '*' && !strncasecmp(range, type, slash + 1))
-        return 2;
-    return n == strlen(type) && !strncasecmp(range, type, n) ? 3 : 0;
-}
-
-/* The q value among a range's parameters, 1 where absent. */
-static double quality(const char *at, const char *end)
-{
-    while (at < end && (at = memchr(at, ';', (size_t)(end - at)))) {
-        at += 1 + strspn(at + 1, " \t");
-        if (at + 1 < end && (*at == 'q' || *at == 'Q') && at[1] == '=')
-            return strtod(at + 2, NULL);
-    }
-    return 1;
-}
-
-/* The q value of a type, from the most specific range that matches it. */
+/* The q value of a type, from the most specific range that matches it, such as image/png;q=0.5, image with a star, or
+ * two stars; 1 where a range has none. */
 static double liking(const char *list, const char *type)
 {
     int best = 0;
     double liked = 0;
-    while (*list) {
-        list += strspn(list, ", \t");
-        const char *const end = list + strcspn(list, ",");
-        const int how = match(list, strcspn(list, ";, \t"), type);
-        if (how > best) {
-            best = how;
-            liked = quality(list, end);
-        }
-        list = end;
+    for (; *list; list += strspn(list, ", \t")) {
+        char range[200];
+        snprintf(range, sizeof range, "%.*s", (int)strcspn(list, ","), list);
+        list += strcspn(list, ",");
+        char *parameter = range, *const name = strsep(&parameter, "; \t");
+        const int how = fnmatch(name, type, FNM_CASEFOLD) ? 0 : name[0] == '*' ? 1 : strchr(name, '*') ? 2 : 3;
+        if (how <= best)
+            continue;
+        best = how;
+        liked = 1;
+        for (char *one; (one = strsep(&parameter, "; \t"));)
+            liked = strncasecmp(one, "q=", 2) ? liked : strtod(one + 2, NULL);
     }
     return liked;
 }
@@ -312,22 +294,18 @@ static int accept_best(const char *list, const char *const *media_types, int n)
 
 static const CtsFormatInfo *choose_format(CtsRenderQuery *render_query, const char *accept)
 {
-    static const char *const names[] = {"jpg", "png", "webp", "dcm"};
     static const char *const metadata[] = {"application/dicom+json", "application/json"};
+    static const char *const files[] = {"a.jpg", "a.png", "a.webp", "a.dcm"};
     const char *types[4];
     const CtsFormatInfo *formats[4];
     int n = 0;
-    for (size_t i = 0; i < (render_query->thumbnail ? 3 : 4); i++) {
-        char path[16];
-        snprintf(path, sizeof path, "a.%s", names[i]);
-        formats[n] = cts_export_format(path);
-        if (formats[n]->many_frames || render_query->swivel_range_deg == 0)
-            types[n] = cts_media_type_of(formats[n]), n++;
+    for (int i = 0; i < (render_query->thumbnail ? 3 : 4); i++) {
+        formats[n] = cts_export_format(files[i]);
+        types[n] = cts_media_type_of(formats[n]);
+        n += formats[n]->many_frames || render_query->swivel_range_deg == 0;
     }
-    if (render_query->metadata)
-        return accept_best(accept, metadata, 2) < 0 ? NULL : formats[0];
-    const int best = accept_best(accept, types, n);
-    return best < 0 ? NULL : formats[best];
+    const int best = render_query->metadata ? accept_best(accept, metadata, 2) : accept_best(accept, types, n);
+    return best < 0 ? NULL : formats[render_query->metadata ? 0 : best];
 }
 
 CtsStatus cts_render_query_rendered3d(CtsRenderQuery *render_query, const char *accept, const CtsFormatInfo **format,

@@ -148,7 +148,7 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, const Ta
     }
     e->request = request;
     e->socket = request->socket;
-    cts_http_query(request, cts_query_add, &e->render_query.query);
+    cts_http_query(request, &e->render_query.query);
     e->render_query.thumbnail = target->thumbnail;
     find_instance(server, e, target);
     CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->render_query, request->accept, &format, &err);
@@ -208,9 +208,8 @@ static void request_study(CtsServer *server, CtsHttpRequest *request, const Part
             "resources are not supported");
 }
 
-void cts_routes_dispatch(void *context, CtsHttpRequest *request)
+void cts_routes_dispatch(CtsServer *server, CtsHttpRequest *request)
 {
-    CtsServer *const server = context;
     CtsHttpAnswer answer;
     Parts p;
     if (!cts_access_check(server, request, &answer)) {

@@ -73,14 +73,15 @@ static void report_ready(const CtsServer *server, void (*ready)(const char *url)
 }
 
 /* The server's threads block signals, which the main thread waits for. */
-static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, const CtsHttpSettings *settings, CtsError *err)
+static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, int socket, const char *certificate,
+                               const char *key, CtsError *err)
 {
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     CtsStatus st = cts_render_queue_begin(server, err);
     if (!st)
-        st = cts_http_start(http, settings, err);
+        st = cts_http_start(http, server, socket, certificate, key, err);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     return st;
 }
@@ -91,9 +92,9 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
 {
     char *url;
     CtsHttpServer *http = NULL;
-    CtsHttpSettings settings = {.certificate = certificate, .key = key, .ask = cts_routes_dispatch, .context = server};
+    int socket;
     server->tls = certificate != NULL;
-    CtsStatus st = cts_listen_open(server, &settings.socket, &url, err);
+    CtsStatus st = cts_listen_open(server, &socket, &url, err);
     if (st) {
         free(url);
         return st;
@@ -102,7 +103,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
         cts_names_add(&server->names, server->folder);
         cts_thumbnails_begin(server, note);
-        st = begin_threads(server, &http, &settings, err);
+        st = begin_threads(server, &http, socket, certificate, key, err);
     }
     if (!st)
         report_ready(server, ready, url);
@@ -112,7 +113,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
     if (http)
         cts_http_stop(&http);
     else
-        close(settings.socket);
+        close(socket);
     cts_listen_close(server);
     if (server->folder)
         rmdir(server->folder);

@@ -27,7 +27,7 @@ typedef struct CtsQuery {
 } CtsQuery;
 
 /* Texts must stay. */
-void cts_query_add(void *query, const char *name, const char *value);
+void cts_query_add(CtsQuery *query, const char *name, const char *value);
 void cts_query_make(CtsQuery *query, const char *name, const char *format, ...) __attribute__((format(printf, 3, 4)));
 /* NULL where it is not given. */
 const char *cts_query_value(const CtsQuery *query, const char *name);
@@ -138,8 +138,8 @@ CtsStatus cts_access_token(CtsServer *server, CtsError *err);
 CtsStatus cts_listen_open(CtsServer *server, int *fd, char **url, CtsError *err);
 void cts_listen_close(const CtsServer *server);
 
-/* routes.c: CtsHttpSettings.ask. */
-void cts_routes_dispatch(void *server, CtsHttpRequest *request);
+/* routes.c: answers a request, or queues it; returns quickly. */
+void cts_routes_dispatch(CtsServer *server, CtsHttpRequest *request);
 
 /* render_queue.c: queues a request, or returns false where too many are queued; render_request->cached and its request
  * must be set. The caller holds the lock. */
