@@ -88,8 +88,9 @@ void cts_labels_free(CtsLabels **labels);
 /* Before slices are read: room for the sums over their HU. */
 CtsStatus cts_labels_begin(CtsLabels *labels, CtsError *err);
 /* Adds words first <= n < end of a slice as stored, from `words` on, to the statistics: HU = slope * stored +
- * intercept. In order, each slice by one thread at a time; a slice that begins again replaces its former statistics. */
-void cts_labels_take_words(CtsLabels *labels, int slice, const uint16_t *words, size_t first, size_t end,
+ * intercept (CtsWordWatch.take). In order, each slice by one thread at a time; a slice that begins again replaces its
+ * former statistics. labels: a CtsLabels. */
+void cts_labels_take_words(void *labels, int slice, const uint16_t *words, size_t first, size_t end,
                            const struct CtsStored *stored, double slope, double intercept);
 /* Once all slices were read: slice_number[k], n_kept of them, rising, are those that were. The grid and the runs become
  * theirs alone, and all is counted; report (may be NULL) gets the facts and warnings. */

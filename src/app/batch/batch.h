@@ -78,8 +78,8 @@ CtsStatus cts_batch_check(const CtsBatchSettings *settings, CtsReport *report, C
  * the contact sheet periodically, unless this is one shard of several. */
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err);
 
-/* Removes files whose names begin with prefix; no other process may be writing there. */
-void cts_sweep(const char *folder, const char *prefix);
+/* Removes temporary files of a series; no other process may be writing there. */
+void cts_sweep_series(const char *output_dir, const char *folder);
 /* All of them below -O; of a shard its journal's alone, as other shards are at work: the folder of a series is swept
  * when the series is made. */
 void cts_sweep_all(const char *folder, int shard, int n_shards);

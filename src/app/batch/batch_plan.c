@@ -7,52 +7,45 @@
 #include "output/export/sc_texts.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* MAX_WARNINGS: folders that cannot be searched and are named; the rest is counted. LONGEST_RECORD: bytes of a file's
- * record, 16 times the longest path. */
-enum { MAX_WARNINGS = 12, LONGEST_RECORD = 1 << 16 };
+/* Folders that cannot be searched and are named; the rest is counted. */
+enum { MAX_WARNINGS = 12 };
 
 /* A file; its record in the list has the details. */
 typedef struct Entry {
     uint64_t key, offset;
-    uint32_t size; /* of the record */
 } Entry;
 
+/* Files of a series. */
 typedef struct Unit {
-    size_t first, n; /* entries */
-    uint64_t offset; /* of the record that was met first */
+    const Entry *first; /* the one that was met first */
+    size_t n;
 } Unit;
 
 /* A series that has slices in a folder, both by their keys. */
 typedef struct FolderSeries {
     uint64_t folder, series;
+    bool several; /* others have slices there, too */
 } FolderSeries;
+
+/* Place of a series' only slice. */
+typedef struct SinglePlace {
+    CtsSlicePlace place;
+    char series_uid[80];
+} SinglePlace;
 
 /* Files met one after the other of a series that may have a single slice. */
 typedef struct SingleFile {
     uint64_t study, series, sop; /* by their keys */
-    uint64_t offset; /* of the first file's place and series UID in the list; NOT_SINGLE: more than one slice */
+    SinglePlace *place;          /* owned; NULL: more than one slice */
+    int n_stacked;               /* slices of the stack that it lies in; 0: in none */
 } SingleFile;
-
-static const uint64_t NOT_SINGLE = UINT64_MAX;
-
-/* A single slice that lies in a stack of n of them. */
-typedef struct StackMember {
-    uint64_t series;
-    int n;
-} StackMember;
-
-/* A single slice's place in the list. */
-typedef struct PlaceRecord {
-    CtsSlicePlace place;
-    char series_uid[80];
-} PlaceRecord;
 
 struct CtsBatchPlan {
     const CtsBatchSettings *settings;
@@ -60,6 +53,7 @@ struct CtsBatchPlan {
     const CtsKey *key;
     FILE *list;
     uint64_t list_bytes;
+    const char *records; /* the list as memory, once it is complete */
     Entry *entries;
     Unit *units;
     size_t n_entries, n_units;
@@ -67,10 +61,9 @@ struct CtsBatchPlan {
     char last_uid[80];
     uint64_t last_key;
     Entry *unreadable; /* files that cannot be read, by their folder's key */
-    size_t n_unreadable, n_folder_series, n_singles, n_members;
-    FolderSeries *folder_series;
+    size_t n_unreadable, n_folder_series, n_singles;
+    FolderSeries *folder_series; /* one a folder, once the list is complete */
     SingleFile *singles;
-    StackMember *members; /* in order of series */
     CtsBatchLabelFile *label_files;
     size_t n_label_files;
     CtsStudyNumbers numbers;
@@ -84,6 +77,33 @@ typedef struct FileRecord {
     int64_t mtime_ns, came_ns;
     bool unreadable; /* it cannot be read; its name is that of its folder */
 } FileRecord;
+
+/* A record in memory. */
+typedef struct File {
+    FileRecord record;
+    const char *path, *name, *sop_uid;
+} File;
+
+static File file_of(const CtsBatchPlan *p, const Entry *entry)
+{
+    File file;
+    memcpy(&file.record, p->records + entry->offset, sizeof file.record);
+    file.path = p->records + entry->offset + sizeof file.record;
+    file.name = file.path + strlen(file.path) + 1;
+    file.sop_uid = file.name + strlen(file.name) + 1;
+    return file;
+}
+
+static CtsStatus fail_list(const CtsBatchPlan *p, CtsError *err)
+{
+    return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", p->options->output_dir,
+                    strerror(errno));
+}
+
+static int compare(uint64_t x, uint64_t y)
+{
+    return (x > y) - (x < y);
+}
 
 /* The first 64 bits of the SHA-256 of a UID, for the assignment to shards and the 16 hex digits of names. */
 static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
@@ -146,28 +166,32 @@ static CtsStatus keep_record(CtsBatchPlan *p, const CtsArchiveFile *file, const 
 {
     const FileRecord record = {file->bytes, file->n_voxels, file->mtime_ns, p->options->settled_s ? came_ns(file) : 0,
                                file->why};
-    const size_t n_path = strlen(file->path) + 1, n_name = strlen(name) + 1, n_sop = strlen(file->sop_uid) + 1;
-    const size_t size = sizeof record + n_path + n_name + n_sop;
-    if (size > LONGEST_RECORD)
-        return cts_fail(err, CTS_ERR_READ, "%.80s...: the path is too long", file->path);
-    if (fwrite(&record, sizeof record, 1, p->list) != 1 || fwrite(file->path, n_path, 1, p->list) != 1 ||
-        fwrite(name, n_name, 1, p->list) != 1 || fwrite(file->sop_uid, n_sop, 1, p->list) != 1)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", p->options->output_dir,
-                        strerror(errno));
-    const Entry entry = {key, p->list_bytes, (uint32_t)size};
-    p->list_bytes += size;
+    const Entry entry = {key, p->list_bytes};
+    if (fwrite(&record, sizeof record, 1, p->list) != 1)
+        return fail_list(p, err);
+    const int n = fprintf(p->list, "%s%c%s%c%s%c", file->path, 0, name, 0, file->sop_uid, 0);
+    if (n < 0)
+        return fail_list(p, err);
+    p->list_bytes += sizeof record + (size_t)n;
     return file->why ? add_entry(&p->unreadable, &p->n_unreadable, entry, err)
                      : add_entry(&p->entries, &p->n_entries, entry, err);
 }
 
 static CtsStatus add_folder_series(CtsBatchPlan *p, FolderSeries pair, CtsError *err)
 {
-    if (p->n_folder_series && !memcmp(&p->folder_series[p->n_folder_series - 1], &pair, sizeof pair))
+    const FolderSeries *const last = p->n_folder_series ? &p->folder_series[p->n_folder_series - 1] : NULL;
+    if (last && last->folder == pair.folder && last->series == pair.series)
         return CTS_OK;
     const CtsStatus st = cts_grow(&p->folder_series, p->n_folder_series, err);
     if (!st)
         p->folder_series[p->n_folder_series++] = pair;
     return st;
+}
+
+static void drop_place(SingleFile *single)
+{
+    free(single->place);
+    single->place = NULL;
 }
 
 /* Counts a slice of a series: one of one place and SOP UID stays single. */
@@ -177,24 +201,22 @@ static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const c
     const uint64_t sop = cts_fnv(CTS_FNV, file->sop_uid, strlen(file->sop_uid));
     if (last && last->series == key) {
         if (last->sop != sop)
-            last->offset = NOT_SINGLE;
+            drop_place(last);
         return CTS_OK;
     }
-    const CtsStatus st = cts_grow(&p->singles, p->n_singles, err);
-    if (st)
-        return st;
     const char *const study = file->study_uid ? file->study_uid : "";
-    SingleFile single = {cts_fnv(CTS_FNV, study, strlen(study)), key, sop, NOT_SINGLE};
-    if (file->place && study[0] && file->series_uid[0]) {
-        PlaceRecord record = {.place = *file->place};
-        snprintf(record.series_uid, sizeof record.series_uid, "%s", name);
-        if (fwrite(&record, sizeof record, 1, p->list) != 1)
-            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", p->options->output_dir,
-                            strerror(errno));
-        single.offset = p->list_bytes;
-        p->list_bytes += sizeof record;
+    const bool is_placed = file->place && study[0] && file->series_uid[0];
+    SinglePlace *const place = is_placed ? malloc(sizeof *place) : NULL;
+    if ((is_placed && !place) || cts_grow(&p->singles, p->n_singles, err)) {
+        free(place);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for single slices");
     }
-    p->singles[p->n_singles++] = single;
+    if (place) {
+        place->place = *file->place;
+        snprintf(place->series_uid, sizeof place->series_uid, "%s", name);
+    }
+    p->singles[p->n_singles++] =
+        (SingleFile){.study = cts_fnv(CTS_FNV, study, strlen(study)), .series = key, .sop = sop, .place = place};
     return CTS_OK;
 }
 
@@ -255,7 +277,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;
     if ((file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
-        (st = add_folder_series(p, (FolderSeries){folder_key(file->path), key}, err)) ||
+        (st = add_folder_series(p, (FolderSeries){.folder = folder_key(file->path), .series = key}, err)) ||
         (st = add_single(p, file, name, key, err)) ||
         (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
         return st;
@@ -265,62 +287,53 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
 static int by_key(const void *a, const void *b)
 {
     const Entry *x = a, *y = b;
-    if (x->key != y->key)
-        return x->key < y->key ? -1 : 1;
-    return x->offset < y->offset ? -1 : x->offset > y->offset;
+    const int order = compare(x->key, y->key);
+    return order ? order : compare(x->offset, y->offset);
 }
 
-static int by_offset(const void *a, const void *b)
+static int by_first_file(const void *a, const void *b)
 {
-    const Unit *x = a, *y = b;
-    return x->offset < y->offset ? -1 : x->offset > y->offset;
+    return compare(((const Unit *)a)->first->offset, ((const Unit *)b)->first->offset);
 }
 
 static int by_folder(const void *a, const void *b)
 {
-    const FolderSeries *x = a, *y = b;
-    if (x->folder != y->folder)
-        return x->folder < y->folder ? -1 : 1;
-    return (x->series > y->series) - (x->series < y->series);
+    return compare(((const FolderSeries *)a)->folder, ((const FolderSeries *)b)->folder);
+}
+
+/* Keeps one entry a folder. */
+static void join_folders(CtsBatchPlan *p)
+{
+    size_t n = 0;
+    if (p->n_folder_series)
+        qsort(p->folder_series, p->n_folder_series, sizeof *p->folder_series, by_folder);
+    for (size_t i = 0; i < p->n_folder_series; i++)
+        if (n && p->folder_series[n - 1].folder == p->folder_series[i].folder)
+            p->folder_series[n - 1].several |= p->folder_series[n - 1].series != p->folder_series[i].series;
+        else
+            p->folder_series[n++] = p->folder_series[i];
+    p->n_folder_series = n;
 }
 
 /* The series that unreadable files are reported with: the one in their folder; where the folder has none or several, a
  * series named after the folder. */
 static CtsStatus owner_of(const CtsBatchPlan *p, const Entry *unreadable, uint64_t *key, bool *is_apart, CtsError *err)
 {
-    size_t first = 0, end = p->n_folder_series;
-    while (first < end) {
-        const size_t middle = (first + end) / 2;
-        if (p->folder_series[middle].folder < unreadable->key)
-            first = middle + 1;
-        else
-            end = middle;
-    }
-    while (end < p->n_folder_series && p->folder_series[end].folder == unreadable->key &&
-           p->folder_series[end].series == p->folder_series[first].series)
-        end++;
-    *is_apart = end == first || (end < p->n_folder_series && p->folder_series[end].folder == unreadable->key);
-    if (!*is_apart) {
-        *key = p->folder_series[first].series;
-        return CTS_OK;
-    }
-    char *text = malloc(unreadable->size);
-    CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && pread(fileno(p->list), text, unreadable->size, (off_t)unreadable->offset) != (ssize_t)unreadable->size)
-        st =
-            cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir, strerror(errno));
-    if (!st)
-        st = plan_key(text + sizeof(FileRecord) + strlen(text + sizeof(FileRecord)) + 1, key, err);
-    free(text);
-    return st;
+    const FolderSeries wanted = {.folder = unreadable->key};
+    const FolderSeries *const found =
+        p->n_folder_series ? bsearch(&wanted, p->folder_series, p->n_folder_series, sizeof wanted, by_folder) : NULL;
+    *is_apart = !found || found->several;
+    if (*is_apart)
+        return plan_key(file_of(p, unreadable).name, key, err);
+    *key = found->series;
+    return CTS_OK;
 }
 
 static CtsStatus place_unreadable(CtsBatchPlan *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     uint64_t asked_for = 0;
-    if (p->n_folder_series)
-        qsort(p->folder_series, p->n_folder_series, sizeof *p->folder_series, by_folder);
+    join_folders(p);
     if (p->options->source.series_uid)
         st = plan_key(p->options->source.series_uid, &asked_for, err);
     for (size_t k = 0; k < p->n_unreadable && !st; k++) {
@@ -330,38 +343,33 @@ static CtsStatus place_unreadable(CtsBatchPlan *p, CtsError *err)
         if ((st = owner_of(p, unreadable, &key, &is_apart, err)))
             return st;
         if (is_mine(p, key) && (!p->options->source.series_uid || (!is_apart && key == asked_for)))
-            st = add_entry(&p->entries, &p->n_entries, (Entry){key, unreadable->offset, unreadable->size}, err);
+            st = add_entry(&p->entries, &p->n_entries, (Entry){key, unreadable->offset}, err);
     }
     return st;
 }
 
 static CtsStatus make_units(CtsBatchPlan *p, CtsError *err)
 {
-    size_t n = 0;
     if (p->n_entries)
         qsort(p->entries, p->n_entries, sizeof *p->entries, by_key);
-    for (size_t i = 0; i < p->n_entries; i++)
-        n += i == 0 || p->entries[i].key != p->entries[i - 1].key;
-    if (!(p->units = malloc((n + 1) * sizeof *p->units)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of series");
     for (size_t i = 0; i < p->n_entries; i++) {
-        if (i == 0 || p->entries[i].key != p->entries[i - 1].key)
-            p->units[p->n_units++] = (Unit){i, 0, p->entries[i].offset};
+        if (i == 0 || p->entries[i].key != p->entries[i - 1].key) {
+            if (cts_grow(&p->units, p->n_units, err))
+                return err->status;
+            p->units[p->n_units++] = (Unit){&p->entries[i], 0};
+        }
         p->units[p->n_units - 1].n++;
     }
-    if (n)
-        qsort(p->units, n, sizeof *p->units, by_offset);
+    if (p->n_units)
+        qsort(p->units, p->n_units, sizeof *p->units, by_first_file);
     return CTS_OK;
 }
 
 static int by_study_and_series(const void *a, const void *b)
 {
     const SingleFile *x = a, *y = b;
-    if (x->study != y->study)
-        return x->study < y->study ? -1 : 1;
-    if (x->series != y->series)
-        return x->series < y->series ? -1 : 1;
-    return (x->offset > y->offset) - (x->offset < y->offset);
+    const int order = compare(x->study, y->study);
+    return order ? order : compare(x->series, y->series);
 }
 
 /* Keeps series of one slice, once each, in order of study and series. */
@@ -371,13 +379,15 @@ static void filter_singles(CtsBatchPlan *p)
     if (p->n_singles)
         qsort(p->singles, p->n_singles, sizeof *p->singles, by_study_and_series);
     for (size_t first = 0, end; first < p->n_singles; first = end) {
-        const SingleFile single = p->singles[first];
-        bool several = single.offset == NOT_SINGLE;
-        for (end = first + 1;
-             end < p->n_singles && p->singles[end].study == single.study && p->singles[end].series == single.series;
-             end++)
-            several |= p->singles[end].offset == NOT_SINGLE || p->singles[end].sop != single.sop;
-        if (!several)
+        SingleFile single = p->singles[first];
+        bool several = !single.place;
+        for (end = first + 1; end < p->n_singles && !by_study_and_series(&single, &p->singles[end]); end++) {
+            several |= !p->singles[end].place || p->singles[end].sop != single.sop;
+            drop_place(&p->singles[end]);
+        }
+        if (several)
+            drop_place(&single);
+        else
             p->singles[n++] = single;
     }
     p->n_singles = n;
@@ -386,16 +396,12 @@ static void filter_singles(CtsBatchPlan *p)
 /* Names a stack by the first of its series, in the shard that has this series. */
 static CtsStatus note_stack(CtsBatchPlan *p, const SingleFile *first, int n, CtsError *err)
 {
-    PlaceRecord record;
     CtsStatus st = CTS_OK;
+    char uid[80], text[300];
     if (!is_mine(p, first->series) || p->options->source.series_uid)
         return CTS_OK;
-    if (pread(fileno(p->list), &record, sizeof record, (off_t)first->offset) != (ssize_t)sizeof record)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir,
-                        strerror(errno));
-    char uid[80], text[300];
-    snprintf(uid, sizeof uid, "%s", record.series_uid);
-    if (p->key && (st = cts_uid_keyed(p->key, "series of a batch", record.series_uid, uid, err)))
+    snprintf(uid, sizeof uid, "%s", first->place->series_uid);
+    if (p->key && (st = cts_uid_keyed(p->key, "series of a batch", first->place->series_uid, uid, err)))
         return st;
     snprintf(text, sizeof text, CTS_SINGLE_SLICES_TEXT, uid, n - 1, n);
     p->settings->listener.message(p->settings->listener.context, false, text);
@@ -403,16 +409,13 @@ static CtsStatus note_stack(CtsBatchPlan *p, const SingleFile *first, int n, Cts
 }
 
 /* Finds the stacks among n single slices of one study. */
-static CtsStatus stack_study(CtsBatchPlan *p, const SingleFile *singles, size_t n, CtsError *err)
+static CtsStatus stack_study(CtsBatchPlan *p, SingleFile *singles, size_t n, CtsError *err)
 {
     CtsSlicePlace *places = malloc(n * sizeof *places);
     int *stack = malloc(n * sizeof *stack), n_stacks = 0;
     CtsStatus st = places && stack ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory for single slices");
     for (size_t i = 0; i < n && !st; i++)
-        if (pread(fileno(p->list), &places[i], sizeof places[i],
-                  (off_t)(singles[i].offset + offsetof(PlaceRecord, place))) != (ssize_t)sizeof places[i])
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir,
-                          strerror(errno));
+        places[i] = singles[i].place->place;
     if (!st)
         st = cts_single_slices_find(places, n, stack, &n_stacks, err);
     for (int k = 1; k <= n_stacks && !st; k++) {
@@ -422,10 +425,10 @@ static CtsStatus stack_study(CtsBatchPlan *p, const SingleFile *singles, size_t 
             first = !first && stack[i] == k ? &singles[i] : first;
             n_slices += stack[i] == k;
         }
-        for (size_t i = 0; i < n && !st; i++)
-            if (stack[i] == k && !(st = cts_grow(&p->members, p->n_members, err)))
-                p->members[p->n_members++] = (StackMember){singles[i].series, n_slices};
-        if (!st && first)
+        for (size_t i = 0; i < n; i++)
+            if (stack[i] == k)
+                singles[i].n_stacked = n_slices;
+        if (first)
             st = note_stack(p, first, n_slices, err);
     }
     free(places);
@@ -433,10 +436,9 @@ static CtsStatus stack_study(CtsBatchPlan *p, const SingleFile *singles, size_t 
     return st;
 }
 
-static int by_member_series(const void *a, const void *b)
+static int by_series(const void *a, const void *b)
 {
-    const StackMember *x = a, *y = b;
-    return (x->series > y->series) - (x->series < y->series);
+    return compare(((const SingleFile *)a)->series, ((const SingleFile *)b)->series);
 }
 
 static CtsStatus find_stacks(CtsBatchPlan *p, CtsError *err)
@@ -448,11 +450,10 @@ static CtsStatus find_stacks(CtsBatchPlan *p, CtsError *err)
             end++;
         st = stack_study(p, p->singles + first, end - first, err);
     }
-    free(p->singles);
-    p->singles = NULL;
-    p->n_singles = 0;
-    if (p->n_members)
-        qsort(p->members, p->n_members, sizeof *p->members, by_member_series);
+    for (size_t i = 0; i < p->n_singles; i++)
+        drop_place(&p->singles[i]);
+    if (p->n_singles)
+        qsort(p->singles, p->n_singles, sizeof *p->singles, by_series);
     return st;
 }
 
@@ -467,6 +468,19 @@ static FILE *nameless_file(const char *folder)
         unlink(path);
     free(path);
     return fd < 0 ? NULL : fdopen(fd, "w+");
+}
+
+static CtsStatus map_list(CtsBatchPlan *p, CtsError *err)
+{
+    if (fflush(p->list))
+        return fail_list(p, err);
+    if (!p->list_bytes)
+        return CTS_OK;
+    void *const records = mmap(NULL, p->list_bytes, PROT_READ, MAP_PRIVATE, fileno(p->list), 0);
+    if (records == MAP_FAILED)
+        return fail_list(p, err);
+    p->records = records;
+    return CTS_OK;
 }
 
 CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,
@@ -491,12 +505,10 @@ CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, co
                                      .context = p,
                                      .archives = &p->archives,
                                      .stop = settings->stop};
-    if ((st = cts_archive_search(&search, &found->counts, err)))
+    if ((st = cts_archive_search(&search, &found->counts, err)) || (st = map_list(p, err)))
         goto end;
-    if (fflush(p->list))
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", o->output_dir, strerror(errno));
     cts_study_numbers_sort(&p->numbers);
-    if (!st && !(st = find_stacks(p, err)) && !(st = place_unreadable(p, err)))
+    if (!(st = find_stacks(p, err)) && !(st = place_unreadable(p, err)))
         st = make_units(p, err);
     found->n_series = p->n_units;
     found->archives = p->archives;
@@ -516,13 +528,16 @@ void cts_plan_free(CtsBatchPlan **plan)
     CtsBatchPlan *p = *plan;
     if (!p)
         return;
+    if (p->records)
+        munmap((void *)(uintptr_t)p->records, p->list_bytes);
     if (p->list)
         fclose(p->list);
     free(p->entries);
     free(p->unreadable);
     free(p->folder_series);
+    for (size_t i = 0; i < p->n_singles; i++)
+        drop_place(&p->singles[i]);
     free(p->singles);
-    free(p->members);
     free(p->units);
     for (size_t i = 0; i < p->n_label_files; i++) {
         free(p->label_files[i].path);
@@ -535,20 +550,12 @@ void cts_plan_free(CtsBatchPlan **plan)
     *plan = NULL;
 }
 
-/* A record in memory. */
-typedef struct File {
-    FileRecord record;
-    const char *path, *name, *sop_uid;
-} File;
-
 static int by_content(const void *a, const void *b)
 {
     const File *x = a, *y = b;
-    const int order = strcmp(x->sop_uid, y->sop_uid);
-    if (order)
-        return order;
-    if (x->record.bytes != y->record.bytes)
-        return x->record.bytes < y->record.bytes ? -1 : 1;
+    const int order = strcmp(x->sop_uid, y->sop_uid), by_size = compare(x->record.bytes, y->record.bytes);
+    if (order || by_size)
+        return order ? order : by_size;
     return x->record.mtime_ns < y->record.mtime_ns ? -1 : x->record.mtime_ns > y->record.mtime_ns;
 }
 
@@ -557,24 +564,6 @@ static int by_path(const void *a, const void *b)
 {
     const int order = strcmp(((const File *)a)->path, ((const File *)b)->path);
     return order ? order : by_content(a, b);
-}
-
-/* All records of a unit, which lie in order of offset, into text. */
-static CtsStatus read_files(const CtsBatchPlan *p, const Unit *unit, char *text, File *files, CtsError *err)
-{
-    for (size_t i = 0; i < unit->n; i++) {
-        const Entry *e = &p->entries[unit->first + i];
-        File *f = &files[i];
-        if (pread(fileno(p->list), text, e->size, (off_t)e->offset) != (ssize_t)e->size)
-            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir,
-                            strerror(errno));
-        memcpy(&f->record, text, sizeof f->record);
-        f->path = text + sizeof f->record;
-        f->name = f->path + strlen(f->path) + 1;
-        f->sop_uid = f->name + strlen(f->name) + 1;
-        text += e->size;
-    }
-    return CTS_OK;
 }
 
 /* The label files of a series are its input, too. */
@@ -621,26 +610,24 @@ CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *ser
 {
     const Unit *unit = &plan->units[i];
     CtsStatus st = CTS_OK;
-    size_t size = 0;
-    for (size_t k = 0; k < unit->n; k++)
-        size += plan->entries[unit->first + k].size;
-    *series = (CtsPlanSeries){.text = malloc(size),
-                              .paths = malloc(unit->n * sizeof *series->paths),
+    *series = (CtsPlanSeries){.paths = malloc(unit->n * sizeof *series->paths),
                               .label_files = plan->label_files,
                               .n_label_files = plan->n_label_files,
                               .numbers = &plan->numbers};
     File *files = malloc(unit->n * sizeof *files);
-    if (!series->text || !series->paths || !files)
+    if (!series->paths || !files) {
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory for the files of a series");
-    if (st || (st = read_files(plan, unit, series->text, files, err)))
         goto end;
+    }
+    for (size_t k = 0; k < unit->n; k++)
+        files[k] = file_of(plan, &unit->first[k]);
     size_t own = 0;
     while (own + 1 < unit->n && files[own].record.unreadable)
         own++;
-    const StackMember wanted = {.series = plan->entries[unit->first].key};
-    const StackMember *const member =
-        plan->n_members ? bsearch(&wanted, plan->members, plan->n_members, sizeof wanted, by_member_series) : NULL;
-    series->n_stacked = member ? member->n : 0;
+    const SingleFile wanted = {.series = unit->first->key};
+    const SingleFile *const single =
+        plan->n_singles ? bsearch(&wanted, plan->singles, plan->n_singles, sizeof wanted, by_series) : NULL;
+    series->n_stacked = single ? single->n_stacked : 0;
     snprintf(series->own_uid, sizeof series->own_uid, "%s", files[own].name);
     snprintf(series->uid, sizeof series->uid, "%s", files[own].name);
     if (plan->key && (st = cts_uid_keyed(plan->key, "series of a batch", series->own_uid, series->uid, err)))
@@ -648,8 +635,7 @@ CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *ser
     if (cts_uid_is_valid(series->uid))
         snprintf(series->folder, sizeof series->folder, "%s", series->uid);
     else
-        snprintf(series->folder, sizeof series->folder, "uid-%016llx",
-                 (unsigned long long)plan->entries[unit->first].key);
+        snprintf(series->folder, sizeof series->folder, "uid-%016llx", (unsigned long long)unit->first->key);
     qsort(files, unit->n, sizeof *files, by_path);
     for (size_t k = 0; k < unit->n; k++) {
         series->n_voxels += files[k].record.n_voxels;
@@ -670,8 +656,6 @@ end:
 
 void cts_plan_series_free(CtsPlanSeries *series)
 {
-    free(series->text);
     free(series->paths);
-    series->text = NULL;
     series->paths = NULL;
 }

@@ -2,7 +2,6 @@
 
 #include "app/contact/journal_lines.h"
 #include "base/file.h"
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -29,27 +28,6 @@ struct CtsJournal {
 static CtsStatus fail_journal(CtsError *err, const char *path, const char *what)
 {
     return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s: %s", path, what, strerror(errno));
-}
-
-/* Reads records of other shards, so that their series are not rendered again when the number of shards changes. */
-static CtsStatus read_others(CtsJournal *j, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    const struct dirent *entry;
-    DIR *dir = opendir(j->folder);
-    while (!st && dir && (entry = readdir(dir))) {
-        char path[PATH_MAX + 260];
-        uint64_t end;
-        snprintf(path, sizeof path, "%s/%s", j->folder, entry->d_name);
-        if (!cts_is_journal(entry->d_name) || !strcmp(path, j->path))
-            continue;
-        const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-        if (fd >= 0)
-            st = cts_journal_lines_read(&j->lines, fd, "", &end, err);
-    }
-    if (dir)
-        closedir(dir);
-    return st;
 }
 
 /* Tries to get a lock, with a few repetitions; true, too, where the file system has none (ENOSYS: Lustre, ENOLCK: NFS,
@@ -158,7 +136,8 @@ CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, 
     else
         snprintf(j->path, sizeof j->path, "%.4000s/batch-%d-of-%d.jsonl", folder, shard, n_shards);
     if ((st = lock(j, shard, n_shards, err)) || (st = check_locks(j, err)) || (st = read_own(j, fresh, err)) ||
-        (!fresh && (st = read_others(j, err))))
+        /* Those of other shards, so that their series are not rendered again when the number of shards changes. */
+        (!fresh && (st = cts_journal_lines_read_folder(&j->lines, folder, "", false, strrchr(j->path, '/') + 1, err))))
         cts_journal_close(journal);
     return st;
 }

@@ -58,7 +58,8 @@ static bool is_temporary(const char *name)
     return i > 1 && name[i - 1] == '.' && i < n - 11;
 }
 
-void cts_sweep(const char *folder, const char *prefix)
+/* Removes files whose names begin with prefix. */
+static void sweep(const char *folder, const char *prefix)
 {
     const struct dirent *entry;
     DIR *dir = opendir(folder);
@@ -69,22 +70,29 @@ void cts_sweep(const char *folder, const char *prefix)
         closedir(dir);
 }
 
-void cts_sweep_all(const char *folder, int shard, int n_shards)
+void cts_sweep_series(const char *output_dir, const char *folder)
 {
     char path[PATH_MAX + 300];
+    for (int deep = 0; deep < 2; deep++) {
+        snprintf(path, sizeof path, "%s/%s%s", output_dir, folder, deep ? "/thumbs" : "");
+        sweep(path, "");
+    }
+}
+
+void cts_sweep_all(const char *folder, int shard, int n_shards)
+{
+    char prefix[64];
     const struct dirent *entry;
     if (n_shards > 1) {
-        snprintf(path, sizeof path, ".batch-%d-of-%d.", shard, n_shards);
-        cts_sweep(folder, path);
+        snprintf(prefix, sizeof prefix, ".batch-%d-of-%d.", shard, n_shards);
+        sweep(folder, prefix);
         return;
     }
     DIR *dir = opendir(folder);
-    cts_sweep(folder, ".");
+    sweep(folder, ".");
     while (dir && (entry = readdir(dir)))
-        for (int deep = 0; deep < 2 && entry->d_name[0] != '.'; deep++) {
-            snprintf(path, sizeof path, "%s/%s%s", folder, entry->d_name, deep ? "/thumbs" : "");
-            cts_sweep(path, "");
-        }
+        if (entry->d_name[0] != '.')
+            cts_sweep_series(folder, entry->d_name);
     if (dir)
         closedir(dir);
 }

@@ -98,10 +98,13 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
 {
     const CtsBatchSettings *s = r->settings;
     const double start_ms = cts_wall_ms();
-    const CtsContactRun run = {.n_ended = r->n_uids_ended, .n_series = r->found.n_series, .goes_on = !ends};
     const bool whole = ends && r->n_uids_ended == r->found.n_series;
-    const CtsContactWanted wanted = {
-        .run = whole ? NULL : &run, .n_objects = r->found.counts.n_objects, .change = redact, .context = (void *)s};
+    const CtsContactWanted wanted = {.n_ended = r->n_uids_ended,
+                                     .n_series = whole ? 0 : r->found.n_series,
+                                     .goes_on = !ends,
+                                     .n_objects = r->found.counts.n_objects,
+                                     .change = redact,
+                                     .context = (void *)s};
     const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < pause_ms(r->sheet_took_ms);
     if (s->options->shard.n > 1 || (!ends && wait))
         return CTS_OK;
@@ -274,15 +277,6 @@ static void record_death(Run *r, CtsWorker *w, int how, const struct rusage *usa
     take_last(r, w, false);
 }
 
-static void sweep_series(const Run *r, const CtsWorker *w)
-{
-    char path[PATH_MAX];
-    for (int deep = 0; deep < 2; deep++)
-        if (snprintf(path, sizeof path, "%s/%s%s", r->settings->options->output_dir, w->series.folder,
-                     deep ? "/thumbs" : "") < PATH_MAX)
-            cts_sweep(path, "");
-}
-
 static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage)
 {
     cts_worker_read(w, take_message, r);
@@ -290,7 +284,7 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     if (!stopped && (w->record || !w->n_ended))
         record_death(r, w, how, usage);
     if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
-        sweep_series(r, w);
+        cts_sweep_series(r->settings->options->output_dir, w->series.folder);
     r->free_bytes += w->bytes;
     if (w->phase != CTS_WORKER_SENDS) {
         r->n_unknown -= !w->counted;
@@ -328,15 +322,13 @@ static bool is_up_to_date(Run *r, const CtsPlanSeries *series, json_t *record)
     if (!cts_journal_record_is_settled(r->settings, record, series->input_sha256) ||
         !cts_journal_record_is_complete(record, r->settings))
         return false;
-    if (json_object_get(record, "unsent")) {
-        json_object_del(record, "unsent");
+    const bool was_unsent = !json_object_del(record, "unsent");
+    if (was_unsent)
         cts_worker_set_status(record, 0, "");
+    if (was_unsent || cts_journal_record_n_unsent(r->settings, record) || !cts_journal_holds(r->journal, series->uid))
         end_series(r, record, true);
-    } else if (cts_journal_record_n_unsent(r->settings, record) || !cts_journal_holds(r->journal, series->uid)) {
-        end_series(r, record, true);
-    } else {
+    else
         count_record(r, record, true);
-    }
     return true;
 }
 
@@ -395,10 +387,7 @@ static bool start_next(Run *r)
         }
         const size_t left = r->found.n_series - r->next + (size_t)n_at_work;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
-        st = cts_worker_start(r->settings, r->journal, r->found.archives, &w->series, threads_of_one(r, at_once),
-                              &w->pid, &w->socket, &err);
-        if (st) {
-            w->pid = 0;
+        if ((st = cts_worker_start(r->settings, r->journal, r->found.archives, threads_of_one(r, at_once), w, &err))) {
             cts_plan_series_free(&w->series);
             give_up_batch(r, st, &err);
             return false;
@@ -419,19 +408,17 @@ static void start_sender(Run *r)
     CtsError err;
     if (w->pid || r->next_to_send == r->n_to_send || r->n_unsent == MAX_UNSENT || r->status || interrupted(r))
         return;
-    char *uid = r->to_send[r->next_to_send];
-    r->to_send[r->next_to_send++] = NULL;
-    json_t *record = cts_journal_find(r->journal, uid);
-    const CtsStatus st = record ? cts_sender_start(r->settings, r->journal, record, &w->pid, &w->socket, &err)
-                                : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its record in the journal is missing", uid);
+    char *uid = r->to_send[r->next_to_send++];
+    w->record = cts_journal_find(r->journal, uid);
+    const CtsStatus st = w->record ? cts_sender_start(r->settings, r->journal, w, &err)
+                                   : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its record in the journal is missing", uid);
     free(uid);
     if (st) {
-        w->pid = 0;
-        json_decref(record);
+        json_decref(w->record);
+        w->record = NULL;
         give_up_batch(r, st, &err);
         return;
     }
-    w->record = record;
     set_phase(r, w, CTS_WORKER_SENDS);
 }
 

@@ -42,9 +42,33 @@ typedef struct CtsWorkerProcess {
     bool skipped;         /* the series has nothing to show */
 } CtsWorkerProcess;
 
-/* run is called in the new process, and does not return. */
-CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process), pid_t *pid,
-                          int *socket, CtsError *err);
+typedef enum CtsWorkerPhase {
+    CTS_WORKER_READS,
+    CTS_WORKER_WAITS, /* to render */
+    CTS_WORKER_RENDERS,
+    CTS_WORKER_SENDS /* and nothing else, in all its life */
+} CtsWorkerPhase;
+
+typedef struct CtsWorker {
+    pid_t pid; /* 0: none */
+    int socket;
+    CtsWorkerPhase phase;
+    CtsPlanSeries series; /* empty where it sends */
+    int n_ended;          /* series with a final record: the files of one UID may contain several */
+    int n_left;           /* pictures still to be rendered of the current series, if counted */
+    bool counted;         /* n_left is known */
+    json_t *record;       /* last record of the current series; NULL: none yet */
+    double deadline_ms;   /* INFINITY while it is queued */
+    double stop_ms;       /* time of the request to end; 0: none */
+    const char *killed;   /* why, or NULL */
+    double bytes;         /* estimated memory */
+    char *text;           /* partly received message */
+    size_t n_text, capacity;
+} CtsWorker;
+
+/* run is called in the new process, and does not return. Sets the worker's pid and socket, a non-blocking one. */
+CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process),
+                          CtsWorker *worker, CtsError *err);
 /* Sends the word followed by the record. */
 CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const char *word, CtsError *err);
 
@@ -59,12 +83,11 @@ void cts_worker_set_status(json_t *record, int exit_code, const char *reason);
 /* The same, where the reason may name a file of the series. */
 void cts_worker_report_status(CtsWorkerProcess *worker_process, CtsStatus status, const char *reason);
 
-/* Starts a worker that renders the series with this many threads, or one that sends the unsent captures of the record's
- * series. *socket is the parent's end, non-blocking. */
+/* Starts a worker that renders its series with this many threads, or one that sends the unsent captures of its record.
+ */
 CtsStatus cts_worker_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
-                           const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err);
-CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *record, pid_t *pid,
-                           int *socket, CtsError *err);
+                           int n_threads, CtsWorker *worker, CtsError *err);
+CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, CtsWorker *worker, CtsError *err);
 
 /* Sequence of calls for a series: cts_worker_begin_series(), reading of the volume, cts_worker_loaded(), for each
  * picture its files and cts_worker_picture_done(), and cts_worker_end_series() with the result.
@@ -91,30 +114,6 @@ CtsStatus cts_worker_picture_done(CtsWorkerProcess *worker_process, const CtsBat
 /* The series has ended: status and why are the result of its rendering. */
 CtsStatus cts_worker_end_series(CtsWorkerProcess *worker_process, const CtsReport *report, CtsStatus status,
                                 const CtsError *why);
-
-typedef enum CtsWorkerPhase {
-    CTS_WORKER_READS,
-    CTS_WORKER_WAITS, /* to render */
-    CTS_WORKER_RENDERS,
-    CTS_WORKER_SENDS /* and nothing else, in all its life */
-} CtsWorkerPhase;
-
-typedef struct CtsWorker {
-    pid_t pid; /* 0: none */
-    int socket;
-    CtsWorkerPhase phase;
-    CtsPlanSeries series; /* empty where it sends */
-    int n_ended;          /* series with a final record: the files of one UID may contain several */
-    int n_left;           /* pictures still to be rendered of the current series, if counted */
-    bool counted;         /* n_left is known */
-    json_t *record;       /* last record of the current series; NULL: none yet */
-    double deadline_ms;   /* INFINITY while it is queued */
-    double stop_ms;       /* time of the request to end; 0: none */
-    const char *killed;   /* why, or NULL */
-    double bytes;         /* estimated memory */
-    char *text;           /* partly received message */
-    size_t n_text, capacity;
-} CtsWorker;
 
 /* Calls take for each complete message, without the end of its line; false after the last one. */
 bool cts_worker_read(CtsWorker *worker, void (*take)(void *context, CtsWorker *worker, const char *message),

@@ -140,21 +140,21 @@ static void limit_worker(double mib)
     }
 }
 
-CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process), pid_t *pid,
-                          int *socket, CtsError *err)
+CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process),
+                          CtsWorker *worker, CtsError *err)
 {
     int ends[2];
     const pid_t parent = getpid();
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends))
         return cts_fail(err, CTS_ERR_INTERNAL, "no socket: %s", strerror(errno));
     fflush(NULL);
-    *pid = fork();
-    if (*pid < 0) {
+    const pid_t pid = fork();
+    if (pid < 0) {
         close(ends[0]);
         close(ends[1]);
         return cts_fail(err, CTS_ERR_INTERNAL, "no process: %s", strerror(errno));
     }
-    if (*pid == 0) {
+    if (pid == 0) {
         worker_process->socket = ends[1];
         worker_process->start_wall_ms = cts_wall_ms();
         worker_process->start_cpu_ms = cts_cpu_ms();
@@ -168,7 +168,8 @@ CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorke
     }
     close(ends[1]);
     fcntl(ends[0], F_SETFL, O_NONBLOCK);
-    *socket = ends[0];
+    worker->socket = ends[0];
+    worker->pid = pid;
     return CTS_OK;
 }
 
@@ -249,8 +250,8 @@ static CtsStatus make_folders(CtsWorkerProcess *c, CtsError *err)
         if (lstat(path, &info) || !S_ISDIR(info.st_mode))
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: is not a folder (links that lead out of -O are not followed)",
                             path);
-        cts_sweep(path, "");
     }
+    cts_sweep_series(c->settings->options->output_dir, c->folder);
     return CTS_OK;
 }
 

@@ -24,7 +24,6 @@ typedef struct Work {
     bool reported; /* the batch was notified that the volume is read */
     CtsReport report;
     CtsLog *log;
-    CtsNames names;       /* names that the log must not contain */
     CtsPrepared prepared; /* for pictures of one preset, and of one volume */
     int prepared_preset;
     /* One picture: */
@@ -322,7 +321,6 @@ static CtsStatus render_series(Work *w)
 {
     CtsError err = {0}, log_err;
     const CtsOptions *const o = w->settings->options;
-    const CtsPlanSeries *const s = w->worker_process->series;
     const double start_ms = cts_wall_ms();
     CtsStatus st = cts_worker_begin_series(w->worker_process, w->loaded.series, &err);
     if (!st)
@@ -343,9 +341,8 @@ static CtsStatus render_series(Work *w)
                                                               "shown (`show-patient` shows it)");
     if (!st && !(st = cts_log_open(&w->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
         cts_log_run(w->log, w->settings->command, w->loaded.series->uid);
-        for (int i = 0; w->log && !o->show_paths && i < s->n_paths; i++)
-            cts_names_add(&w->names, s->paths[i]);
-        cts_log_without_names(w->log, &w->names);
+        if (!o->show_paths)
+            cts_log_without_names(w->log, &w->worker_process->names);
         st = render_pictures(w, &err);
     }
     cts_loaded_free(&w->loaded);
@@ -357,7 +354,6 @@ static CtsStatus render_series(Work *w)
         cts_log_done(w->log, w->worker_process->n_threads);
     if (cts_log_close(&w->log, &log_err))
         cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_LOG_LOST, "the log is incomplete: %s", log_err.text);
-    cts_names_free(&w->names);
     const CtsStatus reported = cts_worker_end_series(w->worker_process, &w->report, st, &err);
     cts_report_free(&w->report);
     return reported ? reported : st == CTS_ERR_INTERRUPTED ? st : CTS_OK;
@@ -407,11 +403,14 @@ static void run_series(CtsWorkerProcess *c)
 }
 
 CtsStatus cts_worker_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
-                           const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err)
+                           int n_threads, CtsWorker *worker, CtsError *err)
 {
-    CtsWorkerProcess worker_process = {
-        .settings = settings, .journal = journal, .archives = archives, .series = series, .n_threads = n_threads};
-    return cts_worker_fork(&worker_process, run_series, pid, socket, err);
+    CtsWorkerProcess worker_process = {.settings = settings,
+                                       .journal = journal,
+                                       .archives = archives,
+                                       .series = &worker->series,
+                                       .n_threads = n_threads};
+    return cts_worker_fork(&worker_process, run_series, worker, err);
 }
 
 /* Paths of the captures that are to be sent, in the order of the line's entries; each and the list to be freed. */
@@ -478,13 +477,8 @@ static void run_sender(CtsWorkerProcess *c)
     _exit(0);
 }
 
-CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *record, pid_t *pid,
-                           int *socket, CtsError *err)
+CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, CtsWorker *worker, CtsError *err)
 {
-    CtsWorkerProcess worker_process = {.settings = settings, .journal = journal, .record = json_deep_copy(record)};
-    if (!worker_process.record)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = cts_worker_fork(&worker_process, run_sender, pid, socket, err);
-    json_decref(worker_process.record);
-    return st;
+    CtsWorkerProcess worker_process = {.settings = settings, .journal = journal, .record = worker->record};
+    return cts_worker_fork(&worker_process, run_sender, worker, err);
 }

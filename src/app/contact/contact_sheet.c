@@ -5,58 +5,10 @@
 #include "base/file.h"
 #include "base/json.h"
 #include "output/report/info.h"
-#include <dirent.h>
-#include <errno.h>
-#include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-static CtsStatus add_journal(CtsJournalLines *j, const char *dir, const char *folder, const char *name, CtsError *err)
-{
-    char *path = NULL;
-    uint64_t end;
-    if (asprintf(&path, "%s/%s%s", dir, folder, name) < 0)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-    const int fd = open(path, O_RDONLY | O_CLOEXEC);
-    const CtsStatus st = fd < 0 ? cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno))
-                                : cts_journal_lines_read(j, fd, folder, &end, err);
-    free(path);
-    return st;
-}
-
-static int is_visible(const struct dirent *entry)
-{
-    return entry->d_name[0] != '.';
-}
-
-/* The journals of the batch in dir/folder, and where deep is set of those one folder below. */
-static CtsStatus open_journals(CtsJournalLines *j, const char *dir, const char *folder, bool deep, CtsError *err)
-{
-    struct dirent **entries = NULL;
-    char *path = NULL;
-    CtsStatus st = CTS_OK;
-    if (asprintf(&path, "%s/%s", dir, folder) < 0)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-    const int n = scandir(path, &entries, is_visible, versionsort);
-    if (n < 0 && (deep || errno != ENOTDIR))
-        st = cts_fail(err, CTS_ERR_READ, "%s: cannot be listed: %s", path, strerror(errno));
-    for (int i = 0; i < n; i++) {
-        char *below = NULL;
-        if (!st && cts_is_journal(entries[i]->d_name))
-            st = add_journal(j, dir, folder, entries[i]->d_name, err);
-        else if (!st && deep && asprintf(&below, "%s/", entries[i]->d_name) < 0)
-            st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-        else if (!st && deep)
-            st = open_journals(j, dir, below, false, err);
-        free(below);
-        free(entries[i]);
-    }
-    free(entries);
-    free(path);
-    return st;
-}
 
 /* Escapes < in JSON, so that an HTML parser finds no markup in it. */
 static CtsStatus write_json(CtsTempFile *temp, const json_t *value, CtsError *err)
@@ -221,11 +173,10 @@ static CtsStatus write_cards(CtsTempFile *temp, const CtsJournalLines *j, const 
 /* Prints the JSON before the series and opens their array. */
 static int print_head(char *text, size_t size, const CtsJournalLines *j, const CtsContactWanted *wanted)
 {
-    const CtsContactRun *const run = wanted->run;
     char so_far[160] = "";
-    if (run)
+    if (wanted->n_series)
         snprintf(so_far, sizeof so_far, "\"run\":{\"at\":\"%s\",\"ended\":%zu,\"series\":%zu,\"goes_on\":%s},",
-                 cts_utc_now().text, run->n_ended, run->n_series, run->goes_on ? "true" : "false");
+                 cts_utc_now().text, wanted->n_ended, wanted->n_series, wanted->goes_on ? "true" : "false");
     return snprintf(text, size, "{\"version\":\"%s\",\"unreadable\":%d,\"objects\":%" PRIu64 ",%s\"series\":[",
                     CTS_VERSION, j->n_unreadable, wanted->n_objects, so_far);
 }
@@ -247,7 +198,7 @@ CtsStatus cts_contact_sheet_write(const char *dir, const CtsContactWanted *wante
     CtsJournalLines journals = {0};
     CtsTempFile *temp = NULL;
     char *path = NULL;
-    CtsStatus st = open_journals(&journals, dir, "", true, err);
+    CtsStatus st = cts_journal_lines_read_folder(&journals, dir, "", true, NULL, err);
     if (!st && !journals.n_files)
         st = cts_fail(err, CTS_ERR_READ, "%s: holds no journal (give the folder that `ctsplat batch -O` wrote)", dir);
     cts_journal_lines_sort(&journals);

@@ -10,14 +10,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Progress of the batch when the sheet is written. */
-typedef struct CtsContactRun {
-    size_t n_ended, n_series;
-    bool goes_on;
-} CtsContactRun;
-
 typedef struct CtsContactWanted {
-    const CtsContactRun *run;                    /* NULL: all is over */
+    size_t n_ended, n_series;                    /* of a batch that has not ended all of them; 0: all is over */
+    bool goes_on;                                /* it is running */
     uint64_t n_objects;                          /* of the archive, without an image */
     void (*change)(void *context, json_t *line); /* of the journal, before it is shown; or NULL */
     void *context;

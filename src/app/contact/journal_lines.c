@@ -1,13 +1,15 @@
 #include "app/contact/journal_lines.h"
 
 #include "base/mem.h"
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-bool cts_is_journal(const char *name)
+static bool is_journal(const char *name)
 {
     int shard, n_shards, n = 0;
     return !strcmp(name, "batch.jsonl") ||
@@ -128,6 +130,52 @@ CtsStatus cts_journal_lines_read(CtsJournalLines *lines, int fd, const char *fol
     }
     const CtsStatus st = take_lines(lines, stream, end, err);
     fclose(stream);
+    return st;
+}
+
+static CtsStatus add_journal(CtsJournalLines *j, const char *dir, const char *folder, const char *name, CtsError *err)
+{
+    char *path = NULL;
+    uint64_t end;
+    if (asprintf(&path, "%s/%s%s", dir, folder, name) < 0)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    const CtsStatus st = fd < 0 ? cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno))
+                                : cts_journal_lines_read(j, fd, folder, &end, err);
+    free(path);
+    return st;
+}
+
+static int is_visible(const struct dirent *entry)
+{
+    return entry->d_name[0] != '.';
+}
+
+CtsStatus cts_journal_lines_read_folder(CtsJournalLines *j, const char *dir, const char *folder, bool deep,
+                                        const char *except, CtsError *err)
+{
+    struct dirent **entries = NULL;
+    char *path = NULL;
+    CtsStatus st = CTS_OK;
+    if (asprintf(&path, "%s/%s", dir, folder) < 0)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
+    const int n = scandir(path, &entries, is_visible, versionsort);
+    if (n < 0 && (deep || errno != ENOTDIR))
+        st = cts_fail(err, CTS_ERR_READ, "%s: cannot be listed: %s", path, strerror(errno));
+    for (int i = 0; i < n; i++) {
+        char *below = NULL;
+        const char *const name = entries[i]->d_name;
+        if (!st && is_journal(name) && (!except || strcmp(name, except)))
+            st = add_journal(j, dir, folder, name, err);
+        else if (!st && deep && asprintf(&below, "%s/", name) < 0)
+            st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
+        else if (!st && deep)
+            st = cts_journal_lines_read_folder(j, dir, below, false, NULL, err);
+        free(below);
+        free(entries[i]);
+    }
+    free(entries);
+    free(path);
     return st;
 }
 

@@ -28,13 +28,15 @@ typedef struct CtsJournalLines {
     bool own_first;   /* records of the first file take precedence over all others */
 } CtsJournalLines;
 
-bool cts_is_journal(const char *name);
 /* True if a path in a record, which anyone may have written, stays below its folder. */
 bool cts_journal_path_is_safe(const char *path);
 
 /* Reads the complete lines of a file; *end is the offset after the last one. Closes fd, also on failure. The last
  * record of a series in a file is valid, and among files the one that ended last. */
 CtsStatus cts_journal_lines_read(CtsJournalLines *lines, int fd, const char *folder, uint64_t *end, CtsError *err);
+/* Reads the journals in dir/folder, except the one of this name (NULL: none); deep: and in the folders below. */
+CtsStatus cts_journal_lines_read_folder(CtsJournalLines *lines, const char *dir, const char *folder, bool deep,
+                                        const char *except, CtsError *err);
 /* A line that was written to the first file. */
 CtsStatus cts_journal_lines_put(CtsJournalLines *lines, const json_t *line, uint64_t offset, size_t size,
                                 CtsError *err);

@@ -216,16 +216,10 @@ CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepor
     return st;
 }
 
-static void take_label_words(void *context, int slice, const uint16_t *words, size_t first, size_t end,
-                             const struct CtsStored *stored, double slope, double intercept)
-{
-    cts_labels_take_words(context, slice, words, first, end, stored, slope, intercept);
-}
-
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsLabels *const labels = loaded->labels && !loaded->labels->counted ? loaded->labels : NULL;
-    const CtsWordWatch watch = {labels ? take_label_words : NULL, labels, source->stop};
+    const CtsWordWatch watch = {labels ? cts_labels_take_words : NULL, labels, source->stop};
     cts_model_free(&loaded->model);
     cts_scanned_free(&loaded->scanned);
     CtsStatus st = labels ? cts_labels_begin(labels, err) : CTS_OK;

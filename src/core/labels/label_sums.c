@@ -77,12 +77,12 @@ static void count_words(CtsLabel *l, int slice, int columns, int rows, const uin
     }
 }
 
-void cts_labels_take_words(CtsLabels *labels, int slice, const uint16_t *words, size_t first, size_t end,
+void cts_labels_take_words(void *labels, int slice, const uint16_t *words, size_t first, size_t end,
                            const CtsStored *stored, double slope, double intercept)
 {
-    for (size_t i = 0; i < labels->n; i++)
-        count_words(&labels->items[i], slice, labels->grid.columns, labels->grid.rows, words, first, end, stored, slope,
-                    intercept);
+    CtsLabels *const l = labels;
+    for (size_t i = 0; i < l->n; i++)
+        count_words(&l->items[i], slice, l->grid.columns, l->grid.rows, words, first, end, stored, slope, intercept);
 }
 
 /* Means and sums of squared deviations are combined slice by slice (Chan, Golub, LeVeque 1979), without cancellation of
