@@ -1,5 +1,6 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
 #include "app/options/options.h"
+#include "base/cpu.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
 #include "lab/bench/bench.h"
@@ -35,42 +36,23 @@ static void print_table(const CtsBenchRows *rows)
                      cts_kernel_names[rows->rows[i].kernel], rows->rows[i].why);
 }
 
-static void print_paper(const CtsPaperTable *paper, const CtsVolume *v)
+/* The paper's tables instead of the bench's. */
+static CtsStatus run_paper(const CtsBenchSettings *bench, CtsError *err)
 {
-    CtsTable *table = cts_table_new((const char *const[]){"engine", ">ms", ">% of classic", ">quartiles",
-                                                          ">paper's mean", ">its sets", ">splatted", "picture"},
-                                    8);
-    for (int i = 0; i < CTS_PAPER_ROWS; i++) {
-        const CtsPaperRow *r = &paper->rows[i];
-        cts_table_cell(table, "%s", r->name);
-        cts_table_cell(table, "%.1f", r->median_ms);
-        cts_table_cell(table, "%.1f", r->percent);
-        cts_table_cell(table, "%.1f to %.1f", r->percent_low, r->percent_high);
-        cts_table_cell(table, r->paper_sets ? "%.1f" : "-", r->paper_percent);
-        cts_table_cell(table, "%s", r->paper_sets ? r->paper_sets : "-");
-        cts_table_cell(table, "%.1f %%", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
-        cts_table_cell(table, "%s", r->same ? "same bytes" : "differs");
-    }
+    CtsTable *table = NULL;
+    const CtsVolume *const v = bench->model->volume;
+    const CtsStatus st = cts_paper_table(bench, &table, err);
+    cli_progress_clear();
+    if (st)
+        return st;
     cts_table_print(table, stdout);
     cts_table_free(&table);
     printf("\nVolume of %d x %d x %d voxels, %d grey bits, kernel cone-paper, unlit; medians of %d rounds, %s.\n"
            "The first four rows work as the paper has it (--occlusion-culling off --reuse always), the others by "
            "default.\n",
            v->dims[0], v->dims[1], v->dims[2], CTS_PAPER_BITS, CTS_PAPER_ROUNDS,
-           paper->n_threads == 1 ? "CPU time of one thread" : "wall time");
-}
-
-/* The paper's tables instead of the bench's. */
-static CtsStatus run_paper(const CtsBenchSettings *bench, CtsError *err)
-{
-    CtsPaperTable table;
-    const CtsPaperSettings settings = {
-        .volume = bench->model->volume, .preset = bench->preset, .render = bench->render, .progress = bench->progress};
-    const CtsStatus st = cts_paper_table(&settings, &table, err);
-    cli_progress_clear();
-    if (!st)
-        print_paper(&table, bench->model->volume);
-    return st;
+           cts_threads(bench->render.n_threads) == 1 ? "CPU time of one thread" : "wall time");
+    return CTS_OK;
 }
 
 static void print_duration(int n, double seconds_left)

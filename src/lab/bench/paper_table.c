@@ -7,13 +7,26 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { ROUNDS = CTS_PAPER_ROUNDS };
+
+typedef struct PaperRow {
+    const char *name;
+    CtsEngineId engine;
+    bool no_occlusion_culling, always_reuse_layers; /* as in CtsRenderSettings */
+    double paper_percent;                           /* the paper's mean; 0: it has no such engine */
+    const char *paper_sets;                         /* those of its data sets, one by one; NULL likewise */
+    double ms[ROUNDS]; /* of each round; wall, or with one thread CPU time, which others disturb less */
+    bool same;         /* the picture has classic's bytes */
+    CtsVoxelCounts voxels;
+} PaperRow;
+
 /* Times that the paper gives, in per cent of plain splatting: the means of its three data sets, and the sets'. */
 #define ROW(called, id, hidden, always, mean, sets)                                                                    \
     {                                                                                                                  \
         .name = called, .engine = CTS_ENGINE_##id, .no_occlusion_culling = hidden, .always_reuse_layers = always,      \
-        .paper_percent = mean, .paper_sets = sets                                                                      \
+        .paper_percent = mean, .paper_sets = sets, .same = true                                                        \
     }
-static const CtsPaperRow plan[] = {
+static const PaperRow plan[] = {
     ROW("classic", CLASSIC, false, false, 100, "100"),
     ROW("layers", LAYERS, false, true, 69.1, "66.2, 63, 78"),
     ROW("void", VOID, true, false, 50.9, "not given"),
@@ -23,9 +36,8 @@ static const CtsPaperRow plan[] = {
     ROW("combined, both", COMBINED, false, false, 0, NULL),
 };
 enum { N_ROWS = sizeof plan / sizeof *plan };
-_Static_assert((int)N_ROWS == (int)CTS_PAPER_ROWS, "a place for each row");
 
-static CtsRenderSettings settings_for(const CtsRenderSettings *asked, const CtsPaperRow *row)
+static CtsRenderSettings settings_for(const CtsRenderSettings *asked, const PaperRow *row)
 {
     CtsRenderSettings s = *asked;
     s.engine = row->engine;
@@ -45,21 +57,22 @@ static double busy_ms(int n_threads)
 }
 
 /* One picture by each row's settings; the first one's stays to be compared with. */
-static CtsStatus run_rows(const CtsPaperSettings *settings, const CtsModel *levels, int round, CtsPaperTable *table,
+static CtsStatus run_rows(const CtsBenchSettings *settings, const CtsModel *levels, int round, PaperRow *rows,
                           CtsError *err)
 {
+    const int n_threads = cts_threads(settings->render.n_threads);
     CtsPicture *expected = NULL;
     CtsStatus st = CTS_OK;
     for (int i = 0; i < N_ROWS && !st; i++) {
-        CtsPaperRow *row = &table->rows[i];
+        PaperRow *row = &rows[i];
         const CtsRenderSettings s = settings_for(&settings->render, row);
         CtsPicture *picture = NULL;
         CtsReport report = {0};
         if (settings->progress)
-            settings->progress(round * N_ROWS + i, CTS_PAPER_ROUNDS * N_ROWS, row->name);
-        const double start_ms = busy_ms(table->n_threads);
+            settings->progress(round * N_ROWS + i, ROUNDS * N_ROWS, row->name);
+        const double start_ms = busy_ms(n_threads);
         st = cts_render(levels, settings->preset, &s, &picture, &report, err);
-        row->ms[round] = busy_ms(table->n_threads) - start_ms;
+        row->ms[round] = busy_ms(n_threads) - start_ms;
         row->voxels = report.voxels;
         cts_report_free(&report);
         if (!st && expected) {
@@ -74,40 +87,46 @@ static CtsStatus run_rows(const CtsPaperSettings *settings, const CtsModel *leve
     return st;
 }
 
-/* Each round's time as a share of classic's in the same round, since slowdowns of the machine affect both. */
-static void sum_up(CtsPaperTable *table)
+/* Medians; each round's time as a share of classic's in the same round, since slowdowns of the machine affect both,
+ * with its quartiles. */
+static void add_paper_row(CtsTable *table, const PaperRow *r, const PaperRow *classic)
 {
-    double share[CTS_PAPER_ROUNDS];
-    for (int i = N_ROWS - 1; i >= 0; i--) {
-        CtsPaperRow *row = &table->rows[i];
-        for (int round = 0; round < CTS_PAPER_ROUNDS; round++)
-            share[round] = 100 * row->ms[round] / table->rows[0].ms[round];
-        qsort(share, CTS_PAPER_ROUNDS, sizeof *share, cts_compare_double);
-        row->percent = share[CTS_PAPER_ROUNDS / 2];
-        row->percent_low = share[CTS_PAPER_ROUNDS / 4];
-        row->percent_high = share[CTS_PAPER_ROUNDS - 1 - CTS_PAPER_ROUNDS / 4];
-        qsort(row->ms, CTS_PAPER_ROUNDS, sizeof *row->ms, cts_compare_double);
-        row->median_ms = row->ms[CTS_PAPER_ROUNDS / 2];
-    }
+    double ms[ROUNDS], percent[ROUNDS];
+    memcpy(ms, r->ms, sizeof ms);
+    for (int round = 0; round < ROUNDS; round++)
+        percent[round] = 100 * r->ms[round] / classic->ms[round];
+    qsort(ms, ROUNDS, sizeof *ms, cts_compare_double);
+    qsort(percent, ROUNDS, sizeof *percent, cts_compare_double);
+    cts_table_cell(table, "%s", r->name);
+    cts_table_cell(table, "%.1f", ms[ROUNDS / 2]);
+    cts_table_cell(table, "%.1f", percent[ROUNDS / 2]);
+    cts_table_cell(table, "%.1f to %.1f", percent[ROUNDS / 4], percent[ROUNDS - 1 - ROUNDS / 4]);
+    cts_table_cell(table, r->paper_sets ? "%.1f" : "-", r->paper_percent);
+    cts_table_cell(table, "%s", r->paper_sets ? r->paper_sets : "-");
+    cts_table_cell(table, "%.1f %%", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
+    cts_table_cell(table, "%s", r->same ? "same bytes" : "differs");
 }
 
-CtsStatus cts_paper_table(const CtsPaperSettings *settings, CtsPaperTable *table, CtsError *err)
+CtsStatus cts_paper_table(const CtsBenchSettings *settings, CtsTable **table, CtsError *err)
 {
     CtsModel levels = {.volume = NULL};
-    *table = (CtsPaperTable){.n_threads = cts_threads(settings->render.n_threads)};
-    for (int i = 0; i < N_ROWS; i++) {
-        table->rows[i] = plan[i];
-        table->rows[i].same = true;
-    }
+    PaperRow rows[N_ROWS];
+    memcpy(rows, plan, sizeof rows);
     const CtsPreset *preset = settings->preset;
-    CtsStatus st = cts_volume_quantise(settings->volume, CTS_PAPER_BITS, preset->window_low_hu, preset->window_high_hu,
-                                       table->n_threads, &levels.volume, err);
+    const int n_threads = cts_threads(settings->render.n_threads);
+    CtsStatus st = cts_volume_quantise(settings->model->volume, CTS_PAPER_BITS, preset->window_low_hu,
+                                       preset->window_high_hu, n_threads, &levels.volume, err);
     if (!st)
-        st = cts_model_prepare(&levels, table->n_threads, err);
-    for (int round = 0; round < CTS_PAPER_ROUNDS && !st; round++)
-        st = run_rows(settings, &levels, round, table, err);
+        st = cts_model_prepare(&levels, n_threads, err);
+    for (int round = 0; round < ROUNDS && !st; round++)
+        st = run_rows(settings, &levels, round, rows, err);
     cts_model_free(&levels);
-    if (!st)
-        sum_up(table);
-    return st;
+    if (st)
+        return st;
+    *table = cts_table_new((const char *const[]){"engine", ">ms", ">% of classic", ">quartiles", ">paper's mean",
+                                                 ">its sets", ">splatted", "picture"},
+                           8);
+    for (int i = 0; i < N_ROWS; i++)
+        add_paper_row(*table, &rows[i], &rows[0]);
+    return CTS_OK;
 }
