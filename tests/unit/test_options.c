@@ -47,7 +47,7 @@ static const char *sample_of(const CtsOption *o)
     case CTS_NUMBER:
         return "9";
     default:
-        return "words.txt";
+        return "given.txt";
     }
 }
 
@@ -119,8 +119,8 @@ static void test_defaults(void **state)
         cts_options_begin(&given);
         if (!take(&given, CTS_FOR_BATCH, o->name, o->fallback, &err) && o->kind != CTS_TEXT && o->kind != CTS_TEXTS) {
             CtsOptions bare = given;
-            bare.words = NULL;
-            bare.n_words = 0;
+            bare.given = NULL;
+            bare.n_given = 0;
             if (memcmp(&bare, &none, sizeof none))
                 fail_msg("--%s %s is not the default", o->name, o->fallback);
             n++;
@@ -218,7 +218,7 @@ static void test_sizes(void **state)
 
 static void test_memory(void **state)
 {
-    char folder[] = "/tmp/words-XXXXXX", source[500], a[64], b[64];
+    char folder[] = "/tmp/given-XXXXXX", source[500], a[64], b[64];
     const char *root = getenv("CTS_TESTDATA");
     if (!root)
         skip();
@@ -226,14 +226,14 @@ static void test_memory(void **state)
     snprintf(source, sizeof source, "%s/phantom", root);
     snprintf(a, sizeof a, "%s/a.png", folder);
     snprintf(b, sizeof b, "%s/b.png", folder);
-    CtsJobOption words[] = {{.name = "path", .value = source},      {.name = "output", .value = a},
+    CtsJobOption given[] = {{.name = "path", .value = source},      {.name = "output", .value = a},
                             {.name = "size", .value = "96x80"},     {.name = "preset", .value = "skin"},
                             {.name = "annotate", .value = "scale"}, {.name = "rotation", .value = "3"}};
     CtsError err = {0};
     CtsPicture *picture = NULL;
     CtsReport report = {0};
     CtsExport *export;
-    if (cts_options_run(words, 5, NULL, &picture, &report, &err))
+    if (cts_options_run(given, 5, NULL, &picture, &report, &err))
         fail_msg("%s", err.text);
     assert_int_equal(cts_export_begin(&export, b, picture, 1, &(CtsExportSettings){0}, NULL, &err), CTS_OK);
     assert_int_equal(cts_export_rows(export, picture, &err), CTS_OK);
@@ -244,11 +244,11 @@ static void test_memory(void **state)
     cts_picture_free(&picture);
 
     /* Options without a place, and options that are not a job's. */
-    assert_int_equal(cts_options_run(words, 6, NULL, &picture, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_options_run(given, 6, NULL, &picture, NULL, &err), CTS_ERR_USAGE);
     assert_null(picture);
-    assert_int_equal(cts_options_run(words, 1, NULL, NULL, NULL, &err), CTS_ERR_USAGE);
-    words[1] = (CtsJobOption){.name = "json", .value = ""};
-    assert_int_equal(cts_options_run(words, 2, NULL, &picture, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_options_run(given, 1, NULL, NULL, NULL, &err), CTS_ERR_USAGE);
+    given[1] = (CtsJobOption){.name = "json", .value = ""};
+    assert_int_equal(cts_options_run(given, 2, NULL, &picture, NULL, &err), CTS_ERR_USAGE);
     unlink(a);
     unlink(b);
     rmdir(folder);

@@ -15,7 +15,7 @@ void cts_appearance_file_free(CtsAppearanceFile *look)
     for (int i = 0; i < look->n; i++)
         free(look->texts[i]);
     free(look->texts);
-    free(look->words);
+    free(look->options);
     *look = (CtsAppearanceFile){.n = 0};
 }
 
@@ -25,7 +25,7 @@ static CtsStatus add_option(CtsAppearanceFile *look, const CtsJson *json, const 
     if (!text)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     look->texts[look->n] = text;
-    look->words[look->n++] = (CtsJobOption){.name = option, .value = text, .from = json->name};
+    look->options[look->n++] = (CtsJobOption){.name = option, .value = text, .from = json->name};
     return CTS_OK;
 }
 
@@ -100,9 +100,9 @@ static CtsStatus take_all(const CtsJsonAt *root, CtsAppearanceFile *look, CtsErr
     const size_t room = json_object_size(json_object_get(root->value, "label")) + 4;
     if ((st = cts_json_check_keys(root, keys, sizeof keys / sizeof *keys, err)))
         return st;
-    look->words = calloc(room, sizeof *look->words);
+    look->options = calloc(room, sizeof *look->options);
     look->texts = calloc(room, sizeof *look->texts);
-    if (!look->words || !look->texts)
+    if (!look->options || !look->texts)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if ((st = take_list(root, "show", "show", look, err)) || (st = take_list(root, "hide", "hide", look, err)) ||
         (st = take_list(root, "label_order", "label-order", look, err)) || (st = take_label_looks(root, look, err)))

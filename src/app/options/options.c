@@ -20,7 +20,7 @@ void cts_options_free(CtsOptions *options)
     for (const CtsOption *o = cts_options; o->name; o++)
         if (o->kind == CTS_TEXTS)
             free(((CtsTextList *)(void *)((char *)options + o->field))->items);
-    free(options->words);
+    free(options->given);
     free(options->recipe);
     cts_state_free(&options->state);
     cts_appearance_file_free(&options->appearance_file);
@@ -113,16 +113,16 @@ CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsJob
                         o->name, word->value, cts_options_given(options, o->name), o->name);
     if ((st = put_value(options, o, word->value, err)))
         return word->from ? cts_context(err, "%s", word->from) : st;
-    if (!(st = cts_grow(&options->words, options->n_words, err)))
-        options->words[options->n_words++] = (CtsJobOption){o->name, word->value, word->from};
+    if (!(st = cts_grow(&options->given, options->n_given, err)))
+        options->given[options->n_given++] = (CtsJobOption){o->name, word->value, word->from};
     return st;
 }
 
 /* The index of the valid (last) occurrence of an option, -1 for none. */
 static int last_of(const CtsOptions *options, const char *name)
 {
-    int i = options->n_words - 1;
-    while (i >= 0 && strcmp(options->words[i].name, name))
+    int i = options->n_given - 1;
+    while (i >= 0 && strcmp(options->given[i].name, name))
         i--;
     return i;
 }
@@ -130,7 +130,7 @@ static int last_of(const CtsOptions *options, const char *name)
 const char *cts_options_given(const CtsOptions *options, const char *name)
 {
     const int i = last_of(options, name);
-    return i < 0 ? NULL : options->words[i].value;
+    return i < 0 ? NULL : options->given[i].value;
 }
 
 /* True for options that a presentation state contains: those of the picture and its source, without paths of label
@@ -146,7 +146,7 @@ static bool is_of_recipe(const CtsOption *o)
 static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *err)
 {
     CtsStatus st = cts_state_read(options->state_path, &options->state, err);
-    const int n_own = options->n_words;
+    const int n_own = options->n_given;
     for (int i = 0; !st && i < options->state->n_options; i++) {
         CtsJobOption said = options->state->options[i];
         const CtsOption *o = cts_option(said.name, strlen(said.name));
@@ -155,7 +155,7 @@ static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *e
             return cts_fail(err, CTS_ERR_READ, "%s: holds an option that this build does not have: %.60s",
                             options->state_path, said.name);
         for (int k = 0; k < n_own; k++)
-            own |= !strcmp(options->words[k].name, o->name);
+            own |= !strcmp(options->given[k].name, o->name);
         said.from = options->state_path;
         if (!own)
             st = cts_options_take(options, command, &said, err);
@@ -182,15 +182,15 @@ static CtsStatus lead(void *items, int n_items, int n, size_t size, CtsError *er
 /* Takes the options of the appearance file before those given, so that the last appearance of a label applies. */
 static CtsStatus take_appearance_file(CtsOptions *options, CtsCommand command, CtsError *err)
 {
-    const int n_own = options->n_words, n_appearances = options->label_appearances.n;
+    const int n_own = options->n_given, n_appearances = options->label_appearances.n;
     CtsStatus st = cts_appearance_file_read(options->appearance_path, &options->appearance_file, err);
     for (int i = 0; !st && i < options->appearance_file.n; i++) {
-        const CtsJobOption *const said = &options->appearance_file.words[i];
+        const CtsJobOption *const said = &options->appearance_file.options[i];
         if (!strcmp(said->name, "label") || !cts_options_given(options, said->name))
             st = cts_options_take(options, command, said, err);
     }
     if (!st)
-        st = lead(options->words, options->n_words, options->n_words - n_own, sizeof *options->words, err);
+        st = lead(options->given, options->n_given, options->n_given - n_own, sizeof *options->given, err);
     return st ? st
               : lead(options->label_appearances.items, options->label_appearances.n,
                      options->label_appearances.n - n_appearances, sizeof *options->label_appearances.items, err);
@@ -199,11 +199,11 @@ static CtsStatus take_appearance_file(CtsOptions *options, CtsCommand command, C
 /* In the table's order; of an option that holds one value the last. */
 static CtsStatus write_recipe(CtsOptions *options, CtsError *err)
 {
-    if (!(options->recipe = calloc((size_t)options->n_words + 1, sizeof *options->recipe)))
+    if (!(options->recipe = calloc((size_t)options->n_given + 1, sizeof *options->recipe)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (const CtsOption *o = cts_options; o->name; o++)
-        for (int i = 0; i < options->n_words && is_of_recipe(o); i++) {
-            const CtsJobOption *w = &options->words[i];
+        for (int i = 0; i < options->n_given && is_of_recipe(o); i++) {
+            const CtsJobOption *w = &options->given[i];
             if (!strcmp(w->name, o->name) && (o->kind == CTS_TEXTS || i == last_of(options, o->name)))
                 options->recipe[options->n_recipe++] = *w;
         }
@@ -279,8 +279,8 @@ char *cts_options_text(const CtsOptions *options, bool of_objects)
         if (last < 0)
             print_value(file, o, o->fallback ? o->fallback : "none");
         for (int i = o->kind == CTS_TEXTS ? 0 : last; i >= 0 && i <= last; i++)
-            if (!strcmp(options->words[i].name, o->name))
-                print_value(file, o, options->words[i].value);
+            if (!strcmp(options->given[i].name, o->name))
+                print_value(file, o, options->given[i].value);
     }
     if (file && fclose(file)) {
         free(text);
@@ -293,8 +293,8 @@ void cts_options_command(const CtsOptions *options, char *text, size_t size)
 {
     FILE *out = fmemopen(text, size, "w");
     text[0] = 0;
-    for (int i = 0; out && i < options->n_words; i++) {
-        const CtsJobOption *w = &options->words[i];
+    for (int i = 0; out && i < options->n_given; i++) {
+        const CtsJobOption *w = &options->given[i];
         const CtsOption *o = cts_option(w->name, strlen(w->name));
         const CtsFormatInfo *format = cts_export_format(w->value);
         if (!strcmp(w->name, "path"))

@@ -32,7 +32,7 @@ typedef struct CtsTextList {
 /* The options of an appearance file, JSON equivalents of the label options; names are static, texts belong to the
  * CtsAppearanceFile. */
 typedef struct CtsAppearanceFile {
-    CtsJobOption *words;
+    CtsJobOption *options;
     char **texts;
     int n;
 } CtsAppearanceFile;
@@ -93,8 +93,8 @@ typedef struct CtsOptions {
     bool no_sections; /* of a batch's contact sheet */
     const char *only; /* NULL when not given */
 
-    CtsJobOption *words; /* options in order of appearance, n_words */
-    int n_words;
+    CtsJobOption *given; /* options in order of appearance, n_given */
+    int n_given;
     CtsJobOption *recipe; /* the subset that a presentation state contains, n_recipe */
     int n_recipe;
 } CtsOptions;

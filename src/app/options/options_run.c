@@ -137,26 +137,26 @@ static CtsStatus run_options(CtsSession *session, const CtsOptions *options, Who
 }
 
 /* Free options in any case. */
-static CtsStatus take_options(CtsOptions *options, const CtsJobOption *words, int n_words,
+static CtsStatus take_options(CtsOptions *options, const CtsJobOption *given, int n_given,
                               const volatile sig_atomic_t *stop, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     cts_options_begin(options);
     options->net.stop = stop;
-    for (int i = 0; i < n_words && !st; i++)
-        st = cts_options_take(options, CTS_FOR_JOB, &words[i], err);
+    for (int i = 0; i < n_given && !st; i++)
+        st = cts_options_take(options, CTS_FOR_JOB, &given[i], err);
     return st;
 }
 
 /* whole NULL: no pictures in memory. */
-static CtsStatus words_run(CtsSession *session, const CtsJobOption *words, int n_words,
+static CtsStatus run_given(CtsSession *session, const CtsJobOption *given, int n_given,
                            const volatile sig_atomic_t *stop, Whole *whole, CtsReport *report, CtsError *err)
 {
     CtsOptions options;
     CtsReport own = {0};
     CtsError unseen;
     err = err ? err : &unseen;
-    CtsStatus st = take_options(&options, words, n_words, stop, err);
+    CtsStatus st = take_options(&options, given, n_given, stop, err);
     if (!st && session && (options.paths.n || options.from.given || options.source.series_uid))
         st =
             cts_fail(err, CTS_ERR_USAGE, "the series is loaded already (`path`, `series` and `from` name another one)");
@@ -173,25 +173,25 @@ static CtsStatus words_run(CtsSession *session, const CtsJobOption *words, int n
     return st;
 }
 
-static CtsStatus run_for_one(CtsSession *session, const CtsJobOption *words, int n_words,
+static CtsStatus run_for_one(CtsSession *session, const CtsJobOption *given, int n_given,
                              const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err)
 {
     Whole whole = {.take = keep_picture, .context = picture};
     if (picture)
         *picture = NULL;
-    const CtsStatus st = words_run(session, words, n_words, stop, picture ? &whole : NULL, report, err);
+    const CtsStatus st = run_given(session, given, n_given, stop, picture ? &whole : NULL, report, err);
     if (st && picture)
         cts_picture_free(picture);
     return st;
 }
 
-CtsStatus cts_options_run(const CtsJobOption *words, int n_words, const volatile sig_atomic_t *stop,
+CtsStatus cts_options_run(const CtsJobOption *given, int n_given, const volatile sig_atomic_t *stop,
                           CtsPicture **picture, CtsReport *report, CtsError *err)
 {
-    return run_for_one(NULL, words, n_words, stop, picture, report, err);
+    return run_for_one(NULL, given, n_given, stop, picture, report, err);
 }
 
-CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *words, int n_words,
+CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *given, int n_given,
                            const volatile sig_atomic_t *stop, CtsReport *report, CtsError *err)
 {
     CtsOptions options;
@@ -201,7 +201,7 @@ CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *words, int 
     err = err ? err : &unseen;
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    CtsStatus st = take_options(&options, words, n_words, stop, err);
+    CtsStatus st = take_options(&options, given, n_given, stop, err);
     if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err))) {
         CtsSource source = cts_options_source(&options);
         source.remove_table = options.remove_table != CTS_OFF;
@@ -246,16 +246,16 @@ const CtsSeries *cts_session_series(const CtsSession *session)
     return session->loaded.series;
 }
 
-CtsStatus cts_session_run(CtsSession *session, const CtsJobOption *words, int n_words,
+CtsStatus cts_session_run(CtsSession *session, const CtsJobOption *given, int n_given,
                           const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err)
 {
-    return run_for_one(session, words, n_words, stop, picture, report, err);
+    return run_for_one(session, given, n_given, stop, picture, report, err);
 }
 
-CtsStatus cts_session_frames(CtsSession *session, const CtsJobOption *words, int n_words,
+CtsStatus cts_session_frames(CtsSession *session, const CtsJobOption *given, int n_given,
                              const volatile sig_atomic_t *stop, CtsPictureSink take, void *context, CtsReport *report,
                              CtsError *err)
 {
     Whole whole = {.take = take, .context = context};
-    return words_run(session, words, n_words, stop, &whole, report, err);
+    return run_given(session, given, n_given, stop, &whole, report, err);
 }

@@ -20,7 +20,7 @@ static void put_series_and_equipment(CtsRecords *to, const CtsScObject *object)
                   {DCM_SeriesInstanceUID, object->names->series_uid}, {DCM_SOPInstanceUID, object->names->sop_uid},
                   {DCM_SOPClassUID, class_uid(object)},
                   {DCM_Modality, object->source->modality[0] ? object->source->modality : "CT"},
-                  {DCM_SeriesDescription, object->words->series_description}, {DCM_ConversionType, "WSD"});
+                  {DCM_SeriesDescription, object->texts->series_description}, {DCM_ConversionType, "WSD"});
     CTS_PUT_NUMBERS(to, {DCM_SeriesNumber, object->names->series_number},
                     {DCM_InstanceNumber, object->names->instance_number});
     /* SeriesDate and SeriesTime would have to be those of views that were made before. */
@@ -49,11 +49,11 @@ static void put_lossy(CtsRecords *to, const CtsSlice *lossy)
 static void put_image(CtsRecords *to, const CtsScObject *object)
 {
     char image_type[64];
-    snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object->words->image_type);
-    CTS_PUT_TEXTS(to, {DCM_ImageType, image_type}, {DCM_PatientOrientation, object->words->patient_orientation},
-                  {DCM_DerivationDescription, object->words->derivation});
-    cts_put_code(to, DCM_DerivationCodeSequence, object->words->mode);
-    cts_put_code(to, DCM_ViewCodeSequence, object->words->view);
+    snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object->texts->image_type);
+    CTS_PUT_TEXTS(to, {DCM_ImageType, image_type}, {DCM_PatientOrientation, object->texts->patient_orientation},
+                  {DCM_DerivationDescription, object->texts->derivation});
+    cts_put_code(to, DCM_DerivationCodeSequence, object->texts->mode);
+    cts_put_code(to, DCM_ViewCodeSequence, object->texts->view);
     if (object->mm_per_pixel > 0) {
         cts_put_numbers(to, DCM_PixelSpacing, (double[]){object->mm_per_pixel, object->mm_per_pixel}, 2);
         CTS_PUT_TEXTS(to, {DCM_PixelSpacingCalibrationType, "GEOMETRY"},

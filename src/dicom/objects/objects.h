@@ -37,10 +37,10 @@ typedef struct CtsScNames {
 } CtsScNames;
 
 typedef struct CtsScObject {
-    const CtsScTexts *words;
+    const CtsScTexts *texts;
     const CtsScNames *names;
     int width, height, n_frames;               /* more than one frame makes a multi-frame object */
-    bool grey;                                 /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
+    bool grey;                                 /* 16-bit texts (MONOCHROME2), else 8-bit red, green, blue */
     const char *syntax_uid;                    /* transfer syntax of the pixels */
     char date[9], time[7];                     /* of creation: YYYYMMDD and HHMMSS; "": omitted */
     const double *azimuth_deg, *elevation_deg; /* of each frame */
@@ -60,7 +60,7 @@ CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsTempFile *file, CtsErro
 typedef struct CtsScFrame {
     int width, height;
     bool grey;     /* as in CtsScObject */
-    void *samples; /* words in native byte order */
+    void *samples; /* texts in native byte order */
     size_t n_samples_bytes;
     CtsSandbox *encoder;
 } CtsScFrame;
@@ -69,7 +69,7 @@ CtsStatus cts_frame_room(CtsScFrame *frame, CtsError *err);
 /* syntax_uid: RLE Lossless or JPEG Lossless SV1. */
 CtsStatus cts_frame_encode(CtsScFrame *frame, const char *syntax_uid, const void **fragment, size_t *n, CtsError *err);
 
-/* The first frame of a secondary capture (8-bit RGB or MONOCHROME2 of 8 or 16 bits), as 16-bit words, n_samples per
+/* The first frame of a secondary capture (8-bit RGB or MONOCHROME2 of 8 or 16 bits), as 16-bit texts, n_samples per
  * pixel, 8-bit values unscaled. Free samples with cts_free(). */
 typedef struct CtsScPixels {
     int width, height, n_samples;

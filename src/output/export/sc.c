@@ -153,13 +153,13 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
 }
 
 /* Attributes of the object beside the copied ones. */
-static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *words, const CtsScNames *names)
+static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *texts, const CtsScNames *names)
 {
     const ScWriter *w = job->state;
     const CtsExportHead *head = &job->head;
     const CtsSeries *source = job->settings.source;
     CtsScObject object = {
-        .words = words,
+        .texts = texts,
         .names = names,
         .width = head->width,
         .height = head->height,
@@ -183,14 +183,14 @@ static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *words, c
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     ScWriter *w = job->state;
-    CtsScTexts words;
+    CtsScTexts texts;
     CtsScNames names;
     uint8_t pixels[CTS_DIGEST_BYTES];
     CtsStatus st;
-    cts_sc_texts(job, &words);
-    if ((st = cts_hash_finish(&w->hash, pixels, err)) || (st = cts_sc_names(job, &words, pixels, &names, err)))
+    cts_sc_texts(job, &texts);
+    if ((st = cts_hash_finish(&w->hash, pixels, err)) || (st = cts_sc_names(job, &texts, pixels, &names, err)))
         return st;
-    const CtsScObject object = object_of(job, &words, &names);
+    const CtsScObject object = object_of(job, &texts, &names);
     warn(job, object.recognizable);
     st = cts_dcm_sc_write(&object, job->temp, err);
     return st ? st : cts_sc_spool_copy(&w->spool, job->temp, err);

@@ -46,9 +46,9 @@ CtsStatus cts_sc_spool_write(CtsScSpool *spool, void *samples, size_t n_bytes, C
 {
     CtsStatus st = CTS_OK;
     if (!spool->syntax_uid) {
-        uint16_t *const words = samples;
+        uint16_t *const texts = samples;
         for (size_t i = 0; spool->frame.grey && i < n_bytes / 2; i++)
-            words[i] = htole16(words[i]);
+            texts[i] = htole16(texts[i]);
         st = cts_temp_write(spool->file, samples, n_bytes, err);
         spool->n_bytes += n_bytes;
     } else {
@@ -101,10 +101,10 @@ static CtsStatus put_offsets(const CtsScSpool *spool, CtsTempFile *to, CtsError 
 
 CtsStatus cts_sc_spool_copy(const CtsScSpool *spool, CtsTempFile *to, CtsError *err)
 {
-    const bool words = spool->frame.grey && !spool->syntax_uid;
+    const bool texts = spool->frame.grey && !spool->syntax_uid;
     const uint32_t n = spool->syntax_uid ? UINT32_MAX : (uint32_t)(spool->n_bytes + spool->n_bytes % 2);
     CtsStatus st = cts_temp_write(to, "\xe0\x7f\x10\x00", 4, err);
-    if (st || (st = cts_temp_write(to, words ? "OW\0" : "OB\0", 4, err)))
+    if (st || (st = cts_temp_write(to, texts ? "OW\0" : "OB\0", 4, err)))
         return st;
     const uint32_t length = htole32(n);
     if ((st = cts_temp_write(to, &length, sizeof length, err)) ||

@@ -140,15 +140,15 @@ static void describe_errors(const CtsExportJob *job, char *text, size_t size)
              (unsigned long long)v->pixels, rmse, largest);
 }
 
-void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
+void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
 {
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
     char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32];
     char step[100] = "", occlusion[48], error[160];
-    memset(words, 0, sizeof *words);
-    words->image_type = mode_terms[info->mode].image_type;
-    words->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
+    memset(texts, 0, sizeof *texts);
+    texts->image_type = mode_terms[info->mode].image_type;
+    texts->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
     ascii_copy(preset, sizeof preset, info->preset);
     ascii_copy(engine, sizeof engine, info->engine);
     cts_describe_view(info, view, sizeof view);
@@ -163,25 +163,25 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words)
         snprintf(step, sizeof step, "%d views %s degrees apart from ", n_frames, degrees);
     }
     if (job->settings.series_description)
-        ascii_copy(words->series_description, sizeof words->series_description, job->settings.series_description);
+        ascii_copy(texts->series_description, sizeof texts->series_description, job->settings.series_description);
     else
-        snprintf(words->series_description, sizeof words->series_description, "%.8s %.40s%s",
+        snprintf(texts->series_description, sizeof texts->series_description, "%.8s %.40s%s",
                  mode_terms[info->mode].short_name, preset, n_frames > 1 ? ", rotation" : "");
-    snprintf(words->description, sizeof words->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name,
+    snprintf(texts->description, sizeof texts->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name,
              preset, view);
     snprintf(
-        words->derivation, sizeof words->derivation,
+        texts->derivation, sizeof texts->derivation,
         "%s by engine %s, preset %s%s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "
         "ctsplat %s, not for diagnostic use",
         mode_terms[info->mode].long_name, engine, preset, occlusion, step, view, angles[0], angles[1], scale, error,
         CTS_VERSION);
-    words->view = view_codes[place_of_view(info)].code;
+    texts->view = view_codes[place_of_view(info)].code;
     if (n_frames == 1) {
         char right[4], down[4];
         const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
         cts_describe_direction(info->right_lps, right);
         cts_describe_direction(to_feet, down);
-        snprintf(words->patient_orientation, sizeof words->patient_orientation, "%s\\%s", right, down);
+        snprintf(texts->patient_orientation, sizeof texts->patient_orientation, "%s\\%s", right, down);
     }
 }
 
@@ -279,7 +279,7 @@ static int instance_number(const CtsExportJob *job)
 }
 
 /* UIDs from all inputs of the object: equal inputs give equal UIDs, different pictures different ones. */
-static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey *key, const CtsScTexts *words,
+static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey *key, const CtsScTexts *texts,
                                           const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
 {
     const CtsExportHead *head = &job->head;
@@ -292,20 +292,20 @@ static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey 
         return st;
     snprintf(text, sizeof text, "%d %d", job->settings.deidentify, names->series_number);
     cts_hash_text(hash, text);
-    cts_hash_text(hash, words->series_description);
+    cts_hash_text(hash, texts->series_description);
     cts_hash_text(hash, CTS_VERSION);
     if ((st = cts_sc_hash_finish(&hash, names->series_uid, err)) ||
         (st = cts_sc_hash_start(&hash, key, "instance", job->settings.source, err)))
         return st;
     cts_hash_text(hash, names->series_uid);
-    cts_hash_text(hash, words->derivation);
+    cts_hash_text(hash, texts->derivation);
     snprintf(text, sizeof text, "%dx%d %d", head->width, head->height, head->grey);
     cts_hash_text(hash, text);
     cts_hash_bytes(hash, pixels, CTS_DIGEST_BYTES);
     return cts_sc_hash_finish(&hash, names->sop_uid, err);
 }
 
-CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScTexts *words, const uint8_t pixels[CTS_DIGEST_BYTES],
+CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScTexts *texts, const uint8_t pixels[CTS_DIGEST_BYTES],
                        CtsScNames *names, CtsError *err)
 {
     CtsStatus st;
@@ -316,5 +316,5 @@ CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScTexts *words, const u
     if ((key && (st = cts_key_load(job->settings.key, true, &site, err))) || (st = name_study(job, key, names, err)) ||
         (st = number_series(job, names, err)))
         return st;
-    return name_series_and_instance(job, key, words, pixels, names, err);
+    return name_series_and_instance(job, key, texts, pixels, names, err);
 }

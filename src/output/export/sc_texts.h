@@ -11,7 +11,7 @@
  * one under a key. */
 CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid, char keyed[65], CtsError *err);
 
-void cts_sc_texts(const CtsExportJob *job, CtsScTexts *words);
+void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts);
 
 /* Starts the hash of a UID: its purpose and source slices, under a key (NULL: none); the caller may add data before
  * finishing it. */
@@ -23,7 +23,7 @@ CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err);
 int cts_sc_series_number(const CtsSeries *source, int own);
 
 /* pixels: the digest of all frames' views and samples. */
-CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScTexts *words, const uint8_t pixels[CTS_DIGEST_BYTES],
+CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScTexts *texts, const uint8_t pixels[CTS_DIGEST_BYTES],
                        CtsScNames *names, CtsError *err);
 
 /* Spool file for the pixels of a secondary capture until the last band, since the header depends on them. Pixels are

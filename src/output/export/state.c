@@ -164,14 +164,14 @@ static void report_occlusion(const CtsStateScene *scene)
 }
 
 /* Everything but the names and the private texts. */
-static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *words, CtsDcmState *s, CtsError *err)
+static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *texts, CtsDcmState *s, CtsError *err)
 {
     const CtsPreset *p = scene->preset;
     const CtsExportJob job = {.head = {.n_frames = 1, .info = *scene->info}};
-    cts_sc_texts(&job, words);
+    cts_sc_texts(&job, texts);
     s->source = scene->source;
-    s->description = words->description;
-    s->view = words->view;
+    s->description = texts->description;
+    s->view = texts->view;
     s->method = methods[scene->info->mode];
     s->shaded = scene->shaded;
     report_occlusion(scene);
@@ -206,12 +206,12 @@ static CtsStatus write_state_file(const char *path, const CtsDcmState *s, bool f
 
 CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool force, CtsError *err)
 {
-    CtsScTexts words;
+    CtsScTexts texts;
     char *options = NULL, *preset = cts_preset_to_json(scene->preset);
     CtsLabelCrop *crop = NULL;
     CtsDcmState *s = calloc(1, sizeof *s);
     CtsStatus st = s && preset ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-    if (st || (st = fill_state(scene, &words, s, err)) || (st = write_options(scene, &options, err)))
+    if (st || (st = fill_state(scene, &texts, s, err)) || (st = write_options(scene, &options, err)))
         goto end;
     s->preset = preset;
     s->options = options;
