@@ -75,9 +75,10 @@ typedef struct CtsVerified {
  * several pictures the largest. */
 typedef struct CtsErrorBound {
     bool known;
-    double rmse; /* holds in 999 of 1000 pictures */
-    double max;  /* of a channel of a pixel; negative where nothing bounds it (an engine that only estimates its
-                    errors, or pixels that were interpolated between others) */
+    double rmse;         /* holds in 999 of 1000 pictures */
+    double rms_estimate; /* the likely error, no limit */
+    double max;          /* of a channel of a pixel; negative where nothing bounds it (an engine that only estimates its
+                            errors, or pixels that were interpolated between others) */
     uint64_t n_rerendered; /* pixels that were re-rendered one by one for it */
     char engine[16];       /* engine of the picture */
     char level[16];        /* of that engine; "" without levels */

@@ -7,8 +7,31 @@
  * hold for any picture, as they assume nothing of pixels that were not sampled. A pixel's squared error is 0..1. */
 void cts_error_limits(CtsVerified *verified);
 
-/* Upper limit (Chernoff's bound) of the mean of n numbers, when independent random terms, none larger than `most`,
- * whose expectations sum to the sum of all n, came out with this sum. It holds with a probability of 99.9 %. n_limits
- * limits (0 counts as 1) that are computed so hold all together with that probability: each has its part of the chance
- * to fail (union bound). */
-double cts_mean_limit(double sum, double most, double n, int n_limits);
+/* Independent random terms, at least 0, whose expectations sum to the sum of n numbers. */
+typedef struct CtsTerms {
+    double sum, squares; /* of the terms, and of their squares */
+    double largest;
+} CtsTerms;
+
+static inline void cts_terms_add(CtsTerms *terms, const CtsTerms *more)
+{
+    terms->sum += more->sum;
+    terms->squares += more->squares;
+    terms->largest = terms->largest > more->largest ? terms->largest : more->largest;
+}
+
+static inline void cts_terms_add_one(CtsTerms *terms, double term)
+{
+    cts_terms_add(terms, &(CtsTerms){term, term * term, term});
+}
+
+typedef struct CtsTermRange {
+    double unseen; /* number of terms that are assumed besides, as large as the largest */
+    double least;  /* size of terms where none is larger than 0 */
+    double most;   /* size that no term exceeds */
+} CtsTermRange;
+
+/* Upper limit of the mean of the n numbers, which holds with a probability of 99.9 %. n_limits limits (0 counts as 1)
+ * that are computed so hold all together with that probability: each has its part of the chance to fail (union
+ * bound). */
+double cts_terms_limit(const CtsTerms *terms, CtsTermRange range, double n, int n_limits);

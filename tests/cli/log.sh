@@ -19,7 +19,7 @@ assert len(runs) == 3 and not run
 fields = {
     "run": {"run_id", "version", "time", "command", "series_uid_hash"},
     "picture": {"preset", "view", "size", "frames"}, "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
-    "plan": {"text"}, "bound": {"rmse", "max", "kind", "cast", "engine", "level"}, "finding": {"code", "severity", "text"},
+    "plan": {"text"}, "bound": {"rmse", "rms_estimate", "max", "kind", "cast", "engine", "level"}, "finding": {"code", "severity", "text"},
     "label": {"file", "number", "name", "source", "voxels", "ml", "hu_mean", "hu_sd", "touches_edge", "parts", "overlap", "empty",
               "label_in_air"},
     "table": {"body_ml", "removed_ml", "lost_percent"}, "voxels": {"total", "void", "reused", "splatted"},

@@ -116,7 +116,7 @@ def test_picture(tmp_path, phantom):
     picture = phantom.render("bone", size=(64, 48), background="none")
     assert picture.rgba.shape == (48, 64, 4) and picture.rgba.dtype == np.float32
     assert picture.depth_mm.shape == (48, 64) and np.isinf(picture.depth_mm).any() and picture.depth_mm.min() > 0
-    assert picture.bound.rmse <= 0.5 / 255 * 1.5 and "composite" in picture.log["stages"]
+    assert 0 < picture.bound.rms_estimate < picture.bound.rmse <= 0.5 / 255 * 1.5 and "composite" in picture.log["stages"]
     assert picture._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
     picture.save(tmp_path / "a.exr")
     with pytest.raises(ctsplat.Error) as e:

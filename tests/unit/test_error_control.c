@@ -44,7 +44,7 @@ static void reference_where_doubtful(void **state)
             picture->pixels[4 * i + c] = c == 3 ? 1 : RENDERED;
         indicator[i] = i < 2 * SIDE ? 1 : 0; /* of the first two rows all pixels are re-rendered */
     }
-    CtsErrorMap errors = {origin, indicator, 0, 0};
+    CtsErrorMap errors = {.origin = origin, .indicator = indicator};
     assert_int_equal(cts_error_control_enforce(&control, picture, &errors, &err), CTS_OK);
     for (int i = 0; i < 2 * SIDE; i++)
         if (picture->pixels[4 * i] != TRUTH)
@@ -75,7 +75,7 @@ static void expected_error(void **state)
     CtsError err;
     static float indicator[N];
     static uint8_t origin[N];
-    CtsErrorMap errors = {origin, indicator, 0, 0};
+    CtsErrorMap errors = {.origin = origin, .indicator = indicator};
     double sum_estimated = 0, sum_actual = 0, variance = 0;
     assert_int_equal(cts_picture_new(&picture, WIDTH, HEIGHT, 4, &err), CTS_OK);
     for (int number = 0; number < PICTURES; number++) {
@@ -99,9 +99,9 @@ static void expected_error(void **state)
         for (size_t i = 0; i < N; i++)
             if (origin[i] == CTS_PIXEL_RENDERED)
                 actual += (double)picture->pixels[4 * i] * (double)picture->pixels[4 * i];
-        sum_estimated += control.sum;
+        sum_estimated += control.terms.sum;
         sum_actual += actual;
-        variance += (control.sum - actual) * (control.sum - actual);
+        variance += (control.terms.sum - actual) * (control.terms.sum - actual);
     }
     const double deviation = sqrt(variance);
     if (fabs(sum_estimated - sum_actual) > 4 * deviation || deviation > 0.005 * sum_actual)

@@ -1,6 +1,7 @@
 /* The row type of the engine table, and the scene that every engine gets: derived once per picture, read-only. */
 #pragma once
 
+#include "base/limits.h"
 #include "core/scene/view.h"
 #include "core/transfer/lut.h"
 #include "ctsplat/model.h"
@@ -35,8 +36,7 @@ typedef struct CtsErrorMap {
     uint8_t *origin;  /* CtsPixelOrigin of each pixel */
     float *indicator; /* of each pixel's error, rms over red, green and blue, at least 0. The larger, the likelier a
                          pixel is re-rendered; the engine's row says whether it bounds the error */
-    double interpolation_error;         /* estimate of the sum of the squared errors of the interpolated pixels */
-    double largest_interpolation_error; /* largest term of that estimate */
+    CtsTerms interpolation; /* an estimate of the sum of the squared errors of the interpolated pixels */
 } CtsErrorMap;
 
 /* Meaning of an engine's indicators. */

@@ -1,5 +1,7 @@
 #include "core/scene/visible.h"
 
+#include <math.h>
+
 bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labels)
 {
     bool grey = cts_preset_is_grey(preset, preset->mode);
@@ -51,4 +53,23 @@ bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, cons
         shown = voxel_labels->on_skin[i] &&
                 appearance_shows_skin(preset, extinction_scale, voxel_labels, voxel_labels->appearance[i]);
     return shown;
+}
+
+/* An opacity that rises by more than this, a visible edge, within STEP_HU is a step: its picture is an isosurface,
+ * whose thinnest parts change whole pixels, which a sample of pixels may miss. 20 HU are about the noise of soft tissue
+ * in thin slices, which takes voxels of one tissue to both ends of a steeper rise. */
+#define STEP_OPACITY 0.25
+#define STEP_HU 20.0
+
+bool cts_scene_has_step(const CtsPreset *preset)
+{
+    for (int i = 0; i < preset->n_opacity; i++)
+        for (int side = -1; side <= 1; side += 2) {
+            const double hu = preset->opacity[i].hu;
+            if (fabs(cts_preset_opacity(preset, hu + side * STEP_HU) - cts_preset_opacity(preset, hu)) > STEP_OPACITY ||
+                (i > 0 && preset->opacity[i - 1].hu == hu &&
+                 fabs(preset->opacity[i].opacity - preset->opacity[i - 1].opacity) > STEP_OPACITY))
+                return true;
+        }
+    return false;
 }

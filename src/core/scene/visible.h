@@ -12,3 +12,6 @@ bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labe
 /* True when skin of a CT may be visible, so that a face may be recognised; in doubt too. extinction_scale as in
  * CtsScene. */
 bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsVoxelLabels *voxel_labels);
+
+/* True where a visible edge of the opacity is so steep that the picture is an isosurface. */
+bool cts_scene_has_step(const CtsPreset *preset);

@@ -8,6 +8,7 @@
 #include "base/mutation.h"
 #include "base/parallel.h"
 #include "core/scene/scene_macrocells.h"
+#include "core/scene/visible.h"
 #include "engine/project/project.h"
 #include "engine/tiled/tiled_march.h"
 #include "engine/tiled/tiles.h"
@@ -113,7 +114,8 @@ static const double INTERPOLATED_FROM = 4.0 / 255, MISSED_SHARE = 1.0 / 8;
 static bool is_preview(const CtsScene *scene)
 {
     const double requested = cts_scene_requested_error(scene), pixels = (double)scene->view.width * scene->view.height;
-    return requested >= INTERPOLATED_FROM && 1 / sqrt(pixels) <= MISSED_SHARE * requested;
+    return requested >= INTERPOLATED_FROM && 1 / sqrt(pixels) <= MISSED_SHARE * requested &&
+           !cts_scene_has_step(scene->preset);
 }
 
 /* requested: rms error of a picture, over 0..1. */

@@ -105,9 +105,9 @@ typedef struct TiledCounts {
     uint64_t skips, segments, queues; /* lanes that skipped empty space, evaluated a segment, were shaded */
     uint64_t interpolated;            /* interpolated pixels */
     uint64_t ticks, shade_ticks;      /* of the whole march, and of shading */
-    /* Interpolation errors: estimated sum of squares, and the largest term; in units of 2^-32, since integers have the
-     * same sum in any order. */
-    uint64_t interpolation_error, largest_interpolation_error;
+    /* Of the terms that estimate the sum of squared interpolation errors, as of CtsTerms; in units of 2^-32, since
+     * integers have the same sum in any order. */
+    uint64_t error_sum, error_squares, largest_error;
 } TiledCounts;
 
 static inline uint64_t cts_tiled_ticks(void)

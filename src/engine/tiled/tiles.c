@@ -282,11 +282,12 @@ static void estimate_interpolation_error(const Tile *t, const PixelBlock *s)
     for (size_t c = 0; c < 4; c++)
         interpolated[c] = interpolate_pixel(&k, s->sample[0], s->sample[1], c);
     const double square = cts_scene_square_of_error(t->tiles->scene, random_pixel(t, s), interpolated);
-    const uint64_t weighted = (uint64_t)ceil(ldexp((OTHERS - 1) * fmin(square, 1), 32));
+    const double term = (OTHERS - 1) * fmin(square, 1);
+    const uint64_t weighted = (uint64_t)ceil(ldexp(term, 32));
     TiledCounts *const counts = &t->scratch->counts;
-    counts->interpolation_error += weighted;
-    counts->largest_interpolation_error =
-        weighted > counts->largest_interpolation_error ? weighted : counts->largest_interpolation_error;
+    counts->error_sum += weighted;
+    counts->error_squares += (uint64_t)ceil(ldexp(term * term, 32));
+    counts->largest_error = weighted > counts->largest_error ? weighted : counts->largest_error;
 }
 
 static void list_block(Tile *t, const PixelBlock *s)
@@ -371,17 +372,16 @@ CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const Cts
         total->segments += c->segments;
         total->queues += c->queues;
         total->interpolated += c->interpolated;
-        total->interpolation_error += c->interpolation_error;
-        total->largest_interpolation_error = c->largest_interpolation_error > total->largest_interpolation_error
-                                                 ? c->largest_interpolation_error
-                                                 : total->largest_interpolation_error;
+        total->error_sum += c->error_sum;
+        total->error_squares += c->error_squares;
+        total->largest_error = c->largest_error > total->largest_error ? c->largest_error : total->largest_error;
         total->ticks += c->ticks;
         total->shade_ticks += c->shade_ticks;
     }
-    if (errors) {
-        errors->interpolation_error = ldexp((double)total->interpolation_error, -32);
-        errors->largest_interpolation_error = ldexp((double)total->largest_interpolation_error, -32);
-    }
+    if (errors)
+        errors->interpolation =
+            (CtsTerms){ldexp((double)total->error_sum, -32), ldexp((double)total->error_squares, -32),
+                       ldexp((double)total->largest_error, -32)};
     cts_free(&t.scratch);
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }

@@ -230,7 +230,7 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
                             "reused", (json_int_t)v->reused, "splatted", (json_int_t)v->splatted));
     if (b->known)
         add_event(log, "bound",
-                  json_pack("{s:f,s:o,s:s,s:I,s:s,s:s?}", "rmse", b->rmse, "max",
+                  json_pack("{s:f,s:f,s:o,s:s,s:I,s:s,s:s?}", "rmse", b->rmse, "rms_estimate", b->rms_estimate, "max",
                             b->max >= 0 ? json_real(b->max) : json_null(), "kind", "estimated", "cast",
                             (json_int_t)b->n_rerendered, "engine", b->engine, "level", *b->level ? b->level : NULL));
     if (report->verified.pixels)

@@ -41,11 +41,12 @@ class Diagnostic(NamedTuple):
 
 class Bound(NamedTuple):
     """Upper limits of a picture's error, in display values 0 to 1: rms, and of any one pixel (None: no limit is
-    known)."""
+    known). rms_estimate: the likely error, no limit."""
 
     rmse: float
     max: Optional[float]
     kind: str
+    rms_estimate: float
 
 
 def _text(chars: Any) -> str:
@@ -85,7 +86,7 @@ class _Report:
 
     def bound(self) -> Optional[Bound]:
         b = self.c.bound
-        return Bound(b.rmse, b.max if b.max >= 0 else None, "estimated") if b.known else None
+        return Bound(b.rmse, b.max if b.max >= 0 else None, "estimated", b.rms_estimate) if b.known else None
 
 
 _FLAGS = {"allow_missing_slices", "deidentify", "explain", "force", "insecure_http", "label_colours", "new_uids",

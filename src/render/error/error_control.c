@@ -22,13 +22,13 @@
 /* The floor f as a share of the requested error. Where indicators are estimates, which may be wrong anywhere, f^2 is
  * the sum of the requested error's square and the mean of b^2, so that half of a strip's sample is spread evenly. */
 #define FLOOR_OF_BOUNDS 0.25
-/* Ratio e^2 / (b^2 + f^2) of pixels that were not sampled, beside the largest that a sampled one has; and, divided by
- * the number of sampled pixels, where all of these happen to have none. The true largest is 3 to 9 times the largest
- * sampled one (medians), but pixels above the limit have only 1 % (0.5 of 255 requested) to 13 % (8 of 255) of the
- * squared error. True errors are at most 0.82 of the limit, with 1 instead of 2 at most 0.87, with 4 0.76 (measured:
- * 144 first rounds, 512 x 512 pixels of four series). */
-#define UNSAMPLED 2.0
-#define UNSAMPLED_ALONE 32.0
+/* Terms as large as the largest that an estimate's limit assumes besides. At steps of opacity a few pixels have nearly
+ * all of the error. */
+#define UNSEEN 1.0
+#define UNSEEN_AT_STEPS 9.0
+/* Ratio e^2 / (b^2 + f^2), times the number of sampled pixels, of pixels that were not sampled, where all of these
+ * happen to have no error. */
+#define UNSAMPLED 32.0
 /* Error of pixels that another engine's march re-renders, rms, as a share of the requested error: small beside it. */
 #define RERENDERED 0.125
 
@@ -48,7 +48,7 @@
 
 enum {
     /* Of so many pixels one is re-rendered to estimate the error; more of a small picture. The 512 of 512 x 512 pixels
-     * add ln 1000 / 512 of f^2 to the limit (cts_mean_limit()), a ninth of f. */
+     * add ln 1000 / 512 of f^2 to the limit (cts_terms_limit()), a ninth of f. */
     ONE_IN = 512,
     /* Pixels re-rendered of a strip where ONE_IN would be more, in pictures wider than 1024 pixels. Limits are 0.96
      * to 1.09 times as large then (8 of 255 requested, 2048 x 2048 pixels, mean 1.03) or 1.00 (2 of 255); with 64,
@@ -96,7 +96,8 @@ typedef struct Strip {
     uint32_t *place; /* this round's pixels, in the band */
     size_t room;     /* of place */
     double share;    /* pixels with the error of one: a rendered pixel's error is in those interpolated from it, too */
-    double sum, excess, largest; /* as in CtsErrorControl */
+    CtsTerms terms;
+    double excess, largest; /* as in CtsErrorControl */
     CtsStatus status;
     CtsError err;
 } Strip;
@@ -124,16 +125,14 @@ static bool has_bounds(const CtsErrorControl *c)
     return c->engine->indicator == CTS_INDICATOR_BOUND;
 }
 
-/* Limit of the ratio e^2 / (b^2 + f^2) of estimates, of which n_sampled pixels showed no larger one than `excess`. */
-static double estimated_ratio_limit(double excess, double n_sampled)
+/* Limits of a strip's terms: where its sampled pixels have no error; and where their errors exceed the bounds by so
+ * much. */
+static CtsTermRange term_range(const CtsErrorControl *c, const Strip *s)
 {
-    return fmax(UNSAMPLED * excess, UNSAMPLED_ALONE / fmax(n_sampled, UNSAMPLED_ALONE));
-}
-
-/* Limit of the ratio of any pixel of a strip. */
-static double ratio_limit(const CtsErrorControl *c, const Strip *s)
-{
-    return has_bounds(c) ? fmax(s->excess, 1) : estimated_ratio_limit(s->excess, (double)s->n_rerendered);
+    const double each = s->share / s->probability;
+    return (CtsTermRange){c->has_opacity_step ? UNSEEN_AT_STEPS : UNSEEN,
+                          each * UNSAMPLED / fmax((double)s->n_rerendered, UNSAMPLED),
+                          has_bounds(c) ? each * fmax(s->excess, 1) : INFINITY};
 }
 
 /* Error of re-rendered pixels, rms; 0: they are at reference precision, as a small picture's and a stiff preset's are.
@@ -341,20 +340,17 @@ static void sample_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
-/* Limit of the squared error of a whole picture like this strip, if its pixels had this sum of squares. */
-static double limit_of(const Round *r, const Strip *s, double sum, double ratio)
+/* True where a strip with these terms has no larger error than `share` of the squared requested one, and a whole
+ * picture like it would meet the request without a warning. */
+static bool is_met(const Round *r, const Strip *s, const CtsTerms *terms, double share)
 {
-    const CtsView *const view = &r->control->scene.view;
-    const double pixels = (double)view->width * view->height, n = (double)(s->end - s->first);
-    return cts_mean_limit(sum * pixels / n, s->share / s->probability * ratio, pixels, r->control->scene.plan.n_tried);
-}
-
-/* True where the strip's error is larger than requested, or may be so large that a warning would be due. */
-static bool is_missed(const Round *r, const Strip *s)
-{
-    const double n = (double)(s->end - s->first), requested = cts_scene_requested_error(&r->control->scene);
-    const double warned = warned_from(&r->control->scene) - r->error;
-    return s->sum > n * requested * requested || limit_of(r, s, s->sum, ratio_limit(r->control, s)) > warned * warned;
+    const CtsErrorControl *const c = r->control;
+    const double requested = cts_scene_requested_error(&c->scene), warned = warned_from(&c->scene);
+    const double pixels = (double)c->scene.view.width * c->scene.view.height, n = (double)(s->end - s->first);
+    const CtsTerms all = {terms->sum * pixels / n, terms->squares * pixels / n, terms->largest};
+    return terms->sum <= share * n * requested * requested &&
+           cts_terms_limit(&all, term_range(c, s), pixels, c->scene.plan.n_tried) <=
+               warned * warned - r->error * r->error;
 }
 
 /* Part of a strip that rounds may re-render. */
@@ -378,16 +374,10 @@ typedef struct StripOfRound {
     const Strip *strip;
 } StripOfRound;
 
-/* True where a strip would not be missed with this sum of squares and largest ratio. */
-static bool would_meet(void *context, double sum, double ratio)
+static bool would_meet(void *context, const CtsTerms *terms)
 {
     const StripOfRound *const c = context;
-    const Round *const r = c->round;
-    const Strip *const s = c->strip;
-    const double requested = cts_scene_requested_error(&r->control->scene);
-    const double warned = warned_from(&r->control->scene) - r->error;
-    return sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested &&
-           limit_of(r, s, sum, estimated_ratio_limit(ratio, (double)s->n_rerendered)) <= warned * warned;
+    return is_met(c->round, c->strip, terms, UNMARCHED_SHARE);
 }
 
 /* Chooses the groups of a missed strip to be marched. Where only its estimate is not good enough, and more samples may
@@ -397,7 +387,7 @@ static bool choose_groups(const Round *r, Strip *s)
     const double requested = cts_scene_requested_error(&r->control->scene);
     StripOfRound context = {r, s};
     if (!r->samples || s->last_from == 0 ||
-        (s->sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested && r->number == 0 &&
+        (s->terms.sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested && r->number == 0 &&
          has_more(r, s)))
         return false;
     for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++)
@@ -416,24 +406,25 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &r->strips[strip];
-        s->sum = s->open ? 0 : s->sum;
+        if (s->open)
+            s->terms = (CtsTerms){0};
         for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
             const size_t at = r->place[i];
             float *const pixel = r->band->pixels + 4 * at;
             const double off = r->error > 0 ? 0 : WORTH * (double)r->off[i], p = probability_at(r, s, at),
                          error = sqrt(cts_scene_square_of_error(&r->control->scene, pixel, r->rgba[i])) + off,
-                         square = error * error;
-            s->sum += s->share * square * (1 - p) / p + off * off;
+                         square = error * error, term = s->share * square * (1 - p) / p;
+            cts_terms_add_one(&s->terms, term);
+            s->terms.sum += off * off;
             if (r->samples)
-                r->samples[i] =
-                    (CtsGroupSample){0, s->share * square * (1 - p) / p, p < 1 ? square / square_at(r, s, at) : 0};
+                r->samples[i] = (CtsGroupSample){0, {term, term * term, term}};
             if (p < 1)
                 s->excess = fmax(s->excess, square / square_at(r, s, at));
             if (!CTS_MUTATED(UNCAST))
                 memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
         }
         s->n_rerendered += s->n_sampled;
-        s->missed = s->open ? is_missed(r, s) : s->missed;
+        s->missed = s->open ? !is_met(r, s, &s->terms, 1) : s->missed;
         s->open = s->missed && (choose_groups(r, s) || has_more(r, s));
         for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
             r->errors->origin[r->place[i]] = CTS_PIXEL_REFERENCE;
@@ -537,31 +528,33 @@ static CtsStatus run_round(Round *r, CtsError *err)
 typedef struct Predicting {
     const CtsScene *scene;
     const CtsErrorPrediction *of;
+    double pixels;
     double probability;
     int n_tried;
 } Predicting;
 
-/* Upper limit of a frame's error, rms, whose pixels have this mean of squares and largest ratio. */
-static double predicted_limit(const Predicting *p, double mean, double ratio)
+/* Upper limit of a frame's error, rms, that has these terms. */
+static double predicted_limit(const Predicting *p, const CtsTerms *terms)
 {
-    const double requested = cts_scene_requested_error(p->scene),
-                 pixels = (double)p->scene->view.width * p->scene->view.height;
-    return RERENDERED * requested +
-           sqrt(cts_mean_limit(mean * pixels, estimated_ratio_limit(ratio, (double)p->of->n) / p->probability, pixels,
-                               p->n_tried));
+    const double march = RERENDERED * cts_scene_requested_error(p->scene);
+    const CtsTermRange range = {UNSEEN, UNSAMPLED / fmax((double)p->of->n, UNSAMPLED) / p->probability, INFINITY};
+    return sqrt(march * march + cts_terms_limit(terms, range, p->pixels, p->n_tried));
 }
 
-static bool predicts_enough(void *context, double mean, double ratio)
+static bool predicts_enough(void *context, const CtsTerms *terms)
 {
     const Predicting *const p = context;
-    const double requested = cts_scene_requested_error(p->scene);
-    return predicted_limit(p, mean + MARCHED_ERROR * MARCHED_ERROR * requested * requested, ratio) <= requested;
+    const double requested = cts_scene_requested_error(p->scene), marched = MARCHED_ERROR * requested;
+    const CtsTerms all = {terms->sum + p->pixels * marched * marched, terms->squares, terms->largest};
+    return predicted_limit(p, &all) <= requested;
 }
 
 CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsErrorPrediction *of, CtsError *err)
 {
     const double requested = cts_scene_requested_error(scene), n = (double)of->n;
-    double squares = 0, mean = 0, ratio = 0;
+    const double pixels = (double)scene->view.width * scene->view.height;
+    double squares = 0;
+    CtsTerms all = {0};
     CtsGroupSample *samples = NULL;
     CtsStatus st = cts_alloc_array(&samples, of->n, err);
     if (st)
@@ -569,17 +562,16 @@ CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsError
     for (size_t i = 0; i < of->n; i++)
         squares += WORTH * WORTH * (double)of->indicator[i] * (double)of->indicator[i] / n;
     const double floor = requested * requested + squares;
-    Predicting p = {scene, of, 1 / (PREDICTED * (squares + floor)), n_tried};
+    Predicting p = {scene, of, pixels, 1 / (PREDICTED * (squares + floor)), n_tried};
     for (size_t i = 0; i < of->n; i++) {
-        const double b = WORTH * (double)of->indicator[i], size = b * b + floor,
-                     probability = fmin(p.probability * size, 1);
-        samples[i] = (CtsGroupSample){of->group ? of->group[i] : 0, of->square[i] * (1 - probability) / n,
-                                      probability < 1 ? of->square[i] / size : 0};
-        mean += samples[i].term;
-        ratio = fmax(ratio, samples[i].ratio);
+        const double b = WORTH * (double)of->indicator[i], probability = fmin(p.probability * (b * b + floor), 1),
+                     term = of->square[i] * (1 - probability) / probability, number = pixels / n * probability;
+        /* as many terms as the pixels that this one stands for have */
+        samples[i] = (CtsGroupSample){of->group ? of->group[i] : 0, {number * term, number * term * term, term}};
+        cts_terms_add(&all, &samples[i].terms);
     }
     of->marched_from = INFINITY;
-    of->limit = of->n > 0 ? predicted_limit(&p, mean, ratio) : 0;
+    of->limit = of->n > 0 ? predicted_limit(&p, &all) : 0;
     if (of->group && of->limit > requested) {
         of->marched_from = cts_group_threshold(samples, of->n, predicts_enough, &p);
         of->limit = requested;
@@ -643,17 +635,18 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
         cts_parallel(scene->settings->n_threads, r.n_strips, 1, find_some_largest, &r);
     for (size_t i = 0; i < r.n_strips; i++) {
         const Strip *const s = &r.strips[i];
-        control->sum += s->sum;
-        /* Bounds fail for the same reason everywhere, estimates strip by strip. */
-        control->largest_term = fmax(control->largest_term,
-                                     s->share / s->probability * (has_bounds(control) ? 1 : ratio_limit(control, s)));
+        cts_terms_add(&control->terms, &s->terms);
+        const CtsTermRange range = term_range(control, s);
+        control->range.unseen = range.unseen;
+        control->range.least = fmax(control->range.least, range.least);
+        control->range.most = fmax(control->range.most, range.most);
         control->excess = fmax(control->excess, s->excess);
         control->largest = fmax(control->largest, s->largest);
         control->n_rerendered += s->n_rerendered;
         control->n_interpolated += s->n_interpolated;
     }
-    control->interpolation += errors->interpolation_error;
-    control->largest_interpolation = fmax(control->largest_interpolation, errors->largest_interpolation_error);
+    cts_terms_add(&control->terms, &errors->interpolation);
+    control->range.most = fmax(control->range.most, errors->interpolation.largest);
     control->n_pixels += n;
     control->n_marched += r.n_marched;
 end:
@@ -672,11 +665,9 @@ end:
 
 double cts_error_control_rmse(const CtsErrorControl *c)
 {
-    const double largest_term = c->largest_term * (has_bounds(c) ? fmax(c->excess, 1) : 1), n = (double)c->n_pixels;
-    const int n_tried = c->scene.plan.n_tried;
-    return ROUNDING + error_of_march(c) +
-           sqrt(cts_mean_limit(c->sum, largest_term, n, n_tried) +
-                cts_mean_limit(c->interpolation, c->largest_interpolation, n, n_tried));
+    const double march = error_of_march(c);
+    return ROUNDING +
+           sqrt(march * march + cts_terms_limit(&c->terms, c->range, (double)c->n_pixels, c->scene.plan.n_tried));
 }
 
 /* Largest error of a pixel; negative where nothing bounds it. Re-rendered pixels show how far errors exceed the bounds,
@@ -700,6 +691,7 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     bound->max = (bound->known && bound->max < 0) || largest < 0 ? -1 : fmax(bound->max, largest);
     bound->known = true;
     bound->rmse = fmax(bound->rmse, rmse);
+    bound->rms_estimate = fmax(bound->rms_estimate, sqrt(c->terms.sum / (double)c->n_pixels));
     bound->n_rerendered += c->n_rerendered;
     snprintf(bound->engine, sizeof bound->engine, "%s", c->engine->name);
     if (c->engine->levels)

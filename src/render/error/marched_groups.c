@@ -13,18 +13,17 @@ static int by_group(const void *a, const void *b)
     const CtsGroupSample *const p = a, *const q = b;
     if (p->group != q->group)
         return (p->group > q->group) - (p->group < q->group);
-    return (p->term > q->term) - (p->term < q->term);
+    return (p->terms.sum > q->terms.sum) - (p->terms.sum < q->terms.sum);
 }
 
 float cts_group_threshold(CtsGroupSample *samples, size_t n, cts_group_accept_fn accept, void *context)
 {
-    double sum = 0, ratio = 0;
+    CtsTerms terms = {0};
     float threshold = 0;
     qsort(samples, n, sizeof *samples, by_group);
     for (size_t i = 0; i < n; i++) {
-        sum += samples[i].term;
-        ratio = fmax(ratio, samples[i].ratio);
-        if ((i + 1 == n || samples[i + 1].group > samples[i].group) && accept(context, sum, ratio))
+        cts_terms_add(&terms, &samples[i].terms);
+        if ((i + 1 == n || samples[i + 1].group > samples[i].group) && accept(context, &terms))
             threshold = samples[i].group;
     }
     return threshold;

@@ -9,13 +9,12 @@ enum { CTS_GROUP_SIDE = 4 };
 
 /* A sampled pixel. */
 typedef struct CtsGroupSample {
-    float group;  /* largest indicator of its group; 0 where marching it would change nothing */
-    double term;  /* share of the estimated sum of squared errors */
-    double ratio; /* squared error by the square that its indicator stands for */
+    float group;    /* largest indicator of its group; 0 where marching it would change nothing */
+    CtsTerms terms; /* of the estimated sum of squared errors */
 } CtsGroupSample;
 
-/* True if an estimate from samples with this sum of terms and largest ratio meets the request. */
-typedef bool (*cts_group_accept_fn)(void *context, double sum, double ratio);
+/* True if an estimate of these terms meets the request. */
+typedef bool (*cts_group_accept_fn)(void *context, const CtsTerms *terms);
 
 /* Largest threshold such that the samples of groups up to it are accepted; 0 if none are. Sorts the samples. */
 float cts_group_threshold(CtsGroupSample *samples, size_t n, cts_group_accept_fn accept, void *context);

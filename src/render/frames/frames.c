@@ -38,25 +38,6 @@ struct CtsFrames {
     bool is_fitted;
 };
 
-/* An opacity that rises by more than this, a visible edge, within STEP_HU is a step: its picture is an isosurface,
- * whose thinnest parts change whole pixels, which a sample of pixels may miss. 20 HU are about the noise of soft tissue
- * in thin slices, which takes voxels of one tissue to both ends of a steeper rise. */
-#define STEP_OPACITY 0.25
-#define STEP_HU 20.0
-
-static bool has_step(const CtsPreset *preset)
-{
-    for (int i = 0; i < preset->n_opacity; i++)
-        for (int side = -1; side <= 1; side += 2) {
-            const double hu = preset->opacity[i].hu;
-            if (fabs(cts_preset_opacity(preset, hu + side * STEP_HU) - cts_preset_opacity(preset, hu)) > STEP_OPACITY ||
-                (i > 0 && preset->opacity[i - 1].hu == hu &&
-                 fabs(preset->opacity[i].opacity - preset->opacity[i - 1].opacity) > STEP_OPACITY))
-                return true;
-        }
-    return false;
-}
-
 /* Reason why CTS_ENGINE_AUTO renders by the exact march, or NULL where an engine with levels may do it. */
 static const char *why_march(const CtsModel *model, const CtsSceneStore *store, const CtsEngine *levels)
 {
@@ -71,7 +52,7 @@ static const char *why_march(const CtsModel *model, const CtsSceneStore *store, 
     return !(levels->modes >> store->preset.mode & 1) ? "the mode is a projection"
            : !plain                                   ? "kernel, grey levels, samples, tolerance or void rule are given"
            : cts_voxel_labels_coloured(o) || cts_model_shown(model) != model ? "labels are hidden or have colours"
-           : has_step(&store->preset)                                        ? "the preset's opacity has a step"
+           : cts_scene_has_step(&store->preset)                              ? "the preset's opacity has a step"
            : thin ? "the volume is one voxel thin, or too large"
                   : NULL;
 }
@@ -465,7 +446,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     CtsStatus st = CTS_OK;
     frame->engine_id = f->engine_id;
     scene->cache = &f->engine_cache[f->engine_id];
-    *control = (CtsErrorControl){.scene = *scene, .has_opacity_step = has_step(scene->preset)};
+    *control = (CtsErrorControl){.scene = *scene, .has_opacity_step = cts_scene_has_step(scene->preset)};
     control->scene.cache = &f->engine_cache[march];
     if (f->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
         if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, is_auto, err)))
