@@ -17,14 +17,15 @@ CTS_API_BEGIN
  * "force".
  *
  * Searches, reads, renders, writes all outputs and sends them: all that `ctsplat render` does, with its defaults.
- * picture (may be NULL): the picture in memory too, as in the files, with background and marks, to be freed with
- * cts_picture_free(); not for a rotation. Without picture there must be an output. report->diagnostics contains notes
- * and warnings (report may be NULL). *stop (stop may be NULL), set by a signal handler or another thread, ends it with
- * CTS_ERR_INTERRUPTED. */
+ * picture (may be NULL): the picture in memory too, as in the files, with background and marks, and by option "depth"
+ * with the depth of its surfaces, to be freed with cts_picture_free(); not for a rotation. Without picture there must
+ * be an output. report->diagnostics contains notes and warnings (report may be NULL). *stop (stop may be NULL), set by
+ * a signal handler or another thread, ends it with CTS_ERR_INTERRUPTED. */
 CtsStatus cts_options_run(const CtsJobOption *options, int n_options, const volatile sig_atomic_t *stop,
                           CtsPicture **picture, CtsReport *report, CtsError *err);
 
-/* A series that stays loaded for many pictures: the scanned slices, and the volume of the last picture. One call at a
+/* A series that stays loaded for many pictures: the scanned slices, the volume of the last picture, and what was
+ * prepared of it for the last preset (tables, openness, cells that may be visible: less than the volume). One call at a
  * time; sessions are independent. */
 typedef struct CtsSession CtsSession;
 

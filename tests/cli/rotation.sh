@@ -47,3 +47,15 @@ for threads in 1 3; do
     awk -F'[:,]' '/"stage"/ { sum += $8 } /"done"/ { ok = sum > 0.95 * $6 && sum < 1.05 * $6 } END { exit !ok }' \
         by-$threads/log || fail "stages do not add up: $(cat by-$threads/log)"
 done
+
+# A swivel's frames of the same view are rendered once, marks and files included.
+ok render "$data/phantom" $small --swivel 8,2 --view 10,20 --annotate scale --log swivel.log -o swing.png -o swing.exr
+i=0
+for azimuth in 10 12 14 12 10 8 6 8; do
+    ok render "$data/phantom" $small --view $azimuth,20 --annotate scale -o alone-$i.png -o alone-$i.exr
+    for form in png exr; do
+        cmp alone-$i.$form swing-00$i.$form || fail "frame $i of the swivel is not the view $azimuth,20 ($form)"
+    done
+    i=$((i + 1))
+done
+[ "$(grep -c '"what":"rendering again"' swivel.log)" = 3 ] || fail "not 3 of 8 frames were rendered before: $(grep again swivel.log)"

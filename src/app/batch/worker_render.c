@@ -25,7 +25,6 @@ typedef struct Work {
     CtsReport report;
     CtsLog *log;
     CtsPrepared prepared; /* for pictures of one preset, and of one volume */
-    int prepared_preset;
     /* One picture: */
     const CtsBatchPicture *picture;
     CtsThumbnail *thumb;
@@ -225,19 +224,6 @@ static CtsStatus load_volume(Work *w, const CtsSource *source, bool last, CtsErr
     return st;
 }
 
-/* Views of one preset share a renderer, except where the window is fitted to each view. */
-static CtsStatus prepare_renderer(Work *w, const CtsJob *job, CtsError *err)
-{
-    const CtsPreset *const p = job->preset;
-    const bool is_fitted = p->mode != CTS_MODE_COMPOSITE && p->window_low_hu == p->window_high_hu;
-    if (w->prepared.renderer && w->prepared_preset == w->picture->preset && !is_fitted &&
-        cts_job_change_settings(job, &w->prepared))
-        return CTS_OK;
-    cts_render_end(&w->prepared.renderer);
-    w->prepared_preset = w->picture->preset;
-    return cts_job_prepare(job, &w->loaded.model, &w->prepared, &w->report, err);
-}
-
 static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
 {
     const CtsWatch watch = {.context = w, .band = on_band, .output = on_output, .frame = on_frame};
@@ -246,7 +232,7 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     w->error = 0;
     w->report.verified = (CtsVerified){0};
     cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
-    CtsStatus st = prepare_renderer(w, job, err);
+    CtsStatus st = cts_job_prepare(job, &w->loaded.model, &w->prepared, &w->report, err);
     if (!st)
         st = cts_job_pictures(job, &w->loaded, &w->prepared, &watch, &w->report, err);
     if (!st && w->status) {
@@ -297,7 +283,7 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             loaded = true;
             st = render_picture(w, &job, err);
         }
-        cts_render_end(&w->prepared.renderer);
+        cts_prepared_free(&w->prepared);
     }
     return st;
 }

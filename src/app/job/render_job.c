@@ -1,6 +1,7 @@
 #include "app/job/render_job.h"
 
 #include "app/job/auto_window.h"
+#include "app/job/whole_picture.h"
 #include "base/cpu.h"
 #include "base/limits.h"
 #include "base/mem.h"
@@ -10,6 +11,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -133,8 +135,19 @@ typedef struct Frame {
     CtsFiles *files;
     CtsReport *report;
     int number;
+    CtsPicture **keep; /* copy of the frame as rendered; NULL: none */
     Saturation saturation;
 } Frame;
+
+/* A frame whose view a later frame has. */
+typedef struct KeptFrame {
+    CtsPicture *picture; /* NULL: not kept */
+    CtsVerified verified;
+    CtsErrorBound bound;
+} KeptFrame;
+
+/* Bytes of all kept frames: 32 pictures of 1024 x 1024 pixels. A swivel of 72 frames has at most 18 to keep. */
+enum { MAX_KEPT_BYTES = 512 << 20 };
 
 static CtsStatus stopped(const CtsJob *job, CtsError *err)
 {
@@ -207,6 +220,10 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     const CtsJob *job = frame->job;
     const CtsStageTimer meter = cts_stage_timer_start(frame->report);
     CtsStatus st;
+    if (frame->keep && cts_picture_add_band(frame->keep, band, NULL)) {
+        cts_picture_free(frame->keep);
+        frame->keep = NULL;
+    }
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
     saturation_add(&frame->saturation, band);
@@ -231,6 +248,14 @@ static double turn_deg(const CtsJob *job, int frame)
     return job->swivel_step_deg * (frame <= there ? frame : frame <= back ? 2 * there - frame : frame - n);
 }
 
+/* The first frame from `from` to `end` - 1 that has the view of this one; `end`: none. */
+static int find_same_view(const CtsJob *job, int number, int from, int end)
+{
+    while (from < end && turn_deg(job, from) != turn_deg(job, number))
+        from++;
+    return from;
+}
+
 static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatch *watch, CtsError *err)
 {
     const CtsJob *job = frame->job;
@@ -242,6 +267,34 @@ static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatc
     cts_watch_diagnostics(watch, frame->report);
     cts_stage_timer_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
     return st ? st : stopped(job, err);
+}
+
+/* Renders the frame, or takes it from one of the same view; keeps it for a later one. */
+static CtsStatus make_frame(CtsRenderer *renderer, Frame *frame, KeptFrame *kept, CtsError *err)
+{
+    const CtsJob *const job = frame->job;
+    CtsReport *const report = frame->report;
+    const int n = n_frames_of(job), number = frame->number, first = find_same_view(job, number, 0, number);
+    CtsStatus st;
+    if (first < number && kept[first].picture) {
+        cts_report_skip(report, "rendering again", "frame %d has the view of frame %d", number + 1, first + 1);
+        report->verified = kept[first].verified;
+        report->bound = kept[first].bound;
+        st = finish_band(frame, kept[first].picture, err);
+        cts_picture_free(&kept[first].picture);
+        return st;
+    }
+    const size_t bytes = (size_t)job->render.width * (size_t)job->render.height * 5 * sizeof(float);
+    size_t n_kept = 0;
+    for (int i = 0; i < number; i++)
+        n_kept += kept[i].picture != NULL;
+    if (find_same_view(job, number, number + 1, n) < n && (n_kept + 1) * bytes <= MAX_KEPT_BYTES)
+        frame->keep = &kept[number].picture;
+    st = render_frame(renderer, frame, frame->files->watch, err);
+    frame->keep = NULL;
+    kept[number].verified = report->verified;
+    kept[number].bound = report->bound;
+    return st;
 }
 
 /* One verdict on all frames: pooled rmse and interval, the largest maximum and percentile. */
@@ -273,6 +326,7 @@ static void add_bound(CtsErrorBound *all, const CtsErrorBound *frame)
     *all = *frame;
     all->known |= before.known;
     all->rmse = fmax(before.rmse, frame->rmse);
+    all->rms_estimate = fmax(before.rms_estimate, frame->rms_estimate);
     all->max = before.max < 0 || frame->max < 0 ? -1 : fmax(before.max, frame->max);
     all->n_rerendered += before.n_rerendered;
 }
@@ -282,7 +336,8 @@ static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRend
 {
     CtsVerified pooled = {0};
     CtsErrorBound bound = report->bound; /* of earlier jobs of the report */
-    CtsStatus st = CTS_OK;
+    KeptFrame *kept = NULL;
+    CtsStatus st = cts_alloc_zeroed(&kept, (size_t)n_frames_of(job), err);
     Frame frame = {.job = job, .model = model, .files = files, .report = report};
     if (n_frames_of(job) > 1)
         cts_report_skip(report, "loading again", "%d frames share one volume; crop and table removal run once",
@@ -291,7 +346,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRend
     const int n_frames = job->render.explain ? 1 : n_frames_of(job);
     for (; frame.number < n_frames && !st; frame.number++) {
         report->bound = (CtsErrorBound){0};
-        if ((st = render_frame(renderer, &frame, files->watch, err)))
+        if ((st = make_frame(renderer, &frame, kept, err)))
             break;
         add_verified(&pooled, &report->verified);
         if (frame.number == n_frames - 1)
@@ -301,6 +356,9 @@ static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRend
             files->watch->frame(files->watch->context, &report->bound);
         add_bound(&bound, &report->bound);
     }
+    for (int i = 0; kept && i < n_frames; i++)
+        cts_picture_free(&kept[i].picture);
+    cts_free(&kept);
     report->verified = pooled;
     report->bound = bound;
     if (!st)
@@ -345,13 +403,48 @@ static CtsRenderSettings settings_of(const CtsJob *job)
     return render;
 }
 
+/* The occlusion is a setting of each picture. */
+static char *new_preset_text(const CtsPreset *preset)
+{
+    CtsPreset kept = *preset;
+    kept.occlusion = 0;
+    return cts_preset_to_json(&kept);
+}
+
+/* A window that is fitted to the view serves this view alone. */
+bool cts_job_is_prepared(const CtsJob *job, CtsPrepared *prepared)
+{
+    const CtsPreset *const p = job->preset;
+    if (!prepared->renderer || !prepared->given ||
+        (p->mode != CTS_MODE_COMPOSITE && p->window_low_hu == p->window_high_hu) ||
+        p->needs_contrast != prepared->preset.needs_contrast)
+        return false;
+    char *const text = new_preset_text(p);
+    const CtsRenderSettings render = settings_of(job);
+    const bool same = text && !strcmp(text, prepared->given) && cts_render_change_settings(prepared->renderer, &render);
+    if (same)
+        prepared->preset.occlusion = render.occlusion;
+    free(text);
+    return same;
+}
+
+void cts_prepared_free(CtsPrepared *prepared)
+{
+    cts_render_end(&prepared->renderer);
+    free(prepared->given);
+    *prepared = (CtsPrepared){0};
+}
+
 CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err)
 {
     CtsStageTimer meter = cts_stage_timer_start(report);
     const CtsRenderSettings render = settings_of(job);
     CtsStatus st;
-    *prepared = (CtsPrepared){.preset = *job->preset};
+    if (cts_job_is_prepared(job, prepared))
+        return CTS_OK;
+    cts_prepared_free(prepared);
+    *prepared = (CtsPrepared){.given = new_preset_text(job->preset), .preset = *job->preset};
     if (!(st = cts_fit_preset(model, &render, &prepared->preset, report, err)))
         st = cts_contrast_check(model->volume, cts_threads(job->render.n_threads), &prepared->preset,
                                 &prepared->no_contrast, err);
@@ -361,15 +454,6 @@ CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared 
         st = cts_render_begin(&prepared->renderer, model, &prepared->preset, &render, err);
     cts_stage_timer_stop(meter, report, CTS_STAGE_GREY); /* --grey-bits makes a volume of other grey levels */
     return st;
-}
-
-bool cts_job_change_settings(const CtsJob *job, CtsPrepared *prepared)
-{
-    const CtsRenderSettings render = settings_of(job);
-    if (!cts_render_change_settings(prepared->renderer, &render))
-        return false;
-    prepared->preset.occlusion = render.occlusion;
-    return true;
 }
 
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
@@ -403,12 +487,12 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
 CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
                          CtsError *err)
 {
-    CtsPrepared prepared;
+    CtsPrepared prepared = {0};
     CtsStatus st = cts_job_prepare(job, &loaded->model, &prepared, report, err);
     if (!st)
         st = cts_job_pictures(job, loaded, &prepared, watch, report, err);
     const CtsStageTimer meter = cts_stage_timer_start(report);
-    cts_render_end(&prepared.renderer);
+    cts_prepared_free(&prepared);
     cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }

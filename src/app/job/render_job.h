@@ -33,17 +33,19 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err);
 
 /* State shared by the pictures of a job and of later jobs of the same volume. */
 typedef struct CtsPrepared {
+    char *given;      /* the job's preset as JSON, without occlusion; owned */
     CtsPreset preset; /* adapted to this volume */
     bool no_contrast; /* reported with each picture */
     CtsRenderer *renderer;
 } CtsPrepared;
 
-/* Free prepared->renderer with cts_render_end(), also after a failure. */
+/* True if *prepared can be used for this job of the same volume, whose occlusion may be another; it has its settings
+ * then. */
+bool cts_job_is_prepared(const CtsJob *job, CtsPrepared *prepared);
+/* Prepares again what cannot be used. *prepared is zeroed at first. */
 CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared *prepared, CtsReport *report,
                           CtsError *err);
-/* True if *prepared can be used for this job of the same volume and preset, whose window is set; its occlusion may be
- * another. */
-bool cts_job_change_settings(const CtsJob *job, CtsPrepared *prepared);
+void cts_prepared_free(CtsPrepared *prepared);
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
                            const CtsWatch *watch, CtsReport *report, CtsError *err);
 

@@ -54,6 +54,8 @@ const CtsOption cts_options[] = {
      BASIC},
     {'O', "output-dir", "DIR", ON(BATCH) | ON(BENCH), REMAKES(NOTHING),
      "write into this folder; it is made where it does not exist", NULL, TEXT(output_dir), BASIC},
+    {0, "depth", NULL, ON(JOB), REMAKES(PICTURE), "the picture in memory has the depth of its surfaces, too", NULL,
+     FLAG(depth)},
     {0, "paper", NULL, ON(BENCH), REMAKES(NOTHING),
      "the paper's tables instead: its engines, times in per cent of plain splatting, beside the published figures",
      NULL, FLAG(paper)},

@@ -60,6 +60,7 @@ typedef struct CtsOptions {
         bool given, none;
         double rgb[3];
     } background;
+    bool depth; /* of the picture in memory */
     CtsSwitch remove_table;
     struct CtsWindow {
         bool given;

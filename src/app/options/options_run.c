@@ -1,7 +1,7 @@
+#include "app/job/whole_picture.h"
 #include "app/options/options.h"
 
 #include "base/cpu.h"
-#include "base/mem.h"
 #include "base/stage_timer.h"
 #include <stdlib.h>
 #include <string.h>
@@ -16,31 +16,6 @@ typedef struct Whole {
     CtsStatus status;
     CtsError err;
 } Whole;
-
-static CtsStatus begin_picture(Whole *w, const CtsPicture *band)
-{
-    CtsStatus st = cts_picture_new(&w->picture, band->width, band->whole_height, band->n_channels, &w->err);
-    if (!st && band->depth_mm)
-        st = cts_alloc_array(&w->picture->depth_mm, (size_t)band->width * (size_t)band->whole_height, &w->err);
-    if (!st) {
-        w->picture->info = band->info;
-        w->picture->has_alpha = band->has_alpha;
-    }
-    return st;
-}
-
-static CtsStatus copy_band(Whole *w, const CtsPicture *band)
-{
-    const size_t first = (size_t)band->first_row * (size_t)band->width;
-    const size_t n = (size_t)band->height * (size_t)band->width, n_channels = (size_t)band->n_channels;
-    const CtsStatus st = w->picture ? CTS_OK : begin_picture(w, band);
-    if (st)
-        return st;
-    memcpy(w->picture->pixels + first * n_channels, band->pixels, n * n_channels * sizeof *band->pixels);
-    if (band->depth_mm)
-        memcpy(w->picture->depth_mm + first, band->depth_mm, n * sizeof *band->depth_mm);
-    return CTS_OK;
-}
 
 static CtsStatus take_over(Whole *w, CtsPicture *band)
 {
@@ -57,7 +32,8 @@ static void take_band(void *context, int frame, CtsPicture *band)
     Whole *const w = context;
     w->frame = frame;
     if (!w->status)
-        w->status = w->alone && band->height == band->whole_height ? take_over(w, band) : copy_band(w, band);
+        w->status = w->alone && band->height == band->whole_height ? take_over(w, band)
+                                                                   : cts_picture_add_band(&w->picture, band, &w->err);
 }
 
 /* Passed on when its error is known, too. */
@@ -82,7 +58,8 @@ static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, Cts
 /* A series that stays loaded, and the volume that the last picture of it was made of. */
 struct CtsSession {
     CtsLoaded loaded;
-    char *choice; /* identifies the processing of loaded.model (cts_source_choice()) */
+    char *choice;         /* identifies the processing of loaded.model (cts_source_choice()) */
+    CtsPrepared prepared; /* by the last picture of loaded.model */
 };
 
 static CtsStatus run_loaded(CtsSession *session, const CtsOptions *options, CtsPreset *preset, CtsJob *job,
@@ -101,6 +78,7 @@ static CtsStatus run_loaded(CtsSession *session, const CtsOptions *options, CtsP
                           job->outputs.paths[i]);
     if (!st && (!session->loaded.model.volume || !session->choice || strcmp(session->choice, choice) != 0)) {
         const CtsStageTimer meter = cts_stage_timer_start(report);
+        cts_prepared_free(&session->prepared);
         free(session->choice);
         session->choice = strdup(choice);
         st = cts_source_view(&job->source, false, &session->loaded, report, err);
@@ -109,7 +87,9 @@ static CtsStatus run_loaded(CtsSession *session, const CtsOptions *options, CtsP
         cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
     }
     free(choice);
-    return st ? st : cts_job_render(job, &session->loaded, watch, report, err);
+    if (!st)
+        st = cts_job_prepare(job, &session->loaded.model, &session->prepared, report, err);
+    return st ? st : cts_job_pictures(job, &session->loaded, &session->prepared, watch, report, err);
 }
 
 /* session NULL: the job finds and reads its series itself. */
@@ -123,7 +103,7 @@ static CtsStatus run_options(CtsSession *session, const CtsOptions *options, Who
     job.render.stop = options->net.stop;
     if (!st && !whole && !options->outputs.n)
         st = cts_fail(err, CTS_ERR_USAGE, "no output (give `output` FILE, or a place for the picture in memory)");
-    job.render.want_depth = whole != NULL;
+    job.render.want_depth = options->depth;
     if (whole)
         whole->alone = !options->outputs.n;
     if (!st)
@@ -230,6 +210,7 @@ void cts_session_close(CtsSession **session)
     CtsSession *s = *session;
     if (!s)
         return;
+    cts_prepared_free(&s->prepared);
     cts_loaded_free(&s->loaded);
     free(s->choice);
     free(s);

@@ -52,13 +52,13 @@ static void take_info(void *context, int frame, CtsPicture *band)
 }
 
 static CtsStatus render_with(CtsRenderRequest *e, const CtsProcessedVolume *processed, CtsCachedRenderer *renderer,
-                             bool is_new, CtsError *err)
+                             CtsError *err)
 {
     const CtsJob *job = &e->render_query.job;
     const CtsLoaded loaded = {
         .series = e->cached->series, .model = processed->model, .labels = e->cached->loaded.labels};
     const CtsWatch watch = {.context = e, .band = take_info};
-    CtsStatus st = is_new ? cts_job_prepare(job, &processed->model, &renderer->prepared, &e->report, err) : CTS_OK;
+    CtsStatus st = cts_job_prepare(job, &processed->model, &renderer->prepared, &e->report, err);
     if (!st)
         st = cts_job_pictures(job, &loaded, &renderer->prepared, &watch, &e->report, err);
     return e->render_query.metadata && e->has_info ? CTS_OK : st;
@@ -70,18 +70,12 @@ static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcess
         cts_fit_preset(&processed->model, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
     if (st)
         return st;
-    CtsPreset kept = e->render_query.preset;
-    kept.occlusion = 0; /* a setting of each picture */
-    char *const json = cts_preset_to_json(&kept);
-    bool is_new = false;
     pthread_mutex_lock(&server->lock);
-    CtsCachedRenderer *const renderer =
-        json ? cts_cached_renderer_get(processed, &e->render_query.job, json, &is_new) : NULL;
+    CtsCachedRenderer *const renderer = cts_cached_renderer_get(processed, &e->render_query.job);
     pthread_mutex_unlock(&server->lock);
-    free(json);
     if (!renderer)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    st = render_with(e, processed, renderer, is_new, err);
+    st = render_with(e, processed, renderer, err);
     pthread_mutex_lock(&server->lock);
     cts_cached_renderer_give_back(processed, renderer, !renderer->prepared.renderer);
     pthread_mutex_unlock(&server->lock);

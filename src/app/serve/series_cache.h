@@ -12,7 +12,6 @@
 
 /* A renderer of one preset, cached for further pictures. */
 typedef struct CtsCachedRenderer {
-    char *preset; /* as JSON, as given in the request */
     CtsPrepared prepared;
     bool in_use;
     double used_ms;
@@ -103,8 +102,7 @@ CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
 void cts_series_cache_drop(CtsSeriesCache *cache, CtsCachedSeries *cached);
 
 /* A renderer for the job, whose preset's window is set: an idle one, else a new one that the caller prepares without
- * the lock. NULL without memory. preset_json: the preset with occlusion 0. */
-CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job, const char *preset_json,
-                                           bool *is_new);
+ * the lock. NULL without memory. */
+CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job);
 /* failed: it is of no use. */
 void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer, bool failed);

@@ -10,8 +10,7 @@ enum { MAX_IDLE_RENDERERS = 6 };
 
 static void free_renderer(CtsCachedRenderer *renderer)
 {
-    cts_render_end(&renderer->prepared.renderer);
-    free(renderer->preset);
+    cts_prepared_free(&renderer->prepared);
     free(renderer);
 }
 
@@ -44,18 +43,12 @@ static void drop_idle(CtsProcessedVolume *processed)
     free_renderer(gone);
 }
 
-CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job, const char *preset_json,
-                                           bool *is_new)
+CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job)
 {
     CtsCachedRenderer *l = processed->renderers;
-    while (l && (l->in_use || strcmp(l->preset, preset_json) || !cts_job_change_settings(job, &l->prepared)))
+    while (l && (l->in_use || !cts_job_is_prepared(job, &l->prepared)))
         l = l->next;
-    *is_new = !l;
     if (!l && (l = calloc(1, sizeof *l))) {
-        if (!(l->preset = strdup(preset_json))) {
-            free(l);
-            return NULL;
-        }
         l->next = processed->renderers;
         processed->renderers = l;
     }

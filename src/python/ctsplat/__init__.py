@@ -89,7 +89,7 @@ class _Report:
         return Bound(b.rmse, b.max if b.max >= 0 else None, "estimated", b.rms_estimate) if b.known else None
 
 
-_FLAGS = {"allow_missing_slices", "deidentify", "explain", "force", "insecure_http", "label_colours", "new_uids",
+_FLAGS = {"allow_missing_slices", "deidentify", "depth", "explain", "force", "insecure_http", "label_colours", "new_uids",
           "show_paths", "summary"}
 
 
@@ -287,7 +287,8 @@ class Picture:
     """A rendered picture. Display values (sRGB); row 0 is the top.
 
     rgba: float32, (height, width, 4), colours multiplied by alpha; depth_mm: float32, (height, width), from the camera
-    plane to the first visible surface, inf where there is none, None where the mode has no surfaces; bound: upper limit
+    plane to the first visible surface, inf where there is none, None without depth=True (which .exr outputs need) or
+    where the mode has no surfaces; bound: upper limit
     of its error, None where the engine has none; log: times by stage and skipped steps; diagnostics: notes and
     warnings.
     Pictures can be pickled, but lose their series, which .dcm outputs need."""
