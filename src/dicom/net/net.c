@@ -90,7 +90,7 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
             if (cts_net_stopped(&net))
                 break;
             result = (CtsAttempt){0};
-            cts_protocol_program.send(peer, &net, outgoing_files, n_paths, &result);
+            cts_program_send(peer, &net, outgoing_files, n_paths, &result);
             sent = count_sent(outgoing_files, n_paths);
             if (sent < n_paths && !result.again)
                 break;
@@ -198,7 +198,7 @@ static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, CtsRequest requ
     if ((st = cts_fetch_folder_make(&fetch_folder, err)))
         return st;
     *fetched = (CtsFetched){.folder = fetch_folder.folder, .lock = fetch_folder.lock};
-    st = cts_protocol_program.fetch(peer, &net, &request, err);
+    st = cts_program_fetch(peer, &net, &request, err);
     if (cts_net_stopped(&net))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     if (!st && fetch_folder.n_bytes == 0)
@@ -284,7 +284,7 @@ CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeries
     CtsSeriesQuery asked = *query;
     if (query->modality && strchr(query->modality, ','))
         asked.modality = NULL;
-    if (!(st = cts_protocol_program.find(peer, &net, &asked, found, err)) && asked.modality != query->modality)
+    if (!(st = cts_program_find(peer, &net, &asked, found, err)) && asked.modality != query->modality)
         keep_modalities(found, query->modality);
     return cts_net_stopped(&net) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : st;
 }

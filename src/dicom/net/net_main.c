@@ -56,29 +56,23 @@ static void send_diagnostics(const CtsDiagnostics *diagnostics)
 }
 
 /* Runs the request; the last answer is returned. */
-static CtsNetAnswer run_task(const CtsNetRequest *r, char *const texts[CTS_N_NET_TEXTS], CtsOutgoingFile *files)
+static CtsNetAnswer run_task(const CtsNetRequest *r, CtsOutgoingFile *files)
 {
     CtsReport report = {0};
     CtsNetAnswer answer = {.kind = CTS_NET_END};
     CtsError *const err = &answer.result.error;
     const CtsProtocol *const protocol = r->peer.web ? &cts_protocol_web : &cts_protocol_dimse;
-    const CtsNet net = {.own_aet = texts[CTS_NET_OWN_AET],
-                        .tls_ca = texts[CTS_NET_TLS_CA],
-                        .tls_key = texts[CTS_NET_TLS_KEY],
-                        .tls_certificate = texts[CTS_NET_TLS_CERTIFICATE],
-                        .credentials = texts[CTS_NET_CREDENTIALS],
-                        .timeout_s = r->timeout_s,
-                        .move_port = r->move_port,
-                        .stop = &stop,
-                        .sent = on_sent,
-                        .context = files,
-                        .report = &report};
+    CtsNet net = r->net;
+    net.stop = &stop;
+    net.sent = on_sent;
+    net.context = files;
+    net.report = &report;
     if (r->task == CTS_NET_SEND)
         protocol->send(&r->peer, &net, files, r->n_outgoing, &answer.result);
     if (r->task == CTS_NET_FETCH) {
-        CtsFetchFolder folder = {.folder = texts[CTS_NET_FOLDER], .lock = -1};
-        const CtsRequest request = {.study_uid = texts[CTS_NET_STUDY_UID],
-                                    .series_uid = texts[CTS_NET_SERIES_UID],
+        CtsFetchFolder folder = {.folder = (char *)(uintptr_t)r->folder, .lock = -1};
+        const CtsRequest request = {.study_uid = r->query.study_uid,
+                                    .series_uid = r->query.series_uid,
                                     .fetch_folder = &folder,
                                     .report = &report,
                                     .n_promised = &answer.n_promised};
@@ -88,9 +82,7 @@ static CtsNetAnswer run_task(const CtsNetRequest *r, char *const texts[CTS_N_NET
     }
     if (r->task == CTS_NET_FIND) {
         CtsFound found = {0};
-        const CtsSeriesQuery query = {texts[CTS_NET_STUDY_UID],  texts[CTS_NET_SERIES_UID], texts[CTS_NET_ACCESSION],
-                                      texts[CTS_NET_PATIENT_ID], texts[CTS_NET_STUDY_DATE], texts[CTS_NET_MODALITY]};
-        err->status = protocol->find(&r->peer, &net, &query, &found, err);
+        err->status = protocol->find(&r->peer, &net, &r->query, &found, err);
         send_found(&found);
         cts_found_free(&found);
     }
@@ -99,18 +91,13 @@ static CtsNetAnswer run_task(const CtsNetRequest *r, char *const texts[CTS_N_NET
     return answer;
 }
 
-static bool read_request(CtsNetRequest *r, char *texts[CTS_N_NET_TEXTS], CtsOutgoingFile **files)
+static bool read_request(CtsNetRequest *r, CtsOutgoingFile **files)
 {
-    bool good = cts_wire_read(library, r, sizeof *r);
-    for (int i = 0; i < CTS_N_NET_TEXTS && good; i++)
-        good = cts_wire_read_text(library, &texts[i]);
+    bool good = cts_wire_read_request(library, r);
     *files = good ? calloc((size_t)r->n_outgoing + 1, sizeof **files) : NULL;
     good = *files;
-    for (int i = 0; i < r->n_outgoing && good; i++) {
-        char *path = NULL;
-        good = cts_wire_read(library, &(*files)[i], sizeof **files) && cts_wire_read_text(library, &path);
-        (*files)[i].path = path;
-    }
+    for (int i = 0; i < r->n_outgoing && good; i++)
+        good = cts_wire_read(library, &(*files)[i], sizeof **files) && cts_wire_read_text(library, &(*files)[i].path);
     return good;
 }
 
@@ -131,7 +118,6 @@ static bool take_signals(void)
 int main(int argc, char **argv)
 {
     CtsNetRequest request;
-    char *texts[CTS_N_NET_TEXTS] = {0};
     CtsOutgoingFile *files = NULL;
     CtsNetAnswer answer = {.kind = CTS_NET_END};
     CtsError *const err = &answer.result.error;
@@ -140,11 +126,11 @@ int main(int argc, char **argv)
         return 2;
     }
     library = atoi(argv[1]);
-    if (!read_request(&request, texts, &files))
+    if (!read_request(&request, &files))
         return 1;
     if (!take_signals())
         cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     else if (!cts_dcm_start(err))
-        answer = run_task(&request, texts, files);
+        answer = run_task(&request, files);
     return !cts_send_all(library, &answer, sizeof answer);
 }

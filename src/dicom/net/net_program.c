@@ -29,11 +29,9 @@ typedef struct NetCall {
     CtsNetAnswer answer; /* the last one */
 } NetCall;
 
-static bool write_request(const NetCall *c, const CtsNetRequest *request, const char *const texts[CTS_N_NET_TEXTS])
+static bool write_request(const NetCall *c, const CtsNetRequest *request)
 {
-    bool good = cts_send_all(c->socket, request, sizeof *request);
-    for (int i = 0; i < CTS_N_NET_TEXTS && good; i++)
-        good = cts_wire_write_text(c->socket, texts[i]);
+    bool good = cts_wire_write_request(c->socket, request);
     for (int i = 0; i < c->n_outgoing && good; i++)
         good = cts_send_all(c->socket, &c->outgoing_files[i], sizeof *c->outgoing_files) &&
                cts_wire_write_text(c->socket, c->outgoing_files[i].path);
@@ -102,23 +100,15 @@ static CtsStatus start_call(NetCall *c, CtsError *err)
     return st;
 }
 
-static CtsStatus run_net_call(NetCall *c, CtsNetRequest request, const CtsPeer *peer,
-                              const char *texts[CTS_N_NET_TEXTS], CtsError *err)
+static CtsStatus run_net_call(NetCall *c, CtsNetRequest request, CtsError *err)
 {
     int left_ms = GRACE_MS;
     c->socket = -1;
     c->report = c->net->report;
-    texts[CTS_NET_OWN_AET] = c->net->own_aet;
-    texts[CTS_NET_TLS_CA] = c->net->tls_ca;
-    texts[CTS_NET_TLS_KEY] = c->net->tls_key;
-    texts[CTS_NET_TLS_CERTIFICATE] = c->net->tls_certificate;
-    texts[CTS_NET_CREDENTIALS] = c->net->credentials;
-    request.peer = *peer;
-    request.timeout_s = c->net->timeout_s;
-    request.move_port = c->net->move_port;
+    request.net = *c->net;
     request.n_outgoing = c->n_outgoing;
     CtsStatus st = start_call(c, err);
-    bool alive = !st && write_request(c, &request, texts);
+    bool alive = !st && write_request(c, &request);
     do {
         alive = alive && await_answer(c, &left_ms);
         st = alive ? use_answer(c, err) : st;
@@ -131,23 +121,23 @@ static CtsStatus run_net_call(NetCall *c, CtsNetRequest request, const CtsPeer *
     return st;
 }
 
-static void program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
-                         CtsAttempt *result)
+void cts_program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
+                      CtsAttempt *result)
 {
-    const char *texts[CTS_N_NET_TEXTS] = {0};
     NetCall c = {.net = net, .outgoing_files = outgoing_files, .n_outgoing = n_outgoing};
-    if (run_net_call(&c, (CtsNetRequest){.task = CTS_NET_SEND}, peer, texts, &result->error) &&
+    if (run_net_call(&c, (CtsNetRequest){.task = CTS_NET_SEND, .peer = *peer}, &result->error) &&
         c.answer.kind == CTS_NET_END)
         *result = c.answer.result;
 }
 
-static CtsStatus program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
+CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
 {
-    const char *texts[CTS_N_NET_TEXTS] = {[CTS_NET_STUDY_UID] = request->study_uid,
-                                          [CTS_NET_SERIES_UID] = request->series_uid,
-                                          [CTS_NET_FOLDER] = request->fetch_folder->folder};
     NetCall c = {.net = net};
-    const CtsStatus st = run_net_call(&c, (CtsNetRequest){.task = CTS_NET_FETCH}, peer, texts, err);
+    const CtsNetRequest asked = {.task = CTS_NET_FETCH,
+                                 .peer = *peer,
+                                 .query = {.study_uid = request->study_uid, .series_uid = request->series_uid},
+                                 .folder = request->fetch_folder->folder};
+    const CtsStatus st = run_net_call(&c, asked, err);
     if (!st && (c.answer.n_files < 0 || c.answer.n_files > CTS_FETCH_MAX_FILES + 1))
         return cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
     request->fetch_folder->n_files = st ? 0 : c.answer.n_files;
@@ -156,14 +146,9 @@ static CtsStatus program_fetch(const CtsPeer *peer, const CtsNet *net, const Cts
     return st;
 }
 
-static CtsStatus program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *q, CtsFound *found,
-                              CtsError *err)
+CtsStatus cts_program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
+                           CtsError *err)
 {
-    const char *texts[CTS_N_NET_TEXTS] = {
-        [CTS_NET_STUDY_UID] = q->study_uid,   [CTS_NET_SERIES_UID] = q->series_uid, [CTS_NET_ACCESSION] = q->accession,
-        [CTS_NET_PATIENT_ID] = q->patient_id, [CTS_NET_STUDY_DATE] = q->study_date, [CTS_NET_MODALITY] = q->modality};
     NetCall c = {.net = net, .found = found};
-    return run_net_call(&c, (CtsNetRequest){.task = CTS_NET_FIND}, peer, texts, err);
+    return run_net_call(&c, (CtsNetRequest){.task = CTS_NET_FIND, .peer = *peer, .query = *query}, err);
 }
-
-const CtsProtocol cts_protocol_program = {program_send, program_fetch, program_find};

@@ -73,8 +73,15 @@ typedef struct CtsProtocol {
 } CtsProtocol;
 
 /* The protocols, which are in the program ctsplat-net alone, since starting their dependencies takes longer than the
- * rest of the program's start; and the library's way to them, for either kind of peer. */
-extern const CtsProtocol cts_protocol_dimse, cts_protocol_web, cts_protocol_program;
+ * rest of the program's start. */
+extern const CtsProtocol cts_protocol_dimse, cts_protocol_web;
+
+/* The library's way to them, for either kind of peer. */
+void cts_program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
+                      CtsAttempt *result);
+CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
+CtsStatus cts_program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
+                           CtsError *err);
 
 /* Replaces 0 and NULL by the defaults of the header. */
 CtsNet cts_net_with_defaults(const CtsNet *net);

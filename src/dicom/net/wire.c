@@ -1,6 +1,7 @@
 #include "dicom/net/wire.h"
 
 #include <errno.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -23,16 +24,40 @@ bool cts_wire_write_text(int socket, const char *text)
     return cts_send_all(socket, &n, sizeof n) && cts_send_all(socket, text, n);
 }
 
-bool cts_wire_read_text(int socket, char **text)
+bool cts_wire_read_text(int socket, const char **text)
 {
     size_t n;
+    char *copy;
     *text = NULL;
     if (!cts_wire_read(socket, &n, sizeof n) || n > MAX_TEXT)
         return false;
     if (n == 0)
         return true;
-    if (!(*text = malloc(n)) || !cts_wire_read(socket, *text, n))
+    if (!(*text = copy = malloc(n)) || !cts_wire_read(socket, copy, n))
         return false;
-    (*text)[n - 1] = 0;
+    copy[n - 1] = 0;
     return true;
+}
+
+#define TEXT(field) offsetof(CtsNetRequest, field)
+static const size_t texts[] = {TEXT(net.own_aet),         TEXT(net.tls_ca),      TEXT(net.tls_key),
+                               TEXT(net.tls_certificate), TEXT(net.credentials), TEXT(query.study_uid),
+                               TEXT(query.series_uid),    TEXT(query.accession), TEXT(query.patient_id),
+                               TEXT(query.study_date),    TEXT(query.modality),  TEXT(folder)};
+enum { N_TEXTS = sizeof texts / sizeof *texts };
+
+bool cts_wire_write_request(int socket, const CtsNetRequest *request)
+{
+    bool good = cts_send_all(socket, request, sizeof *request);
+    for (int i = 0; i < N_TEXTS && good; i++)
+        good = cts_wire_write_text(socket, *(const char *const *)(const void *)((const char *)request + texts[i]));
+    return good;
+}
+
+bool cts_wire_read_request(int socket, CtsNetRequest *request)
+{
+    bool good = cts_wire_read(socket, request, sizeof *request);
+    for (int i = 0; i < N_TEXTS && good; i++)
+        good = cts_wire_read_text(socket, (const char **)(void *)((char *)request + texts[i]));
+    return good;
 }

@@ -7,28 +7,14 @@
 
 typedef enum CtsNetTask { CTS_NET_SEND, CTS_NET_FETCH, CTS_NET_FIND, CTS_N_NET_TASKS } CtsNetTask;
 
-/* Texts of a request; NULL: not given. */
-typedef enum CtsNetText {
-    CTS_NET_OWN_AET,
-    CTS_NET_TLS_CA,
-    CTS_NET_TLS_KEY,
-    CTS_NET_TLS_CERTIFICATE,
-    CTS_NET_CREDENTIALS,
-    CTS_NET_STUDY_UID,
-    CTS_NET_SERIES_UID,
-    CTS_NET_ACCESSION,
-    CTS_NET_PATIENT_ID,
-    CTS_NET_STUDY_DATE,
-    CTS_NET_MODALITY,
-    CTS_NET_FOLDER,
-    CTS_N_NET_TEXTS
-} CtsNetText;
-
-/* Then follow its texts, and for each file the structure and its path. */
+/* One with its texts, of which each may be NULL; for each file to be sent follow the structure and its path. */
 typedef struct CtsNetRequest {
     CtsNetTask task;
     CtsPeer peer;
-    int timeout_s, move_port, n_outgoing;
+    CtsNet net;           /* of which functions and what is no text are each side's own */
+    CtsSeriesQuery query; /* of a fetch its UIDs */
+    const char *folder;   /* of a fetch */
+    int n_outgoing;
 } CtsNetRequest;
 
 typedef enum CtsNetAnswerKind { CTS_NET_SENT, CTS_NET_DIAGNOSTIC, CTS_NET_FOUND, CTS_NET_END } CtsNetAnswerKind;
@@ -46,4 +32,7 @@ typedef struct CtsNetAnswer {
 bool cts_wire_read(int socket, void *bytes, size_t n);
 /* A text, or NULL. The one read is to be freed with free(); false also without memory, and past 64 KiB. */
 bool cts_wire_write_text(int socket, const char *text);
-bool cts_wire_read_text(int socket, char **text);
+bool cts_wire_read_text(int socket, const char **text);
+/* The same for the texts of a request, whose structure comes first. */
+bool cts_wire_write_request(int socket, const CtsNetRequest *request);
+bool cts_wire_read_request(int socket, CtsNetRequest *request);
