@@ -1,5 +1,6 @@
 #include "base/text.h"
 
+#include <ctype.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -70,6 +71,39 @@ bool cts_text_lists(const char *list, const char *word)
         list += length;
     }
     return false;
+}
+
+static const char *after_character(const char *at, const char *end)
+{
+    do
+        at++;
+    while (at < end && (*at & 0xc0) == 0x80);
+    return at;
+}
+
+/* Goes back to the last * where the rest does not match. */
+bool cts_text_matches(const CtsPattern *pattern, const char *text, size_t n)
+{
+    const char *p = pattern->text, *const p_end = p + pattern->n, *const end = text + n, *star = NULL, *retry = NULL;
+    while (text < end) {
+        const unsigned char k = p < p_end ? (unsigned char)*p : 0, v = (unsigned char)*text;
+        const bool is_mark = k == '?' && pattern->has_marks;
+        if (k == '*') {
+            star = ++p;
+            retry = text;
+        } else if (p < p_end && (is_mark || k == v || (pattern->ignores_case && toupper(k) == toupper(v)))) {
+            p++;
+            text = is_mark ? after_character(text, end) : text + 1;
+        } else if (star) {
+            p = star;
+            text = retry = after_character(retry, end);
+        } else {
+            return false;
+        }
+    }
+    while (p < p_end && *p == '*')
+        p++;
+    return p == p_end;
 }
 
 bool cts_uid_is_valid(const char *uid)

@@ -20,6 +20,14 @@ void cts_text_clean(char *text);
 /* True if a list with commas holds the word, in any case of its letters. */
 bool cts_text_lists(const char *list, const char *word);
 
+/* True if a text matches a pattern, in which * stands for any characters and, with has_marks, ? for one. */
+typedef struct CtsPattern {
+    const char *text;
+    size_t n;
+    bool ignores_case, has_marks; /* of ASCII */
+} CtsPattern;
+bool cts_text_matches(const CtsPattern *pattern, const char *text, size_t n);
+
 /* True for a valid UID (PS3.5 9.1), tolerating leading zeros: 1 to 64 digits and single dots between them. */
 bool cts_uid_is_valid(const char *uid);
 

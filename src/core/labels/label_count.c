@@ -1,6 +1,7 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "core/labels/label_set.h"
+#include "core/volume/components.h"
 #include <string.h>
 
 #define AIR_SHARE 0.2 /* of a label that is no air itself */
@@ -142,6 +143,28 @@ static void report_label(const CtsLabelFact *f, CtsReport *report)
                               f->file, 100 * f->air_share, f->number, f->name, (int)CTS_LABEL_AIR_HU);
 }
 
+/* Number of 26-connected parts of a label. */
+static CtsStatus count_parts(CtsLabel *l, const CtsLabelGrid *g, CtsError *err)
+{
+    CtsComponents p = {.dims = {g->columns, g->rows, g->n_slices}, .n_runs = (uint32_t)l->n_runs};
+    const size_t n_rows = (size_t)g->rows * (size_t)g->n_slices;
+    CtsStatus st;
+    uint32_t n = 0;
+    if (l->n_runs > UINT32_MAX)
+        return cts_fail(err, CTS_ERR_MEMORY, "a label of too many pieces");
+    if (!(st = cts_alloc_array(&p.runs, l->n_runs, err)) && !(st = cts_alloc_array(&p.row_start, n_rows + 1, err))) {
+        for (size_t row = 0; row <= n_rows; row++) {
+            p.row_start[row] = n;
+            for (; n < p.n_runs && l->runs[n].row == row; n++)
+                p.runs[n] = (CtsRun){l->runs[n].first, l->runs[n].end, n};
+        }
+        st = cts_components_join(&p, CTS_CONNECTED_BY_CORNERS, err);
+    }
+    l->fact.parts = p.n_parts;
+    cts_components_free(&p);
+    return st;
+}
+
 CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kept, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -153,7 +176,7 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
         CtsLabel *const l = &labels->items[i];
         count_label_voxels(l, &labels->grid);
         l->fact.in_air = l->fact.air_share > AIR_SHARE && !may_hold_air(l);
-        l->fact.parts = cts_label_components(l, &labels->grid, &st, err);
+        st = count_parts(l, &labels->grid, err);
     }
     if (!st && labels->n > 1)
         st = count_overlap(labels, err);

@@ -3,6 +3,7 @@
 #include "base/did_you_mean.h"
 #include "base/json.h"
 #include "base/mem.h"
+#include "base/text.h"
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,27 +39,9 @@ static Item item_of(const char *text, size_t length)
     return item;
 }
 
-/* Wildcard match: * stands for any characters; on a mismatch the last * takes one character more. */
 static bool is_called(const char *name, const char *pattern, size_t length)
 {
-    const char *const end = pattern + length, *star = NULL, *taken = NULL;
-    while (*name) {
-        if (pattern < end && *pattern == '*') {
-            star = ++pattern;
-            taken = name;
-        } else if (pattern < end && tolower((unsigned char)*name) == tolower((unsigned char)*pattern)) {
-            name++;
-            pattern++;
-        } else if (star) {
-            pattern = star;
-            name = ++taken;
-        } else {
-            return false;
-        }
-    }
-    while (pattern < end && *pattern == '*')
-        pattern++;
-    return pattern == end;
+    return cts_text_matches(&(CtsPattern){.text = pattern, .n = length, .ignores_case = true}, name, strlen(name));
 }
 
 static bool is_word(const Item *item, const char *word)

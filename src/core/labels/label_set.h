@@ -36,8 +36,6 @@ void cts_label_sort_runs(CtsLabel *label);
 size_t cts_label_find_row(const CtsLabel *label, uint32_t row);
 size_t cts_label_find_share(const CtsLabel *label, uint32_t row);
 
-/* Steps of counting that are files of their own. */
-uint64_t cts_label_components(const CtsLabel *label, const CtsLabelGrid *grid, CtsStatus *status, CtsError *err);
 void cts_label_take_sums(CtsLabel *label, const int *slice_number, int n_kept);
 void cts_label_sums_free(CtsLabel *label);
 /* Of labels that are counted: adds the finding label_mirrored. */

@@ -49,35 +49,11 @@ static bool is_comparable(TextSpan s)
     return true;
 }
 
-static const char *after_character(const char *at, const char *end)
-{
-    do
-        at++;
-    while (at < end && (*at & 0xc0) == 0x80);
-    return at;
-}
-
-/* With * for any characters and ? for one (PS3.4 C.2.2.2.4): goes back to the last * where the rest does not match. */
+/* With * for any characters and ? for one (PS3.4 C.2.2.2.4). */
 static bool matches_text(TextSpan key, TextSpan value, bool ignores_case)
 {
-    const char *star = NULL, *retry = NULL;
-    while (value.at < value.end) {
-        const int k = key.at < key.end ? *key.at : 0, v = *value.at;
-        if (k == '*') {
-            star = ++key.at;
-            retry = value.at;
-        } else if (k == '?' || k == v || (ignores_case && toupper(k) == toupper(v))) {
-            key.at++;
-            value.at = k == '?' ? after_character(value.at, value.end) : value.at + 1;
-        } else if (star) {
-            key.at = star;
-            value.at = retry = after_character(retry, value.end);
-        } else
-            return false;
-    }
-    while (key.at < key.end && *key.at == '*')
-        key.at++;
-    return key.at == key.end;
+    const CtsPattern pattern = {key.at, (size_t)(key.end - key.at), ignores_case, true};
+    return cts_text_matches(&pattern, value.at, (size_t)(value.end - value.at));
 }
 
 /* A date of eight digits, of older devices with dots between them (PS3.5 6.2); -1 where s begins otherwise. */

@@ -55,8 +55,7 @@ typedef struct Seg {
     uint16_t *values, *shares; /* of one frame, shares where it is FRACTIONAL; and its bytes: */
     uint8_t *bytes;
     CtsSandbox decoder;
-    int first_plane;   /* the frames of a mask that is placed */
-    const int *planes; /* indices of the planes; NULL: consecutive ones from first_plane on */
+    const int *planes; /* of the frames of a mask that is placed: which each is; NULL: all frames */
     bool has_unlisted_values;
     bool crops;      /* a volume, in a presentation state */
     double held_mm3; /* by labels, in the file */
