@@ -95,31 +95,6 @@ bool cts_bits_any(const CtsBits *bits)
     return w < n;
 }
 
-/* Words that are tested together, without a branch for each, so that compilers use vectors. */
-enum { TOGETHER = 32 };
-
-static bool is_any_set(const uint64_t *words)
-{
-    uint64_t any = 0;
-    for (size_t w = 0; w < TOGETHER; w++)
-        any |= words[w];
-    return any;
-}
-
-CtsBitRows cts_bits_set_rows(const uint64_t *slice, size_t row_words, size_t n_rows)
-{
-    size_t first = 0, end = row_words * n_rows;
-    while (first + TOGETHER <= end && !is_any_set(slice + first))
-        first += TOGETHER;
-    while (first < end && !slice[first])
-        first++;
-    while (first + TOGETHER <= end && !is_any_set(slice + end - TOGETHER))
-        end -= TOGETHER;
-    while (first < end && !slice[end - 1])
-        end--;
-    return first < end ? (CtsBitRows){(int)(first / row_words), (int)((end - 1) / row_words) + 1} : (CtsBitRows){0, 0};
-}
-
 uint64_t cts_bits_count(const CtsBits *bits)
 {
     uint64_t count = 0;

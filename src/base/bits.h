@@ -38,27 +38,6 @@ static inline CtsBits cts_bits_slice(const CtsBits *bits, int k)
     return (CtsBits){{bits->dims[0], bits->dims[1], 1}, bits->row_words, cts_bits_row(bits, 0, k)};
 }
 
-/* Rows first <= j < end of a slice. */
-typedef struct CtsBitRows {
-    int first, end;
-} CtsBitRows;
-
-/* The rows within a margin of these, in a slice of ny rows; around no rows are none. */
-static inline CtsBitRows cts_bits_rows_around(CtsBitRows rows, int margin, int ny)
-{
-    if (rows.end > 0) {
-        rows.first = rows.first > margin ? rows.first - margin : 0;
-        rows.end = rows.end < ny - margin ? rows.end + margin : ny;
-    }
-    return rows;
-}
-
-/* These rows of a slice of one, as bits of its own, sharing the words. */
-static inline CtsBits cts_bits_band(const CtsBits *slice, CtsBitRows rows)
-{
-    return (CtsBits){{slice->dims[0], rows.end - rows.first, 1}, slice->row_words, cts_bits_row(slice, rows.first, 0)};
-}
-
 static inline bool cts_bits_get(const CtsBits *bits, int i, int j, int k)
 {
     return cts_bits_row(bits, j, k)[i >> 6] >> (i & 63) & 1;
@@ -106,8 +85,6 @@ typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_N
 /* a = a op b, word by word; CTS_BITS_NOT uses b alone. */
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
 bool cts_bits_any(const CtsBits *bits);
-/* From the first to the last row of a slice with a set bit; end is 0 where there is none. */
-CtsBitRows cts_bits_set_rows(const uint64_t *slice, size_t row_words, size_t n_rows);
 uint64_t cts_bits_count(const CtsBits *bits);
 /* Number of bits set in both, which have the same dimensions. */
 uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads);

@@ -90,8 +90,8 @@ static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
                          cts_bits_new(&open, dims, &err) || cts_bits_new(&narrow, dims, &err) ||
                          cts_bits_new(&thin, dims, &err) || cts_morphology_new(&m, &in, &err),
                      CTS_OK);
-    const CtsBitRows filled = seed % 2 ? (CtsBitRows){0, ny} : (CtsBitRows){ny / 3, ny / 3 + (ny + 1) / 2};
-    for (int j = filled.first; j < filled.end; j++)
+    const int first = seed % 2 ? 0 : ny / 3, end = seed % 2 ? ny : ny / 3 + (ny + 1) / 2;
+    for (int j = first; j < end; j++)
         for (int i = 0; i < nx; i++)
             if (random_next(&seed) % 40 && (i / 7 + j / 5) % 3)
                 cts_bits_set(&in, i, j, 0);
@@ -110,35 +110,10 @@ static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
             assert_int_equal(cts_bits_get(&thin, i, j, 0),
                              cts_bits_get(&in, i, j, 0) && !reached(&open, (CtsReach){.diamond = 1}, i, j, true));
         }
-    const CtsBitRows some = {ny / 4, ny / 2};
-    cts_thin_rows(&m, in.words, reach, some, wide.words);
-    for (int j = some.first; j < some.end; j++)
-        assert_memory_equal(cts_bits_row(&wide, j, 0), cts_bits_row(&thin, j, 0), in.row_words * sizeof *in.words);
     CtsBits *all[] = {&in, &wide, &open, &narrow, &thin};
     for (int n = 0; n < 5; n++)
         cts_bits_free(all[n]);
     cts_morphology_free(&m);
-}
-
-/* The rows that hold two voxels, from the first of them to the last. */
-static void test_set_rows(void **state)
-{
-    const int dims[3] = {200, 50, 1};
-    CtsBits bits;
-    assert_int_equal(cts_bits_new(&bits, dims, NULL), CTS_OK);
-    CtsBitRows rows = cts_bits_set_rows(bits.words, bits.row_words, 50);
-    assert_true(rows.first == 0 && rows.end == 0);
-    for (int a = 0; a < 50; a++)
-        for (int b = a; b < 50; b++) {
-            memset(bits.words, 0, cts_bits_n_words(&bits) * sizeof *bits.words);
-            cts_bits_set(&bits, a * 37 % 200, a, 0);
-            cts_bits_set(&bits, b * 53 % 200, b, 0);
-            rows = cts_bits_set_rows(bits.words, bits.row_words, 50);
-            assert_true(rows.first == a && rows.end == b + 1);
-            rows = cts_bits_rows_around(rows, 7, 50);
-            assert_true(rows.first == (a < 7 ? 0 : a - 7) && rows.end == (b > 42 ? 50 : b + 8));
-        }
-    cts_bits_free(&bits);
 }
 
 /* Some voxels far apart, made wider by up to more than a row of words: by the octagon's formula. */
@@ -197,7 +172,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_threshold),
-        cmocka_unit_test(test_set_rows),
         cmocka_unit_test(test_morphology),
         cmocka_unit_test(test_far_reach),
     };

@@ -25,7 +25,7 @@ enum { MARGIN = 32, EMPTY = MARGIN };
 
 CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)
 {
-    *m = (CtsMorphology){.row_words = like->row_words, .ny = like->dims[1]};
+    *m = (CtsMorphology){.row_words = like->row_words, .ny = (size_t)like->dims[1]};
     m->n_words = like->row_words * (size_t)like->dims[1];
     m->last_word = cts_bits_mask(like, like->row_words - 1);
     /* At least one word between two rows: half of it is margin of one, half of the other. */
@@ -67,28 +67,14 @@ static void copy_rows(uint64_t *to, size_t to_stride, const uint64_t *from, size
             memcpy(to + j * to_stride, from + j * from_stride, words * sizeof *to);
 }
 
-/* Behind the rows, a longer copy may have left bits. */
-static void read_section(CtsMorphology *m, const uint64_t *in, CtsBitRows rows)
+static void read_section(CtsMorphology *m, const uint64_t *in)
 {
-    m->n_rows = (size_t)(rows.end - rows.first);
-    copy_rows(m->a, m->stride, in + (size_t)rows.first * m->row_words, m->row_words, m->n_rows);
-    for (int copy = 0; copy < 2; copy++)
-        memset((copy ? m->b : m->a) + m->n_rows * m->stride, 0, (MARGIN + EMPTY) * m->stride * sizeof *m->a);
+    copy_rows(m->a, m->stride, in, m->row_words, m->ny);
 }
 
-/* Other rows of the section become 0. */
-static void write_section(const CtsMorphology *m, uint64_t *out, CtsBitRows rows)
+static void write_section(const CtsMorphology *m, uint64_t *out)
 {
-    const size_t first = (size_t)rows.first * m->row_words, end = (size_t)rows.end * m->row_words;
-    memset(out, 0, first * sizeof *out);
-    copy_rows(out + first, m->row_words, m->a, m->stride, m->n_rows);
-    memset(out + end, 0, (m->n_words - end) * sizeof *out);
-}
-
-/* The rows that have bits, and `margin` rows on either side. */
-static CtsBitRows rows_with_bits(const CtsMorphology *m, const uint64_t *in, int margin)
-{
-    return cts_bits_rows_around(cts_bits_set_rows(in, m->row_words, (size_t)m->ny), margin, m->ny);
+    copy_rows(out, m->row_words, m->a, m->stride, m->ny);
 }
 
 typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
@@ -122,7 +108,7 @@ CTS_CPU_VARIANTS(void, dilate_far_words,
 static void dilate_far(CtsMorphology *m, Way way, int n, int reach)
 {
     const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
-    const size_t n_words = m->stride * (m->n_rows + 2 * (size_t)reach);
+    const size_t n_words = m->stride * (m->ny + 2 * (size_t)reach);
     CTS_CPU_CHOICE(cts_cpu_flags(), dilate_far_words)(way, m->a + from, m->b + from, n_words, n, n * row);
     uint64_t *const t = m->a;
     m->a = m->b;
@@ -132,7 +118,7 @@ static void dilate_far(CtsMorphology *m, Way way, int n, int reach)
 /* Clears voxels outside the section in both copies, where `rows` rows on either side may be set. */
 static void clear_outside(CtsMorphology *m, int rows)
 {
-    const size_t margin = (size_t)rows * m->stride, n = m->stride * m->n_rows;
+    const size_t margin = (size_t)rows * m->stride, n = m->stride * m->ny;
     for (int copy = 0; copy < 2 && rows; copy++) {
         uint64_t *const words = copy ? m->b : m->a;
         memset(words - margin - 1, 0, (margin + 1) * sizeof *words);
@@ -179,8 +165,6 @@ static void grow_line(CtsMorphology *m, Way way, int steps)
 
 static void dilate(CtsMorphology *m, CtsReach reach)
 {
-    if (!m->n_rows)
-        return;
     grow_diamond(m, reach.diamond);
     grow_line(m, ALONG, reach.box[0]);
     grow_line(m, ACROSS, reach.box[1]);
@@ -188,23 +172,21 @@ static void dilate(CtsMorphology *m, CtsReach reach)
 
 static void invert(CtsMorphology *m)
 {
-    for (size_t w = 0; w < m->stride * m->n_rows; w++)
+    for (size_t w = 0; w < m->stride * m->ny; w++)
         m->a[w] = ~m->a[w];
     clear_outside(m, 0);
 }
 
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    const CtsBitRows rows = rows_with_bits(m, in, reach.diamond + reach.box[1]);
-    read_section(m, in, rows);
+    read_section(m, in);
     dilate(m, reach);
-    write_section(m, out, rows);
+    write_section(m, out);
 }
 
-/* Outside the rows, the voxels at their border are continued, as outside the section. */
-static void opened(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitRows rows)
+static void opened(CtsMorphology *m, const uint64_t *in, CtsReach reach)
 {
-    read_section(m, in, rows);
+    read_section(m, in);
     invert(m);
     dilate(m, reach);
     invert(m);
@@ -213,31 +195,19 @@ static void opened(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitR
 
 void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    const CtsBitRows rows = rows_with_bits(m, in, 1); /* beside an empty row nothing is continued */
-    opened(m, in, reach, rows);
-    write_section(m, out, rows);
-}
-
-void cts_thin_rows(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitRows rows, uint64_t *out)
-{
-    /* Voxels further away than both steps of the opening and a voxel do not matter. */
-    const CtsBitRows near = cts_bits_rows_around(rows, 2 * (reach.diamond + reach.box[1]) + 1, m->ny);
-    const CtsBitRows set = rows_with_bits(m, in, 1);
-    CtsBitRows band = {set.first > near.first ? set.first : near.first, set.end < near.end ? set.end : near.end};
-    if (band.first >= band.end)
-        band = (CtsBitRows){0, 0};
-    opened(m, in, reach, band);
-    dilate(m, ONE);
-    invert(m);
-    for (size_t j = 0; j < m->n_rows; j++)
-        for (size_t w = 0; w < m->row_words; w++)
-            m->a[j * m->stride + w] &= in[((size_t)band.first + j) * m->row_words + w];
-    write_section(m, out, band);
+    opened(m, in, reach);
+    write_section(m, out);
 }
 
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    cts_thin_rows(m, in, reach, (CtsBitRows){0, m->ny}, out);
+    opened(m, in, reach);
+    dilate(m, ONE);
+    invert(m);
+    for (size_t j = 0; j < m->ny; j++)
+        for (size_t w = 0; w < m->row_words; w++)
+            m->a[j * m->stride + w] &= in[j * m->row_words + w];
+    write_section(m, out);
 }
 
 typedef struct Sections {

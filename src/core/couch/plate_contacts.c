@@ -13,7 +13,6 @@ typedef struct Face {
     const CtsBits *always, *ever;
     CtsBits *plates;
     int axis, side, way;
-    int *row_end; /* no plate lies in this row or behind it */
 } Face;
 
 static bool get(const Face *f, const CtsBits *bits, int along, int across)
@@ -77,9 +76,8 @@ static int depth(const Face *f, int along, int across, int n_most)
 static void set_strip(const Face *f, int along, int across, int thick)
 {
     for (int n = 0; n < depth(f, along, across, thick); n++) {
-        const int c = across - n * f->side, row = f->axis ? along : c;
-        cts_bits_set(f->plates, f->axis ? c : along, row, 0);
-        *f->row_end = row < *f->row_end ? *f->row_end : row + 1;
+        const int c = across - n * f->side;
+        cts_bits_set(f->plates, f->axis ? c : along, f->axis ? along : c, 0);
     }
 }
 
@@ -161,15 +159,14 @@ static uint64_t ends_of(const CtsBits *always, const CtsBits *plates, int axis, 
 /* Starts from all ends of plates that continue into other voxels. */
 static void add_from_ends(const CtsBits *always, const CtsBits *ever, CtsBits *plates, int axis, int way)
 {
-    CtsBitRows rows = cts_bits_set_rows(plates->words, plates->row_words, (size_t)plates->dims[1]);
-    for (int j = rows.first; j < rows.end; j++) {
+    for (int j = 0; j < plates->dims[1]; j++) {
         const uint64_t *const row = cts_bits_row(plates, j, 0);
         for (int w = 0; w < (int)plates->row_words; w++) {
             uint64_t ends = row[w] ? ends_of(always, plates, axis, way, j, w) : 0;
             for (; ends; ends &= ends - 1) {
                 const int i = 64 * w + __builtin_ctzll(ends), along = axis ? j : i, across = axis ? i : j;
                 for (int side = -1; side <= 1; side += 2) {
-                    const Face f = {always, ever, plates, axis, side, way, &rows.end};
+                    const Face f = {always, ever, plates, axis, side, way};
                     int at = across;
                     while (at != across + WAVER * side && get(&f, always, along, at + side))
                         at += side;

@@ -67,8 +67,6 @@ typedef struct Search {
     Windows windows, shorter;
     CtsBits plates, doubtful; /* by window */
     CtsBits followed;         /* by shorter window */
-    /* the rows with set bits, of each of the three */
-    CtsBitRows *plate_rows, *doubtful_rows, *followed_rows;
     CtsReach reach, doubt_reach;
     ScanWords scan;
     double least_voxels, sure_voxels;
@@ -131,38 +129,21 @@ static void scan_window_columns(const Search *s, Window window, Worker *w)
         }
 }
 
-/* These rows of section a become a op b. */
-static void combine_rows(CtsBits *a, CtsBitsOp op, const CtsBits *b, CtsBitRows rows)
-{
-    CtsBits some = cts_bits_band(a, rows);
-    const CtsBits same = cts_bits_band(b, rows);
-    cts_bits_combine(&some, op, &same);
-}
-
-static CtsBitRows section_rows(const CtsBits *section)
-{
-    return cts_bits_set_rows(section->words, section->row_words, (size_t)section->dims[1]);
-}
-
 /* Chooses the static voxels of the thin parts that are static. */
 static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
 {
-    const CtsBitRows rows = section_rows(&w->thin);
-    const CtsBits thin = cts_bits_band(&w->thin, rows), always = cts_bits_band(&w->always, rows);
-    CtsBits to = cts_bits_band(chosen_parts, rows);
     uint64_t *count = NULL;
     uint8_t *chosen = NULL;
     CtsComponents *const p = &w->parts;
     CtsStatus st;
-    memset(chosen_parts->words, 0, cts_bits_n_words(chosen_parts) * sizeof *chosen_parts->words);
-    if ((st = cts_components_find(p, &thin, CTS_CONNECTED_IN_SLICE, err)) ||
-        (st = cts_components_count_in(p, &always, &count, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
+    if ((st = cts_components_find(p, &w->thin, CTS_CONNECTED_IN_SLICE, err)) ||
+        (st = cts_components_count_in(p, &w->always, &count, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)
         chosen[n] = (double)count[n] >= s->sure_voxels ||
                     ((double)count[n] >= s->least_voxels && 2 * count[n] >= p->parts[n].n_voxels);
-    cts_components_paint(p, chosen, &to);
-    cts_bits_combine(&to, CTS_BITS_AND, &always);
+    cts_components_paint(p, chosen, chosen_parts);
+    cts_bits_combine(chosen_parts, CTS_BITS_AND, &w->always);
 end:
     cts_free(&count);
     cts_free(&chosen);
@@ -180,12 +161,8 @@ static CtsStatus find_plates_in_window(const Search *s, int n, Worker *w, CtsErr
     if ((st = choose_parts(s, w, &plates, err)))
         return st;
     cts_plate_contacts_add(&w->always, &w->ever, &plates);
-    s->plate_rows[n] = section_rows(&plates);
     cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
-    if ((st = choose_parts(s, w, &doubtful, err)))
-        return st;
-    s->doubtful_rows[n] = section_rows(&doubtful);
-    return CTS_OK;
+    return choose_parts(s, w, &doubtful, err);
 }
 
 /* The end of an obliquely cut plate moves, so that it ends before the contact; in a shorter window more of it is
@@ -200,22 +177,18 @@ static void follow_plates(const Search *s, int n, Worker *w)
         const Window longer = window_at(&s->windows, l);
         const CtsBits plates = cts_bits_slice(&s->plates, l);
         if (longer.first <= window.first && longer.end >= window.end)
-            combine_rows(&followed, CTS_BITS_OR, &plates, s->plate_rows[l]);
+            cts_bits_combine(&followed, CTS_BITS_OR, &plates);
     }
-    const CtsBitRows plate_rows = section_rows(&followed);
-    s->followed_rows[n] = plate_rows;
-    if (!plate_rows.end)
+    if (!cts_bits_any(&followed))
         return;
-    const CtsBitRows rows = cts_bits_rows_around(plate_rows, waver.diamond + waver.box[1], followed.dims[1]);
     scan_window_columns(s, window, w);
     /* In the longer window the plate wavered: extend it to its faces in this one. */
-    cts_thin_rows(w->morphology, w->ever.words, s->reach, rows, w->thin.words);
-    combine_rows(&w->thin, CTS_BITS_OR, &followed, plate_rows);
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
     cts_dilate_section(w->morphology, followed.words, waver, followed.words);
-    combine_rows(&followed, CTS_BITS_AND, &w->thin, rows);
-    combine_rows(&followed, CTS_BITS_AND, &w->always, rows);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
     cts_plate_contacts_add(&w->always, &w->ever, &followed);
-    s->followed_rows[n] = section_rows(&followed);
 }
 
 typedef struct WindowSearch {
@@ -240,13 +213,13 @@ static void follow_in_windows(void *context, int worker, size_t first, size_t en
 }
 
 /* Section k gets the union of the results of its windows. */
-static void gather(const Windows *windows, const CtsBits *found, const CtsBitRows *rows, int k, CtsBits *section)
+static void gather(const Windows *windows, const CtsBits *found, int k, CtsBits *section)
 {
     for (int n = 0; n < windows->n; n++) {
         const Window window = window_at(windows, n);
         const CtsBits from = cts_bits_slice(found, n);
         if (window.first <= k && k < window.end)
-            combine_rows(section, CTS_BITS_OR, &from, rows[n]);
+            cts_bits_combine(section, CTS_BITS_OR, &from);
     }
 }
 
@@ -259,9 +232,9 @@ static void gather_sections(void *context, int worker, size_t first, size_t end)
         CtsBits plates = cts_bits_slice(&s->found->plates, k), doubtful = cts_bits_slice(&s->found->doubtful, k);
         memset(plates.words, 0, cts_bits_n_words(&plates) * sizeof *plates.words);
         memset(doubtful.words, 0, cts_bits_n_words(&doubtful) * sizeof *doubtful.words);
-        gather(&s->windows, &s->plates, s->plate_rows, k, &plates);
-        gather(&s->shorter, &s->followed, s->followed_rows, k, &plates);
-        gather(&s->windows, &s->doubtful, s->doubtful_rows, k, &doubtful);
+        gather(&s->windows, &s->plates, k, &plates);
+        gather(&s->shorter, &s->followed, k, &plates);
+        gather(&s->windows, &s->doubtful, k, &doubtful);
         cts_bits_combine(&plates, CTS_BITS_AND, &section);
         cts_bits_combine(&doubtful, CTS_BITS_AND, &section);
     }
@@ -315,19 +288,13 @@ CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, C
         !(st = cts_bits_new_unset(&plates_found->doubtful, plan->dims, err)) &&
         !(st = cts_bits_new_unset(&s.plates, by_window, err)) &&
         !(st = cts_bits_new_unset(&s.doubtful, by_window, err)) &&
-        !(st = cts_bits_new_unset(&s.followed, by_shorter, err)) &&
-        !(st = cts_alloc_zeroed(&s.plate_rows, (size_t)s.windows.n, err)) &&
-        !(st = cts_alloc_zeroed(&s.doubtful_rows, (size_t)s.windows.n, err)) &&
-        !(st = cts_alloc_zeroed(&s.followed_rows, (size_t)s.shorter.n, err))) {
+        !(st = cts_bits_new_unset(&s.followed, by_shorter, err))) {
         s.wide = plates_found->doubtful;
         st = search_plates(&s, workers, n_threads, err);
     }
     cts_bits_free(&s.plates);
     cts_bits_free(&s.doubtful);
     cts_bits_free(&s.followed);
-    cts_free(&s.plate_rows);
-    cts_free(&s.doubtful_rows);
-    cts_free(&s.followed_rows);
     return st;
 }
 

@@ -46,11 +46,9 @@ CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2]);
 
 /* Scratch for sections of one size, of one thread. */
 typedef struct CtsMorphology {
-    size_t row_words, n_words;
-    int ny;
-    uint64_t last_word; /* mask of a row's last word inside the section */
-    /* of the two copies a and b, with margins: rows that the present call needs, words from row to row, and in total */
-    size_t n_rows, stride, n_copy;
+    size_t row_words, ny, n_words;
+    uint64_t last_word;    /* mask of a row's last word inside the section */
+    size_t stride, n_copy; /* of the two copies a and b, with margins: words from row to row, and in total */
     uint64_t *buffer, *a, *b;
 } CtsMorphology;
 
@@ -60,15 +58,13 @@ void cts_morphology_free(CtsMorphology *m);
 CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
 void cts_morphologies_free(CtsMorphology **workers, int n_threads);
 
-/* Sections of n_words words; in and out may be the same. Empty rows cost little. Outside the section all voxels are 0
+/* Sections of n_words words; in and out may be the same. Outside the section all voxels are 0
  * for dilation; for opening the border voxels are continued, like a patient cut off by the field of view. */
 typedef void (*cts_section_fn)(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 /* The parts that an opening removes: the section without its opening dilated by a voxel. */
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
-/* The same for these rows only; out has no others. */
-void cts_thin_rows(CtsMorphology *m, const uint64_t *in, CtsReach reach, CtsBitRows rows, uint64_t *out);
 /* One of these functions applied to all sections, which may be changed in place. */
 void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
                       CtsBits *out);
