@@ -5,7 +5,6 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "core/model/macrocells.h"
 #include "core/model/voxel_labels.h"
 #include "core/scene/openness_beams.h"
 #include <limits.h>
@@ -47,11 +46,8 @@ typedef struct Making {
     CtsOpenness *open;
     const CtsVolume *volume, *shown;
     const CtsVoxelLabels *voxel_labels;
-    const CtsMacrocells *macrocells; /* of shown; NULL: unknown */
-    uint16_t *extinction;            /* by appearance and grey level, in EXTINCTION_UNIT */
-    uint32_t *visible_below; /* by grey level: lower ones that have an extinction; NULL where appearances differ */
-    uint8_t *visible_cell;   /* by fine macro-cell: 1 where a voxel may have an extinction; NULL: unknown */
-    uint32_t *row_sums;      /* by worker and voxel of a row of blocks: sum of extinctions over the block's rows */
+    uint16_t *extinction; /* by appearance and grey level, in EXTINCTION_UNIT */
+    uint32_t *row_sums;   /* by worker and voxel of a row of blocks: sum of extinctions over the block's rows */
     Axis axis[N_AXES];
     int n_lengths;
     double length_mm[N_AXES];
@@ -154,13 +150,6 @@ static CtsStatus fill_tables(Making *m, const CtsPreset *preset, CtsError *err)
             cts_appearance_preset(&o->appearances[l], preset, &own);
         fill_extinction(m->extinction + (size_t)l * N_LEVELS, &own, m->volume);
     }
-    if (!cts_voxel_labels_coloured(o)) {
-        if ((st = cts_alloc_array(&m->visible_below, N_LEVELS + 1, err)))
-            return st;
-        m->visible_below[0] = 0;
-        for (int g = 0; g < N_LEVELS; g++)
-            m->visible_below[g + 1] = m->visible_below[g] + (m->extinction[CTS_APPEARANCE_PRESET * N_LEVELS + g] > 0);
-    }
     for (int i = 0; i < m->n_lengths; i++) {
         if ((st = cts_alloc_zeroed(&m->passed[i], N_LEVELS, err)))
             return st;
@@ -174,21 +163,8 @@ static CtsStatus fill_tables(Making *m, const CtsPreset *preset, CtsError *err)
     return CTS_OK;
 }
 
-/* Rows of fine macro-cells. */
-static void find_visible_cells(void *context, int worker, size_t first, size_t end)
-{
-    const Making *const m = context;
-    const size_t n = (size_t)m->macrocells->n_fine[0];
-    const CtsRange *const range = m->macrocells->fine;
-    const uint32_t *const visible_below = m->visible_below;
-    uint8_t *const visible_cell = m->visible_cell;
-    (void)worker;
-    for (size_t c = first * n; c < end * n; c++)
-        visible_cell[c] = visible_below[range[c].high + 1] > visible_below[range[c].low];
-}
-
-/* Adds the extinctions of voxels begin to end - 1 of each row of a box of voxels. */
-static void sum_voxels(const Making *m, const int low[3], const int high[3], size_t begin, size_t end, uint32_t *sums)
+/* Adds the extinctions of the voxels of each row of a box of voxels. */
+static void sum_voxels(const Making *m, const int low[3], const int high[3], uint32_t *sums)
 {
     enum { CACHE_LINE = 64 / sizeof(uint16_t) };
     const uint16_t *const extinction = m->extinction + (size_t)CTS_APPEARANCE_PRESET * N_LEVELS;
@@ -197,32 +173,11 @@ static void sum_voxels(const Making *m, const int low[3], const int high[3], siz
     for (int k = low[2]; k < high[2]; k++)
         for (int j = low[1]; j < high[1]; j++) {
             const uint16_t *const row = m->shown->grey + ((size_t)k * ny + (size_t)j) * nx;
-            for (size_t i = begin; i < end; i += CACHE_LINE)
+            for (size_t i = 0; i < nx; i += CACHE_LINE)
                 __builtin_prefetch(row + ahead + i);
-            for (size_t i = begin; i < end; i++)
+            for (size_t i = 0; i < nx; i++)
                 sums[i] += extinction[row[i]];
         }
-}
-
-/* The same for those in visible macro-cells, of a box in one row of them; false where there are none. A macro-cell
- * contains the voxels of its lower faces, and those at the volume's last face. */
-static bool sum_visible_voxels(const Making *m, const int low[3], const int high[3], uint32_t *sums)
-{
-    const int *const n = m->macrocells->n_fine;
-    int at[3];
-    for (int a = 1; a < 3; a++)
-        at[a] = low[a] / CTS_FINE_MACROCELL < n[a] ? low[a] / CTS_FINE_MACROCELL : n[a] - 1;
-    const uint8_t *const cells = m->visible_cell + ((size_t)at[2] * (size_t)n[1] + (size_t)at[1]) * (size_t)n[0];
-    const uint8_t *const last = cells + n[0], *begin = cells, *end;
-    bool any = false;
-    for (; (begin = memchr(begin, 1, (size_t)(last - begin))); begin = end) {
-        end = memchr(begin, 0, (size_t)(last - begin));
-        sum_voxels(m, low, high, (size_t)(begin - cells) * CTS_FINE_MACROCELL,
-                   end ? (size_t)(end - cells) * CTS_FINE_MACROCELL : (size_t)m->volume->dims[0], sums);
-        end = end ? end : last;
-        any = true;
-    }
-    return any;
 }
 
 /* The same, each voxel of rows by its own appearance. */
@@ -236,31 +191,6 @@ static void sum_labelled_voxels(const Making *m, const int low[3], const int hig
                 const uint16_t g = m->volume->grey[((size_t)k * (size_t)d[1] + (size_t)j) * (size_t)d[0] + (size_t)i];
                 sums[i] += m->extinction[(size_t)appearance * N_LEVELS + g];
             }
-}
-
-static int next_cell(int at, int end)
-{
-    const int next = (at / CTS_FINE_MACROCELL + 1) * CTS_FINE_MACROCELL;
-    return next < end ? next : end;
-}
-
-/* Sums of extinctions of the voxels of a row of blocks over y and z; false where all are 0. */
-static bool sum_rows(const Making *m, const int low[3], const int high[3], uint32_t *sums)
-{
-    int from[3], to[3];
-    bool any = !m->visible_cell;
-    if (!m->visible_below)
-        sum_labelled_voxels(m, low, high, sums);
-    else if (!m->visible_cell)
-        sum_voxels(m, low, high, 0, (size_t)high[0], sums);
-    for (from[2] = low[2]; from[2] < high[2] && m->visible_cell; from[2] = to[2]) {
-        to[2] = next_cell(from[2], high[2]);
-        for (from[1] = low[1]; from[1] < high[1]; from[1] = to[1]) {
-            to[1] = next_cell(from[1], high[1]);
-            any = sum_visible_voxels(m, from, to, sums) || any;
-        }
-    }
-    return any;
 }
 
 /* n_area: voxels that each of the sums has. */
@@ -302,8 +232,10 @@ static void fill_rows(void *context, int worker, size_t first, size_t end)
         uint16_t *const means = m->means + r * (size_t)n[0];
         memset(sums, 0, n_sums * sizeof *sums);
         m->absorbing[r] = 0;
-        if (!sum_rows(m, low, high, sums + air[0]))
-            continue;
+        if (cts_voxel_labels_coloured(m->voxel_labels))
+            sum_labelled_voxels(m, low, high, sums + air[0]);
+        else
+            sum_voxels(m, low, high, sums + air[0]);
         for (int i = 0, bit = 0; i < n[0]; i += m->per_bit, bit++) {
             const int n_blocks = m->per_bit < n[0] - i ? m->per_bit : n[0] - i;
             const uint32_t *const from = sums + i * size[0];
@@ -468,10 +400,7 @@ static CtsStatus alloc(Making *m, int n_threads, CtsError *err)
     m->sums = (uint16_t *)m->open->square;
     m->means = m->sums + n_blocks;
     m->openness = (uint8_t *)(m->open->square + OPENNESS_LANES) + 3 * n_blocks;
-    if (!m->macrocells || !m->visible_below)
-        return CTS_OK;
-    const int *const n_cells = m->macrocells->n_fine;
-    return cts_alloc_array(&m->visible_cell, (size_t)n_cells[0] * (size_t)n_cells[1] * (size_t)n_cells[2], err);
+    return CTS_OK;
 }
 
 static CtsStatus make_openness_field(Making *m, const CtsPreset *preset, int n_threads, CtsError *err)
@@ -482,9 +411,6 @@ static CtsStatus make_openness_field(Making *m, const CtsPreset *preset, int n_t
     find_light_axes(m);
     if ((st = fill_tables(m, preset, err)) || (st = alloc(m, n_threads, err)))
         return st;
-    if (m->visible_cell)
-        cts_parallel(n_threads, (size_t)m->macrocells->n_fine[1] * (size_t)m->macrocells->n_fine[2], 0,
-                     find_visible_cells, m);
     cts_parallel(n_threads, n_rows, 0, fill_rows, m);
     for (m->bundle = 0; m->bundle < N_BUNDLES; m->bundle++)
         cts_parallel(n_threads, (size_t)n_lines(m), 1, follow_lines, m);
@@ -506,19 +432,15 @@ CtsStatus cts_openness_new(CtsOpenness **openness, const CtsModel *model, const 
     CtsStatus st = cts_alloc_zeroed(openness, 1, err);
     if (st)
         return st;
-    const CtsModel *const shown = cts_model_shown(model);
     Making m = {.open = *openness,
                 .volume = model->volume,
                 .voxel_labels = model->voxel_labels,
-                .shown = shown->volume,
-                .macrocells = shown->macrocells};
+                .shown = cts_model_shown(model)->volume};
     size_blocks(m.open, model->volume);
     st = make_openness_field(&m, preset, n_threads, err);
     cts_free(&m.extinction);
-    cts_free(&m.visible_below);
     for (int l = 0; l < N_AXES; l++)
         cts_free(&m.passed[l]);
-    cts_free(&m.visible_cell);
     cts_free(&m.row_sums);
     cts_free(&m.shared_sum);
     cts_free(&m.absorbing);
