@@ -36,11 +36,8 @@ static void test_directions(void **state)
                  {{0, 0, 1}, "H"},       {{0, 0, -2}, "F"},          {{0.87, -0.5, 0}, "LA"}, {{-0.5, -0.87, 0}, "AR"},
                  {{0.98, 0.2, 0}, "L"},  {{0.6, 0.5, -0.62}, "FLP"}, {{0, 0, 0}, ""},         {{0, 0.26, 0.966}, "HP"},
                  {{0, 0.25, 0.968}, "H"}};
-    char text[4];
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        cts_describe_direction(cases[i].v, text);
-        assert_string_equal(text, cases[i].text);
-    }
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_string_equal(cts_describe_direction(cases[i].v).text, cases[i].text);
 }
 
 /* Each edge has its letters in the middle, nothing else changes, and they are visible on black and white. */

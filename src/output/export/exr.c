@@ -133,18 +133,17 @@ static CtsStatus patch_error(const CtsExportJob *job, CtsError *err)
 
 static exr_result_t set_texts(exr_context_t file, const CtsPictureInfo *info)
 {
-    char view[80], window[80], date_text[32];
+    const CtsPhrase window = cts_describe_window(info);
+    char date_text[32];
     struct tm date;
     exr_result_t rv;
-    cts_describe_view(info, view, sizeof view);
     if ((rv = exr_attr_set_string(file, 0, "software", "ctsplat " CTS_VERSION)) ||
         (rv = exr_attr_set_string(file, 0, "comments", "not for diagnostic use")) ||
-        (rv = exr_attr_set_string(file, 0, "ctsplat.view", view)) ||
+        (rv = exr_attr_set_string(file, 0, "ctsplat.view", cts_describe_view(info).text)) ||
         (rv = exr_attr_set_string(file, 0, "ctsplat.error", no_error)) ||
         (info->preset[0] && (rv = exr_attr_set_string(file, 0, "ctsplat.preset", info->preset))) ||
         (info->occlusion > 0 && (rv = exr_attr_set_float(file, 0, "ctsplat.occlusion", (float)info->occlusion))) ||
-        (cts_describe_window(info, window, sizeof window) &&
-         (rv = exr_attr_set_string(file, 0, "ctsplat.window", window))))
+        (window.text[0] && (rv = exr_attr_set_string(file, 0, "ctsplat.window", window.text))))
         return rv;
     if (cts_date_now(&date)) {
         strftime(date_text, sizeof date_text, "%Y:%m:%d %H:%M:%S", &date);

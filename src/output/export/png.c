@@ -90,11 +90,9 @@ static CtsStatus write_text(const CtsExportJob *job, const char *key, const char
 static CtsStatus write_texts(const CtsExportJob *job, CtsError *err)
 {
     const CtsPictureInfo *const about = &job->head.info;
-    char view[80], scale[32], window[80], occlusion[32];
-    cts_describe_view(about, view, sizeof view);
-    cts_describe_number(about->mm_per_pixel, 9, scale, sizeof scale);
-    cts_describe_number(about->occlusion, 6, occlusion, sizeof occlusion);
-    const bool has_window = cts_describe_window(about, window, sizeof window);
+    const CtsPhrase view = cts_describe_view(about), window = cts_describe_window(about);
+    const CtsPhrase scale = cts_describe_number(about->mm_per_pixel, 9);
+    const CtsPhrase occlusion = cts_describe_number(about->occlusion, 6);
     const struct {
         const char *key, *text;
         bool present;
@@ -102,10 +100,10 @@ static CtsStatus write_texts(const CtsExportJob *job, CtsError *err)
         {"Software", "ctsplat " CTS_VERSION, true},
         {"Disclaimer", "not for diagnostic use", true},
         {"ctsplat:preset", about->preset, about->preset[0] != 0},
-        {"ctsplat:view", view, true},
-        {"ctsplat:mm_per_pixel", scale, about->mm_per_pixel > 0},
-        {"ctsplat:window", window, has_window},
-        {"ctsplat:occlusion", occlusion, about->occlusion > 0},
+        {"ctsplat:view", view.text, true},
+        {"ctsplat:mm_per_pixel", scale.text, about->mm_per_pixel > 0},
+        {"ctsplat:window", window.text, window.text[0] != 0},
+        {"ctsplat:occlusion", occlusion.text, about->occlusion > 0},
     };
     CtsStatus st = CTS_OK;
     for (size_t i = 0; i < sizeof lines / sizeof *lines && !st; i++)

@@ -134,9 +134,7 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
     const size_t row_bytes = row_bytes_of(job->head.width, job->head.grey);
     CtsStatus st = CTS_OK;
     if (band->first_row == 0) {
-        char view[80];
-        cts_describe_view(&band->info, view, sizeof view);
-        cts_hash_text(w->hash, view);
+        cts_hash_text(w->hash, cts_describe_view(&band->info).text);
         w->azimuth_deg[w->n_frames] = band->info.azimuth_deg;
         w->elevation_deg[w->n_frames] = band->info.elevation_deg;
         w->n_frames++;

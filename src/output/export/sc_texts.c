@@ -93,10 +93,9 @@ static const struct {
 
 static int place_of_view(const CtsPictureInfo *info)
 {
-    char view[80];
+    const CtsPhrase view = cts_describe_view(info);
     int i = 0;
-    cts_describe_view(info, view, sizeof view);
-    while (*view_codes[i].view && strcmp(view, view_codes[i].view) != 0)
+    while (*view_codes[i].view && strcmp(view.text, view_codes[i].view) != 0)
         i++;
     return i;
 }
@@ -111,21 +110,11 @@ static void ascii_copy(char *to, size_t size, const char *from)
     to[n] = 0;
 }
 
-static void describe_occlusion(const CtsPictureInfo *info, char *text, size_t size)
-{
-    char number[32];
-    *text = 0;
-    if (info->occlusion <= 0)
-        return;
-    cts_describe_number(info->occlusion, 6, number, sizeof number);
-    snprintf(text, size, ", occlusion %s", number);
-}
-
 /* The picture's error as known when the object is written: estimated, and measured. */
 static void describe_errors(const CtsExportJob *job, char *text, size_t size)
 {
     const CtsVerified *v = job->report ? &job->report->verified : NULL;
-    char estimate[CTS_ERROR_TEXT], rmse[CTS_ERROR_TEXT], largest[32];
+    char estimate[CTS_ERROR_TEXT], rmse[CTS_ERROR_TEXT];
     int n = 0;
     *text = 0;
     if (job->rmse >= 0) {
@@ -135,53 +124,46 @@ static void describe_errors(const CtsExportJob *job, char *text, size_t size)
     if (!v || v->pixels == 0)
         return;
     cts_describe_error(v->rmse, rmse);
-    cts_describe_number(255 * v->max, 3, largest, sizeof largest);
     snprintf(text + n, size - (size_t)n, ", error measured at %llu pixels: %s, largest %s/255",
-             (unsigned long long)v->pixels, rmse, largest);
+             (unsigned long long)v->pixels, rmse, cts_describe_number(255 * v->max, 3).text);
 }
 
 void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
 {
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
-    char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32];
-    char step[100] = "", occlusion[48], error[160];
+    char preset[sizeof info->preset], engine[sizeof info->engine];
+    char step[128] = "", error[160];
+    const CtsPhrase view = cts_describe_view(info);
     memset(texts, 0, sizeof *texts);
     texts->image_type = mode_terms[info->mode].image_type;
     texts->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
     ascii_copy(preset, sizeof preset, info->preset);
     ascii_copy(engine, sizeof engine, info->engine);
-    cts_describe_view(info, view, sizeof view);
-    cts_describe_number(info->mm_per_pixel, 6, scale, sizeof scale);
-    cts_describe_number(info->azimuth_deg, 9, angles[0], sizeof angles[0]);
-    cts_describe_number(info->elevation_deg, 9, angles[1], sizeof angles[1]);
-    describe_occlusion(info, occlusion, sizeof occlusion);
     describe_errors(job, error, sizeof error);
-    if (n_frames > 1) {
-        char degrees[32];
-        cts_describe_number(360.0 / n_frames, 6, degrees, sizeof degrees);
-        snprintf(step, sizeof step, "%d views %s degrees apart from ", n_frames, degrees);
-    }
+    if (n_frames > 1)
+        snprintf(step, sizeof step, "%d views %s degrees apart from ", n_frames,
+                 cts_describe_number(360.0 / n_frames, 6).text);
     if (job->settings.series_description)
         ascii_copy(texts->series_description, sizeof texts->series_description, job->settings.series_description);
     else
         snprintf(texts->series_description, sizeof texts->series_description, "%.8s %.40s%s",
                  mode_terms[info->mode].short_name, preset, n_frames > 1 ? ", rotation" : "");
     snprintf(texts->description, sizeof texts->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name,
-             preset, view);
-    snprintf(
-        texts->derivation, sizeof texts->derivation,
-        "%s by engine %s, preset %s%s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "
-        "ctsplat %s, not for diagnostic use",
-        mode_terms[info->mode].long_name, engine, preset, occlusion, step, view, angles[0], angles[1], scale, error,
-        CTS_VERSION);
+             preset, view.text);
+    snprintf(texts->derivation, sizeof texts->derivation,
+             "%s by engine %s, preset %s%s%s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per "
+             "pixel%s, "
+             "ctsplat %s, not for diagnostic use",
+             mode_terms[info->mode].long_name, engine, preset, info->occlusion > 0 ? ", occlusion " : "",
+             info->occlusion > 0 ? cts_describe_number(info->occlusion, 6).text : "", step, view.text,
+             cts_describe_number(info->azimuth_deg, 9).text, cts_describe_number(info->elevation_deg, 9).text,
+             cts_describe_number(info->mm_per_pixel, 6).text, error, CTS_VERSION);
     texts->view = view_codes[place_of_view(info)].code;
     if (n_frames == 1) {
-        char right[4], down[4];
         const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
-        cts_describe_direction(info->right_lps, right);
-        cts_describe_direction(to_feet, down);
-        snprintf(texts->patient_orientation, sizeof texts->patient_orientation, "%s\\%s", right, down);
+        snprintf(texts->patient_orientation, sizeof texts->patient_orientation, "%.3s\\%.3s",
+                 cts_describe_direction(info->right_lps).text, cts_describe_direction(to_feet).text);
     }
 }
 

@@ -105,17 +105,15 @@ static CtsStatus write_options(const CtsStateScene *scene, char **text, CtsError
 
 static CtsStatus choose_names(const CtsStateScene *scene, CtsDcmState *s, CtsError *err)
 {
-    char view[80];
     CtsHash *hash;
     char all[2 * CTS_DIGEST_BYTES + 1];
     const char *const *const identity = scene->source->slices[0]->identity;
     CtsStatus st = cts_hash_start(&hash, err);
     if (st)
         return st;
-    cts_describe_view(scene->info, view, sizeof view);
     cts_hash_text(hash, s->preset);
     cts_hash_text(hash, s->options);
-    cts_hash_text(hash, view);
+    cts_hash_text(hash, cts_describe_view(scene->info).text);
     cts_hash_text(hash, s->capture_uid);
     for (size_t i = 0; scene->labels && i < scene->labels->n_objects; i++)
         cts_hash_text(hash, scene->labels->objects[i].sop_uid);

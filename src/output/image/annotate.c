@@ -229,12 +229,10 @@ static void place_letters(MarkLayout *layout, const CtsPictureInfo *info, double
                  {info->up_lps, 1, 0.5, 0},
                  {info->up_lps, -1, 0.5, 1}};
     for (int i = 0; i < 4; i++) {
-        char letters[4];
         const double *d = edges[i].direction_lps;
-        cts_describe_direction((const double[3]){edges[i].sign * d[0], edges[i].sign * d[1], edges[i].sign * d[2]},
-                               letters);
+        const double direction[3] = {edges[i].sign * d[0], edges[i].sign * d[1], edges[i].sign * d[2]};
         Mark mark = {.font_px = font_px, .x = edges[i].x, .y = edges[i].y, .margin_px = margin_px};
-        cts_letters_plain(letters, &mark.text);
+        cts_letters_plain(cts_describe_direction(direction).text, &mark.text);
         place_mark(layout, &mark);
     }
 }
@@ -242,9 +240,8 @@ static void place_letters(MarkLayout *layout, const CtsPictureInfo *info, double
 static void place_scale(MarkLayout *layout, double mm_per_pixel, double font_px, double margin_px)
 {
     const double length_mm = round_length_mm(0.2 * layout->width * mm_per_pixel);
-    char number[32], text[48];
-    cts_describe_number(length_mm, 6, number, sizeof number);
-    snprintf(text, sizeof text, "%s mm", number);
+    char text[84];
+    snprintf(text, sizeof text, "%s mm", cts_describe_number(length_mm, 6).text);
     Mark mark = {.font_px = fmax(MIN_FONT_PX - 1, 0.8 * font_px),
                  .bar_px = length_mm / mm_per_pixel,
                  .y = 1,
