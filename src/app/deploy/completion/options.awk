@@ -7,7 +7,7 @@ function kind(name, argument, help)
         return list "anterior posterior left right head feet"
     if (name == "--annotate")
         return "@list orientation scale labels"
-    if (name == "--format" && match(help, /^[a-z]+( [a-z]+)*:/))
+    if (name == "--format" && match(help, /^[a-z0-9]+( [a-z0-9]+)*:/))
         return list substr(help, 1, RLENGTH - 1)
     if (argument ~ /FILE/)
         return "@files"
