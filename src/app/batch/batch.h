@@ -11,9 +11,8 @@ typedef struct CtsBatchView {
 } CtsBatchView;
 
 typedef struct CtsBatchLists {
-    char *texts[3]; /* copies that the names point into */
-    const char **preset_names, **view_texts, **formats;
-    CtsPreset *presets; /* n_presets: n_named as given, then those of series that none of these suits */
+    const char **view_texts, **formats; /* each with its texts in one block */
+    CtsPreset *presets;                 /* n_presets: n_named as given, then those of series that none of these suits */
     CtsBatchView *views;
     int n_presets, n_named, n_views, n_formats;
     /* options that affect all pictures, and .dcm files only: after a change these are rendered again */

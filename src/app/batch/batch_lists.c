@@ -8,9 +8,6 @@
 
 void cts_batch_lists_free(CtsBatchLists *l)
 {
-    for (int i = 0; i < 3; i++)
-        free(l->texts[i]);
-    free(l->preset_names);
     free(l->view_texts);
     free(l->formats);
     free(l->presets);
@@ -19,22 +16,17 @@ void cts_batch_lists_free(CtsBatchLists *l)
     free(l->dcm_options);
 }
 
-/* Splits text at commas; *items points into *copy. */
-static CtsStatus split(const char *option, const char *text, char **copy, const char ***items, int *n, CtsError *err)
+/* Splits text at commas; *items and their texts are one block. */
+static CtsStatus split(const char *option, const char *text, const char ***items, int *n, CtsError *err)
 {
+    const size_t most = strlen(text) + 1;
     *n = 0;
-    *copy = strdup(text);
-    *items = calloc(strlen(text) + 2, sizeof **items);
-    if (!*copy || !*items)
+    if (!(*items = malloc(most * sizeof **items + most)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (char *at = *copy; at;) {
-        char *comma = strchr(at, ',');
-        if (comma)
-            *comma++ = 0;
-        if (!*at)
+    for (char *rest = strcpy((char *)(*items + most), text), *item; (item = strsep(&rest, ","));) {
+        if (!*item)
             return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: an empty name between commas", option, text);
-        (*items)[(*n)++] = at;
-        at = comma;
+        (*items)[(*n)++] = item;
     }
     return CTS_OK;
 }
@@ -78,14 +70,12 @@ static CtsStatus take_default(const CtsOptions *options, int kind, CtsBatchLists
 
 static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsReport *report, CtsError *err)
 {
-    CtsStatus st =
-        options->preset ? split("preset", options->preset, &l->texts[0], &l->preset_names, &l->n_named, err) : CTS_OK;
-    if (st)
-        return st;
-    if (!(l->presets = calloc((size_t)l->n_named + N_KINDS, sizeof *l->presets)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const char **names = NULL;
+    CtsStatus st = options->preset ? split("preset", options->preset, &names, &l->n_named, err) : CTS_OK;
+    if (!st && !(l->presets = calloc((size_t)l->n_named + N_KINDS, sizeof *l->presets)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; i < l->n_named && !st; i++) {
-        st = cts_options_preset(options, l->preset_names[i], &l->presets[i], report, err);
+        st = cts_options_preset(options, names[i], &l->presets[i], report, err);
         for (int k = 0; k < i && !st; k++)
             if (!strcmp(l->presets[k].name, l->presets[i].name))
                 st = cts_fail(err, CTS_ERR_USAGE, "`preset`: two are called %s (give one of them another name)",
@@ -94,6 +84,7 @@ static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsRe
     l->n_presets = l->n_named;
     for (int kind = 0; kind < N_KINDS && !st; kind++)
         st = take_default(options, kind, l, report, err);
+    free(names);
     return st;
 }
 
@@ -120,8 +111,7 @@ static void join_circles(const CtsOptions *options, CtsBatchLists *l, CtsReport 
 /* A view by numbers holds a comma itself. */
 static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsError *err)
 {
-    CtsStatus st =
-        split("view", options->view ? options->view : "anterior", &l->texts[1], &l->view_texts, &l->n_views, err);
+    CtsStatus st = split("view", options->view ? options->view : "anterior", &l->view_texts, &l->n_views, err);
     if (st)
         return st;
     if (!(l->views = calloc((size_t)l->n_views, sizeof *l->views)))
@@ -132,7 +122,7 @@ static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsErro
         double number;
         const char *name = l->view_texts[i];
         if (cts_number(name, &number) && i + 1 < l->n_views)
-            l->texts[1][l->view_texts[++i] - l->texts[1] - 1] = ',';
+            *(char *)(uintptr_t)(l->view_texts[++i] - 1) = ',';
         v->name = name;
         st = cts_view_of(name, &v->azimuth_deg, &v->elevation_deg, err);
         for (int k = 0; k < n - 1 && !st; k++)
@@ -146,8 +136,7 @@ static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsErro
 static CtsStatus take_formats(const CtsOptions *options, CtsBatchLists *l, bool *any_object, CtsError *err)
 {
     const CtsFormatInfo *format;
-    CtsStatus st =
-        split("format", options->formats ? options->formats : "png", &l->texts[2], &l->formats, &l->n_formats, err);
+    CtsStatus st = split("format", options->formats ? options->formats : "png", &l->formats, &l->n_formats, err);
     for (int i = 0; i < l->n_formats && !st; i++) {
         if ((st = cts_format_of(l->formats[i], &format, err)))
             return st;

@@ -1,7 +1,9 @@
 #include "app/batch/journal.h"
 
 #include "app/contact/journal_lines.h"
+#include "base/clock.h"
 #include "base/file.h"
+#include "base/json.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -17,7 +19,9 @@
 enum { LOCK_TRIES = 20, LOCK_PAUSE_MS = 100 };
 
 struct CtsJournal {
-    char folder[PATH_MAX], path[PATH_MAX];
+    const CtsBatchSettings *settings;
+    const char *folder;
+    char path[PATH_MAX];
     int lock_all, lock_own; /* descriptors, or -1 */
     int lock_error;         /* errno of a file system that has no locks, or 0 */
     int fd;                 /* this shard's, which is the first of the lines' */
@@ -65,6 +69,18 @@ static CtsStatus check_locks(const CtsJournal *j, CtsError *err)
             return cts_fail(err, CTS_ERR_INTERNAL,
                             "%s: the batch's lock was removed while it ran (run it again; it resumes)", j->folder);
     return CTS_OK;
+}
+
+static void warn_without_locks(const CtsJournal *j)
+{
+    const CtsBatchListener *const listener = &j->settings->listener;
+    char text[PATH_MAX + 200];
+    snprintf(text, sizeof text,
+             "%s: its file system has no locks (flock: %s): do not run two batches, or shards of different numbers, "
+             "there at once",
+             j->folder, strerror(j->lock_error));
+    if (j->lock_error)
+        listener->message(listener->context, true, text);
 }
 
 static CtsStatus another_batch(const CtsJournal *j, CtsError *err)
@@ -123,40 +139,37 @@ static CtsStatus read_own(CtsJournal *j, bool fresh, CtsError *err)
     return ftruncate(j->fd, (off_t)j->end) ? fail_journal(err, j->path, "cannot be written") : CTS_OK;
 }
 
-CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, int n_shards, bool fresh, CtsError *err)
+CtsStatus cts_journal_open(CtsJournal **journal, const CtsBatchSettings *settings, CtsError *err)
 {
     CtsStatus st;
+    const CtsOptions *const o = settings->options;
     CtsJournal *j = *journal = calloc(1, sizeof *j);
     if (!j)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     j->lock_all = j->lock_own = -1;
-    snprintf(j->folder, sizeof j->folder, "%s", folder);
-    if (n_shards == 1)
-        snprintf(j->path, sizeof j->path, "%.4000s/batch.jsonl", folder);
+    j->settings = settings;
+    j->folder = o->output_dir;
+    if (o->shard.n == 1)
+        snprintf(j->path, sizeof j->path, "%.4000s/batch.jsonl", j->folder);
     else
-        snprintf(j->path, sizeof j->path, "%.4000s/batch-%d-of-%d.jsonl", folder, shard, n_shards);
-    if ((st = lock(j, shard, n_shards, err)) || (st = check_locks(j, err)) || (st = read_own(j, fresh, err)) ||
+        snprintf(j->path, sizeof j->path, "%.4000s/batch-%d-of-%d.jsonl", j->folder, o->shard.i, o->shard.n);
+    if ((st = lock(j, o->shard.i, o->shard.n, err)) || (st = check_locks(j, err)) ||
+        (st = read_own(j, o->fresh, err)) ||
         /* Those of other shards, so that their series are not rendered again when the number of shards changes. */
-        (!fresh && (st = cts_journal_lines_read_folder(&j->lines, folder, "", false, strrchr(j->path, '/') + 1, err))))
+        (!o->fresh &&
+         (st = cts_journal_lines_read_folder(&j->lines, j->folder, "", false, strrchr(j->path, '/') + 1, err))))
         cts_journal_close(journal);
+    else
+        warn_without_locks(j);
     return st;
 }
 
-int cts_journal_lock_error(const CtsJournal *journal)
-{
-    return journal->lock_error;
-}
-
-json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid)
+json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid, bool *is_own)
 {
     const CtsJournalLine *line = cts_journal_lines_find(&journal->lines, series_uid);
+    if (is_own)
+        *is_own = line && line->file == 0;
     return line ? cts_journal_lines_load(&journal->lines, line) : NULL;
-}
-
-bool cts_journal_holds(const CtsJournal *journal, const char *series_uid)
-{
-    const CtsJournalLine *line = cts_journal_lines_find(&journal->lines, series_uid);
-    return line && line->file == 0;
 }
 
 static CtsStatus append_to_journal(CtsJournal *j, const char *text, size_t n, CtsError *err)
@@ -169,19 +182,28 @@ static CtsStatus append_to_journal(CtsJournal *j, const char *text, size_t n, Ct
     return st;
 }
 
-CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err)
+/* The record without the details that the settings exclude, as a line of the journal; NULL without memory. */
+static char *new_line(const CtsJournal *j, json_t *record)
 {
-    CtsStatus st = CTS_OK;
-    char *object = json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12)), *text = NULL;
-    const int n = object ? asprintf(&text, "%s\n", object) : -1;
-    if (n < 0)
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory for a line of the journal");
-    else if (!(st = append_to_journal(journal, text, (size_t)n, err)) &&
-             !(st = cts_journal_lines_put(&journal->lines, line, journal->end, (size_t)n, err)))
-        journal->end += (uint64_t)n;
-    if (n >= 0)
-        free(text);
+    cts_journal_record_redact(record, j->settings);
+    char *object = json_dumps(record, JSON_COMPACT | JSON_REAL_PRECISION(12)), *line = NULL;
+    if (object && asprintf(&line, "%s\n", object) < 0)
+        line = NULL;
     free(object);
+    return line;
+}
+
+CtsStatus cts_journal_add(CtsJournal *journal, const json_t *record, CtsError *err)
+{
+    json_t *kept = json_deep_copy(record);
+    char *line = kept ? new_line(journal, kept) : NULL;
+    const size_t n = line ? strlen(line) : 0;
+    CtsStatus st = line ? append_to_journal(journal, line, n, err)
+                        : cts_fail(err, CTS_ERR_MEMORY, "out of memory for a line of the journal");
+    if (!st && !(st = cts_journal_lines_put(&journal->lines, record, journal->end, n, err)))
+        journal->end += n;
+    free(line);
+    json_decref(kept);
     return st;
 }
 
@@ -193,17 +215,13 @@ CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err)
     return cts_sync_file(journal->fd) ? CTS_OK : fail_journal(err, journal->path, "cannot be written");
 }
 
-static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const CtsJournalLine *at,
-                            void (*change)(void *context, json_t *line), void *context, CtsError *err)
+static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const CtsJournalLine *at, CtsError *err)
 {
     json_t *line = cts_journal_lines_load(&j->lines, at);
-    if (line)
-        change(context, line);
-    char *text = line ? json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
+    char *text = line ? new_line(j, line) : NULL;
     json_decref(line);
-    CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s: a line cannot be read back", j->path);
-    if (!st && !(st = cts_temp_write(temp, text, strlen(text), err)))
-        st = cts_temp_write(temp, "\n", 1, err);
+    const CtsStatus st = text ? cts_temp_write(temp, text, strlen(text), err)
+                              : cts_fail(err, CTS_ERR_OUTPUT, "%s: a line cannot be read back", j->path);
     free(text);
     return st;
 }
@@ -216,23 +234,36 @@ static bool is_planned(const json_t *planned, const char *series_uid)
     return json_object_get(planned, uid);
 }
 
-void cts_journal_forget(CtsJournal *journal, const json_t *planned, const char *before,
-                        void (*forget)(void *context, json_t *record), void *context)
+/* Removes the pictures of a record, and their folders. */
+static void remove_pictures(const CtsJournal *j, json_t *record)
+{
+    const char *const folder = cts_json_text_of(record, "folder");
+    char path[PATH_MAX];
+    cts_journal_record_drop(record, "outputs", j->settings, NULL, NULL);
+    cts_journal_record_drop(record, "thumbnails", j->settings, NULL, NULL);
+    for (int deep = 2; deep-- > 0 && cts_journal_path_is_safe(folder);)
+        if (snprintf(path, sizeof path, "%s/%s%s", j->folder, folder, deep ? "/thumbs" : "") < PATH_MAX)
+            rmdir(path);
+}
+
+void cts_journal_forget(CtsJournal *journal, const json_t *planned)
 {
     CtsJournalLines *const l = &journal->lines;
+    const int64_t days_s = (int64_t)journal->settings->options->forget_days * 24 * 3600;
+    const CtsUtc before = cts_utc_at((int64_t)time(NULL) - days_s);
     for (size_t i = 0; i < l->n; i++) {
-        if (l->items[i].file || strcmp(l->items[i].ended, before) >= 0 || is_planned(planned, l->items[i].series_uid))
+        if (l->items[i].file || strcmp(l->items[i].ended, before.text) >= 0 ||
+            is_planned(planned, l->items[i].series_uid))
             continue;
         json_t *record = cts_journal_lines_load(l, &l->items[i]);
         if (record)
-            forget(context, record);
+            remove_pictures(journal, record);
         json_decref(record);
         l->items[i].size = 0;
     }
 }
 
-CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *line), void *context,
-                             CtsError *err)
+CtsStatus cts_journal_finish(CtsJournal *journal, CtsError *err)
 {
     CtsTempFile *temp = NULL;
     CtsJournalLines *const l = &journal->lines;
@@ -242,7 +273,7 @@ CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, 
     cts_journal_lines_sort(l);
     for (size_t i = 0; i < l->n && !st; i++)
         if (l->items[i].file == 0 && l->items[i].size)
-            st = write_line(temp, journal, &l->items[i], change, context, err);
+            st = write_line(temp, journal, &l->items[i], err);
     if (!st)
         st = cts_temp_commit(&temp, true, NULL, err);
     cts_temp_discard(&temp);

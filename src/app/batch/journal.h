@@ -11,27 +11,23 @@
 typedef struct CtsJournal CtsJournal;
 
 /* Locks DIR for this shard (shard 0 of 1: exclusively; others: together with shards of the same total number), waiting
- * briefly for a run that is ending; CTS_ERR_INTERNAL, with the holder in err, when another run has the lock. Reads the
- * records of earlier runs, of this or any other shard. fresh: ignores this shard's own. */
-CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, int n_shards, bool fresh,
-                           CtsError *err);
-/* 0; or errno of a file system that has no locks, so that nothing keeps other batches out. */
-int cts_journal_lock_error(const CtsJournal *journal);
-/* The record of a series, a new reference; NULL when there is none. */
-json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid);
-/* True if that record is in this shard's own journal. */
-bool cts_journal_holds(const CtsJournal *journal, const char *series_uid);
-/* Appends a record without taking ownership. CTS_ERR_OUTPUT leaves the journal unchanged. */
+ * briefly for a run that is ending; CTS_ERR_INTERNAL, with the holder in err, when another run has the lock; a warning
+ * where the file system has no locks. Reads the records of earlier runs, of this or any other shard; with `fresh`
+ * none. settings must stay. */
+CtsStatus cts_journal_open(CtsJournal **journal, const CtsBatchSettings *settings, CtsError *err);
+/* The record of a series, a new reference; NULL when there is none. *is_own (may be NULL): it is in this shard's own
+ * journal. */
+json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid, bool *is_own);
+/* Appends a record, without the details that the settings exclude. CTS_ERR_OUTPUT leaves the journal unchanged. */
 CtsStatus cts_journal_add(CtsJournal *journal, const json_t *record, CtsError *err);
 /* Makes all records so far survive a power cut. CTS_ERR_INTERNAL when the lock file was removed. */
 CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err);
-/* Forgets the records of this shard whose series is not among the keys of `planned` and ended before this time, and
- * calls forget for each. */
-void cts_journal_forget(CtsJournal *journal, const json_t *planned, const char *before,
-                        void (*forget)(void *context, json_t *record), void *context);
-/* Replaces the file by one with one record per series, in order of UID. change may modify each record. */
-CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *record), void *context,
-                             CtsError *err);
+/* Removes the records of this shard, and their pictures, whose series is not among the keys of `planned` and ended
+ * `forget` days ago. */
+void cts_journal_forget(CtsJournal *journal, const json_t *planned);
+/* Replaces the file by one with one record per series, in order of UID, without the details that the settings exclude.
+ */
+CtsStatus cts_journal_finish(CtsJournal *journal, CtsError *err);
 /* Releases the lock. */
 void cts_journal_close(CtsJournal **journal);
 /* Closes the lock's descriptors: in a worker process, which must not keep the lock. */
@@ -62,14 +58,11 @@ void cts_journal_record_stem(const CtsBatchSettings *settings, const CtsBatchPic
 bool cts_journal_record_is_up_to_date(const CtsBatchSettings *settings, const json_t *record,
                                       const CtsBatchPicture *picture, const char *format);
 /* True if nothing has to be done for a series with these files: all outputs are up to date, or it was refused for
- * good. */
+ * good; and the record has all details that the settings request. */
 bool cts_journal_record_is_settled(const CtsBatchSettings *settings, const json_t *record, const char *input_sha256);
 
 /* Removes details that the settings exclude: paths, and data that may identify the patient. */
 void cts_journal_record_redact(json_t *record, const CtsBatchSettings *settings);
-
-/* True if the record has all details that the settings request. */
-bool cts_journal_record_is_complete(const json_t *record, const CtsBatchSettings *settings);
 
 /* True if a series with this record has pictures of the preset, by its modality and quantity. */
 bool cts_journal_record_takes(const CtsBatchSettings *settings, const json_t *record, int preset);

@@ -173,7 +173,8 @@ void cts_journal_record_redact(json_t *record, const CtsBatchSettings *s)
     json_array_foreach(json_object_get(record, "findings"), i, diagnostic) redact_keys(diagnostic, files);
 }
 
-bool cts_journal_record_is_complete(const json_t *record, const CtsBatchSettings *s)
+/* True if the record has all details that the settings request. */
+static bool is_complete(const json_t *record, const CtsBatchSettings *s)
 {
     const json_t *geometry = json_object_get(record, "geometry");
     return (!s->options->show_paths || json_object_get(record, "sources")) &&
@@ -236,7 +237,7 @@ bool cts_journal_record_is_settled(const CtsBatchSettings *s, const json_t *reco
 {
     const char *status = cts_json_text_of(record, "status");
     char hex[65];
-    if (strcmp(cts_json_text_of(record, "input_sha256"), input_sha256))
+    if (strcmp(cts_json_text_of(record, "input_sha256"), input_sha256) || !is_complete(record, s))
         return false;
     /* Before version 0.5.0 series without a volume were skipped. Those of a modality left out (exit code 3) may be
      * wanted now. */

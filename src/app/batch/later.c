@@ -1,13 +1,10 @@
 #include "app/batch/later.h"
 
 #include "app/batch/worker.h"
-#include "app/contact/journal_lines.h"
 #include "base/json.h"
-#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 /* The interval before a try doubles up to 2^6 = 64 times the first one: half an hour with 30 s. */
 enum { MAX_DOUBLINGS = 6 };
@@ -71,23 +68,4 @@ void cts_later_set_try(CtsLater *later, const CtsBatchSettings *settings, json_t
     json_object_set_new(record, "tries", json_integer(n + 1));
     json_object_set_new(record, "try_again", json_string(due.text));
     note_due(later, due.text);
-}
-
-static void forget(void *context, json_t *record)
-{
-    const CtsBatchSettings *const s = context;
-    char path[PATH_MAX];
-    cts_journal_record_drop(record, "outputs", s, NULL, NULL);
-    cts_journal_record_drop(record, "thumbnails", s, NULL, NULL);
-    for (int deep = 2; deep-- > 0;)
-        if (cts_journal_path_is_safe(cts_json_text_of(record, "folder")) &&
-            snprintf(path, sizeof path, "%s/%s%s", s->options->output_dir, cts_json_text_of(record, "folder"),
-                     deep ? "/thumbs" : "") < PATH_MAX)
-            rmdir(path);
-}
-
-void cts_later_forget(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *planned)
-{
-    const int64_t days_s = (int64_t)settings->options->forget_days * 24 * 3600;
-    cts_journal_forget(journal, planned, cts_utc_at((int64_t)time(NULL) - days_s).text, forget, (void *)settings);
 }

@@ -20,5 +20,3 @@ bool cts_later_is_held(CtsLater *later, const CtsBatchSettings *settings, const 
                        const char *input_sha256);
 /* Sets the time of the next try in the final record of a series that may succeed then; removes it from others. */
 void cts_later_set_try(CtsLater *later, const CtsBatchSettings *settings, json_t *record);
-/* Removes records and pictures of series that ended `forget` days ago and are not among the keys of `planned`. */
-void cts_later_forget(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *planned);

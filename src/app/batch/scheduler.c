@@ -39,12 +39,11 @@ typedef struct Run {
     int n_workers, n_jobs, n_threads;
     CtsKey key; /* of the names of series, where they are de-identified */
     size_t next;
-    char **to_send; /* UIDs of series queued for sending */
-    size_t n_to_send, next_to_send;
+    json_t *to_send; /* UIDs of series queued for sending */
+    size_t next_to_send;
     int n_unsent; /* series in a row that could not be */
     double start_ms, free_bytes, reported_ms, synced_ms;
-    /* pictures rendered; series that have ended; series whose number of pictures is not yet known */
-    size_t n_pictures, n_uids_ended, n_unknown;
+    size_t n_pictures, n_uids_ended; /* pictures rendered; series that have ended */
     double sheet_ms, sheet_took_ms;
     bool sheet_stale;
     CtsLater later;
@@ -62,10 +61,12 @@ static bool interrupted(const Run *r)
 static double n_pictures_left(const Run *r)
 {
     const CtsBatchLists *const l = r->settings->lists;
-    double n = (double)r->n_unknown * (l->n_named ? l->n_named : 1) * l->n_views;
-    for (int i = 1; i < r->n_workers; i++)
-        n += r->workers[i].n_left;
-    return n;
+    size_t n = 0, n_unknown = r->found.n_series - r->next;
+    for (int i = 1; i < r->n_workers; i++) {
+        n += (size_t)r->workers[i].n_left;
+        n_unknown += r->workers[i].pid && !r->workers[i].counted;
+    }
+    return (double)n + (double)n_unknown * (l->n_named ? l->n_named : 1) * l->n_views;
 }
 
 static void report_batch_progress(Run *r)
@@ -158,10 +159,7 @@ static void give_up_batch(Run *r, CtsStatus status, const CtsError *why)
 static void add_record(Run *r, const json_t *record)
 {
     CtsError err = {0};
-    json_t *kept = json_deep_copy(record);
-    cts_journal_record_redact(kept, r->settings);
-    const CtsStatus st = cts_journal_add(r->journal, kept, &err);
-    json_decref(kept);
+    const CtsStatus st = cts_journal_add(r->journal, record, &err);
     r->sheet_stale = true;
     if (st)
         give_up_batch(r, st, &err);
@@ -170,11 +168,8 @@ static void add_record(Run *r, const json_t *record)
 static void queue_to_send(Run *r, const json_t *record)
 {
     CtsError err = {0};
-    if (cts_grow(&r->to_send, r->n_to_send, &err) ||
-        !(r->to_send[r->n_to_send] = strdup(cts_json_text_of(record, "series_uid"))))
+    if (json_array_append(r->to_send, json_object_get(record, "series_uid")))
         give_up_batch(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
-    else
-        r->n_to_send++;
 }
 
 /* Adds the last record of a series: its pictures are rendered, or cannot be. */
@@ -229,8 +224,6 @@ static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
 /* The first message of a worker contains the number of pictures that its series lacks. */
 static void count_pictures(Run *r, CtsWorker *w, bool begun, int n_left)
 {
-    if (begun && !w->counted)
-        r->n_unknown--;
     if (!begun)
         r->n_pictures += (size_t)(w->n_left > n_left ? w->n_left - n_left : 0);
     w->counted = true;
@@ -286,10 +279,7 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
         cts_sweep_series(r->settings->options->output_dir, w->series.folder);
     r->free_bytes += w->bytes;
-    if (w->phase != CTS_WORKER_SENDS) {
-        r->n_unknown -= !w->counted;
-        r->n_uids_ended += !stopped;
-    }
+    r->n_uids_ended += w->phase != CTS_WORKER_SENDS && !stopped;
     cts_worker_free(w);
     report_batch_progress(r);
 }
@@ -317,15 +307,14 @@ static bool any_worker(const Run *r)
 }
 
 /* True if all outputs of a series are up to date; adds its record to this shard's own journal. */
-static bool is_up_to_date(Run *r, const CtsPlanSeries *series, json_t *record)
+static bool is_up_to_date(Run *r, const CtsPlanSeries *series, json_t *record, bool is_own)
 {
-    if (!cts_journal_record_is_settled(r->settings, record, series->input_sha256) ||
-        !cts_journal_record_is_complete(record, r->settings))
+    if (!cts_journal_record_is_settled(r->settings, record, series->input_sha256))
         return false;
     const bool was_unsent = !json_object_del(record, "unsent");
     if (was_unsent)
         cts_worker_set_status(record, 0, "");
-    if (was_unsent || cts_journal_record_n_unsent(r->settings, record) || !cts_journal_holds(r->journal, series->uid))
+    if (was_unsent || cts_journal_record_n_unsent(r->settings, record) || !is_own)
         end_series(r, record, true);
     else
         count_record(r, record, true);
@@ -336,17 +325,16 @@ static bool is_up_to_date(Run *r, const CtsPlanSeries *series, json_t *record)
  * or files of it still come. */
 static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
 {
-    json_t *record = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
-    bool changed = false;
+    bool is_own, changed = false;
+    json_t *record = cts_journal_find(r->journal, series->uid, &is_own);
     const bool held = record && cts_later_is_held(&r->later, r->settings, record, series->input_sha256);
-    const bool is_done = held || (record && is_up_to_date(r, series, record));
+    const bool is_done = held || (record && is_up_to_date(r, series, record, is_own));
     const bool waits = !is_done && cts_later_waits(&r->later, r->settings, series, &record, &changed);
     if (held)
         count_record(r, record, true);
     if (changed)
         add_record(r, record);
     r->result->n_waiting += waits;
-    r->n_unknown -= is_done || waits;
     r->n_uids_ended += is_done || waits;
     json_decref(record);
     return is_done || waits;
@@ -406,13 +394,13 @@ static void start_sender(Run *r)
 {
     CtsWorker *w = &r->workers[0];
     CtsError err;
-    if (w->pid || r->next_to_send == r->n_to_send || r->n_unsent == MAX_UNSENT || r->status || interrupted(r))
+    if (w->pid || r->next_to_send == json_array_size(r->to_send) || r->n_unsent == MAX_UNSENT || r->status ||
+        interrupted(r))
         return;
-    char *uid = r->to_send[r->next_to_send++];
-    w->record = cts_journal_find(r->journal, uid);
+    const char *uid = json_string_value(json_array_get(r->to_send, r->next_to_send++));
+    w->record = cts_journal_find(r->journal, uid, NULL);
     const CtsStatus st = w->record ? cts_sender_start(r->settings, r->journal, w, &err)
                                    : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its record in the journal is missing", uid);
-    free(uid);
     if (st) {
         json_decref(w->record);
         w->record = NULL;
@@ -425,11 +413,8 @@ static void start_sender(Run *r)
 /* Records series that are still unsent at the end. */
 static void leave_unsent(Run *r)
 {
-    const size_t n = r->n_to_send - r->next_to_send;
+    const size_t n = json_array_size(r->to_send) - r->next_to_send;
     char text[160];
-    for (size_t i = r->next_to_send; i < r->n_to_send; i++)
-        free(r->to_send[i]);
-    free(r->to_send);
     if (n == 0 || r->status || interrupted(r))
         return;
     r->result->n_failed += n;
@@ -536,7 +521,6 @@ static CtsStatus search_series(Run *r, CtsError *err)
     if (st)
         return st;
     const CtsArchiveCounts counts = r->found.counts;
-    r->n_unknown = r->found.n_series;
     r->result->n_series += r->found.n_series;
     r->result->n_uids += r->found.n_series;
     r->result->n_unreadable += counts.n_unreadable;
@@ -551,20 +535,6 @@ static CtsStatus search_series(Run *r, CtsError *err)
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
                         (unsigned long long)counts.n_packed);
     return CTS_OK;
-}
-
-static void warn_without_locks(const Run *r)
-{
-    const CtsBatchListener *const listener = &r->settings->listener;
-    const int error = cts_journal_lock_error(r->journal);
-    char text[PATH_MAX + 200];
-    snprintf(
-        text, sizeof text,
-        "%s: its file system has no locks (flock: %s): do not run two batches, or shards of different numbers, there "
-        "at once",
-        r->settings->options->output_dir, strerror(error));
-    if (error)
-        listener->message(listener->context, true, text);
 }
 
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err)
@@ -586,13 +556,13 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
         st = CTS_OK;
         goto end;
     }
-    if ((st = cts_journal_open(&r.journal, o->output_dir, o->shard.i, o->shard.n, o->fresh, err)))
+    if ((st = cts_journal_open(&r.journal, settings, err)))
         goto end;
-    warn_without_locks(&r);
     cts_sweep_all(o->output_dir, o->shard.i, o->shard.n);
     if ((st = search_series(&r, err)))
         goto end;
     r.free_bytes = 0.9 * (double)cts_memory_available(); /* a tenth stays for other programs */
+    r.to_send = json_array();
     r.planned = o->forget_days ? json_object() : NULL;
     r.sheet_stale = true;
     r.start_ms = cts_wall_ms(); /* of the search nothing is learned for the pictures */
@@ -600,8 +570,8 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     CtsError finish_err;
     /* Not where none is found at all, as where a disk is not mounted. */
     if (!st && r.planned && r.found.n_series && r.next == r.found.n_series)
-        cts_later_forget(settings, r.journal, r.planned);
-    CtsStatus finished = cts_journal_finish(r.journal, redact, (void *)settings, &finish_err);
+        cts_journal_forget(r.journal, r.planned);
+    CtsStatus finished = cts_journal_finish(r.journal, &finish_err);
     if (!finished)
         finished = write_sheet(&r, true, &finish_err);
     if (finished && !st) {
@@ -611,6 +581,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     if (!st)
         cts_idle_end(&idle, settings, &r.later, result);
 end:
+    json_decref(r.to_send);
     json_decref(r.planned);
     cts_plan_free(&r.plan);
     cts_journal_close(&r.journal);

@@ -191,7 +191,7 @@ static void free_pictures(CtsWorkerProcess *c)
 static void take_record(CtsWorkerProcess *c, const char *uid)
 {
     const char *input;
-    c->known = cts_journal_find(c->journal, uid);
+    c->known = cts_journal_find(c->journal, uid, NULL);
     input = json_string_value(json_object_get(c->known, "input_sha256"));
     c->record = cts_worker_new_record(c->settings, c->series, uid, c->folder);
     if (c->known && (!input || strcmp(input, c->series->input_sha256))) {
