@@ -1,4 +1,4 @@
-/* HTTP by libmicrohttpd: one thread serves all connections. */
+/* One thread serves all connections. */
 #include "app/serve/server.h"
 
 #include <microhttpd.h>
@@ -19,14 +19,6 @@ struct CtsHttpServer {
     atomic_int n_requests; /* requests without a complete answer */
 };
 
-typedef struct HttpRequest {
-    CtsHttpRequest shown; /* first, so that the one is the other */
-    struct MHD_Connection *connection;
-    struct MHD_Response *response;
-    int status;
-    bool render_query, waits;
-} HttpRequest;
-
 static enum MHD_Result add_parameter(void *query, enum MHD_ValueKind kind, const char *name, const char *value)
 {
     (void)kind;
@@ -36,41 +28,20 @@ static enum MHD_Result add_parameter(void *query, enum MHD_ValueKind kind, const
 
 void cts_http_query(const CtsHttpRequest *request, CtsQuery *query)
 {
-    MHD_get_connection_values(((const HttpRequest *)request)->connection, MHD_GET_ARGUMENT_KIND, add_parameter, query);
+    MHD_get_connection_values(request->connection, MHD_GET_ARGUMENT_KIND, add_parameter, query);
 }
 
 void cts_http_wait(CtsHttpRequest *request)
 {
-    HttpRequest *const r = (HttpRequest *)request;
-    r->waits = true;
-    MHD_suspend_connection(r->connection);
+    request->waits = true;
+    MHD_suspend_connection(request->connection);
 }
 
-static struct MHD_Response *response_of(CtsHttpAnswer *a)
+void cts_http_answer(CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
-    if (a->fd) {
-        const off_t size = lseek(a->fd, 0, SEEK_END);
-        struct MHD_Response *const file = size < 0 ? NULL : MHD_create_response_from_fd64((uint64_t)size, a->fd);
-        if (!file)
-            close(a->fd);
-        return file;
-    }
-    struct MHD_Response *const text = MHD_create_response_from_buffer(
-        a->n_bytes, (void *)(uintptr_t)a->bytes, a->lasting ? MHD_RESPMEM_PERSISTENT : MHD_RESPMEM_MUST_FREE);
-    if (!text && !a->lasting)
-        free((void *)(uintptr_t)a->bytes);
-    return text;
-}
-
-void cts_http_answer(CtsHttpRequest *request, CtsHttpAnswer *a)
-{
-    HttpRequest *const r = (HttpRequest *)request;
-    r->status = a->status;
-    r->response = response_of(a);
-    for (int i = 0; r->response && i < a->n_headers; i++)
-        MHD_add_response_header(r->response, a->headers[i].name, a->headers[i].value);
-    if (r->waits)
-        MHD_resume_connection(r->connection);
+    request->answer = *answer;
+    if (request->waits)
+        MHD_resume_connection(request->connection);
 }
 
 static const char *header_of(struct MHD_Connection *connection, const char *name)
@@ -88,14 +59,13 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
                               const char *version, const char *body, size_t *n_body, void **kept)
 {
     CtsHttpServer *const http = context;
-    HttpRequest *r = *kept;
+    CtsHttpRequest *r = *kept;
     (void)version, (void)body;
     if (!r) {
         if (!(r = *kept = calloc(1, sizeof *r)))
             return MHD_NO;
         atomic_fetch_add(&http->n_requests, 1);
-        r->connection = connection;
-        r->shown = (CtsHttpRequest){
+        *r = (CtsHttpRequest){
             .method = method,
             .path = path,
             .host = header_of(connection, MHD_HTTP_HEADER_HOST),
@@ -106,32 +76,33 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
             .asked_method = header_of(connection, "Access-Control-Request-Method"),
             .has_body = has_body(connection),
             .socket = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd,
+            .connection = connection,
         };
-        if (!r->shown.has_body) /* answered before it is read, which ends the connection */
+        if (!r->has_body) /* answered before it is read, which ends the connection */
             return MHD_YES;
     }
     *n_body = 0;
-    if (!r->render_query) {
-        r->render_query = true;
-        cts_routes_dispatch(http->server, &r->shown);
+    if (!r->is_dispatched) {
+        r->is_dispatched = true;
+        cts_routes_dispatch(http->server, r);
         if (r->waits)
             return MHD_YES;
     }
-    if (!r->response)
+    if (!r->answer.response)
         return MHD_NO;
-    return MHD_queue_response(connection, (unsigned)r->status, r->response);
+    return MHD_queue_response(connection, (unsigned)r->answer.status, r->answer.response);
 }
 
 static void completed(void *context, struct MHD_Connection *connection, void **kept,
                       enum MHD_RequestTerminationCode why)
 {
     CtsHttpServer *const http = context;
-    HttpRequest *const r = *kept;
+    CtsHttpRequest *const r = *kept;
     (void)connection, (void)why;
     if (r)
         atomic_fetch_sub(&http->n_requests, 1);
-    if (r && r->response)
-        MHD_destroy_response(r->response);
+    if (r && r->answer.response)
+        MHD_destroy_response(r->answer.response);
     free(r);
     *kept = NULL;
 }

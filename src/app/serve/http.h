@@ -1,4 +1,4 @@
-/* The HTTP interface, free of libmicrohttpd's types. */
+/* HTTP by libmicrohttpd: requests and their answers. */
 #pragma once
 
 #include "ctsplat/status.h"
@@ -7,7 +7,15 @@
 
 struct CtsServer;
 struct CtsQuery;
+struct MHD_Connection;
+struct MHD_Response;
 typedef struct CtsHttpServer CtsHttpServer;
+
+typedef struct CtsHttpAnswer {
+    int status;
+    struct MHD_Response *response; /* NULL: there was no memory for it */
+} CtsHttpAnswer;
+
 /* A request until it is answered. It owns its texts; headers are NULL where absent. */
 typedef struct CtsHttpRequest {
     const char *method, *path;
@@ -15,22 +23,11 @@ typedef struct CtsHttpRequest {
     const char *asked_method; /* Access-Control-Request-Method, of another site's page */
     bool has_body;            /* which is not read */
     int socket;
+    /* Of http.c alone: */
+    struct MHD_Connection *connection;
+    CtsHttpAnswer answer;
+    bool is_dispatched, waits;
 } CtsHttpRequest;
-
-enum { CTS_HTTP_HEADERS = 8 }; /* of one answer, beside libmicrohttpd's own */
-
-typedef struct CtsHttpAnswer {
-    int status;
-    const void *bytes; /* n_bytes of them */
-    size_t n_bytes;
-    bool lasting; /* bytes stay; else they are the answer's, from malloc() */
-    int fd;       /* a file instead, whose descriptor the server takes over; 0: none */
-    struct {
-        const char *name;
-        char value[2048];
-    } headers[CTS_HTTP_HEADERS];
-    int n_headers;
-} CtsHttpAnswer;
 
 /* Passes requests to cts_routes_dispatch() in a thread of its own. socket: listens already; the server's from now on.
  * certificate and key: PEM texts, or NULL: no TLS. */

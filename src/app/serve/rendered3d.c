@@ -70,38 +70,33 @@ static CtsStatus sort_out_parameters(const CtsQuery *from, const CtsRenderQuery 
 
 static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *err)
 {
-    static const char *const methods[][2] = {
-        {"volume_rendered", "composite"}, {"maximum_ip", "mip"}, {"minimum_ip", "minip"}, {"average_ip", "average"}};
-    const char *method = cts_query_value(from, "renderingmethod");
-    if (!method)
-        return CTS_OK;
-    for (size_t i = 0; i < sizeof methods / sizeof *methods; i++)
-        if (!strcmp(methods[i][0], method)) {
-            cts_query_add(words, "mode", methods[i][1]);
-            return CTS_OK;
-        }
-    return cts_fail(err, CTS_ERR_USAGE,
-                    "renderingmethod %.40s: not one of: volume_rendered maximum_ip minimum_ip average_ip", method);
-}
-
-static void add_view_option(CtsQuery *words, double azimuth_deg, double elevation_deg)
-{
-    cts_query_make(words, "view", "%.17g,%.17g", azimuth_deg, elevation_deg);
+    static const CtsQuery modes = {.n = 4,
+                                   .parts = {{"volume_rendered", "composite"},
+                                             {"maximum_ip", "mip"},
+                                             {"minimum_ip", "minip"},
+                                             {"average_ip", "average"}}};
+    const char *const method = cts_query_value(from, "renderingmethod");
+    const char *const mode = method ? cts_query_value(&modes, method) : NULL;
+    if (mode)
+        cts_query_add(words, "mode", mode);
+    return mode || !method
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_USAGE,
+                          "renderingmethod %.40s: not one of: volume_rendered maximum_ip minimum_ip average_ip",
+                          method);
 }
 
 /* From above the standard has the patient's front at the top, where ctsplat's `head` has the back. */
 static CtsStatus take_orientation(const char *orientation, CtsQuery *words, CtsError *err)
 {
-    static const struct {
-        char letter;
-        double azimuth_deg, elevation_deg;
-    } sides[] = {{'a', 0, 0}, {'p', 180, 0}, {'r', 270, 0}, {'l', 90, 0}, {'h', 180, 90}, {'f', 0, -90}};
-    for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
-        if (orientation[0] == sides[i].letter && !orientation[1]) {
-            add_view_option(words, sides[i].azimuth_deg, sides[i].elevation_deg);
-            return CTS_OK;
-        }
-    return cts_fail(err, CTS_ERR_USAGE, "orientation %.40s: not one of: a p r l h f", orientation);
+    static const CtsQuery views = {
+        .n = 6,
+        .parts = {{"a", "0,0"}, {"p", "180,0"}, {"r", "270,0"}, {"l", "90,0"}, {"h", "180,90"}, {"f", "0,-90"}}};
+    const char *const view = cts_query_value(&views, orientation);
+    if (!view)
+        return cts_fail(err, CTS_ERR_USAGE, "orientation %.40s: not one of: a p r l h f", orientation);
+    cts_query_add(words, "view", view);
+    return CTS_OK;
 }
 
 typedef struct Camera {
@@ -175,7 +170,7 @@ static CtsStatus take_camera(const CtsQuery *from, CtsQuery *words, CtsError *er
                         "viewpointup %.60s: not supported, as the camera would roll (up is towards the head; any "
                         "vector when the camera looks along the head-foot axis)",
                         c.up);
-    add_view_option(words, deg[0], deg[1]);
+    cts_query_make(words, "view", "%.17g,%.17g", deg[0], deg[1]);
     cts_query_add(words, "centre", c.look_at);
     return CTS_OK;
 }

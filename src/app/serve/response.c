@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <microhttpd.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,20 +10,17 @@
 
 void cts_answer_header(CtsHttpAnswer *answer, const char *name, const char *value)
 {
-    int i = 0;
-    while (i < answer->n_headers && strcmp(answer->headers[i].name, name))
-        i++;
-    if (i == CTS_HTTP_HEADERS || strlen(value) >= sizeof answer->headers->value)
-        return;
-    answer->n_headers += i == answer->n_headers;
-    answer->headers[i].name = name;
-    snprintf(answer->headers[i].value, sizeof answer->headers->value, "%s", value);
+    const char *const before = answer->response ? MHD_get_response_header(answer->response, name) : NULL;
+    if (before)
+        MHD_del_response_header(answer->response, name, before);
+    if (answer->response)
+        MHD_add_response_header(answer->response, name, value);
 }
 
-void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *media_type,
-                      const void *bytes, size_t n, bool lasting)
+static void begin_answer(CtsHttpAnswer *answer, const CtsServer *server, int status, struct MHD_Response *response,
+                         const char *media_type)
 {
-    *answer = (CtsHttpAnswer){.status = status, .bytes = bytes, .n_bytes = n, .lasting = lasting};
+    *answer = (CtsHttpAnswer){status, response};
     cts_answer_header(answer, "Content-Type", media_type);
     cts_answer_header(answer, "Cache-Control", "no-store"); /* a patient's picture */
     cts_answer_header(answer, "X-Content-Type-Options", "nosniff");
@@ -31,6 +29,17 @@ void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status
         cts_answer_header(answer, "Access-Control-Expose-Headers", "Ctsplat-Scene");
         cts_answer_header(answer, "Vary", "Origin");
     }
+}
+
+void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *media_type,
+                      const void *bytes, size_t n, bool lasting)
+{
+    void *const text = (void *)(uintptr_t)bytes;
+    struct MHD_Response *const response =
+        MHD_create_response_from_buffer(n, text, lasting ? MHD_RESPMEM_PERSISTENT : MHD_RESPMEM_MUST_FREE);
+    if (!response && !lasting)
+        free(text);
+    begin_answer(answer, server, status, response, media_type);
 }
 
 void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *text)
@@ -98,8 +107,11 @@ static CtsStatus answer_file(CtsHttpAnswer *answer, const CtsServer *server, con
         return cts_fail(err, CTS_ERR_OUTPUT, "the picture cannot be read back: %s", strerror(errno));
     if (!e->etag[0] || !server->thumbnails[0])
         unlink(e->render_query.path);
-    cts_answer_bytes(answer, server, 200, e->render_query.media_type, "", 0, true);
-    answer->fd = fd;
+    const off_t size = lseek(fd, 0, SEEK_END);
+    struct MHD_Response *const response = size < 0 ? NULL : MHD_create_response_from_fd64((uint64_t)size, fd);
+    if (!response)
+        close(fd);
+    begin_answer(answer, server, 200, response, e->render_query.media_type);
     return CTS_OK;
 }
 

@@ -114,9 +114,9 @@ typedef struct CtsServer {
     int n_workers;
 } CtsServer;
 
-/* response.c: common parts of answers. */
+/* response.c: common parts of answers. A header replaces one of the same name. */
 void cts_answer_header(CtsHttpAnswer *answer, const char *name, const char *value);
-/* bytes: as CtsHttpAnswer has them. */
+/* lasting: bytes stay; else they are the answer's, from malloc(). */
 void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *media_type,
                       const void *bytes, size_t n, bool lasting);
 /* One line. */
