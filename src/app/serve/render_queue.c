@@ -101,27 +101,11 @@ static CtsStatus settle_request(CtsRenderRequest *e, CtsError *err)
     const CtsSeries *const s = e->cached->series;
     if (s && s->renderable && !e->is_settled) {
         e->is_settled = true;
-        e->status =
-            cts_options_settle(&q->options, s->modality_id, s->quantity, &q->preset, &q->job, &e->report, &e->err);
+        cts_options_settle(&q->options, s->modality_id, s->quantity, &q->preset, &q->job, &e->report, &e->err);
     }
-    if (e->status)
+    if (e->err.status)
         *err = e->err;
-    return e->status;
-}
-
-/* The series' volume may be there since. */
-static CtsStatus make_processed(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume **processed, CtsError *err)
-{
-    CtsSeriesCache *const cache = &server->cache;
-    const CtsSource *const source = &e->render_query.job.source;
-    CtsStatus st = settle_request(e, err);
-    if (st || (st = cts_series_cache_read(cache, &server->lock, e->cached, source, &e->report, err)))
-        return st;
-    pthread_mutex_lock(&server->lock);
-    *processed = cts_series_cache_volume(e->cached, source);
-    pthread_mutex_unlock(&server->lock);
-    return *processed ? CTS_OK
-                      : cts_series_cache_make(cache, &server->lock, e->cached, source, processed, &e->report, err);
+    return e->err.status;
 }
 
 static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed,
@@ -135,8 +119,9 @@ static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcesse
         st = cts_thumbnail_find(server, e, err);
     const bool is_of_volume = !e->is_kept && !e->slice;
     if (!found) {
-        if (!st && is_of_volume)
-            st = make_processed(server, e, &processed, err);
+        if (!st && is_of_volume && !(st = settle_request(e, err)))
+            st = cts_series_cache_load(&server->cache, &server->lock, e->cached, &e->render_query.job.source,
+                                       &processed, &e->report, err);
         pthread_mutex_lock(&server->lock);
         e->cached->busy = false;
         if (processed)

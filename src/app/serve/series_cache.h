@@ -14,8 +14,7 @@
 typedef struct CtsCachedRenderer {
     CtsPrepared prepared;
     bool in_use;
-    double used_ms;
-    struct CtsCachedRenderer *next;
+    struct CtsCachedRenderer *next; /* used before this one */
 } CtsCachedRenderer;
 
 /* A volume processed from the scanned slices. */
@@ -87,14 +86,11 @@ void cts_series_cache_sweep(CtsSeriesCache *cache);
 /* The volume of these, or NULL. */
 CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *cached, const CtsSource *source);
 
-/* Without the lock, by the holder of cached->busy: finds the series if needed; reads one that was found. Takes lock
- * where it needs it. */
+/* Without the lock, by the holder of cached->busy: finds the series if needed; reads one that was found, and processes
+ * its volume. Take the lock where they need it. CTS_ERR_MEMORY without enough memory. */
 CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
                                 const CtsSource *source, CtsReport *report, CtsError *err);
-CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
-                                const CtsSource *source, CtsReport *report, CtsError *err);
-/* Processes the volume of a series that was read, by the same. CTS_ERR_MEMORY without enough memory. */
-CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
+CtsStatus cts_series_cache_load(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
                                 const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
                                 CtsError *err);
 

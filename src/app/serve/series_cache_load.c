@@ -25,22 +25,18 @@ static void free_processed(CtsProcessedVolume *processed)
     free(processed);
 }
 
-/* Frees the least recently used ones that are idle. */
+/* The renderers are in order of use, the last one first. */
 static void drop_idle(CtsProcessedVolume *processed)
 {
     int n = 0;
-    CtsCachedRenderer **oldest = NULL;
-    for (CtsCachedRenderer **l = &processed->renderers; *l; l = &(*l)->next)
-        if (!(*l)->in_use) {
-            n++;
-            if (!oldest || (*l)->used_ms < (*oldest)->used_ms)
-                oldest = l;
-        }
-    if (n <= MAX_IDLE_RENDERERS)
+    for (CtsCachedRenderer **link = &processed->renderers; *link; link = &(*link)->next) {
+        CtsCachedRenderer *const renderer = *link;
+        if (renderer->in_use || ++n <= MAX_IDLE_RENDERERS)
+            continue;
+        *link = renderer->next;
+        free_renderer(renderer);
         return;
-    CtsCachedRenderer *const gone = *oldest;
-    *oldest = gone->next;
-    free_renderer(gone);
+    }
 }
 
 CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job)
@@ -60,14 +56,17 @@ CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const 
 void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer, bool failed)
 {
     renderer->in_use = false;
-    renderer->used_ms = processed->used_ms = cts_wall_ms();
+    processed->used_ms = cts_wall_ms();
     CtsCachedRenderer **link = &processed->renderers;
     while (*link != renderer)
         link = &(*link)->next;
+    *link = renderer->next;
     if (failed) {
-        *link = renderer->next;
         free_renderer(renderer);
+        return;
     }
+    renderer->next = processed->renderers;
+    processed->renderers = renderer;
     drop_idle(processed);
 }
 
@@ -232,18 +231,7 @@ CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, pthread_mutex_t *lo
     return st;
 }
 
-CtsStatus cts_series_cache_read(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
-                                const CtsSource *source, CtsReport *report, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    if (!s->series->renderable)
-        st = cts_fail(err, s->series->refusal ? s->series->refusal : CTS_ERR_GEOMETRY, "%s", s->series->reason);
-    if (!st && !(s->loaded.scanned && s->loaded.scanned->even->grey))
-        st = read_cached_slices(cache, lock, s, source, report, err);
-    return st;
-}
-
-CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
+static CtsStatus make_processed(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
                                 const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
                                 CtsError *err)
 {
@@ -274,4 +262,21 @@ CtsStatus cts_series_cache_make(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
         free_processed(made);
     *processed = st ? NULL : made;
     return st;
+}
+
+CtsStatus cts_series_cache_load(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
+                                const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
+                                CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (!s->series->renderable)
+        st = cts_fail(err, s->series->refusal ? s->series->refusal : CTS_ERR_GEOMETRY, "%s", s->series->reason);
+    if (!st && !(s->loaded.scanned && s->loaded.scanned->even->grey))
+        st = read_cached_slices(cache, lock, s, source, report, err);
+    if (st)
+        return st;
+    pthread_mutex_lock(lock);
+    *processed = cts_series_cache_volume(s, source); /* it may be there since */
+    pthread_mutex_unlock(lock);
+    return *processed ? CTS_OK : make_processed(cache, lock, s, source, processed, report, err);
 }

@@ -88,8 +88,7 @@ typedef struct CtsRenderRequest {
     char etag[67];         /* a hash of what decides its bytes, quoted; "": of a picture */
     const CtsSlice *slice; /* shown by itself, NULL: the volume is shown */
     bool is_kept;          /* on the disk, or with the client */
-    bool is_settled;       /* the job is complete (cts_options_settle()), unless this failed: */
-    CtsStatus status;
+    bool is_settled;       /* the job is complete (cts_options_settle()), unless err has a status */
     CtsError err;
     volatile sig_atomic_t stop; /* set when the client has disconnected */
     bool running;
