@@ -174,7 +174,7 @@ void cts_journal_record_redact(json_t *record, const CtsBatchSettings *s)
 }
 
 /* True if the record has all details that the settings request. */
-static bool is_complete(const json_t *record, const CtsBatchSettings *s)
+static bool has_requested_details(const json_t *record, const CtsBatchSettings *s)
 {
     const json_t *geometry = json_object_get(record, "geometry");
     return (!s->options->show_paths || json_object_get(record, "sources")) &&
@@ -237,7 +237,7 @@ bool cts_journal_record_is_settled(const CtsBatchSettings *s, const json_t *reco
 {
     const char *status = cts_json_text_of(record, "status");
     char hex[65];
-    if (strcmp(cts_json_text_of(record, "input_sha256"), input_sha256) || !is_complete(record, s))
+    if (strcmp(cts_json_text_of(record, "input_sha256"), input_sha256) || !has_requested_details(record, s))
         return false;
     /* Before version 0.5.0 series without a volume were skipped. Those of a modality left out (exit code 3) may be
      * wanted now. */
