@@ -96,3 +96,12 @@ CtsStatus cts_libexec_start(const char *program, const char *argument, const int
     return st ? st
               : cts_program_start((const char *const[]){path, argument, NULL}, descriptors, descriptors, n, pid, err);
 }
+
+CtsStatus cts_libexec_become(const char *program, const char *const *arguments, CtsError *err)
+{
+    char path[PATH_MAX];
+    const CtsStatus st = cts_libexec_find(program, path, err);
+    if (!st)
+        execv(path, (char *const *)(uintptr_t)arguments);
+    return st ? st : report_start(path, errno, err);
+}

@@ -14,6 +14,10 @@ CtsStatus cts_libexec_find(const char *program, char path[PATH_MAX], CtsError *e
  * unblocks them. A child process of this one: the caller reaps it. */
 CtsStatus cts_program_start(const char *const *arguments, const int *descriptors, const int *as, int n, pid_t *pid,
                             CtsError *err);
-/* The same for a program of libexec with one argument. */
+/* This process becomes a program of libexec, as git runs its commands: signals, files and the exit code are its own
+ * then. Returns on failure alone. */
+CtsStatus cts_libexec_become(const char *program, const char *const *arguments, CtsError *err);
+
+/* The same as cts_program_start() for a program of libexec with one argument. */
 CtsStatus cts_libexec_start(const char *program, const char *argument, const int *descriptors, int n, pid_t *pid,
                             CtsError *err);

@@ -12,7 +12,7 @@ typedef struct CliCommand {
     const char *summary; /* one line */
     int min_operands, max_operands;
     const char *operand; /* name of an operand in messages */
-    CliRun *run; /* NULL: in the program ctsplat-NAME of libexec */
+    CliRun *run; /* NULL: of the program ctsplat-serve */
 } CliCommand;
 
 /* In the order of CTS_FOR_INFO...; CTS_FOR_JOB is not a command. */

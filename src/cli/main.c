@@ -37,17 +37,6 @@ static int find_command(const char *name, CtsError *err)
     return CLI_N_COMMANDS;
 }
 
-/* As git runs its commands: in this process, so that signals, files and the exit code are the program's. */
-static CtsStatus become_program(int command, const char *const *argv, CtsError *err)
-{
-    char name[32], path[PATH_MAX];
-    snprintf(name, sizeof name, "ctsplat-%s", cli_commands[command].name);
-    const CtsStatus st = cts_libexec_find(name, path, err);
-    if (!st)
-        execv(path, (char *const *)(uintptr_t)argv);
-    return st ? st : cts_fail(err, CTS_ERR_INTERNAL, "%s cannot be started: %s", path, strerror(errno));
-}
-
 static CtsStatus run_command(int argc, const char *const *argv, int *exit_code, CtsError *err)
 {
     CtsOptions options;
@@ -60,7 +49,7 @@ static CtsStatus run_command(int argc, const char *const *argv, int *exit_code, 
     if (!st && options.help)
         cli_help_command(command, options.paths.n > 0 && !strcmp(options.paths.items[0], "all"));
     else if (!st && !cli_commands[command].run)
-        st = become_program(command, argv - 1, err);
+        st = cts_libexec_become("ctsplat-serve", argv - 1, err);
     else if (!st) {
         if (cts_isolation_is_waived())
             cli_warning(CTS_ISOLATION_WAIVED "=1: where the system refuses a sandbox, files are read without one");
