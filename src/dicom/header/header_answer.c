@@ -19,7 +19,7 @@ static const uint64_t MAX_OFFSET = (uint64_t)1 << 48; /* sums of offsets and siz
 #define FIELD(name) offsetof(CtsSlice, name)
 
 static const Field fields[] = {
-    {FIELD(odd), INTEGER, 1, 0, 2 * CTS_ODD_MAY_NAME - 1},
+    {FIELD(deviations), INTEGER, 1, 0, 2 * CTS_DEVIATION_MAY_NAME - 1},
     {FIELD(sop_uid), TEXT, 2, 0, 64}, /* and series_uid */
     {FIELD(identity), TEXT, CTS_N_IDENTITY, 0, CTS_MAX_TEXT},
     {FIELD(modality), TEXT, 1, 0, 16},
@@ -43,7 +43,7 @@ static const Field fields[] = {
     {FIELD(localizer), FLAG, 1, 0, 1},
     {FIELD(contrast), FLAG, 1, 0, 1},
     {FIELD(image_type), TEXT, 1, 0, 64},
-    {FIELD(page), FLAG, 1, 0, 1},
+    {FIELD(is_report), FLAG, 1, 0, 1},
     {FIELD(frame), INTEGER, 1, 0, CTS_MAX_FRAMES - 1},
     {FIELD(n_frames), INTEGER, 1, 0, CTS_MAX_FRAMES},
     {FIELD(stack_id), TEXT, 1, 0, 16},
@@ -244,7 +244,7 @@ bool cts_header_facts_hold(const CtsHeaderFacts *f, uint64_t n_file)
 {
     return is_flag((const uint8_t *)&f->has_pixels) && is_flag((const uint8_t *)&f->pixel_words) &&
            is_flag((const uint8_t *)&f->encapsulated) && memchr(f->syntax_uid, 0, sizeof f->syntax_uid) &&
-           is_plain_text(f->class_name, sizeof f->class_name) && f->odd < 2 * CTS_ODD_MAY_NAME &&
+           is_plain_text(f->class_name, sizeof f->class_name) && f->deviations < 2 * CTS_DEVIATION_MAY_NAME &&
            f->data_offset <= n_file && f->header_bytes < MAX_OFFSET && f->pixel_offset < MAX_OFFSET &&
            f->pixel_bytes < MAX_OFFSET;
 }

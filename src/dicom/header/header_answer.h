@@ -51,7 +51,7 @@ typedef enum CtsHeaderResult {
 typedef struct CtsHeaderFacts {
     char syntax_uid[65];
     char class_name[64];   /* readable name of its SOP class, of a file without slices or with an image */
-    unsigned odd;          /* CTS_ODD_... of the file */
+    unsigned deviations;   /* CTS_DEVIATION_... of the file */
     uint64_t data_offset;  /* offset of the data set */
     uint64_t header_bytes; /* of the data set up to its pixels, inflated when deflated */
     bool has_pixels, pixel_words, encapsulated;

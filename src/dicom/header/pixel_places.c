@@ -151,7 +151,7 @@ void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
             cts_slice_fault(frames[k], CTS_ERR_PIXELS, "PixelData holds %llu frames, not one",
                             (unsigned long long)(have / frame));
         else if (have > need + 1) /* more than the byte that makes its length even */
-            frames[k]->odd |= CTS_ODD_LONG_PIXELS;
+            frames[k]->deviations |= CTS_DEVIATION_LONG_PIXELS;
         if (!deflated && left < end)
             cts_slice_fault(frames[k], CTS_ERR_PIXELS, "truncated: PixelData needs %llu bytes, %llu left",
                             (unsigned long long)need, (unsigned long long)left);

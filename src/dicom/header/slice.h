@@ -26,17 +26,17 @@ typedef enum CtsObjectKind {
 
 /* Deviations that do not prevent use; the series gives one warning for each. */
 enum {
-    CTS_ODD_NO_PREAMBLE = 1,  /* no preamble or meta header: a bare data set */
-    CTS_ODD_NO_SYNTAX = 2,    /* no transfer syntax UID; found by looking */
-    CTS_ODD_ORIENTATION = 4,  /* direction cosines off by more than 0.001 */
-    CTS_ODD_MONOCHROME1 = 8,  /* display polarity only; HU do not change */
-    CTS_ODD_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
-    CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the surplus is not read */
-    CTS_ODD_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
-    CTS_ODD_FALLING = 128,    /* RescaleSlope is negative, which no scanner writes */
-    CTS_ODD_NOT_HU = 256,     /* ImageType or RescaleType names another quantity */
-    CTS_ODD_BURNED_IN = 512,  /* (0028,0301) is YES */
-    CTS_ODD_MAY_NAME = 1024   /* pixels may show the patient's name (CtsSeries) */
+    CTS_DEVIATION_NO_PREAMBLE = 1,  /* no preamble or meta header: a bare data set */
+    CTS_DEVIATION_NO_SYNTAX = 2,    /* no transfer syntax UID; found by looking */
+    CTS_DEVIATION_ORIENTATION = 4,  /* direction cosines off by more than 0.001 */
+    CTS_DEVIATION_MONOCHROME1 = 8,  /* display polarity only; HU do not change */
+    CTS_DEVIATION_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
+    CTS_DEVIATION_LONG_PIXELS = 32, /* more bytes than the frames need; the surplus is not read */
+    CTS_DEVIATION_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
+    CTS_DEVIATION_FALLING = 128,    /* RescaleSlope is negative, which no scanner writes */
+    CTS_DEVIATION_NOT_HU = 256,     /* ImageType or RescaleType names another quantity */
+    CTS_DEVIATION_BURNED_IN = 512,  /* (0028,0301) is YES */
+    CTS_DEVIATION_MAY_NAME = 1024   /* pixels may show the patient's name (CtsSeries) */
 };
 
 /* Attributes that identify patient, study and space; the slices of one volume agree in all of them. */
@@ -87,7 +87,7 @@ typedef struct CtsSlice {
     CtsModality modality_id;
     const CtsSyntax *syntax; /* NULL when the UID is unknown */
     const char *syntax_uid;
-    unsigned odd; /* CTS_ODD_... */
+    unsigned deviations; /* CTS_DEVIATION_... */
 
     const char *sop_uid, *series_uid; /* "" where missing; at most 64 characters */
     const char *class_uid;            /* its object's SOP class */
@@ -110,7 +110,7 @@ typedef struct CtsSlice {
     bool localizer;         /* a scout */
     bool contrast;          /* (0018,0010) or (0018,0012) names a contrast agent */
     const char *image_type; /* (0008,0008), at most 64 characters; "" where missing */
-    bool page;              /* a dose report or the like: never had a place in a patient */
+    bool is_report;         /* a dose report or the like: never had a place in a patient */
     int frame, n_frames;    /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
     const char *stack_id;   /* (0020,9056), of a frame; at most 16 characters */
     /* For a frame whose object is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
@@ -119,7 +119,7 @@ typedef struct CtsSlice {
     int64_t first_frame;       /* (0020,9228), from 0; negative where missing */
     /* If parts are missing: the series' message about them, and the number of missing frames between others. NULL,
      * 0. */
-    const char *lacks;
+    const char *missing_parts;
     int n_lacking;
 
     int rows, columns, bits_allocated, bits_stored, high_bit;

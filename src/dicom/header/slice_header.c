@@ -9,7 +9,7 @@ static void check_pixels(const CtsHeaderFacts *f, CtsSlice *slice)
     slice->pixel_bytes = f->pixel_bytes;
     slice->pixel_words = f->pixel_words;
     if (syntax && (syntax->loss == CTS_LOSSY || (syntax->loss == CTS_MAYBE_LOSSY && !slice->declared_lossless)))
-        slice->odd |= CTS_ODD_LOSSY;
+        slice->deviations |= CTS_DEVIATION_LOSSY;
     if (!syntax)
         cts_slice_fault(slice, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with gdcmconv --raw)",
                         slice->syntax_uid);
@@ -62,7 +62,7 @@ CtsStatus cts_header_complete(const CtsHeaderFacts *f, const CtsPendingHeader *f
         s->syntax = syntax;
         s->syntax_uid = syntax_uid;
         s->class_uid = object->class_uid;
-        s->odd |= f->odd;
+        s->deviations |= f->deviations;
         s->memory = file->source->memory;
         s->path = file->source->path;
         s->file_bytes = file->n_file;

@@ -30,7 +30,7 @@ static CtsStatus open_object(const char *path, ScFile *f, CtsError *err)
     const CtsSyntax *const syntax = f->head.syntax;
     if (st)
         return st;
-    if (f->head.facts.odd & CTS_ODD_NO_SYNTAX)
+    if (f->head.facts.deviations & CTS_DEVIATION_NO_SYNTAX)
         return cts_fail(err, CTS_ERR_READ, "damaged: it names no transfer syntax");
     if (!syntax || syntax->codec >= CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
         return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not one pictures are read from (try dcmconv +te)",

@@ -60,10 +60,10 @@ CtsHeaderResult find_syntax(Header &h)
     const CtsSyntax *const looks = cts_scan_guess(h.bytes + h.meta.data_offset, h.item.n - h.meta.data_offset);
     const char *uid = h.meta.syntax_uid;
     if (!h.meta.has_preamble)
-        facts.odd |= CTS_ODD_NO_PREAMBLE;
+        facts.deviations |= CTS_DEVIATION_NO_PREAMBLE;
     h.syntax = cts_syntax_find(uid);
     if (!*uid) {
-        facts.odd |= CTS_ODD_NO_SYNTAX;
+        facts.deviations |= CTS_DEVIATION_NO_SYNTAX;
         if (!looks)
             return refuse(h, "has no transfer syntax, and its data set fits none");
         h.syntax = looks;

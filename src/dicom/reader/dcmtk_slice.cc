@@ -244,15 +244,15 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     for (int i = 2; i < 8; i++)
         s->localizer |= cts_text_value(image_type, i) == "LOCALIZER";
     if (s->modality_id == CTS_MODALITY_CT && names_quantity(image_type))
-        s->odd |= CTS_ODD_NOT_HU;
+        s->deviations |= CTS_DEVIATION_NOT_HU;
     if (cts_attribute_text(item, DCM_BurnedInAnnotation) == "YES")
-        s->odd |= CTS_ODD_BURNED_IN;
+        s->deviations |= CTS_DEVIATION_BURNED_IN;
     const bool derived = cts_text_value(image_type, 0) == "DERIVED" || cts_text_value(image_type, 1) == "SECONDARY";
-    s->page = derived && !s->identity[CTS_FRAME_UID][0] && !cts_attribute_has(item, DCM_ImagePositionPatient) &&
-              !cts_attribute_has(item, DCM_ImageOrientationPatient);
+    s->is_report = derived && !s->identity[CTS_FRAME_UID][0] && !cts_attribute_has(item, DCM_ImagePositionPatient) &&
+                   !cts_attribute_has(item, DCM_ImageOrientationPatient);
     const std::string_view lossy = cts_attribute_text(item, DCM_LossyImageCompression);
     if (lossy == "01")
-        s->odd |= CTS_ODD_LOSSY;
+        s->deviations |= CTS_DEVIATION_LOSSY;
     s->declared_lossless = lossy == "00";
     s->lossy_ratio = share_some(texts, cts_attribute_text(item, DCM_LossyImageCompressionRatio));
     s->lossy_method = share_some(texts, cts_attribute_text(item, DCM_LossyImageCompressionMethod));
@@ -305,7 +305,7 @@ void read_frame_count(CtsAttributes &item, CtsSlice *s)
         (integer(item, DCM_NumberOfFrames, &frames) && frames == 1))
         return;
     cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: its SOP class holds one frame");
-    s->page = false; /* no screen capture */
+    s->is_report = false; /* no screen capture */
 }
 
 void read_image_kind(CtsAttributes &item, CtsSlice *s)
@@ -316,7 +316,7 @@ void read_image_kind(CtsAttributes &item, CtsSlice *s)
         cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no slice");
     const std::string_view photometric = cts_attribute_text(item, DCM_PhotometricInterpretation);
     if (photometric == "MONOCHROME1")
-        s->odd |= CTS_ODD_MONOCHROME1;
+        s->deviations |= CTS_DEVIATION_MONOCHROME1;
     else if (!photometric.empty() && photometric != "MONOCHROME2")
         cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no slice");
 }
@@ -327,7 +327,7 @@ void check_rescale(CtsSlice *s)
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no %s", s->slope, s->intercept,
                         s->modality_id == CTS_MODALITY_CT ? "Hounsfield units" : "values");
     if (s->slope < 0)
-        s->odd |= CTS_ODD_FALLING;
+        s->deviations |= CTS_DEVIATION_FALLING;
 }
 
 void read_rescale_type(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
@@ -335,7 +335,7 @@ void read_rescale_type(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     const std::string_view type = cts_attribute_text(item, DCM_RescaleType);
     const std::string word = plain_word(type);
     if (word == "US" || word == "UNSPECIFIED")
-        s->odd |= CTS_ODD_UNSPECIFIED;
+        s->deviations |= CTS_DEVIATION_UNSPECIFIED;
     else if (!type.empty() && !is_hu(word))
         s->rescale_type = cts_dcm_share(texts, type, 16);
 }
@@ -411,7 +411,7 @@ void read_orientation(CtsAttributes &item, CtsSlice *s)
         return;
     }
     if (off > 1e-3)
-        s->odd |= CTS_ODD_ORIENTATION;
+        s->deviations |= CTS_DEVIATION_ORIENTATION;
     for (int c = 0; c < 3; c++)
         s->row_lps[c] = row[c] / row_norm;
     const double along = cts_dot3(column, s->row_lps);
@@ -445,7 +445,7 @@ void read_geometry(CtsAttributes &item, CtsSlice *s)
 void read_image(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
 {
     read_identity(item, texts, s);
-    s->odd = 0; /* of slices */
+    s->deviations = 0; /* of slices */
     cts_attribute_word(item, DCM_Rows, &s->rows);
     cts_attribute_word(item, DCM_Columns, &s->columns);
     cts_slice_fault(s, CTS_ERR_GEOMETRY, "is an image without a place");
@@ -499,5 +499,5 @@ void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *cl
         read_image(item, *texts, cts_dcm_add_slice(object));
     }
     for (int i = 0; i < object->n_slices && may_name(item, sop_class); i++)
-        object->slices[i]->odd |= CTS_ODD_MAY_NAME;
+        object->slices[i]->deviations |= CTS_DEVIATION_MAY_NAME;
 }

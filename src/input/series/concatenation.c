@@ -112,7 +112,7 @@ static CtsStatus check_concatenation(CtsSlice *const *parts, size_t n, CtsSlice 
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (size_t i = 0; i < n_slices; i++)
         if (is_part(slices[i]) && !by_concatenation(slices[i], parts[0])) {
-            slices[i]->lacks = lacks;
+            slices[i]->missing_parts = lacks;
             slices[i]->n_lacking = n_between < INT32_MAX / 16 ? (int)n_between : INT32_MAX / 16;
         }
     return CTS_OK;

@@ -69,9 +69,9 @@ static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *ke
 {
     int n_localizers = 0, n_pages = 0;
     for (int i = 0; i < set->n; i++) {
-        keep[i] = !set->items[i]->localizer && !set->items[i]->page;
+        keep[i] = !set->items[i]->localizer && !set->items[i]->is_report;
         n_localizers += set->items[i]->localizer;
-        n_pages += set->items[i]->page && !set->items[i]->localizer;
+        n_pages += set->items[i]->is_report && !set->items[i]->localizer;
     }
     if (n_localizers == set->n)
         pass(series, "holds only localizer images (scouts), %d of them, and no volume", n_localizers);
@@ -293,37 +293,37 @@ static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError
     return CTS_OK;
 }
 
-static void describe_odd(CtsSeries *series)
+static void describe_deviation(CtsSeries *series)
 {
     static const struct {
-        unsigned odd;
+        unsigned deviations;
         CtsDiagnosticId id;
         const char *text;
     } kinds[] = {
-        {CTS_ODD_NO_PREAMBLE, CTS_DIAGNOSTIC_NO_PREAMBLE, "have no DICOM preamble; read as bare data sets"},
-        {CTS_ODD_NO_SYNTAX, CTS_DIAGNOSTIC_NO_TRANSFER_SYNTAX,
+        {CTS_DEVIATION_NO_PREAMBLE, CTS_DIAGNOSTIC_NO_PREAMBLE, "have no DICOM preamble; read as bare data sets"},
+        {CTS_DEVIATION_NO_SYNTAX, CTS_DIAGNOSTIC_NO_TRANSFER_SYNTAX,
          "name no transfer syntax; it was detected from the data"},
-        {CTS_ODD_ORIENTATION, CTS_DIAGNOSTIC_ROUGH_ORIENTATION,
+        {CTS_DEVIATION_ORIENTATION, CTS_DIAGNOSTIC_ROUGH_ORIENTATION,
          "have an orientation that is not orthonormal by more than 0.001; corrected"},
-        {CTS_ODD_MONOCHROME1, CTS_DIAGNOSTIC_MONOCHROME1, "are MONOCHROME1; values are taken as they are"},
-        {CTS_ODD_LOSSY, CTS_DIAGNOSTIC_LOSSY, "hold lossy compressed pixels (0028,2110)"},
-        {CTS_ODD_LONG_PIXELS, CTS_DIAGNOSTIC_LONG_PIXELS,
+        {CTS_DEVIATION_MONOCHROME1, CTS_DIAGNOSTIC_MONOCHROME1, "are MONOCHROME1; values are taken as they are"},
+        {CTS_DEVIATION_LOSSY, CTS_DIAGNOSTIC_LOSSY, "hold lossy compressed pixels (0028,2110)"},
+        {CTS_DEVIATION_LONG_PIXELS, CTS_DIAGNOSTIC_LONG_PIXELS,
          "have more PixelData (7FE0,0010) than they need; the rest is not read"},
-        {CTS_ODD_UNSPECIFIED, CTS_DIAGNOSTIC_RESCALE_UNSPECIFIED,
+        {CTS_DEVIATION_UNSPECIFIED, CTS_DIAGNOSTIC_RESCALE_UNSPECIFIED,
          "have the RescaleType (0028,1054) US or UNSPECIFIED; taken for Hounsfield units"},
-        {CTS_ODD_FALLING, CTS_DIAGNOSTIC_NEGATIVE_SLOPE,
+        {CTS_DEVIATION_FALLING, CTS_DIAGNOSTIC_NEGATIVE_SLOPE,
          "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
-        {CTS_ODD_NOT_HU, CTS_DIAGNOSTIC_NOT_HU,
+        {CTS_DEVIATION_NOT_HU, CTS_DIAGNOSTIC_NOT_HU,
          "say by ImageType (0008,0008) that they show another quantity than Hounsfield units, in which a preset means "
          "nothing"},
-        {CTS_ODD_BURNED_IN, CTS_DIAGNOSTIC_BURNED_IN_ANNOTATION,
+        {CTS_DEVIATION_BURNED_IN, CTS_DIAGNOSTIC_BURNED_IN_ANNOTATION,
          "say that text is burned into their pixels (0028,0301); it may show in the picture"},
     };
     const bool is_image = series->n_slices && series->slices[0]->kind == CTS_OBJECT_IMAGE;
     for (size_t k = 0; !is_image && k < sizeof kinds / sizeof *kinds; k++) {
         int n = 0;
         for (int i = 0; i < series->n_slices; i++)
-            n += (series->slices[i]->odd & kinds[k].odd) != 0;
+            n += (series->slices[i]->deviations & kinds[k].deviations) != 0;
         if (n)
             cts_diagnostics_add(&series->diagnostics, kinds[k].id, "%d of %d slices %s", n, series->n_slices,
                                 kinds[k].text);
@@ -358,7 +358,7 @@ static void describe_series(CtsSeries *series, const CtsSlice *s)
     cts_text_clean(series->modality);
     cts_text_clean(series->transfer_syntax);
     snprintf(series->orientation, sizeof series->orientation, "%s", orientation_of(s->normal_lps));
-    series->may_name = s->odd & CTS_ODD_MAY_NAME;
+    series->may_name = s->deviations & CTS_DEVIATION_MAY_NAME;
     if (s->kind == CTS_OBJECT_IMAGE)
         series->orientation[0] = 0;
     series->rows = s->rows;
@@ -412,15 +412,16 @@ static const char *check_parts(const CtsSliceSet *set, CtsSeries *series)
 {
     const CtsSlice *lacking = NULL;
     for (int i = 0; i < set->n && !lacking; i++)
-        lacking = set->items[i]->lacks ? set->items[i] : NULL;
+        lacking = set->items[i]->missing_parts ? set->items[i] : NULL;
     if (!lacking)
         return NULL;
     if (cts_slice_stack_lacks_many(lacking->n_lacking, set->n) && !series->rules.allow_missing_slices)
         refuse_series(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)",
-                      lacking->lacks);
+                      lacking->missing_parts);
     else
-        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_CONCATENATION_INCOMPLETE, "%s", lacking->lacks);
-    return lacking->lacks;
+        cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_CONCATENATION_INCOMPLETE, "%s",
+                            lacking->missing_parts);
+    return lacking->missing_parts;
 }
 
 static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, CtsSeries *series, CtsError *err)
@@ -577,7 +578,7 @@ static CtsStatus finish_series(CtsSeries *series, CtsSliceSet *set, const CtsStu
         st = check_order(set, series, err);
     if (!st)
         take_slices(series, set);
-    describe_odd(series);
+    describe_deviation(series);
     series->renderable = !series->refusal;
     return st;
 }

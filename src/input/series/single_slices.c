@@ -12,7 +12,7 @@ enum { FEWEST = 3, MAX_GRIDS = 64 };
 
 bool cts_slice_place(const CtsSlice *slice, CtsSlicePlace *place)
 {
-    if (slice->fault || slice->localizer || slice->page || slice->n_frames || slice->kind != CTS_OBJECT_SLICE)
+    if (slice->fault || slice->localizer || slice->is_report || slice->n_frames || slice->kind != CTS_OBJECT_SLICE)
         return false;
     *place = (CtsSlicePlace){.rows = slice->rows,
                              .columns = slice->columns,

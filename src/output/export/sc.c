@@ -56,7 +56,7 @@ static CtsStatus check(const char *path, const CtsExportSettings *settings, CtsE
     if (source->n_slices < 1)
         return cts_fail(err, CTS_ERR_USAGE, "%s: the series it is made of has no slices", path);
     for (int i = 0; settings->deidentify && i < source->n_slices; i++)
-        if (source->slices[i]->odd & CTS_ODD_BURNED_IN)
+        if (source->slices[i]->deviations & CTS_DEVIATION_BURNED_IN)
             return cts_fail(err, CTS_ERR_PIXELS,
                             "%s: BurnedInAnnotation (0028,0301) says that text stands in the slices' pixels, where "
                             "`deidentify` cannot reach it",
@@ -77,7 +77,7 @@ static CtsStatus check(const char *path, const CtsExportSettings *settings, CtsE
 static const CtsSlice *lossy_slice(const CtsSeries *source)
 {
     for (int i = 0; i < source->n_slices; i++)
-        if (source->slices[i]->odd & CTS_ODD_LOSSY)
+        if (source->slices[i]->deviations & CTS_DEVIATION_LOSSY)
             return source->slices[i];
     return NULL;
 }
@@ -167,7 +167,7 @@ static CtsScObject object_of(const CtsExportJob *job, const CtsScTexts *texts, c
         .azimuth_deg = w->azimuth_deg,
         .elevation_deg = w->elevation_deg,
         .mm_per_pixel = head->info.mm_per_pixel,
-        .burned_in = (source->slices[0]->odd & CTS_ODD_BURNED_IN) || head->info.annotated,
+        .burned_in = (source->slices[0]->deviations & CTS_DEVIATION_BURNED_IN) || head->info.annotated,
         .recognizable = head->info.shows_skin,
         .source = source,
         .labels = job->settings.labels,
