@@ -26,7 +26,7 @@ has out '^preset skin'
 
 refused 2 '-o -: has no ending .*--format' render "$data/phantom" $small -o -
 refused 2 '--format png: .* no output is -' render "$data/phantom" $small -o x.png --format png
-refused 2 '--format gif: not one of: png exr dcm' render "$data/phantom" $small -o - --format gif
+refused 2 '--format bmp: not one of: png exr dcm' render "$data/phantom" $small -o - --format bmp
 refused 2 'given twice' render "$data/phantom" $small -o - -o - --format png
 refused 2 'holds one picture' render "$data/phantom" $small -o - --format png --rotation 3
 refused 2 'no DICOM output to send' render "$data/phantom" $small -o - --format dcm --send A@localhost:1

@@ -88,10 +88,8 @@ static CtsStatus name_thumbnail(CtsRenderRequest *e, char name[2 * CTS_DIGEST_BY
              e->slice ? "slice" : "volume");
     cts_hash_text(hash, text);
     cts_hash_text(hash, e->render_query.media_type);
-    for (int i = 0; !e->slice && i < s->n_slices; i++)
-        hash_slice(hash, s->slices[i]);
-    if (e->slice)
-        hash_slice(hash, e->slice);
+    for (int i = 0; i < (e->slice ? 1 : s->n_slices); i++)
+        hash_slice(hash, e->slice ? e->slice : s->slices[i]);
     return cts_hash_hex(&hash, name, err);
 }
 
