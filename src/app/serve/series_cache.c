@@ -220,7 +220,7 @@ static CtsCachedSeries *find_uid(const CtsSeriesCache *cache, const char *study_
     CtsCachedSeries *found = NULL;
     for (CtsCachedSeries *s = cache->first; s; s = s->next)
         if (!strcmp(s->uid, uid) && !strcmp(s->study_uid, study_uid) &&
-            (!found || (sop_uid && s->series && cts_cached_series_count(s, sop_uid)) ||
+            (!found || (sop_uid[0] && s->series && cts_cached_series_count(s, sop_uid)) ||
              (found->series && !found->series->renderable && s->series && s->series->renderable)))
             found = s;
     return found;

@@ -64,7 +64,7 @@ void cts_series_cache_free(CtsSeriesCache *cache);
 
 /* NULL if there is none. */
 CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *cache, const char *id);
-/* Finds by UIDs, that of an object may be NULL; adds a series known only to a peer, or to a path with {series_uid} in
+/* Finds by UIDs, that of an object may be ""; adds a series known only to a peer, or to a path with {series_uid} in
  * it. */
 CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid, const char *sop_uid,
                                   CtsCachedSeries **found, CtsError *err);
