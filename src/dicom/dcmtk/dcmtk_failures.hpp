@@ -9,12 +9,6 @@
 #include <new>
 #include <stdexcept>
 
-/* Status for a failure of DCMTK: out of memory, or `otherwise`. */
-inline CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
-{
-    return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
-}
-
 /* Throws for a failure: std::bad_alloc, or std::runtime_error with DCMTK's reason. */
 inline void cts_dcm_check(const OFCondition &state)
 {

@@ -140,8 +140,8 @@ try {
     result = pixel_data.getUncompressedFrame(&data_set, 0, fragment, pixels, static_cast<Uint32>(n_bytes + n_bytes % 2),
                                              colour_model);
     if (result.bad())
-        return cts_fail(err, cts_dcm_status(result, CTS_ERR_PIXELS), "its compressed pixels cannot be decoded: %s",
-                        result.text());
+        return cts_fail(err, result == EC_MemoryExhausted ? CTS_ERR_MEMORY : CTS_ERR_PIXELS,
+                        "its compressed pixels cannot be decoded: %s", result.text());
     if (format->n_colours > 0 && colour_model != "RGB")
         return cts_fail(err, CTS_ERR_PIXELS, "its pixels decode to %s, not to RGB", colour_model.c_str());
     if (complaints.n > 0)
