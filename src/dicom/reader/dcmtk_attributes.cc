@@ -88,15 +88,6 @@ DcmElement *find(const CtsAttributes &item, const DcmTagKey &tag)
     return unassigned || (has_place && tag != DCM_ImageType) ? unassigned : item.top.find(tag);
 }
 
-std::string_view without_padding(std::string_view view)
-{
-    while (!view.empty() && (view.back() == ' ' || view.back() == '\0'))
-        view.remove_suffix(1);
-    while (!view.empty() && view.front() == ' ')
-        view.remove_prefix(1);
-    return view;
-}
-
 /* A date and time (YYYYMMDDHHMMSS.FFFFFF&ZZXX) without its date and zone. */
 std::string_view time_of(std::string_view date_time)
 {
@@ -104,18 +95,24 @@ std::string_view time_of(std::string_view date_time)
     return date_time.size() > 8 ? date_time.substr(8) : std::string_view();
 }
 
-bool single_number(DcmElement *element, uint32_t *value)
+template <typename Number>
+bool numbers(DcmElement &e, OFCondition (DcmElement::*get)(Number &, unsigned long), std::vector<double> &values)
 {
-    Uint16 word = 0;
-    Uint32 number = 0;
-    if (!element)
+    Number value;
+    const unsigned long n = e.getLength() / sizeof value;
+    for (unsigned long i = 0; i < n && (e.*get)(value, i).good(); i++)
+        values.push_back(value);
+    return values.size() == n;
+}
+
+/* The number of an element that has one, of one of two VRs. */
+bool single_number(DcmElement *element, DcmEVR vr, DcmEVR or_vr, double *value)
+{
+    std::vector<double> all;
+    if (!element || (element->ident() != vr && element->ident() != or_vr) || !cts_binary_numbers(*element, all) ||
+        all.size() != 1)
         return false;
-    if (element->ident() == EVR_US && element->getLength() == 2 && element->getUint16(word).good())
-        *value = word;
-    else if (element->ident() == EVR_UL && element->getLength() == 4 && element->getUint32(number).good())
-        *value = number;
-    else
-        return false;
+    *value = all[0];
     return true;
 }
 
@@ -144,7 +141,7 @@ int numbers_of_bytes(std::string_view bytes, double *values, int n)
     const bool is_zero = bytes.find_first_not_of('\0') == std::string_view::npos;
     if (bytes.size() > longest)
         return 0;
-    const std::string_view text = without_padding(bytes);
+    const std::string_view text = cts_without_padding(bytes);
     if (!is_zero && text.find_first_not_of("0123456789+-.eE\\ ") == std::string_view::npos)
         return numbers_of_text(text, values, n);
     const size_t count = bytes.size() / size;
@@ -162,34 +159,24 @@ int numbers_of_bytes(std::string_view bytes, double *values, int n)
 
 int numbers_of(DcmElement *element, double *values, int n)
 {
+    std::vector<double> all;
     if (!element)
         return 0;
     if (cts_is_text(element->ident()))
-        return numbers_of_text(without_padding(cts_element_text(element)), values, n);
-    int count = 0;
-    for (; count < n; count++) {
-        Float64 real = 0;
-        Float32 single = 0;
-        Uint16 word = 0;
-        if (element->getFloat64(real, static_cast<unsigned long>(count)).good())
-            values[count] = real;
-        else if (element->getFloat32(single, static_cast<unsigned long>(count)).good())
-            values[count] = static_cast<double>(single);
-        else if (element->getUint16(word, static_cast<unsigned long>(count)).good())
-            values[count] = word;
-        else
-            break;
-        if (!std::isfinite(values[count]))
-            return 0;
-    }
-    return count ? count : numbers_of_bytes(raw_text(element), values, n);
+        return numbers_of_text(cts_without_padding(cts_element_text(element)), values, n);
+    if (!cts_binary_numbers(*element, all))
+        return numbers_of_bytes(raw_text(element), values, n);
+    all.resize(std::min(all.size(), static_cast<size_t>(n)));
+    std::copy(all.begin(), all.end(), values);
+    const bool finite = std::all_of(all.begin(), all.end(), [](double x) { return std::isfinite(x); });
+    return finite ? static_cast<int>(all.size()) : 0;
 }
 
 DcmElement *find_private(const CtsAttributes &item, const CtsPrivateTag &tag)
 {
     for (unsigned block = 0x10; block <= 0xFF; block++) {
         DcmElement *const creator = item.top.find(DcmTagKey(tag.group, static_cast<Uint16>(block)));
-        if (creator && without_padding(raw_text(creator)) == tag.creator)
+        if (creator && cts_without_padding(raw_text(creator)) == tag.creator)
             return item.top.find(DcmTagKey(tag.group, static_cast<Uint16>(block << 8 | tag.nn)));
     }
     return nullptr;
@@ -222,6 +209,26 @@ bool cts_is_text(DcmEVR vr)
     return std::find(std::begin(texts), std::end(texts), vr) != std::end(texts);
 }
 
+bool cts_binary_numbers(DcmElement &e, std::vector<double> &values)
+{
+    switch (e.ident()) {
+    case EVR_US:
+        return numbers<Uint16>(e, &DcmElement::getUint16, values);
+    case EVR_SS:
+        return numbers<Sint16>(e, &DcmElement::getSint16, values);
+    case EVR_UL:
+        return numbers<Uint32>(e, &DcmElement::getUint32, values);
+    case EVR_SL:
+        return numbers<Sint32>(e, &DcmElement::getSint32, values);
+    case EVR_FL:
+        return numbers<Float32>(e, &DcmElement::getFloat32, values);
+    case EVR_FD:
+        return numbers<Float64>(e, &DcmElement::getFloat64, values);
+    default:
+        return false;
+    }
+}
+
 std::string_view cts_element_text(DcmElement *element)
 {
     char *text = nullptr;
@@ -241,12 +248,12 @@ std::string_view cts_attribute_text(CtsAttributes &item, const DcmTagKey &tag)
 {
     DcmElement *const found = find(item, tag);
     const Place *const place = item.is_frame ? place_of(tag) : nullptr;
-    uint32_t number = 0;
+    double number = 0;
     if (place && place->is_number)
-        return {item.digits, single_number(found, &number)
-                                 ? static_cast<size_t>(std::snprintf(item.digits, sizeof item.digits, "%u", number))
+        return {item.digits, single_number(found, EVR_US, EVR_UL, &number)
+                                 ? static_cast<size_t>(std::snprintf(item.digits, sizeof item.digits, "%.0f", number))
                                  : 0};
-    const std::string_view text = without_padding(cts_element_text(found));
+    const std::string_view text = cts_without_padding(cts_element_text(found));
     return item.is_frame && tag == DCM_AcquisitionTime ? time_of(text) : text;
 }
 
@@ -279,7 +286,7 @@ CtsAttributes cts_attribute_item(const CtsAttributes &item, const DcmTagKey &seq
 
 std::string_view cts_private_text(const CtsAttributes &item, const CtsPrivateTag &tag)
 {
-    return without_padding(raw_text(find_private(item, tag)));
+    return cts_without_padding(raw_text(find_private(item, tag)));
 }
 
 int cts_private_numbers(const CtsAttributes &item, const CtsPrivateTag &tag, double *values, int n)
@@ -295,17 +302,13 @@ std::string_view cts_text_value(std::string_view text, int n)
             return {};
         text.remove_prefix(end + 1);
     }
-    text = text.substr(0, text.find('\\'));
-    while (!text.empty() && text.back() == ' ')
-        text.remove_suffix(1);
-    return text;
+    return cts_without_padding(text.substr(0, text.find('\\')));
 }
 
 bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *value)
 {
-    uint32_t number = 0;
-    DcmElement *const found = find(item, tag);
-    if (!found || found->ident() != EVR_US || !single_number(found, &number))
+    double number = 0;
+    if (!single_number(find(item, tag), EVR_US, EVR_US, &number))
         return false;
     *value = static_cast<int>(number);
     return true;
@@ -313,22 +316,17 @@ bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *va
 
 bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value)
 {
-    return single_number(find(item, tag), value);
+    double number = 0;
+    if (!single_number(find(item, tag), EVR_US, EVR_UL, &number))
+        return false;
+    *value = static_cast<uint32_t>(number);
+    return true;
 }
 
 bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value)
 {
-    DcmElement *const found = find(item, tag);
-    Float64 real = 0;
-    if (found && found->ident() == EVR_FD && found->getLength() == 8 && found->getFloat64(real).good()) {
-        *value = real;
-        return std::isfinite(real);
-    }
-    Float32 single = 0;
-    if (found && found->ident() == EVR_FL && found->getLength() == 4 && found->getFloat32(single).good()) {
-        *value = static_cast<double>(single);
-        return std::isfinite(single);
-    }
+    if (single_number(find(item, tag), EVR_FD, EVR_FL, value))
+        return std::isfinite(*value);
     const std::string_view text = cts_attribute_text(item, tag);
     return !text.empty() && cts_parse_ds(text.data(), text.size(), value, 1);
 }

@@ -32,6 +32,8 @@ struct CtsAttributes {
 bool cts_is_text(DcmEVR vr);
 /* The whole value of a text; empty where it is none. */
 std::string_view cts_element_text(DcmElement *element);
+/* Adds all numbers of a value of binary VR; false: of another VR, or cut short. */
+bool cts_binary_numbers(DcmElement &element, std::vector<double> &values);
 /* NULL: it has none, or is none. */
 DcmItem *cts_first_item(DcmElement *sequence);
 bool cts_attribute_has(const CtsAttributes &item, const DcmTagKey &tag);
@@ -64,7 +66,8 @@ struct CtsPrivateTag {
 std::string_view cts_private_text(const CtsAttributes &item, const CtsPrivateTag &tag);
 int cts_private_numbers(const CtsAttributes &item, const CtsPrivateTag &tag, double *values, int n);
 
-/* The n-th value of a multi-valued text, from 0. */
+std::string_view cts_without_padding(std::string_view text);
+/* The n-th value of a multi-valued text, from 0, without padding. */
 std::string_view cts_text_value(std::string_view text, int n);
 
 /* Reads the slices of a data set into a zeroed object whose texts are kept in texts: all fields of each slice except
@@ -75,6 +78,9 @@ void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *cl
 
 /* Reads all of a slice except its position in the file. */
 void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
+
+/* HH, HHMM or HHMMSS.FFFFFF, which colons may be within, as seconds of the day; NaN for anything else. */
+double cts_seconds_of_day(std::string_view text);
 
 /* Reads the attributes of MR and PET alone. */
 void cts_dcm_read_mr(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);

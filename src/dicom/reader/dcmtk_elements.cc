@@ -75,36 +75,6 @@ bool parse(std::string_view text, bool whole, std::vector<double> &values)
     return true;
 }
 
-template <typename Number>
-bool numbers(DcmElement &e, OFCondition (DcmElement::*get)(Number &, unsigned long), std::vector<double> &values)
-{
-    Number value;
-    const unsigned long n = e.getLength() / sizeof value;
-    for (unsigned long i = 0; i < n && (e.*get)(value, i).good(); i++)
-        values.push_back(value);
-    return values.size() == n;
-}
-
-bool binary_numbers(DcmElement &e, std::vector<double> &values)
-{
-    switch (e.ident()) {
-    case EVR_US:
-        return numbers<Uint16>(e, &DcmElement::getUint16, values);
-    case EVR_SS:
-        return numbers<Sint16>(e, &DcmElement::getSint16, values);
-    case EVR_UL:
-        return numbers<Uint32>(e, &DcmElement::getUint32, values);
-    case EVR_SL:
-        return numbers<Sint32>(e, &DcmElement::getSint32, values);
-    case EVR_FL:
-        return numbers<Float32>(e, &DcmElement::getFloat32, values);
-    case EVR_FD:
-        return numbers<Float64>(e, &DcmElement::getFloat64, values);
-    default:
-        return false;
-    }
-}
-
 void put_value(DcmElement &e, uint32_t tag, Output &out)
 {
     std::vector<double> values;
@@ -114,7 +84,7 @@ void put_value(DcmElement &e, uint32_t tag, Output &out)
     Uint16 *words = nullptr;
     if (is_text && !((e.ident() == EVR_DS || e.ident() == EVR_IS) && parse(text, e.ident() == EVR_IS, values)))
         out.record(tag, CTS_VALUE_TEXT, text.data(), text.size());
-    else if (is_text || binary_numbers(e, values))
+    else if (is_text || cts_binary_numbers(e, values))
         out.record(tag, CTS_VALUE_NUMBERS, values.data(), values.size() * sizeof(double));
     else if (e.getUint16Array(words).good() && words)
         out.record(tag, CTS_VALUE_BYTES, words, e.getLength());

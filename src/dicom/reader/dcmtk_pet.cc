@@ -38,20 +38,6 @@ double day_of(std::string_view text)
     return 365.0 * y + y / 4 - y / 100 + y / 400 + (m * 306 + 5) / 10 + day - 1 - 719468;
 }
 
-/* HH, HHMM or HHMMSS.FFFFFF as seconds of the day. */
-double clock_of(std::string_view text)
-{
-    const std::string digits = digits_of(text, ':');
-    double seconds = 0;
-    const int hour = part(digits, 0, 2), minute = digits.size() > 2 ? part(digits, 2, 2) : 0;
-    if (hour < 0 || hour > 23 || minute < 0 || minute > 59)
-        return NAN;
-    if (digits.size() > 4 && (part(digits, 4, 2) < 0 || part(digits, 4, 2) > 60 ||
-                              !cts_parse_ds(digits.data() + 4, digits.size() - 4, &seconds, 1)))
-        return NAN;
-    return hour * 3600.0 + minute * 60 + seconds;
-}
-
 /* &ZZXX at the end of a date and time, or the whole of (0008,0201), in seconds; NaN if missing. */
 double zone_of(std::string_view text)
 {
@@ -68,7 +54,7 @@ double date_time_of(CtsAttributes &object, std::string_view text)
 {
     const double zone = zone_of(text);
     const std::string own(text.substr(0, text.find_first_of("+-")));
-    const double s = own.size() > 8 ? day_of(own) * day_s + clock_of(std::string_view(own).substr(8)) : NAN;
+    const double s = own.size() > 8 ? day_of(own) * day_s + cts_seconds_of_day(std::string_view(own).substr(8)) : NAN;
     const double set_zone = zone_of(cts_attribute_text(object, DCM_TimezoneOffsetFromUTC));
     return std::isnan(zone) || std::isnan(set_zone) ? s : s - zone + set_zone;
 }
@@ -89,9 +75,10 @@ void read_times(CtsAttributes &item, CtsPet *p)
     const double day = first_day(item, {DCM_AcquisitionDate, DCM_SeriesDate, DCM_StudyDate});
     double *const v = p->value;
     p->has_date = !std::isnan(day);
-    v[CTS_PET_SERIES_S] = (p->has_date ? series_day : 0) * day_s + clock_of(cts_attribute_text(item, DCM_SeriesTime));
+    v[CTS_PET_SERIES_S] =
+        (p->has_date ? series_day : 0) * day_s + cts_seconds_of_day(cts_attribute_text(item, DCM_SeriesTime));
     v[CTS_PET_ACQUISITION_S] =
-        (p->has_date ? day : 0) * day_s + clock_of(cts_attribute_text(item, DCM_AcquisitionTime));
+        (p->has_date ? day : 0) * day_s + cts_seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
     const double of_frame = date_time_of(item, cts_attribute_text(item, DCM_FrameAcquisitionDateTime));
     if (item.is_frame && !std::isnan(of_frame))
         v[CTS_PET_ACQUISITION_S] = of_frame;
@@ -111,7 +98,7 @@ void read_dose(CtsAttributes &item, CtsPet *p)
     v[CTS_PET_HALF_LIFE_S] = cts_attribute_number_or_nan(drug, DCM_RadionuclideHalfLife);
     v[CTS_PET_INJECTION_S] = date_time_of(item, moment);
     v[CTS_PET_INJECTION_CLOCK_S] = std::isnan(v[CTS_PET_INJECTION_S])
-                                       ? clock_of(cts_attribute_text(drug, DCM_RadiopharmaceuticalStartTime))
+                                       ? cts_seconds_of_day(cts_attribute_text(drug, DCM_RadiopharmaceuticalStartTime))
                                        : std::fmod(v[CTS_PET_INJECTION_S], day_s);
     v[CTS_PET_PHILIPS_SUV] = v[CTS_PET_PHILIPS_BQML] = NAN;
     cts_private_numbers(item, {0x7053, "Philips PET Private Group", 0x00}, v + CTS_PET_PHILIPS_SUV, 1);
@@ -172,6 +159,19 @@ double time_slice(CtsAttributes &item)
 }
 
 } // namespace
+
+double cts_seconds_of_day(std::string_view text)
+{
+    const std::string digits = digits_of(text, ':');
+    double seconds = 0;
+    const int hour = part(digits, 0, 2), minute = digits.size() > 2 ? part(digits, 2, 2) : 0;
+    if (hour < 0 || hour > 23 || minute < 0 || minute > 59)
+        return NAN;
+    if (digits.size() > 4 && (part(digits, 4, 2) < 0 || part(digits, 4, 2) > 60 ||
+                              !cts_parse_ds(digits.data() + 4, digits.size() - 4, &seconds, 1)))
+        return NAN;
+    return hour * 3600.0 + minute * 60 + seconds;
+}
 
 void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
 {

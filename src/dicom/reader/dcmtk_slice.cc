@@ -60,17 +60,6 @@ double real_or_nan(CtsAttributes &item, const DcmTagKey &tag)
     return cts_attribute_real(item, tag, &value) ? value : static_cast<double>(NAN);
 }
 
-/* HHMMSS.FFFFFF as seconds of the day, NaN when it is anything else. */
-double seconds_of_day(std::string_view text)
-{
-    double t = 0;
-    if (text.size() < 6 || text.find('\\') != std::string_view::npos ||
-        !cts_parse_ds(text.data(), text.size(), &t, 1) || !(t >= 0 && t < 240000))
-        return NAN;
-    const double hours = std::floor(t / 1e4), minutes = std::floor(std::fmod(t, 1e4) / 100);
-    return hours * 3600 + minutes * 60 + std::fmod(t, 100);
-}
-
 /* Capitals without blanks, which hand-written headers differ by. */
 std::string plain_word(std::string_view text)
 {
@@ -207,8 +196,8 @@ void read_volume_numbers(CtsAttributes &item, CtsSlice *s)
     v[CTS_TRIGGER_TIME] = real_or_nan(item, DCM_TriggerTime);
     v[CTS_PHASE_PERCENT] = real_or_nan(item, DCM_NominalPercentageOfCardiacPhase);
     v[CTS_PHASE_DELAY] = real_or_nan(item, DCM_NominalCardiacTriggerDelayTime);
-    v[CTS_CONTENT_TIME] = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
-    v[CTS_ACQUISITION_TIME] = seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
+    v[CTS_CONTENT_TIME] = cts_seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
+    v[CTS_ACQUISITION_TIME] = cts_seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
     if (std::isnan(v[CTS_ACQUISITION_TIME]))
         v[CTS_ACQUISITION_TIME] = v[CTS_CONTENT_TIME];
 }

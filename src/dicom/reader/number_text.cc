@@ -1,25 +1,15 @@
 /* Text values by DICOM's grammar, in any locale. */
-#include "dicom/reader/reader.h"
+#include "dicom/reader/dcmtk_attributes.hpp"
 
 #include <charconv>
-#include <string_view>
 
 namespace
 {
 
-std::string_view trimmed(std::string_view text)
-{
-    while (!text.empty() && (text.back() == ' ' || text.back() == '\0'))
-        text.remove_suffix(1);
-    while (!text.empty() && text.front() == ' ')
-        text.remove_prefix(1);
-    return text;
-}
-
 /* A whole number or decimal number, which may begin with a plus. from_chars alone would accept "inf" and "nan". */
 template <typename Number> bool parse_whole(std::string_view text, const char *letters, Number *value)
 {
-    text = trimmed(text);
+    text = cts_without_padding(text);
     if (text.size() > 64 || text.find_first_not_of(letters) != std::string_view::npos)
         return false;
     if (text.size() > 1 && text[0] == '+' && text[1] != '-')
@@ -30,6 +20,15 @@ template <typename Number> bool parse_whole(std::string_view text, const char *l
 }
 
 } // namespace
+
+std::string_view cts_without_padding(std::string_view text)
+{
+    while (!text.empty() && (text.back() == ' ' || text.back() == '\0'))
+        text.remove_suffix(1);
+    while (!text.empty() && text.front() == ' ')
+        text.remove_prefix(1);
+    return text;
+}
 
 bool cts_parse_ds(const char *text, size_t n, double *values, int n_values)
 {
