@@ -41,6 +41,16 @@ typedef struct VoxelBox {
 
 static const VoxelBox EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
 
+/* Makes the box hold voxels first to last of a row too. */
+static void grow_box(VoxelBox *box, int first, int last, int j, int k)
+{
+    const int at[3][2] = {{first, last}, {j, j}, {k, k}};
+    for (int axis = 0; axis < 3; axis++) {
+        box->lo[axis] = at[axis][0] < box->lo[axis] ? at[axis][0] : box->lo[axis];
+        box->hi[axis] = at[axis][1] > box->hi[axis] ? at[axis][1] : box->hi[axis];
+    }
+}
+
 /* The bounding box of the voxels that the rows keep. */
 static VoxelBox find_box(const CtsVolume *v, const double lo[3], const double hi[3])
 {
@@ -49,13 +59,8 @@ static VoxelBox find_box(const CtsVolume *v, const double lo[3], const double hi
         for (int j = 0; j < v->dims[1]; j++) {
             int first, last;
             row_run(v, j, k, lo, hi, &first, &last);
-            if (first > last)
-                continue;
-            const int at[3][2] = {{first, last}, {j, j}, {k, k}};
-            for (int axis = 0; axis < 3; axis++) {
-                box.lo[axis] = at[axis][0] < box.lo[axis] ? at[axis][0] : box.lo[axis];
-                box.hi[axis] = at[axis][1] > box.hi[axis] ? at[axis][1] : box.hi[axis];
-            }
+            if (first <= last)
+                grow_box(&box, first, last, j, k);
         }
     return box;
 }
@@ -119,7 +124,7 @@ static bool holds_air(const uint16_t *grey, int n)
     return !any;
 }
 
-/* The box of the voxels above air. Reads rows only as far as they may enlarge it. */
+/* The box of the voxels above air. Reads rows only as far as they may enlarge it; few reach beyond those before. */
 static VoxelBox find_box_above_air(const CtsVolume *v)
 {
     const int nx = v->dims[0];
@@ -128,20 +133,16 @@ static VoxelBox find_box_above_air(const CtsVolume *v)
     const uint16_t *row = v->grey;
     for (int k = 0; k < v->dims[2]; k++)
         for (int j = 0; j < v->dims[1]; j++, row += nx) {
+            int first = box.lo[0], last = box.hi[0];
             if ((j < box.lo[1] || j > box.hi[1] || k > box.hi[2]) && holds_air(row, nx))
                 continue;
-            const int at[2] = {j, k};
-            for (int axis = 1; axis < 3; axis++) {
-                box.lo[axis] = at[axis - 1] < box.lo[axis] ? at[axis - 1] : box.lo[axis];
-                box.hi[axis] = at[axis - 1] > box.hi[axis] ? at[axis - 1] : box.hi[axis];
-            }
-            /* Few rows reach beyond those before them. */
-            if (!holds_air(row, box.lo[0]))
-                for (box.lo[0] = 0; !row[box.lo[0]];)
-                    box.lo[0]++;
-            if (!holds_air(row + box.hi[0] + 1, nx - 1 - box.hi[0]))
-                for (box.hi[0] = nx - 1; !row[box.hi[0]];)
-                    box.hi[0]--;
+            if (!holds_air(row, first))
+                for (first = 0; !row[first];)
+                    first++;
+            if (!holds_air(row + last + 1, nx - 1 - last))
+                for (last = nx - 1; !row[last];)
+                    last--;
+            grow_box(&box, first, last, j, k);
         }
     return box;
 }

@@ -25,14 +25,12 @@ CtsInterpolationWeights cts_slice_interpolation_weights(double t, const double d
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* Voxels that are tested together for air: two cache lines. Changes no result. */
-enum { CHUNK = 64 };
-
 /* first, last: the stack begins or ends with the inner slices, and is continued along the straight line through them.
  */
-INLINE void interpolate_voxels(uint16_t *restrict to, const uint16_t *pa, const uint16_t *pb, const uint16_t *pc,
-                               const uint16_t *pd, int n, const CtsInterpolationWeights *w, bool first, bool last)
+INLINE void interpolate_voxels(uint16_t *restrict to, const uint16_t *const slices[4], int n,
+                               const CtsInterpolationWeights *w, bool first, bool last)
 {
+    const uint16_t *const pa = slices[0], *const pb = slices[1], *const pc = slices[2], *const pd = slices[3];
     for (int i = 0; i < n; i++) {
         const int b = pb[i], c = pc[i], low = b < c ? b : c, high = b < c ? c : b;
         const float a = first ? (float)(2 * b - c) : (float)pa[i], d = last ? (float)(2 * c - b) : (float)pd[i];
@@ -43,35 +41,13 @@ INLINE void interpolate_voxels(uint16_t *restrict to, const uint16_t *pa, const 
     }
 }
 
-INLINE bool both_hold_air(const uint16_t *b, const uint16_t *c)
-{
-    uint16_t any = 0;
-    for (int i = 0; i < CHUNK; i++)
-        any |= b[i] | c[i];
-    return !any;
-}
-
-/* Between voxels of grey 0 lies grey 0: most of the air around a patient whose table was removed. */
-INLINE void interpolate_part(uint16_t *restrict to, const uint16_t *const slices[4], int n,
-                             const CtsInterpolationWeights *w, bool first, bool last)
-{
-    const uint16_t *const a = slices[0], *const b = slices[1], *const c = slices[2], *const d = slices[3];
-    int i = 0;
-    for (; i + CHUNK <= n; i += CHUNK)
-        if (both_hold_air(b + i, c + i))
-            memset(to + i, 0, CHUNK * sizeof *to);
-        else
-            interpolate_voxels(to + i, a + i, b + i, c + i, d + i, CHUNK, w, first, last);
-    interpolate_voxels(to + i, a + i, b + i, c + i, d + i, n - i, w, first, last);
-}
-
 INLINE void interpolate_any(uint16_t *to, const uint16_t *const slices[4], int n, const CtsInterpolationWeights *w)
 {
     const bool first = slices[0] == slices[1], last = slices[3] == slices[2];
     if (!first && !last)
-        interpolate_part(to, slices, n, w, false, false);
+        interpolate_voxels(to, slices, n, w, false, false);
     else
-        interpolate_part(to, slices, n, w, first, last);
+        interpolate_voxels(to, slices, n, w, first, last);
 }
 
 CTS_CPU_VARIANTS(void, interpolate,
