@@ -33,38 +33,25 @@ static void show_progress(double *reported_ms, double done, int all, const char 
     }
 }
 
-static void on_searching(void *context, uint64_t n_files)
-{
-    char text[80];
-    snprintf(text, sizeof text, "searching: %llu files of CT so far, still counting", (unsigned long long)n_files);
-    show_progress(context, 0, 1, text);
-}
-
 static void on_progress(void *context, const CtsBatchProgress *p)
 {
     char text[160];
-    snprintf(text, sizeof text, "%zu of %zu series, %zu pictures%s", p->n_ended, p->n_series, p->n_pictures,
-             cli_time_left(p->seconds_left).text);
-    show_progress(context, (double)p->n_ended, (int)p->n_series, text);
+    if (p->n_files)
+        snprintf(text, sizeof text, "searching: %llu files so far, still counting", (unsigned long long)p->n_files);
+    else
+        snprintf(text, sizeof text, "%zu of %zu series, %zu pictures%s", p->n_ended, p->n_series, p->n_pictures,
+                 cli_time_left(p->seconds_left).text);
+    show_progress(context, (double)p->n_ended, p->n_files ? 1 : (int)p->n_series, text);
 }
 
 static CtsStatus run_batch(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsBatchResult *result,
                            CtsError *err)
 {
-    char command[512] = "batch";
     double reported_ms = cts_wall_ms();
-    CtsBatchSettings settings = {.options = options,
-                                 .lists = lists,
-                                 .job = cts_options_job(options),
-                                 .command = command,
-                                 .listener = {.message = on_message,
-                                              .series = on_series,
-                                              .searching = on_searching,
-                                              .progress = on_progress,
-                                              .context = &reported_ms},
-                                 .stop = &cli_stop};
-    settings.job.export.force = true;
-    cts_options_command(options, command + strlen(command), sizeof command - strlen(command));
+    CtsBatchSettings settings = {
+        .options = options,
+        .lists = lists,
+        .listener = {.message = on_message, .series = on_series, .progress = on_progress, .context = &reported_ms}};
     CtsStatus st = cts_batch_open_folder(&settings, err);
     if (!st)
         st = cts_batch_check(&settings, report, err);

@@ -174,8 +174,9 @@ static void loaded(void *context)
     cli_interrupt_sets_stop();
 }
 
-static void output(void *context, const char *path, const char *format, uint64_t bytes)
+static void output(void *context, int of_frame, const char *path, const char *format, uint64_t bytes)
 {
+    (void)of_frame;
     CliWatch *cli = context;
     const bool later = cli->reported_later && !strcmp(path, cli->reported_later);
     const size_t n = strlen(cli->files);

@@ -667,6 +667,10 @@ def test_circles(b):
     check(len(texts) == len(set(texts)), texts)
     b.ok(0, "circles", "-O", "p", "--size", "32x32", "--views", "anterior,left")
     check(len(b.lines("p")[b.name(0).decode()]["outputs"]) == 2, "without --rotation")
+    animated = ["circles", "-O", "q", "--size", "32x32", "--rotation", "4", "--formats", "webp,png"]
+    b.ok(0, *animated)
+    done = b.ok(0, *animated)
+    check("1 of them in earlier runs" in done.stderr, done.stderr)
 
 
 def test_settled(b):

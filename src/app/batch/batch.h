@@ -31,6 +31,7 @@ enum { CTS_BATCH_MAX_JOBS = 256 };
 
 /* Series are counted by UID, so that their number does not change when one turns out to contain several volumes. */
 typedef struct CtsBatchProgress {
+    uint64_t n_files; /* met so far, while the search is running; then 0 */
     size_t n_ended, n_series;
     size_t n_pictures;   /* rendered in this run */
     double seconds_left; /* for the remaining pictures; negative: unknown */
@@ -41,8 +42,6 @@ typedef struct CtsBatchListener {
     void (*message)(void *context, bool is_warning, const char *text);
     /* A series has ended; text is a line about it. */
     void (*series)(void *context, const char *text, bool failed);
-    /* The search is running, and the number of series is not yet known. */
-    void (*searching)(void *context, uint64_t n_files);
     void (*progress)(void *context, const CtsBatchProgress *progress);
     void *context;
 } CtsBatchListener;
@@ -50,10 +49,7 @@ typedef struct CtsBatchListener {
 typedef struct CtsBatchSettings {
     const CtsOptions *options;
     const CtsBatchLists *lists;
-    CtsJob job;          /* settings common to all pictures; the batch sets preset, view, paths and threads */
-    const char *command; /* the command line, for the log */
     CtsBatchListener listener;
-    const volatile sig_atomic_t *stop;
 } CtsBatchSettings;
 
 typedef struct CtsBatchResult {

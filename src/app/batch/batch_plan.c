@@ -67,7 +67,7 @@ struct CtsBatchPlan {
     CtsBatchLabelFile *label_files;
     size_t n_label_files;
     CtsStudyNumbers numbers;
-    uint64_t n_files;
+    CtsBatchProgress progress;
     int n_warnings;
 };
 
@@ -264,8 +264,8 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     CtsStatus st = CTS_OK;
     char name[80];
     uint64_t key = p->last_key;
-    p->n_files++;
-    p->settings->listener.searching(p->settings->listener.context, p->n_files);
+    p->progress.n_files++;
+    p->settings->listener.progress(p->settings->listener.context, &p->progress);
     if (file->why)
         return take_unreadable(p, file, err);
     if (file->labels_of)
@@ -504,7 +504,7 @@ CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, co
                                      .found = take_file,
                                      .context = p,
                                      .archives = &p->archives,
-                                     .stop = settings->stop};
+                                     .stop = o->render.stop};
     if ((st = cts_archive_search(&search, &found->counts, err)) || (st = map_list(p, err)))
         goto end;
     cts_study_numbers_sort(&p->numbers);

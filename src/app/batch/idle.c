@@ -15,23 +15,16 @@
 
 enum { MAX_DEPTH = 32 }; /* of folders, as in input/files/scan.c */
 
-/* A step of a 64-bit hash: FNV-1a over words, with the high bits folded in. */
-static uint64_t hash_word(uint64_t hash, uint64_t word)
+static uint64_t hash_name(uint64_t hash, const char *name)
 {
-    hash = (hash ^ word) * UINT64_C(1099511628211);
-    return hash ^ hash >> 32;
-}
-
-static uint64_t hash_text_from(uint64_t hash, const char *text)
-{
-    return hash_word(cts_fnv(hash, text, strlen(text)), 0);
+    return cts_fnv(hash, name, strlen(name) + 1);
 }
 
 static uint64_t hash_stat(uint64_t hash, const struct stat *info)
 {
-    const int64_t numbers[] = {info->st_size, info->st_mtim.tv_sec, info->st_mtim.tv_nsec, info->st_ctim.tv_sec,
-                               info->st_ctim.tv_nsec};
-    return hash_word(hash, cts_fnv(CTS_FNV, numbers, sizeof numbers));
+    const int64_t facts[] = {info->st_size, info->st_mtim.tv_sec, info->st_mtim.tv_nsec, info->st_ctim.tv_sec,
+                             info->st_ctim.tv_nsec};
+    return cts_fnv(hash, facts, sizeof facts);
 }
 
 static uint64_t sum_folder(int fd, uint64_t seed, int depth, bool hidden);
@@ -39,13 +32,14 @@ static uint64_t sum_folder(int fd, uint64_t seed, int depth, bool hidden);
 /* A link counts with its own number, which a new link has not, and the times of its target. */
 static uint64_t hash_entry(int folder_fd, const struct dirent *entry, uint64_t seed, int depth)
 {
-    const uint64_t hash = hash_text_from(seed, entry->d_name);
+    const uint64_t hash = hash_name(seed, entry->d_name);
     struct stat info;
     if (entry->d_type == DT_DIR && depth < MAX_DEPTH)
         return sum_folder(openat(folder_fd, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), hash,
                           depth + 1, true);
-    return fstatat(folder_fd, entry->d_name, &info, 0) ? hash
-                                                       : hash_stat(hash_word(hash, (uint64_t)entry->d_ino), &info);
+    return fstatat(folder_fd, entry->d_name, &info, 0)
+               ? hash
+               : hash_stat(cts_fnv(hash, &entry->d_ino, sizeof entry->d_ino), &info);
 }
 
 /* Sum over the entries, so that their order does not matter. Closes fd. hidden: with names that begin with a point. */
@@ -53,7 +47,7 @@ static uint64_t sum_folder(int fd, uint64_t seed, int depth, bool hidden)
 {
     DIR *dir = fd < 0 ? NULL : fdopendir(fd);
     const struct dirent *entry;
-    uint64_t sum = hash_word(seed, dir != NULL);
+    uint64_t sum = seed + (dir != NULL);
     if (fd >= 0 && !dir)
         close(fd);
     while (dir && (entry = readdir(dir)))
@@ -66,7 +60,7 @@ static uint64_t sum_folder(int fd, uint64_t seed, int depth, bool hidden)
 
 static uint64_t sum_path(const char *path, bool hidden)
 {
-    const uint64_t hash = hash_text_from(0, path);
+    const uint64_t hash = hash_name(CTS_FNV, path);
     struct stat info;
     if (stat(path, &info))
         return hash;
@@ -110,7 +104,7 @@ bool cts_idle_begin(CtsIdle *idle, const CtsBatchSettings *settings, const CtsKe
     if (!hash_settings(settings, key, idle->settings))
         idle->settings[0] = 0;
     for (int i = 0; idle->settings[0] && i < o->paths.n; i++)
-        idle->inputs = hash_word(idle->inputs, sum_path(o->paths.items[i], true));
+        idle->inputs += sum_path(o->paths.items[i], true);
     state_path(o, path);
     FILE *file = idle->settings[0] ? fopen(path, "re") : NULL;
     const int n = file ? fscanf(file, "%64s %" SCNx64 " %" SCNx64 " %23s %zu %zu %zu %zu %zu %zu %zu", last, &inputs,

@@ -200,7 +200,8 @@ CtsStatus cts_journal_add(CtsJournal *journal, const json_t *record, CtsError *e
     const size_t n = line ? strlen(line) : 0;
     CtsStatus st = line ? append_to_journal(journal, line, n, err)
                         : cts_fail(err, CTS_ERR_MEMORY, "out of memory for a line of the journal");
-    if (!st && !(st = cts_journal_lines_put(&journal->lines, record, journal->end, n, err)))
+    if (!st && !(st = cts_journal_lines_put(&journal->lines, record,
+                                            (CtsJournalLine){.offset = journal->end, .size = n}, err)))
         journal->end += n;
     free(line);
     json_decref(kept);

@@ -131,15 +131,13 @@ bool cts_journal_record_is_up_to_date(const CtsBatchSettings *s, const json_t *r
                                       const char *format)
 {
     const json_t *list = json_object_get(record, format ? "outputs" : "thumbnails");
-    const bool is_dcm = format && !strcmp(format, "dcm");
-    const int n_wanted = !format                           ? (s->options->rotation > 1 ? 2 : 1)
-                         : s->options->rotation && !is_dcm ? s->options->rotation
-                                                           : 1;
+    const CtsFormatInfo *info = NULL;
     char hex[65];
     int n_found = 0;
     size_t i;
     json_t *entry;
-    if (cts_journal_record_hash(s, picture, is_dcm, hex, NULL))
+    if ((format && cts_format_of(format, &info, NULL)) ||
+        cts_journal_record_hash(s, picture, info && info->is_object, hex, NULL))
         return false;
     json_array_foreach(list, i, entry)
     {
@@ -149,7 +147,9 @@ bool cts_journal_record_is_up_to_date(const CtsBatchSettings *s, const json_t *r
             return false;
         n_found++;
     }
-    return n_found == n_wanted;
+    if (!format)
+        return n_found == (s->options->rotation > 1 ? 2 : 1);
+    return n_found == (s->options->rotation && !info->many_frames ? s->options->rotation : 1);
 }
 
 static void redact_keys(json_t *object, const char *const *keys)

@@ -54,7 +54,7 @@ typedef struct Run {
 
 static bool interrupted(const Run *r)
 {
-    return r->settings->stop && *r->settings->stop;
+    return *r->settings->options->render.stop;
 }
 
 /* A series whose state is unknown counts with all its pictures. */

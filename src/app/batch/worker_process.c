@@ -385,7 +385,7 @@ CtsStatus cts_worker_loaded(CtsWorkerProcess *c, const CtsPixelFacts *facts, Cts
         const ssize_t n = recv(c->socket, &go, 1, 0);
         if (n == 1)
             break;
-        if (n == 0 || errno != EINTR || (c->settings->stop && *c->settings->stop))
+        if (n == 0 || errno != EINTR || *c->settings->options->render.stop)
             st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     }
     c->waited_ms += cts_wall_ms() - start_ms;

@@ -35,7 +35,8 @@ typedef struct Work {
 
 static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
 {
-    CtsJob job = s->job;
+    CtsJob job = cts_options_job(s->options);
+    job.export.force = true;
     job.preset = &s->lists->presets[picture->preset];
     job.render.azimuth_deg = s->lists->views[picture->view].azimuth_deg;
     job.render.elevation_deg = s->lists->views[picture->view].elevation_deg;
@@ -92,21 +93,12 @@ static void on_band(void *context, int frame, CtsPicture *band)
     keep_status(w, st, &err);
 }
 
-/* The frame number in a file name of a rotation. */
-static int frame_of(const char *path, int rotation)
-{
-    const char *dot = strrchr(path, '.'), *dash = strrchr(path, '-');
-    return rotation && dot && dash && strcmp(dot, ".dcm") ? atoi(dash + 1) : -1;
-}
-
-static void on_output(void *context, const char *path, const char *format, uint64_t bytes)
+static void on_output(void *context, int frame, const char *path, const char *format, uint64_t bytes)
 {
     Work *const w = context;
     CtsError err = {0};
     cts_log_output(w->log, path, format, bytes);
-    keep_status(
-        w, cts_worker_output(w->worker_process, w->picture, path, frame_of(path, w->settings->options->rotation), &err),
-        &err);
+    keep_status(w, cts_worker_output(w->worker_process, w->picture, path, frame, &err), &err);
 }
 
 static void on_frame(void *context, const CtsErrorBound *bound)
@@ -326,7 +318,9 @@ static CtsStatus render_series(Work *w)
                                                             : "; its pixels may show the patient's name, so it is not "
                                                               "shown (`show-patient` shows it)");
     if (!st && !(st = cts_log_open(&w->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
-        cts_log_run(w->log, w->settings->command, w->loaded.series->uid);
+        char command[512] = "batch";
+        cts_options_command(o, command + strlen(command), sizeof command - strlen(command));
+        cts_log_run(w->log, command, w->loaded.series->uid);
         if (!o->show_paths)
             cts_log_without_names(w->log, &w->worker_process->names);
         st = render_pictures(w, &err);

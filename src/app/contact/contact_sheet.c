@@ -162,14 +162,6 @@ static CtsStatus write_card(CtsTempFile *temp, const CtsJournalLines *j, const C
     return st;
 }
 
-static CtsStatus write_cards(CtsTempFile *temp, const CtsJournalLines *j, const CtsContactWanted *wanted, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    for (size_t i = 0; i < j->n && !st; i++)
-        st = write_card(temp, j, &j->items[i], i == 0, wanted, err);
-    return st;
-}
-
 /* Prints the JSON before the series and opens their array. */
 static int print_head(char *text, size_t size, const CtsJournalLines *j, const CtsContactWanted *wanted)
 {
@@ -187,10 +179,13 @@ static CtsStatus write_page(CtsTempFile *temp, const CtsJournalLines *j, const C
     CtsStatus st;
     const int n = print_head(start, sizeof start, j, wanted);
     if ((st = cts_temp_write(temp, cts_contact_head, cts_contact_head_bytes, err)) ||
-        (st = cts_temp_write(temp, start, (size_t)n, err)) || (st = write_cards(temp, j, wanted, err)) ||
-        (st = cts_temp_write(temp, "]}\n", 3, err)))
+        (st = cts_temp_write(temp, start, (size_t)n, err)))
         return st;
-    return cts_temp_write(temp, cts_contact_tail, cts_contact_tail_bytes, err);
+    for (size_t i = 0; i < j->n && !st; i++)
+        st = write_card(temp, j, &j->items[i], i == 0, wanted, err);
+    if (!st && !(st = cts_temp_write(temp, "]}\n", 3, err)))
+        st = cts_temp_write(temp, cts_contact_tail, cts_contact_tail_bytes, err);
+    return st;
 }
 
 CtsStatus cts_contact_sheet_write(const char *dir, const CtsContactWanted *wanted, CtsError *err)

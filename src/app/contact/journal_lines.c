@@ -61,7 +61,7 @@ static CtsStatus add_journal_series(CtsJournalLines *l, const char *uid, CtsErro
     return CTS_OK;
 }
 
-static CtsStatus put_line(CtsJournalLines *l, const json_t *json, CtsJournalLine line, CtsError *err)
+CtsStatus cts_journal_lines_put(CtsJournalLines *l, const json_t *json, CtsJournalLine line, CtsError *err)
 {
     const char *uid = json_string_value(json_object_get(json, "series_uid"));
     const char *ended = json_string_value(json_object_get(json, "ended"));
@@ -75,11 +75,6 @@ static CtsStatus put_line(CtsJournalLines *l, const json_t *json, CtsJournalLine
     if (!place || counts(l, known, &line))
         *known = line;
     return CTS_OK;
-}
-
-CtsStatus cts_journal_lines_put(CtsJournalLines *lines, const json_t *line, uint64_t offset, size_t size, CtsError *err)
-{
-    return put_line(lines, line, (CtsJournalLine){.offset = offset, .size = size}, err);
 }
 
 /* The line as JSON when it is that of a series, or NULL. */
@@ -102,7 +97,8 @@ static CtsStatus take_lines(CtsJournalLines *l, FILE *stream, uint64_t *end, Cts
         json_t *line = parse_line(text, (size_t)n);
         l->n_unreadable += !line;
         if (line)
-            st = put_line(l, line, (CtsJournalLine){.file = l->n_files - 1, .offset = *end, .size = (size_t)n}, err);
+            st = cts_journal_lines_put(
+                l, line, (CtsJournalLine){.file = l->n_files - 1, .offset = *end, .size = (size_t)n}, err);
         json_decref(line);
     }
     if (!st && ferror(stream))

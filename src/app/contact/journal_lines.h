@@ -37,9 +37,8 @@ CtsStatus cts_journal_lines_read(CtsJournalLines *lines, int fd, const char *fol
 /* Reads the journals in dir/folder, except the one of this name (NULL: none); deep: and in the folders below. */
 CtsStatus cts_journal_lines_read_folder(CtsJournalLines *lines, const char *dir, const char *folder, bool deep,
                                         const char *except, CtsError *err);
-/* A line that was written to the first file. */
-CtsStatus cts_journal_lines_put(CtsJournalLines *lines, const json_t *line, uint64_t offset, size_t size,
-                                CtsError *err);
+/* Adds the line of this JSON; its file, offset and size are given. */
+CtsStatus cts_journal_lines_put(CtsJournalLines *lines, const json_t *json, CtsJournalLine line, CtsError *err);
 /* NULL where there is none. */
 const CtsJournalLine *cts_journal_lines_find(const CtsJournalLines *lines, const char *series_uid);
 /* A new reference; NULL where it cannot be read back. */

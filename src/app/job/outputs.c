@@ -170,7 +170,8 @@ static CtsStatus end_output(CtsFiles *files, int output, int frame, CtsError *er
     const CtsStatus st =
         name ? cts_export_end(&files->exports[output], &bytes, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && files->watch->output)
-        files->watch->output(files->watch->context, name, cts_export_format(name)->name, bytes);
+        files->watch->output(files->watch->context, files->outputs->rotation && !holds_frames(name) ? frame : -1, name,
+                             cts_export_format(name)->name, bytes);
     free(name);
     return st;
 }

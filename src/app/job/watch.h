@@ -19,8 +19,8 @@ typedef struct CtsWatch {
     void (*loaded)(void *context);
     /* Rows of a frame as they are written. In a job without outputs the callback may take the band's contents. */
     void (*band)(void *context, int frame, CtsPicture *band);
-    /* A file is complete. */
-    void (*output)(void *context, const char *path, const char *format, uint64_t bytes);
+    /* A file is complete. frame: of a rotation with a file for each, else -1. */
+    void (*output)(void *context, int frame, const char *path, const char *format, uint64_t bytes);
     /* A frame is complete, with the files that end with it; bound: of its error. */
     void (*frame)(void *context, const CtsErrorBound *bound);
 } CtsWatch;
