@@ -112,16 +112,14 @@ static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcesse
                              CtsHttpAnswer *answer, CtsError *err)
 {
     const bool found = processed;
-    CtsStatus st = found ? CTS_OK
-                         : cts_series_cache_find(&server->cache, &server->lock, e->cached, &e->render_query.job.source,
-                                                 &e->report, err);
+    const CtsSource *const source = &e->render_query.job.source;
+    CtsStatus st = cts_series_cache_find(&server->cache, e->cached, source, &e->report, err);
     if (!st && e->render_query.thumbnail)
         st = cts_thumbnail_find(server, e, err);
     const bool is_of_volume = !e->is_kept && !e->slice;
     if (!found) {
         if (!st && is_of_volume && !(st = settle_request(e, err)))
-            st = cts_series_cache_load(&server->cache, &server->lock, e->cached, &e->render_query.job.source,
-                                       &processed, &e->report, err);
+            st = cts_series_cache_load(&server->cache, e->cached, source, &processed, &e->report, err);
         pthread_mutex_lock(&server->lock);
         e->cached->busy = false;
         if (processed)

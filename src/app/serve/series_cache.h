@@ -50,6 +50,7 @@ typedef struct CtsCachedState {
 
 typedef struct CtsSeriesCache {
     const CtsOptions *options;
+    pthread_mutex_t *lock; /* the caller's */
     CtsSeriesList *list;
     CtsKey key;
     CtsCachedSeries *first;
@@ -88,11 +89,10 @@ CtsProcessedVolume *cts_series_cache_volume(const CtsCachedSeries *cached, const
 
 /* Without the lock, by the holder of cached->busy: finds the series if needed; reads one that was found, and processes
  * its volume. Take the lock where they need it. CTS_ERR_MEMORY without enough memory. */
-CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
-                                const CtsSource *source, CtsReport *report, CtsError *err);
-CtsStatus cts_series_cache_load(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *cached,
-                                const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
-                                CtsError *err);
+CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, CtsCachedSeries *cached, const CtsSource *source,
+                                CtsReport *report, CtsError *err);
+CtsStatus cts_series_cache_load(CtsSeriesCache *cache, CtsCachedSeries *cached, const CtsSource *source,
+                                CtsProcessedVolume **processed, CtsReport *report, CtsError *err);
 
 /* Frees the loaded data of a series that is not in use. */
 void cts_series_cache_drop(CtsSeriesCache *cache, CtsCachedSeries *cached);

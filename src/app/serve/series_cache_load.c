@@ -133,24 +133,23 @@ static bool make_room(CtsSeriesCache *cache, CtsCachedSeries *own, uint64_t byte
     return true;
 }
 
-static CtsStatus reserve(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *own, uint64_t bytes,
-                         CtsError *err)
+static CtsStatus reserve(CtsSeriesCache *cache, CtsCachedSeries *own, uint64_t bytes, CtsError *err)
 {
-    pthread_mutex_lock(lock);
+    pthread_mutex_lock(cache->lock);
     const bool has = make_room(cache, own, bytes);
     const uint64_t most = cache->max_bytes;
-    pthread_mutex_unlock(lock);
+    pthread_mutex_unlock(cache->lock);
     if (has)
         return CTS_OK;
     return cts_fail(err, CTS_ERR_MEMORY, "there is no room for %llu MiB more, `memory` allows %llu MiB in total",
                     (unsigned long long)(bytes >> 20), (unsigned long long)(most >> 20));
 }
 
-static void give_up_memory(CtsSeriesCache *cache, pthread_mutex_t *lock, uint64_t bytes)
+static void give_up_memory(CtsSeriesCache *cache, uint64_t bytes)
 {
-    pthread_mutex_lock(lock);
+    pthread_mutex_lock(cache->lock);
     cache->bytes -= bytes;
-    pthread_mutex_unlock(lock);
+    pthread_mutex_unlock(cache->lock);
 }
 
 static CtsStatus look_in(const char *path, const CtsSource *source, CtsCachedSeries *s, CtsReport *report,
@@ -190,12 +189,12 @@ static CtsStatus find_on_demand(const CtsSeriesCache *cache, const CtsSource *so
     return CTS_OK;
 }
 
-static CtsStatus read_cached_slices(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
-                                    const CtsSource *source, CtsReport *report, CtsError *err)
+static CtsStatus read_cached_slices(CtsSeriesCache *cache, CtsCachedSeries *s, const CtsSource *source,
+                                    CtsReport *report, CtsError *err)
 {
     const uint64_t bytes =
         (uint64_t)s->series->columns * (uint64_t)s->series->rows * (uint64_t)s->series->n_slices * sizeof(uint16_t);
-    CtsStatus st = s->bytes ? CTS_OK : reserve(cache, lock, s, bytes, err);
+    CtsStatus st = s->bytes ? CTS_OK : reserve(cache, s, bytes, err);
     if (st)
         return st;
     const bool reserved = !s->bytes;
@@ -213,27 +212,26 @@ static CtsStatus read_cached_slices(CtsSeriesCache *cache, pthread_mutex_t *lock
     if (!st)
         st = cts_source_read(&whole, &s->loaded, report, err);
     if (st && reserved)
-        give_up_memory(cache, lock, bytes);
+        give_up_memory(cache, bytes);
     else if (!st)
         s->bytes = bytes;
     return st;
 }
 
-CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
-                                const CtsSource *source, CtsReport *report, CtsError *err)
+CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, CtsCachedSeries *s, const CtsSource *source,
+                                CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!s->series && !(st = find_on_demand(cache, source, s, report, err))) {
-        pthread_mutex_lock(lock);
+        pthread_mutex_lock(cache->lock);
         s->series = s->loaded.series;
-        pthread_mutex_unlock(lock);
+        pthread_mutex_unlock(cache->lock);
     }
     return st;
 }
 
-static CtsStatus make_processed(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
-                                const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
-                                CtsError *err)
+static CtsStatus make_processed(CtsSeriesCache *cache, CtsCachedSeries *s, const CtsSource *source,
+                                CtsProcessedVolume **processed, CtsReport *report, CtsError *err)
 {
     CtsProcessedVolume *made = calloc(1, sizeof *made);
     if (made && !(made->choice = cts_source_choice(source))) {
@@ -241,21 +239,21 @@ static CtsStatus make_processed(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
         made = NULL;
     }
     CtsStatus st = made ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = reserve(cache, lock, s, bytes_of(s->loaded.scanned->even), err))) {
+    if (!st && !(st = reserve(cache, s, bytes_of(s->loaded.scanned->even), err))) {
         const uint64_t expected = bytes_of(s->loaded.scanned->even);
         CtsLoaded part = {
             .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
         if ((st = cts_source_view(source, false, &part, report, err))) {
             cts_model_free(&part.model);
-            give_up_memory(cache, lock, expected);
+            give_up_memory(cache, expected);
         } else {
-            pthread_mutex_lock(lock);
+            pthread_mutex_lock(cache->lock);
             made->model = part.model;
             made->bytes = bytes_of(part.model.volume);
             cache->bytes += made->bytes - expected;
             made->next = s->processed_volumes;
             s->processed_volumes = made;
-            pthread_mutex_unlock(lock);
+            pthread_mutex_unlock(cache->lock);
         }
     }
     if (st && made)
@@ -264,19 +262,18 @@ static CtsStatus make_processed(CtsSeriesCache *cache, pthread_mutex_t *lock, Ct
     return st;
 }
 
-CtsStatus cts_series_cache_load(CtsSeriesCache *cache, pthread_mutex_t *lock, CtsCachedSeries *s,
-                                const CtsSource *source, CtsProcessedVolume **processed, CtsReport *report,
-                                CtsError *err)
+CtsStatus cts_series_cache_load(CtsSeriesCache *cache, CtsCachedSeries *s, const CtsSource *source,
+                                CtsProcessedVolume **processed, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!s->series->renderable)
         st = cts_fail(err, s->series->refusal ? s->series->refusal : CTS_ERR_GEOMETRY, "%s", s->series->reason);
     if (!st && !(s->loaded.scanned && s->loaded.scanned->even->grey))
-        st = read_cached_slices(cache, lock, s, source, report, err);
+        st = read_cached_slices(cache, s, source, report, err);
     if (st)
         return st;
-    pthread_mutex_lock(lock);
+    pthread_mutex_lock(cache->lock);
     *processed = cts_series_cache_volume(s, source); /* it may be there since */
-    pthread_mutex_unlock(lock);
-    return *processed ? CTS_OK : make_processed(cache, lock, s, source, processed, report, err);
+    pthread_mutex_unlock(cache->lock);
+    return *processed ? CTS_OK : make_processed(cache, s, source, processed, report, err);
 }

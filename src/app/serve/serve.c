@@ -143,6 +143,7 @@ CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), v
     own.render.n_threads = cts_threads(options->render.n_threads);
     server->options = &own;
     pthread_mutex_init(&server->lock, NULL);
+    server->cache.lock = &server->lock;
     pthread_cond_init(&server->work, NULL);
     allow_connections();
     if (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, "CERTIFICATE", &certificate, err)) &&
