@@ -315,17 +315,6 @@ static void record_geometry(CtsWorkerProcess *c, const CtsPixelFacts *facts)
         cts_worker_add_diagnostic(c, &facts->diagnostics.items[i], NULL);
 }
 
-/* The stack that a single slice lies in with those of other series, which the process does not see. */
-static void record_stack(CtsWorkerProcess *c)
-{
-    CtsDiagnostics note = {0};
-    cts_diagnostics_add(&note, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, c->series->own_uid,
-                        c->series->n_stacked - 1, c->series->n_stacked);
-    for (size_t i = 0; i < note.n; i++)
-        cts_worker_add_diagnostic(c, &note.items[i], NULL);
-    cts_diagnostics_free(&note);
-}
-
 static CtsStatus list_pictures(CtsWorkerProcess *c, CtsError *err)
 {
     const CtsBatchSettings *s = c->settings;
@@ -360,8 +349,6 @@ CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, const CtsSeries *series, 
     take_record(c, uid);
     c->now = series;
     record_geometry(c, &(CtsPixelFacts){0});
-    if (c->series->n_stacked)
-        record_stack(c);
     json_object_set(c->record, "modality", json_object_get(json_object_get(c->record, "geometry"), "modality"));
     if (series->passed) {
         cts_journal_record_drop(c->record, "thumbnails", c->settings, NULL, NULL);

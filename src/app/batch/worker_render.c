@@ -299,7 +299,11 @@ static CtsStatus render_series(Work *w)
 {
     CtsError err = {0}, log_err;
     const CtsOptions *const o = w->settings->options;
+    const CtsPlanSeries *const s = w->worker_process->series;
     const double start_ms = cts_wall_ms();
+    if (s->n_stacked) /* with slices of other series, which this process does not see */
+        cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, s->own_uid,
+                              s->n_stacked - 1, s->n_stacked);
     CtsStatus st = cts_worker_begin_series(w->worker_process, w->loaded.series, &err);
     if (!st)
         st = list_label_files(w, &err);
