@@ -17,8 +17,8 @@
  * - ws: 32 int16_t
  * - wmask: one truth value a lane
  *
- * SIMD_DOUBLE, defined before this header is included: vf, vi, vu have eight lanes of 64 bits, in plain C on every
- * path; vn has eight of int32_t; and there are no vectors of sixteen lanes.
+ * SIMD_DOUBLE, defined before this header is included: vf, vi, vu have lanes of 64 bits, 8, 4 or 2; vn has as many of
+ * int32_t; and there are no vectors of sixteen lanes. Compilers keep vectors wider than a register in memory.
  *
  * Vectors whose lanes do not depend on the path, such as the channels of a pixel: base/simd_fixed.h. */
 #pragma once
@@ -41,7 +41,13 @@
 #endif
 
 #ifdef SIMD_DOUBLE
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
 #define LANES 8
+#elif defined(__AVX2__)
+#define LANES 4
+#else
+#define LANES 2
+#endif
 typedef double real;
 typedef int64_t whole;
 typedef uint64_t natural;

@@ -1,13 +1,19 @@
-/* Operations of base/simd.h in plain C, which the other paths are compared with. Compilers do not find how to test
- * masks of eight lanes of 64 bits. */
-#if defined(SIMD_DOUBLE) && defined(__AVX2__)
+/* Operations of base/simd.h in plain C, which the other paths are compared with. Of lanes of 64 bits by name, where
+ * compilers do not find them. */
+#if defined(SIMD_DOUBLE) && LANES > 2
 #include <immintrin.h>
 #endif
 
-SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)((mask & (vi)yes) | (~mask & (vi)no)))
 SIMD_OP(vi, vi_select, (vmask mask, vi yes, vi no), (mask & yes) | (~mask & no))
+#if defined(SIMD_DOUBLE) && LANES == 4
+SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)_mm256_blendv_pd((__m256d)no, (__m256d)yes, (__m256d)mask))
+SIMD_OP(vf, vf_min, (vf a, vf b), (vf)_mm256_min_pd((__m256d)a, (__m256d)b))
+SIMD_OP(vf, vf_max, (vf a, vf b), (vf)_mm256_max_pd((__m256d)a, (__m256d)b))
+#else
+SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)((mask & (vi)yes) | (~mask & (vi)no)))
 SIMD_OP(vf, vf_min, (vf a, vf b), vf_select(a < b, a, b))
 SIMD_OP(vf, vf_max, (vf a, vf b), vf_select(a > b, a, b))
+#endif
 SIMD_OP(vi, vi_min, (vi a, vi b), vi_select(a < b, a, b))
 SIMD_OP(vi, vi_max, (vi a, vi b), vi_select(a > b, a, b))
 
@@ -19,14 +25,12 @@ INLINE vf vf_sqrt(vf a)
     return a;
 }
 
-#if defined(SIMD_DOUBLE) && defined(__AVX512DQ__)
-SIMD_OP(bool, mask_any, (vmask mask), _mm512_movepi64_mask((__m512i)mask) != 0)
-#elif defined(SIMD_DOUBLE) && defined(__AVX2__)
-INLINE bool mask_any(vmask mask)
-{
-    const __m256i *half = (const __m256i *)&mask, both = half[0] | half[1];
-    return !_mm256_testz_si256(both, both);
-}
+#if defined(SIMD_DOUBLE) && LANES == 8
+SIMD_OP(unsigned, mask_bits, (vmask mask), _mm512_movepi64_mask((__m512i)mask))
+SIMD_OP(bool, mask_any, (vmask mask), mask_bits(mask) != 0)
+#elif defined(SIMD_DOUBLE) && LANES == 4
+SIMD_OP(unsigned, mask_bits, (vmask mask), (unsigned)_mm256_movemask_pd((__m256d)mask))
+SIMD_OP(bool, mask_any, (vmask mask), mask_bits(mask) != 0)
 #else
 INLINE bool mask_any(vmask mask)
 {
@@ -35,7 +39,6 @@ INLINE bool mask_any(vmask mask)
         any |= mask[l];
     return any != 0;
 }
-#endif
 
 INLINE unsigned mask_bits(vmask mask)
 {
@@ -44,6 +47,7 @@ INLINE unsigned mask_bits(vmask mask)
         bits |= (unsigned)(mask[l] & 1) << l;
     return bits;
 }
+#endif
 
 INLINE vmask mask_of_bits(unsigned bits)
 {

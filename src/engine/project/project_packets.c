@@ -1,4 +1,4 @@
-/* Packets of eight rays in double precision. */
+/* Packets of rays in double precision. */
 #define SIMD_DOUBLE
 #include "engine/project/project_packets.h"
 #include "base/simd.h"
@@ -6,13 +6,20 @@
 #include "base/mutation.h"
 #include <math.h>
 
-/* Eight neighbouring pixels of one row. */
+/* Rays of neighbouring pixels of one row. */
 typedef struct ProjectionPacket {
     vf start[3], t0, t1;
-    vmask inside;           /* rays with some length in the box */
+    vmask inside; /* rays with some length in the box */
+} ProjectionPacket;
+
+/* The rays of a tile's row. Macro-cells are taken whole for all of them or for none, so that sums are rounded alike
+ * whatever the number of lanes. */
+enum { ROW_PARTS = CTS_PROJECT_TILE / LANES };
+typedef struct PacketRow {
+    ProjectionPacket part[ROW_PARTS];
     int first, last;        /* macro-cells along axes[2] that they cross */
     double low[2], high[2]; /* extent of the rays' intersections with layer 0, along axes[0] and [1] */
-} ProjectionPacket;
+} PacketRow;
 
 /* Parameters common to all rays. */
 typedef struct RaySlopes {
@@ -39,30 +46,33 @@ static int clamp_macrocell(double at_vox, int n)
     return at < 0 ? 0 : at < n - 1 ? (int)at : n - 1;
 }
 
-static ProjectionPacket packet_of(const CtsProjection *p, const RaySlopes *w, int x, int y, int width, double *grey)
+static PacketRow rays_of_row(const CtsProjection *p, const RaySlopes *w, int x, int y, int width, double *grey)
 {
-    ProjectionPacket r = {.t0 = vf_of(1), .first = INT32_MAX, .last = -1};
+    PacketRow r = {.first = INT32_MAX, .last = -1};
     const int k = p->axes[2], n = p->projector.macrocells->n_fine[k];
-    for (int l = 0; l < LANES; l++) {
+    for (int i = 0; i < CTS_PROJECT_TILE; i++) {
+        ProjectionPacket *const part = &r.part[i / LANES];
+        const int l = i % LANES;
         CtsProjectedRay ray;
-        if (l >= width)
-            break;
-        grey[l] = INFINITY;
-        const bool hits = cts_project_clip(p->projector.view, x + l, y, &ray);
+        part->t0[l] = 1;
+        if (i >= width)
+            continue;
+        grey[i] = INFINITY;
+        const bool hits = cts_project_clip(p->projector.view, x + i, y, &ray);
         if (hits && !(ray.t1 > ray.t0))
-            grey[l] = cts_project_point(&p->projector, &ray);
+            grey[i] = cts_project_point(&p->projector, &ray);
         for (int a = 0; a < 3; a++)
-            r.start[a][l] = ray.start[a];
+            part->start[a][l] = ray.start[a];
         for (int m = 0; m < 2; m++) {
             const double at = ray.start[p->axes[m]] - ray.start[k] * w->slope[m];
-            r.low[m] = l == 0 || at < r.low[m] ? at : r.low[m];
-            r.high[m] = l == 0 || at > r.high[m] ? at : r.high[m];
+            r.low[m] = i == 0 || at < r.low[m] ? at : r.low[m];
+            r.high[m] = i == 0 || at > r.high[m] ? at : r.high[m];
         }
         if (!hits || !(ray.t1 > ray.t0))
             continue;
-        r.inside[l] = -1;
-        r.t0[l] = ray.t0;
-        r.t1[l] = ray.t1;
+        part->inside[l] = -1;
+        part->t0[l] = ray.t0;
+        part->t1[l] = ray.t1;
         const double from = ray.start[k] + ray.t0 * ray.step[k], to = ray.start[k] + ray.t1 * ray.step[k];
         const int first = clamp_macrocell(fmin(from, to) - 1e-6, n), last = clamp_macrocell(fmax(from, to) + 1e-6, n);
         r.first = first < r.first ? first : r.first;
@@ -161,14 +171,12 @@ INLINE void load_packet_corners(const CtsProjection *p, const vn cell[3], vf val
     const uint16_t *grey = p->projector.volume->grey;
     const ptrdiff_t row = p->projector.stride[1], slice = p->projector.stride[2];
     uint32_t pair[4][LANES];
-    if (!p->projector.stride[0]) { /* no voxel lies beside another */
-        for (int i = 0; i < 4 * LANES; i++)
-            value[i / LANES * 2][i % LANES] = value[i / LANES * 2 + 1][i % LANES] =
-                grey[(cell[1][i % LANES] + (i / LANES & 1)) * row + (cell[2][i % LANES] + i / LANES / 2) * slice];
-        return;
-    }
-    for (int l = 0; l < LANES; l++) {
-        const uint16_t *at = grey + cell[0][l] + cell[1][l] * row + cell[2][l] * slice;
+    const bool alone = !p->projector.stride[0]; /* no voxel lies beside another */
+    for (int l = 0; l < LANES && alone; l++)
+        for (int n = 0; n < 4; n++)
+            pair[n][l] = UINT32_C(0x10001) * grey[(cell[1][l] + (n & 1)) * row + (cell[2][l] + (n >> 1)) * slice];
+    for (int l = 0; l < LANES && !alone; l++) {
+        const uint16_t *const at = grey + cell[0][l] + cell[1][l] * row + cell[2][l] * slice;
         memcpy(&pair[0][l], at, sizeof **pair);
         memcpy(&pair[1][l], at + row, sizeof **pair);
         memcpy(&pair[2][l], at + slice, sizeof **pair);
@@ -326,11 +334,12 @@ static int layer_end(const CtsProjection *p, int layer)
     return end < n ? end : n;
 }
 
-static void march_macrocells(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer,
-                             bool all_visible, PacketResult *found)
+static void march_macrocells(const CtsProjection *p, const RaySlopes *w, const PacketRow *r, int layer,
+                             bool all_visible, PacketResult found[ROW_PARTS])
 {
-    for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
-        march_layer(p, w, r, k, all_visible, found);
+    for (int i = 0; i < ROW_PARTS; i++)
+        for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
+            march_layer(p, w, &r->part[i], k, all_visible, &found[i]);
 }
 
 static int32_t bound_of(const CtsProjection *p, const BoxContents *c)
@@ -339,13 +348,14 @@ static int32_t bound_of(const CtsProjection *p, const BoxContents *c)
 }
 
 /* The smallest result of the rays that could still change; infinite when none could. */
-INLINE double least_found(const CtsProjection *p, const ProjectionPacket *r, const PacketResult *found)
+INLINE double least_found(const CtsProjection *p, const PacketRow *r, const PacketResult found[ROW_PARTS])
 {
-    const vf open = vf_select(r->inside & (found->best < p->enough), found->best, vf_of(INFINITY));
-    double least = INFINITY;
-    for (int l = 0; l < LANES; l++)
-        least = open[l] < least ? open[l] : least;
-    return least;
+    vf least = vf_of(INFINITY);
+    for (int i = 0; i < ROW_PARTS; i++)
+        least = vf_min(least, vf_select(r->part[i].inside & (found[i].best < p->enough), found[i].best, least));
+    for (int l = 1; l < LANES; l++)
+        least[0] = least[l] < least[0] ? least[l] : least[0];
+    return least[0];
 }
 
 /* The layers of macro-cells that the tile's rays cross, in falling order of their bounds, as far as requested. */
@@ -369,25 +379,23 @@ static int layer_of_rank(Layers *layers, int rank)
     return order[rank];
 }
 
-/* Determines for each ray whether it has a visible interval, where its result does not show it. */
-static void find_visible_rays(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r,
-                              PacketResult *found)
+/* True where each ray has a visible interval, or misses the box. */
+static bool all_rays_see(const PacketRow *r, const PacketResult found[ROW_PARTS])
 {
-    for (int layer = r->first; layer <= r->last && mask_any(r->inside & ~found->visible); layer++) {
-        const LayerBox box = box_of(p, w, r->low, r->high, layer);
-        const BoxContents c = common_of(p, &box, layer);
-        if (c.sees_some)
-            march_macrocells(p, w, r, layer, c.all_visible, found);
-    }
+    vmask unseen = mask_of_bits(0);
+    for (int i = 0; i < ROW_PARTS; i++)
+        unseen |= r->part[i].inside & ~found[i].visible;
+    return !mask_any(unseen);
 }
 
-static void find_extremes(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, Layers *layers,
-                          double *grey)
+static void find_extremes(const CtsProjection *p, const RaySlopes *w, const PacketRow *r, Layers *layers, double *grey)
 {
-    PacketResult found = {.best = vf_of(p->least), .visible = p->visibility ? r->inside & 0 : r->inside};
+    PacketResult found[ROW_PARTS];
+    for (int i = 0; i < ROW_PARTS; i++)
+        found[i] = (PacketResult){vf_of(p->least), p->visibility ? mask_of_bits(0) : r->part[i].inside};
     for (int rank = 0; rank <= layers->last - layers->first; rank++) {
         const int layer = layer_of_rank(layers, rank);
-        const double least = least_found(p, r, &found);
+        const double least = least_found(p, r, found);
         if (!(layers->scratch->bound[layer] > least))
             break;
         if (layer < r->first || layer > r->last)
@@ -395,12 +403,18 @@ static void find_extremes(const CtsProjection *p, const RaySlopes *w, const Proj
         const LayerBox box = box_of(p, w, r->low, r->high, layer);
         const BoxContents c = common_of(p, &box, layer);
         if (c.sees_some && bound_of(p, &c) > least)
-            march_macrocells(p, w, r, layer, c.all_visible, &found);
+            march_macrocells(p, w, r, layer, c.all_visible, found);
     }
-    find_visible_rays(p, w, r, &found);
-    for (int l = 0; l < LANES; l++)
-        if (found.visible[l])
-            grey[l] = p->sign * found.best[l];
+    /* Rays whose result does not show whether they have one. */
+    for (int layer = r->first; layer <= r->last && !all_rays_see(r, found); layer++) {
+        const LayerBox box = box_of(p, w, r->low, r->high, layer);
+        const BoxContents c = common_of(p, &box, layer);
+        if (c.sees_some)
+            march_macrocells(p, w, r, layer, c.all_visible, found);
+    }
+    for (int i = 0; i < CTS_PROJECT_TILE; i++)
+        if (found[i / LANES].visible[i % LANES])
+            grey[i] = p->sign * found[i / LANES].best[i % LANES];
 }
 
 /* Sum and length of a packet's visible intervals. */
@@ -447,38 +461,41 @@ static void sum_even(const CtsProjection *p, const RaySlopes *w, const Projectio
     s->length += length;
 }
 
-static void find_means(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, double *grey)
+static void find_means(const CtsProjection *p, const RaySlopes *w, const PacketRow *r, double *grey)
 {
-    Summed s = {vf_of(0), vf_of(0)};
+    Summed s[ROW_PARTS];
+    for (int i = 0; i < ROW_PARTS; i++)
+        s[i] = (Summed){vf_of(0), vf_of(0)};
     for (int layer = r->first; layer <= r->last; layer++) {
         const LayerBox box = box_of(p, w, r->low, r->high, layer);
         const BoxContents c = common_of(p, &box, layer);
         if (!c.sees_some)
             continue;
-        if (c.all_visible && c.range.low == c.range.high)
-            sum_even(p, w, r, layer, c.range.low, &s);
-        else
-            for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
-                sum_layer(p, w, r, k, c.all_visible, &s);
+        for (int i = 0; i < ROW_PARTS; i++)
+            if (c.all_visible && c.range.low == c.range.high)
+                sum_even(p, w, &r->part[i], layer, c.range.low, &s[i]);
+            else
+                for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
+                    sum_layer(p, w, &r->part[i], k, c.all_visible, &s[i]);
     }
-    for (int l = 0; l < LANES; l++)
-        if (s.length[l] > 0)
-            grey[l] = s.sum[l] / s.length[l];
+    for (int i = 0; i < CTS_PROJECT_TILE; i++)
+        if (s[i / LANES].length[i % LANES] > 0)
+            grey[i] = s[i / LANES].sum[i % LANES] / s[i / LANES].length[i % LANES];
 }
 
 /* Upper limits of the tile's rays in each layer. */
-static Layers bound_layers(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *packets, int n,
+static Layers bound_layers(const CtsProjection *p, const RaySlopes *w, const PacketRow *rows, int n,
                            const CtsProjectScratch *scratch)
 {
     Layers layers = {.scratch = scratch, .first = INT32_MAX, .last = -1};
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     for (int i = 0; i < n; i++) {
         for (int a = 0; a < 2; a++) {
-            low[a] = fmin(low[a], packets[i].low[a]);
-            high[a] = fmax(high[a], packets[i].high[a]);
+            low[a] = fmin(low[a], rows[i].low[a]);
+            high[a] = fmax(high[a], rows[i].high[a]);
         }
-        layers.first = packets[i].first < layers.first ? packets[i].first : layers.first;
-        layers.last = packets[i].last > layers.last ? packets[i].last : layers.last;
+        layers.first = rows[i].first < layers.first ? rows[i].first : layers.first;
+        layers.last = rows[i].last > layers.last ? rows[i].last : layers.last;
     }
     for (int layer = layers.first; layer <= layers.last; layer++) {
         const LayerBox box = box_of(p, w, low, high, layer);
@@ -493,15 +510,15 @@ void CTS_ON_PATH(cts_project_tile)(const CtsProjection *p, const CtsProjectScrat
                                    int height, double *grey)
 {
     const RaySlopes w = way_of(p);
-    ProjectionPacket packets[CTS_PROJECT_TILE];
+    PacketRow rows[CTS_PROJECT_TILE];
     for (int row = 0; row < height && row < CTS_PROJECT_TILE; row++)
-        packets[row] = packet_of(p, &w, x, y + row, width, grey + LANES * row);
+        rows[row] = rays_of_row(p, &w, x, y + row, width, grey + CTS_PROJECT_TILE * row);
     if (p->projector.mode == CTS_MODE_AVERAGE) {
         for (int row = 0; row < height; row++)
-            find_means(p, &w, &packets[row], grey + LANES * row);
+            find_means(p, &w, &rows[row], grey + CTS_PROJECT_TILE * row);
         return;
     }
-    Layers layers = bound_layers(p, &w, packets, height, scratch);
+    Layers layers = bound_layers(p, &w, rows, height, scratch);
     for (int row = 0; row < height; row++)
-        find_extremes(p, &w, &packets[row], &layers, grey + LANES * row);
+        find_extremes(p, &w, &rows[row], &layers, grey + CTS_PROJECT_TILE * row);
 }
