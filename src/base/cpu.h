@@ -44,6 +44,12 @@ enum CtsCpuFlag { CTS_CPU_PATHS(CTS_CPU_FLAG) };
 #define CTS_CPU_CHOICE(flags, name)                                                                                    \
     ((flags)&CTS_CPU_AVX512 ? name##_avx512 : (flags)&CTS_CPU_AVX2 ? name##_avx2 : name##_plain)
 
+/* The same one's name in reports. */
+static inline const char *cts_cpu_path_name(unsigned flags)
+{
+    return flags & CTS_CPU_AVX512 ? "AVX-512" : flags & CTS_CPU_AVX2 ? "AVX2" : "plain C";
+}
+
 /* The SIMD paths that this processor supports, this build contains (option simd) and the mask allows; code with several
  * SIMD paths selects by them. */
 unsigned cts_cpu_flags(void);

@@ -116,12 +116,6 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
         cts_sheets_grid_init(&j->grid[i], &j->view, i + 1);
 }
 
-static const SheetsKernels *choose_kernels(void)
-{
-    const unsigned cpu = cts_cpu_flags();
-    return cpu & CTS_CPU_AVX512 ? &cts_sheets_avx512 : cpu & CTS_CPU_AVX2 ? &cts_sheets_avx2 : &cts_sheets_c;
-}
-
 static CtsStatus refuse(const CtsScene *scene, CtsError *err)
 {
     const CtsVolume *const v = scene->volume;
@@ -158,7 +152,8 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
     CtsStatus st;
     const CtsMacrocells *macrocells;
     const uint16_t *grey;
-    *s = (Session){.kernels = choose_kernels(), .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
+    *s = (Session){.kernels = CTS_CPU_CHOICE(cts_cpu_flags(), &cts_sheets),
+                   .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
     if ((st = refuse(scene, err)))
         return st;
     if (!(s->cache = cts_scene_cache(scene, sizeof *s->cache, err)))
@@ -183,7 +178,7 @@ static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
                     j->grid[0].reach[0], j->grid[0].reach[1], j->view.slab_mm / (j->half ? 2 : 1), SHEETS_LEVELS,
                     SHEETS_LEVELS);
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
-                    (double)j->min_transmittance, j->shade ? "on" : "off", s->kernels->name,
+                    (double)j->min_transmittance, j->shade ? "on" : "off", cts_cpu_path_name(cts_cpu_flags()),
                     scene->settings->n_threads);
 }
 

@@ -11,6 +11,7 @@
  * of 16 x 8 pixels), and groups that are opaque end. ctsplat-methods(7) has the mathematics. */
 #pragma once
 
+#include "base/simd_path.h"
 #include "core/model/macrocells.h"
 #include "core/scene/engine.h"
 #include "core/scene/openness.h"
@@ -130,7 +131,6 @@ typedef struct SheetsPixels {
 
 /* The kernels of one SIMD path. */
 typedef struct SheetsKernels {
-    const char *name;
     /* March a group whose first pixel is (x, y). visible: a bit a block of slabs that may show something. */
     void (*march)(const SheetsJob *job, const SheetsGrid *grid, int x, int y, const uint64_t *visible,
                   SheetsPixels *pixels, SheetsCounts *counts);
@@ -142,7 +142,8 @@ typedef struct SheetsKernels {
     /* The same of SheetsOpacity.light. */
     void (*fill_light)(const float (*quarter)[SHEETS_LIT], float length_mm, size_t first, size_t end, uint32_t *light);
 } SheetsKernels;
-extern const SheetsKernels cts_sheets_c, cts_sheets_avx2, cts_sheets_avx512;
+#define SHEETS_KERNELS(path) extern const SheetsKernels cts_sheets_##path;
+CTS_EACH_PATH(SHEETS_KERNELS)
 
 CtsStatus cts_sheets_transfer_init(SheetsTransfer *transfer, const CtsScene *scene, int largest_grey, CtsError *err);
 void cts_sheets_transfer_free(SheetsTransfer *transfer);

@@ -167,25 +167,14 @@ static CtsStatus begin_march(TiledJob *j, CtsShade *shade, const CtsScene *scene
     return CTS_OK;
 }
 
-/* The march of a picture: the fastest that this processor supports, and plain C where offsets exceed those of
- * vectors. */
-typedef struct Path {
-    const char *name;
-    cts_tiled_march_fn march, exact;
-} Path;
-
-static Path choose_path(const TiledJob *j)
+/* The SIMD path of the march in single precision: plain C where offsets exceed those of vectors. */
+static unsigned path_of(const TiledJob *j)
 {
-    const unsigned cpu = cts_cpu_flags();
     const bool narrow = j->dims[0] > 1 && (double)j->dims[0] * j->dims[1] * j->dims[2] < INT32_MAX;
-    if (cpu & CTS_CPU_AVX512)
-        return (Path){"AVX-512", narrow ? cts_tiled_march_avx512 : cts_tiled_march_plain, cts_tiled_march_exact_avx512};
-    if (cpu & CTS_CPU_AVX2)
-        return (Path){"AVX2", narrow ? cts_tiled_march_avx2 : cts_tiled_march_plain, cts_tiled_march_exact_avx2};
-    return (Path){"plain C", cts_tiled_march_plain, cts_tiled_march_exact_plain};
+    return narrow ? cts_cpu_flags() : 0;
 }
 
-static void report_march_plan(const TiledJob *j, const CtsScene *scene, const char *path, CtsReport *report)
+static void report_march_plan(const TiledJob *j, const CtsScene *scene, CtsReport *report)
 {
     const CtsRenderSettings *const s = scene->settings;
     const int64_t n = (int64_t)j->mask.n[0] * j->mask.n[1] * j->mask.n[2];
@@ -196,7 +185,7 @@ static void report_march_plan(const TiledJob *j, const CtsScene *scene, const ch
     cts_report_plan(report, "ray segments: two-point rule, split at %d control points where the error exceeds %.3g/255",
                     j->transfer.n_control_points, 255 * (double)j->tolerance);
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
-                    (double)j->min_transmittance, j->shade ? "on" : "off", path, s->n_threads);
+                    (double)j->min_transmittance, j->shade ? "on" : "off", cts_cpu_path_name(path_of(j)), s->n_threads);
     if (j->mask.n_visible == n)
         cts_report_skip(report, "void skipping", "every block may be visible");
     if (scene->plan.samples > 0)
@@ -237,14 +226,14 @@ static CtsStatus render_composite(const CtsScene *scene, TiledCache *cache, cons
     if ((st = find_mask(cache, scene, macrocells, report, err)) ||
         (st = begin_march(&job, &shade, scene, cache, &fast, cts_scene_requested_error(scene), err)))
         goto end;
-    const Path path = choose_path(&job);
     cts_scene_report_region(scene, report);
-    report_march_plan(&job, scene, path.name, report);
+    report_march_plan(&job, scene, report);
     if (!picture)
         goto end;
     job.want_depth = picture->depth_mm;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = cts_tiled_run(&job, path.march, scene, picture, errors, &counts, err)))
+    if ((st =
+             cts_tiled_run(&job, CTS_CPU_CHOICE(path_of(&job), cts_tiled_march), scene, picture, errors, &counts, err)))
         goto end;
     if (counts.interpolated > 0)
         cts_report_plan(report, "%llu of %llu pixels were not marched but interpolated, to within about %.3g/255",
@@ -342,8 +331,8 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
         (st = begin_march(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
                           error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
-    const Path path = choose_path(&job);
-    a.march = error > 0 ? path.march : path.exact;
+    a.march = error > 0 ? CTS_CPU_CHOICE(path_of(&job), cts_tiled_march)
+                        : CTS_CPU_CHOICE(cts_cpu_flags(), cts_tiled_march_exact);
     if ((st = cts_alloc_zeroed(&a.scratch, (size_t)n_threads, err)))
         goto end;
     cts_parallel(n_threads, n, AT_ONCE, rerender_some, &a);

@@ -125,7 +125,7 @@ typedef struct TiledScratch {
 } TiledScratch;
 
 typedef void (*cts_tiled_march_fn)(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
-/* In single precision, other paths than plain C only where offsets of voxels fit 32 bits (choose_path()); and in double
+/* In single precision, other paths than plain C only where offsets of voxels fit 32 bits (path_of()); and in double
  * precision, with tolerances of its own. */
 #define TILED_MARCHES(path)                                                                                            \
     void cts_tiled_march_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);                            \

@@ -105,15 +105,8 @@ INLINE void any_block_bits(const BlockTest *l, const Bracket *b, const int block
     }
 }
 
-static void block_bits(const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2])
-{
-    any_block_bits(l, b, block, cells);
-}
-
-CTS_TARGET_AVX2 static void block_bits_avx2(const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2])
-{
-    any_block_bits(l, b, block, cells);
-}
+CTS_CPU_VARIANTS(void, block_bits, (const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2]),
+                 any_block_bits(l, b, block, cells))
 
 /* True if a block of one appearance is potentially visible. */
 static bool block_shows(const CtsLut *lut, const Bracket *b, CtsRange r)
@@ -127,7 +120,7 @@ static void test_block_cells(const BlockTest *l, const Bracket *b, const int blo
 {
     cells[0] = cells[1] = UINT32_MAX;
     if (r.low <= b->low || r.high >= b->high)
-        (cts_cpu_flags() & CTS_CPU_AVX2 ? block_bits_avx2 : block_bits)(l, b, block, cells);
+        CTS_CPU_CHOICE(cts_cpu_flags(), block_bits)(l, b, block, cells);
 }
 
 /* Appearances of a cell's voxels: bit l for appearance l. */
