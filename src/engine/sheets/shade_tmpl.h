@@ -1,5 +1,6 @@
 /* Gradients, openness and light of slabs; needs sample_tmpl.h. */
 #include "base/mutation.h"
+#include "core/scene/light_tmpl.h"
 #include "engine/sheets/sheets.h"
 #include <stdlib.h>
 
@@ -349,36 +350,23 @@ OUTLINE Gradient gradient_of_part(const March *m, const Block *b, int slab, wf s
     return gradient_in_view(m->job->shade, &d);
 }
 
-/* Openness at a sheet, between the middles of 2 x 2 x 2 blocks. */
+/* Openness at a sheet. */
 OUTLINE wf openness_of(const March *m, const Block *b, int slab)
 {
     const SheetsView *const v = &m->job->view;
-    const CtsOpenness *const o = m->job->open;
     const Corner corner = corner_at(m, b, slab);
-    const int32_t stride[3] = {1, o->n[0], o->n[0] * o->n[1]}, axis[3] = {v->a, v->b, v->p};
-    wf share[3];
-    wi at = wi_of(0);
-    for (int c = 0; c < 3; c++) {
-        const int a = axis[c], n = o->n[a];
-        const float scale = (float)o->scale[a], shift = (float)o->shift[a];
-        const wf place =
-            c < 2 ? wf_scale(wi_to_float(wi_load(m->grid->lane[c])), 0x1p-16f, (float)((double)corner.at[c] * 0x1p-32))
-                  : wf_of((float)(b->sheet + slab * v->step));
-        const wf block = wf_clamp(wf_scale(place, scale, shift), 0, (float)(n - 1));
-        const wi low = wi_min(wf_to_int(block), wi_of(n > 1 ? n - 2 : 0));
-        share[a] = wf_sub(block, wi_to_float(low));
-        at = wi_add(at, wi_mul(low, wi_of(stride[a])));
+    const int axis[2] = {v->a, v->b};
+    wf open;
+    for (int p = 0; p < N_PARTS; p++) {
+        vf place[3];
+        place[v->p] = vf_of((float)(b->sheet + slab * v->step));
+        for (int c = 0; c < 2; c++)
+            place[axis[c]] =
+                to_float(vi_load(m->grid->lane[c] + p * LANES)) * 0x1p-16f + (float)((double)corner.at[c] * 0x1p-32);
+        const OpenCell cell = load_open(m->job->open, place, vi_lt(vi_of(0), vi_of(1)));
+        open.part[p] = open_between(m->job->open, &cell, place);
     }
-    wf plane[2];
-    for (int k = 0; k < 2; k++) {
-        const wi square = wi_take(o->square + k * o->plane, at);
-        wf corners[4];
-        for (int i = 0; i < 4; i++)
-            corners[i] = wi_to_float(wi_and(wi_shr(square, 8 * i), wi_of(255)));
-        plane[k] =
-            wf_lerp(wf_lerp(corners[0], corners[1], share[0]), wf_lerp(corners[2], corners[3], share[0]), share[1]);
-    }
-    return wf_times(wf_lerp(plane[0], plane[1], share[2]), 1 / 255.0f);
+    return open;
 }
 
 /* Openness at both sheets of a slab. Where the slab is faint, that of two sheets away will do. */

@@ -37,15 +37,8 @@ typedef struct Corners {
     vf slope[3][8], level[8];
 } Corners;
 
+#include "core/scene/light_tmpl.h"
 #include "engine/tiled/gradient_tmpl.h"
-
-INLINE vf between(const vf v[8], const vf at[3])
-{
-    const vf a = v[0] + at[0] * (v[1] - v[0]), b = v[2] + at[0] * (v[3] - v[2]);
-    const vf c = v[4] + at[0] * (v[5] - v[4]), d = v[6] + at[0] * (v[7] - v[6]);
-    const vf low = a + at[1] * (b - a), high = c + at[1] * (d - c);
-    return low + at[2] * (high - low);
-}
 
 /* The gradient at fraction s of the segment through the cell. */
 INLINE Direction gradient_at(const TiledJob *j, const Corners *k, const vf enter[3], const vf displacement[3], vf s)
