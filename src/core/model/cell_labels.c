@@ -106,7 +106,7 @@ typedef struct Fields {
     double b[CTS_MAX_CELL_LABELS][4];
 } Fields;
 
-static double at_point(const double v[8], double x, double y, double z)
+double cts_cell_at(const double v[8], double x, double y, double z)
 {
     const double near = (v[0] + x * (v[1] - v[0])) * (1 - y) + (v[2] + x * (v[3] - v[2])) * y;
     const double far = (v[4] + x * (v[5] - v[4])) * (1 - y) + (v[6] + x * (v[7] - v[6])) * y;
@@ -115,10 +115,10 @@ static double at_point(const double v[8], double x, double y, double z)
 
 static void field_along(const double v[8], const double p[3], const double q[3], double b[4])
 {
-    b[0] = at_point(v, p[0], p[1], p[2]);
-    b[1] = (at_point(v, q[0], p[1], p[2]) + at_point(v, p[0], q[1], p[2]) + at_point(v, p[0], p[1], q[2])) / 3;
-    b[2] = (at_point(v, q[0], q[1], p[2]) + at_point(v, q[0], p[1], q[2]) + at_point(v, p[0], q[1], q[2])) / 3;
-    b[3] = at_point(v, q[0], q[1], q[2]);
+    b[0] = cts_cell_at(v, p[0], p[1], p[2]);
+    b[1] = (cts_cell_at(v, q[0], p[1], p[2]) + cts_cell_at(v, p[0], q[1], p[2]) + cts_cell_at(v, p[0], p[1], q[2])) / 3;
+    b[2] = (cts_cell_at(v, q[0], q[1], p[2]) + cts_cell_at(v, q[0], p[1], q[2]) + cts_cell_at(v, p[0], q[1], q[2])) / 3;
+    b[3] = cts_cell_at(v, q[0], q[1], q[2]);
 }
 
 static bool lies_above(const double p[4], const double q[4])

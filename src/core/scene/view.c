@@ -1,5 +1,6 @@
 #include "core/scene/view.h"
 
+#include "base/compare.h"
 #include "base/mutation.h"
 #include "base/vec3.h"
 #include <math.h>
@@ -115,4 +116,27 @@ void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3])
     const double v_mm = (view->height / 2.0 - y - 0.5) * view->mm_per_pixel;
     for (int axis = 0; axis < 3; axis++)
         start_vox[axis] = view->centre_vox[axis] + u_mm * view->right_vox[axis] + v_mm * view->up_vox[axis];
+}
+
+bool cts_view_clip(const CtsView *view, double x, double y, double start_vox[3], double *from_mm, double *to_mm)
+{
+    const double slack_vox = 1e-9;
+    double from = -INFINITY, to = INFINITY, fastest = 0;
+    cts_view_ray(view, x, y, start_vox);
+    for (int a = 0; a < 3; a++) {
+        const double last = view->dims[a] - 1, step = view->forward_vox[a];
+        if (step == 0 && (start_vox[a] < -slack_vox || start_vox[a] > last + slack_vox))
+            return false;
+        if (step == 0)
+            continue;
+        const double in = (0 - start_vox[a]) / step, out = (last - start_vox[a]) / step;
+        from = cts_larger_double(from, cts_smaller_double(in, out));
+        to = cts_smaller_double(to, cts_larger_double(in, out));
+        fastest = cts_larger_double(fastest, fabs(step));
+    }
+    if (to < from && (from - to) * fastest <= slack_vox)
+        to = from;
+    *from_mm = cts_larger_double(from, view->near_mm);
+    *to_mm = cts_smaller_double(to, view->far_mm);
+    return *to_mm >= *from_mm;
 }

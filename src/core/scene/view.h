@@ -42,3 +42,7 @@ void cts_view_aim(CtsView *view, const double centre_lps[3]);
 /* Voxel coordinates of the intersection of pixel (x, y)'s ray with the plane through the volume's centre across the
  * viewing direction; the ray advances by forward_vox per mm. Pixel centres, x from the left, y from the top. */
 void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3]);
+/* The same, and the part of the ray, in mm from there, that lies in the box of voxel centres and is visible; false
+ * where it misses that by more than 1e-9 voxels, by which rounding must not lose a ray that runs along a face. From and
+ * to are equal where it touches it. */
+bool cts_view_clip(const CtsView *view, double x, double y, double start_vox[3], double *from_mm, double *to_mm);

@@ -58,7 +58,8 @@ static PacketRow rays_of_row(const CtsProjection *p, const RaySlopes *w, int x, 
         if (i >= width)
             continue;
         grey[i] = INFINITY;
-        const bool hits = cts_project_clip(p->projector.view, x + i, y, &ray);
+        memcpy(ray.step, w->step, sizeof ray.step);
+        const bool hits = cts_view_clip(p->projector.view, x + i, y, ray.start, &ray.t0, &ray.t1);
         if (hits && !(ray.t1 > ray.t0))
             grey[i] = cts_project_point(&p->projector, &ray);
         for (int a = 0; a < 3; a++)

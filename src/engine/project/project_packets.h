@@ -25,8 +25,6 @@ typedef struct CtsProjectedRay {
     double start[3], step[3], t0, t1;
 } CtsProjectedRay;
 
-/* Pixel (x, y)'s ray; false where it misses the box. */
-bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *ray);
 /* The grey level at t0 of a ray without length, as at a corner of the box; infinite where nothing is visible. */
 double cts_project_point(const CtsProjector *projector, const CtsProjectedRay *ray);
 

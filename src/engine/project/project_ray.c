@@ -3,32 +3,6 @@
 #include "base/clamp.h"
 #include <math.h>
 
-bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *ray)
-{
-    const double hair_vox = 1e-9; /* rounding must not lose a ray that runs along a face */
-    cts_view_ray(view, x, y, ray->start);
-    ray->t0 = -INFINITY;
-    ray->t1 = INFINITY;
-    double fastest = 0;
-    for (int a = 0; a < 3; a++) {
-        const double last = view->dims[a] - 1, step = ray->step[a] = view->forward_vox[a];
-        if (step == 0) {
-            if (ray->start[a] < -hair_vox || ray->start[a] > last + hair_vox)
-                return false;
-            continue;
-        }
-        const double in = (0 - ray->start[a]) / step, out = (last - ray->start[a]) / step;
-        ray->t0 = fmax(ray->t0, fmin(in, out));
-        ray->t1 = fmin(ray->t1, fmax(in, out));
-        fastest = fmax(fastest, fabs(step));
-    }
-    if (ray->t1 < ray->t0 && (ray->t0 - ray->t1) * fastest <= hair_vox)
-        ray->t1 = ray->t0;
-    ray->t0 = fmax(ray->t0, view->near_mm);
-    ray->t1 = fmin(ray->t1, view->far_mm);
-    return ray->t1 >= ray->t0;
-}
-
 /* Position of a ray in a cell, 0 to 1. */
 static void place_in_cell(const CtsProjectedRay *ray, const int cell[3], double t, double place[3])
 {
@@ -82,7 +56,7 @@ int cts_project_stretches(const CtsProjector *p, const CtsProjectedRay *ray, con
 
 double cts_project_point(const CtsProjector *p, const CtsProjectedRay *ray)
 {
-    double at[3], first[CTS_MAX_CELL_INTERVALS], last[CTS_MAX_CELL_INTERVALS], grey = 0;
+    double at[3], first[CTS_MAX_CELL_INTERVALS], last[CTS_MAX_CELL_INTERVALS], corner[8];
     int cell[3];
     for (int a = 0; a < 3; a++)
         cell[a] =
@@ -91,14 +65,7 @@ double cts_project_point(const CtsProjector *p, const CtsProjectedRay *ray)
         return INFINITY;
     place_in_cell(ray, cell, ray->t0, at);
     const uint16_t *const base = p->volume->grey + cell[0] + cell[1] * p->stride[1] + cell[2] * p->stride[2];
-    for (int c = 0; c < 8; c++) {
-        double weight = 1;
-        ptrdiff_t corner = 0;
-        for (int a = 0; a < 3; a++) {
-            corner += c >> a & 1 ? p->stride[a] : 0;
-            weight *= c >> a & 1 ? at[a] : 1 - at[a];
-        }
-        grey += weight * base[corner];
-    }
-    return grey;
+    for (int c = 0; c < 8; c++)
+        corner[c] = base[(c & 1) * p->stride[0] + (c >> 1 & 1) * p->stride[1] + (c >> 2) * p->stride[2]];
+    return cts_cell_at(corner, at[0], at[1], at[2]);
 }

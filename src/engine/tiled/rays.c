@@ -4,25 +4,12 @@
 #include "base/mutation.h"
 #include <math.h>
 
-/* Rays that miss a face by rounding are still in the box. */
-#define SLACK_VOX 1e-9
-
 void cts_tiled_add_ray(const TiledJob *j, TiledRays *rays, int x, int y, double from)
 {
-    double start[3], to = j->view.far_mm;
-    cts_view_ray(&j->view, x, y, start);
-    for (int a = 0; a < 3; a++) {
-        const double last = j->dims[a] - 1, step = j->step[a];
-        if (step == 0) {
-            if (start[a] < -SLACK_VOX || start[a] > last + SLACK_VOX)
-                return;
-            continue;
-        }
-        const double p = -start[a] / step, q = (last - start[a]) / step;
-        from = cts_larger_double(from, cts_smaller_double(p, q));
-        to = cts_smaller_double(to, cts_larger_double(p, q));
-    }
-    from = cts_larger_double(from, j->view.near_mm) + CTS_MUTATED(START_LATE);
+    double start[3], in, to;
+    if (!cts_view_clip(&j->view, x, y, start, &in, &to))
+        return;
+    from = cts_larger_double(from, in) + CTS_MUTATED(START_LATE);
     to -= CTS_MUTATED(LAST_PIECE);
     if (!(from < to))
         return;
