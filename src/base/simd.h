@@ -289,4 +289,19 @@ INLINE bool wmask_any(wmask mask)
         any |= mask.part[p];
     return mask_any(any);
 }
+
+SIMD_EACH(ws, wi_as_short, (wi a), (vs)a.part[p])
+SIMD_EACH(wi, ws_as_int, (ws a), (vi)a.part[p])
+SIMD_EACH(wmask, wi_nonzero, (wi a), vi_test(a.part[p], a.part[p]))
+SIMD_EACH(ws, ws_max, (ws a, ws b), vs_unsigned_max(a.part[p], b.part[p]))
+SIMD_EACH(ws, ws_min, (ws a, ws b), vs_unsigned_min(a.part[p], b.part[p]))
+SIMD_EACH(ws, ws_excess, (ws a, ws b), vs_excess(a.part[p], b.part[p]))
+
+SIMD_EACH(wf, wf_lerp, (wf a, wf b, wf at), a.part[p] + (b.part[p] - a.part[p]) * at.part[p])
+SIMD_EACH(wf, wf_mul_add, (wf a, wf b, wf c), a.part[p] * b.part[p] + c.part[p])
+SIMD_EACH(wf, wf_clamp, (wf a, float low, float high), vf_min(vf_max(a.part[p], vf_of(low)), vf_of(high)))
+SIMD_EACH(wf, wf_times, (wf a, float by), a.part[p] * by)
+SIMD_EACH(wf, wf_scale, (wf a, float by, float plus), a.part[p] * by + plus)
+SIMD_EACH(wi, wi_shl_each, (wi a, wi bits), (vi)((vu)a.part[p] << (vu)bits.part[p]))
+SIMD_EACH(wi, wi_shr_each, (wi a, wi bits), (vi)((vu)a.part[p] >> (vu)bits.part[p]))
 #endif

@@ -1,5 +1,6 @@
-/* Openness at the places of rays, in the registers of base/simd.h. */
+/* Openness at the places of rays, and the law of light (core/scene/shade.h), in the registers of base/simd.h. */
 #include "core/scene/openness.h"
+#include "core/scene/shade.h"
 
 /* Trilinear between the eight corners of a cell. */
 INLINE vf between(const vf v[8], const vf at[3])
@@ -57,4 +58,13 @@ INLINE vf open_between(const CtsOpenness *o, const OpenCell *c, const vf vox[3])
     for (int a = 0; a < 3; a++)
         share[a] = block_coordinate(o, a, vox[a]) - to_float(c->at[a]);
     return between(c->corner, share) * (real)(1 / 255.0);
+}
+
+/* Factor of the colour, and white to be added, for |n.v|, its power, and the openness that dims both; for the direct
+ * share of the light twice. */
+INLINE void light_terms(const CtsShade *s, vf facing, vf highlight, vf open, vf *colour, vf *white)
+{
+    const vf dark = (real)s->occlusion - open * (real)s->occlusion, left = 1 - dark;
+    *colour = left * (real)s->ambient + facing * (real)s->diffuse * (1 - dark * (real)s->occlusion);
+    *white = highlight * (real)s->specular * left;
 }

@@ -142,22 +142,18 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
             const Gradient *end[2];
             find_gradients(m, b, t, light, end);
             const LitShares shares = lit_shares(t->light, t->front_level, t->back_level);
-            wf open[2], bend;
-            if (j->open) {
-                find_openness(m, b, t->slab, false, light);
-                open[0] = wf_lerp(light->open[0], light->open[1], t->from);
-                open[1] = wf_lerp(light->open[0], light->open[1], t->to);
-            }
+            find_openness(m, b, t->slab, false, light);
+            const wf open[2] = {wf_lerp(light->open[0], light->open[1], t->from),
+                                wf_lerp(light->open[0], light->open[1], t->to)};
+            wf bend;
             shade_slab(j, end, &shares, open, heavy, &slab, &bend);
             const wf weighted = wf_select(heavy, wf_mul(weight, bend), wf_of(0));
             light->bend = wf_mul_add(weighted, weighted, light->bend);
             counts->lit++;
         } else {
-            wf colour = wf_of(j->shade->ambient + 0.5f * j->shade->diffuse), none; /* 0.5: the mean of |n.v| */
-            if (j->open) {
-                find_openness(m, b, t->slab, true, light);
-                dim(j->shade, wf_of(0.5f), wf_of(0), light->open[1], &colour, &none);
-            }
+            wf colour, none;
+            find_openness(m, b, t->slab, true, light);
+            dim(j->shade, wf_of(0.5f), wf_of(0), light->open[1], &colour, &none); /* 0.5: the mean of |n.v| */
             for (int c = 0; c < 3; c++)
                 slab.rgb[c] = wf_mul(slab.rgb[c], colour);
         }

@@ -7,21 +7,9 @@
 
 #include "base/simd_math_tmpl.h"
 
-SIMD_EACH(ws, wi_as_short, (wi a), (vs)a.part[p])
-SIMD_EACH(wi, ws_as_int, (ws a), (vi)a.part[p])
-SIMD_EACH(wmask, wi_nonzero, (wi a), vi_test(a.part[p], a.part[p]))
-SIMD_EACH(ws, ws_max, (ws a, ws b), vs_unsigned_max(a.part[p], b.part[p]))
-SIMD_EACH(ws, ws_min, (ws a, ws b), vs_unsigned_min(a.part[p], b.part[p]))
-SIMD_EACH(ws, ws_excess, (ws a, ws b), vs_excess(a.part[p], b.part[p]))
-
 /* Two of Newton's steps: light is off by less than 5e-6. */
 SIMD_EACH(wf, wf_inverse_root, (wf x), vf_inverse_root_by(x.part[p], 2))
 SIMD_EACH(wf, wf_log2, (wf x), vf_log2(x.part[p]))
-SIMD_EACH(wf, wf_lerp, (wf a, wf b, wf at), a.part[p] + (b.part[p] - a.part[p]) * at.part[p])
-SIMD_EACH(wf, wf_mul_add, (wf a, wf b, wf c), a.part[p] * b.part[p] + c.part[p])
-SIMD_EACH(wf, wf_clamp, (wf a, float low, float high), vf_min(vf_max(a.part[p], vf_of(low)), vf_of(high)))
-SIMD_EACH(wf, wf_times, (wf a, float by), a.part[p] * by)
-SIMD_EACH(wf, wf_scale, (wf a, float by, float plus), a.part[p] * by + plus)
 
 /* 1 - exp(-x) for x of 0 or more. */
 SIMD_EACH(wf, wf_taken, (wf x), vf_taken(x.part[p] * (real)M_LOG2E))

@@ -219,13 +219,11 @@ INLINE void highlights_of(const CtsShade *s, const wf facing[SHEETS_LIT], wf hig
         highlight[i] = wf_select(wf_gt(facing[i], wf_of(0)), highlight[i], wf_of(0));
 }
 
-/* Factor of the colour and added white for a facing, a highlight and an openness. */
+/* light_terms() of sixteen lanes. */
 INLINE void dim(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour, wf *white)
 {
-    const wf dark = wf_scale(open, -s->occlusion, s->occlusion), left = wf_sub(wf_of(1), dark);
-    const wf diffuse = wf_mul(wf_times(facing, s->diffuse), wf_scale(dark, -s->occlusion, 1));
-    *colour = wf_add(wf_times(left, s->ambient), diffuse);
-    *white = wf_mul(wf_times(highlight, s->specular), left);
+    for (int p = 0; p < N_PARTS; p++)
+        light_terms(s, facing.part[p], highlight.part[p], open.part[p], &colour->part[p], &white->part[p]);
 }
 
 /* Shares of a slab part's absorbed light that its quarters take; it is lit in the middle of each. */
@@ -256,21 +254,16 @@ INLINE void shade_slab(const SheetsJob *j, const Gradient *const end[2], const L
                        wmask heavy, Slab *s, wf *bend)
 {
     const CtsShade *const shade = j->shade;
-    wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], faint = wf_of(shade->ambient + 0.5f * shade->diffuse);
+    wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], faint;
     wf facing[SHEETS_LIT], highlight[SHEETS_LIT];
     facings_of(end[0], end[1], facing);
     highlights_of(shade, facing, highlight);
     for (int i = 0; i < SHEETS_LIT; i++) {
+        const wf reached = wf_lerp(open[0], open[1], wf_of(lit_at(i)));
         wf one_colour, one_white, none;
-        if (j->open) {
-            const wf reached = wf_lerp(open[0], open[1], wf_of(lit_at(i)));
-            dim(shade, facing[i], highlight[i], reached, &one_colour, &one_white);
-            if (i == 0)
-                dim(shade, wf_of(0.5f), wf_of(0), reached, &faint, &none);
-        } else {
-            one_colour = wf_scale(facing[i], shade->diffuse, shade->ambient);
-            one_white = wf_times(highlight[i], shade->specular);
-        }
+        dim(shade, facing[i], highlight[i], reached, &one_colour, &one_white);
+        if (i == 0)
+            dim(shade, wf_of(0.5f), wf_of(0), reached, &faint, &none);
         colour = wf_mul_add(shares->of[i], one_colour, colour);
         white = wf_mul_add(shares->of[i], one_white, white);
         light[i] = wf_add(one_colour, one_white);
@@ -369,11 +362,12 @@ OUTLINE wf openness_of(const March *m, const Block *b, int slab)
     return open;
 }
 
-/* Openness at both sheets of a slab. Where the slab is faint, that of two sheets away will do. */
+/* Openness at both sheets of a slab, as it is where light reaches everywhere. Where the slab is faint, that of two
+ * sheets away will do. */
 INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, SlabShading *light)
 {
     const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
-    if (light->open_sheet == next || (faint && abs(next - light->open_sheet) <= 2))
+    if (!m->job->open || light->open_sheet == next || (faint && abs(next - light->open_sheet) <= 2))
         return;
     if (faint)
         light->open[0] = light->open[1] = openness_of(m, b, slab + 1);

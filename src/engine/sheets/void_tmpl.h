@@ -24,9 +24,6 @@ INLINE Shaft shaft_of(const SheetsView *v, const int x[2], const int y[2])
     return s;
 }
 
-SIMD_EACH(wi, wi_shl_each, (wi a, wi bits), (vi)((vu)a.part[p] << (vu)bits.part[p]))
-SIMD_EACH(wi, wi_shr_each, (wi a, wi bits), (vi)((vu)a.part[p] >> (vu)bits.part[p]))
-
 /* Most blocks that a shaft meets along an axis of a layer: two more than its width in whole blocks, and one for
  * rounding. */
 INLINE int blocks_across(const Shaft *s, const SheetsVoid *v, int axis)

@@ -94,22 +94,16 @@ typedef struct PhongTerms {
     vf colour, white;
 } PhongTerms;
 
-/* open: how far light arrives, where it counts. */
 INLINE PhongTerms phong_terms(const TiledJob *j, const Direction *g, vf open)
 {
     const CtsShade *const s = j->shade;
     const vf square = dot(g, g), size = CTS_MUTATED(ONE_SIDED_LIGHT) ? vf_max(g->along, vf_of(0)) : vf_abs(g->along);
     const vmask has = vf_lt(vf_of(MIN_SQUARE), square);
-    const vf facing = vf_min(size * vf_inverse_root(vf_max(square, vf_of(MIN_SQUARE))), vf_of(1));
+    const vf facing =
+        vf_select(has, vf_min(size * vf_inverse_root(vf_max(square, vf_of(MIN_SQUARE))), vf_of(1)), vf_of(0));
     const vf power = vf_exp2(vf_min((real)s->exponent * vf_log2(vf_max(facing, vf_of((real)1e-30f))), vf_of(0)));
-    PhongTerms phong = {(real)s->ambient + vf_select(has, (real)s->diffuse * facing, vf_of(0)),
-                        vf_select(has, (real)s->specular * power, vf_of(0))};
-    if (j->open) {
-        const vf dark = (real)s->occlusion * (1 - open);
-        const vf dimmed = (real)s->ambient + (real)s->occlusion * vf_select(has, (real)s->diffuse * facing, vf_of(0));
-        phong.colour -= dark * dimmed;
-        phong.white -= dark * phong.white;
-    }
+    PhongTerms phong;
+    light_terms(s, facing, vf_select(has, power, vf_of(0)), open, &phong.colour, &phong.white);
     return phong;
 }
 
