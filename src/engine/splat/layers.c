@@ -8,13 +8,10 @@ enum { SAMPLE_EVERY = 16, SAMPLE_AT = 5 };
 /* Changes in row v between two layers, where the volume has them. */
 static uint64_t count_changes(const CtsPaperPlan *p, int k, int old_k, int v)
 {
-    const CtsStack *stack = &p->stack;
-    const uint16_t *row = stack->grey + (size_t)v * stack->v_step;
-    const uint16_t *here = row + (size_t)k * stack->layer_step, *old = row + (size_t)old_k * stack->layer_step;
-    const size_t step = stack->axis == 0 ? (size_t)stack->n_layers : 1;
+    const uint16_t *const here = cts_stack_row(&p->stack, k, v), *const old = cts_stack_row(&p->stack, old_k, v);
     uint64_t n = 0;
-    for (int u = 0; u < stack->n[0]; u++)
-        n += abs(here[(size_t)u * step] - old[(size_t)u * step]) > p->tolerance;
+    for (int u = 0; u < p->stack.n[0]; u++)
+        n += abs(here[u] - old[u]) > p->tolerance;
     return n;
 }
 

@@ -25,7 +25,7 @@ typedef struct LayerWalk {
     CtsPaperPlan *plan;
     PaperWorker *workers;
     int worker, swath;   /* by swaths */
-    int s, chunk;        /* the step, and the chunk of layers that is loaded */
+    int s;               /* the step */
     int open_until;      /* the step up to which open patches hold */
     _Atomic bool needed; /* any work in the step */
     Part *part;
@@ -81,39 +81,13 @@ static void composite_step(const CtsPaperPlan *p, PaperWorker *w, int s, int y0,
     }
 }
 
-/* Voxels beside a patch, along u and v, that its samples depend on. */
-static int voxels_beside(const CtsPaperPlan *p, int c)
-{
-    return p->lit && p->footprint.apron < p->shade.step[c] ? p->shade.step[c] : p->footprint.apron;
-}
-
-/* The groups of eight voxels of row v that a chunk is loaded for: those that reach into wanted patches, and for
- * gradients their neighbours. */
-static void find_eights(const CtsPaperPlan *p, CtsSwathWork *w, int v)
-{
-    const int n = p->patches.n[0], n_words = p->patches.n_words, last = p->patches.n[1] - 1;
-    const int above = v > voxels_beside(p, 1) ? v - voxels_beside(p, 1) : 0, below = v + voxels_beside(p, 1);
-    int first, unused, past;
-    cts_patch_rows(&p->patches, above, 1, &first, &unused);
-    cts_patch_rows(&p->patches, below, 1, &unused, &past);
-    memset(w->row, 0, (size_t)n_words * sizeof *w->row);
-    memset(w->marks, 0, ((size_t)p->stack.n[0] / 64 + 1) * sizeof *w->marks);
-    for (int r = first; r <= past && r <= last; r++)
-        for (int i = 0; i < n_words; i++)
-            w->row[i] |= w->store->wanted[(size_t)r * (size_t)n_words + (size_t)i];
-    for (int t = 0, end; cts_next_run(w->row, n, &t, &end); t = end) {
-        const int low = t * CTS_PATCH - voxels_beside(p, 0), high = (end * CTS_PATCH + voxels_beside(p, 0)) / 8;
-        cts_bits_fill(w->marks, low > 0 ? low / 8 : 0, (high < p->stack.n[0] / 8 ? high : p->stack.n[0] / 8) + 1);
-    }
-}
-
-/* The rows of voxels that a swath's part loads and settles: with one thread per swath all it reads, else its own. */
+/* The rows of voxels that a swath's part settles: its own, and with one thread per swath those beside that it reads. */
 static void voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
 {
-    *first = cts_swath_start(&p->patches, swath, 1);
-    *past = cts_swath_start(&p->patches, swath + 1, 1);
-    if (p->by_swaths)
-        cts_paper_voxel_rows(p, swath, first, past);
+    const int beside = p->by_swaths ? CTS_PATCH : 0, low = cts_swath_start(&p->patches, swath, 1) - beside,
+              high = cts_swath_start(&p->patches, swath + 1, 1) + beside + p->by_swaths;
+    *first = low > 0 ? low : 0;
+    *past = high < p->stack.n[1] ? high : p->stack.n[1];
 }
 
 /* The rows of the picture that are composited with a swath: by swaths those that see it, else a share. */
@@ -126,30 +100,6 @@ static void picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
         cts_paper_picture_rows(p, swath, y0, y1);
 }
 
-/* Chunks are loaded in part, only potentially visible voxels, unless changes are needed everywhere. */
-static bool loads_partly(const CtsPaperPlan *p)
-{
-    return p->skip_void && !p->reuse;
-}
-
-static void find_wanted(LayerWalk *walk, PaperWorker *w, int swath)
-{
-    for (int r = swath * CTS_SWATH; r < (swath + 1) * CTS_SWATH && r < walk->plan->patches.n[1]; r++)
-        cts_paper_find_wanted(walk->plan, w->work.store, walk->chunk, r);
-}
-
-static void load(LayerWalk *walk, PaperWorker *w, int swath)
-{
-    const CtsPaperPlan *p = walk->plan;
-    int first, past;
-    voxel_rows(p, swath, &first, &past);
-    for (int v = first; v < past; v++) {
-        if (loads_partly(p))
-            find_eights(p, &w->work, v);
-        cts_stack_load(&w->work.store->stack, walk->chunk, v, loads_partly(p) ? w->work.marks : NULL);
-    }
-}
-
 /* Rows as splatted under a tolerance: voxels that changed too little since the step before keep their value. */
 static void settle(LayerWalk *walk, PaperWorker *w, int swath)
 {
@@ -160,7 +110,7 @@ static void settle(LayerWalk *walk, PaperWorker *w, int swath)
     voxel_rows(p, swath, &first, &past);
     for (int v = first; v < past; v++) {
         const size_t at = (size_t)v * (size_t)p->stack.n[0];
-        cts_layers_settle(cts_stack_row(&store->stack, cts_paper_layer(p, s), v),
+        cts_layers_settle(cts_stack_row(&p->stack, cts_paper_layer(p, s), v),
                           s > 0 ? store->settled[(s + 2) % 3] + at : NULL, p->tolerance, p->stack.n[0],
                           store->settled[s % 3] + at);
     }
@@ -230,21 +180,6 @@ static void each(LayerWalk *walk, CtsStage stage, Part *part)
                      walk);
 }
 
-/* Load the chunks that the layers of steps s - 1 to s + 1 lie in. */
-static void load_chunks(LayerWalk *walk, CtsPaperStore *store)
-{
-    const CtsPaperPlan *const p = walk->plan;
-    for (int s = walk->s - 1; s <= walk->s + 1; s++) {
-        walk->chunk = s < 0 || s >= p->stack.n_layers ? -1 : cts_stack_missing(&store->stack, cts_paper_layer(p, s));
-        if (walk->chunk < 0)
-            continue;
-        if (loads_partly(p))
-            each(walk, CTS_STAGE_SPLAT, find_wanted);
-        each(walk, CTS_STAGE_SPLAT, load);
-        cts_stack_set_loaded(&store->stack, walk->chunk);
-    }
-}
-
 static void take_step(LayerWalk *walk)
 {
     const CtsPaperPlan *const p = walk->plan;
@@ -252,7 +187,6 @@ static void take_step(LayerWalk *walk)
     /* The dead band compares with the layer before, so it must see every layer, needed or not. */
     if (!needed && p->tolerance == 0)
         return;
-    load_chunks(walk, walk->workers[walk->worker].work.store);
     if (p->tolerance > 0)
         each(walk, CTS_STAGE_SPLAT, settle);
     if (!needed)
@@ -283,9 +217,6 @@ static void take_swaths(void *context, int worker, size_t first, size_t end)
     const LayerWalk *const all = context;
     for (size_t swath = first; swath < end; swath++) {
         LayerWalk walk = {.plan = all->plan, .workers = all->workers, .worker = worker, .swath = (int)swath};
-        int first_row, past;
-        cts_paper_voxel_rows(all->plan, (int)swath, &first_row, &past);
-        cts_stack_begin(&all->workers[worker].own.stack, first_row);
         take_steps(&walk);
     }
 }

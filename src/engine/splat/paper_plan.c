@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "core/model/transposed.h"
 #include "core/scene/scene_macrocells.h"
 #include "engine/splat/layers.h"
 #include <math.h>
@@ -169,10 +170,6 @@ CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *p, CtsE
 {
     const size_t n_layer = (size_t)p->stack.n[0] * (size_t)p->stack.n[1];
     CtsStatus st;
-    store->stack = p->stack;
-    const int swath_rows = CTS_SWATH * CTS_PATCH + 2 * cts_paper_rows_beside(p) + 1;
-    if ((st = cts_stack_init(&store->stack, p->by_swaths ? swath_rows : p->stack.n[1], err)))
-        return st;
     for (int i = 0; i < p->n_sheets; i++) {
         if ((st = cts_sheet_init(&store->sheet[i], &p->patches, err)))
             return st;
@@ -184,8 +181,7 @@ CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *p, CtsE
     for (int i = 0; i < 3 && p->tolerance > 0; i++)
         if ((st = cts_alloc_zeroed(&store->settled[i], n_layer, err)))
             return st;
-    return p->skip_void ? cts_alloc_zeroed(&store->wanted, (size_t)p->patches.n[1] * (size_t)p->patches.n_words, err)
-                        : CTS_OK;
+    return CTS_OK;
 }
 
 void cts_paper_store_free(CtsPaperStore *store)
@@ -196,8 +192,6 @@ void cts_paper_store_free(CtsPaperStore *store)
     }
     for (int i = 0; i < 3; i++)
         cts_free(&store->settled[i]);
-    cts_free(&store->wanted);
-    cts_stack_free(&store->stack);
 }
 
 static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
@@ -238,9 +232,14 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, bool reuse
         return st;
     explain(p, report);
     const CtsMacrocells *macrocells = NULL;
-    if (p->skip_void && (st = cts_scene_macrocells(scene, &p->own_macrocells, &macrocells, report, err)))
+    const bool across_x = p->stack.axis == 0 && (picture || reuse);
+    if ((skip_void || across_x) &&
+        (st = cts_scene_macrocells(scene, &p->own_macrocells, &macrocells, skip_void ? report : NULL, err)))
         return st;
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    if (across_x &&
+        (st = cts_transposed_find(macrocells->transposed, scene->volume, p->n_threads, &p->stack.grey, err)))
+        return st;
     if ((st = plan_shading(p, err)) || (st = plan_savings(p, macrocells, report, err)))
         return st;
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
@@ -301,14 +300,4 @@ void cts_paper_find_open(const CtsPaperPlan *p, int step, int swath)
     cts_paper_picture_rows(p, swath, &query.y0, &query.y1);
     cts_occlusion_open_row(&p->occlusion, &p->raster, &p->patches, &query, swath,
                            p->open + (size_t)swath * (size_t)p->patches.n_words);
-}
-
-void cts_paper_find_wanted(const CtsPaperPlan *p, const CtsPaperStore *store, int chunk, int patch_v)
-{
-    const int k0 = chunk * CTS_STACK_CHUNK, k1 = k0 + CTS_STACK_CHUNK, last = p->stack.n_layers - 1;
-    uint64_t *row = store->wanted + (size_t)patch_v * (size_t)p->patches.n_words;
-    CtsOcclusionQuery query = {.layer = 0.5 * (k0 + k1 - 1), .spread = 0.5 * (k1 - k0 + 1)};
-    cts_paper_picture_rows(p, patch_v / CTS_SWATH, &query.y0, &query.y1);
-    cts_occlusion_open_row(&p->occlusion, &p->raster, &p->patches, &query, patch_v / CTS_SWATH, row);
-    cts_void_keep_rows(&p->map, k0 > 0 ? k0 - 1 : 0, k1 < last ? k1 : last, patch_v, row);
 }

@@ -7,14 +7,11 @@
 
 enum { CTS_SWATH_VOXELS = CTS_SWATH_CELLS + 1 + 2 * CTS_PATCH }; /* rows of voxels that reach into a swath, at most */
 
-/* The layers that can be read and sampled at the moment, and their sheets: one store for all threads, or one for each.
- */
+/* The sheets of the layers that can be sampled at the moment: one store for all threads, or one for each. */
 typedef struct CtsPaperStore {
-    CtsStack stack;
     CtsSheet sheet[2];
     float (*gradient[2])[4]; /* at the voxels of the sheets' layers */
     uint16_t *settled[3];    /* rows as they are splatted, where they differ from the volume's; step s in s % 3 */
-    uint64_t *wanted;        /* with void skipping: by row of patches, the part of a chunk of layers to be loaded */
 } CtsPaperStore;
 
 /* Threads only read it, except for the store, runs, and bits by swath, whose parts they own exclusively. Layers are
@@ -82,27 +79,12 @@ static inline void cts_paper_picture_rows(const CtsPaperPlan *p, int swath, int 
     *y1 = p->by_swaths ? p->swath_row[i + 1] : p->raster.height;
 }
 
-/* Rows of voxels that are read beside a swath's own, on either side. */
-static inline int cts_paper_rows_beside(const CtsPaperPlan *p)
-{
-    return p->shade.step[1] > CTS_PATCH ? p->shade.step[1] : CTS_PATCH;
-}
-
-/* The rows of voxels, first..past-1, that a swath's thread reads. */
-static inline void cts_paper_voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
-{
-    const int beside = cts_paper_rows_beside(p), low = cts_swath_start(&p->patches, swath, 1) - beside,
-              high = cts_swath_start(&p->patches, swath + 1, 1) + beside + 1;
-    *first = low > 0 ? low : 0;
-    *past = high < p->stack.n[1] ? high : p->stack.n[1];
-}
-
 /* Row v of a step as it is splatted. */
 static inline const uint16_t *cts_paper_row(const CtsPaperPlan *p, const CtsPaperStore *store, int step, int v)
 {
     if (store->settled[0])
         return store->settled[step % 3] + (size_t)v * (size_t)p->stack.n[0];
-    return cts_stack_row(&store->stack, cts_paper_layer(p, step), v);
+    return cts_stack_row(&p->stack, cts_paper_layer(p, step), v);
 }
 
 /* The patches of a row that the sheet of a step must contain, and with skip_void those that the planes completed by the
@@ -110,11 +92,9 @@ static inline const uint16_t *cts_paper_row(const CtsPaperPlan *p, const CtsPape
 void cts_paper_needed(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
 void cts_paper_shown(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
 
-/* With skip_void: open pixels' patches are determined every CTS_PAPER_OPEN_STEPS steps, one swath at a time; and the
- * parts of a chunk of layers to be loaded, one row of patches at a time. */
+/* With skip_void: open pixels' patches are determined every CTS_PAPER_OPEN_STEPS steps, one swath at a time. */
 enum { CTS_PAPER_OPEN_STEPS = 8 };
 void cts_paper_find_open(const CtsPaperPlan *plan, int step, int swath);
-void cts_paper_find_wanted(const CtsPaperPlan *plan, const CtsPaperStore *store, int chunk, int patch_v);
 
 /* False: no sheet of this step is needed at all. */
 static inline bool cts_paper_step_needed(const CtsPaperPlan *p, int step)

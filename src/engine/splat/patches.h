@@ -43,15 +43,6 @@ static inline int cts_swath_start(const CtsPatches *patches, int swath, int dens
     return swath < patches->n_swaths ? swath * CTS_SWATH * CTS_PATCH * density : patches->last_voxel[1] * density + 1;
 }
 
-/* The rows of patches that row `at` of such a grid, of a power of two of rows, belongs to: one, or two on the edge
- * between them. */
-static inline void cts_patch_rows(const CtsPatches *patches, int at, int density, int *first, int *last)
-{
-    const int shift = __builtin_ctz((unsigned)(CTS_PATCH * density)), row = at >> shift;
-    *last = row < patches->n[1] ? row : patches->n[1] - 1;
-    *first = row > 0 && at == row << shift ? row - 1 : *last;
-}
-
 /* The first bit at or behind `from` that is set (or clear), n when there is none. */
 static inline int cts_next_bit(const uint64_t *bits, int from, int n, bool set)
 {

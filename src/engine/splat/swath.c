@@ -300,8 +300,9 @@ static void splat_swath(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
 }
 
 /* Gradients at voxels u0..u1-1 of row v of layer k. */
-static void gradient_row(const CtsPaperPlan *p, const CtsStack *s, int k, int v, int u0, int u1, float (*field)[4])
+static void gradient_row(const CtsPaperPlan *p, int k, int v, int u0, int u1, float (*field)[4])
 {
+    const CtsStack *const s = &p->stack;
     const int dv = p->shade.step[1], dk = p->shade.step[2];
     const bool ends[2][2] = {{v < dv, v >= s->n[1] - dv}, {k < dk, k >= s->n_layers - dk}};
     CtsGradientRows rows = {.row = cts_stack_row(s, k, v), .n = s->n[0], .air_beyond = p->shade.air_beyond};
@@ -344,8 +345,8 @@ void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
         memset(w->row, 0, (size_t)p->patches.n_cell_words * sizeof *w->row);
         needed_rows(p, w, swath, v - 1, v);
         for (int t = 0, end; cts_next_run(w->row, p->patches.n_cells[0], &t, &end); t = end)
-            gradient_row(p, &w->store->stack, cts_paper_layer(p, s), v, t,
-                         end < p->stack.n[0] ? end + 1 : p->stack.n[0], w->store->gradient[s % p->n_sheets]);
+            gradient_row(p, cts_paper_layer(p, s), v, t, end < p->stack.n[0] ? end + 1 : p->stack.n[0],
+                         w->store->gradient[s % p->n_sheets]);
     }
 }
 

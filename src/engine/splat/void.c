@@ -121,17 +121,6 @@ void cts_void_add_row(const CtsVoidMap *map, int a, int b, int patch_v, uint64_t
         row[w] |= CTS_MUTATED(VOID_EDGES) ? shows[w] & also[w] & shows[w] << 1 : shows[w] & also[w];
 }
 
-void cts_void_keep_rows(const CtsVoidMap *map, int first, int last, int patch_v, uint64_t *row)
-{
-    const int last_macrocell = last / CTS_PATCH < map->n_macrocells ? last / CTS_PATCH : map->n_macrocells - 1;
-    for (int w = 0; w < map->patches.n_words; w++) {
-        uint64_t any = 0;
-        for (int macrocell = first / CTS_PATCH; macrocell <= last_macrocell; macrocell++)
-            any |= shows_row(map, macrocell, patch_v)[w];
-        row[w] &= any;
-    }
-}
-
 /* Layers of visible macro-cells, and with slabs their neighbours. */
 static void find_active(CtsVoidMap *map)
 {

@@ -35,5 +35,3 @@ void cts_void_map_free(CtsVoidMap *map);
 /* Sets bits, leaving others unchanged, for the patches of a row where the planes from layer a to its neighbour b (a ==
  * b: that layer alone) are potentially visible. */
 void cts_void_add_row(const CtsVoidMap *map, int a, int b, int patch_v, uint64_t *row);
-/* Clears bits of patches that are invisible from layer first to layer last. */
-void cts_void_keep_rows(const CtsVoidMap *map, int first, int last, int patch_v, uint64_t *row);
