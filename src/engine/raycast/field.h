@@ -65,6 +65,9 @@ struct CtsField {
  * without thickness: rays within its plane see it, others cross it in a point. */
 bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 
+/* Central difference of grey levels at a voxel, per voxel; at the border to air, or one-sided. */
+double cts_field_difference(const CtsVolume *volume, const int voxel[3], int axis, bool air_beyond);
+
 /* Trilinear between voxel centres. The preset determines the gradients at the border. volume must outlive the field. */
 CtsStatus cts_field_trilinear(CtsField **field, const CtsModel *model, const CtsPreset *preset, CtsError *err);
 /* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,

@@ -16,7 +16,6 @@ typedef struct KernelField {
     CtsField field;
     const CtsVolume *volume;
     int axis, u_axis, v_axis;
-    size_t stride[3];
     CtsKernelId kernel;
     double radius;
     double shortest_mm; /* of a segment */
@@ -52,23 +51,13 @@ static double kernel_at(CtsKernelId kernel, double u, double v, double radius)
     return NAN;
 }
 
-/* Grey level of a voxel, or its central difference along a volume axis (at the border to air, or one-sided). */
+/* Grey level of a voxel, or its central difference along a volume axis. */
 static double voxel_at(const KernelField *f, const int voxel[3], int difference_axis)
 {
-    const uint16_t *g = f->volume->grey;
-    const size_t at =
-        (size_t)voxel[0] * f->stride[0] + (size_t)voxel[1] * f->stride[1] + (size_t)voxel[2] * f->stride[2];
-    if (difference_axis < 0)
-        return g[at];
-    const int n = f->volume->dims[difference_axis], i = voxel[difference_axis];
-    if (n == 1)
-        return 0;
-    const int step = cts_shade_step(f->volume, difference_axis);
-    const size_t stride = f->stride[difference_axis] * (size_t)step;
-    const bool before = i >= step, after = i < n - step;
-    const double beyond = f->air_beyond ? 0 : g[at];
-    const double rise = (after ? g[at + stride] : beyond) - (before ? g[at - stride] : beyond);
-    return rise / ((f->air_beyond || (before && after) ? 2 : 1) * step);
+    const int *const n = f->volume->dims;
+    if (difference_axis >= 0)
+        return cts_field_difference(f->volume, voxel, difference_axis, f->air_beyond);
+    return f->volume->grey[((size_t)voxel[2] * (size_t)n[1] + (size_t)voxel[1]) * (size_t)n[0] + (size_t)voxel[0]];
 }
 
 enum { MAX_SIDE = 2 * CTS_MAX_KERNEL_RADIUS + 2 };
@@ -281,7 +270,6 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
                        .axis = view->axis,
                        .u_axis = view->axis == 0 ? 1 : 0,
                        .v_axis = view->axis == 2 ? 1 : 2,
-                       .stride = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]},
                        .kernel = kernel,
                        .shortest_mm = 1e-6 / fabs(view->forward_vox[view->axis]),
                        .lit = preset->shade,

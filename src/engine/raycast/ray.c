@@ -1,5 +1,6 @@
 #include "engine/raycast/field.h"
 
+#include "core/scene/shade.h"
 #include <math.h>
 
 bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray)
@@ -27,4 +28,17 @@ bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray)
     ray->t0_mm = fmax(t0, view->near_mm);
     ray->t1_mm = fmin(t1, view->far_mm);
     return ray->t1_mm >= ray->t0_mm;
+}
+
+double cts_field_difference(const CtsVolume *volume, const int voxel[3], int axis, bool air_beyond)
+{
+    const size_t stride[3] = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]};
+    const int at = voxel[axis], n = volume->dims[axis], step = cts_shade_step(volume, axis);
+    const size_t away = stride[axis] * (size_t)step;
+    const uint16_t *const v =
+        volume->grey + (size_t)voxel[0] + (size_t)voxel[1] * stride[1] + (size_t)voxel[2] * stride[2];
+    const bool before = at >= step, after = at < n - step;
+    const double beyond = air_beyond ? 0 : *v;
+    const double rise = (after ? (double)v[away] : beyond) - (before ? (double)*(v - away) : beyond);
+    return n == 1 ? 0 : rise / ((air_beyond || (before && after) ? 2 : 1) * step);
 }

@@ -106,21 +106,6 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRaySegment *segment
     return false;
 }
 
-/* Central differences at the voxels, in HU per voxel; at the border to air, or one-sided. */
-static double central_difference(const Trilinear *t, const int voxel[3], int axis)
-{
-    if (t->volume->dims[axis] == 1)
-        return 0;
-    const int step = cts_shade_step(t->volume, axis);
-    const size_t stride = t->stride[axis] * (size_t)step;
-    const uint16_t *v = t->shown->grey + (cell_voxel(t, voxel) - t->volume->grey);
-    const bool before = voxel[axis] >= step, after = voxel[axis] < t->volume->dims[axis] - step;
-    const double beyond = t->air_beyond ? 0 : *v;
-    const double rise = (after ? (double)v[stride] : beyond) - (before ? (double)*(v - stride) : beyond);
-    const int sides = t->air_beyond || (before && after) ? 2 : 1;
-    return rise * t->volume->hu_step / (sides * step);
-}
-
 static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRaySegment *segment, double g[3][4])
 {
     const Trilinear *t = (const Trilinear *)field;
@@ -131,7 +116,7 @@ static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRay
             int voxel[3];
             for (int a = 0; a < 3; a++)
                 voxel[a] = walk->cell[a] + ((m >> a & 1) && t->volume->dims[a] > 1);
-            corner[m] = central_difference(t, voxel, axis);
+            corner[m] = t->volume->hu_step * cts_field_difference(t->shown, voxel, axis, t->air_beyond);
         }
         cts_cubic_in_cell(corner, walk->from, walk->to, g[axis]);
     }
