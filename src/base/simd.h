@@ -124,12 +124,12 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * - mask_any(mask); mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
  * - vf_look_up(table, n, index): table[index] of n entries; LANES entries may be read where n is less
  * - vi_take_bytes(from, index): from[index] of 8 bits; the three bytes behind may be read, too
+ * - vi_take(from, index): from[index] of 32 bits with a sign
  * - vi_gather_bytes(from, index, mask), vi_gather() and vi_gather_pairs(): the same of some lanes, the others are 0 and
  *   nothing is read for them
  *
  * and, unless SIMD_DOUBLE is defined:
  *
- * - vi_take(from, index): from[index] of 32 bits
  * - vi_load_shorts(from), vi_load_words(from): LANES elements of 16 bits, with and without sign
  * - vi_take_pairs(from, index): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
  * - vi_take_64(from, index, scale, &second): two int32_t that begin index * scale bytes on, the first returned
@@ -181,8 +181,8 @@ SIMD_OP(vmask, vi_gt, (vi a, vi b), vi_lt(b, a))
         return vi_select(mask, vi_take##suffix(from, vi_select(mask, index, first_index(index, mask))), vi_of(0));     \
     }
 SIMD_GATHER(_bytes)
-#ifndef SIMD_DOUBLE
 SIMD_GATHER()
+#ifndef SIMD_DOUBLE
 SIMD_GATHER(_pairs)
 #endif
 #endif

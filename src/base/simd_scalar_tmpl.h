@@ -51,7 +51,7 @@ INLINE unsigned mask_bits(vmask mask)
 
 INLINE vmask mask_of_bits(unsigned bits)
 {
-    vmask m;
+    vmask m = {0};
     for (int l = 0; l < LANES; l++)
         m[l] = -(whole)(bits >> l & 1);
     return m;
@@ -59,7 +59,7 @@ INLINE vmask mask_of_bits(unsigned bits)
 
 INLINE vf vf_look_up(const float *table, int n, vi index)
 {
-    vf v;
+    vf v = {0};
     (void)n;
     for (int l = 0; l < LANES; l++)
         v[l] = (real)table[index[l]];
@@ -79,7 +79,6 @@ INLINE vi first_index(vi index, vmask mask)
     return vi_of(index[__builtin_ctz(mask_bits(mask))]);
 }
 
-#ifndef SIMD_DOUBLE
 INLINE vi vi_take(const void *from, vi index)
 {
     vi v = {0};
@@ -91,6 +90,7 @@ INLINE vi vi_take(const void *from, vi index)
     return v;
 }
 
+#ifndef SIMD_DOUBLE
 INLINE vi vi_load_shorts(const int16_t *from)
 {
     vi v = {0};

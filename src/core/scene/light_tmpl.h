@@ -23,20 +23,6 @@ INLINE vf block_coordinate(const CtsOpenness *o, int axis, vf vox)
     return vf_min(vf_max(at, vf_of(0)), vf_of((real)(o->n[axis] - 1)));
 }
 
-INLINE vi load_squares(const uint32_t *square, vi at, vmask lanes)
-{
-#ifdef SIMD_DOUBLE
-    vi v = vi_of(0);
-    for (unsigned left = mask_bits(lanes); left; left &= left - 1) {
-        const int l = __builtin_ctz(left);
-        v[l] = (whole)square[at[l]];
-    }
-    return v;
-#else
-    return vi_gather(square, at, lanes);
-#endif
-}
-
 INLINE OpenCell load_open(const CtsOpenness *o, const vf vox[3], vmask lanes)
 {
     OpenCell c;
@@ -44,7 +30,7 @@ INLINE OpenCell load_open(const CtsOpenness *o, const vf vox[3], vmask lanes)
         c.at[a] = vi_min(to_int(block_coordinate(o, a, vox[a])), vi_of(o->n[a] > 1 ? o->n[a] - 2 : 0));
     const vi at = (c.at[2] * (whole)o->n[1] + c.at[1]) * (whole)o->n[0] + c.at[0];
     for (int k = 0; k < 2; k++) {
-        const vi square = load_squares(o->square + k * o->plane, at, lanes);
+        const vi square = vi_gather(o->square + k * o->plane, at, lanes);
         for (int i = 0; i < 4; i++)
             c.corner[4 * k + i] = to_float((vi)((vu)square >> 8 * i) & 255);
     }

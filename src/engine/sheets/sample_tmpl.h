@@ -14,6 +14,12 @@ SIMD_EACH(wf, wf_log2, (wf x), vf_log2(x.part[p]))
 /* 1 - exp(-x) for x of 0 or more. */
 SIMD_EACH(wf, wf_taken, (wf x), vf_taken(x.part[p] * (real)M_LOG2E))
 
+INLINE wi wi_lanes(void)
+{
+    static const int32_t lane[SHEETS_LANES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    return wi_load(lane);
+}
+
 /* A number of 0 to 1 as 5 bits of exponent and 11 of fraction, those of a float, rounded; all below 2^-31 is 0. Back:
  * sheets_unpack(). */
 INLINE wi sheets_pack(wf x)

@@ -3,11 +3,8 @@
 
 INLINE void fill_opacity(const float (*mean)[4], float length_mm, size_t first, size_t end, uint64_t *rgba)
 {
-    int32_t lanes[SHEETS_LANES];
-    for (int l = 0; l < SHEETS_LANES; l++)
-        lanes[l] = l;
     for (size_t i = first; i < end; i += SHEETS_LANES) {
-        const wi at = wi_add(wi_load(lanes), wi_of((int32_t)i));
+        const wi at = wi_add(wi_lanes(), wi_of((int32_t)i));
         const wf alpha = wf_taken(wf_times(mean_of(mean, at, 0), length_mm));
         int32_t number[4][SHEETS_LANES];
         for (int c = 0; c < 3; c++)
@@ -21,11 +18,8 @@ INLINE void fill_opacity(const float (*mean)[4], float length_mm, size_t first, 
 
 INLINE void fill_light(const float (*quarter)[SHEETS_LIT], float length_mm, size_t first, size_t end, uint32_t *light)
 {
-    int32_t lanes[SHEETS_LANES];
-    for (int l = 0; l < SHEETS_LANES; l++)
-        lanes[l] = l;
     for (size_t i = first; i < end; i += SHEETS_LANES) {
-        const wi at = wi_shl(wi_add(wi_load(lanes), wi_of((int32_t)i)), 2);
+        const wi at = wi_shl(wi_add(wi_lanes(), wi_of((int32_t)i)), 2);
         wf taken[SHEETS_LIT], left = wf_of(1), sum = wf_of(0);
         for (int q = 0; q < SHEETS_LIT; q++) {
             const wf extinction =

@@ -35,9 +35,8 @@ INLINE int blocks_across(const Shaft *s, const SheetsVoid *v, int axis)
 /* Bits of `of`, of layers from `first` on, in which the shaft meets a potentially visible block. */
 INLINE unsigned visible_layers(const SheetsJob *job, const Shaft *shaft, int first, unsigned of)
 {
-    static const int32_t lanes[SHEETS_LANES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
     const SheetsVoid *const v = job->blocks;
-    const wi layer = wi_min(wi_add(wi_load(lanes), wi_of(first)), wi_of(v->n_layers - 1));
+    const wi layer = wi_min(wi_add(wi_lanes(), wi_of(first)), wi_of(v->n_layers - 1));
     const wf number = wi_to_float(layer);
     wmask meets = wmask_of_bits(of);
     wi from[2], to[2], any = wi_of(0);

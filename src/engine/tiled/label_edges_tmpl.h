@@ -1,11 +1,6 @@
 /* Labels, part of tiled_march_tmpl.h. Most cells have one appearance, stored by block. In the others segments also end
  * at the next boundary, so that each has one appearance. */
 
-static double within(double x)
-{
-    return x < 0 ? 0 : x > 1 ? 1 : x;
-}
-
 /* The appearance at a lane's position, and the distance to the next boundary; in double precision, so that no boundary
  * is missed. */
 OUTLINE void find_edge(March *m, int l)
@@ -23,8 +18,8 @@ OUTLINE void find_edge(March *m, int l)
     }
     leave = fmax(leave, at);
     for (int a = 0; a < 3; a++) {
-        from[a] = within(start[a] + at * j->step[a]);
-        to[a] = within(start[a] + leave * j->step[a]);
+        from[a] = cts_clamp01(start[a] + at * j->step[a]);
+        to[a] = cts_clamp01(start[a] + leave * j->step[a]);
     }
     const int n = cts_label_intervals(j->appearances->voxel_labels, cell, from, to, interval);
     int i = 0;

@@ -123,27 +123,20 @@ typedef struct QueueEntries {
     vf enter[3], displacement[3], colour[3], weight, centre, transmittance, length;
 } QueueEntries;
 
-INLINE vf load_field(const ShadingQueue *all, int field, int first)
-{
-    vf v;
-    memcpy(&v, &all->field[field][first], sizeof v);
-    return v;
-}
-
 INLINE QueueEntries load_entries(const ShadingQueue *all, int first)
 {
     QueueEntries w;
     for (int a = 0; a < 3; a++) {
-        w.cell[a] = to_int(load_field(all, ENTRY_CELL + a, first));
-        w.enter[a] = load_field(all, ENTRY_ENTER + a, first);
-        w.displacement[a] = load_field(all, ENTRY_LEAVE + a, first) - w.enter[a];
-        w.colour[a] = load_field(all, ENTRY_COLOUR + a, first);
+        w.cell[a] = to_int(vf_load(all->field[ENTRY_CELL + a] + first));
+        w.enter[a] = vf_load(all->field[ENTRY_ENTER + a] + first);
+        w.displacement[a] = vf_load(all->field[ENTRY_LEAVE + a] + first) - w.enter[a];
+        w.colour[a] = vf_load(all->field[ENTRY_COLOUR + a] + first);
     }
-    w.weight = load_field(all, ENTRY_WEIGHT, first);
-    w.centre = load_field(all, ENTRY_CENTRE, first);
-    w.transmittance = load_field(all, ENTRY_TRANSMITTANCE, first);
-    w.length = load_field(all, ENTRY_LENGTH, first);
-    w.transfer_segment = to_int(load_field(all, ENTRY_TRANSFER_SEGMENT, first));
+    w.weight = vf_load(all->field[ENTRY_WEIGHT] + first);
+    w.centre = vf_load(all->field[ENTRY_CENTRE] + first);
+    w.transmittance = vf_load(all->field[ENTRY_TRANSMITTANCE] + first);
+    w.length = vf_load(all->field[ENTRY_LENGTH] + first);
+    w.transfer_segment = to_int(vf_load(all->field[ENTRY_TRANSFER_SEGMENT] + first));
     return w;
 }
 

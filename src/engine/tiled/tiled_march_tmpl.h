@@ -1,4 +1,5 @@
 /* The march itself; see tiled_march.h, and base/simd.h for the vectors. */
+#include "base/clamp.h"
 #include "base/invariant.h"
 #include "base/mutation.h"
 #include "base/simd.h"
