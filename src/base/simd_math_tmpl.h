@@ -35,7 +35,7 @@ INLINE vf vf_log2(vf x)
 }
 
 /* log2(1 - x) for x of 0 to less than 1, as precise where x is small. */
-INLINE vf vf_log2_rest(vf x)
+INLINE vf vf_log2_transmittance(vf x)
 {
     const vf rest = (real)1.0f - x;
     const vi exponent = ((vi)rest - THREE_QUARTERS) >> FRACTION_BITS;
@@ -67,7 +67,7 @@ INLINE vf vf_exp2(vf x)
 }
 
 /* 1 - 2^-x for x of 0 or more. */
-INLINE vf vf_taken(vf x)
+INLINE vf vf_opacity(vf x)
 {
     vf less;
     exp2_of(-x, &less);

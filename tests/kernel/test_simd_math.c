@@ -17,7 +17,7 @@ static void check_power(float x)
 {
     const double to = -(double)x * M_LN2;
     near("vf_exp2 of -x", x, (double)vf_exp2(vf_of(-x))[0], exp(to), 3e-7);
-    near("vf_taken", x, (double)vf_taken(vf_of(x))[0], -expm1(to), 6e-7);
+    near("vf_opacity", x, (double)vf_opacity(vf_of(x))[0], -expm1(to), 6e-7);
 }
 
 /* Numbers at which the nearest integer changes, and those beside them. */

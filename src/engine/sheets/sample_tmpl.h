@@ -12,7 +12,7 @@ SIMD_EACH(wf, wf_inverse_root, (wf x), vf_inverse_root_by(x.part[p], 2))
 SIMD_EACH(wf, wf_log2, (wf x), vf_log2(x.part[p]))
 
 /* 1 - exp(-x) for x of 0 or more. */
-SIMD_EACH(wf, wf_taken, (wf x), vf_taken(x.part[p] * (real)M_LOG2E))
+SIMD_EACH(wf, wf_taken, (wf x), vf_opacity(x.part[p] * (real)M_LOG2E))
 
 INLINE wi wi_lanes(void)
 {

@@ -178,7 +178,7 @@ OUTLINE void shade_in_steps(const March *m, const TiledTransfer *transfer, const
             for (int a = 0; a < 3; a++)
                 at[a] = w->enter[a] + point * w->displacement[a];
             const TransferSample sample = evaluate_transfer(transfer, w->transfer_segment, between(k->level, at));
-            const vf depth = sample.extinction * half * w->length, share = vf_taken(depth);
+            const vf depth = sample.extinction * half * w->length, share = vf_opacity(depth);
             weight[i] = left * share;
             left -= weight[i];
             /* Gauss points for low opacity, the centroids of the halves for high opacity. */

@@ -224,7 +224,7 @@ INLINE TransferSample evaluate_transfer(const TiledTransfer *t, vi q, vf level)
     TransferSample l = {.slope = vf_look_up(t->slope[0], n, q),
                         .max_colour_slope = vf_look_up(t->max_colour_slope, n, q)};
     l.opacity = vf_max(vf_look_up(t->value[0], n, q) + l.slope * above, vf_of(0));
-    const vf by_log = -(real)t->by_log2 * vf_log2_rest(vf_min(l.opacity, opaque));
+    const vf by_log = -(real)t->by_log2 * vf_log2_transmittance(vf_min(l.opacity, opaque));
     l.extinction = vf_select(vf_lt(opaque, l.opacity), most, vf_min(by_log, most));
     for (int c = 0; c < 3; c++)
         l.rgb[c] = vf_look_up(t->value[c + 1], n, q) + vf_look_up(t->slope[c + 1], n, q) * above;
@@ -447,7 +447,7 @@ INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length
     vf apart = vf_of(0);
     for (int i = 0; i < 2; i++) {
         e.depth[i] = e.at[i].extinction * half;
-        e.taken[i] = vf_taken(e.depth[i]);
+        e.taken[i] = vf_opacity(e.depth[i]);
     }
     for (int k = 0; k < 3; k++)
         apart = vf_max(apart, vf_abs(e.at[0].rgb[k] - e.at[1].rgb[k]));
