@@ -55,19 +55,16 @@ typedef struct CtsTableFact {
     double thick_mm3; /* removed parts thicker than tables, possibly body */
 } CtsTableFact;
 
-enum { CTS_ERROR_CAPS = 16 };
-
 typedef struct CtsVerified {
     uint64_t pixels;            /* 0: not verified */
     double rmse;                /* over display values 0..1 of red, green and blue */
-    double rmse_low, rmse_high; /* 95 % confidence interval */
+    double rmse_low, rmse_high; /* 95 % confidence interval, where no pixel's error is larger than max, or 1/255 */
     double p999, max;
     double share_above; /* share of pixels off by more than 1/255 */
     double share_high;  /* 97.5 % limit of that; with CtsRenderSettings.verify alone */
     /* largest share of the picture for which one sampled pixel stands; 0: all pixels were sampled */
     double unit;
-    double capped[CTS_ERROR_CAPS]; /* mean square error with each pixel's square limited to 4^-k */
-    double wall_ms, cpu_ms;        /* the verification's own; not the picture's, though in its composite stage */
+    double wall_ms, cpu_ms; /* the verification's own; not the picture's, though in its composite stage */
     int worst_x, worst_y;
 } CtsVerified;
 

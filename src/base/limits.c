@@ -10,6 +10,8 @@
 
 /* Chance of an error beyond either limit. */
 #define BEYOND 0.025
+/* Errors below this, a step of eight bits, need not be found for limits to allow for them. */
+#define LEAST_LARGEST (1.0 / 255)
 
 /* Factor of the estimated ratio of squares to terms. With 2, and one unseen term, 1 of 100,000 limits of single samples
  * was too low (300 samples of 300 pictures), with 1.5 8, with 1 56. */
@@ -41,25 +43,16 @@ static double upper_limit(double estimate, double unit)
     return unit * solve(count, rare, count, count + rare + sqrt(rare * (rare + 2 * count)));
 }
 
-static double lower_limit(double estimate, double unit, double chance)
-{
-    return estimate > 0 ? unit * solve(estimate / unit, -log(chance), estimate / unit, 0) : 0;
-}
-
 void cts_error_limits(CtsVerified *v)
 {
     v->rmse_low = v->rmse_high = v->rmse;
     v->share_high = v->share_above;
     if (!(v->unit > 0)) /* all was sampled */
         return;
-    v->rmse_high = sqrt(fmin(upper_limit(v->rmse * v->rmse, v->unit), 1));
+    const double largest = fmax(v->max, LEAST_LARGEST), unit = v->unit * largest * largest, mean = v->rmse * v->rmse;
+    v->rmse_high = fmin(sqrt(upper_limit(mean, unit)), largest);
+    v->rmse_low = mean > 0 ? sqrt(unit * solve(mean / unit, -log(BEYOND), mean / unit, 0)) : 0;
     v->share_high = fmin(upper_limit(v->share_above, v->unit), 1);
-    /* Errors cut at a cap have a mean no larger, and small caps let many small errors count: the best of all caps, each
-     * with its part of the chance. */
-    double low = 0, cap = 1;
-    for (int k = 0; k < CTS_ERROR_CAPS; k++, cap /= 4)
-        low = fmax(low, lower_limit(v->capped[k], v->unit * cap, BEYOND / CTS_ERROR_CAPS));
-    v->rmse_low = sqrt(low);
 }
 
 /* Upper limit of the expectation of a sum of independent terms of 0..1; it is too low with a probability of exp(-odds)

@@ -51,7 +51,8 @@ static void print_verified(const CtsReport *report)
     char psnr[32] = "";
     if (v->rmse > 0)
         snprintf(psnr, sizeof psnr, " (%.1f dB)", -20 * log10(v->rmse));
-    cli_note("verified %llu pixels, in 1/255: rmse %.3g%s, 95 %% interval %.3g to %.3g; 99.9 %% of them within %.3g; "
+    cli_note("verified %llu pixels, in 1/255: rmse %.3g%s, 95 %% interval %.3g to %.3g if no pixel is off by more than "
+             "the largest; 99.9 %% of them within %.3g; "
              "%.3g %% of the picture off by more than 1 (upper 97.5 %% limit: %.3g %%); largest %.3g at pixel %d,%d",
              (unsigned long long)v->pixels, 255 * v->rmse, psnr, 255 * v->rmse_low, 255 * v->rmse_high, 255 * v->p999,
              100 * v->share_above, 100 * v->share_high, 255 * v->max, v->worst_x, v->worst_y);

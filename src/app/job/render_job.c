@@ -311,8 +311,6 @@ static void add_verified(CtsVerified *all, const CtsVerified *frame)
     all->p999 = fmax(before.p999, frame->p999);
     all->share_above = a * before.share_above + b * frame->share_above;
     all->unit = fmax(a * before.unit, b * frame->unit);
-    for (int k = 0; k < CTS_ERROR_CAPS; k++)
-        all->capped[k] = a * before.capped[k] + b * frame->capped[k];
     all->wall_ms = before.wall_ms + frame->wall_ms;
     all->cpu_ms = before.cpu_ms + frame->cpu_ms;
     all->pixels = n;

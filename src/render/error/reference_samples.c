@@ -231,9 +231,6 @@ CtsStatus cts_reference_evaluate(const CtsReference *r, const float (*found)[4],
         largest[i] = (Weighed){most, r->weight[i]};
         whole += r->weight[i];
         above += most > 1.0 / 255 ? r->weight[i] : 0;
-        double cap = 1;
-        for (int k = 0; k < CTS_ERROR_CAPS; k++, cap /= 4)
-            v->capped[k] += r->weight[i] * fmin(square[i], cap);
     }
     v->share_above = above / whole;
     double mean, margin;
