@@ -69,6 +69,7 @@ extern const char *const cts_severity_names[3];
     row(NO_SUV, "no_suv", WARNING)                                                                                     \
     row(NO_TRANSFER_SYNTAX, "no_transfer_syntax", WARNING)                                                             \
     row(NOT_FINITE, "not_finite", WARNING)                                                                             \
+    row(NOISY, "noisy", WARNING)                                                                                       \
     row(NOT_HU, "not_hu", WARNING)                                                                                     \
     row(NOTHING_VISIBLE, "nothing_visible", WARNING)                                                                   \
     row(OCCLUSION_UNUSED, "occlusion_unused", WARNING)                                                                 \

@@ -15,6 +15,8 @@ ok render "$data/phantom" $small -p skin --explain
 has out 'layers between slices: slices lie no further apart'
 ok render "$data/phantom" $small -p skin --smooth 3 -o smooth.png --verify 50
 ! cmp -s cubic.png smooth.png || fail "--smooth changes nothing"
+ok render "$data/phantom" $small -p skin --smooth auto -o auto.png
+cmp cubic.png auto.png || fail "--smooth auto smooths a scan without noise"
 ok render "$data/phantom" $small -p skin --smooth 0 -o none.png
 cmp cubic.png none.png || fail "--smooth 0 changes something"
 refused 2 'smooth' render "$data/phantom" $small --smooth 21 -o x.png

@@ -119,7 +119,7 @@ done
 # Hidden labels are encoded for other programs as whole segments.
 while read -r way asked; do
     ok render $liver $asked --force -o seen.png --write-state state.dcm
-    [ ! -s err ] || fail "render $asked: a warning although the state expresses everything: $(cat err)"
+    ! grep -v 'the noise of soft tissue' err || fail "render $asked: a warning although the state expresses everything: $(cat err)"
     for word in INCLUDE_SEG EXCLUDE_SEG BOUNDING_BOX; do
         case $way in *$word*) grep -aq $word state.dcm ;; *) ! grep -aq $word state.dcm ;; esac ||
             fail "render $asked: $word"

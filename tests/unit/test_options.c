@@ -33,8 +33,9 @@ static const char *sample_of(const CtsOption *o)
 {
     static const struct {
         const char *name, *value;
-    } samples[] = {{"size", "64x48"},   {"kernel", "cone:2"}, {"crop", "0,1,0,1,0,1"}, {"annotate", "scale"},
-                   {"centre", "1,2,3"}, {"swivel", "40,20"},  {"fill", "-600"},        {"slab", "9@2"}};
+    } samples[] = {{"size", "64x48"},     {"kernel", "cone:2"}, {"crop", "0,1,0,1,0,1"},
+                   {"annotate", "scale"}, {"centre", "1,2,3"},  {"swivel", "40,20"},
+                   {"fill", "-600"},      {"slab", "9@2"},      {"smooth", "auto"}};
     for (size_t i = 0; i < sizeof samples / sizeof *samples; i++)
         if (!strcmp(samples[i].name, o->name))
             return samples[i].value;

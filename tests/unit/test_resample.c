@@ -157,9 +157,43 @@ static void test_kept_slices(void **state)
     assert_memory_equal(grey, wanted, sizeof wanted);
 }
 
+/* Noise of this standard deviation in soft tissue, beside air and the edges of a block of bone; without soft tissue,
+ * and of another quantity, it is not known. */
+static void test_noise(void **state)
+{
+    enum { SIDE = 128, SLICES = 20 };
+    uint16_t *const grey = malloc(sizeof(uint16_t[SLICES][SIDE][SIDE]));
+    assert_non_null(grey);
+    CtsVolume even = {.dims = {SIDE, SIDE, SLICES}, .grey = grey, .hu_offset = -1024, .hu_step = 0.5};
+    const CtsScanned scanned = {.n_slices = SLICES, .even = &even};
+    for (double sd = 0; sd <= 60; sd += 20) {
+        uint64_t random = 5;
+        for (size_t i = 0; i < (size_t)SLICES * SIDE * SIDE; i++) {
+            const size_t x = i % SIDE, y = i / SIDE % SIDE;
+            double sum = 0; /* of 12 numbers of 0 to 1: nearly normal */
+            for (int k = 0; k < 12; k++) {
+                random = random * 6364136223846793005u + 1442695040888963407u;
+                sum += (double)(random >> 40) / (1 << 24);
+            }
+            const double hu = x < 40 ? -1000 : x > 80 && x < 100 && y > 50 && y < 70 ? 700 : 45;
+            grey[i] = (uint16_t)lround((hu + sd * (sum - 6) + 1024) / even.hu_step);
+        }
+        const double found = cts_scanned_noise_hu(&scanned);
+        if (fabs(found - sd) > 1 + 0.05 * sd)
+            fail_msg("noise of %g HU: found %g", sd, found);
+    }
+    even.quantity = CTS_QUANTITY_STORED;
+    assert_true(cts_scanned_noise_hu(&scanned) == 0);
+    even.quantity = CTS_QUANTITY_HU;
+    even.hu_offset = -2000;
+    assert_true(cts_scanned_noise_hu(&scanned) == 0);
+    free(grey);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_noise),
         cmocka_unit_test(test_linear_field),
         cmocka_unit_test(test_random_stacks),
         cmocka_unit_test(test_kept_slices),

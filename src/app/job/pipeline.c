@@ -351,20 +351,26 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     return st ? st : take_labels(source, loaded, report, err);
 }
 
-CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+CtsStatus cts_source_view(const CtsSource *asked, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsScanned *cleared = NULL;
+    CtsSource source = *asked;
     cts_model_free(&loaded->model);
-    cts_source_report_fill(source, loaded->scanned, report);
-    if (!source->fill.given)
-        return view(source, loaded->scanned, last, loaded, report, err);
+    loaded->noise_hu = cts_scanned_noise_hu(loaded->scanned);
+    if (source.smooth_mm == CTS_SMOOTH_AUTO) {
+        source.smooth_mm = loaded->noise_hu > CTS_NOISY_HU ? CTS_SMOOTH_NOISE_MM : 0;
+        cts_report_plan(report, "noise of soft tissue: %.0f HU (smoothed above %d HU)", loaded->noise_hu, CTS_NOISY_HU);
+    }
+    cts_source_report_fill(&source, loaded->scanned, report);
+    if (!source.fill.given)
+        return view(&source, loaded->scanned, last, loaded, report, err);
     /* Other volumes need the slices as scanned; without memory for both they are read again. */
     CtsStatus st = last ? CTS_ERR_MEMORY : cts_scanned_copy(loaded->scanned, &cleared, NULL);
     if (!st || st == CTS_ERR_MEMORY) {
         CtsScanned *const scanned = cleared ? cleared : loaded->scanned;
-        st = clear_fill(source, scanned, report, err);
+        st = clear_fill(&source, scanned, report, err);
         if (!st)
-            st = view(source, scanned, true, loaded, report, err);
+            st = view(&source, scanned, true, loaded, report, err);
     }
     cts_scanned_free(&cleared);
     return st;

@@ -20,6 +20,9 @@ typedef struct CtsFillValue {
     double hu;
 } CtsFillValue;
 
+/* Of CtsSource.smooth_mm: CTS_SMOOTH_NOISE_MM where the scan is noisy (CTS_NOISY_HU), else off. */
+enum { CTS_SMOOTH_AUTO = -1, CTS_SMOOTH_NOISE_MM = 1 };
+
 /* The series to be loaded and its processing. Plain data; strings are the caller's. */
 typedef struct CtsSource {
     const char *const *paths;
@@ -43,7 +46,7 @@ typedef struct CtsSource {
     bool crops_air;                 /* after table removal, to the box of what is left (cts_volume_crop_air()) */
     bool inside_unseen;             /* no picture needs the inside of the body, so it is not computed */
     CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */
-    double smooth_mm;               /* standard deviation of a Gaussian on the volume; 0: off */
+    double smooth_mm;               /* standard deviation of a Gaussian on the volume; 0: off; CTS_SMOOTH_AUTO */
     CtsCropBox crop;
     CtsFillValue fill; /* becomes air */
 } CtsSource;
@@ -53,6 +56,7 @@ typedef struct CtsLoaded {
     const CtsSeries *series; /* of the list */
     CtsLabels *labels;       /* of the scanned voxels; NULL: none were requested */
     CtsScanned *scanned;
+    double noise_hu;    /* of its soft tissue, from cts_source_view() on; 0: not known */
     CtsModel model;     /* made of it */
     CtsFetched fetched; /* the fetched files, freed with it */
 } CtsLoaded;

@@ -467,6 +467,11 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
                         "`write-state`: a presentation state names one frame of reference, and each slice has its own");
     if (prepared->no_contrast)
         cts_contrast_report(&prepared->preset, report);
+    if (loaded->noise_hu > CTS_NOISY_HU && job->preset->mode == CTS_MODE_COMPOSITE && job->source.smooth_mm == 0)
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_NOISY,
+                              "the noise of soft tissue, %.0f HU, is visible as grain (`smooth` %d removes most of it; "
+                              "`smooth` auto does so wherever it exceeds %d HU)",
+                              loaded->noise_hu, CTS_SMOOTH_NOISE_MM, CTS_NOISY_HU);
     settings.source = loaded->series;
     settings.labels = loaded->model.voxel_labels ? loaded->labels : NULL;
     settings.n_threads = cts_threads(job->render.n_threads);

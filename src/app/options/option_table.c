@@ -166,8 +166,9 @@ const CtsOption cts_options[] = {
      "interpolation along the slice axis, where slices lie further apart than 1.5 pixels: along shapes, cubic or "
      "linear",
      "shape", CHOICE(source.interpolation, interpolations)},
-    {0, "smooth", "MM", LOOKS, REMAKES(VOLUME), "smooth the volume first (Gaussian of this standard deviation)", "0",
-     NUMBER(source.smooth_mm), RANGE(0, CTS_MAX_SMOOTH_MM), BASIC},
+    {0, "smooth", "MM or auto", LOOKS, REMAKES(VOLUME),
+     "smooth the volume first (Gaussian of this standard deviation); auto: 1 where soft tissue is noisy", "0",
+     PARSED(smooth), RANGE(0, CTS_MAX_SMOOTH_MM), BASIC},
     {0, "fill", "HU", LOOKS, REMAKES(VOLUME),
      "voxels of exactly this value that are connected to the volume's border are air (filling outside the scan)", "off",
      PARSED(fill)},

@@ -134,6 +134,16 @@ CtsStatus cts_parse_size(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+CtsStatus cts_parse_smooth(CtsOptions *options, const char *text, CtsError *err)
+{
+    double mm = CTS_SMOOTH_AUTO;
+    if (strcmp(text, "auto") && (!cts_number(text, &mm) || mm < 0 || mm > CTS_MAX_SMOOTH_MM))
+        return cts_fail(err, CTS_ERR_USAGE, "`smooth` %s: neither auto nor a number from 0 to %d", text,
+                        CTS_MAX_SMOOTH_MM);
+    options->source.smooth_mm = mm;
+    return CTS_OK;
+}
+
 CtsStatus cts_parse_trace_pixel(CtsOptions *options, const char *text, CtsError *err)
 {
     int pixel[2];
