@@ -45,6 +45,7 @@ extern const char *const cts_severity_names[3];
     row(LABEL_WITHOUT_SEGMENT, "label_without_segment", WARNING)                                                       \
     row(LABELS_LACKING, "labels_lacking", NOTE)                                                                        \
     row(LABELS_MISSING, "labels_missing", WARNING)                                                                     \
+    row(LABELS_UNKNOWN, "labels_lacking", WARNING)                                                                     \
     row(LATE_FIRST_NUMBER, "late_first_number", NOTE)                                                                  \
     row(LOCALIZERS_DROPPED, "localizers_dropped", WARNING)                                                             \
     row(LOG_LOST, "log_lost", WARNING)                                                                                 \
@@ -68,8 +69,8 @@ extern const char *const cts_severity_names[3];
     row(NO_PREAMBLE, "no_preamble", WARNING)                                                                           \
     row(NO_SUV, "no_suv", WARNING)                                                                                     \
     row(NO_TRANSFER_SYNTAX, "no_transfer_syntax", WARNING)                                                             \
-    row(NOT_FINITE, "not_finite", WARNING)                                                                             \
     row(NOISY, "noisy", WARNING)                                                                                       \
+    row(NOT_FINITE, "not_finite", WARNING)                                                                             \
     row(NOT_HU, "not_hu", WARNING)                                                                                     \
     row(NOTHING_VISIBLE, "nothing_visible", WARNING)                                                                   \
     row(OCCLUSION_UNUSED, "occlusion_unused", WARNING)                                                                 \

@@ -106,7 +106,7 @@ typedef struct CtsLabelChoice {
     const char *const
         *appearances; /* n_appearances times NAME=LOOK: a preset, #RRGGBB or #RRGGBB:OPACITY; the last one applies */
     int n_appearances;
-    bool show_present; /* unknown names in show are skipped, not refused */
+    bool show_present; /* unknown names in show are skipped; else with a warning, and refused where all are unknown */
     bool own_colours;  /* labels without an appearance get their files' colours, or one of a table */
 } CtsLabelChoice;
 

@@ -69,6 +69,11 @@ END
 refused 2 'no-such.json: .*No such file' render $see --look no-such.json -o x.png
 
 refused 2 'did you mean part' render $see --show 'part 3x' -o x.png
+refused 2 'no label has this name' render $see --show 'part 3x,*nothing*' -o x.png
+ok render $see --show 1 -o one.png
+ok render $see --show '*nothing*,1' -o some.png
+has err 'warning: --show: no label is called \*nothing\*; the others are shown'
+cmp one.png some.png || fail "names that no label has change the picture"
 refused 2 'there are no labels' render "$data/phantom" --hide 1 -o x.png
 refused 2 'not a preset' render $see --label '1=#12345' -o x.png
 refused 2 'engines tiled and raycast alone' render $see --label '1=#123456' --engine void -o x.png

@@ -97,7 +97,28 @@ bool cts_labels_show_air(const CtsLabelChoice *choice)
     return shows;
 }
 
-static CtsStatus choose_appearances(Deciding *d, CtsError *err)
+/* The shown labels. Names that no label has are refused only where no other of the list has one. */
+static CtsStatus take_shown(Deciding *d, CtsReport *report, CtsError *err)
+{
+    const CtsLabelChoice *const c = d->choice;
+    char *lacking = NULL;
+    bool any = c->show_present;
+    CtsStatus st = cts_label_find_present(d->labels, c->show, d->shown, &lacking, err);
+    for (size_t i = 0; i <= d->labels->n; i++)
+        any |= d->shown[i];
+    if (!st && !any)
+        st = cts_label_find_list(d->labels, "show", c->show, d->shown, err);
+    else if (!st && *lacking && !c->show_present)
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_LABELS_UNKNOWN,
+                              "`show`: no label is called %s; the others are shown (ctsplat info with `labels` lists "
+                              "them)",
+                              lacking);
+    free(lacking);
+    return st ? st : cts_label_check_shown(d->labels, d->shown, err);
+}
+
+/* report: may be NULL. */
+static CtsStatus choose_appearances(Deciding *d, CtsReport *report, CtsError *err)
 {
     const size_t n = d->labels->n;
     CtsStatus st;
@@ -110,13 +131,7 @@ static CtsStatus choose_appearances(Deciding *d, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     d->appearances[CTS_APPEARANCE_HIDDEN].opacity = d->appearances[CTS_APPEARANCE_PRESET].opacity = -1;
     const CtsLabelChoice *const c = d->choice;
-    char *lacking = NULL;
-    if (c->show && c->show_present)
-        st = cts_label_find_present(d->labels, c->show, d->shown, &lacking, err);
-    else if (c->show)
-        st = cts_label_find_list(d->labels, "show", c->show, d->shown, err);
-    free(lacking);
-    if (st || (c->show && (st = cts_label_check_shown(d->labels, d->shown, err))) ||
+    if ((c->show && (st = take_shown(d, report, err))) ||
         (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
         (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, err))))
         return st;
@@ -258,7 +273,7 @@ CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice,
 {
     Deciding d = {.labels = labels, .choice = choice};
     bool any_hidden = false, take, yield;
-    const CtsStatus st = choose_appearances(&d, err);
+    const CtsStatus st = choose_appearances(&d, NULL, err);
     *unsaid = NULL;
     if (!st) {
         const bool alone = appearance_of(&d, labels->n) == CTS_APPEARANCE_HIDDEN;
@@ -301,7 +316,7 @@ CtsStatus cts_model_take_labels(CtsModel *model, const CtsLabels *labels, const 
                                 CtsReport *report, CtsError *err)
 {
     Deciding d = {.labels = labels, .choice = choice};
-    CtsStatus st = choose_appearances(&d, err);
+    CtsStatus st = choose_appearances(&d, report, err);
     for (int i = 0; i < d.n_appearances && !st; i++)
         if (d.appearances[i].preset && (st = cts_preset_resolve(d.appearances[i].preset, model->volume, err)))
             cts_context(err, "`label`");
