@@ -22,6 +22,7 @@ typedef struct CtsLabelGrid {
     double (*position_lps)[3];
     double *at_mm;        /* of each slice along the normal */
     double *thickness_mm; /* half the sum of the gaps on both sides; at an end the one gap */
+    CtsQuantity quantity; /* of the voxels */
 } CtsLabelGrid;
 
 /* Voxels first <= i < end of a row; row j of slice k is number k * rows + j. */

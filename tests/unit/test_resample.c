@@ -2,6 +2,7 @@
 #include "core/volume/linear_layers.h"
 #include "core/volume/shape_interpolation.h"
 #include "core/volume/threshold.h"
+#include "ctsplat/series.h"
 #include "unit.h"
 #include <math.h>
 #include <stdbool.h>

@@ -175,7 +175,7 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
     for (size_t i = 0; !st && i < labels->n; i++) {
         CtsLabel *const l = &labels->items[i];
         count_label_voxels(l, &labels->grid);
-        l->fact.in_air = l->fact.air_share > AIR_SHARE && !may_hold_air(l);
+        l->fact.in_air = labels->grid.quantity == CTS_QUANTITY_HU && l->fact.air_share > AIR_SHARE && !may_hold_air(l);
         st = count_parts(l, &labels->grid, err);
     }
     if (!st && labels->n > 1)

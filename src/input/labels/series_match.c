@@ -13,7 +13,8 @@ CtsStatus cts_label_grid_of(CtsLabelGrid *g, const CtsSeries *series, CtsError *
 {
     const CtsSlice *middle = series->slices[series->n_slices / 2];
     const size_t n = (size_t)series->n_slices;
-    *g = (CtsLabelGrid){.columns = series->columns, .rows = series->rows, .n_slices = series->n_slices};
+    *g = (CtsLabelGrid){
+        .columns = series->columns, .rows = series->rows, .n_slices = series->n_slices, .quantity = series->quantity};
     CtsStatus st = cts_alloc_array(&g->position_lps, n, err);
     if (!st)
         st = cts_alloc_array(&g->at_mm, n, err);

@@ -625,7 +625,7 @@ static bool is_watch(const CtsSliceSet *set)
 static const char *const separators[CTS_N_MODALITIES] = {
     [CTS_MODALITY_CT] = "acquisition, tube voltage, temporal position, trigger, cardiac phase, kernel nor time",
     [CTS_MODALITY_MR] = "echo, inversion time, flip angle, diffusion, temporal position, trigger, image type nor time",
-    [CTS_MODALITY_PT] = "the reference time nor the image index of a dynamic or gated series",
+    [CTS_MODALITY_PT] = "reference time nor image index",
 };
 
 /* Removes copies and separates phases. The parts own the slices afterwards, where there are any. */
@@ -661,6 +661,11 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **par
                 "its slices alternate between values of %s, and those of one value form no complete volume (split the "
                 "series)",
                 by);
+        else if (cts_slice_set_repeats(set, same_mm) && modality == CTS_MODALITY_PT && !set->items[0]->pet.is_dynamic)
+            refuse_series(series, CTS_ERR_GEOMETRY,
+                          "several slices with different pixels lie at one position, which a PET has only where "
+                          "SeriesType (0054,1000) is DYNAMIC or GATED: no volume (split the series, or correct its "
+                          "type)");
         else if (cts_slice_set_repeats(set, same_mm))
             refuse_series(series, CTS_ERR_GEOMETRY,
                           "several slices with different pixels lie at one position, and neither %s separates complete "
