@@ -40,8 +40,10 @@ static const CtsPreset looks[] = {
     PRESET("metal", 1500, 8000, PRESET_LIGHT(0.2, 0.7, 0.6, 40), PRESET_OPACITY({1900, 0}, {2300, 0.7}, {3071, 1}),
            PRESET_COLOUR({1900, {0.60, 0.65, 0.72}}, {2300, {0.66, 0.72, 0.80}}, {3071, {0.88, 0.92, 0.97}})),
     /* Chosen by eye, a T1 head and a T2 pelvis from six sides: skin as glass, with a thin rim of its own at 0.18; the
-     * grey and white matter of a T1 lie at 0.6 to 1, and only inflowing blood beyond the 99.5th percentile is red. */
-    PRESET_OF(MR, RELATIVE, "mr", 0, 1.4, PRESET_LIGHT(0.3, 1, 0.35, 25), .occlusion = 0.3,
+     * grey and white matter of a T1 lie at 0.6 to 1, and only inflowing blood beyond the 99.5th percentile is red.
+     * Ambient and diffuse light make 1: with 1.3 the fat of a T2, the brightest tissue and right below the skin, was
+     * burnt out. */
+    PRESET_OF(MR, RELATIVE, "mr", 0, 1.4, PRESET_LIGHT(0.4, 0.6, 0.25, 25), .occlusion = 0.3,
               PRESET_OPACITY({0.1, 0}, {0.18, 0.035}, {0.3, 0.015}, {0.5, 0.03}, {0.7, 0.18}, {1, 0.25}, {1.15, 0.35},
                              {1.4, 0.95}),
               PRESET_COLOUR({0.1, {0.78, 0.50, 0.40}}, {0.35, {0.93, 0.72, 0.58}}, {0.7, {0.99, 0.88, 0.76}},
