@@ -16,12 +16,12 @@ from labels_numpy import CTSPLAT, ROOT, FileDataset, FileMetaDataset, check, fai
 CR, SC, US, DOSE, SR = ('1.2.840.10008.5.1.4.1.1.' + end for end in ('1', '7', '6.1', '481.2', '88.11'))
 
 
-def write(path, sop_class, pixels, photometric='MONOCHROME2', series=None, **more):
+def write(path, sop_class, pixels, photometric='MONOCHROME2', series=None, implicit=False, **more):
     """An image of pixels: frames (where there are several), rows, columns, colours."""
     meta = FileMetaDataset()
-    meta.TransferSyntaxUID, meta.MediaStorageSOPClassUID = '1.2.840.10008.1.2.1', sop_class
+    meta.TransferSyntaxUID, meta.MediaStorageSOPClassUID = '1.2.840.10008.1.2' + ('' if implicit else '.1'), sop_class
     d = FileDataset(path, {}, file_meta=meta, preamble=b'\0' * 128)
-    d.is_little_endian, d.is_implicit_VR = True, False
+    d.is_little_endian, d.is_implicit_VR = True, implicit
     d.SOPClassUID, d.Modality = sop_class, {CR: 'CR', US: 'US', DOSE: 'RTDOSE', SR: 'SR'}.get(sop_class, 'OT')
     d.SOPInstanceUID = meta.MediaStorageSOPInstanceUID = generate_uid()
     d.SeriesInstanceUID, d.StudyInstanceUID, d.PatientID = series or generate_uid(), generate_uid(), 'P'
@@ -69,6 +69,8 @@ def test_pixels(work):
     frames = np.stack([np.full((4, 6), 10 * k, np.uint8) for k in range(5)])
     wide = np.tile(np.uint8([0, 0, 255, 255] * 120), (120, 1))
     cases = {
+        'implicit': (grey, {'implicit': True, **window}, shown),
+        'implicit palette': (red[..., 0] // 255, {'implicit': True, 'photometric': 'PALETTE COLOR', **table}, red),
         'window': (grey, {**window}, shown), 'inverted': (grey, {'photometric': 'MONOCHROME1', **window}, 255 - shown),
         'RGB': (red, {'photometric': 'RGB'}, red), 'YBR': (ybr, {'photometric': 'YBR_FULL'}, red),
         'palette': (red[..., 0] // 255, {'photometric': 'PALETTE COLOR', **table}, red),
