@@ -71,7 +71,7 @@ static CtsStatus read_each_series(const CtsOptions *options, const CtsSeriesList
     for (size_t i = 0; i < list->n && !st; i++) {
         const CtsSeries *const s = &list->items[i];
         cli_progress((int)i, (int)list->n, "reading");
-        if (s->renderable)
+        if (s->renderable && !facts[i].left_out)
             st = read_pixels(beside || s == labelled ? &source : &plain, s, &facts[i], err);
     }
     return st;
@@ -140,6 +140,19 @@ static CtsStatus report_found(const CtsOptions *options, CtsError *err)
     return st;
 }
 
+/* Leaves out series of other modalities than those of a list (NULL: none). */
+static CtsStatus choose_modalities(const char *modalities, const CtsSeriesList *list, CtsPixelFacts *facts,
+                                   CtsError *err)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < list->n; i++) {
+        facts[i].left_out = modalities && !cts_text_lists(modalities, list->items[i].modality);
+        n += !facts[i].left_out;
+    }
+    return n ? CTS_OK
+             : cts_fail(err, CTS_ERR_NO_SERIES, "none of the %zu series is of `modality` %s", list->n, modalities);
+}
+
 CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
@@ -160,7 +173,8 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         goto end;
     }
-    if ((st = read_each_series(options, list, facts, err)))
+    if ((st = choose_modalities(cts_options_given(options, "modality"), list, facts, err)) ||
+        (st = read_each_series(options, list, facts, err)))
         goto end;
     cli_progress_clear();
     if (options->json)

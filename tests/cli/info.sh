@@ -3,6 +3,9 @@ python=$(command -v python3) || exit 77
 ok info "$data/phantom"
 has out '^series [0-9.]+$'
 has out 'renderable +yes'
+ok info "$data/phantom" --modality MR,ct
+has out '^series [0-9.]+$'
+refused 3 'none of the 1 series is of --modality MR' info "$data/phantom" --modality MR
 ok info "$data/phantom" "$data/geometry" "$data/broken" --json
 cp out info.json
 ok info "$data/phantom" --json --show-patient

@@ -239,7 +239,7 @@ const CtsOption cts_options[] = {
     {0, "study-date", "DATE", FINDING, REMAKES(NOTHING),
      "studies at the peer of YYYYMMDD, or from one such date to another with - between", NULL, TEXT(find.study_date)},
     {0, "modality", "LIST", FINDING, REMAKES(NOTHING),
-     "series of these modalities, with commas between them; at a peer, and of a batch", "at a peer CT, in a batch all",
+     "series of these modalities, with commas between them, at a peer or below PATH", "at a peer CT, below PATH all",
      TEXT(find.modality)},
     {0, "aet", "AET", PEERS | ON(INFO), REMAKES(NOTHING), "ctsplat's own AE title", "CTSPLAT", TEXT(net.own_aet)},
     {0, "move-port", "PORT", ONE | ON(BATCH) | ON(SERVE), REMAKES(NOTHING),

@@ -89,6 +89,8 @@ void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *
             list->n_unreadable);
     print_diagnostics(file, &list->diagnostics, "", NULL);
     for (size_t i = 0; i < list->n; i++) {
+        if (facts[i].left_out)
+            continue;
         fputc('\n', file);
         print_series(file, (int)i + 1, &list->items[i], &facts[i], show_patient);
     }
@@ -190,7 +192,8 @@ json_t *cts_info_list_json(const CtsSeriesList *list, const CtsPixelFacts *facts
 {
     json_t *series = json_array(), *diagnostics = json_array(), *others = json_object();
     for (size_t i = 0; i < list->n; i++)
-        json_array_append_new(series, cts_info_json(&list->items[i], &facts[i], show_patient));
+        if (!facts[i].left_out)
+            json_array_append_new(series, cts_info_json(&list->items[i], &facts[i], show_patient));
     append_diagnostics(diagnostics, &list->diagnostics);
     for (size_t i = 0; i < list->n_others; i++)
         json_object_set_new(others, list->others[i].what, json_integer(list->others[i].n));

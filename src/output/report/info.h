@@ -8,7 +8,8 @@
 
 /* Facts that need the pixels. */
 typedef struct CtsPixelFacts {
-    bool known; /* the pixels were read: */
+    bool left_out; /* the series was not asked for, and is not printed */
+    bool known;    /* the pixels were read: */
     double hu_min, hu_max;
     double box_low_lps[3], box_high_lps[3]; /* mm: as used by a crop */
     bool refused;                           /* reading them failed: */
