@@ -118,6 +118,8 @@ def test_batch(work):
             return done.stderr, {r['series_uid']: r for r in map(json.loads, f)}
     for options, shows_all in ((), False), (('--show-patient',), True), ((), False):
         said, records = batch(0, *options)
+        check('the image of its UID', records[volume + '#2']['status'] == 'thumbnail' and
+              len(records[volume + '#2']['thumbnails']) == 1, records.get(volume + '#2'))
         check('a volume, without the image of its UID', records[volume]['status'] == 'done' and records[volume]['modality'] == 'CT' and
               any(f['code'] == 'pages_dropped' for f in records[volume]['findings']), records[volume])
         for uid, is_plain in plain.items():
@@ -126,7 +128,7 @@ def test_batch(work):
             check(f'{r["modality"]} by {options}', r['status'] == 'thumbnail' and len(shown) == (is_plain or shows_all) and
                   glob.glob(f'{out}/{r["folder"]}/thumbs/*') == [f'{out}/{path}' for path in shown] and
                   ('show-patient' in r['reason']) == (not shown), r)
-        check('counts', '7 thumbnails' in said and 'without an image (reports, plans, labels): 2' in said, said)
+        check('counts', '8 thumbnails' in said and 'without an image (reports, plans, labels): 2' in said, said)
     with open(f'{out}/index.html') as f:
         check('the sheet counts objects', '"objects":2,' in f.read())
     before = open(f'{out}/batch.jsonl').read()
@@ -134,7 +136,7 @@ def test_batch(work):
     check('nothing is made twice', open(f'{out}/batch.jsonl').read() == before)
     done = subprocess.run([CTSPLAT, 'info', archive, '--json'], capture_output=True, text=True)
     series = json.loads(done.stdout)['series']
-    check('info', series[0]['series_uid'] == volume and series[0]['renderable'] and len(series) == 8 and
+    check('info', series[0]['series_uid'] == volume and series[0]['renderable'] and len(series) == 9 and series[-1]['series_uid'] == volume and
           all(s['passed'] and not s['renderable'] and 'no volume' in s['findings'][0]['text'] for s in series[1:]), series)
 
 

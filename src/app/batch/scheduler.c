@@ -322,21 +322,30 @@ static bool is_up_to_date(Run *r, const CtsPlanSeries *series, json_t *record, b
 }
 
 /* True if nothing is to be rendered of a series now: it failed and its next try is not due, its outputs are up to date,
- * or files of it still come. */
+ * or files of it still come. Images that share a volume's UID have the record UID#2. */
 static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
 {
+    char second[96];
+    snprintf(second, sizeof second, "%s#2", series->uid);
     bool is_own, changed = false;
     json_t *record = cts_journal_find(r->journal, series->uid, &is_own);
+    json_t *const images = cts_journal_find(r->journal, second, NULL);
     const bool held = record && cts_later_is_held(&r->later, r->settings, record, series->input_sha256);
-    const bool is_done = held || (record && is_up_to_date(r, series, record, is_own));
+    const bool images_done = !images || cts_journal_record_is_settled(r->settings, images, series->input_sha256);
+    const bool is_done = held || (record && images_done && is_up_to_date(r, series, record, is_own));
     const bool waits = !is_done && cts_later_waits(&r->later, r->settings, series, &record, &changed);
     if (held)
         count_record(r, record, true);
+    if (is_done && images) {
+        r->result->n_series++;
+        count_record(r, images, true);
+    }
     if (changed)
         add_record(r, record);
     r->result->n_waiting += waits;
     r->n_uids_ended += is_done || waits;
     json_decref(record);
+    json_decref(images);
     return is_done || waits;
 }
 

@@ -243,15 +243,14 @@ static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, 
     return CTS_OK;
 }
 
-/* Images beside slices of one UID, such as screens stored with a scan, are left out as its pages are. They are the last
- * of `end` series from `first` on. */
-static void leave_images_out(CtsSeriesList *list, size_t first, size_t end)
+/* Images beside slices of one UID, such as screens stored with a scan, are a part of their own behind the volumes. */
+static void number_images(CtsSeries *images, int part, CtsSeries *volume)
 {
-    CtsSeries *const images = &list->items[end - 1];
-    cts_diagnostics_add(&list->items[first].diagnostics, CTS_DIAGNOSTIC_PAGES_DROPPED,
-                        "%d image%s of other classes left out", images->n_slices, images->n_slices == 1 ? "" : "s");
-    clear_series(images);
-    memmove(images, images + 1, (--list->n - (end - 1)) * sizeof *images);
+    images->part = part;
+    cts_diagnostics_add(&volume->diagnostics, CTS_DIAGNOSTIC_PAGES_DROPPED,
+                        "%d image%s of other classes %s no slice%s of the volume (`series` UID#%d)", images->n_slices,
+                        images->n_slices == 1 ? "" : "s", images->n_slices == 1 ? "is" : "are",
+                        images->n_slices == 1 ? "" : "s", part);
 }
 
 /* Volumes of one UID get numbers: stacks, phases, single slices beside frames. */
@@ -260,9 +259,9 @@ static void number_parts(CtsSeriesList *list)
     for (size_t first = 0, end; first < list->n; first = end) {
         for (end = first + 1; end < list->n && strcmp(list->items[first].uid, list->items[end].uid) == 0;)
             end++;
-        if (end - first > 1 && list->items[first].uid[0] && is_planar(&list->items[end - 1]))
-            leave_images_out(list, first, end--);
-        const int n = list->items[first].uid[0] ? (int)(end - first) : 1;
+        const bool has_uid = list->items[first].uid[0];
+        const bool has_images = has_uid && end - first > 1 && is_planar(&list->items[end - 1]);
+        const int n = has_uid ? (int)(end - first) - has_images : 1;
         for (int p = 0; n > 1 && p < n; p++) {
             CtsSeries *s = &list->items[first + (size_t)p];
             s->part = p + 1;
@@ -270,6 +269,8 @@ static void number_parts(CtsSeriesList *list)
                                 "the series holds %d volumes; this is volume %d (`series` UID#%d picks another)", n,
                                 p + 1, p == 0 ? 2 : 1);
         }
+        if (has_images)
+            number_images(&list->items[end - 1], n + 1, &list->items[first]);
     }
 }
 
