@@ -2,7 +2,7 @@
 """Compares an engine's error limits with the ray caster on random scenes: sweep.py CTSPLAT RAW2CT [DATA]
 
 Random volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; a series of DATA
-in every fourth round), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lighting.
+in every fourth round, with presets of relative scale where it is not in HU), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lighting.
 Every picture by --engine (auto) is compared with the one by engine raycast. Faults are: a picture whose error
 exceeds the limit in its log, rms or largest; one above the requested error, 0.5/255 rms by default, without a
 warning or (by default, up to 1/255) a note; one that is not rendered. Each is printed with the commands that
@@ -118,8 +118,8 @@ def rgb(r):
     return [round(r.random(), 2) for _ in range(3)]
 
 
-def make_preset(r, low, high, path, smooth):
-    """A preset for HU from low to high; its kind."""
+def make_preset(r, low, high, path, smooth, is_hu=True):
+    """A preset for HU from low to high, or a relative one, for which they stand for air and bright tissue; its kind."""
     kind = r.choice(['ramp', 'peaks'] if smooth else ['step', 'step', 'shell', 'ramp', 'peaks', 'stripes', 'between'])
     at = low + (high - low) * (r.uniform(0.05, 0.95) if r.random() < 0.7 else r.choice([0.001, 0.01, 0.99, 0.999]))
     a = r.choice([1, 0.9, 0.5, 0.1, 0.01])
@@ -149,9 +149,11 @@ def make_preset(r, low, high, path, smooth):
         shade = {'occlusion': r.choice([0, round(r.random(), 2), 1]),
                  'ambient': round(r.random(), 2), 'diffuse': round(r.random(), 2),
                  'specular': r.choice([0, 0.2, 0.8]), 'power': r.choice([1, 10, 100, 1000])}
+    scale = {} if is_hu else {'scale': 'relative'}
+    key, step = ('hu', 1) if is_hu else ('at', 1 / (high - low))
     with open(path, 'w') as f:
-        json.dump({'name': kind, 'shade': shade, 'remove_table': False,
-                   'points': [{'hu': h, 'opacity': o, 'rgb': c} for h, o, c in points]}, f)
+        json.dump({'name': kind, 'shade': shade, 'remove_table': False, **scale,
+                   'points': [{key: h if is_hu else step * (h - low), 'opacity': o, 'rgb': c} for h, o, c in points]}, f)
     return kind + (' lit' if shade else '')
 
 
@@ -181,9 +183,11 @@ class Sweep:
         self.ratios, self.errors, self.faults, self.pictures, self.series = [], [], 0, 0, []
         self.kinds = dict.fromkeys(['kept', 'noted', 'warned', 'false positive', 'silent'], 0)
         self.compared, self.by = 0, {}
+        self.modality = {}
         for root, _, files in os.walk(args.data or os.devnull):
             if sum(name != 'DIRFILE' for name in files) >= 20:
                 self.series.append(root)
+                self.modality[root] = json.loads(self.run('info', root, '--json').stdout)['series'][0]['modality']
         self.series.sort()
 
     def run(self, *words):
@@ -279,16 +283,19 @@ class Sweep:
         large = self.args.large and r.random() < 0.5
         with tempfile.TemporaryDirectory() as folder:
             if self.series and r.random() < self.args.real:
-                source, kind = r.choice(self.series), 'ct'
+                source = r.choice(self.series)
+                kind = self.modality[source].lower()
                 low, high, pitch, side = -1000, 1500, 0.8, 300
             else:
                 kind = r.choice(sorted(VOLUMES))
                 low, high, pitch, side = make_volume(r, kind, self.args.raw2ct, folder, 120 if large else 44)
                 source = os.path.join(folder, 'series')
-            for n in range(2 if kind == 'ct' else 4):
-                preset = r.choice(BUILT_IN) if r.random() < (0.7 if kind == 'ct' else 0.2) else None
+            is_real, is_hu = kind in ('ct', 'mr', 'pt'), kind not in ('mr', 'pt')
+            for n in range(2 if is_real else 4):
+                preset = r.choice(BUILT_IN if is_hu else ['mr']) if r.random() < (0.7 if kind == 'ct' else 0.2) else None
+                preset = None if kind == 'pt' else preset
                 path = os.path.join(folder, 'preset-%d.json' % n)
-                name = preset or make_preset(r, low, high, path, self.args.smooth)
+                name = preset or make_preset(r, low, high, path, self.args.smooth, is_hu)
                 asked = r.choice([None, None, None, 8, 2, 1, 0.5, 0.25, 0.1])
                 if self.args.smooth:
                     asked = r.choice([1, 2, 4, 8])
@@ -300,7 +307,7 @@ class Sweep:
                     fits = side / min(width, height)
                     mm = min(0.1 * pitch * (12 * fits / pitch) ** r.random(), 1.2 * fits)
                 else:
-                    mm = pitch * r.choice([0.1, 0.25, 0.5, 1, 2, 4]) if kind != 'ct' else r.choice([0.4, 1, 2])
+                    mm = pitch * r.choice([0.1, 0.25, 0.5, 1, 2, 4]) if not is_real else r.choice([0.4, 1, 2])
                     width = min(max(int(side / mm * r.uniform(0.3, 1.4)), 20), 160)
                     height = max(16, int(width * r.uniform(0.5, 1.2)))
                 common = ['render', source, '-p', preset or path, '--view', make_view(r), '--mm-per-pixel', '%g' % mm,
