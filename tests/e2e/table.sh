@@ -46,9 +46,9 @@ goes edited 950 1100
 set_hu 'np.where(hu < -600, -900 + i + rng.normal(0, 20, hu.shape), hu)[:, ::2, ::2]' "$coarse"
 ok render edited --size 64x64 -o out.png --force
 has err '^ctsplat: warning: .*the air around the body is as dense as lungs'
-[ "$(wc -l <err)" = 1 ] || fail "more than a line: $(cat err)"
+[ "$(grep -vc "the noise of soft tissue" err)" = 1 ] || fail "more than a line: $(cat err)"
 # Lungs that the field of view cuts are no room air, and no doubt.
 set_hu 'hu[:, 150:320, 150:370]' \
     'ImagePositionPatient=[float(a) for a in np.array(d.ImagePositionPatient, float) + [134.8, 134.8, 0]]'
 ok render edited --size 64x64 -o out.png --force
-[ ! -s err ] || fail "cropped lungs: $(cat err)"
+! grep -v "the noise of soft tissue" err || fail "cropped lungs: $(cat err)"

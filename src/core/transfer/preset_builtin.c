@@ -43,7 +43,7 @@ static const CtsPreset looks[] = {
      * grey and white matter of a T1 lie at 0.6 to 1, and only inflowing blood beyond the 99.5th percentile is red.
      * Ambient and diffuse light make 1: with 1.3 the fat of a T2, the brightest tissue and right below the skin, was
      * burnt out. */
-    PRESET_OF(MR, RELATIVE, "mr", 0, 1.4, PRESET_LIGHT(0.4, 0.6, 0.25, 25), .occlusion = 0.3,
+    PRESET_OF(MR, RELATIVE, "mr", 0, 1.4, PRESET_LIGHT(0.25, 0.75, 0.35, 25), .occlusion = 0.3,
               PRESET_OPACITY({0.1, 0}, {0.18, 0.035}, {0.3, 0.015}, {0.5, 0.03}, {0.7, 0.18}, {1, 0.25}, {1.15, 0.35},
                              {1.4, 0.95}),
               PRESET_COLOUR({0.1, {0.78, 0.50, 0.40}}, {0.35, {0.93, 0.72, 0.58}}, {0.7, {0.99, 0.88, 0.76}},
