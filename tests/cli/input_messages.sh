@@ -51,8 +51,8 @@ cp other/mr.dcm other/mr-2.dcm
 with_uid "$data/phantom/IM0001.dcm" other/odd.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.826.0.1.99999.5.1.4.2
 echo text >other/notes.txt
 ok info "$data/phantom" other
-has out '1 series, 1 passed over \(1 not DICOM\), 0 not readable$'
-has out 'warning: 3 images of other classes left out'
+has out '2 series, 1 passed over \(1 not DICOM\), 0 not readable$'
+has out 'warning: 3 images of other classes are no slices of the volume \(.series. UID#2\)'
 ok info other
 has out 'renderable +no: holds 3 images of modality CT, and no volume'
 ok info "$data/phantom" other --json
