@@ -4,8 +4,8 @@
 #include "ctsplat/report.h"
 
 /* From rmse, max, share_above and unit: rmse_low and rmse_high (together 95 %), which hold where no pixel's error is
- * larger than the largest found, or 1/255, as the error estimate has limits of its terms; and share_high (97.5 %), which
- * assumes nothing of pixels that were not sampled, and so bounds the pixels with larger errors. */
+ * larger than the largest found, or 1/255, as the error estimate has limits of its terms; and share_high (97.5 %),
+ * which assumes nothing of pixels that were not sampled, and so bounds the pixels with larger errors. */
 void cts_error_limits(CtsVerified *verified);
 
 /* Independent random terms, at least 0, whose expectations sum to the sum of n numbers. */

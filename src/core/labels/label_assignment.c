@@ -98,7 +98,7 @@ bool cts_labels_show_air(const CtsLabelChoice *choice)
 }
 
 /* The shown labels. Names that no label has are refused only where no other of the list has one. */
-static CtsStatus take_shown(Deciding *d, CtsReport *report, CtsError *err)
+static CtsStatus choose_shown(Deciding *d, CtsReport *report, CtsError *err)
 {
     const CtsLabelChoice *const c = d->choice;
     char *lacking = NULL;
@@ -131,7 +131,7 @@ static CtsStatus choose_appearances(Deciding *d, CtsReport *report, CtsError *er
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     d->appearances[CTS_APPEARANCE_HIDDEN].opacity = d->appearances[CTS_APPEARANCE_PRESET].opacity = -1;
     const CtsLabelChoice *const c = d->choice;
-    if ((c->show && (st = take_shown(d, report, err))) ||
+    if ((c->show && (st = choose_shown(d, report, err))) ||
         (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
         (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, err))))
         return st;
