@@ -58,8 +58,6 @@ struct CtsBatchPlan {
     Unit *units;
     size_t n_entries, n_units;
     CtsArchives *archives;
-    char last_uid[80];
-    uint64_t last_key;
     Entry *unreadable; /* files that cannot be read, by their folder's key */
     size_t n_unreadable, n_folder_series, n_singles;
     FolderSeries *folder_series; /* one a folder, once the list is complete */
@@ -261,22 +259,17 @@ static bool is_mine(const CtsBatchPlan *p, uint64_t key)
 static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *err)
 {
     CtsBatchPlan *const p = context;
-    CtsStatus st = CTS_OK;
+    CtsStatus st;
     char name[80];
-    uint64_t key = p->last_key;
+    uint64_t key;
     p->progress.n_files++;
     p->settings->listener.progress(p->settings->listener.context, &p->progress);
     if (file->why)
         return take_unreadable(p, file, err);
     if (file->labels_of)
         return plan_labels(p, file, err);
-    if (file->series_uid[0] && !strcmp(file->series_uid, p->last_uid))
-        snprintf(name, sizeof name, "%s", p->last_uid);
-    else if ((st = name_series(file, name, &key, err)))
-        return st;
-    snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
-    p->last_key = key;
-    if ((file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
+    if ((st = name_series(file, name, &key, err)) ||
+        (file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
         (st = add_folder_series(p, (FolderSeries){.folder = folder_key(file->path), .series = key}, err)) ||
         (st = add_single(p, file, name, key, err)) ||
         (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
