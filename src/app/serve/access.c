@@ -55,20 +55,6 @@ static bool same_token(const char *given, size_t n, const char *token)
     return !differs;
 }
 
-static bool in_cookie(const char *cookies, const char *token)
-{
-    static const char name[] = "ctsplat=";
-    while (cookies && *cookies) {
-        cookies += strspn(cookies, "; ");
-        const size_t n = strcspn(cookies, ";");
-        if (n >= sizeof name - 1 && !strncmp(cookies, name, sizeof name - 1) &&
-            same_token(cookies + sizeof name - 1, n - (sizeof name - 1), token))
-            return true;
-        cookies += n;
-    }
-    return false;
-}
-
 static bool has_token(const CtsServer *server, const CtsHttpRequest *request)
 {
     static const char scheme[] = "Bearer ";
@@ -77,7 +63,7 @@ static bool has_token(const CtsServer *server, const CtsHttpRequest *request)
         const char *given = authorization + sizeof scheme - 1;
         return same_token(given, strlen(given), server->token);
     }
-    return in_cookie(request->cookie, server->token);
+    return request->cookie && same_token(request->cookie, strlen(request->cookie), server->token);
 }
 
 /* The address that was printed at the start leads to the page, and does not stay in the browser's history. */

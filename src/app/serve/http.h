@@ -19,7 +19,8 @@ typedef struct CtsHttpAnswer {
 /* A request until it is answered. It owns its texts; headers are NULL where absent. */
 typedef struct CtsHttpRequest {
     const char *method, *path;
-    const char *host, *authorization, *cookie, *accept, *if_none_match;
+    const char *host, *authorization, *accept, *if_none_match;
+    const char *cookie;       /* value of the one called ctsplat */
     const char *asked_method; /* Access-Control-Request-Method, of another site's page */
     bool has_body;            /* which is not read */
     int socket;
