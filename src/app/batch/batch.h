@@ -3,7 +3,6 @@
 
 #include "app/job/render_job.h"
 #include "app/options/options.h"
-#include <signal.h>
 
 typedef struct CtsBatchView {
     const char *name; /* as given; part of file names */

@@ -105,8 +105,8 @@ CtsStatus cts_worker_output(CtsWorkerProcess *worker_process, const CtsBatchPict
 CtsStatus cts_worker_thumbnail(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,
                                const CtsThumbnailFile *file, double error_255, CtsError *err);
 /* A picture of the card beside the thumbnails, by its kind: "sections", or "image" of a series that is no volume. */
-CtsStatus cts_worker_card_picture(CtsWorkerProcess *worker_process, const char *kind, const char *path, uint64_t bytes,
-                                  CtsError *err);
+CtsStatus cts_worker_card_picture(CtsWorkerProcess *worker_process, const char *kind, const char *stem,
+                                  const CtsThumbnailFile *file, CtsError *err);
 /* All files of a picture are complete and recorded from here on. The report contains its verification; its findings
  * from first_diagnostic on belong to the picture. */
 CtsStatus cts_worker_picture_done(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,

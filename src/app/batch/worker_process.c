@@ -432,18 +432,16 @@ CtsStatus cts_worker_thumbnail(CtsWorkerProcess *c, const CtsBatchPicture *pictu
 }
 
 /* Listed with the thumbnails, so that it is moved and removed with them. */
-CtsStatus cts_worker_card_picture(CtsWorkerProcess *c, const char *kind, const char *path, uint64_t bytes,
+CtsStatus cts_worker_card_picture(CtsWorkerProcess *c, const char *kind, const char *stem, const CtsThumbnailFile *file,
                                   CtsError *err)
 {
     json_t *list = json_object_get(c->record, "thumbnails");
     for (size_t i = json_array_size(list); i-- > 0;)
         if (json_object_get(json_array_get(list, i), kind))
             json_array_remove(list, i);
-    return json_array_append_new(list,
-                                 json_pack("{s:s,s:b,s:I}", "path", path + strlen(c->settings->options->output_dir) + 1,
-                                           kind, 1, "bytes", (json_int_t)bytes))
-               ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
-               : CTS_OK;
+    const char *const path = stem + strlen(c->settings->options->output_dir) + 1;
+    json_t *entry = json_pack("{s:s+,s:b,s:I}", "path", path, file->suffix, kind, 1, "bytes", (json_int_t)file->bytes);
+    return json_array_append_new(list, entry) ? cts_fail(err, CTS_ERR_MEMORY, "out of memory") : CTS_OK;
 }
 
 /* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL: of the series, which

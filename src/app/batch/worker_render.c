@@ -123,19 +123,16 @@ static CtsStatus save_card_picture(Work *w, const CtsPicture *picture, const cha
     CtsThumbnail *thumb = NULL;
     CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
     int n_files = 0;
-    char *stem = NULL, *path = NULL;
+    char *stem;
     if (asprintf(&stem, "%s/%s/thumbs/%s", w->settings->options->output_dir, w->worker_process->folder, kind) < 0)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CtsStatus st = cts_thumbnail_begin(&thumb, stem, picture->width, picture, 1, err);
     if (!st && !(st = cts_thumbnail_rows(thumb, picture, err)))
         st = cts_thumbnail_end(&thumb, files, &n_files, err);
-    if (!st && asprintf(&path, "%s%s", stem, files[0].suffix) < 0)
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st)
-        st = cts_worker_card_picture(w->worker_process, kind, path, files[0].bytes, err);
+        st = cts_worker_card_picture(w->worker_process, kind, stem, &files[0], err);
     cts_thumbnail_discard(&thumb);
     free(stem);
-    free(path);
     return st;
 }
 
