@@ -29,6 +29,8 @@
 /* Ratio e^2 / (b^2 + f^2), times the number of sampled pixels, of pixels that were not sampled, where all of these
  * happen to have no error. */
 #define UNSAMPLED 32.0
+/* Limit of a picture's error, by the requested one, from which a warning is due: more than equal in two digits. */
+#define WARNED_FROM 1.005
 /* Error of pixels that another engine's march re-renders, rms, as a share of the requested error: small beside it. */
 #define RERENDERED 0.125
 
@@ -143,13 +145,6 @@ static double error_of_march(const CtsErrorControl *c)
     return c->march == c->engine || c->has_opacity_step || pixels <= SMALL
                ? 0
                : RERENDERED * cts_scene_requested_error(&c->scene);
-}
-
-/* Without --max-error, missing the default target is reported from a step of 8 bits on. */
-static double warned_from(const CtsScene *scene)
-{
-    const double requested = cts_scene_requested_error(scene);
-    return scene->plan.max_error > 0 ? 1.005 * requested : fmax(requested, 1.0 / 255);
 }
 
 /* True of a pixel that may be sampled. */
@@ -345,7 +340,7 @@ static void sample_some(void *context, int worker, size_t first, size_t end)
 static bool is_met(const Round *r, const Strip *s, const CtsTerms *terms, double share)
 {
     const CtsErrorControl *const c = r->control;
-    const double requested = cts_scene_requested_error(&c->scene), warned = warned_from(&c->scene);
+    const double requested = cts_scene_requested_error(&c->scene), warned = WARNED_FROM * requested;
     const double pixels = (double)c->scene.view.width * c->scene.view.height, n = (double)(s->end - s->first);
     const CtsTerms all = {terms->sum * pixels / n, terms->squares * pixels / n, terms->largest};
     return terms->sum <= share * n * requested * requested &&
@@ -703,14 +698,10 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     if (c->n_marched > 0)
         cts_report_plan(report, "%llu pixels marched exactly, in groups of %d x %d with large error indicators",
                         (unsigned long long)c->n_marched, CTS_GROUP_SIDE, CTS_GROUP_SIDE);
-    const bool kept = rmse <= 1.005 * requested, by_default = !(c->scene.plan.max_error > 0);
+    const bool kept = rmse <= WARNED_FROM * requested, by_default = !(c->scene.plan.max_error > 0);
     char list[CTS_ENGINE_LIST_MAX];
-    const bool is_note = kept || rmse <= warned_from(&c->scene);
     if (!kept || !by_default)
-        cts_report_diagnostic(report,
-                              kept      ? CTS_DIAGNOSTIC_MAX_ERROR
-                              : is_note ? CTS_DIAGNOSTIC_ERROR_BOUND_NEAR
-                                        : CTS_DIAGNOSTIC_ERROR_BOUND,
+        cts_report_diagnostic(report, kept ? CTS_DIAGNOSTIC_MAX_ERROR : CTS_DIAGNOSTIC_ERROR_BOUND,
                               "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
                               by_default ? "default target" : "requested", 255 * requested, kept ? "" : " (exact: ",
                               kept ? "" : cts_engines_with(offsetof(CtsEngine, is_reference), CTS_ENGINE_FLAG, list),
