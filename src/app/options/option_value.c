@@ -75,16 +75,12 @@ CtsStatus cts_view_of(const char *text, double *azimuth_deg, double *elevation_d
                                        ", nor AZIMUTH,ELEVATION in degrees (such as -30,20)", err);
         if (view < 0)
             return CTS_ERR_USAGE;
-        *azimuth_deg = cts_views[view].azimuth_deg;
-        *elevation_deg = cts_views[view].elevation_deg;
-        return CTS_OK;
+        angles[0] = cts_views[view].azimuth_deg;
+        angles[1] = cts_views[view].elevation_deg;
     }
-    const CtsBounds *azimuth = cts_setting_bounds(CTS_SETTING_AZIMUTH);
-    const CtsBounds *elevation = cts_setting_bounds(CTS_SETTING_ELEVATION);
-    if (cts_setting_check(CTS_SETTING_AZIMUTH, angles[0], NULL) ||
-        cts_setting_check(CTS_SETTING_ELEVATION, angles[1], NULL))
-        return cts_fail(err, CTS_ERR_USAGE, "`view` %s: the azimuth goes from %g to %g, the elevation from %g to %g",
-                        text, azimuth->low, azimuth->high, elevation->low, elevation->high);
+    if (cts_setting_check(CTS_SETTING_AZIMUTH, angles[0], err) ||
+        cts_setting_check(CTS_SETTING_ELEVATION, angles[1], err))
+        return cts_context(err, "`view` %s", text);
     *azimuth_deg = angles[0];
     *elevation_deg = angles[1];
     return CTS_OK;
@@ -166,13 +162,11 @@ CtsStatus cts_parse_kernel(CtsOptions *options, const char *text, CtsError *err)
     options->render.kernel_radius = 0;
     if (!text[n])
         return CTS_OK;
-    double radius;
-    const CtsBounds *b = cts_setting_bounds(CTS_SETTING_KERNEL_RADIUS);
-    if (!cts_number(text + n + 1, &radius) || radius < b->low || radius > b->high)
-        return cts_fail(err, CTS_ERR_USAGE, "`kernel` %s: the radius is a number of voxels, %g to %g", text, b->low,
-                        b->high);
-    options->render.kernel_radius = radius;
-    return CTS_OK;
+    if (!cts_number(text + n + 1, &options->render.kernel_radius) || options->render.kernel_radius == 0)
+        return cts_fail(err, CTS_ERR_USAGE, "`kernel` %s: the radius is a number of voxels", text);
+    return cts_setting_check(CTS_SETTING_KERNEL_RADIUS, options->render.kernel_radius, err)
+               ? cts_context(err, "`kernel` %s", text)
+               : CTS_OK;
 }
 
 CtsStatus cts_parse_background(CtsOptions *options, const char *text, CtsError *err)

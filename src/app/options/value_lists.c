@@ -15,46 +15,41 @@ static bool has_many_frames(const CtsFormatInfo *format)
     return format->many_frames;
 }
 
-static const char *name_of_view(size_t i)
+/* Writes the names of a list with blanks between them: views, kernels, else formats. */
+static void put_list(FILE *out, char list)
 {
-    return i < CTS_N_VIEWS ? cts_views[i].name : NULL;
-}
-
-static const char *name_of_kernel(size_t i)
-{
-    return i < CTS_N_KERNELS ? cts_kernel_names[i] : NULL;
-}
-
-static const char *name_of_format(size_t i)
-{
-    return cts_format(i) ? cts_format(i)->name : NULL;
+    const char *const blank[2] = {"", " "};
+    for (size_t i = 0; list == 'v' && i < CTS_N_VIEWS; i++)
+        fprintf(out, "%s%s", blank[i > 0], cts_views[i].name);
+    for (size_t i = 0; list == 'k' && i < CTS_N_KERNELS; i++)
+        fprintf(out, "%s%s", blank[i > 0], cts_kernel_names[i]);
+    for (size_t i = 0; list == 'f' && cts_format(i); i++)
+        fprintf(out, "%s%s", blank[i > 0], cts_format(i)->name);
 }
 
 /* Markers for lists of names or of file name endings. */
 static const struct {
     const char *word;
-    const char *(*name)(size_t i);
+    bool has_names;
     bool (*wanted)(const CtsFormatInfo *format);
-} words[] = {
-    {"{views}", name_of_view, NULL},     {"{kernels}", name_of_kernel, NULL}, {"{outputs}", NULL, NULL},
-    {"{formats}", name_of_format, NULL}, {"{objects}", NULL, is_object},      {"{stacks}", NULL, has_many_frames},
+} markers[] = {
+    {"{views}", true, NULL},    {"{kernels}", true, NULL},       {"{formats}", true, NULL},
+    {"{outputs}", false, NULL}, {"{objects}", false, is_object}, {"{stacks}", false, has_many_frames},
 };
 
-/* Writes the list for the marker that text begins with; returns the marker's length, 0 where there is
- * none. */
+/* Writes the list for the marker that text begins with; returns the marker's length, 0 where there is none. */
 static size_t put_word(FILE *out, const char *text)
 {
-    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
-        const size_t n = strlen(words[i].word);
-        if (!strncmp(text, words[i].word, n)) {
-            char endings[CTS_ENDINGS_MAX];
-            const char *name;
-            if (!words[i].name)
-                fputs(cts_format_endings(words[i].wanted, endings), out);
-            for (size_t k = 0; words[i].name && (name = words[i].name(k)); k++)
-                fprintf(out, "%s%s", k ? " " : "", name);
-            return n;
-        }
+    for (size_t i = 0; i < sizeof markers / sizeof *markers; i++) {
+        const size_t n = strlen(markers[i].word);
+        char endings[CTS_ENDINGS_MAX];
+        if (strncmp(text, markers[i].word, n) != 0)
+            continue;
+        if (markers[i].has_names)
+            put_list(out, text[1]);
+        else
+            fputs(cts_format_endings(markers[i].wanted, endings), out);
+        return n;
     }
     return 0;
 }
