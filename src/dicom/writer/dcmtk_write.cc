@@ -97,7 +97,8 @@ template <typename Value> std::vector<Value> array_of(const CtsElements &bytes)
 OFCondition put_numbers(DcmElement &element, const std::vector<double> &values)
 {
     const unsigned long n = static_cast<unsigned long>(values.size());
-    const std::vector<Uint16> words(values.begin(), values.end());
+    const bool is_word = element.ident() == EVR_US || element.ident() == EVR_AT;
+    const std::vector<Uint16> words(values.begin(), is_word ? values.end() : values.begin());
     std::string text;
     switch (element.ident()) {
     case EVR_FD:
