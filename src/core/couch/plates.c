@@ -1,6 +1,5 @@
 #include "core/couch/table_removal.h"
 
-#include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
@@ -35,29 +34,6 @@ typedef struct Windows {
     int length, step, n, last; /* the last one begins here */
 } Windows;
 
-/* Words of a section that are scanned together: 2 KiB, which with those of its neighbours and both results stay in the
- * first-level cache. */
-enum { SCAN_WORDS = 256 };
-
-/* For n words of a section and of both its neighbours. */
-typedef void (*ScanWords)(const uint64_t *own, const uint64_t *before, const uint64_t *behind, uint64_t *always,
-                          uint64_t *ever, size_t n);
-
-static inline __attribute__((always_inline)) void scan_any_words(const uint64_t *own, const uint64_t *before,
-                                                                 const uint64_t *behind, uint64_t *restrict always,
-                                                                 uint64_t *restrict ever, size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        always[i] &= own[i] | (before[i] & behind[i]);
-        ever[i] |= own[i];
-    }
-}
-
-CTS_CPU_VARIANTS(void, scan_words,
-                 (const uint64_t *own, const uint64_t *before, const uint64_t *behind, uint64_t *always, uint64_t *ever,
-                  size_t n),
-                 scan_any_words(own, before, behind, always, ever, n))
-
 typedef struct Search {
     const CtsSectionPlan *plan;
     const CtsBits *sections;
@@ -68,7 +44,6 @@ typedef struct Search {
     CtsBits plates, doubtful; /* by window */
     CtsBits followed;         /* by shorter window */
     CtsReach reach, doubt_reach;
-    ScanWords scan;
     double least_voxels, sure_voxels;
 } Search;
 
@@ -118,15 +93,18 @@ static void scan_window_columns(const Search *s, Window window, Worker *w)
 {
     const size_t n = w->morphology->n_words;
     const int last = s->plan->dims[2] - 1;
-    memset(w->always.words, 0xff, n * sizeof *w->always.words);
-    memset(w->ever.words, 0, n * sizeof *w->ever.words);
-    for (size_t i = 0; i < n; i += SCAN_WORDS)
-        for (int k = window.first; k < window.end; k++) {
-            const uint64_t *own = cts_bits_row(&s->wide, 0, k), *before = cts_bits_row(&s->wide, 0, k ? k - 1 : 0);
-            const uint64_t *behind = cts_bits_row(&s->wide, 0, k < last ? k + 1 : last);
-            s->scan(own + i, before + i, behind + i, w->always.words + i, w->ever.words + i,
-                    n - i < SCAN_WORDS ? n - i : SCAN_WORDS);
+    uint64_t *restrict const always = w->always.words, *restrict const ever = w->ever.words;
+    memset(always, 0xff, n * sizeof *always);
+    memset(ever, 0, n * sizeof *ever);
+    for (int k = window.first; k < window.end; k++) {
+        const uint64_t *const own = cts_bits_row(&s->wide, 0, k), *const before =
+                                                                      cts_bits_row(&s->wide, 0, k ? k - 1 : 0);
+        const uint64_t *const behind = cts_bits_row(&s->wide, 0, k < last ? k + 1 : last);
+        for (size_t i = 0; i < n; i++) {
+            always[i] &= own[i] | (before[i] & behind[i]);
+            ever[i] |= own[i];
         }
+    }
 }
 
 /* Chooses the static voxels of the thin parts that are static. */
@@ -273,7 +251,6 @@ CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, C
                 .reach = cts_reach_mm(PLATE_RADIUS_MM, plan->spacing_mm),
                 .doubt_reach = cts_reach_mm(DOUBT_RADIUS_MM, plan->spacing_mm)};
     const double mm2 = plan->spacing_mm[0] * plan->spacing_mm[1];
-    s.scan = CTS_CPU_CHOICE(cts_cpu_flags(), scan_words);
     s.least_voxels = MIN_MM2 / mm2;
     s.sure_voxels = SURE_MM2 / mm2;
     s.windows = windows_of(plan, PLATE_MM);
