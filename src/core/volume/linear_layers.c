@@ -1,7 +1,5 @@
 #include "core/volume/linear_layers.h"
 
-#include "base/cpu.h"
-
 int cts_slice_below(const double *layer, int n_slices, int k)
 {
     int below = 0;
@@ -15,21 +13,12 @@ int cts_slice_below(const double *layer, int n_slices, int k)
     return below;
 }
 
-static inline __attribute__((always_inline)) void blend_any(uint16_t *to, const uint16_t *low, const uint16_t *high,
-                                                            size_t n, float share)
+void cts_slice_blend_row(uint16_t *restrict to, const uint16_t *low, const uint16_t *high, size_t n, float share)
 {
     for (size_t i = 0; i < n; i++) {
         const float a = low[i], b = high[i];
         to[i] = (uint16_t)(int32_t)(a + (b - a) * share + 0.5f);
     }
-}
-
-CTS_CPU_VARIANTS(void, blend_row, (uint16_t * to, const uint16_t *low, const uint16_t *high, size_t n, float share),
-                 blend_any(to, low, high, n, share))
-
-void cts_slice_blend_row(uint16_t *to, const uint16_t *low, const uint16_t *high, size_t n, float share)
-{
-    CTS_CPU_CHOICE(cts_cpu_flags(), blend_row)(to, low, high, n, share);
 }
 
 CtsLinearLayer cts_linear_layer(const CtsLinearLayers *l, size_t layer_voxels, int k)
