@@ -84,25 +84,25 @@ typedef struct CtsFormulaScene {
     double bound[CHECK_N_FAMILIES];
 } CtsFormulaScene;
 
-#define CHECK_POINTS(ARRAY) .points = (ARRAY), .n_points = (int)(sizeof(ARRAY) / sizeof *(ARRAY))
-#define CHECK_CUBE(N) .dims = {N, N, N}
-#define CHECK_VIEW(AZ, EL) .azimuth_deg = AZ, .elevation_deg = EL
-#define CHECK_SIZE(W, H) .width = W, .height = H
+#define POINTS(ARRAY) .points = (ARRAY), .n_points = (int)(sizeof(ARRAY) / sizeof *(ARRAY))
+#define CUBE_OF(N) .dims = {N, N, N}
+#define VIEW(AZ, EL) .azimuth_deg = AZ, .elevation_deg = EL
+#define PIXELS(W, H) .width = W, .height = H
 
 /* A row of a table, with data of this type. */
-#define CHECK_ROW(NAME, ENGINES, RUN, TYPE, ...)                                                                       \
+#define ROW(NAME, ENGINES, RUN, TYPE, ...)                                                                             \
     {                                                                                                                  \
         NAME, ENGINES, RUN, &(const TYPE)                                                                              \
         {                                                                                                              \
             __VA_ARGS__                                                                                                \
         }                                                                                                              \
     }
-#define CHECK_SCENE(NAME, ENGINES, RUN, ...) CHECK_ROW(NAME, ENGINES, RUN, CtsFormulaScene, __VA_ARGS__)
+#define SCENE(NAME, ENGINES, RUN, ...) ROW(NAME, ENGINES, RUN, CtsFormulaScene, __VA_ARGS__)
 
 /* A CtsCheckCase.run of a scene whose HU are linear: it is exact in trilinear interpolation, so that every view of it
  * has a closed form. Families that it does not apply to have the bound CHECK_NONE. */
 CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *scene, CtsError *err);
-#define CHECK_LINEAR(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_ALL, cts_check_linear_scene, __VA_ARGS__)
+#define LINEAR(NAME, ...) SCENE(NAME, CHECK_OF_ALL, cts_check_linear_scene, __VA_ARGS__)
 
 double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene);
 

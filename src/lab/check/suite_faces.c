@@ -7,18 +7,18 @@ static const CtsCheckPoint of_10[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.1, {0.2,
 static const CtsCheckPoint of_90[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.9, {0.2, 0.5, 0.9}}};
 
 #define BOX(NAME, AZ, EL, ...)                                                                                         \
-    CHECK_SCENE(NAME, CHECK_OF_ALL, cts_check_volume_scene, .hu = {500}, .lit = true, CHECK_SIZE(21, 21),              \
-                CHECK_VIEW(AZ, EL), __VA_ARGS__)
+    SCENE(NAME, CHECK_OF_ALL, cts_check_volume_scene, .hu = {500}, .lit = true, PIXELS(21, 21), VIEW(AZ, EL),          \
+          __VA_ARGS__)
 #define SIZE .dims = {17, 14, 11}
-#define HAZE CHECK_POINTS(of_3)
-#define FOG CHECK_POINTS(of_10)
+#define HAZE POINTS(of_3)
+#define FOG POINTS(of_10)
 
 /* A layer's gradient at the faces ends within a voxel: the paper's planes, one a layer, give it half of that. */
 static const CtsCheckCase cases[] = {
     BOX("cut faces: anterior", 0, 0, SIZE, HAZE, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
     BOX("cut faces: left", 90, 0, SIZE, HAZE, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
     BOX("cut faces: head", 0, 90, SIZE, HAZE, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
-    BOX("cut faces: feet, nearly opaque", 0, -90, SIZE, .samples = 16, CHECK_POINTS(of_90),
+    BOX("cut faces: feet, nearly opaque", 0, -90, SIZE, .samples = 16, POINTS(of_90),
         .bound = {8e-3, CHECK_PROMISED, 2e-6}),
     BOX("cut faces: oblique", 20, 15, SIZE, HAZE, .bound = {3e-2, 1.2e-2, 2e-6}),
     BOX("cut faces: oblique, more samples", 20, 15, SIZE, .samples = 16, HAZE, .bound = {3e-3, 1e-3, 2e-6}),

@@ -170,9 +170,9 @@ static CtsStatus make_scene(const CtsCheckRun *run, const LabelScene *s, CtsRend
                                    .spacing_mm = {1, 1.2, 2.0 / layers},
                                    .layers = layers,
                                    .hu = {300},
-                                   CHECK_POINTS(shown),
-                                   CHECK_SIZE(23, 23),
-                                   CHECK_VIEW(s->azimuth_deg, s->elevation_deg)};
+                                   POINTS(shown),
+                                   PIXELS(23, 23),
+                                   VIEW(s->azimuth_deg, s->elevation_deg)};
     return cts_check_make(run, &scene, m, err);
 }
 
@@ -284,40 +284,34 @@ static double part_balls(int label, int i, int j, int k)
     return 0.5 + ((label ? 2.4 : 4.6) - r) / 3;
 }
 
-#define SCENE(NAME, RUN, ENGINES, ...) CHECK_ROW(NAME, ENGINES, RUN, LabelScene, __VA_ARGS__)
-#define BOUND .bound = {CHECK_NONE, CHECK_PROMISED, 1e-6}
+/* Of engines with label boundaries. */
+#define EDGES(NAME, ...)                                                                                               \
+    ROW(NAME, CHECK_OF_FIELDS, edges, LabelScene, .bound = {CHECK_NONE, CHECK_PROMISED, 1e-6}, __VA_ARGS__)
+#define HIDDEN .hide = "a", .colours = {NULL, "c08040"}
+#define SHOWN .show = "a", .colours = {"c08040", NULL}
+#define TWO_COLOURS .appearances = {"a=#4080ff", "b=#ff2000"}, .colours = {"4080ff", "ff2000", "c08040"}
 
 static const CtsCheckCase cases[] = {
-    SCENE("labels: hidden half", edges, CHECK_OF_FIELDS, 1, half_space, .hide = "a", .colours = {NULL, "c08040"},
-          CHECK_VIEW(0, 0), BOUND),
-    SCENE("labels: hidden half, oblique", edges, CHECK_OF_FIELDS, 1, half_space, .hide = "a",
-          .colours = {NULL, "c08040"}, CHECK_VIEW(50, 20), BOUND),
-    SCENE("labels: hidden diagonal", edges, CHECK_OF_FIELDS, 1, diagonal, .hide = "a", .colours = {NULL, "c08040"},
-          CHECK_VIEW(-35, 25), BOUND),
-    SCENE("labels: shown ball", edges, CHECK_OF_FIELDS, 1, in_ball, .show = "a", .colours = {"c08040", NULL},
-          CHECK_VIEW(15, -30), BOUND),
-    SCENE("labels: one voxel thin", edges, CHECK_OF_FIELDS, 1, thin, .show = "a", .colours = {"c08040", NULL},
-          CHECK_VIEW(25, 40), BOUND),
-    SCENE("labels: one in another", edges, CHECK_OF_FIELDS, 2, one_in_another,
-          .appearances = {"a=#4080ff", "b=#ff2000"}, .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(10, 70),
-          BOUND),
-    SCENE("labels: one in another, hidden", edges, CHECK_OF_FIELDS, 2, one_in_another, .show = "b", .hide = "a",
-          .colours = {NULL, "c08040", NULL}, CHECK_VIEW(100, 10), BOUND),
-    SCENE("labels: three meet", edges, CHECK_OF_FIELDS, 3, three_meet,
+    EDGES("labels: hidden half", .n_labels = 1, .holds = half_space, HIDDEN, VIEW(0, 0)),
+    EDGES("labels: hidden half, oblique", .n_labels = 1, .holds = half_space, HIDDEN, VIEW(50, 20)),
+    EDGES("labels: hidden diagonal", .n_labels = 1, .holds = diagonal, HIDDEN, VIEW(-35, 25)),
+    EDGES("labels: shown ball", .n_labels = 1, .holds = in_ball, SHOWN, VIEW(15, -30)),
+    EDGES("labels: one voxel thin", .n_labels = 1, .holds = thin, SHOWN, VIEW(25, 40)),
+    EDGES("labels: one in another", .n_labels = 2, .holds = one_in_another, TWO_COLOURS, VIEW(10, 70)),
+    EDGES("labels: one in another, hidden", .n_labels = 2, .holds = one_in_another, .show = "b", .hide = "a",
+          .colours = {NULL, "c08040", NULL}, VIEW(100, 10)),
+    EDGES("labels: three meet", .n_labels = 3, .holds = three_meet,
           .appearances = {"a=#4080ff", "b=#ff2000", "c=#20ff60"}, .colours = {"4080ff", "ff2000", "20ff60", "c08040"},
-          CHECK_VIEW(30, 35), BOUND),
-    SCENE("labels: three layers to a slice", edges, CHECK_OF_FIELDS, 3, three_meet, .hide = "b",
+          VIEW(30, 35)),
+    EDGES("labels: three layers to a slice", .n_labels = 3, .holds = three_meet, .hide = "b",
           .appearances = {"a=#4080ff", "b=#ff2000", "c=#20ff60"}, .colours = {"4080ff", NULL, "20ff60", "c08040"},
-          .layers = 3, CHECK_VIEW(-60, 35), BOUND),
-    SCENE("labels: fractions, a plane", edges, CHECK_OF_FIELDS, 1, .share = part_plane, .hide = "a",
-          .colours = {NULL, "c08040"}, CHECK_VIEW(40, 25), BOUND),
-    SCENE("labels: fractions, two balls", edges, CHECK_OF_FIELDS, 2, .share = part_balls,
-          .appearances = {"a=#4080ff", "b=#ff2000"}, .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(20, 30),
-          BOUND),
-    SCENE("labels: fractions, three layers to a slice", edges, CHECK_OF_FIELDS, 2, .share = part_balls, .show = "a",
-          .hide = "b", .colours = {"c08040", NULL, NULL}, .layers = 3, CHECK_VIEW(-70, 35), BOUND),
-    SCENE("labels: hidden voxels are air", air, CHECK_OF_ALL & ~CHECK_OF_FIELDS, 1, in_ball, .hide = "a",
-          CHECK_VIEW(15, -30), .bound = {0, 0, 0}),
+          .layers = 3, VIEW(-60, 35)),
+    EDGES("labels: fractions, a plane", .n_labels = 1, .share = part_plane, HIDDEN, VIEW(40, 25)),
+    EDGES("labels: fractions, two balls", .n_labels = 2, .share = part_balls, TWO_COLOURS, VIEW(20, 30)),
+    EDGES("labels: fractions, three layers to a slice", .n_labels = 2, .share = part_balls, .show = "a", .hide = "b",
+          .colours = {"c08040", NULL, NULL}, .layers = 3, VIEW(-70, 35)),
+    ROW("labels: hidden voxels are air", CHECK_OF_ALL & ~CHECK_OF_FIELDS, air, LabelScene, 1, in_ball, .hide = "a",
+        VIEW(15, -30), .bound = {0, 0, 0}),
 };
 
 const CtsCheckTable cts_check_labels = {cases, sizeof cases / sizeof *cases};

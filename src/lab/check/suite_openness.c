@@ -10,13 +10,6 @@
 enum { BLOCK = 3, WIDE = 9, DEEP = 15, BACK = 10, FRONT = 4, MARGIN = 2, HALF = 2 };
 #define REACH_MM 35.0
 
-typedef struct OpennessCase {
-    bool (*is_wall)(const int block[3]);
-    bool slab; /* crop at the back wall: everything in front of it is left out */
-    double occlusion;
-    double bound[CHECK_N_FAMILIES];
-} OpennessCase;
-
 static bool is_plane(const int block[3])
 {
     return block[1] >= BACK;
@@ -33,15 +26,19 @@ static bool is_bowl(const int block[3])
     return block[1] >= BACK || (block[1] >= MARGIN && (x > HALF || z > HALF));
 }
 
+/* hu[0] of a scene; in front of the slit's back wall a crop leaves out everything. hu[1]: the occlusion. */
+enum { PLANE, SLIT, BOWL };
+static bool (*const is_wall[])(const int block[3]) = {is_plane, is_slit, is_bowl};
+
 static double wall_hu(const double vox[3], const void *data)
 {
-    const OpennessCase *const c = data;
+    const double *const hu = data;
     const int block[3] = {(int)vox[0] / BLOCK, (int)vox[1] / BLOCK, (int)vox[2] / BLOCK};
-    return c->is_wall(block) ? 1000 : -1000;
+    return is_wall[(int)hu[0]](block) ? 1000 : -1000;
 }
 
 /* Mean over the directions of the share of the way that is free. */
-static double openness_of(const OpennessCase *c, int y)
+static double openness_of(int wall, int y)
 {
     double sum = 0;
     for (int code = 0; code < 27; code++) {
@@ -54,7 +51,7 @@ static double openness_of(const OpennessCase *c, int y)
         for (; free < all; free++) {
             const int at[3] = {WIDE / 2 + free * way[0], y + free * way[1], WIDE / 2 + free * way[2]};
             const bool inside = at[0] >= 0 && at[0] < WIDE && at[1] >= 0 && at[1] < DEEP && at[2] >= 0 && at[2] < WIDE;
-            if (inside && c->is_wall(at))
+            if (inside && is_wall[wall](at))
                 break;
         }
         sum += (double)free / all;
@@ -64,51 +61,42 @@ static double openness_of(const OpennessCase *c, int y)
 
 static CtsStatus run_openness(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    static const CtsCheckPoint step[] = {{0, 0, {1, 0.5, 0.25}}, {0, 1, {1, 0.5, 0.25}}};
-    const OpennessCase *const c = data;
-    const int dims[3] = {BLOCK * WIDE, BLOCK * DEEP, BLOCK * WIDE};
-    const double spacing_mm[3] = {1, 1, 1};
-    CtsPreset preset = cts_check_preset(step, 2);
-    CtsRenderSettings s;
-    CtsVolume *volume = NULL;
+    const CtsFormulaScene *const c = data;
+    const int wall = (int)c->hu[0];
+    CtsRenderedScene m;
     CtsPicture *picture = NULL;
-    cts_render_defaults(&s);
-    s.engine = run->engine;
-    s.n_threads = 1;
-    s.width = s.height = 3;
-    s.mm_per_pixel = 0.1;
-    s.slab_mm = c->slab ? 10 : 0;
-    s.slab_at_mm = c->slab ? -4 : 0; /* from within the slit to behind the back wall's face */
-    preset.shade = true;
-    preset.ambient = 1;
-    preset.power = 1;
-    preset.occlusion = c->occlusion;
-    CtsStatus st = cts_check_volume(&volume, dims, spacing_mm, 1, wall_hu, c, err);
+    CtsStatus st = cts_check_make(run, c, &m, err);
+    m.settings.slab_mm = wall == SLIT ? 10 : 0;
+    m.settings.slab_at_mm = wall == SLIT ? -4 : 0; /* from within the slit to behind the back wall's face */
+    m.preset.ambient = 1;
+    m.preset.diffuse = m.preset.specular = 0;
+    m.preset.occlusion = c->hu[1];
     if (!st)
-        st = cts_check_render(run, &(CtsModel){.volume = volume}, &preset, &s, &picture, err);
+        st = cts_check_render(run, &m.model, &m.preset, &m.settings, &picture, err);
     if (!st) {
         /* HU pass the step halfway between voxels, there between two blocks; light ends 1/50 mm behind on average. */
-        const double before = openness_of(c, BACK - 1), behind = openness_of(c, BACK);
+        const double before = openness_of(wall, BACK - 1), behind = openness_of(wall, BACK);
         const double open = before + (behind - before) * (0.5 + 1 / CTS_MAX_EXTINCTION_PER_MM / BLOCK);
-        const CtsCheckFamily family = cts_check_family(run->engine);
-        const double bound = CHECK_OF_SHEETS >> run->engine & 1 ? CHECK_SHEETS_PIXEL : c->bound[family];
-        cts_check_value(run, 1 - c->occlusion * (1 - open), (double)picture->pixels[4 * 4], bound);
+        cts_check_value(run, 1 - c->hu[1] * (1 - open), (double)picture->pixels[4 * 4], cts_check_bound(run, c));
     }
     cts_picture_free(&picture);
-    cts_volume_free(&volume);
+    cts_model_free(&m.model);
     return st;
 }
 
+static const CtsCheckPoint step[] = {{0, 0, {1, 0.5, 0.25}}, {0, 1, {1, 0.5, 0.25}}};
+
 /* The field is in steps of 1/255; the paper's engines see the wall's first layer, half a voxel behind its face. */
-#define STEPS .bound = {0.08, 4e-3, 2e-3}
+#define WALL(NAME, ENGINES, KIND, OCCLUSION)                                                                           \
+    SCENE(NAME, ENGINES, run_openness, .dims = {BLOCK * WIDE, BLOCK * DEEP, BLOCK * WIDE}, .formula = wall_hu,         \
+          .hu = {KIND, OCCLUSION}, POINTS(step), .lit = true, PIXELS(3, 3), .mm_per_pixel = 0.1,                       \
+          .bound = {0.08, 4e-3, 2e-3})
 
 static const CtsCheckCase cases[] = {
-    CHECK_ROW("openness: a plane", CHECK_OF_ALL, run_openness, OpennessCase, is_plane, .occlusion = 1, STEPS),
-    CHECK_ROW("openness: a plane, occlusion 0.3", CHECK_OF_ALL, run_openness, OpennessCase, is_plane, .occlusion = 0.3,
-              STEPS),
-    CHECK_ROW("openness: a slit", CHECK_OF_FIELDS | CHECK_OF_SHEETS, run_openness, OpennessCase, is_slit, .slab = true,
-              .occlusion = 1, STEPS),
-    CHECK_ROW("openness: a bowl", CHECK_OF_ALL, run_openness, OpennessCase, is_bowl, .occlusion = 1, STEPS),
+    WALL("openness: a plane", CHECK_OF_ALL, PLANE, 1),
+    WALL("openness: a plane, occlusion 0.3", CHECK_OF_ALL, PLANE, 0.3),
+    WALL("openness: a slit", CHECK_OF_FIELDS | CHECK_OF_SHEETS, SLIT, 1),
+    WALL("openness: a bowl", CHECK_OF_ALL, BOWL, 1),
 };
 
 const CtsCheckTable cts_check_openness = {cases, sizeof cases / sizeof *cases};

@@ -89,11 +89,9 @@ static CtsStatus order(CtsCheckRun *run, const void *data, CtsError *err)
 static const CtsCheckPoint ramp[] = {{5000, 0, {0.2, 0.4, 0.9}}, {60000, 0.3, {1, 0.6, 0.1}}};
 static const CtsCheckPoint step[] = {{30000, 0, {1, 0.6, 0.1}}, {30000, 0.2, {1, 0.6, 0.1}}};
 
-#define HILL(POINTS)                                                                                                   \
-    .scene = {CHECK_CUBE(33), .formula = hu_hill, .mm_per_pixel = 0.6, CHECK_SIZE(SIZE, SIZE), CHECK_POINTS(POINTS)}
-#define SADDLE                                                                                                         \
-    .scene = {CHECK_CUBE(17), .formula = hu_saddle, .mm_per_pixel = 0.06, CHECK_SIZE(SIZE, SIZE), CHECK_POINTS(step)}
-#define ORDER(NAME, ENGINES, RUN, ...) CHECK_ROW(NAME, ENGINES, RUN, OrderScene, __VA_ARGS__)
+#define HILL(BY) .scene = {CUBE_OF(33), .formula = hu_hill, .mm_per_pixel = 0.6, PIXELS(SIZE, SIZE), POINTS(BY)}
+#define SADDLE .scene = {CUBE_OF(17), .formula = hu_saddle, .mm_per_pixel = 0.06, PIXELS(SIZE, SIZE), POINTS(step)}
+#define ORDER(NAME, ENGINES, RUN, ...) ROW(NAME, ENGINES, RUN, OrderScene, __VA_ARGS__)
 enum { CLASSIC = 1u << CTS_ENGINE_CLASSIC };
 
 static const CtsCheckCase cases[] = {

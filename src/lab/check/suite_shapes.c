@@ -246,45 +246,43 @@ static const CtsCheckPoint opaque[] = {{100, 0, {0.9, 0.4, 0.3}}, {700, 0.2, {1,
 static const CtsCheckPoint step_770[] = {{770, 0, {1, 1, 1}}, {770, 1, {1, 1, 1}}};
 static const CtsCheckPoint thin_and_opaque[] = {
     {0, 2.36e-4, {1, 0, 0}}, {400, 2.36e-4, {1, 0, 0}}, {401, 1, {0, 1, 0}}};
-#define BALL .formula = hu_ball, .hu = {26, 36200, 1500}, CHECK_POINTS(of_6200)
+#define BALL .formula = hu_ball, .hu = {26, 36200, 1500}, POINTS(of_6200)
 #define MARKER(NAME, AZ, EL, RIGHT, UP)                                                                                \
-    CHECK_SCENE(NAME, CHECK_OF_ALL, marker, CHECK_CUBE(25), .formula = hu_marker, .hu = {RIGHT, UP},                   \
-                CHECK_POINTS(from_0), CHECK_SIZE(50, 50), CHECK_VIEW(AZ, EL))
-#define CELL CHECK_CUBE(2), .spacing_mm = {10, 10, 10}, .formula = cts_hu_noise, .hu = {0, 1000, 77}
-#define NOISE(SEED) CHECK_CUBE(19), .formula = hu_noise, .hu = {-200, 1200, SEED}, CHECK_POINTS(tissues)
-#define SIZE CHECK_SIZE(40, 40)
+    SCENE(NAME, CHECK_OF_ALL, marker, CUBE_OF(25), .formula = hu_marker, .hu = {RIGHT, UP}, POINTS(from_0),            \
+          PIXELS(50, 50), VIEW(AZ, EL))
+#define CELL CUBE_OF(2), .spacing_mm = {10, 10, 10}, .formula = cts_hu_noise, .hu = {0, 1000, 77}
+#define NOISE(SEED) CUBE_OF(19), .formula = hu_noise, .hu = {-200, 1200, SEED}, POINTS(tissues)
+#define SIZE PIXELS(40, 40)
 
 static const CtsCheckCase cases[] = {
-    CHECK_SCENE("ball: chords", CHECK_OF_ALL, ball, CHECK_CUBE(53), .spacing_mm = {0.5, 0.5, 0.5}, BALL,
-                CHECK_SIZE(48, 48), CHECK_VIEW(25, 15), .mm_per_pixel = 0.5, .bound = {3e-2, 3e-3, 2e-3}),
-    CHECK_SCENE("ball: order in spacing", CHECK_OF_FIELDS, ball_order, BALL, CHECK_SIZE(60, 60), CHECK_VIEW(37, 21),
-                .mm_per_pixel = 0.22, .samples = 8, .bound = {0, 0.15, 0.15}),
-    CHECK_SCENE("range: checkerboard of 16-bit extremes", CHECK_OF_FIELDS | CHECK_OF_SHEETS, cts_check_volume_scene,
-                CHECK_CUBE(11), .formula = cts_hu_checkers, CHECK_POINTS(all_bits), CHECK_SIZE(11, 11),
-                .mm_per_pixel = 1, .bound = {0, 1e-3, 1e-6}),
-    CHECK_SCENE("cell: HU turns inside", CHECK_OF_FIELDS | CHECK_OF_SHEETS, cell, CELL, CHECK_SIZE(10, 10),
-                CHECK_VIEW(38, 33), .bound = {0, 1.2e-2, 1e-5}),
-    CHECK_SCENE("cell: HU turns inside, mip", CHECK_OF_FIELDS, cell, CELL, CHECK_SIZE(10, 10), CHECK_VIEW(38, 33),
-                .mode = CTS_MODE_MIP, .bound = {0, 1e-5, 1e-5}),
+    SCENE("ball: chords", CHECK_OF_ALL, ball, CUBE_OF(53), .spacing_mm = {0.5, 0.5, 0.5}, BALL, PIXELS(48, 48),
+          VIEW(25, 15), .mm_per_pixel = 0.5, .bound = {3e-2, 3e-3, 2e-3}),
+    SCENE("ball: order in spacing", CHECK_OF_FIELDS, ball_order, BALL, PIXELS(60, 60), VIEW(37, 21),
+          .mm_per_pixel = 0.22, .samples = 8, .bound = {0, 0.15, 0.15}),
+    SCENE("range: checkerboard of 16-bit extremes", CHECK_OF_FIELDS | CHECK_OF_SHEETS, cts_check_volume_scene,
+          CUBE_OF(11), .formula = cts_hu_checkers, POINTS(all_bits), PIXELS(11, 11), .mm_per_pixel = 1,
+          .bound = {0, 1e-3, 1e-6}),
+    SCENE("cell: HU turns inside", CHECK_OF_FIELDS | CHECK_OF_SHEETS, cell, CELL, PIXELS(10, 10), VIEW(38, 33),
+          .bound = {0, 1.2e-2, 1e-5}),
+    SCENE("cell: HU turns inside, mip", CHECK_OF_FIELDS, cell, CELL, PIXELS(10, 10), VIEW(38, 33), .mode = CTS_MODE_MIP,
+          .bound = {0, 1e-5, 1e-5}),
     MARKER("marker: left, front, head from anterior", 0, 0, 1, 1),
     MARKER("marker: left, front, head from posterior", 180, 0, -1, 1),
     MARKER("marker: left, front, head from left", 90, 0, -1, 1),
     MARKER("marker: left, front, head from right", -90, 0, 1, 1),
     MARKER("marker: left, front, head from head", 0, 90, 1, -1),
     MARKER("marker: left, front, head from feet", 0, -90, 1, 1),
-    CHECK_SCENE("same: two halves are the whole", CHECK_OF_ALL, halves, NOISE(9), SIZE, .mm_per_pixel = 0.37,
-                .bound = {1e-5, 2 * CHECK_PROMISED, 1e-6}),
-    CHECK_SCENE("same: an opaque wall hides what is behind", CHECK_OF_ALL, cts_check_volume_scene, CHECK_CUBE(19),
-                .formula = hu_wall, .hu = {-200, 1200, 5}, CHECK_POINTS(opaque), SIZE, .mm_per_pixel = 0.3,
-                .bound = {1e-5, 1e-5, 1e-6}),
-    CHECK_SCENE("range: faint haze before an opaque wall", CHECK_OF_ALL, cts_check_volume_scene, .dims = {5, 206, 5},
-                .formula = hu_haze, CHECK_POINTS(thin_and_opaque), CHECK_SIZE(9, 9), .mm_per_pixel = 0.3,
-                .bound = {1e-4, 5e-4, 1e-6}),
-    CHECK_SCENE("depth: an opaque plane", CHECK_OF_ALL, plane_depth, CHECK_CUBE(17), .hu = {0, 0, 100},
-                CHECK_POINTS(step_770), CHECK_SIZE(20, 20), .mm_per_pixel = 0.4, .bound = {0.4, 0.03, 0.02}),
-    CHECK_SCENE("range: no NaN, alpha 0 to 1", CHECK_OF_ALL, sane, .dims = {23, 17, 29}, .spacing_mm = {0.3, 7, 1.1},
-                .formula = cts_hu_noise, .hu = {-1024, 64511, 3}, CHECK_POINTS(tissues), CHECK_SIZE(31, 33),
-                .power = 5),
+    SCENE("same: two halves are the whole", CHECK_OF_ALL, halves, NOISE(9), SIZE, .mm_per_pixel = 0.37,
+          .bound = {1e-5, 2 * CHECK_PROMISED, 1e-6}),
+    SCENE("same: an opaque wall hides what is behind", CHECK_OF_ALL, cts_check_volume_scene, CUBE_OF(19),
+          .formula = hu_wall, .hu = {-200, 1200, 5}, POINTS(opaque), SIZE, .mm_per_pixel = 0.3,
+          .bound = {1e-5, 1e-5, 1e-6}),
+    SCENE("range: faint haze before an opaque wall", CHECK_OF_ALL, cts_check_volume_scene, .dims = {5, 206, 5},
+          .formula = hu_haze, POINTS(thin_and_opaque), PIXELS(9, 9), .mm_per_pixel = 0.3, .bound = {1e-4, 5e-4, 1e-6}),
+    SCENE("depth: an opaque plane", CHECK_OF_ALL, plane_depth, CUBE_OF(17), .hu = {0, 0, 100}, POINTS(step_770),
+          PIXELS(20, 20), .mm_per_pixel = 0.4, .bound = {0.4, 0.03, 0.02}),
+    SCENE("range: no NaN, alpha 0 to 1", CHECK_OF_ALL, sane, .dims = {23, 17, 29}, .spacing_mm = {0.3, 7, 1.1},
+          .formula = cts_hu_noise, .hu = {-1024, 64511, 3}, POINTS(tissues), PIXELS(31, 33), .power = 5),
 };
 
 const CtsCheckTable cts_check_shapes = {cases, sizeof cases / sizeof *cases};

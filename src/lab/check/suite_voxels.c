@@ -167,7 +167,7 @@ static const CtsCheckPoint stripes[] = {{60, 0, {1, 0, 0}},  {60, 0.3, {1, 0.5, 
 static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}},    {400, 0.1, {1, 0.5, 0}},
                                       {400, 0.02, {0, 1, 1}}, {900, 0.02, {0, 1, 1}}, {900, 1, {1, 1, 1}}};
 
-#define CUBE CHECK_CUBE(SIDE), .power = 20
+#define CUBE CUBE_OF(SIDE), .power = 20
 #define PLATES CUBE, .formula = hu_thin, .hu = {1}
 #define WIRES CUBE, .formula = hu_thin, .hu = {2}
 #define DOTS CUBE, .formula = hu_thin, .hu = {3}
@@ -177,23 +177,23 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 #define GRAIN_AND_METAL CUBE, .formula = hu_grain, .hu = {20, 60, 5, 20000}
 #define DOT CUBE, .formula = hu_thin, .hu = {4}
 #define HELIX CUBE, .formula = hu_helix
-#define LEVELS CHECK_CUBE(12), .power = 20, .formula = hu_two_levels, .hu = {500, 8}
+#define LEVELS CUBE_OF(12), .power = 20, .formula = hu_two_levels, .hu = {500, 8}
 #define LUMP CUBE, .formula = hu_lump, .hu = {-30, 30, 4}
-#define HAZE(METAL, POINTS) .dims = {12, 502, 12}, .formula = hu_grainy_haze, .hu = {METAL}, CHECK_POINTS(POINTS)
+#define HAZE(METAL, BY) .dims = {12, 502, 12}, .formula = hu_grainy_haze, .hu = {METAL}, POINTS(BY)
 /* Magnified: rows lie closer than voxels; reduced: pixels miss voxels. */
-#define QUARTER(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 0.25, CHECK_SIZE(48, 64)
-#define HALF(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 0.5, CHECK_SIZE(44, 44)
-#define WHOLE(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 1, CHECK_SIZE(32, 32)
-#define DOUBLE(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 2, CHECK_SIZE(18, 18)
+#define QUARTER(AZ, EL) VIEW(AZ, EL), .mm_per_pixel = 0.25, PIXELS(48, 64)
+#define HALF(AZ, EL) VIEW(AZ, EL), .mm_per_pixel = 0.5, PIXELS(44, 44)
+#define WHOLE(AZ, EL) VIEW(AZ, EL), .mm_per_pixel = 1, PIXELS(32, 32)
+#define DOUBLE(AZ, EL) VIEW(AZ, EL), .mm_per_pixel = 2, PIXELS(18, 18)
 
 /* From the side, where a ray may pass between two layers in which it is hardly visible. */
 #define SINGLE(KIND, HU, AZ, EL)                                                                                       \
-    CHECK_CUBE(17), .formula = hu_single, .hu = {KIND, HU}, CHECK_POINTS(from_150), CHECK_VIEW(AZ, EL),                \
-                    .mm_per_pixel = 0.23, CHECK_SIZE(60, 60)
+    CUBE_OF(17), .formula = hu_single, .hu = {KIND, HU}, POINTS(from_150), VIEW(AZ, EL), .mm_per_pixel = 0.23,         \
+                 PIXELS(60, 60)
 
-#define VOXELS(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_FIELDS | CHECK_OF_SHEETS, voxels, __VA_ARGS__)
+#define VOXELS(NAME, ...) SCENE(NAME, CHECK_OF_FIELDS | CHECK_OF_SHEETS, voxels, __VA_ARGS__)
 /* Cases whose target tiled does not meet yet. */
-#define OF_REFERENCE(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_RAYCAST, voxels, __VA_ARGS__)
+#define OF_REFERENCE(NAME, ...) SCENE(NAME, CHECK_OF_RAYCAST, voxels, __VA_ARGS__)
 
 static const CtsCheckCase cases[] = {
     VOXELS("thin: a plate at 45", SINGLE(1, 2500, 45, 0)),
@@ -203,81 +203,79 @@ static const CtsCheckCase cases[] = {
     VOXELS("thin: a bright line at 45", SINGLE(2, 20000, 45, 0)),
     VOXELS("thin: a dot at 45, 35", SINGLE(3, 2500, 45, 35.26)),
     VOXELS("thin: a bright dot at 45, 35", SINGLE(3, 20000, 45, 35.26)),
-    VOXELS("voxels: plates, magnified", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0)),
-    VOXELS("voxels: plates, magnified, oblique", PLATES, CHECK_POINTS(from_1800), QUARTER(30, 20)),
-    OF_REFERENCE("voxels: plates, oblique", PLATES, CHECK_POINTS(from_1800), WHOLE(-50, 35)),
-    VOXELS("voxels: plates, reduced", PLATES, CHECK_POINTS(from_1800), DOUBLE(120, -65)),
-    VOXELS("voxels: plates by a step, magnified", PLATES, CHECK_POINTS(step_1800), QUARTER(5, 2)),
-    VOXELS("voxels: wires, magnified", WIRES, CHECK_POINTS(from_1800), QUARTER(0, 0)),
-    VOXELS("voxels: wires, magnified, oblique", WIRES, CHECK_POINTS(from_1800), HALF(-35, 25)),
-    VOXELS("voxels: wires, oblique", WIRES, CHECK_POINTS(from_1800), WHOLE(70, 50)),
-    VOXELS("voxels: wires, reduced", WIRES, CHECK_POINTS(from_1800), DOUBLE(200, 10)),
-    VOXELS("voxels: dots, magnified", DOTS, CHECK_POINTS(step_1800), QUARTER(0, 0)),
-    VOXELS("voxels: dots, magnified, oblique", DOTS, CHECK_POINTS(from_1800), HALF(45, 35.26)),
-    VOXELS("voxels: dots, oblique", DOTS, CHECK_POINTS(step_1800), WHOLE(-20, 70)),
-    VOXELS("voxels: dots, reduced", DOTS, CHECK_POINTS(from_1800), DOUBLE(33, 57)),
-    VOXELS("voxels: a stent, magnified", HELIX, CHECK_POINTS(from_1800), QUARTER(0, 0)),
-    VOXELS("voxels: a stent, magnified, oblique", HELIX, CHECK_POINTS(from_1800), HALF(30, 20)),
-    VOXELS("voxels: a stent from the head", HELIX, CHECK_POINTS(from_1800), WHOLE(10, 85)),
-    VOXELS("voxels: a stent, reduced", HELIX, CHECK_POINTS(from_1800), DOUBLE(-110, -15)),
-    VOXELS("voxels: a peak between two levels", LEVELS, CHECK_POINTS(between_levels), QUARTER(0, 0)),
-    OF_REFERENCE("voxels: a peak between two levels, oblique", LEVELS, CHECK_POINTS(between_levels), HALF(25, -40)),
-    OF_REFERENCE("voxels: a shell of a hundredth of a level", LEVELS, CHECK_POINTS(hundredth), QUARTER(46.69, 0.445)),
-    OF_REFERENCE("voxels: a plateau between two levels, oblique", LEVELS, CHECK_POINTS(within_levels), WHOLE(-60, 15)),
-    VOXELS("voxels: a shell between two levels", LUMP, CHECK_POINTS(thin_shell), HALF(30, 20)),
-    VOXELS("voxels: plates, magnified, 0.1 asked", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0), .max_error = 0.1),
-    VOXELS("voxels: plates, reduced, 0.1 asked", PLATES, CHECK_POINTS(from_1800), DOUBLE(120, -65), .max_error = 0.1),
-    VOXELS("voxels: wires, oblique, 0.25 asked", WIRES, CHECK_POINTS(from_1800), WHOLE(70, 50), .max_error = 0.25),
-    VOXELS("voxels: dots, magnified, oblique, 0.25 asked", DOTS, CHECK_POINTS(from_1800), HALF(45, 35.26),
-           .max_error = 0.25),
-    VOXELS("voxels: one dot, oblique, 0.1 asked", DOT, CHECK_POINTS(step_300), QUARTER(45, 35.26), .max_error = 0.1),
-    VOXELS("voxels: a stent from the head, 0.1 asked", HELIX, CHECK_POINTS(from_1800), WHOLE(10, 85), .max_error = 0.1),
-    VOXELS("voxels: a peak between two levels, 0.5 asked", LEVELS, CHECK_POINTS(between_levels), QUARTER(0, 0),
+    VOXELS("voxels: plates, magnified", PLATES, POINTS(from_1800), QUARTER(0, 0)),
+    VOXELS("voxels: plates, magnified, oblique", PLATES, POINTS(from_1800), QUARTER(30, 20)),
+    OF_REFERENCE("voxels: plates, oblique", PLATES, POINTS(from_1800), WHOLE(-50, 35)),
+    VOXELS("voxels: plates, reduced", PLATES, POINTS(from_1800), DOUBLE(120, -65)),
+    VOXELS("voxels: plates by a step, magnified", PLATES, POINTS(step_1800), QUARTER(5, 2)),
+    VOXELS("voxels: wires, magnified", WIRES, POINTS(from_1800), QUARTER(0, 0)),
+    VOXELS("voxels: wires, magnified, oblique", WIRES, POINTS(from_1800), HALF(-35, 25)),
+    VOXELS("voxels: wires, oblique", WIRES, POINTS(from_1800), WHOLE(70, 50)),
+    VOXELS("voxels: wires, reduced", WIRES, POINTS(from_1800), DOUBLE(200, 10)),
+    VOXELS("voxels: dots, magnified", DOTS, POINTS(step_1800), QUARTER(0, 0)),
+    VOXELS("voxels: dots, magnified, oblique", DOTS, POINTS(from_1800), HALF(45, 35.26)),
+    VOXELS("voxels: dots, oblique", DOTS, POINTS(step_1800), WHOLE(-20, 70)),
+    VOXELS("voxels: dots, reduced", DOTS, POINTS(from_1800), DOUBLE(33, 57)),
+    VOXELS("voxels: a stent, magnified", HELIX, POINTS(from_1800), QUARTER(0, 0)),
+    VOXELS("voxels: a stent, magnified, oblique", HELIX, POINTS(from_1800), HALF(30, 20)),
+    VOXELS("voxels: a stent from the head", HELIX, POINTS(from_1800), WHOLE(10, 85)),
+    VOXELS("voxels: a stent, reduced", HELIX, POINTS(from_1800), DOUBLE(-110, -15)),
+    VOXELS("voxels: a peak between two levels", LEVELS, POINTS(between_levels), QUARTER(0, 0)),
+    OF_REFERENCE("voxels: a peak between two levels, oblique", LEVELS, POINTS(between_levels), HALF(25, -40)),
+    OF_REFERENCE("voxels: a shell of a hundredth of a level", LEVELS, POINTS(hundredth), QUARTER(46.69, 0.445)),
+    OF_REFERENCE("voxels: a plateau between two levels, oblique", LEVELS, POINTS(within_levels), WHOLE(-60, 15)),
+    VOXELS("voxels: a shell between two levels", LUMP, POINTS(thin_shell), HALF(30, 20)),
+    VOXELS("voxels: plates, magnified, 0.1 asked", PLATES, POINTS(from_1800), QUARTER(0, 0), .max_error = 0.1),
+    VOXELS("voxels: plates, reduced, 0.1 asked", PLATES, POINTS(from_1800), DOUBLE(120, -65), .max_error = 0.1),
+    VOXELS("voxels: wires, oblique, 0.25 asked", WIRES, POINTS(from_1800), WHOLE(70, 50), .max_error = 0.25),
+    VOXELS("voxels: dots, magnified, oblique, 0.25 asked", DOTS, POINTS(from_1800), HALF(45, 35.26), .max_error = 0.25),
+    VOXELS("voxels: one dot, oblique, 0.1 asked", DOT, POINTS(step_300), QUARTER(45, 35.26), .max_error = 0.1),
+    VOXELS("voxels: a stent from the head, 0.1 asked", HELIX, POINTS(from_1800), WHOLE(10, 85), .max_error = 0.1),
+    VOXELS("voxels: a peak between two levels, 0.5 asked", LEVELS, POINTS(between_levels), QUARTER(0, 0),
            .max_error = 0.5),
-    VOXELS("voxels: a step, magnified, 0.1 asked", LUMP, CHECK_POINTS(step_300), QUARTER(0, 0), .max_error = 0.1),
-    VOXELS("voxels: a step, oblique, 0.1 asked", LUMP, CHECK_POINTS(step_300), WHOLE(-125, 40), .max_error = 0.1),
-    VOXELS("voxels: a step, lit, oblique, 0.25 asked", LUMP, CHECK_POINTS(step_300), HALF(-30, 15), .lit = true,
+    VOXELS("voxels: a step, magnified, 0.1 asked", LUMP, POINTS(step_300), QUARTER(0, 0), .max_error = 0.1),
+    VOXELS("voxels: a step, oblique, 0.1 asked", LUMP, POINTS(step_300), WHOLE(-125, 40), .max_error = 0.1),
+    VOXELS("voxels: a step, lit, oblique, 0.25 asked", LUMP, POINTS(step_300), HALF(-30, 15), .lit = true,
            .max_error = 0.25),
-    VOXELS("voxels: steps of colour, oblique, 0.5 asked", LUMP, CHECK_POINTS(steps), HALF(80, 30), .max_error = 0.5),
-    VOXELS("voxels: shells about bright wires", BRIGHT(2), CHECK_POINTS(about_metal), HALF(47, 27.85)),
+    VOXELS("voxels: steps of colour, oblique, 0.5 asked", LUMP, POINTS(steps), HALF(80, 30), .max_error = 0.5),
+    VOXELS("voxels: shells about bright wires", BRIGHT(2), POINTS(about_metal), HALF(47, 27.85)),
     /* Opaque where a voxel is only slightly above its cells: rays graze it between sampling positions. */
-    VOXELS("voxels: grazing a dot", DOT, CHECK_POINTS(step_100), HALF(-35, 25)),
-    VOXELS("voxels: grazing a dot, magnified", DOT, CHECK_POINTS(step_100), QUARTER(70, 50)),
-    VOXELS("voxels: grazing dots, not magnified", DOTS, CHECK_POINTS(step_100), WHOLE(33, 57)),
-    VOXELS("voxels: grazing bright dots", BRIGHT(3), CHECK_POINTS(step_300), WHOLE(-110, -15)),
-    VOXELS("voxels: grazing wires", WIRES, CHECK_POINTS(step_100), HALF(-35, 25)),
-    VOXELS("voxels: grazing a stent", HELIX, CHECK_POINTS(step_100), HALF(-35, 25)),
-    VOXELS("voxels: grazing a stent, not magnified", HELIX, CHECK_POINTS(step_1800), WHOLE(33, 57)),
-    VOXELS("voxels: stripes about one dot, magnified", DOT, CHECK_POINTS(stripes), QUARTER(45, 35.26)),
-    VOXELS("voxels: stripes about a stent", HELIX, CHECK_POINTS(stripes), HALF(30, 20)),
-    OF_REFERENCE("voxels: shells about bright wires, magnified", BRIGHT(2), CHECK_POINTS(about_metal),
-                 QUARTER(10, -47)),
-    OF_REFERENCE("voxels: shells about bright dots", BRIGHT(3), CHECK_POINTS(about_metal), HALF(10, -47)),
-    OF_REFERENCE("voxels: shells about bright dots, 0.5 asked", BRIGHT(3), CHECK_POINTS(about_metal), QUARTER(47, 28),
+    VOXELS("voxels: grazing a dot", DOT, POINTS(step_100), HALF(-35, 25)),
+    VOXELS("voxels: grazing a dot, magnified", DOT, POINTS(step_100), QUARTER(70, 50)),
+    VOXELS("voxels: grazing dots, not magnified", DOTS, POINTS(step_100), WHOLE(33, 57)),
+    VOXELS("voxels: grazing bright dots", BRIGHT(3), POINTS(step_300), WHOLE(-110, -15)),
+    VOXELS("voxels: grazing wires", WIRES, POINTS(step_100), HALF(-35, 25)),
+    VOXELS("voxels: grazing a stent", HELIX, POINTS(step_100), HALF(-35, 25)),
+    VOXELS("voxels: grazing a stent, not magnified", HELIX, POINTS(step_1800), WHOLE(33, 57)),
+    VOXELS("voxels: stripes about one dot, magnified", DOT, POINTS(stripes), QUARTER(45, 35.26)),
+    VOXELS("voxels: stripes about a stent", HELIX, POINTS(stripes), HALF(30, 20)),
+    OF_REFERENCE("voxels: shells about bright wires, magnified", BRIGHT(2), POINTS(about_metal), QUARTER(10, -47)),
+    OF_REFERENCE("voxels: shells about bright dots", BRIGHT(3), POINTS(about_metal), HALF(10, -47)),
+    OF_REFERENCE("voxels: shells about bright dots, 0.5 asked", BRIGHT(3), POINTS(about_metal), QUARTER(47, 28),
                  .max_error = 0.5),
-    VOXELS("voxels: a sharp ball at 44 degrees, magnified", BALL, CHECK_POINTS(low_ramp), CHECK_VIEW(43.999, -0.516),
-           .mm_per_pixel = 0.1, CHECK_SIZE(160, 40)),
-    VOXELS("voxels: a sharp ball at 44 degrees, 0.1 asked", BALL, CHECK_POINTS(low_ramp), CHECK_VIEW(43.999, -0.516),
-           .mm_per_pixel = 0.1, CHECK_SIZE(160, 40), .max_error = 0.1),
-    VOXELS("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, CHECK_POINTS(low_ramp), CHECK_VIEW(45, 0.3),
-           .mm_per_pixel = 0.2, CHECK_SIZE(80, 40), .max_error = 0.1),
-    VOXELS("voxels: grain, lit", GRAIN, CHECK_POINTS(soft), HALF(158.58, 35.56), .lit = true),
-    VOXELS("voxels: grain, lit, reduced", GRAIN, CHECK_POINTS(soft), DOUBLE(20, -70), .lit = true),
-    VOXELS("voxels: grain, lit, 0.25 asked", GRAIN, CHECK_POINTS(soft), WHOLE(-50, 20), .lit = true, .max_error = 0.25),
-    VOXELS("voxels: metal in grain, lit, magnified", GRAIN_AND_METAL, CHECK_POINTS(metal), CHECK_VIEW(43.376, 1.848),
-           .mm_per_pixel = 0.2, CHECK_SIZE(70, 20), .lit = true),
-    VOXELS("voxels: metal in grain, lit, oblique", GRAIN_AND_METAL, CHECK_POINTS(metal), WHOLE(63, -25), .lit = true),
+    VOXELS("voxels: a sharp ball at 44 degrees, magnified", BALL, POINTS(low_ramp), VIEW(43.999, -0.516),
+           .mm_per_pixel = 0.1, PIXELS(160, 40)),
+    VOXELS("voxels: a sharp ball at 44 degrees, 0.1 asked", BALL, POINTS(low_ramp), VIEW(43.999, -0.516),
+           .mm_per_pixel = 0.1, PIXELS(160, 40), .max_error = 0.1),
+    VOXELS("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, POINTS(low_ramp), VIEW(45, 0.3), .mm_per_pixel = 0.2,
+           PIXELS(80, 40), .max_error = 0.1),
+    VOXELS("voxels: grain, lit", GRAIN, POINTS(soft), HALF(158.58, 35.56), .lit = true),
+    VOXELS("voxels: grain, lit, reduced", GRAIN, POINTS(soft), DOUBLE(20, -70), .lit = true),
+    VOXELS("voxels: grain, lit, 0.25 asked", GRAIN, POINTS(soft), WHOLE(-50, 20), .lit = true, .max_error = 0.25),
+    VOXELS("voxels: metal in grain, lit, magnified", GRAIN_AND_METAL, POINTS(metal), VIEW(43.376, 1.848),
+           .mm_per_pixel = 0.2, PIXELS(70, 20), .lit = true),
+    VOXELS("voxels: metal in grain, lit, oblique", GRAIN_AND_METAL, POINTS(metal), WHOLE(63, -25), .lit = true),
     VOXELS("voxels: haze beside metal of 3000 HU", HAZE(3000, haze_and_metal), HALF(0, 0)),
     VOXELS("voxels: haze beside metal of 3000 HU, oblique", HAZE(3000, haze_and_metal), QUARTER(0.4, 0.3)),
     VOXELS("voxels: haze beside metal of 20000 HU", HAZE(20000, haze_to_metal), HALF(0, 0)),
     VOXELS("voxels: haze beside metal of 20000 HU, oblique", HAZE(20000, haze_to_metal), WHOLE(0.5, -0.2)),
-    VOXELS("voxels: a step, magnified", LUMP, CHECK_POINTS(step_300), QUARTER(0, 0)),
-    VOXELS("voxels: a step, magnified, oblique", LUMP, CHECK_POINTS(step_300), HALF(30, 20)),
-    VOXELS("voxels: a step, oblique", LUMP, CHECK_POINTS(step_300), WHOLE(-125, 40)),
-    VOXELS("voxels: a step, lit, oblique", LUMP, CHECK_POINTS(step_300), HALF(-30, 15), .lit = true),
-    VOXELS("voxels: a step, lit, reduced", LUMP, CHECK_POINTS(step_300), DOUBLE(60, -25), .lit = true),
-    VOXELS("voxels: steps of colour, oblique", LUMP, CHECK_POINTS(steps), HALF(80, 30)),
-    VOXELS("voxels: steps of colour, lit, oblique", LUMP, CHECK_POINTS(steps), WHOLE(155, 5), .lit = true),
+    VOXELS("voxels: a step, magnified", LUMP, POINTS(step_300), QUARTER(0, 0)),
+    VOXELS("voxels: a step, magnified, oblique", LUMP, POINTS(step_300), HALF(30, 20)),
+    VOXELS("voxels: a step, oblique", LUMP, POINTS(step_300), WHOLE(-125, 40)),
+    VOXELS("voxels: a step, lit, oblique", LUMP, POINTS(step_300), HALF(-30, 15), .lit = true),
+    VOXELS("voxels: a step, lit, reduced", LUMP, POINTS(step_300), DOUBLE(60, -25), .lit = true),
+    VOXELS("voxels: steps of colour, oblique", LUMP, POINTS(steps), HALF(80, 30)),
+    VOXELS("voxels: steps of colour, lit, oblique", LUMP, POINTS(steps), WHOLE(155, 5), .lit = true),
 };
 
 const CtsCheckTable cts_check_voxels = {cases, sizeof cases / sizeof *cases};
