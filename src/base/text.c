@@ -112,3 +112,14 @@ bool cts_uid_is_valid(const char *uid)
     return n > 0 && n <= 64 && strspn(uid, "0123456789.") == n && uid[0] != '.' && uid[n - 1] != '.' &&
            !strstr(uid, "..");
 }
+
+char *cts_text_end(FILE *stream, char **text)
+{
+    const bool whole = stream && !ferror(stream);
+    const bool closed = stream && !fclose(stream);
+    if (whole && closed)
+        return *text;
+    if (stream)
+        free(*text);
+    return *text = NULL;
+}

@@ -4,8 +4,13 @@
 #include "ctsplat/api.h"
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 CTS_C_BEGIN
+
+/* Closes a stream of open_memstream() on text, or NULL where that failed. The text, to be freed with free(); NULL, and
+ * nothing to free, where memory ran out. */
+char *cts_text_end(FILE *stream, char **text);
 
 /* Length of the UTF-8 character at text, of n > 0 bytes, and its code point; 0 when it is none: PS3.5 has no use for
  * overlong forms either. */

@@ -8,6 +8,7 @@
 #include "base/json.h"
 #include "base/mem.h"
 #include "base/sanitized.h"
+#include "base/text.h"
 #include "output/report/log.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -101,10 +102,7 @@ static char *renamed(const char *text, const CtsPlanSeries *series)
     for (const char *at; n && (at = strstr(text, own)); text = at + n)
         fprintf(stream, "%.*s%s", (int)(at - text), text, at[n] >= '0' && at[n] <= '9' ? own : series->uid);
     fputs(text, stream);
-    if (!fclose(stream))
-        return out;
-    free(out);
-    return NULL;
+    return cts_text_end(stream, &out);
 }
 
 CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const char *word, CtsError *err)

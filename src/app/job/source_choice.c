@@ -1,8 +1,8 @@
 /* The text by which processed volumes are found again: what the volume depends on after the scan. unit/test_options
  * looks for each option that remakes the volume. */
 #include "app/job/pipeline.h"
+#include "base/text.h"
 #include <stdio.h>
-#include <stdlib.h>
 
 static void print_label_choice(FILE *out, const CtsLabelChoice *choice)
 {
@@ -28,9 +28,5 @@ char *cts_source_choice(const CtsSource *source)
         fprintf(out, "%a %a ", crop->low_lps[i], crop->high_lps[i]);
     fprintf(out, "\n%d %a\n", source->fill.given, source->fill.given ? source->fill.hu : 0);
     print_label_choice(out, &source->choice);
-    if (fclose(out)) {
-        free(text);
-        return NULL;
-    }
-    return text;
+    return cts_text_end(out, &text);
 }

@@ -2,6 +2,7 @@
 
 #include "base/did_you_mean.h"
 #include "base/mem.h"
+#include "base/text.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -282,11 +283,7 @@ char *cts_options_text(const CtsOptions *options, bool of_objects)
             if (!strcmp(options->given[i].name, o->name))
                 print_value(file, o, options->given[i].value);
     }
-    if (file && fclose(file)) {
-        free(text);
-        text = NULL;
-    }
-    return text;
+    return cts_text_end(file, &text);
 }
 
 void cts_options_command(const CtsOptions *options, char *text, size_t size)

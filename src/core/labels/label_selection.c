@@ -226,10 +226,9 @@ CtsStatus cts_label_find_present(const CtsLabels *labels, const char *show, uint
                                  CtsError *err)
 {
     size_t size;
-    *lacking = NULL;
     FILE *const out = open_memstream(lacking, &size);
-    CtsStatus st = out ? find_list(labels, "show", show, hit, out, err) : CTS_ERR_MEMORY;
-    if ((!out || fclose(out)) && (!st || !out))
+    CtsStatus st = out ? find_list(labels, "show", show, hit, out, err) : CTS_OK;
+    if (!cts_text_end(out, lacking) && !st)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (st) {
         free(*lacking);

@@ -29,6 +29,15 @@ CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err)
     return st;
 }
 
+void cts_label_regions_free(CtsLabelRegion *regions, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        free(regions[i].name);
+        cts_free(&regions[i].numbers);
+    }
+    free(regions);
+}
+
 void cts_labels_free(CtsLabels **labels)
 {
     if (!*labels)
@@ -42,11 +51,7 @@ void cts_labels_free(CtsLabels **labels)
     }
     free((*labels)->items);
     free((*labels)->objects);
-    for (size_t i = 0; i < (*labels)->n_regions; i++) {
-        free((*labels)->regions[i].name);
-        cts_free(&(*labels)->regions[i].numbers);
-    }
-    free((*labels)->regions);
+    cts_label_regions_free((*labels)->regions, (*labels)->n_regions);
     for (size_t i = 0; i < (*labels)->n_left_out; i++) {
         free((*labels)->left_out[i].fact.name);
         free((*labels)->left_out[i].reason);

@@ -21,6 +21,7 @@ CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object,
 /* A name for several labels of a file; name and numbers are copied. */
 CtsStatus cts_labels_add_region(CtsLabels *labels, int file, const char *name, const int *numbers, size_t n,
                                 CtsError *err);
+void cts_label_regions_free(CtsLabelRegion *regions, size_t n);
 /* Notes a label that is not added, and why. */
 CtsStatus cts_labels_leave_out(CtsLabels *labels, int file, int number, const char *name, const char *reason,
                                CtsError *err);

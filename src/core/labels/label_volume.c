@@ -8,19 +8,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Position of a scanned slice in the volume: column and row of its first voxel, and its layer. */
-static CtsStatus place_slice(const CtsLabelGrid *g, const CtsVolume *v, int slice, double at[3], CtsError *err)
-{
-    double inverse[3][3], away[3];
-    if (!cts_volume_inverse(v, inverse))
-        return cts_fail(err, CTS_ERR_INTERNAL, "the volume's steps do not span space");
-    for (int c = 0; c < 3; c++)
-        away[c] = g->position_lps[slice][c] - v->origin_lps[c];
-    for (int a = 0; a < 3; a++)
-        at[a] = cts_dot3(inverse[a], away);
-    return CTS_OK;
-}
-
 /* A voxel with fractions of labels, while they are assigned. */
 typedef struct VoxelSharing {
     CtsFractionalVoxel voxel;
@@ -180,20 +167,27 @@ static void place_layers(CtsVoxelLabels *o, double (*at)[3])
     }
 }
 
-/* The slices that the volume's layers lie on or between. */
+/* Position of each scanned slice in the volume: column and row of its first voxel, and its layer; and the slices that
+ * the volume's layers lie on or between. */
 static CtsStatus find_planes(const CtsLabelGrid *g, const CtsVolume *v, double (*at)[3], int *first, int *end,
                              CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    for (int k = 0; !st && k < g->n_slices; k++)
-        st = place_slice(g, v, k, at[k], err);
+    double inverse[3][3], away[3];
+    if (!cts_volume_inverse(v, inverse))
+        return cts_fail(err, CTS_ERR_INTERNAL, "the volume's steps do not span space");
+    for (int k = 0; k < g->n_slices; k++) {
+        for (int c = 0; c < 3; c++)
+            away[c] = g->position_lps[k][c] - v->origin_lps[c];
+        for (int a = 0; a < 3; a++)
+            at[k][a] = cts_dot3(inverse[a], away);
+    }
     *first = 0;
     *end = g->n_slices;
-    while (!st && *first + 1 < *end && at[*first + 1][2] <= 1e-6)
+    while (*first + 1 < *end && at[*first + 1][2] <= 1e-6)
         ++*first;
-    while (!st && *end - 1 > *first && at[*end - 2][2] >= v->dims[2] - 1 - 1e-6)
+    while (*end - 1 > *first && at[*end - 2][2] >= v->dims[2] - 1 - 1e-6)
         --*end;
-    return st;
+    return CTS_OK;
 }
 
 CtsStatus cts_labels_to_volume(const CtsLabels *labels, const size_t *label, const size_t *order, size_t n,

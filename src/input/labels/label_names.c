@@ -63,11 +63,7 @@ void cts_label_names_free(CtsLabelNames *names)
     for (size_t i = 0; i < names->n; i++)
         free(names->items[i].name);
     free(names->items);
-    for (size_t i = 0; i < names->n_regions; i++) {
-        free(names->regions[i].name);
-        cts_free(&names->regions[i].numbers);
-    }
-    free(names->regions);
+    cts_label_regions_free(names->regions, names->n_regions);
     *names = (CtsLabelNames){0};
 }
 

@@ -1,5 +1,6 @@
 /* Paths of label files with places in them that each series fills, and a text that changes when such files do. */
 #include "base/mem.h"
+#include "base/text.h"
 #include "ctsplat/label_files.h"
 #include "input/files/scan.h"
 #include "input/labels/label_reading.h"
@@ -48,10 +49,7 @@ static char *fill_pattern(const char *pattern, const char *uid, const char *stem
             fputc(*pattern, out);
         pattern += i < 2 ? strlen(places[i]) : 1;
     }
-    if (out && !fclose(out))
-        return path;
-    free(path);
-    return NULL;
+    return cts_text_end(out, &path);
 }
 
 static CtsStatus add_path(CtsLabelPaths *paths, const char *path, CtsError *err)
@@ -147,15 +145,12 @@ CtsStatus cts_labels_stamp(const char *pattern, const char *series_uid, const ch
 {
     CtsLabelPaths paths;
     size_t size;
-    *stamp = NULL;
     CtsStatus st = cts_label_paths(pattern, series_uid, ct, &paths, err);
-    FILE *const out = st ? NULL : open_memstream(stamp, &size);
-    if (!st && !out)
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; !st && i < paths.n; i++)
+    FILE *const out = open_memstream(stamp, &size);
+    for (size_t i = 0; !st && out && i < paths.n; i++)
         st = put_file_facts(out, paths.items[i], err);
     cts_label_paths_free(&paths);
-    if (out && fclose(out) && !st)
+    if (!cts_text_end(out, stamp) && !st)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (st) {
         free(*stamp);

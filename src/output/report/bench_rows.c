@@ -1,5 +1,6 @@
 #include "output/report/bench_rows.h"
 
+#include "base/text.h"
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -36,15 +37,12 @@ void cts_bench_samples_text(const CtsBenchRow *row, char text[24])
         strcpy(text, "auto");
 }
 
-/* Closes a stream of open_memstream(); good: it was written completely. */
+/* good: the stream was written completely. */
 static CtsStatus end_text(FILE *f, bool good, char **text, CtsError *err)
 {
-    if (f && fclose(f))
-        good = false;
-    if (f && good)
+    if (cts_text_end(f, text) && good)
         return CTS_OK;
-    if (f)
-        free(*text);
+    free(*text);
     *text = NULL;
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
@@ -67,10 +65,8 @@ CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err)
             "rmse_trilinear", r->trilinear.rmse, "rmse_trilinear_interval", r->trilinear.rmse_low,
             r->trilinear.rmse_high, "psnr_db", r->own.rmse > 0 ? json_real(-20 * log10(r->own.rmse)) : json_null(),
             "bound", r->bound.known ? json_real(r->bound.rmse) : json_null());
-        char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
-        good = line && fprintf(f, "%s\n", line) > 0;
+        good = object && !json_dumpf(object, f, JSON_COMPACT | JSON_REAL_PRECISION(9)) && fputc('\n', f) == '\n';
         json_decref(object);
-        free(line);
     }
     return end_text(f, good, text, err);
 }

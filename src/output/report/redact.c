@@ -50,11 +50,7 @@ char *cts_redact_uids(const CtsKey *key, const char *text)
         free(uid);
         free(hash);
     }
-    if (fclose(out)) {
-        free(masked);
-        return NULL;
-    }
-    return masked;
+    return cts_text_end(out, &masked);
 }
 
 /* Longer names are truncated in messages (dicom/header/slice.h). */
@@ -139,9 +135,5 @@ char *cts_redact_names(const char *text, const CtsNames *names, char **name)
         word = n || strchr(" (", *text);
         text += n ? n : 1;
     }
-    if (fclose(out)) {
-        free(masked);
-        return NULL;
-    }
-    return masked;
+    return cts_text_end(out, &masked);
 }
