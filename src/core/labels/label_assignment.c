@@ -103,11 +103,11 @@ static CtsStatus choose_shown(Deciding *d, CtsReport *report, CtsError *err)
     const CtsLabelChoice *const c = d->choice;
     char *lacking = NULL;
     bool any = c->show_present;
-    CtsStatus st = cts_label_find_present(d->labels, c->show, d->shown, &lacking, err);
+    CtsStatus st = cts_label_find_list(d->labels, "show", c->show, d->shown, &lacking, err);
     for (size_t i = 0; i <= d->labels->n; i++)
         any |= d->shown[i];
     if (!st && !any)
-        st = cts_label_find_list(d->labels, "show", c->show, d->shown, err);
+        st = cts_label_find_list(d->labels, "show", c->show, d->shown, NULL, err);
     else if (!st && *lacking && !c->show_present)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_LABELS_UNKNOWN,
                               "`show`: no label is called %s; the others are shown (ctsplat info with `labels` lists "
@@ -132,8 +132,8 @@ static CtsStatus choose_appearances(Deciding *d, CtsReport *report, CtsError *er
     d->appearances[CTS_APPEARANCE_HIDDEN].opacity = d->appearances[CTS_APPEARANCE_PRESET].opacity = -1;
     const CtsLabelChoice *const c = d->choice;
     if ((c->show && (st = choose_shown(d, report, err))) ||
-        (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
-        (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, err))))
+        (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, NULL, err))) ||
+        (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, NULL, err))))
         return st;
     for (int i = 0; !st && i < c->n_appearances; i++)
         st = take_appearance(d, c->appearances[i], err);

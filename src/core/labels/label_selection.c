@@ -205,12 +205,6 @@ static CtsStatus find_list(const CtsLabels *labels, const char *option, const ch
     return st;
 }
 
-CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit,
-                              CtsError *err)
-{
-    return find_list(labels, option, list, hit, NULL, err);
-}
-
 CtsStatus cts_label_check_shown(const CtsLabels *labels, const uint32_t *hit, CtsError *err)
 {
     bool any = false;
@@ -222,12 +216,14 @@ CtsStatus cts_label_check_shown(const CtsLabels *labels, const uint32_t *hit, Ct
     return cts_fail(err, CTS_ERR_GEOMETRY, "`show`: %s cannot be drawn: %s", one->fact.name, one->reason);
 }
 
-CtsStatus cts_label_find_present(const CtsLabels *labels, const char *show, uint32_t *hit, char **lacking,
-                                 CtsError *err)
+CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit,
+                              char **lacking, CtsError *err)
 {
     size_t size;
+    if (!lacking)
+        return find_list(labels, option, list, hit, NULL, err);
     FILE *const out = open_memstream(lacking, &size);
-    CtsStatus st = out ? find_list(labels, "show", show, hit, out, err) : CTS_OK;
+    CtsStatus st = out ? find_list(labels, option, list, hit, out, err) : CTS_OK;
     if (!cts_text_end(out, lacking) && !st)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (st) {
@@ -244,7 +240,7 @@ CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **l
     *any = false;
     CtsStatus st = cts_alloc_zeroed(&hit, labels->n + 2, err);
     if (!st)
-        st = cts_label_find_present(labels, show, hit, lacking, err);
+        st = cts_label_find_list(labels, "show", show, hit, lacking, err);
     if (!st)
         st = cts_label_check_shown(labels, hit, err);
     for (size_t i = 0; !st && i <= labels->n; i++)

@@ -178,8 +178,7 @@ static CtsStatus find_planes(const CtsLabelGrid *g, const CtsVolume *v, double (
     for (int k = 0; k < g->n_slices; k++) {
         for (int c = 0; c < 3; c++)
             away[c] = g->position_lps[k][c] - v->origin_lps[c];
-        for (int a = 0; a < 3; a++)
-            at[k][a] = cts_dot3(inverse[a], away);
+        cts_apply3(inverse, away, at[k]);
     }
     *first = 0;
     *end = g->n_slices;

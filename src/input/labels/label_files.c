@@ -64,25 +64,20 @@ static CtsStatus open_label(const CtsFile *file, Opened *o, CtsError *err)
 typedef struct LabelSearch {
     const CtsLabelRequest *request;
     CtsLabelReading reading;
-    char (*uids)[65]; /* instance UIDs read so far: a copy of an object counts once */
-    size_t n_uids;
     bool only_referring; /* of the files beside the series */
     bool in_folder;      /* files of other kinds are passed over */
     int n_read;
 } LabelSearch;
 
-static CtsStatus is_read_before(LabelSearch *s, const CtsLabelDicom *object, bool *is_known, CtsError *err)
+/* A copy of an object counts once. */
+static bool is_read_before(const CtsLabels *labels, const CtsLabelDicom *object)
 {
     char uid[65];
-    *is_known = false;
-    if (!cts_elements_text(object->elements, SOP_UID, uid, sizeof uid))
-        return CTS_OK;
-    for (size_t i = 0; i < s->n_uids; i++)
-        *is_known |= !strcmp(s->uids[i], uid);
-    const CtsStatus st = cts_grow(&s->uids, s->n_uids, err);
-    if (!st)
-        memcpy(s->uids[s->n_uids++], uid, sizeof uid);
-    return st;
+    if (cts_elements_text(object->elements, SOP_UID, uid, sizeof uid))
+        for (size_t i = 0; i < labels->n_objects; i++)
+            if (!strcmp(labels->objects[i].sop_uid, uid))
+                return true;
+    return false;
 }
 
 static CtsStatus keep_object(LabelSearch *s, const CtsLabelDicom *object, CtsError *err)
@@ -98,14 +93,13 @@ static CtsStatus keep_object(LabelSearch *s, const CtsLabelDicom *object, CtsErr
 static CtsStatus read_object(LabelSearch *s, const CtsFile *file, CtsError *err)
 {
     CtsLabelDicom object;
-    bool is_known = false;
     CtsStatus st = cts_label_dicom_open(&object, file, err);
     const int kind = st ? -1 : object_kind(object.class_uid);
     const bool wanted = kind >= 0 && (!s->only_referring || cts_label_refers(object.elements, s->reading.series));
     if (!st && kind < 0 && !s->in_folder)
         st = cts_fail(err, CTS_ERR_READ, "is no segmentation and no structure set, but %s",
                       object.object.facts.class_name);
-    if (!st && wanted && !(st = is_read_before(s, &object, &is_known, err)) && !is_known) {
+    if (!st && wanted && !is_read_before(s->reading.labels, &object)) {
         s->n_read++;
         if (!(st = cts_label_check_patient(&s->reading, &object, err)))
             st = objects[kind].read(&s->reading, &object, err);
@@ -241,7 +235,6 @@ CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *serie
         st = read_pattern(&s, request->paths[i], err);
     }
     cts_label_names_free(&names);
-    free(s.uids);
     if (st)
         cts_labels_free(labels);
     return st;

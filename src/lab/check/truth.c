@@ -198,8 +198,8 @@ static double default_scale(const CtsVolume *v, const CtsTruthCamera *camera)
 static void voxels_along(const CtsVolume *volume, const double mm[3], double vox[3])
 {
     for (int a = 0; a < 3; a++) {
-        const double *p = volume->step_lps[(a + 1) % 3], *q = volume->step_lps[(a + 2) % 3];
-        const double normal[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
+        double normal[3];
+        cts_cross3(volume->step_lps[(a + 1) % 3], volume->step_lps[(a + 2) % 3], normal);
         vox[a] = cts_dot3(mm, normal) / cts_dot3(volume->step_lps[a], normal);
     }
 }

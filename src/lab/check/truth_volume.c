@@ -1,6 +1,7 @@
 /* Rays through voxels by a straightforward method. */
 #include "lab/check/truth.h"
 
+#include "base/vec3.h"
 #include <math.h>
 
 /* Segments in a cell: many where opacity is steep in it; with lighting, the gradient may vary where HU is constant, as
@@ -40,13 +41,9 @@ static double true_difference(const CtsVolume *v, const int at[3], int axis, boo
 /* The area that two gradients span is more than rounding. */
 static bool gradients_differ(const double a[3], const double b[3])
 {
-    double span2 = 0, length2 = 0;
-    for (int c = 0; c < 3; c++) {
-        const double across = a[c] * b[(c + 1) % 3] - a[(c + 1) % 3] * b[c];
-        span2 += across * across;
-        length2 += a[c] * a[c] + b[c] * b[c];
-    }
-    return span2 > 1e-18 * length2 * length2;
+    double across[3];
+    cts_cross3(a, b, across);
+    return cts_norm3(across) > 1e-9 * (cts_dot3(a, a) + cts_dot3(b, b));
 }
 
 static void load_true_cell(Cell *cell, const CtsVolume *v, const int first[3], bool lit, bool air_beyond)
@@ -98,25 +95,18 @@ static bool steep_in(const CtsPreset *p, const Cell *cell)
 /* |n.v|: the gradient in HU/mm solves gradient . step = difference for each of the volume's steps. */
 static double facing(const CtsVolume *v, const Cell *cell, const double part[3], const double forward_lps[3])
 {
-    double g[3] = {0, 0, 0}, mm[3] = {0, 0, 0}, determinant = 0, length2 = 0, along = 0;
+    double g[3] = {0, 0, 0}, mm[3] = {0, 0, 0}, normal[3];
     for (int m = 0; m < 8; m++)
         for (int a = 0; a < 3; a++)
             g[a] += weight(m, part) * cell->gradient[m][a];
     for (int a = 0; a < 3; a++) {
-        const double *p = v->step_lps[(a + 1) % 3], *q = v->step_lps[(a + 2) % 3];
-        const double normal[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
+        cts_cross3(v->step_lps[(a + 1) % 3], v->step_lps[(a + 2) % 3], normal);
         for (int c = 0; c < 3; c++)
             mm[c] += g[a] * normal[c];
-        if (a == 0)
-            for (int c = 0; c < 3; c++)
-                determinant += v->step_lps[0][c] * normal[c];
     }
-    for (int c = 0; c < 3; c++) {
-        mm[c] /= determinant;
-        length2 += mm[c] * mm[c];
-        along += mm[c] * forward_lps[c];
-    }
-    return length2 > 0 ? fabs(along) / sqrt(length2) : 0;
+    /* The volume of a voxel, by which mm is too long, has no effect on the angle. */
+    const double length = cts_norm3(mm);
+    return length > 0 ? fabs(cts_dot3(mm, forward_lps)) / length : 0;
 }
 
 typedef struct VoxelLine {
