@@ -127,14 +127,14 @@ static bool has_bounds(const CtsErrorControl *c)
     return c->engine->indicator == CTS_INDICATOR_BOUND;
 }
 
-/* Limits of a strip's terms: where its sampled pixels have no error; and where their errors exceed the bounds by so
- * much. */
+/* Limits of a strip's terms: of estimates where its sampled pixels have no error; of bounds, which errors exceed by so
+ * much, the only one: where few pixels have all of the error, samples show too little of it. */
 static CtsTermRange term_range(const CtsErrorControl *c, const Strip *s)
 {
-    const double each = s->share / s->probability;
+    const double each = s->share / s->probability, bound = each * fmax(s->excess, 1);
     return (CtsTermRange){c->has_opacity_step ? UNSEEN_AT_STEPS : UNSEEN,
-                          each * UNSAMPLED / fmax((double)s->n_rerendered, UNSAMPLED),
-                          has_bounds(c) ? each * fmax(s->excess, 1) : INFINITY};
+                          has_bounds(c) ? bound : each * UNSAMPLED / fmax((double)s->n_rerendered, UNSAMPLED),
+                          has_bounds(c) ? bound : INFINITY};
 }
 
 /* Error of re-rendered pixels, rms; 0: they are at reference precision, as a small picture's and a stiff preset's are.
@@ -640,8 +640,7 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
         control->n_rerendered += s->n_rerendered;
         control->n_interpolated += s->n_interpolated;
     }
-    cts_terms_add(&control->terms, &errors->interpolation);
-    control->range.most = fmax(control->range.most, errors->interpolation.largest);
+    cts_terms_add(&control->interpolation, &errors->interpolation);
     control->n_pixels += n;
     control->n_marched += r.n_marched;
 end:
@@ -661,8 +660,10 @@ end:
 double cts_error_control_rmse(const CtsErrorControl *c)
 {
     const double march = error_of_march(c);
+    const CtsTermRange any = {UNSEEN, 0, INFINITY};
     return ROUNDING +
-           sqrt(march * march + cts_terms_limit(&c->terms, c->range, (double)c->n_pixels, c->scene.plan.n_tried));
+           sqrt(march * march + cts_terms_limit(&c->terms, c->range, (double)c->n_pixels, c->scene.plan.n_tried) +
+                cts_terms_limit(&c->interpolation, any, (double)c->n_pixels, c->scene.plan.n_tried));
 }
 
 /* Largest error of a pixel; negative where nothing bounds it. Re-rendered pixels show how far errors exceed the bounds,
@@ -686,7 +687,7 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     bound->max = (bound->known && bound->max < 0) || largest < 0 ? -1 : fmax(bound->max, largest);
     bound->known = true;
     bound->rmse = fmax(bound->rmse, rmse);
-    bound->rms_estimate = fmax(bound->rms_estimate, sqrt(c->terms.sum / (double)c->n_pixels));
+    bound->rms_estimate = fmax(bound->rms_estimate, sqrt((c->terms.sum + c->interpolation.sum) / (double)c->n_pixels));
     bound->n_rerendered += c->n_rerendered;
     snprintf(bound->engine, sizeof bound->engine, "%s", c->engine->name);
     if (c->engine->levels)

@@ -17,11 +17,12 @@
  * strip's error is larger than requested, more of its pixels are re-rendered, round by round; and all of them where the
  * level was not the caller's choice.
  *
- * 999 of 1000 holds for one limit of one sample. Each round draws a sample of its own, whose estimate stands in for the
- * last one's, and a strip's rounds end when the estimate is small (optional stopping), so that low estimates are a
- * little likelier to stay. For a picture of one strip the union bound over its at most five limits still gives 995 of
- * 1000; for more strips, which stop by themselves, no bound is derived. Measured: 1 of 4800 such sequences ended with a
- * limit below the error (75 views of six series, 512 x 512 pixels, 0.5 and 2 of 255 requested). */
+ * 999 of 1000 holds for one limit of one sample; interpolated pixels have one of their own: with both it is 998. Each
+ * round draws a sample of its own, whose estimate stands in for the last one's, and a strip's rounds end when the
+ * estimate is small (optional stopping), so that low estimates are a little likelier to stay. For a picture of one
+ * strip the union bound over its at most five limits still gives 995 of 1000; for more strips, which stop by
+ * themselves, no bound is derived. Measured: 1 of 4800 such sequences ended with a limit below the error (75 views of
+ * six series, 512 x 512 pixels, 0.5 and 2 of 255 requested). */
 #pragma once
 
 #include "core/scene/engine.h"
@@ -40,7 +41,8 @@ typedef struct CtsErrorControl {
     uint64_t n_interpolated; /* of them */
     uint64_t n_marched;      /* of them, in groups */
     double largest;          /* largest indicator of a pixel that was not re-rendered */
-    CtsTerms terms;          /* e^2 (1 - p) / p of the sampled pixels, and those of CtsErrorMap.interpolation */
+    CtsTerms terms;          /* e^2 (1 - p) / p of the sampled pixels */
+    CtsTerms interpolation;  /* of CtsErrorMap */
     CtsTermRange range;      /* the largest of all strips */
     double excess;           /* largest e^2 / (b^2 + f^2) of a re-rendered pixel */
     double wall_ms, cpu_ms;
