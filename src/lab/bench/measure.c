@@ -1,17 +1,16 @@
 /* One setting in a process of its own, so that its peak of memory is its own, and a crash costs one row. */
 #include "base/clock.h"
 #include "base/compare.h"
-#include "base/file.h"
 #include "base/parallel.h"
 #include "lab/bench/bench.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
-#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -20,12 +19,14 @@
 enum { MIN_RUNS = 3, MAX_RUNS = 7 };
 #define QUICK_MS 4000 /* further runs only while all took less */
 
+/* In memory that the child shares. */
 typedef struct Child {
     const CtsBenchSettings *settings;
     CtsReference *const *own;
-    CtsBenchRow *row;
+    CtsBenchRow row;
     CtsStatus status;
     CtsError err;
+    bool ended; /* the row and the status are whole */
 } Child;
 
 /* Sorts them. */
@@ -37,10 +38,10 @@ static double median(double *values, int n)
 
 static CtsStatus evaluate(Child *c, const CtsPicture *picture, const CtsReport *report)
 {
-    c->row->voxels = report->voxels;
-    c->row->bound = report->bound;
-    const CtsStatus st = cts_reference_compare(c->own[c->row->kernel], picture, &c->row->own, &c->err);
-    return st ? st : cts_reference_compare(c->own[CTS_KERNEL_TENT], picture, &c->row->trilinear, &c->err);
+    c->row.voxels = report->voxels;
+    c->row.bound = report->bound;
+    const CtsStatus st = cts_reference_compare(c->own[c->row.kernel], picture, &c->row.own, &c->err);
+    return st ? st : cts_reference_compare(c->own[CTS_KERNEL_TENT], picture, &c->row.trilinear, &c->err);
 }
 
 /* Resets the peak memory, which is inherited from the parent; where that is impossible, it stays. */
@@ -57,7 +58,7 @@ static void reset_peak(void)
 static CtsStatus render_runs(Child *c)
 {
     CtsRenderSettings s = c->settings->render;
-    CtsBenchRow *row = c->row;
+    CtsBenchRow *row = &c->row;
     double wall_ms[MAX_RUNS], serial_ms[MAX_RUNS], spent_ms = 0;
     CtsStatus st = CTS_OK;
     struct rusage usage;
@@ -95,72 +96,55 @@ static CtsStatus render_runs(Child *c)
     return CTS_OK;
 }
 
-/* Reads the worker process's result; forwards a request to stop. */
-static bool read_result(int file, pid_t pid, const volatile sig_atomic_t *stop, void *data, size_t n)
+/* Waits for the end of the child; forwards a request to stop. */
+static int wait_for(pid_t pid, const volatile sig_atomic_t *stop)
 {
-    bool reported = false;
-    for (char *p = data; n > 0;) {
-        struct pollfd wait = {.fd = file, .events = POLLIN};
-        const int ready = poll(&wait, 1, 100);
-        if (!reported && stop && *stop) {
+    enum { TICK_US = 20000 };
+    bool forwarded = false;
+    int how = 0;
+    for (; TEMP_FAILURE_RETRY(waitpid(pid, &how, WNOHANG)) == 0; usleep(TICK_US))
+        if (!forwarded && stop && *stop) {
             kill(pid, SIGTERM);
-            reported = true;
+            forwarded = true;
         }
-        if (ready == 0 || (ready < 0 && errno == EINTR))
-            continue;
-        const ssize_t got = TEMP_FAILURE_RETRY(read(file, p, n));
-        if (got <= 0)
-            return false;
-        p += got;
-        n -= (size_t)got;
-    }
-    return true;
+    return how;
 }
 
 /* Never returns. */
-static void run_child(Child *c, int file)
+static void run_child(Child *c)
 {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     c->status = render_runs(c);
-    c->row->measured = !c->status;
+    c->row.measured = !c->status;
     if (c->status)
-        snprintf(c->row->why, sizeof c->row->why, "%s", c->err.text);
-    const bool sent = cts_write_all(file, &c->status, sizeof c->status) && cts_write_all(file, c->row, sizeof *c->row);
-    _exit(sent ? 0 : 1);
+        snprintf(c->row.why, sizeof c->row.why, "%s", c->err.text);
+    c->ended = true;
+    _exit(0);
 }
 
 CtsStatus cts_bench_measure(const CtsBenchSettings *settings, CtsReference *const own[CTS_N_KERNELS], CtsBenchRow *row,
                             CtsError *err)
 {
-    int ends[2], how = 0;
-    if (pipe(ends))
-        return cts_fail(err, CTS_ERR_MEMORY, "no pipe: %s", strerror(errno));
-    const pid_t pid = fork();
-    if (pid < 0) {
-        close(ends[0]);
-        close(ends[1]);
-        return cts_fail(err, CTS_ERR_MEMORY, "no process: %s", strerror(errno));
-    }
-    if (pid == 0) {
-        Child child = {.settings = settings, .own = own, .row = row};
-        close(ends[0]);
-        run_child(&child, ends[1]);
-    }
-    close(ends[1]);
-    CtsStatus status = CTS_ERR_INTERNAL;
-    CtsBenchRow measured;
     const volatile sig_atomic_t *stop = settings->render.stop;
-    const bool whole = read_result(ends[0], pid, stop, &status, sizeof status) &&
-                       read_result(ends[0], pid, stop, &measured, sizeof measured);
-    close(ends[0]);
-    TEMP_FAILURE_RETRY(waitpid(pid, &how, 0));
-    if (stop && *stop)
-        return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-    if (whole)
-        *row = measured;
+    Child *const child = mmap(NULL, sizeof *child, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (child == MAP_FAILED)
+        return cts_fail(err, CTS_ERR_MEMORY, "no shared memory: %s", strerror(errno));
+    *child = (Child){.settings = settings, .own = own, .row = *row};
+    const pid_t pid = fork();
+    if (pid == 0)
+        run_child(child);
+    const int fork_error = errno, how = pid < 0 ? 0 : wait_for(pid, stop);
+    CtsStatus st = CTS_OK;
+    if (pid < 0)
+        st = cts_fail(err, CTS_ERR_MEMORY, "no process: %s", strerror(fork_error));
+    else if ((stop && *stop) || (child->ended && child->status == CTS_ERR_INTERRUPTED))
+        st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+    else if (child->ended)
+        *row = child->row;
     else if (WIFSIGNALED(how))
         snprintf(row->why, sizeof row->why, "its process was ended by signal %d", WTERMSIG(how));
     else
         snprintf(row->why, sizeof row->why, "its process ended with status %d", WEXITSTATUS(how));
-    return whole && status == CTS_ERR_INTERRUPTED ? cts_fail(err, status, "interrupted") : CTS_OK;
+    munmap(child, sizeof *child);
+    return st;
 }
