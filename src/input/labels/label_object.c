@@ -31,7 +31,7 @@ static CtsStatus inflate_all(CtsLabelDicom *o, CtsError *err)
     CtsSandbox *inflater = NULL;
     uint8_t *deflated = NULL;
     size_t got = 0;
-    if (o->encapsulated || n > MAX_BYTES)
+    if (o->object.facts.encapsulated || n > MAX_BYTES)
         return cts_fail(err, CTS_ERR_READ, "its deflated data set is too large (store it uncompressed)");
     if (!(o->inflated = malloc(n + 1)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -56,9 +56,6 @@ CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *
         return st;
     o->syntax = o->object.syntax;
     o->elements = o->object.elements;
-    o->has_pixels = facts->has_pixels;
-    o->encapsulated = facts->encapsulated;
-    o->pixel_words = facts->pixel_words;
     o->pixel_offset = facts->pixel_offset;
     o->pixel_bytes = facts->pixel_bytes;
     o->source = o->object.file;
@@ -68,8 +65,8 @@ CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *
     if (o->syntax->deflated && (st = inflate_all(o, err)))
         return st;
     const uint64_t left =
-        o->has_pixels && o->pixel_offset < o->source.n_bytes ? o->source.n_bytes - o->pixel_offset : 0;
-    if (o->encapsulated)
+        facts->has_pixels && o->pixel_offset < o->source.n_bytes ? o->source.n_bytes - o->pixel_offset : 0;
+    if (facts->encapsulated)
         o->pixel_bytes = left;
     return o->pixel_bytes <= left ? CTS_OK
                                   : cts_fail(err, CTS_ERR_READ, "cut short: its pixels need %llu bytes, %llu are left",

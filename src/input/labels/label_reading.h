@@ -46,11 +46,10 @@ typedef struct CtsLabelDicom {
     CtsDicomObject object;
     char class_uid[65], charset[65];
     const CtsSyntax *syntax;
-    CtsElements elements;                       /* in front of the pixels */
-    bool has_pixels, encapsulated, pixel_words; /* pixel_words: of 16 bits (OW), which big-endian files swap */
-    CtsFileBytes source;                        /* of the pixels: the file, or a deflated data set */
-    uint8_t *inflated;                          /* owned: that data set; else NULL */
-    uint64_t pixel_offset, pixel_bytes;         /* of the value; where encapsulated all that is left of the source */
+    CtsElements elements;               /* in front of the pixels */
+    CtsFileBytes source;                /* of the pixels: the file, or a deflated data set */
+    uint8_t *inflated;                  /* owned: that data set; else NULL */
+    uint64_t pixel_offset, pixel_bytes; /* of the value; where encapsulated all that is left of the source */
 } CtsLabelDicom;
 
 /* True if a file that begins so is DICOM; class_uid may then be "" (no meta header, or deflated). */

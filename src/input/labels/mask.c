@@ -391,15 +391,6 @@ static void find_plane_reach(MaskPlacing *p)
     p->reach_mm = 0.5 * (gap < INFINITY ? gap : scanned_gap) * 1.001;
 }
 
-/* Warns of a label of which more than half lies outside. inside, whole: its sizes in any unit. */
-static void report_label_share(const CtsLabelReading *reading, const CtsLabel *label, double inside, double whole)
-{
-    if (whole > 0 && inside < 0.5 * whole)
-        cts_report_diagnostic(reading->report, CTS_DIAGNOSTIC_LABEL_OUTSIDE,
-                              "label file %d: %.0f %% of label %d lie inside the volume", reading->file,
-                              100 * inside / whole, label->fact.number);
-}
-
 /* Compares each label's volume in the mask with its volume in the scan. */
 static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError *err)
 {
@@ -412,20 +403,23 @@ static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError 
     cts_cross3(m->step_lps[0], m->step_lps[1], area);
     for (int value = 1; value < CTS_MASK_VALUES; value++)
         if (m->label_of[value] >= 0)
-            whole[m->label_of[value]] += (double)p->n_mask[value] * cts_norm3(area) * 2 * p->reach_mm / 1.001;
+            whole[m->label_of[value]] += (double)p->n_mask[value] * cts_norm3(area) * gap_of(p);
     cts_cross3(p->grid->step_lps[0], p->grid->step_lps[1], area);
     /* A file that does not meet the volume at all is refused in one line. */
     bool met = false;
     for (size_t i = 0; i < labels->n; i++)
         met |= whole[i] > 0 && labels->items[i].n_runs > 0;
     for (size_t i = 0; i < labels->n; i++) {
-        CtsLabel *const l = &labels->items[i];
+        const CtsLabel *const l = &labels->items[i];
         double inside = 0;
         for (size_t r = 0; whole[i] > 0 && r < l->n_runs; r++)
             inside += (l->runs[r].end - l->runs[r].first) * cts_norm3(area) *
                       p->grid->thickness_mm[l->runs[r].row / (uint32_t)p->grid->rows];
-        if (met)
-            report_label_share(p->reading, l, inside, whole[i]);
+        /* More than half of it lies outside. */
+        if (met && whole[i] > 0 && inside < 0.5 * whole[i])
+            cts_report_diagnostic(p->reading->report, CTS_DIAGNOSTIC_LABEL_OUTSIDE,
+                                  "label file %d: %.0f %% of label %d lie inside the volume", p->reading->file,
+                                  100 * inside / whole[i], l->fact.number);
         *held_mm3 += whole[i];
     }
     cts_free(&whole);

@@ -232,7 +232,7 @@ static size_t frame_bytes(const Seg *s)
 static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
-    const bool swapped = o->syntax->big_endian && (s->bits_allocated == 16 || o->pixel_words);
+    const bool swapped = o->syntax->big_endian && (s->bits_allocated == 16 || o->object.facts.pixel_words);
     const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
     const uint64_t first = s->first_bit[frame], from = first / 8 - (swapped ? first / 8 % 2 : 0);
     uint64_t end = (first + bits + 7) / 8;
@@ -448,11 +448,11 @@ static CtsStatus check_seg_pixels(Seg *s, CtsError *err)
     const CtsLabelDicom *const o = s->object;
     const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
     const uint64_t need = (bits * (uint64_t)s->n_frames + 7) / 8;
-    if (!o->has_pixels)
+    if (!o->object.facts.has_pixels)
         return cts_fail(err, CTS_ERR_READ, "has no pixels");
-    if (o->encapsulated != cts_syntax_encapsulated(o->syntax))
+    if (o->object.facts.encapsulated != cts_syntax_encapsulated(o->syntax))
         return cts_fail(err, CTS_ERR_READ, "its pixels are not stored as its transfer syntax says");
-    if (o->encapsulated)
+    if (o->object.facts.encapsulated)
         return cts_find_frames(&o->source, o->pixel_offset, s->n_frames, &s->offset, err);
     return need <= o->pixel_bytes ? CTS_OK
                                   : cts_fail(err, CTS_ERR_READ, "cut short: %d frames need %llu bytes, %llu are there",
