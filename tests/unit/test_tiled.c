@@ -319,6 +319,28 @@ static void narrow_stripes(void **state)
     cts_volume_free(&v);
 }
 
+/* A peak narrower than a level between voxels far apart, in levels of 0.002 as those of a PET: how precise a level is
+ * does not depend on its unit. */
+static void fine_levels(void **state)
+{
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, 9, 9, 9, &err), CTS_OK);
+    v->hu_offset = 0;
+    v->hu_step = 0.002;
+    for (uint64_t at = 0; at < 9 * 9 * 9; at++)
+        v->grey[at] = (uint16_t)(1324 + 400 * (cts_random_bits(at + 1) >> 63));
+    CtsPreset peak = preset_named("bone");
+    peak.n_opacity = 3;
+    for (int i = 0; i < 3; i++)
+        peak.opacity[i] = (CtsOpacityPoint){v->hu_step * (1524.02 + 0.48 * i), i == 1};
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 160, 723, -47.63);
+    s.mm_per_pixel = 0.03;
+    s.shade = CTS_OFF;
+    assert_true(hold_to_bound(v, &peak, s, "peak") < 0.5 / 255);
+    cts_volume_free(&v);
+}
+
 /* Shells of low opacity whose sides are visible separately: the space between two of them has no gradient, and
  * contributes no light. */
 static void faint_shells(void **state)
@@ -504,11 +526,12 @@ static void degenerate(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),     cmocka_unit_test(constant_slab),      cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),  cmocka_unit_test(between_levels),     cmocka_unit_test(opaque_bump),
-        cmocka_unit_test(narrow_stripes), cmocka_unit_test(faint_shells),       cmocka_unit_test(hard_presets),
-        cmocka_unit_test(falls_as_asked), cmocka_unit_test(degenerate),         cmocka_unit_test(drafts_between),
-        cmocka_unit_test(drafts_work_on), cmocka_unit_test(drafts_miss_specks), cmocka_unit_test(step_near_level),
+        cmocka_unit_test(same_bytes),      cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),   cmocka_unit_test(between_levels), cmocka_unit_test(opaque_bump),
+        cmocka_unit_test(narrow_stripes),  cmocka_unit_test(fine_levels),    cmocka_unit_test(faint_shells),
+        cmocka_unit_test(hard_presets),    cmocka_unit_test(falls_as_asked), cmocka_unit_test(degenerate),
+        cmocka_unit_test(drafts_between),  cmocka_unit_test(drafts_work_on), cmocka_unit_test(drafts_miss_specks),
+        cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

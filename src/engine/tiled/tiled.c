@@ -102,7 +102,7 @@ typedef struct Tolerances {
     double ray_end;                 /* of ray ends: truncations add up */
     double deferred;                /* weight below which segments are shaded with the next ones; */
     double normal_deviation;        /* normal deviation, weighted */
-    double touch_hu;                /* precision of levels */
+    double touch_levels;            /* precision of levels, of the first RANGE_LEVELS */
     double interpolation_tolerance; /* interpolation error up to which pixels are interpolated */
 } Tolerances;
 static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.002, 0.01, 1e-6, 0.02, 1e-7, 0};
@@ -110,6 +110,14 @@ static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.002, 0.01,
  * may be missed, so one pixel wrong from black to white must not contribute more than an eighth of the requested error
  * to the picture's. */
 static const double INTERPOLATED_FROM = 4.0 / 255, MISSED_SHARE = 1.0 / 8;
+
+/* Rounding errors of a field grow with its levels; they were measured in a scanner's range. */
+static const double RANGE_LEVELS = 4096;
+
+static double touch_scale(const CtsVolume *v)
+{
+    return fmin(fmax((v->hu_max - v->hu_offset) / v->hu_step / RANGE_LEVELS, 1), 65536 / RANGE_LEVELS);
+}
 
 static bool is_preview(const CtsScene *scene)
 {
@@ -144,7 +152,7 @@ static void init_tiled_job(TiledJob *j, const CtsScene *scene, const TiledCache 
     j->min_transmittance = (float)fmin(may->ray_end * requested, 1.0 / 16);
     j->min_shaded_weight = (float)(may->deferred * requested);
     j->shading_tolerance = (float)(may->normal_deviation * requested);
-    j->grazing_tolerance = (float)(may->touch_hu / v->hu_step);
+    j->grazing_tolerance = (float)(may->touch_levels * touch_scale(v));
     j->interpolation_tolerance = is_preview(scene) ? (float)(may->interpolation_tolerance * requested) : 0;
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
