@@ -11,33 +11,32 @@ typedef struct Plan {
     int n, capacity;
 } Plan;
 
-static void add_setting(Plan *p, CtsEngineId engine, CtsKernelId kernel, int samples, double tolerance_hu,
-                        bool void_key)
+static void add_setting(Plan *p, CtsBenchRow setting)
 {
     assert(p->n < p->capacity);
-    p->rows[p->n++] = (CtsBenchRow){
-        .engine = engine, .kernel = kernel, .samples = samples, .tolerance_hu = tolerance_hu, .void_key = void_key};
+    p->rows[p->n++] = setting;
 }
 
 static void add_paper(Plan *p, CtsEngineId engine, bool reuses_layers, bool skips_void, bool full)
 {
     if (!full) {
-        add_setting(p, engine, CTS_KERNEL_TENT, 1, 0, false);
+        add_setting(p, (CtsBenchRow){.engine = engine, .kernel = CTS_KERNEL_TENT, .samples = 1});
         return;
     }
     for (int kernel = 0; kernel < CTS_N_KERNELS; kernel++)
-        add_setting(p, engine, (CtsKernelId)kernel, 1, 0, false);
+        add_setting(p, (CtsBenchRow){.engine = engine, .kernel = (CtsKernelId)kernel, .samples = 1});
     for (int samples = 2; samples <= 4; samples *= 2)
-        add_setting(p, engine, CTS_KERNEL_TENT, samples, 0, false);
+        add_setting(p, (CtsBenchRow){.engine = engine, .kernel = CTS_KERNEL_TENT, .samples = samples});
     for (double tolerance_hu = 5; tolerance_hu <= 20 && reuses_layers; tolerance_hu *= 4)
-        add_setting(p, engine, CTS_KERNEL_TENT, 1, tolerance_hu, false);
+        add_setting(
+            p, (CtsBenchRow){.engine = engine, .kernel = CTS_KERNEL_TENT, .samples = 1, .tolerance_hu = tolerance_hu});
     if (skips_void)
-        add_setting(p, engine, CTS_KERNEL_TENT, 1, 0, true);
+        add_setting(p, (CtsBenchRow){.engine = engine, .kernel = CTS_KERNEL_TENT, .samples = 1, .void_key = true});
 }
 
 static void add_by_error(Plan *p, CtsEngineId engine, bool full)
 {
-    add_setting(p, engine, CTS_KERNEL_TENT, 0, 0, false);
+    add_setting(p, (CtsBenchRow){.engine = engine, .kernel = CTS_KERNEL_TENT});
     static const struct {
         double max_error;
         bool in_short; /* measured without `full` too */
@@ -46,8 +45,7 @@ static void add_by_error(Plan *p, CtsEngineId engine, bool full)
     for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
         if (!full && !asked[i].in_short)
             continue;
-        add_setting(p, engine, CTS_KERNEL_TENT, 0, 0, false);
-        p->rows[p->n - 1].max_error = asked[i].max_error;
+        add_setting(p, (CtsBenchRow){.engine = engine, .kernel = CTS_KERNEL_TENT, .max_error = asked[i].max_error});
     }
 }
 
@@ -58,7 +56,7 @@ static void add_engine(Plan *p, CtsEngineId engine, bool full)
     const bool skips_void = engine == CTS_ENGINE_VOID || engine == CTS_ENGINE_COMBINED;
     if (engine == CTS_ENGINE_RAYCAST) {
         if (full)
-            add_setting(p, engine, CTS_KERNEL_TENT, 1, 0, false);
+            add_setting(p, (CtsBenchRow){.engine = engine, .kernel = CTS_KERNEL_TENT, .samples = 1});
     } else if (reuses_layers || skips_void || engine == CTS_ENGINE_CLASSIC)
         add_paper(p, engine, reuses_layers, skips_void, full);
     else
