@@ -31,6 +31,8 @@
 #define UNSAMPLED 32.0
 /* Limit of a picture's error, by the requested one, from which a warning is due: more than equal in two digits. */
 #define WARNED_FROM 1.005
+/* Limit up to which a missed default target, which was not requested, is a note: a step of 8 bits. */
+#define NOTED_TO (1.0 / 255)
 /* Error of pixels that another engine's march re-renders, rms, as a share of the requested error: small beside it. */
 #define RERENDERED 0.125
 
@@ -702,7 +704,10 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
     const bool kept = rmse <= WARNED_FROM * requested, by_default = !(c->scene.plan.max_error > 0);
     char list[CTS_ENGINE_LIST_MAX];
     if (!kept || !by_default)
-        cts_report_diagnostic(report, kept ? CTS_DIAGNOSTIC_MAX_ERROR : CTS_DIAGNOSTIC_ERROR_BOUND,
+        cts_report_diagnostic(report,
+                              kept                             ? CTS_DIAGNOSTIC_MAX_ERROR
+                              : by_default && rmse <= NOTED_TO ? CTS_DIAGNOSTIC_ERROR_BOUND_NEAR
+                                                               : CTS_DIAGNOSTIC_ERROR_BOUND,
                               "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
                               by_default ? "default target" : "requested", 255 * requested, kept ? "" : " (exact: ",
                               kept ? "" : cts_engines_with(offsetof(CtsEngine, is_reference), CTS_ENGINE_FLAG, list),
