@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/random.h"
 #include "base/sanitized.h"
+#include "core/scene/visible.h"
 #include "views.h"
 
 static CtsPreset slab_preset(double extinction_per_mm)
@@ -341,6 +342,20 @@ static void fine_levels(void **state)
     cts_volume_free(&v);
 }
 
+/* Steps of opacity depend on the range of the volume's values. */
+static void steps_of_quantities(void **state)
+{
+    const CtsVolume hu = {.quantity = CTS_QUANTITY_HU}, weak = {.quantity = CTS_QUANTITY_STORED, .bright_value = 84},
+                    strong = {.quantity = CTS_QUANTITY_STORED, .bright_value = 4200};
+    CtsPreset ramp = {.name = "ramp", .unit_distance_mm = 1, .n_opacity = 2};
+    ramp.opacity[0] = (CtsOpacityPoint){40, 0};
+    ramp.opacity[1] = (CtsOpacityPoint){70, 0.5};
+    assert_true(cts_scene_has_step(&ramp, &hu) && cts_scene_has_step(&ramp, &strong));
+    assert_false(cts_scene_has_step(&ramp, &weak));
+    ramp.opacity[1].hu = 41;
+    assert_true(cts_scene_has_step(&ramp, &weak));
+}
+
 /* Shells of low opacity whose sides are visible separately: the space between two of them has no gradient, and
  * contributes no light. */
 static void faint_shells(void **state)
@@ -526,12 +541,12 @@ static void degenerate(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),      cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),   cmocka_unit_test(between_levels), cmocka_unit_test(opaque_bump),
-        cmocka_unit_test(narrow_stripes),  cmocka_unit_test(fine_levels),    cmocka_unit_test(faint_shells),
-        cmocka_unit_test(hard_presets),    cmocka_unit_test(falls_as_asked), cmocka_unit_test(degenerate),
-        cmocka_unit_test(drafts_between),  cmocka_unit_test(drafts_work_on), cmocka_unit_test(drafts_miss_specks),
-        cmocka_unit_test(step_near_level),
+        cmocka_unit_test(same_bytes),         cmocka_unit_test(constant_slab),   cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),      cmocka_unit_test(between_levels),  cmocka_unit_test(opaque_bump),
+        cmocka_unit_test(narrow_stripes),     cmocka_unit_test(fine_levels),     cmocka_unit_test(steps_of_quantities),
+        cmocka_unit_test(faint_shells),       cmocka_unit_test(hard_presets),    cmocka_unit_test(falls_as_asked),
+        cmocka_unit_test(degenerate),         cmocka_unit_test(drafts_between),  cmocka_unit_test(drafts_work_on),
+        cmocka_unit_test(drafts_miss_specks), cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -57,16 +57,20 @@ bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, cons
 
 /* An opacity that rises by more than this, a visible edge, within STEP_HU is a step: its picture is an isosurface,
  * whose thinnest parts change whole pixels, which a sample of pixels may miss. 20 HU are about the noise of soft tissue
- * in thin slices, which takes voxels of one tissue to both ends of a steeper rise. */
+ * in thin slices, which takes voxels of one tissue to both ends of a steeper rise; it is a fiftieth of the range from
+ * air to soft tissue, as STEP_SHARE is of another quantity's from air to bright. */
 #define STEP_OPACITY 0.25
 #define STEP_HU 20.0
+#define STEP_SHARE 0.02
 
-bool cts_scene_has_step(const CtsPreset *preset)
+bool cts_scene_has_step(const CtsPreset *preset, const CtsVolume *volume)
 {
+    const double width =
+        volume->quantity == CTS_QUANTITY_HU ? STEP_HU : STEP_SHARE * (volume->bright_value - volume->air_value);
     for (int i = 0; i < preset->n_opacity; i++)
         for (int side = -1; side <= 1; side += 2) {
             const double hu = preset->opacity[i].hu;
-            if (fabs(cts_preset_opacity(preset, hu + side * STEP_HU) - cts_preset_opacity(preset, hu)) > STEP_OPACITY ||
+            if (fabs(cts_preset_opacity(preset, hu + side * width) - cts_preset_opacity(preset, hu)) > STEP_OPACITY ||
                 (i > 0 && preset->opacity[i - 1].hu == hu &&
                  fabs(preset->opacity[i].opacity - preset->opacity[i - 1].opacity) > STEP_OPACITY))
                 return true;

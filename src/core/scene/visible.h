@@ -14,4 +14,4 @@ bool cts_scene_is_grey(const CtsPreset *preset, const CtsVoxelLabels *voxel_labe
 bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsVoxelLabels *voxel_labels);
 
 /* True where a visible edge of the opacity is so steep that the picture is an isosurface. */
-bool cts_scene_has_step(const CtsPreset *preset);
+bool cts_scene_has_step(const CtsPreset *preset, const CtsVolume *volume);

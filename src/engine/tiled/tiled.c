@@ -123,7 +123,7 @@ static bool is_preview(const CtsScene *scene)
 {
     const double requested = cts_scene_requested_error(scene), pixels = (double)scene->view.width * scene->view.height;
     return requested >= INTERPOLATED_FROM && 1 / sqrt(pixels) <= MISSED_SHARE * requested &&
-           !cts_scene_has_step(scene->preset);
+           !cts_scene_has_step(scene->preset, scene->volume);
 }
 
 /* requested: rms error of a picture, over 0..1. */

@@ -52,7 +52,7 @@ static const char *why_march(const CtsModel *model, const CtsSceneStore *store, 
     return !(levels->modes >> store->preset.mode & 1) ? "the mode is a projection"
            : !plain                                   ? "kernel, grey levels, samples, tolerance or void rule are given"
            : cts_voxel_labels_coloured(o) || cts_model_shown(model) != model ? "labels are hidden or have colours"
-           : cts_scene_has_step(&store->preset)                              ? "the preset's opacity has a step"
+           : cts_scene_has_step(&store->preset, volume)                      ? "the preset's opacity has a step"
            : thin ? "the volume is one voxel thin, or too large"
                   : NULL;
 }
@@ -446,7 +446,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     CtsStatus st = CTS_OK;
     frame->engine_id = f->engine_id;
     scene->cache = &f->engine_cache[f->engine_id];
-    *control = (CtsErrorControl){.scene = *scene, .has_opacity_step = cts_scene_has_step(scene->preset)};
+    *control = (CtsErrorControl){.scene = *scene, .has_opacity_step = cts_scene_has_step(scene->preset, scene->volume)};
     control->scene.cache = &f->engine_cache[march];
     if (f->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
         if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, is_auto, err)))
