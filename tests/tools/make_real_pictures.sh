@@ -33,3 +33,12 @@ for name in chest skull trunk mr pet page sheet; do
     [ "$(wc -c <"$scratch/$name.jpg")" -lt 250000 ] || { echo "$name.jpg is too large for a page" >&2; exit 1; }
     cp "$scratch/$name.jpg" "$man/$name.jpg"
 done
+
+# The gallery's rows of MR and PET: the options below each picture.
+paste <(grep -o '(gallery-[a-z-]*\.jpg)' "$man/gallery.md" | tr -d '()') <(grep -o '`-p [^`]*`' "$man/gallery.md" | tr -d '`') |
+    while IFS=$'\t' read -r name options; do
+        scan=brain
+        [[ $name == gallery-mr* ]] || scan=pet
+        # shellcheck disable=SC2086
+        "$ctsplat" render "$scratch/scans/$scan" $options --size 200x220 -o "$man/$name" --force
+    done
