@@ -1,4 +1,4 @@
-#!/bin/sh
+#!/bin/bash
 # Renders the pictures of real CT series by the commands in man/recipes.md, and takes the screenshots of page and contact
 # sheet: make_real_pictures.sh CTSPLAT [DATA], of a build folder. DATA, ../shared/data by default, contains the series;
 # their sources and licences are in man/PICTURES.md. Needs chromium and chromium-driver.
