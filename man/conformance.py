@@ -3,7 +3,7 @@
 
     conformance.py SOURCE_ROOT VERSION roff|html COMPILER... >FILE
 
-The C++ compiler finds DCMTK's list of UIDs."""
+The C++ compiler finds DCMTK's lists of UIDs and attributes."""
 import html
 import pathlib
 import re
@@ -12,7 +12,7 @@ import sys
 
 root, version, form = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3]
 dcmtk = subprocess.run([*sys.argv[4:], "-std=c++17", "-E", "-dD", "-include", "dcmtk/dcmdata/dcuid.h",
-                        "-x", "c++", "/dev/null"],
+                        "-include", "dcmtk/dcmdata/dcdeftag.h", "-x", "c++", "/dev/null"],
                        check=True, stdout=subprocess.PIPE, text=True).stdout
 uid_of = dict(re.findall(r'#define\s+UID_(\w+)\s+"([0-9.]+)"', dcmtk))
 
@@ -36,6 +36,14 @@ def written_classes(*names):
 def attributes(*names):
     keys = [k for n in names for k in re.findall(r"DCM_(?:RETIRED_)?([A-Z]\w+)", source(n))]
     return sorted(set(keys))
+
+
+def copied_attributes(name):
+    """The attributes within the ranges of one file."""
+    ranges = re.findall(r"\{0x([0-9A-F]{8}), 0x([0-9A-F]{8})\}", source(name))
+    tags = re.findall(r"#define\s+DCM_(?:RETIRED_)?(\w+)\s+DcmTagKey\(0x(\w{4}), 0x(\w{4})\)", dcmtk)
+    return sorted(key for key, group, element in tags
+                  if any(first <= (group + element).upper() <= last for first, last in ranges))
 
 
 codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG",
@@ -195,9 +203,11 @@ statement = [
     (S, "Transfer syntaxes written"),
     (T, ("Transfer syntax", "UID", "--compress"), written),
     (H, "Attributes"),
-    (P, "By their keywords of PS3.6; values that the source lacks are left out where the standard allows it."),
+    (P, "By their keywords of PS3.6; values that the source lacks are left out where the standard allows it. The meta "
+        "header has FileMetaInformationGroupLength, FileMetaInformationVersion, MediaStorageSOPClassUID, "
+        "MediaStorageSOPInstanceUID, TransferSyntaxUID, ImplementationClassUID and ImplementationVersionName."),
     (S, "Copied from the source to each object, unless --deidentify is given"),
-    (P, ", ".join(attributes("dicom/writer/dcmtk_study.cc")) + "."),
+    (P, ", ".join(copied_attributes("dicom/writer/dcmtk_study.cc")) + "."),
     (S, "Written to secondary captures"),
     (P, "PixelData, " +
      ", ".join(attributes("dicom/objects/capture_attributes.c", "dicom/writer/dcmtk_side.cc", *both)) + "."),

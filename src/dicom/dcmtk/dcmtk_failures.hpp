@@ -9,6 +9,9 @@
 #include <new>
 #include <stdexcept>
 
+/* True where an allocation has failed since the last call: without memory DCMTK may omit a value and report success. */
+bool cts_dcm_memory_failed();
+
 /* Throws for a failure: std::bad_alloc, or std::runtime_error with DCMTK's reason. */
 inline void cts_dcm_check(const OFCondition &state)
 {

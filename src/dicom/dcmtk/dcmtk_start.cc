@@ -2,10 +2,12 @@
 
 #include "dicom/dcmtk/dcmtk_failures.hpp"
 
+#include <atomic>
 #include <cstdlib>
 #include <dcmtk/dcmdata/dcdicent.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/oflog/oflog.h>
+#include <new>
 
 namespace
 {
@@ -19,10 +21,24 @@ const DictionaryRow rows[] = {
 #include <dicom_tags.inc>
 };
 
+std::atomic<bool> has_failed; /* an allocation */
+
+void note_failure()
+{
+    has_failed = true;
+    throw std::bad_alloc();
+}
+
 } // namespace
+
+bool cts_dcm_memory_failed()
+{
+    return has_failed.exchange(false);
+}
 
 CtsStatus cts_dcm_start(CtsError *err)
 try {
+    std::set_new_handler(note_failure);
     OFLog::configure(OFLogger::OFF_LOG_LEVEL);
     /* DCMTK's own reader of its dictionary takes 18 ms; these rows take none that can be measured. */
     setenv("DCMDICTPATH", "/dev/null", 1);

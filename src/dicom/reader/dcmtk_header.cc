@@ -203,9 +203,12 @@ size_t pack_written(const Header &h, DcmDataset &data, uint8_t *bytes, size_t n)
 void answer_file(Header &h, Pack pack, uint8_t *out, size_t *used, size_t n_answer)
 try {
     DcmDataset data;
+    cts_dcm_memory_failed();
     CtsHeaderResult result = read_header(h, data);
     if (result == CTS_HEADER_DONE) {
         const size_t room = n_answer - *used, n = pack(h, data, out + *used, room);
+        if (cts_dcm_memory_failed())
+            throw std::bad_alloc();
         h.answer.at = *used;
         h.answer.need = n;
         result = n > room ? CTS_HEADER_ROOM : CTS_HEADER_DONE;

@@ -29,14 +29,16 @@ void cts_dcm_copy_side(DcmItem &to, DcmItem &source)
 {
     const char *text = nullptr;
     const char *const part = source.findAndGetString(DCM_BodyPartExamined, text).good() && text ? text : "";
-    if (*part)
-        cts_dcm_copy(to, source, DCM_BodyPartExamined);
-    if (source.tagExistsWithValue(DCM_Laterality))
-        cts_dcm_copy(to, source, DCM_Laterality);
-    else if (source.tagExistsWithValue(DCM_ImageLaterality))
-        cts_dcm_copy(to, source, DCM_ImageLaterality);
-    else if (is_paired(part))
+    bool has_side = false;
+    for (const DcmTagKey &tag : {DCM_BodyPartExamined, DCM_Laterality, DCM_ImageLaterality}) {
+        DcmElement *element = nullptr;
+        if (has_side || source.findAndGetElement(tag, element).bad())
+            continue;
+        cts_dcm_copy(to, *element, true);
+        has_side = tag != DCM_BodyPartExamined && to.tagExists(tag);
+    }
+    if (!has_side && is_paired(part))
         cts_dcm_check(to.insertEmptyElement(DcmTag(DCM_Laterality)));
-    else /* an axial slice contains both breasts */
+    else if (!has_side) /* an axial slice contains both breasts */
         cts_dcm_check(to.putAndInsertString(DCM_ImageLaterality, std::strcmp(part, "BREAST") == 0 ? "B" : "U"));
 }

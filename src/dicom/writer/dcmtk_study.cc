@@ -4,6 +4,8 @@
 
 #include "dicom/writer/dcmtk_write.hpp"
 
+#include <algorithm>
+
 namespace
 {
 
@@ -12,126 +14,41 @@ const DcmTagKey always[] = {DCM_PatientName,    DCM_PatientID, DCM_PatientBirthD
                             DCM_StudyDate,      DCM_StudyTime, DCM_ReferringPhysicianName, DCM_StudyID,
                             DCM_AccessionNumber};
 
-/* Types 1 and 1C, and enumerated values: never empty. */
-const DcmTagKey filled[] = {DCM_SpecificCharacterSet,
-                            DCM_TypeOfPatientID,
-                            DCM_PatientAlternativeCalendar,
-                            DCM_QualityControlSubject,
-                            DCM_PatientSpeciesDescription,
-                            DCM_PatientSpeciesCodeSequence,
-                            DCM_ResponsiblePersonRole,
-                            DCM_PatientIdentityRemoved,
-                            DCM_DeidentificationMethod,
-                            DCM_DeidentificationMethodCodeSequence,
-                            DCM_LongitudinalTemporalInformationModified,
-                            DCM_ClinicalTrialSponsorName,
-                            DCM_ClinicalTrialProtocolID,
-                            DCM_ClinicalTrialSubjectID,
-                            DCM_ClinicalTrialSubjectReadingID,
-                            DCM_ClinicalTrialProtocolEthicsCommitteeName,
-                            DCM_SmokingStatus,
-                            DCM_PregnancyStatus,
-                            DCM_PatientSexNeutered,
-                            DCM_LongitudinalTemporalOffsetFromEvent,
-                            DCM_LongitudinalTemporalEventType};
+/* The tags of the two levels, from the first to the last of each range: those of other levels lie between the ranges,
+ * and newer attributes of these within them. Groups 0010 and 0012 are the patient's and the clinical trial's; 0028,0303
+ * and 0012,0062 to 0012,0064 say what was removed of an identity; the others are the study's. */
+const struct {
+    Uint32 first, last;
+} ranges[] = {{0x00080005, 0x00080005}, {0x00080020, 0x00080020}, {0x00080030, 0x00080030}, {0x00080050, 0x00080051},
+              {0x00080090, 0x00080090}, {0x00080096, 0x0008009D}, {0x00081030, 0x00081032}, {0x00081048, 0x00081049},
+              {0x00081060, 0x00081062}, {0x00081080, 0x00081084}, {0x00081110, 0x00081110}, {0x00081120, 0x00081120},
+              {0x00100010, 0x00100043}, {0x00100200, 0x00100200}, {0x00100212, 0x00100221}, {0x00101000, 0x00101002},
+              {0x00101010, 0x00101030}, {0x00101100, 0x00101100}, {0x00102000, 0x00102110}, {0x00102160, 0x001021D0},
+              {0x00102201, 0x00102203}, {0x00102292, 0x00102299}, {0x00104000, 0x00104000}, {0x00120010, 0x00120055},
+              {0x00120062, 0x00120064}, {0x00120081, 0x00120086}, {0x00280303, 0x00280303}, {0x00200010, 0x00200010},
+              {0x00321033, 0x00321034}, {0x00321066, 0x00321067}, {0x00380010, 0x00380010}, {0x00380014, 0x00380014},
+              {0x00380060, 0x00380060}, {0x00380062, 0x00380064}, {0x00380500, 0x00380500}, {0x00401012, 0x00401012}};
 
-/* Type 3: as in the source, empty or not. The last ones are newer than DCMTK's dictionary: the patient's form of
- * address, and the issuers of the trial's identifiers. */
-const DcmTagKey as_is[] = {DCM_IssuerOfPatientID,
-                           DCM_IssuerOfPatientIDQualifiersSequence,
-                           DCM_SourcePatientGroupIdentificationSequence,
-                           DCM_GroupOfPatientsIdentificationSequence,
-                           DCM_SubjectRelativePositionInImage,
-                           DCM_PatientBirthTime,
-                           DCM_PatientBirthDateInAlternativeCalendar,
-                           DCM_PatientDeathDateInAlternativeCalendar,
-                           DCM_ReferencedPatientSequence,
-                           DCM_ReferencedPatientPhotoSequence,
-                           DCM_RETIRED_OtherPatientIDs,
-                           DCM_OtherPatientIDsSequence,
-                           DCM_OtherPatientNames,
-                           DCM_EthnicGroup,
-                           DCM_PatientComments,
-                           DCM_PatientBreedDescription,
-                           DCM_PatientBreedCodeSequence,
-                           DCM_BreedRegistrationSequence,
-                           DCM_StrainDescription,
-                           DCM_StrainNomenclature,
-                           DCM_StrainStockSequence,
-                           DCM_StrainAdditionalInformation,
-                           DCM_StrainCodeSequence,
-                           DCM_GeneticModificationsSequence,
-                           DCM_ResponsiblePerson,
-                           DCM_ResponsibleOrganization,
-                           DCM_ClinicalTrialProtocolName,
-                           DCM_ClinicalTrialSiteID,
-                           DCM_ClinicalTrialSiteName,
-                           DCM_ClinicalTrialProtocolEthicsCommitteeApprovalNumber,
-                           DCM_ReferringPhysicianIdentificationSequence,
-                           DCM_ConsultingPhysicianName,
-                           DCM_ConsultingPhysicianIdentificationSequence,
-                           DCM_IssuerOfAccessionNumberSequence,
-                           DCM_StudyDescription,
-                           DCM_PhysiciansOfRecord,
-                           DCM_PhysiciansOfRecordIdentificationSequence,
-                           DCM_NameOfPhysiciansReadingStudy,
-                           DCM_PhysiciansReadingStudyIdentificationSequence,
-                           DCM_RequestingService,
-                           DCM_RequestingServiceCodeSequence,
-                           DCM_ReferencedStudySequence,
-                           DCM_ProcedureCodeSequence,
-                           DCM_ReasonForPerformedProcedureCodeSequence,
-                           DCM_AdmittingDiagnosesDescription,
-                           DCM_AdmittingDiagnosesCodeSequence,
-                           DCM_PatientAge,
-                           DCM_PatientSize,
-                           DCM_PatientWeight,
-                           DCM_PatientBodyMassIndex,
-                           DCM_MeasuredAPDimension,
-                           DCM_MeasuredLateralDimension,
-                           DCM_PatientSizeCodeSequence,
-                           DCM_MedicalAlerts,
-                           DCM_Allergies,
-                           DCM_LastMenstrualDate,
-                           DCM_PatientState,
-                           DCM_Occupation,
-                           DCM_AdditionalPatientHistory,
-                           DCM_AdmissionID,
-                           DCM_IssuerOfAdmissionIDSequence,
-                           DCM_ServiceEpisodeID,
-                           DCM_IssuerOfServiceEpisodeIDSequence,
-                           DCM_ServiceEpisodeDescription,
-                           DCM_ReasonForVisit,
-                           DCM_ReasonForVisitCodeSequence,
-                           DCM_ClinicalTrialTimePointID,
-                           DCM_ClinicalTrialTimePointDescription,
-                           DCM_ConsentForClinicalTrialUseSequence,
-                           DcmTagKey(0x0010, 0x0011),
-                           DcmTagKey(0x0010, 0x0014),
-                           DcmTagKey(0x0010, 0x0041),
-                           DcmTagKey(0x0010, 0x0043),
-                           DcmTagKey(0x0012, 0x0022),
-                           DcmTagKey(0x0012, 0x0023),
-                           DcmTagKey(0x0012, 0x0032),
-                           DcmTagKey(0x0012, 0x0041),
-                           DcmTagKey(0x0012, 0x0043),
-                           DcmTagKey(0x0012, 0x0054),
-                           DcmTagKey(0x0012, 0x0055),
-                           DcmTagKey(0x0012, 0x0086)};
+/* Types 1 and 1C, and enumerated values: never empty. Type 3 is as in the source, empty or not. */
+const Uint32 filled[] = {0x00080005, 0x00100022, 0x00100035, 0x00100200, 0x001021A0, 0x001021C0, 0x00102201,
+                         0x00102202, 0x00102203, 0x00102298, 0x00120010, 0x00120020, 0x00120040, 0x00120042,
+                         0x00120052, 0x00120053, 0x00120062, 0x00120063, 0x00120064, 0x00120081, 0x00280303};
+
+bool is_of_study(Uint32 number)
+{
+    return std::any_of(std::begin(ranges), std::end(ranges),
+                       [=](const auto &range) { return range.first <= number && number <= range.last; });
+}
 
 } // namespace
 
 void cts_dcm_copy_study(DcmItem &to, DcmItem &source, bool deidentified)
 {
     for (const DcmTagKey &tag : always)
-        if (deidentified || !source.tagExists(tag))
-            cts_dcm_check(to.insertEmptyElement(DcmTag(tag)));
-        else
-            cts_dcm_copy(to, source, tag);
-    for (const DcmTagKey &tag : filled)
-        if (!deidentified && source.tagExistsWithValue(tag))
-            cts_dcm_copy(to, source, tag, true);
-    for (const DcmTagKey &tag : as_is)
-        if (!deidentified)
-            cts_dcm_copy(to, source, tag);
+        cts_dcm_check(to.insertEmptyElement(DcmTag(tag)));
+    for (DcmObject *o = source.nextInContainer(nullptr); o && !deidentified; o = source.nextInContainer(o)) {
+        const Uint32 tag = static_cast<Uint32>(o->getGTag()) << 16 | o->getETag();
+        if (is_of_study(tag))
+            cts_dcm_copy(to, static_cast<DcmElement &>(*o), std::count(std::begin(filled), std::end(filled), tag));
+    }
 }

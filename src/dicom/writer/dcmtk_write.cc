@@ -15,52 +15,13 @@ namespace
 /* Names this implementation of DICOM writing (PS3.7 D.3.3.2); made once, like any UID. */
 const char *const implementation_uid = "2.25.67028870792169200667320284542246776385";
 
-void drop_private(DcmItem &item)
-{
-    for (unsigned long i = item.card(); i-- > 0;) {
-        DcmElement *element = item.getElement(i);
-        if (element->getTag().isPrivate())
-            delete item.remove(i);
-        else if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(element))
-            for (unsigned long k = 0; k < sequence->card(); k++)
-                drop_private(*sequence->getItem(k));
-    }
-}
-
-/* Without memory for a value, DCMTK may omit it and report success. */
-bool whole(DcmItem &item)
-{
-    for (unsigned long i = 0; i < item.card(); i++) {
-        DcmElement *element = item.getElement(i);
-        if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(element)) {
-            for (unsigned long k = 0; k < sequence->card(); k++)
-                if (!whole(*sequence->getItem(k)))
-                    return false;
-        } else if (element->loadAllDataIntoMemory().bad() || !element->valueLoaded())
-            return false;
-    }
-    return true;
-}
-
-void drop_zeros(DcmElement &element);
-
 /* Zeros with which some devices pad texts are not valid in any character set (PS3.5 6.1.3): each value is truncated at
  * its first zero. */
-void drop_zeros(DcmItem &item)
+void drop_zeros(DcmByteString &text)
 {
-    for (unsigned long i = 0; i < item.card(); i++)
-        drop_zeros(*item.getElement(i));
-}
-
-void drop_zeros(DcmElement &element)
-{
-    if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(&element))
-        for (unsigned long k = 0; k < sequence->card(); k++)
-            drop_zeros(*sequence->getItem(k));
-    DcmByteString *text = dynamic_cast<DcmByteString *>(&element);
     char *bytes = nullptr;
     Uint32 n = 0;
-    if (!text || text->getString(bytes, n).bad() || !bytes || !std::memchr(bytes, 0, n))
+    if (text.getString(bytes, n).bad() || !bytes || !std::memchr(bytes, 0, n))
         return;
     std::string clean;
     bool padding = false;
@@ -69,7 +30,23 @@ void drop_zeros(DcmElement &element)
         if (!padding)
             clean += bytes[i];
     }
-    cts_dcm_check(text->putString(clean.c_str(), static_cast<Uint32>(clean.size())));
+    cts_dcm_check(text.putString(clean.c_str(), static_cast<Uint32>(clean.size())));
+}
+
+/* Removes private elements and zeros within. */
+void clean_up(DcmElement &element)
+{
+    if (DcmByteString *text = dynamic_cast<DcmByteString *>(&element))
+        drop_zeros(*text);
+    DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(&element);
+    for (unsigned long k = 0; sequence && k < sequence->card(); k++) {
+        DcmItem &item = *sequence->getItem(k);
+        for (unsigned long i = item.card(); i-- > 0;)
+            if (item.getElement(i)->getTag().isPrivate())
+                delete item.remove(i);
+            else
+                clean_up(*item.getElement(i));
+    }
 }
 
 /* A decimal string with as many digits as fit 16 characters (DS, PS3.5 6.2), with a point in any locale. */
@@ -165,16 +142,6 @@ void insert_all(DcmItem &item, CtsElements attributes)
             insert_value(item, tag_of(e), e);
 }
 
-bool has_meta(DcmMetaInfo &meta)
-{
-    for (const DcmTagKey &tag :
-         {DCM_FileMetaInformationGroupLength, DCM_FileMetaInformationVersion, DCM_MediaStorageSOPClassUID,
-          DCM_MediaStorageSOPInstanceUID, DCM_TransferSyntaxUID, DCM_ImplementationClassUID})
-        if (!meta.tagExistsWithValue(tag))
-            return false;
-    return true;
-}
-
 /* DCMTK fills the meta header with names of its own; these are ours. */
 void put_meta(DcmFileFormat &file, E_TransferSyntax syntax)
 {
@@ -188,27 +155,19 @@ void put_meta(DcmFileFormat &file, E_TransferSyntax syntax)
     cts_dcm_check(meta->putAndInsertString(DCM_ImplementationVersionName, version));
     cts_dcm_check(
         meta->computeGroupLengthAndPadding(EGL_recalcGL, EPD_noChange, EXS_LittleEndianExplicit, EET_ExplicitLength));
-    if (!(has_meta(*meta) && whole(*meta) && whole(*file.getDataset())))
-        throw std::bad_alloc();
 }
 
 } // namespace
 
-void cts_dcm_copy(DcmItem &to, DcmItem &source, const DcmTagKey &tag, bool filled)
+void cts_dcm_copy(DcmItem &to, DcmElement &element, bool filled)
 {
-    DcmElement *found = nullptr;
-    if (source.findAndGetElement(tag, found).bad() || !found)
-        return;
-    std::unique_ptr<DcmElement> copy(dynamic_cast<DcmElement *>(found->clone()));
-    if (!copy || copy->compare(*found) != 0) /* without memory for it, a copy's value is left empty in silence */
+    std::unique_ptr<DcmElement> copy(dynamic_cast<DcmElement *>(element.clone()));
+    if (!copy)
         throw std::bad_alloc();
-    if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(copy.get()))
-        for (unsigned long k = 0; k < sequence->card(); k++)
-            drop_private(*sequence->getItem(k));
-    drop_zeros(*copy);
+    clean_up(*copy);
     if (filled && copy->getLength() == 0)
         return;
-    cts_dcm_check(to.insert(copy.get()));
+    cts_dcm_check(to.insert(copy.get(), OFTrue));
     copy.release();
 }
 

@@ -17,7 +17,7 @@ size_t cts_dcm_write(DcmItem &source, const CtsReaderOrder &order, CtsElements a
 void cts_dcm_copy_study(DcmItem &to, DcmItem &source, bool deidentified);
 void cts_dcm_copy_side(DcmItem &to, DcmItem &source);
 
-/* Copies an element with its value bytes, without private elements in it; does nothing where it is missing. */
-void cts_dcm_copy(DcmItem &to, DcmItem &source, const DcmTagKey &tag, bool filled = false);
+/* Copies an element with its value bytes, without private elements in it; filled: nothing where it has no value. */
+void cts_dcm_copy(DcmItem &to, DcmElement &element, bool filled);
 
 #endif
