@@ -13,8 +13,8 @@
 /* Errors below this, a step of eight bits, need not be found for limits to allow for them. */
 #define LEAST_LARGEST (1.0 / 255)
 
-/* Factor of the estimated ratio of squares to terms. With 2, and one unseen term, 1 of 100,000 limits of single samples
- * was too low (300 samples of 300 pictures), with 1.5 8, with 1 56. */
+/* Factor of the estimated ratio of squares to terms. With 2, and one assumed term, 1 of 100,000 limits of single
+ * samples was too low (300 samples of 300 pictures), with 1.5 8, with 1 56. */
 #define SPREAD 2.0
 
 static double rarity(double count, double mean)
@@ -76,7 +76,7 @@ static double expectation_limit(double sum, double odds)
  * with this ratio of expectations, too. SPREAD stands for that ratio's being an estimate. */
 double cts_terms_limit(const CtsTerms *t, CtsTermRange range, double n, int n_limits)
 {
-    const double ratio = t->sum > 0 ? (t->squares + range.unseen * t->largest * t->largest) / t->sum : 0,
+    const double ratio = t->sum > 0 ? (t->squares + range.assumed * t->largest * t->largest) / t->sum : 0,
                  unit = fmin(fmax(SPREAD * ratio, range.least), range.most);
     return unit > 0 ? unit * expectation_limit(t->sum / unit, log(1000 * fmax(n_limits, 1))) / n : 0;
 }

@@ -27,9 +27,9 @@ static inline void cts_terms_add_one(CtsTerms *terms, double term)
 }
 
 typedef struct CtsTermRange {
-    double unseen; /* number of terms that are assumed besides, as large as the largest */
-    double least;  /* size of terms where none is larger than 0 */
-    double most;   /* size that no term exceeds */
+    double assumed; /* number of terms that are assumed besides, as large as the largest */
+    double least;   /* size of terms where none is larger than 0 */
+    double most;    /* size that no term exceeds */
 } CtsTermRange;
 
 /* Upper limit of the mean of the n numbers, which holds with a probability of 99.9 %. n_limits limits (0 counts as 1)

@@ -57,7 +57,7 @@
         fault(SHEET_OPACITY)      /* sheets: opacity of half-sheets for a whole slab */                                \
         fault(SHEET_LIGHT)        /* sheets: the gradient across the sheets has the wrong sign */                      \
         fault(INDICATOR_LEVELS)   /* sheets: indicators without the difference of sheets and half-sheets */            \
-        fault(INDICATOR_LIGHT)    /* sheets: indicators without the bend of the light */                               \
+        fault(INDICATOR_LIGHT)    /* sheets: indicators without changes of the light */                                \
         fault(INDICATOR_MISSED)   /* sheets: indicators without what samples may miss */                               \
         fault(INDICATOR_CONTRAST) /* sheets: indicators without the contrast to neighbours */
 

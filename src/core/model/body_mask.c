@@ -58,7 +58,7 @@ CtsMaskCover cts_body_mask_cover(const CtsBodyMask *m, const int low[3], const i
                 most = row[i] > most ? row[i] : most;
             }
         }
-    return least > CTS_BODY_LEVEL ? CTS_COVER_ALL : most > CTS_BODY_LEVEL ? CTS_COVER_SOME : CTS_COVER_NONE;
+    return least > CTS_BODY_THRESHOLD ? CTS_COVER_ALL : most > CTS_BODY_THRESHOLD ? CTS_COVER_SOME : CTS_COVER_NONE;
 }
 
 void cts_body_mask_corners(const CtsBodyMask *m, const int cell[3], double corner[8])

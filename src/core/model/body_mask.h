@@ -8,7 +8,7 @@
 
 /* Nodes along the volume's axes, some voxels apart, from one before the volume's first voxel or at it to one at its
  * last or behind it. Between them the mask is trilinear, so that it has a smooth edge, and the body is where it exceeds
- * CTS_BODY_LEVEL, which no node has. Cells of voxels never lie across a node. */
+ * CTS_BODY_THRESHOLD, which no node has. Cells of voxels never lie across a node. */
 typedef struct CtsBodyMask {
     int n[3], step[3];  /* nodes, and voxels from node to node */
     int first[3];       /* the volume's origin, in voxels from the first node */
@@ -16,7 +16,7 @@ typedef struct CtsBodyMask {
     uint8_t *share;     /* of each node: fraction of its surroundings that is body, in 1/255 */
 } CtsBodyMask;
 
-#define CTS_BODY_LEVEL 127.5
+#define CTS_BODY_THRESHOLD 127.5
 
 /* share[] unset. */
 CtsStatus cts_body_mask_new(CtsBodyMask **mask, const int n[3], const int step[3], CtsError *err);

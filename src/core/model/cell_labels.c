@@ -265,11 +265,12 @@ int cts_label_intervals(const CtsVoxelLabels *o, const int cell[3], const double
     return c.n;
 }
 
-int cts_level_intervals(const double corner[8], double level, const double from[3], const double to[3],
-                        CtsLineInterval interval[CTS_MAX_CELL_INTERVALS])
+int cts_threshold_intervals(const double corner[8], double threshold, const double from[3], const double to[3],
+                            CtsLineInterval interval[CTS_MAX_CELL_INTERVALS])
 {
-    Fields f = {
-        .n = 2, .appearance = {CTS_APPEARANCE_PRESET, CTS_APPEARANCE_HIDDEN}, .b = {{0}, {level, level, level, level}}};
+    Fields f = {.n = 2,
+                .appearance = {CTS_APPEARANCE_PRESET, CTS_APPEARANCE_HIDDEN},
+                .b = {{0}, {threshold, threshold, threshold, threshold}}};
     Splitting c = {interval, 0};
     field_along(corner, from, to, f.b[0]);
     split_line(&c, f, 0, 1, 0);

@@ -128,6 +128,6 @@ int cts_label_intervals(const CtsVoxelLabels *voxel_labels, const int cell[3], c
                         CtsLineInterval interval[CTS_MAX_CELL_INTERVALS]);
 /* The trilinear field of eight vertices, bit a of a vertex's number being its place along axis a. */
 double cts_cell_at(const double v[8], double x, double y, double z);
-/* The same for such a field: hidden where it lies below the level, elsewhere as the preset. */
-int cts_level_intervals(const double corner[8], double level, const double from[3], const double to[3],
-                        CtsLineInterval interval[CTS_MAX_CELL_INTERVALS]);
+/* The same for such a field: hidden where it lies below the threshold, elsewhere as the preset. */
+int cts_threshold_intervals(const double corner[8], double threshold, const double from[3], const double to[3],
+                            CtsLineInterval interval[CTS_MAX_CELL_INTERVALS]);

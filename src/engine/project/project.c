@@ -139,7 +139,7 @@ static CtsVisibleCells visible_cells(const CtsProjector *p, const int block[3])
         if (!inside)
             continue;
         for (int m = 0; p->body && m < 8; m++)
-            n_inside += field[k + (m >> 2)][j + (m >> 1 & 1)][i + (m & 1)] > CTS_BODY_LEVEL;
+            n_inside += field[k + (m >> 2)][j + (m >> 1 & 1)][i + (m & 1)] > CTS_BODY_THRESHOLD;
         const int appearance = p->voxel_labels ? cts_appearance_of_cell(p->voxel_labels, cell) : CTS_APPEARANCE_PRESET;
         if (appearance == CTS_APPEARANCE_HIDDEN || n_inside == 0)
             continue;

@@ -19,7 +19,7 @@ static int body_stretches(const CtsBodyMask *body, const int cell[3], const doub
         begin[a] = cts_body_mask_place(body, a, cell[a], enter[a]);
         end[a] = cts_body_mask_place(body, a, cell[a], leave[a]);
     }
-    return cts_level_intervals(corner, CTS_BODY_LEVEL, begin, end, interval);
+    return cts_threshold_intervals(corner, CTS_BODY_THRESHOLD, begin, end, interval);
 }
 
 /* Within the body, the intervals are split at boundaries of labels. */

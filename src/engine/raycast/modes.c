@@ -32,7 +32,7 @@ static int body_splits(const CtsRaycaster *caster, const CtsRay *ray, const CtsR
     if (caster->body) {
         cts_body_mask_corners(caster->body, cell, corner);
         cts_cubic_in_cell(corner, from, to, above);
-        above[0] -= CTS_BODY_LEVEL;
+        above[0] -= CTS_BODY_THRESHOLD;
         n = cts_cubic_sign_changes(above, split + 1);
     }
     split[n + 1] = 1;

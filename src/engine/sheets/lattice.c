@@ -15,9 +15,9 @@ static int lattice_points(int n)
  * is off by an eighth of the change of slope, so that a difference of eight requested errors is off by about one; such
  * pixels are few. */
 #define REFINED_FROM 8.0
-/* Opacity from which a point sees anything: a step of eight bits. Of what passes faint borders alone, nothing says what
- * lies between. */
-#define SEEN_FROM (1.0F / 256)
+/* Opacity from which a point counts as visible: a step of eight bits. Of bodies of which its ray passes the border
+ * alone, nothing says what lies between. */
+#define VISIBLE_FROM (1.0F / 256)
 /* Error of an interpolated pixel as a share of the difference of the marched ones around it. */
 #define INTERPOLATED_SHARE 0.25F
 
@@ -37,7 +37,7 @@ static float range_of(const f32x4 rgba[], int n)
     return largest_channel(high - low);
 }
 
-/* Pixel of a patch as the mean of n (1, 2 or 4) marched ones. Where these see nothing, or lie far apart in depth, the
+/* Pixel of a patch as the mean of n (1, 2 or 4) marched ones. Where these are invisible, or lie far apart in depth, the
  * first one's depth stands for them. */
 static void interpolate(SheetsPatch *to, size_t at, const SheetsPatch *from, const size_t corner[], int n)
 {
@@ -128,7 +128,7 @@ static bool interpolate_whole(const SheetsPatch *to, const SheetsPatch *from, in
     }
     const f32x4 most = f32x4_max(f32x4_max(high[0], high[1]), high[2]),
                 least = f32x4_min(f32x4_min(low[0], low[1]), low[2]);
-    if (!(most[3] > SEEN_FROM) || largest_channel(most - least) > refined_from)
+    if (!(most[3] > VISIBLE_FROM) || largest_channel(most - least) > refined_from)
         return false;
     for (size_t j = 0; j < 2; j++) {
         const size_t row = at + 2 * j * width;
@@ -159,16 +159,17 @@ static void interpolate_group(SheetsPatch *to, const SheetsPatch *from, int x0, 
         }
 }
 
-/* True if depth bends by more than half a slab between 3 x 3 points of the lattice, of those that have a depth. */
-static bool bends(const SheetsPatch *from, size_t at, double slab_mm)
+/* True if the second difference of depth exceeds half a slab between 3 x 3 points of the lattice, of those that have a
+ * depth. */
+static bool is_curved(const SheetsPatch *from, size_t at, double slab_mm)
 {
     const size_t across = (size_t)from->width;
     for (int i = 0; i < 3; i++)
         for (int down = 0; down < 2; down++) {
             const size_t step = down ? across : 1;
             const float *const d = from->depth_mm + at + (size_t)i * (down ? 1 : across);
-            const double bend = (double)d[0] - 2 * (double)d[step] + (double)d[2 * step];
-            if (fabs(bend) > slab_mm / 2 && fabs(bend) < (double)SHEETS_FAR / 8)
+            const double second_difference = (double)d[0] - 2 * (double)d[step] + (double)d[2 * step];
+            if (fabs(second_difference) > slab_mm / 2 && fabs(second_difference) < (double)SHEETS_FAR / 8)
                 return true;
         }
     return false;
@@ -217,11 +218,11 @@ bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, in
                       y = cts_smaller_int(y0 / 2 + j, from->height - 1);
             const size_t at = (size_t)y * (size_t)from->width + (size_t)x;
             corner[3 * j + i] = *(const f32x4 *)(from->rgba + 4 * at);
-            any |= corner[3 * j + i][3] > SEEN_FROM;
+            any |= corner[3 * j + i][3] > VISIBLE_FROM;
         }
     const size_t at = (size_t)(y0 / 2) * (size_t)from->width + (size_t)(x0 / 2);
     const bool has_nine = x0 / 2 + 2 < from->width && y0 / 2 + 2 < from->height;
-    if (!any || range_of(corner, 9) > refined_from || (from->depth_mm && has_nine && bends(from, at, slab_mm)))
+    if (!any || range_of(corner, 9) > refined_from || (from->depth_mm && has_nine && is_curved(from, at, slab_mm)))
         return false;
     interpolate_group(to, from, x0, y0);
     return true;

@@ -34,6 +34,7 @@ void cts_sheets_lattice_free(SheetsPatch *lattice);
 float cts_sheets_refined_from(const CtsScene *scene);
 
 /* Interpolates the group at (x0, y0) of a patch. False where it has to be marched: points around it differ too much, or
- * see next to nothing, since bodies smaller than a pixel may lie between them (rays through empty space are cheap). */
+ * are next to invisible, since bodies smaller than a pixel may lie between them (rays through empty space are cheap).
+ */
 bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0, float refined_from,
                             double slab_mm);

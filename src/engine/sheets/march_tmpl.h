@@ -1,5 +1,5 @@
 /* The march of a group through the sheets, front to back; included once for each SIMD path. Every path does the same
- * operations lane by lane: whole numbers up to a sample's level, then floats rounded after each operation. */
+ * operations lane by lane: whole numbers up to a sample's value, then floats rounded after each operation. */
 #include "engine/sheets/sample_tmpl.h"
 
 #include "engine/sheets/shade_tmpl.h"
@@ -41,7 +41,7 @@ INLINE void advance_missed(State *s, wf near)
 INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to)
 {
     const float one = 1 << SHEETS_WEIGHT_BITS;
-    const float low = ((float)j->levels.grey_low - 32768) * one, high = ((float)j->levels.grey_high - 32768) * one;
+    const float low = ((float)j->bins.grey_low - 32768) * one, high = ((float)j->bins.grey_high - 32768) * one;
     const wf change = wf_sub(back, front);
     const wmask flat = wf_lt(wf_abs(change), wf_of(1));
     const wf per = wf_div(wf_of(1), wf_select(flat, wf_of(1), change));
@@ -64,7 +64,7 @@ typedef enum SlabPartKind { WHOLE, FRONT_HALF, BACK_HALF, CLIPPED } SlabPartKind
 typedef struct SlabPart {
     int slab;
     wf front, back; /* samples */
-    wi front_level, back_level;
+    wi front_bin, back_bin;
     wf from, to; /* shares of the way between both sheets */
     wf share;    /* of its length that lies in the volume */
     SlabPartKind kind;
@@ -112,48 +112,49 @@ INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf bef
     const wf per = wf_of((float)v->slab_mm);
     const wf first = wf_mul_add(wf_mul_add(from, length, t->from), per, start);
     const wf at_half = wf_mul_add(wf_mul_add(wf_lerp(from, to, half), length, t->from), per, start);
-    const wf unseen = wf_of(FAR_MM);
-    const wmask begins = wmask_and(lanes, wmask_and(wf_lt(s->left, before), wf_le(unseen, s->first_mm)));
+    const wf unset = wf_of(FAR_MM);
+    const wmask begins = wmask_and(lanes, wmask_and(wf_lt(s->left, before), wf_le(unset, s->first_mm)));
     const wmask passes = wmask_and(lanes, wmask_and(wf_gt(before, wf_of(0.5f)), wf_le(s->left, wf_of(0.5f))));
     s->first_mm = wf_select(begins, first, s->first_mm);
     s->depth_mm = wf_select(passes, at_half, s->depth_mm);
 }
 
-/* Result: the lanes that see something. */
+/* Result: the visible lanes. */
 INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart *t, const bool lit, int x, int y,
                                  State *s, SlabShading *light, SheetsCounts *counts)
 {
     const SheetsJob *const j = m->job;
-    wmask visible = wmask_and(s->alive, visible_between(&j->levels, t->front_level, t->back_level));
+    wmask visible = wmask_and(s->alive, visible_between(&j->bins, t->front_bin, t->back_bin));
     if (t->kind == CLIPPED)
         visible = wmask_and(visible, wf_gt(t->share, wf_of(0)));
     if (!wmask_any(visible))
         return visible;
-    Slab slab = look_up_slab(t->opacity, t->front_level, t->back_level);
+    Slab slab = look_up_slab(t->opacity, t->front_bin, t->back_bin);
     if (t->kind == CLIPPED)
-        take_share(j, t->front_level, t->back_level, t->length_mm, t->share, visible, &slab);
+        take_share(j, t->front_bin, t->back_bin, t->length_mm, t->share, visible, &slab);
     counts->slabs++;
     if (lit) {
         const wf weight = wf_mul(s->left, slab.alpha);
-        const wmask heavy = wmask_and(visible, wf_gt(weight, wf_of(j->min_shaded_weight)));
+        const wmask significant = wmask_and(visible, wf_gt(weight, wf_of(j->min_shaded_weight)));
         for (int c = 0; c < 3; c++)
-            light->plain[c] = wf_mul_add(wf_select(visible, s->left, wf_of(0)), slab.rgb[c], light->plain[c]);
-        if (wmask_any(heavy)) {
+            light->unlit[c] = wf_mul_add(wf_select(visible, s->left, wf_of(0)), slab.rgb[c], light->unlit[c]);
+        if (wmask_any(significant)) {
             const Gradient *end[2];
             find_gradients(m, b, t, light, end);
-            const LitShares shares = lit_shares(t->light, t->front_level, t->back_level);
+            const LitShares shares = lit_shares(t->light, t->front_bin, t->back_bin);
             find_openness(m, b, t->slab, false, light);
             const wf open[2] = {wf_lerp(light->open[0], light->open[1], t->from),
                                 wf_lerp(light->open[0], light->open[1], t->to)};
-            wf bend;
-            shade_slab(j, end, &shares, open, heavy, &slab, &bend);
-            const wf weighted = wf_select(heavy, wf_mul(weight, bend), wf_of(0));
-            light->bend = wf_mul_add(weighted, weighted, light->bend);
+            wf second_difference;
+            shade_slab(j, end, &shares, open, significant, &slab, &second_difference);
+            const wf weighted = wf_select(significant, wf_mul(weight, second_difference), wf_of(0));
+            light->light_changes = wf_mul_add(weighted, weighted, light->light_changes);
             counts->lit++;
         } else {
             wf colour, none;
             find_openness(m, b, t->slab, true, light);
-            dim(j->shade, wf_of(0.5f), wf_of(0), light->open[1], &colour, &none); /* 0.5: the mean of |n.v| */
+            /* 0.5: the mean of |n.v| */
+            group_light_terms(j->shade, wf_of(0.5f), wf_of(0), light->open[1], &colour, &none);
             for (int c = 0; c < 3; c++)
                 slab.rgb[c] = wf_mul(slab.rgb[c], colour);
         }
@@ -171,7 +172,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
 /* Compositing by slabs of twice the length, for the indicator. */
 INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *opacity, wmask lanes, State *s)
 {
-    const wmask visible = wmask_and(lanes, visible_between(&m->job->levels, front, back));
+    const wmask visible = wmask_and(lanes, visible_between(&m->job->bins, front, back));
     if (!wmask_any(visible))
         return;
     const Slab slab = look_up_slab(opacity, front, back);
@@ -179,7 +180,7 @@ INLINE void composite_coarse(const March *m, wi front, wi back, const uint64_t *
 }
 
 /* Lanes for which any of the voxels that they take may be visible. */
-INLINE wmask may_show(const SheetsLevels *l, ws highest, ws lowest)
+INLINE wmask may_show(const SheetsBins *l, ws highest, ws lowest)
 {
     wmask may = wmask_of_bits(0xffff);
     if (l->grey_low >= 0)
@@ -189,42 +190,42 @@ INLINE wmask may_show(const SheetsLevels *l, ws highest, ws lowest)
     return may;
 }
 
-/* Opacity of a slab whose field goes from a level to that of `extreme` and may stay there. */
+/* Opacity of a slab whose field goes from a bin to that of `extreme` and may stay there. */
 INLINE wf opacity_towards(const SheetsJob *j, wi from, wf extreme, wmask lanes)
 {
-    const wi to = level_of(&j->levels, extreme);
-    const wmask near = wmask_and(lanes, visible_between(&j->levels, from, to));
+    const wi to = bin_of(&j->bins, extreme);
+    const wmask near = wmask_and(lanes, visible_between(&j->bins, from, to));
     if (!wmask_any(near))
         return wf_of(0);
     const wi pair = wi_take_pairs(j->near, wi_add(wi_shl(from, 8), to));
     return wf_select(near, sheets_unpack(wi_lower_half(pair)), wf_of(0));
 }
 
-/* Values and levels of samples, of which the lowest and the highest are known. */
+/* Values and bins of samples, of which the lowest and the highest are known. */
 typedef struct Extremes {
     wf low, high;
-    wi low_level, high_level;
+    wi low_bin, high_bin;
 } Extremes;
 
 INLINE Extremes extremes_of(const SheetSamples *k, int one, int other)
 {
     return (Extremes){wf_min(k->value[one], k->value[other]), wf_max(k->value[one], k->value[other]),
-                      wi_min(k->level[one], k->level[other]), wi_max(k->level[one], k->level[other])};
+                      wi_min(k->bin[one], k->bin[other]), wi_max(k->bin[one], k->bin[other])};
 }
 
-/* Opacity of a slab by levels that its field may pass between samples, of which the extremes are known and whose second
- * differences are `bend`; of lanes none of whose samples sees anything. A parabola through three samples passes the
+/* Opacity of a slab by bins that its field may pass between samples, of which the extremes are known and whose second
+ * differences are `second`; of lanes none of whose samples is visible. A parabola through three samples passes the
  * highest of them by an eighth of their second difference at most, and the lowest likewise; the field is a cubic, and a
- * quarter is taken. The lowest counts only for a preset that shows nothing of its highest levels: else samples that see
- * nothing lie below all that is visible. */
-INLINE wf near_miss(const SheetsJob *j, const Extremes *e, const wf bend[2], wmask lanes)
+ * quarter is taken. The lowest counts only for a preset that shows nothing of its highest bins: else invisible
+ * samples lie below all that is visible. */
+INLINE wf near_miss(const SheetsJob *j, const Extremes *e, const wf second[2], wmask lanes)
 {
-    const wf above = wf_max(wf_max(bend[0], bend[1]), wf_of(0)), below = wf_min(wf_min(bend[0], bend[1]), wf_of(0));
-    const wf over = opacity_towards(j, e->high_level, wf_mul_add(above, wf_of(NEAR_MISS_SHARE), e->high), lanes);
-    return j->levels.last == SHEETS_LEVELS - 1
+    const wf above = wf_max(wf_max(second[0], second[1]), wf_of(0)),
+             below = wf_min(wf_min(second[0], second[1]), wf_of(0));
+    const wf over = opacity_towards(j, e->high_bin, wf_mul_add(above, wf_of(NEAR_MISS_SHARE), e->high), lanes);
+    return j->bins.last == SHEETS_BINS - 1
                ? over
-               : wf_max(over,
-                        opacity_towards(j, e->low_level, wf_mul_add(below, wf_of(NEAR_MISS_SHARE), e->low), lanes));
+               : wf_max(over, opacity_towards(j, e->low_bin, wf_mul_add(below, wf_of(NEAR_MISS_SHARE), e->low), lanes));
 }
 
 /* A near miss by samples in front, in the middle and at the back. */
@@ -232,12 +233,12 @@ INLINE wf near_miss_of_three(const SheetsJob *j, const SheetSamples *k, int fron
 {
     if (!wmask_any(lanes))
         return wf_of(0);
-    const wf bend =
+    const wf second =
         wf_sub(wf_add(k->value[front + 1], k->value[front + 1]), wf_add(k->value[front], k->value[front + 2]));
     const Extremes ends = extremes_of(k, front, front + 2);
     const Extremes all = {wf_min(ends.low, k->value[front + 1]), wf_max(ends.high, k->value[front + 1]),
-                          wi_min(ends.low_level, k->level[front + 1]), wi_max(ends.high_level, k->level[front + 1])};
-    return near_miss(j, &all, (wf[]){bend, bend}, lanes);
+                          wi_min(ends.low_bin, k->bin[front + 1]), wi_max(ends.high_bin, k->bin[front + 1])};
+    return near_miss(j, &all, (wf[]){second, second}, lanes);
 }
 
 /* A near miss by samples of the sheets of a slab and of those beside it. */
@@ -249,9 +250,9 @@ INLINE wf near_miss_of_sheets(const SheetsJob *j, const SheetSamples *k, int sla
     const wf before = k->value[slab > 0 ? at - 2 : at], front = k->value[at], back = k->value[at + 2],
              after = k->value[slab < SHEETS_BLOCK - 1 ? at + 4 : at + 2];
     const wf rise = wf_sub(back, front),
-             bend[2] = {wf_sub(wf_sub(front, before), rise), wf_sub(rise, wf_sub(after, back))};
+             second[2] = {wf_sub(wf_sub(front, before), rise), wf_sub(rise, wf_sub(after, back))};
     const Extremes ends = extremes_of(k, at, at + 2);
-    return near_miss(j, &ends, bend, lanes);
+    return near_miss(j, &ends, second, lanes);
 }
 
 INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, const bool half, const bool lit,
@@ -260,7 +261,7 @@ INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, 
     const SheetsJob *const j = m->job;
     const float slab_mm = (float)j->view.slab_mm;
     const wmask before = s->alive;
-    const wmask may = wmask_and(before, may_show(&j->levels, ws_max(k->highest[slab], k->highest[slab + 1]),
+    const wmask may = wmask_and(before, may_show(&j->bins, ws_max(k->highest[slab], k->highest[slab + 1]),
                                                  ws_min(k->lowest[slab], k->lowest[slab + 1])));
     wf near = wf_of(0);
     if (wmask_any(may)) {
@@ -274,8 +275,8 @@ INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, 
             const SlabPart t = {slab,
                                 k->value[front],
                                 k->value[back],
-                                k->level[front],
-                                k->level[back],
+                                k->bin[front],
+                                k->bin[back],
                                 wf_of(0.5f * (float)part),
                                 wf_of(half ? 0.5f * (float)(part + 1) : 1),
                                 wf_of(1),
@@ -287,14 +288,14 @@ INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, 
                                 j->light};
             visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
         }
-        const wmask unseen = wmask_and(may, wmask_not(visible));
+        const wmask invisible = wmask_and(may, wmask_not(visible));
         if (j->near)
-            near = half ? near_miss_of_three(j, k, 2 * slab, unseen) : near_miss_of_sheets(j, k, slab, unseen);
+            near = half ? near_miss_of_three(j, k, 2 * slab, invisible) : near_miss_of_sheets(j, k, slab, invisible);
     }
     if (half)
-        composite_coarse(m, k->level[2 * slab], k->level[2 * slab + 2], j->opacity[1], before, s);
+        composite_coarse(m, k->bin[2 * slab], k->bin[2 * slab + 2], j->opacity[1], before, s);
     else if (slab % 2 == 1 && j->near)
-        composite_coarse(m, k->level[2 * slab - 2], k->level[2 * slab + 2], j->opacity[2], before, s);
+        composite_coarse(m, k->bin[2 * slab - 2], k->bin[2 * slab + 2], j->opacity[2], before, s);
     advance_missed(s, near);
 }
 
@@ -307,7 +308,7 @@ INLINE void run_inside(const March *m, const Block *b, SheetSamples *k, const bo
         highest = ws_max(highest, k->highest[i]);
         lowest = ws_min(lowest, k->lowest[i]);
     }
-    if (!wmask_any(wmask_and(s->alive, may_show(&j->levels, highest, lowest)))) {
+    if (!wmask_any(wmask_and(s->alive, may_show(&j->bins, highest, lowest)))) {
         /* Both near misses that are kept count with the transmittance before what is left out. */
         advance_missed(s, wf_of(0));
         advance_missed(s, wf_of(0));
@@ -346,8 +347,8 @@ OUTLINE void run_partial(const March *m, const Block *b, const bool half, const 
             const SlabPart t = {i,
                                 p.value[front],
                                 p.value[back],
-                                p.level[front],
-                                p.level[back],
+                                p.bin[front],
+                                p.bin[back],
                                 from,
                                 wf_add(from, length),
                                 clip.share,
@@ -359,10 +360,9 @@ OUTLINE void run_partial(const March *m, const Block *b, const bool half, const 
         }
         if (!j->near)
             continue;
-        Slab coarse = look_up_slab(j->opacity[1], p.level[0], p.level[2]);
-        take_share(j, p.level[0], p.level[2], slab_mm, clip.share, lanes, &coarse);
-        blend(s->coarse_rgb, &s->coarse_left, &coarse,
-              wmask_and(lanes, visible_between(&j->levels, p.level[0], p.level[2])));
+        Slab coarse = look_up_slab(j->opacity[1], p.bin[0], p.bin[2]);
+        take_share(j, p.bin[0], p.bin[2], slab_mm, clip.share, lanes, &coarse);
+        blend(s->coarse_rgb, &s->coarse_left, &coarse, wmask_and(lanes, visible_between(&j->bins, p.bin[0], p.bin[2])));
         advance_missed(s, near_miss_of_three(j, &p, 0, wmask_and(lanes, wmask_not(visible))));
     }
     light->back_sheet = light->open_sheet = light->middle_sheet = NO_SHEET;
@@ -402,7 +402,7 @@ INLINE void run_block(const March *m, const Block *b, SheetSamples *k, const boo
 {
     if (k->last_sheet == b->sheet) {
         k->value[0] = k->value[2 * SHEETS_BLOCK];
-        k->level[0] = k->level[2 * SHEETS_BLOCK];
+        k->bin[0] = k->bin[2 * SHEETS_BLOCK];
         k->highest[0] = k->highest[SHEETS_BLOCK];
         k->lowest[0] = k->lowest[SHEETS_BLOCK];
     } else {
@@ -451,14 +451,14 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
     const wf scale = wf_select(ended, wf_div(wf_of(1), wf_max(wf_sub(wf_of(1), s->left), wf_of(0.5f))), wf_of(1));
     wf off = wf_abs(wf_sub(s->left, s->coarse_left));
     for (int c = 0; c < 3; c++) {
-        const wf plain = lit ? light->plain[c] : s->rgb[c];
-        off = wf_max(off, wf_abs(wf_sub(plain, s->coarse_rgb[c])));
+        const wf unlit = lit ? light->unlit[c] : s->rgb[c];
+        off = wf_max(off, wf_abs(wf_sub(unlit, s->coarse_rgb[c])));
         wf_store(out->rgba[c], wf_mul(s->rgb[c], scale));
     }
     if (!m->job->near || CTS_MUTATED(INDICATOR_LEVELS))
         off = wf_of(0);
     if (lit && !CTS_MUTATED(INDICATOR_LIGHT))
-        off = wf_add(off, wf_mul(light->bend, wf_inverse_root(wf_max(light->bend, wf_of(1e-12f)))));
+        off = wf_add(off, wf_mul(light->light_changes, wf_inverse_root(wf_max(light->light_changes, wf_of(1e-12f)))));
     wf_store(out->rgba[3], wf_select(ended, wf_of(1), wf_sub(wf_of(1), s->left)));
     if (!CTS_MUTATED(INDICATOR_MISSED))
         off = wf_add(off, wf_times(s->missed, NEAR_MISS_WEIGHT));

@@ -87,8 +87,8 @@ static bool find_visible(const Picturing *p, const SheetsPatch *patch, int i, in
     return p->kernels->find_visible(p->job, x, y, of, bits);
 }
 
-/* True if a point of the lattice within a tile of pixels sees anything, so that the tile is not void. */
-static bool sees(const SheetsPatch *lattice, int i0, int j0)
+/* True if a point of the lattice within a tile of pixels is visible, so that the tile is not void. */
+static bool any_point_visible(const SheetsPatch *lattice, int i0, int j0)
 {
     for (int j = j0 / 2; j < (j0 + SHEETS_TILE_Y) / 2 && j < lattice->height; j++)
         for (int i = i0 / 2; i < (i0 + SHEETS_TILE_X) / 2 && i < lattice->width; i++)
@@ -97,12 +97,12 @@ static bool sees(const SheetsPatch *lattice, int i0, int j0)
     return false;
 }
 
-/* At level lattice pixels are interpolated where its points allow it: of a tile that they see, visible blocks are found
- * for the first group that has to be marched. */
+/* At level lattice pixels are interpolated where its points allow it: of a tile in which any is visible, visible blocks
+ * are found for the first group that has to be marched. */
 static void run_tile(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
 {
     const bool refines = p->job->lattice && patch->grid == &p->job->grid[0];
-    bool found = !refines || !sees(&p->lattice, i0, j0);
+    bool found = !refines || !any_point_visible(&p->lattice, i0, j0);
     w->counts.tiles++;
     if (found && !find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile)) {
         w->counts.void_tiles++;
@@ -155,7 +155,7 @@ static void run_patch(const Picturing *p, int worker, const SheetsPatch *patch, 
 }
 
 /* Adds the contrast of a region once it and its neighbours of the strip are rendered, while they are in the cache.
- * Strip by strip, so that no band sees another's pixels. */
+ * Strip by strip, so that no band depends on another's pixels. */
 static void finish_region(const Picturing *p, int i, int j)
 {
     const SheetsPatch *const to = &p->pixels;
@@ -246,7 +246,7 @@ CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, con
     return st;
 }
 
-/* Tiles of their own. A group looks at the blocks that it sees itself, whatever tile or region it is part of. */
+/* Tiles of their own. A group tests the blocks of its own rays, whatever tile or region it is part of. */
 typedef struct TileProbing {
     Picturing picturing;
     const int (*corner)[2];

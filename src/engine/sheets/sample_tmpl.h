@@ -1,4 +1,4 @@
-/* Samples of sheets by the lanes of a group, and classified slabs: the words that the other templates are made of. */
+/* Samples of sheets by the lanes of a group, and classified slabs: what the other templates are made of. */
 #include "engine/sheets/sheets.h"
 
 #include "base/invariant.h"
@@ -12,7 +12,7 @@ SIMD_EACH(wf, wf_inverse_root, (wf x), vf_inverse_root_by(x.part[p], 2))
 SIMD_EACH(wf, wf_log2, (wf x), vf_log2(x.part[p]))
 
 /* 1 - exp(-x) for x of 0 or more. */
-SIMD_EACH(wf, wf_taken, (wf x), vf_opacity(x.part[p] * (real)M_LOG2E))
+SIMD_EACH(wf, wf_opacity, (wf x), vf_opacity(x.part[p] * (real)M_LOG2E))
 
 INLINE wi wi_lanes(void)
 {
@@ -118,12 +118,12 @@ INLINE wf across_rows(Rows rows, wf along_b)
     return wf_lerp(wi_to_float(rows.upper), wi_to_float(rows.lower), CTS_MUTATED(SHEET_WEIGHTS) ? wf_of(0) : along_b);
 }
 
-/* Number of the level in the pre-integrated table. */
-INLINE wi level_of(const SheetsLevels *l, wf sample)
+/* Number of the bin of the pre-integrated table. */
+INLINE wi bin_of(const SheetsBins *l, wf sample)
 {
     const wf coarse = wf_scale(sample, l->coarse_scale, l->coarse_add);
     const wf fine = wf_clamp(wf_scale(sample, l->fine_scale, l->fine_add), 0, l->fine_span);
-    return wf_to_int(wf_clamp(wf_add(coarse, fine), 0, SHEETS_LEVELS - 1));
+    return wf_to_int(wf_clamp(wf_add(coarse, fine), 0, SHEETS_BINS - 1));
 }
 
 /* Colour and opacity of slabs. */
@@ -146,7 +146,7 @@ INLINE Slab look_up_slab(const uint64_t *opacity, wi front, wi back)
                   sheets_unpack(wi_upper_half(blue_alpha))};
 }
 
-INLINE wmask visible_between(const SheetsLevels *l, wi front, wi back)
+INLINE wmask visible_between(const SheetsBins *l, wi front, wi back)
 {
     return wmask_and(wi_gt(wi_max(front, back), wi_of(l->first - 1)), wi_lt(wi_min(front, back), wi_of(l->last + 1)));
 }
@@ -164,7 +164,7 @@ typedef struct Block {
 enum { AT_ONCE = 2 * SHEETS_BLOCK + 1 };
 typedef struct SheetSamples {
     wf value[AT_ONCE];
-    wi level[AT_ONCE];
+    wi bin[AT_ONCE];
     ws highest[SHEETS_BLOCK + 1], lowest[SHEETS_BLOCK + 1]; /* of the two rows of voxels that a sheet's samples take */
     int last_sheet;                                         /* sheet of the last of them; NO_SHEET: none */
 } SheetSamples;
@@ -175,7 +175,7 @@ INLINE void start_samples(SheetSamples *k)
 {
     k->last_sheet = NO_SHEET;
     k->value[2 * SHEETS_BLOCK] = wf_of(0);
-    k->level[2 * SHEETS_BLOCK] = wi_of(0);
+    k->bin[2 * SHEETS_BLOCK] = wi_of(0);
     k->highest[SHEETS_BLOCK] = k->lowest[SHEETS_BLOCK] = ws_of(0);
 }
 
@@ -195,7 +195,7 @@ INLINE void sample_sheet(const March *m, const Block *b, int slab, bool window, 
     const Footprint f = footprint_of(m, corner_at(m, b, slab), window);
     load_pairs(m, &f, sheet_at(m, b->sheet + slab * m->job->view.step) + f.first, window, pairs);
     k->value[2 * slab] = across_rows((Rows){along_row(pairs[0], f.along_a), along_row(pairs[1], f.along_a)}, f.along_b);
-    k->level[2 * slab] = level_of(&m->job->levels, k->value[2 * slab]);
+    k->bin[2 * slab] = bin_of(&m->job->bins, k->value[2 * slab]);
     k->highest[slab] = ws_max(pairs[0], pairs[1]);
     k->lowest[slab] = ws_min(pairs[0], pairs[1]);
 }
@@ -212,7 +212,7 @@ INLINE void sample_middle(const March *m, const Block *b, int slab, bool window,
     const Rows back = sample_rows(m, &f, sheet_at(m, b->sheet + (slab + 1) * step), window);
     const Rows sum = {wi_add(front.upper, back.upper), wi_add(front.lower, back.lower)};
     k->value[2 * slab + 1] = wf_mul(across_rows(sum, f.along_b), wf_of(0.5f));
-    k->level[2 * slab + 1] = level_of(&m->job->levels, k->value[2 * slab + 1]);
+    k->bin[2 * slab + 1] = bin_of(&m->job->bins, k->value[2 * slab + 1]);
 }
 
 /* Near the volume's faces and at the ends of what is looked at, positions are floats, and each lane has its own part of
@@ -311,26 +311,26 @@ OUTLINE SheetSamples sample_partial(const March *m, const Block *b, int slab, co
     for (int i = 0; i < 3; i++) {
         const wf at = wf_clamp(wf_mul_add(clip->share, wf_of(0.5f * (float)i), clip->from), 0, 1);
         s.value[i] = sample_at(m, &front, &back, at, sheet, sheet + step);
-        s.level[i] = level_of(&m->job->levels, s.value[i]);
+        s.bin[i] = bin_of(&m->job->bins, s.value[i]);
     }
     return s;
 }
 
-/* Mean extinction per mm (0) or one of its colours between two levels. */
+/* Mean extinction per mm (0) or one of its colours between two bins. */
 INLINE wf mean_of(const float (*mean)[4], wi at, int channel)
 {
-    const int n = SHEETS_LEVELS * SHEETS_LEVELS * 4;
+    const int n = SHEETS_BINS * SHEETS_BINS * 4;
     return wf_look_up((const float *)mean + channel, n, wi_shl(at, 2));
 }
 
-/* A slab of which rays have a share alone, by the mean extinction between its levels. */
+/* A slab of which rays have a share alone, by the mean extinction between its bins. */
 OUTLINE void take_share(const SheetsJob *j, wi front, wi back, float length_mm, wf share, wmask lanes, Slab *s)
 {
     const wmask partial = wmask_and(lanes, wf_lt(share, wf_of(1)));
     if (!wmask_any(partial) || CTS_MUTATED(SHEET_SHARE))
         return;
     const wi at = wi_add(wi_shl(front, 8), back);
-    const wf alpha = wf_taken(wf_mul(mean_of(j->mean, at, 0), wf_times(share, length_mm)));
+    const wf alpha = wf_opacity(wf_mul(mean_of(j->mean, at, 0), wf_times(share, length_mm)));
     for (int c = 0; c < 3; c++)
         s->rgb[c] = wf_select(partial, wf_mul(alpha, mean_of(j->mean, at, 1 + c)), s->rgb[c]);
     s->alpha = wf_select(partial, alpha, s->alpha);

@@ -220,7 +220,7 @@ INLINE void highlights_of(const CtsShade *s, const wf facing[SHEETS_LIT], wf hig
 }
 
 /* light_terms() of sixteen lanes. */
-INLINE void dim(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour, wf *white)
+INLINE void group_light_terms(const CtsShade *s, wf facing, wf highlight, wf open, wf *colour, wf *white)
 {
     for (int p = 0; p < N_PARTS; p++)
         light_terms(s, facing.part[p], highlight.part[p], open.part[p], &colour->part[p], &white->part[p]);
@@ -242,7 +242,7 @@ INLINE LitShares lit_shares(const uint32_t *light, wi front, wi back)
 
 /* Second difference of the light at the four points of a slab part, weighted by their shares: an indicator of the error
  * of the rule, 0 where light changes linearly and the shares are even. */
-INLINE wf bend_of_light(const LitShares *s, const wf light[SHEETS_LIT])
+INLINE wf second_difference_of_light(const LitShares *s, const wf light[SHEETS_LIT])
 {
     return wf_abs(wf_add(wf_mul(wf_add(s->of[0], s->of[1]), wf_sub(light[0], light[1])),
                          wf_mul(wf_add(s->of[2], s->of[3]), wf_sub(light[3], light[2]))));
@@ -251,26 +251,26 @@ INLINE wf bend_of_light(const LitShares *s, const wf light[SHEETS_LIT])
 /* Colours of a slab part by its light, premultiplied, white highlight added. end, open: gradient and openness at its
  * ends. Shading slab parts of low weight does not pay: the mean of |n.v| over directions is a half. */
 INLINE void shade_slab(const SheetsJob *j, const Gradient *const end[2], const LitShares *shares, const wf open[2],
-                       wmask heavy, Slab *s, wf *bend)
+                       wmask significant, Slab *s, wf *second_difference)
 {
     const CtsShade *const shade = j->shade;
-    wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], faint;
+    wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], mean_colour;
     wf facing[SHEETS_LIT], highlight[SHEETS_LIT];
     facings_of(end[0], end[1], facing);
     highlights_of(shade, facing, highlight);
     for (int i = 0; i < SHEETS_LIT; i++) {
         const wf reached = wf_lerp(open[0], open[1], wf_of(lit_at(i)));
         wf one_colour, one_white, none;
-        dim(shade, facing[i], highlight[i], reached, &one_colour, &one_white);
+        group_light_terms(shade, facing[i], highlight[i], reached, &one_colour, &one_white);
         if (i == 0)
-            dim(shade, wf_of(0.5f), wf_of(0), reached, &faint, &none);
+            group_light_terms(shade, wf_of(0.5f), wf_of(0), reached, &mean_colour, &none);
         colour = wf_mul_add(shares->of[i], one_colour, colour);
         white = wf_mul_add(shares->of[i], one_white, white);
         light[i] = wf_add(one_colour, one_white);
     }
-    *bend = bend_of_light(shares, light);
-    colour = wf_select(heavy, colour, faint);
-    white = wf_select(heavy, wf_mul(white, s->alpha), wf_of(0));
+    *second_difference = second_difference_of_light(shares, light);
+    colour = wf_select(significant, colour, mean_colour);
+    white = wf_select(significant, wf_mul(white, s->alpha), wf_of(0));
     for (int c = 0; c < 3; c++)
         s->rgb[c] = wf_mul_add(s->rgb[c], colour, white);
 }
@@ -283,8 +283,8 @@ typedef struct SlabShading {
     int back_sheet;      /* the sheet that `back` is of */
     wf open[2];          /* openness at the front sheet of a slab, and at its back */
     int open_sheet;      /* the sheet that the latter is of */
-    wf bend;             /* sum of squares of slabs' bends of light (bend_of_light()) by their weights */
-    wf plain[3];         /* colours without light, beside the coarse ones */
+    wf light_changes;    /* sum of squares of weighted second_difference_of_light() of slabs */
+    wf unlit[3];         /* colours without light, beside the coarse ones */
 } SlabShading;
 
 /* Values that may be read before they are computed; the rest is left alone, as clearing all of it for each group takes
@@ -294,9 +294,9 @@ INLINE void start_shading(SlabShading *light)
     const wf none = wf_of(0), all = wf_of(1);
     light->middle_sheet = light->back_sheet = light->open_sheet = NO_SHEET;
     light->open[0] = light->open[1] = all;
-    light->bend = none;
+    light->light_changes = none;
     for (int c = 0; c < 3; c++)
-        light->plain[c] = none;
+        light->unlit[c] = none;
 }
 
 /* At a sheet where the rays are at `corner`. */
@@ -362,14 +362,14 @@ OUTLINE wf openness_of(const March *m, const Block *b, int slab)
     return open;
 }
 
-/* Openness at both sheets of a slab, as it is where light reaches everywhere. Where the slab is faint, that of two
- * sheets away will do. */
-INLINE void find_openness(const March *m, const Block *b, int slab, bool faint, SlabShading *light)
+/* Openness at both sheets of a slab, as it is where light reaches everywhere. Where the slab is not significant, that
+ * of two sheets away will do. */
+INLINE void find_openness(const March *m, const Block *b, int slab, bool approximate, SlabShading *light)
 {
     const int sheet = b->sheet + slab * m->job->view.step, next = sheet + m->job->view.step;
-    if (!m->job->open || light->open_sheet == next || (faint && abs(next - light->open_sheet) <= 2))
+    if (!m->job->open || light->open_sheet == next || (approximate && abs(next - light->open_sheet) <= 2))
         return;
-    if (faint)
+    if (approximate)
         light->open[0] = light->open[1] = openness_of(m, b, slab + 1);
     else {
         light->open[0] = light->open_sheet == sheet ? light->open[1] : openness_of(m, b, slab);

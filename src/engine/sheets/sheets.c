@@ -54,7 +54,7 @@ static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, CtsEngineLev
                                           scene->settings->n_threads, err)))
             return st;
     cts_report_stage(report, CTS_STAGE_FOOTPRINT, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
-                     (uint64_t)n * SHEETS_LEVELS * SHEETS_LEVELS, 0);
+                     (uint64_t)n * SHEETS_BINS * SHEETS_BINS, 0);
     return CTS_OK;
 }
 
@@ -97,7 +97,7 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
 {
     const SheetsOpacity *const finest = &k->opacity[finest_of(level)];
     const bool half = level >= CTS_LEVEL_HALF_SHEETS, lattice = level == CTS_LEVEL_LATTICE;
-    *j = (SheetsJob){.levels = k->transfer.levels,
+    *j = (SheetsJob){.bins = k->transfer.bins,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
                      .light = finest->light,
                      .near = lattice ? NULL : finest->near,
@@ -174,9 +174,9 @@ static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
     const SheetsJob *const j = &s->job;
     cts_report_plan(report, "engine sheets, level %s: %d sheets across axis %d, groups of %d x %d pixels",
                     cts_engine_level_names[s->level], j->view.n[2], j->view.p, SHEETS_SIDE, SHEETS_SIDE);
-    cts_report_plan(report, "footprint: tent, windows of %d x %d voxels; slabs of %.3g mm by a table of %d x %d levels",
-                    j->grid[0].reach[0], j->grid[0].reach[1], j->view.slab_mm / (j->half ? 2 : 1), SHEETS_LEVELS,
-                    SHEETS_LEVELS);
+    cts_report_plan(report, "footprint: tent, windows of %d x %d voxels; slabs of %.3g mm by a table of %d x %d bins",
+                    j->grid[0].reach[0], j->grid[0].reach[1], j->view.slab_mm / (j->half ? 2 : 1), SHEETS_BINS,
+                    SHEETS_BINS);
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
                     (double)j->min_transmittance, j->shade ? "on" : "off", cts_cpu_path_name(cts_cpu_flags()),
                     scene->settings->n_threads);

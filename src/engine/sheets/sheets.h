@@ -1,11 +1,11 @@
 /* Sheets: splatting in groups of 4 x 4 pixels of the final picture.
  *
  * A SHEET is one layer of voxels across the principal axis p; a and b are the axes within it, a the one along which
- * voxels are stored side by side. The tent footprint makes a sheet bilinear, so that the level where a pixel's ray
+ * voxels are stored side by side. The tent footprint makes a sheet bilinear, so that the grey level where a pixel's ray
  * meets it takes two neighbours in each of two rows. A GROUP is 16 neighbouring pixels, one a lane: they meet a sheet
  * within a window of few rows, whose voxels are loaded by rows. What lies between two sheets, a SLAB, is classified by
- * the levels at both of its faces through a table of 256 x 256 levels, integrated in advance. Half-sheets are the
- * planes in the middle of slabs; sampled too, they halve the slabs.
+ * the grey levels at both of its faces through a table of 256 x 256 bins of these, integrated in advance. Half-sheets
+ * are the planes in the middle of slabs; sampled too, they halve the slabs.
  *
  * The pipeline of the paper in object order: footprint, layers, void voxels left out (by blocks of 4^3 cells, for tiles
  * of 16 x 8 pixels), and groups that are opaque end. ctsplat-methods(7) has the mathematics. */
@@ -26,31 +26,32 @@ enum {
     SHEETS_TILE_Y = 8,                 /* pixels of a tile, which has one mask of visible blocks */
     SHEETS_REGION = 64,                /* pixels each way of what a thread takes at a time */
     SHEETS_BLOCK = CTS_FINE_MACROCELL, /* slabs of a block, which is void or not as a whole */
-    SHEETS_LEVELS = 256,               /* levels of the pre-integrated table */
+    SHEETS_BINS = 256,                 /* bins of the pre-integrated table */
     SHEETS_LIT = 4,                    /* points of a slab at which it is lit */
     SHEETS_WEIGHT_BITS = 14            /* of footprint weights: a product with 16 bits fits 32 */
 };
 
-/* Levels of the table: coarse ones below and above what is visible, all of one width, and fine ones between. The number
- * of a sample's level is sample * coarse_scale + coarse_add + clamp(sample * fine_scale + fine_add, 0, fine_span),
- * rounded and kept within 0 to 255; a sample is (grey level - 32768) * 2^14, as the march has it. */
-typedef struct SheetsLevels {
+/* Bins of grey levels, by which the table is indexed: coarse ones below and above what is visible, all of one width,
+ * and fine ones between. The number of a sample's bin is sample * coarse_scale + coarse_add + clamp(sample * fine_scale
+ * + fine_add, 0, fine_span), rounded and kept within 0 to 255; a sample is (grey level - 32768) * 2^14, as the march
+ * has it. */
+typedef struct SheetsBins {
     float coarse_scale, coarse_add, fine_scale, fine_add, fine_span;
-    double grey[SHEETS_LEVELS];     /* grey level in the middle of each */
-    double edge[SHEETS_LEVELS + 1]; /* and where each begins and ends */
-    int first, last;                /* levels between which all that is visible lies */
+    double grey[SHEETS_BINS];     /* grey level in the middle of each */
+    double edge[SHEETS_BINS + 1]; /* and where each begins and ends */
+    int first, last;              /* bins between which all that is visible lies */
     int grey_low, grey_high; /* nothing is visible at grey levels of grey_low or below, nor at grey_high or above */
-} SheetsLevels;
+} SheetsBins;
 
-/* Mean extinction per mm and its mean colour on straight lines between two levels. */
+/* Mean extinction per mm and its mean colour on straight lines between two bins. */
 typedef struct SheetsTransfer {
-    SheetsLevels levels;
+    SheetsBins bins;
     float (*mean)[4];             /* [front * 256 + back]: extinction per mm, red, green, blue */
     float (*quarter)[SHEETS_LIT]; /* the same index: extinction per mm of each quarter of the way */
     double extinction_scale;      /* that it was made for */
 } SheetsTransfer;
 
-/* Colour (premultiplied) and opacity of a slab by front and back level, for one length of rays in it: four numbers of
+/* Colour (premultiplied) and opacity of a slab by front and back bin, for one length of rays in it: four numbers of
  * 16 bits, red lowest, alpha highest, each with 5 bits of exponent and 11 of fraction (sheets_unpack in sample_tmpl.h).
  */
 typedef struct SheetsOpacity {
@@ -58,7 +59,7 @@ typedef struct SheetsOpacity {
     /* The same index: shares of a slab's absorbed light that each quarter of it takes, in 255ths, the first lowest;
      * NULL where nothing is lit. */
     uint32_t *light;
-    /* The same index: opacity of a slab that goes from the front level to the back level or stays at the back level,
+    /* The same index: opacity of a slab that goes from the front bin to the back bin or stays at the back bin,
      * the larger, for near misses; one more entry. NULL where the table is for comparison alone. */
     uint16_t *near;
     double length_mm, extinction_scale;
@@ -105,12 +106,12 @@ typedef struct SheetsCounts {
 typedef struct SheetsJob {
     SheetsView view;
     SheetsGrid grid[2]; /* every pixel; every second */
-    SheetsLevels levels;
+    SheetsBins bins;
     const uint64_t *opacity[3]; /* of half a slab, a slab, two slabs */
     const uint32_t *light;      /* of the finest of these in use, */
     const uint16_t *near;       /* likewise; NULL: indicators have no errors of slabs */
     const float (*mean)[4];     /* SheetsTransfer.mean */
-    bool all_depths;            /* rays are looked at all along */
+    bool all_depths;            /* rays are marched all along */
     const SheetsVoid *blocks;
     bool half;    /* half-sheets are sampled, too */
     bool lattice; /* every second pixel is marched, and others where these differ */

@@ -6,13 +6,13 @@
 #include <math.h>
 #include <string.h>
 
-/* Levels are coarse where nothing is visible: there a level only says where a slab enters what is, to a share of the
- * slab of half a level's width by the whole change of level. */
+/* Bins are coarse where nothing is visible: there a bin only says where a slab enters what is, to a share of the slab
+ * of half a bin's width by the whole change of grey level. */
 enum { COARSE = 64 };
-/* Metal lies far above the range that presets resolve; levels up to it would be too coarse elsewhere. */
+/* Metal lies far above the range that presets resolve; bins up to it would be too coarse elsewhere. */
 #define HU_ABOVE 4096.0
 
-static void init_levels(SheetsLevels *l, const CtsScene *scene, int largest_grey)
+static void init_bins(SheetsBins *l, const CtsScene *scene, int largest_grey)
 {
     const CtsLut *const lut = scene->lut;
     cts_lut_visible_levels(lut, &l->grey_low, &l->grey_high);
@@ -23,34 +23,34 @@ static void init_levels(SheetsLevels *l, const CtsScene *scene, int largest_grey
     const double top = cts_clamp(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
     const double bottom = fmax(l->grey_low, 0);
     const double end = cts_clamp(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step);
-    /* A fine level a grey level is enough; the coarse ones share what is left. Below a wide visible range they would be
+    /* A fine bin a grey level is enough; the coarse ones share what is left. Below a wide visible range they would be
      * the finer ones: then all are of one width. */
-    double n_fine = fmin(top - bottom, SHEETS_LEVELS - 1 - COARSE);
-    const double n_coarse = SHEETS_LEVELS - 1 - n_fine, outside = bottom + end - top;
+    double n_fine = fmin(top - bottom, SHEETS_BINS - 1 - COARSE);
+    const double n_coarse = SHEETS_BINS - 1 - n_fine, outside = bottom + end - top;
     double coarse = outside > 0 ? n_coarse / outside : 0, fine = n_fine / (top - bottom);
     if (coarse > fine && outside > 0) {
-        coarse = fine = fmin((SHEETS_LEVELS - 1) / end, 1);
+        coarse = fine = fmin((SHEETS_BINS - 1) / end, 1);
         n_fine = fine * (top - bottom);
     }
-    /* Grey levels have fine levels of their own where there are enough; so the first has a whole number. */
+    /* Grey levels have fine bins of their own where there are enough; so the first has a whole number. */
     const double first = floor(coarse * bottom), one = 1 << SHEETS_WEIGHT_BITS;
     l->coarse_scale = (float)(coarse / one);
     l->coarse_add = (float)(first + coarse * (32768 - bottom) + 0.5);
     l->fine_scale = (float)((fine - coarse) / one);
     l->fine_add = (float)((fine - coarse) * (32768 - bottom));
     l->fine_span = (float)((fine - coarse) * (top - bottom));
-    for (int i = 0; i < SHEETS_LEVELS; i++)
+    for (int i = 0; i < SHEETS_BINS; i++)
         l->grey[i] = i < first            ? bottom - (first - i) / coarse
                      : i < first + n_fine ? bottom + (i - first) / fine
                      : coarse > 0         ? top + (i - first - n_fine) / coarse
                                           : top;
-    for (int i = 0; i <= SHEETS_LEVELS; i++)
-        l->edge[i] = i == 0               ? l->grey[0]
-                     : i == SHEETS_LEVELS ? l->grey[SHEETS_LEVELS - 1]
-                                          : (l->grey[i - 1] + l->grey[i]) / 2;
+    for (int i = 0; i <= SHEETS_BINS; i++)
+        l->edge[i] = i == 0             ? l->grey[0]
+                     : i == SHEETS_BINS ? l->grey[SHEETS_BINS - 1]
+                                        : (l->grey[i - 1] + l->grey[i]) / 2;
     l->first = 0;
-    l->last = SHEETS_LEVELS - 1;
-    while (l->first < SHEETS_LEVELS - 1 && l->edge[l->first + 1] <= l->grey_low)
+    l->last = SHEETS_BINS - 1;
+    while (l->first < SHEETS_BINS - 1 && l->edge[l->first + 1] <= l->grey_low)
         l->first++;
     while (l->last > 0 && l->edge[l->last] >= l->grey_high)
         l->last--;
@@ -87,8 +87,8 @@ static void fill_integrals(Integrals *in)
             in->to[g][c] = in->to[g - 1][c] + (value_at(in->lut, g - 1, c) + value_at(in->lut, g, c)) / 2;
 }
 
-/* If both levels are equal, the slab's grey levels lie anywhere within the level's width. */
-static void mean_between(const Integrals *in, const SheetsLevels *l, int front, int back, float mean[4])
+/* If both bins are equal, the slab's grey levels lie anywhere within the bin's width. */
+static void mean_between(const Integrals *in, const SheetsBins *l, int front, int back, float mean[4])
 {
     const bool same = front == back;
     double from = same ? l->edge[front] : l->grey[front], to = same ? l->edge[front + 1] : l->grey[back], sum[4];
@@ -104,41 +104,41 @@ CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int
 {
     CtsStatus st;
     Integrals in = {.lut = scene->lut};
-    double at_level[SHEETS_LEVELS][4];
+    double at_bin[SHEETS_BINS][4];
     *t = (SheetsTransfer){.extinction_scale = scene->extinction_scale};
-    if ((st = cts_alloc_array(&t->mean, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)) ||
-        (st = cts_alloc_array(&t->quarter, (size_t)SHEETS_LEVELS * SHEETS_LEVELS, err)) ||
+    if ((st = cts_alloc_array(&t->mean, (size_t)SHEETS_BINS * SHEETS_BINS, err)) ||
+        (st = cts_alloc_array(&t->quarter, (size_t)SHEETS_BINS * SHEETS_BINS, err)) ||
         (st = cts_alloc_array(&in.to, CTS_N_GREY, err)))
         goto end;
-    init_levels(&t->levels, scene, largest_grey);
+    init_bins(&t->bins, scene, largest_grey);
     fill_integrals(&in);
-    const SheetsLevels *const l = &t->levels;
-    for (int i = 0; i < SHEETS_LEVELS; i++)
+    const SheetsBins *const l = &t->bins;
+    for (int i = 0; i < SHEETS_BINS; i++)
         for (int c = 0; c < 4; c++)
-            at_level[i][c] = integral_to(&in, l->grey[i], c);
-    for (int i = 0; i < SHEETS_LEVELS; i++)
-        for (int j = 0; j < SHEETS_LEVELS; j++) {
-            float *const mean = t->mean[i * SHEETS_LEVELS + j];
+            at_bin[i][c] = integral_to(&in, l->grey[i], c);
+    for (int i = 0; i < SHEETS_BINS; i++)
+        for (int j = 0; j < SHEETS_BINS; j++) {
+            float *const mean = t->mean[i * SHEETS_BINS + j];
             const double width = l->grey[j] - l->grey[i];
-            float *const quarter = t->quarter[i * SHEETS_LEVELS + j];
+            float *const quarter = t->quarter[i * SHEETS_BINS + j];
             if (i == j || width == 0) {
                 mean_between(&in, l, i, i, mean);
                 for (int q = 0; q < SHEETS_LIT; q++)
                     quarter[q] = mean[0];
                 continue;
             }
-            double to = at_level[i][0];
+            double to = at_bin[i][0];
             for (int q = 0; q < SHEETS_LIT; q++) {
                 const double from = to;
-                to = q + 1 == SHEETS_LIT ? at_level[j][0]
-                                         : integral_to(&in, l->grey[i] + (q + 1) * width / SHEETS_LIT, 0);
+                to =
+                    q + 1 == SHEETS_LIT ? at_bin[j][0] : integral_to(&in, l->grey[i] + (q + 1) * width / SHEETS_LIT, 0);
                 quarter[q] = (float)fmax((to - from) * SHEETS_LIT / width, 0);
             }
-            const double extinction = (at_level[j][0] - at_level[i][0]) / width;
+            const double extinction = (at_bin[j][0] - at_bin[i][0]) / width;
             mean[0] = extinction > 0 ? (float)extinction : 0;
             for (int c = 1; c < 4; c++)
                 mean[c] =
-                    extinction > 0 ? (float)cts_clamp((at_level[j][c] - at_level[i][c]) / width / extinction, 0, 1) : 0;
+                    extinction > 0 ? (float)cts_clamp((at_bin[j][c] - at_bin[i][c]) / width / extinction, 0, 1) : 0;
         }
 end:
     cts_free(&in.to);
@@ -163,17 +163,17 @@ static void fill_some(void *context, int worker, size_t first, size_t end)
 {
     const Filling *const f = context;
     (void)worker;
-    f->kernels->fill_opacity((const float(*)[4])f->transfer->mean, (float)f->opacity->length_mm, first * SHEETS_LEVELS,
-                             end * SHEETS_LEVELS, f->opacity->rgba);
+    f->kernels->fill_opacity((const float(*)[4])f->transfer->mean, (float)f->opacity->length_mm, first * SHEETS_BINS,
+                             end * SHEETS_BINS, f->opacity->rgba);
     if (f->opacity->light)
         f->kernels->fill_light((const float(*)[SHEETS_LIT])f->transfer->quarter, (float)f->opacity->length_mm,
-                               first * SHEETS_LEVELS, end * SHEETS_LEVELS, f->opacity->light);
+                               first * SHEETS_BINS, end * SHEETS_BINS, f->opacity->light);
 }
 
 static void fill_near(SheetsOpacity *o)
 {
-    const size_t n = SHEETS_LEVELS;
-    uint16_t at_back[SHEETS_LEVELS];
+    const size_t n = SHEETS_BINS;
+    uint16_t at_back[SHEETS_BINS];
     for (size_t back = 0; back < n; back++)
         at_back[back] = (uint16_t)(o->rgba[back * n + back] >> 48);
     for (size_t i = 0; i < n * n; i++) {
@@ -187,7 +187,7 @@ CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transf
                                   bool lit, const SheetsKernels *kernels, int n_threads, CtsError *err)
 {
     CtsStatus st;
-    const size_t n = (size_t)SHEETS_LEVELS * SHEETS_LEVELS;
+    const size_t n = (size_t)SHEETS_BINS * SHEETS_BINS;
     if (o->rgba && (o->light || !lit) && (o->near || !with_near) && o->length_mm == length_mm &&
         o->extinction_scale == transfer->extinction_scale)
         return CTS_OK;
@@ -198,7 +198,7 @@ CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transf
     o->length_mm = length_mm;
     o->extinction_scale = transfer->extinction_scale;
     Filling f = {transfer, kernels, o};
-    cts_parallel(n_threads, SHEETS_LEVELS, 32, fill_some, &f);
+    cts_parallel(n_threads, SHEETS_BINS, 32, fill_some, &f);
     if (o->near)
         fill_near(o);
     return CTS_OK;

@@ -50,7 +50,7 @@ static CTS_ENUM_TABLE(Weight, weights, CTS_N_KERNELS, [CTS_KERNEL_TENT] = tent, 
 typedef struct Phase {
     int n;
     uint32_t *weight[(2 * CTS_MAX_KERNEL_RADIUS) * (2 * CTS_MAX_KERNEL_RADIUS)];
-    double exact[(2 * CTS_MAX_KERNEL_RADIUS) * (2 * CTS_MAX_KERNEL_RADIUS)];
+    double unrounded[(2 * CTS_MAX_KERNEL_RADIUS) * (2 * CTS_MAX_KERNEL_RADIUS)];
     double sum;
 } Phase;
 
@@ -66,7 +66,7 @@ static void collect_phase(CtsFootprint *f, CtsKernelId kernel, double radius, in
             if (w <= 0)
                 continue;
             phase->weight[phase->n] = &f->weight[v + f->reach[1]][u + f->reach[0]];
-            phase->exact[phase->n++] = w;
+            phase->unrounded[phase->n++] = w;
             phase->sum += w;
         }
 }
@@ -76,17 +76,17 @@ static void normalise_phase(Phase *p)
 {
     uint32_t missing = CTS_WEIGHT_ONE;
     for (int i = 0; i < p->n; i++) {
-        p->exact[i] *= CTS_WEIGHT_ONE / p->sum;
-        *p->weight[i] = (uint32_t)p->exact[i];
+        p->unrounded[i] *= CTS_WEIGHT_ONE / p->sum;
+        *p->weight[i] = (uint32_t)p->unrounded[i];
         missing -= *p->weight[i];
-        p->exact[i] -= *p->weight[i];
+        p->unrounded[i] -= *p->weight[i];
     }
     for (; missing > 0; missing--) {
         int most = 0;
         for (int i = 1; i < p->n; i++)
-            most = p->exact[i] > p->exact[most] + 1e-9 ? i : most;
+            most = p->unrounded[i] > p->unrounded[most] + 1e-9 ? i : most;
         ++*p->weight[most];
-        p->exact[most] -= 1;
+        p->unrounded[most] -= 1;
     }
 }
 
@@ -109,7 +109,7 @@ CtsStatus cts_footprint_init(CtsFootprint *f, CtsKernelId kernel, double radius,
                 normalise_phase(&phase);
             for (int i = 0; i < phase.n; i++) {
                 if (kernel == CTS_KERNEL_CONE_PAPER || CTS_MUTATED(FOOTPRINT_SUM))
-                    *phase.weight[i] = (uint32_t)floor(phase.exact[i] * CTS_WEIGHT_ONE + 0.5);
+                    *phase.weight[i] = (uint32_t)floor(phase.unrounded[i] * CTS_WEIGHT_ONE + 0.5);
                 sum += *phase.weight[i];
             }
             f->sum_low = sum < f->sum_low ? sum : f->sum_low;

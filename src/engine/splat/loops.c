@@ -218,7 +218,7 @@ INLINE f32x8 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t *at,
     return lerp(lerp(a, b, fu), lerp(c, d, fu), fv);
 }
 
-/* Potentially visible ones of 64 levels. */
+/* Potentially visible ones of 64 grey levels. */
 INLINE uint64_t shown_64(const uint16_t *grey, const CtsEntries *entries)
 {
     const uint16_t low = entries->low, range = (uint16_t)(entries->high - low);
@@ -228,15 +228,15 @@ INLINE uint64_t shown_64(const uint16_t *grey, const CtsEntries *entries)
     return lane_bits(lanes);
 }
 
-/* The levels of pixels i..i+7; level: as in places. */
-INLINE u16x8 sample_8(const CtsSheetPair *sheets, const CtsPlaces *places, int i, bool level)
+/* The grey levels of pixels i..i+7; horizontal: as in places. */
+INLINE u16x8 sample_8(const CtsSheetPair *sheets, const CtsPlaces *places, int i, bool horizontal)
 {
-    const size_t row = level ? (size_t)places->cell[1][0] * sheets->stride : 0;
+    const size_t row = horizontal ? (size_t)places->cell[1][0] * sheets->stride : 0;
     const f32x8 fu = *(const f32x8 *)(places->frac[0] + i);
     f32x8 fv = places->frac[1][0] - (f32x8){0};
     const int32_t *at = places->cell[0] + i;
     i32x8 oblique;
-    if (!level) {
+    if (!horizontal) {
         fv = *(const f32x8 *)(places->frac[1] + i);
         oblique = *(const i32x8 *)at + *(const i32x8 *)(places->cell[1] + i) * (int32_t)sheets->stride;
         at = (const int32_t *)&oblique;
@@ -265,7 +265,7 @@ INLINE int past_eight(uint64_t marks)
 }
 
 INLINE uint64_t sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsRowMarks *marks,
-                           uint16_t *grey, bool level)
+                           uint16_t *grey, bool horizontal)
 {
     uint64_t n = 0;
     for (int w = marks->first; w < marks->past; w++) {
@@ -273,7 +273,7 @@ INLINE uint64_t sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, 
         const int first = wanted ? first_eight(wanted) : 0, past = wanted ? past_eight(wanted) : 0;
         for (int at = first; at < past; at += 8)
             if (wanted >> at & 255)
-                *(u16x8 *)(grey + 64 * w + at) = sample_8(sheets, places, 64 * w + at, level);
+                *(u16x8 *)(grey + 64 * w + at) = sample_8(sheets, places, 64 * w + at, horizontal);
         n += (uint64_t)(past - first) / 8;
     }
     return n;
@@ -282,8 +282,8 @@ INLINE uint64_t sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, 
 static uint64_t sample(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsEntries *entries,
                        const CtsRowMarks *marks, uint16_t *grey)
 {
-    const uint64_t n =
-        places->level ? sample_row(sheets, places, marks, grey, true) : sample_row(sheets, places, marks, grey, false);
+    const uint64_t n = places->horizontal ? sample_row(sheets, places, marks, grey, true)
+                                          : sample_row(sheets, places, marks, grey, false);
     /* In a separate loop, since reading a value written just before would stall. */
     for (int w = marks->first; w < marks->past; w++)
         if (marks->bits[w])
@@ -394,7 +394,7 @@ INLINE void light_factors(const CtsShade *s, float facing, float *colour, float 
 }
 
 /* The same where so much light arrives (core/scene/openness.h). */
-INLINE void dim_light(const CtsShade *s, float facing, float openness, float *colour, float *white)
+INLINE void occlude_light(const CtsShade *s, float facing, float openness, float *colour, float *white)
 {
     const float dark = s->occlusion * (1 - openness);
     *colour -= dark * (s->ambient + s->occlusion * s->diffuse * facing);
@@ -418,7 +418,7 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
     float frac[2], colour, white;
     size_t voxel[2];
     for (int axis = 0; axis < 2; axis++) {
-        const int shift = light->shift[axis], i = axis == 1 && places->level ? 0 : at;
+        const int shift = light->shift[axis], i = axis == 1 && places->horizontal ? 0 : at;
         const int32_t cell = places->cell[axis][i], whole = cell >> shift;
         voxel[axis] = (size_t)whole;
         frac[axis] = ((float)(cell - (whole << shift)) + places->frac[axis][i]) * (1.0f / (float)(1 << shift));
@@ -434,7 +434,7 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
         for (int axis = 0; axis < 2; axis++)
             vox[light->axis[axis]] = (double)voxel[axis] + (double)frac[axis];
         vox[light->axis[2]] = light->layer;
-        dim_light(light->shade, facing, (float)cts_openness_at(light->open, vox), &colour, &white);
+        occlude_light(light->shade, facing, (float)cts_openness_at(light->open, vox), &colour, &white);
     }
     const float lift = -entry[3] * white;
     const f32x4 factor = {colour, colour, colour, 1}, whites = {lift, lift, lift, 0};

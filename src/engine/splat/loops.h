@@ -26,11 +26,11 @@ typedef struct CtsScatter {
 } CtsScatter;
 
 /* Lattice positions of a picture row's samples: cell and fraction along u and v, for each pixel. Cells are monotone
- * along the row. level: all have the same position along v, given once. */
+ * along the row. horizontal: all have the same position along v, given once. */
 typedef struct CtsPlaces {
     const int32_t *cell[2];
     const float *frac[2];
-    bool level;
+    bool horizontal;
 } CtsPlaces;
 
 /* Bits for the pixels of a picture's row: words first..past-1, the others are ignored. */
@@ -44,7 +44,7 @@ typedef struct CtsSheetPair {
     const uint32_t *first, *second;
     size_t stride;
     float weight; /* of the second */
-    int top;      /* the largest level of a sample */
+    int top;      /* the largest grey level of a sample */
 } CtsSheetPair;
 
 /* Transfer function for one layer's length of ray: entry[grey] is red, green, blue times alpha, and -alpha. Grey

@@ -90,7 +90,7 @@ static void voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
     *past = high < p->stack.n[1] ? high : p->stack.n[1];
 }
 
-/* The rows of the picture that are composited with a swath: by swaths those that see it, else a share. */
+/* The rows of the picture that are composited with a swath: by swaths those whose rays meet it, else a share. */
 static void picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
 {
     const int64_t height = p->raster.height, n = p->patches.n_swaths;

@@ -127,15 +127,15 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, 
 }
 
 /* The place along v of picture row y, in a view whose picture rows run along the lattice's rows. */
-static double level_at(const CtsRaster *r, int y)
+static double v_at(const CtsRaster *r, int y)
 {
     return r->origin[1] + r->by_y[1] * (double)(r->first_row + y);
 }
 
 /* True if picture row y may intersect the volume; false only where it certainly does not. */
-static bool sees_volume(const CtsRaster *r, int y)
+static bool meets_volume(const CtsRaster *r, int y)
 {
-    return level_at(r, y) >= -1 && level_at(r, y) <= r->last[1] + 1;
+    return v_at(r, y) >= -1 && v_at(r, y) <= r->last[1] + 1;
 }
 
 /* Row limits of the swaths of a picture whose rows run along the lattice's: each row lies in one row of patches, except
@@ -149,16 +149,16 @@ static CtsStatus plan_swath_rows(CtsPaperPlan *p, CtsError *err)
     const bool rising = r->by_y[1] > 0;
     const double lattice = CTS_SWATH * CTS_PATCH * p->patches.density[1];
     int y = 0, past = r->height;
-    while (y < past && !sees_volume(r, y))
+    while (y < past && !meets_volume(r, y))
         y++;
-    while (past > y && !sees_volume(r, past - 1))
+    while (past > y && !meets_volume(r, past - 1))
         past--;
     for (int i = 0; i <= p->patches.n_swaths; i++) {
         /* The i-th swath in order of the picture's rows, and its end. */
         p->swath_row[i] = y;
         const int swath = rising ? i : p->patches.n_swaths - 1 - i;
         for (; y < past; y++) {
-            const double at = level_at(r, y);
+            const double at = v_at(r, y);
             if (rising ? i < p->patches.n_swaths - 1 && at >= (swath + 1) * lattice : swath > 0 && at < swath * lattice)
                 break;
         }

@@ -42,8 +42,8 @@ typedef struct CtsPaperPlan {
     CtsOcclusion occlusion;        /* with skip_void */
     uint64_t *open;                /* with skip_void: by swath, patches that open pixels sample within some steps */
     uint16_t least;                /* mixtures of smaller levels are invisible */
-    /* reuse without skip_void: of each sheet, by swath and row of voxels that reach in, the voxels of that level and
-     * above; not evaluated again for unchanged voxels */
+    /* reuse without skip_void: of each sheet, by swath and row of voxels that reach in, the voxels of that grey level
+     * and above; not evaluated again for unchanged voxels */
     uint64_t *visible[2];
     uint64_t *shown; /* with either: by row of cells, the cells to composite */
 

@@ -141,14 +141,14 @@ bool cts_raster_begin_row(CtsRasterRow *row, int y)
     if (row->x0 >= row->x1)
         return false;
     if (r->column_tables && !r->moves[1]) {
-        row->level_cell = row->rows[1].cell[y];
-        row->level_frac = row->rows[1].frac[y];
+        row->v_cell = row->rows[1].cell[y];
+        row->v_frac = row->rows[1].frac[y];
     } else if (!r->moves[1]) {
         int32_t cell[8];
         float frac[8];
         row->simd->place(row->base[1], 0, r->last[1], 0, 1, cell, frac);
-        row->level_cell = cell[0];
-        row->level_frac = frac[0];
+        row->v_cell = cell[0];
+        row->v_frac = frac[0];
     }
     return true;
 }

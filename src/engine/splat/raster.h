@@ -39,8 +39,8 @@ typedef struct CtsRasterRow {
     double base[2];       /* of the row begun last */
     int x0, x1;           /* pixels of the row whose rays cross the plane inside the box */
     CtsRasterTable columns[2], rows[2];
-    int32_t level_cell; /* for rows that are level in v */
-    float level_frac;
+    int32_t v_cell; /* for horizontal rows */
+    float v_frac;
 } CtsRasterRow;
 
 CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsSimd *simd, CtsError *err);
@@ -56,11 +56,11 @@ void cts_raster_fill(CtsRasterRow *row, int xa, int xb);
 /* Lattice positions of the row's pixels. */
 static inline void cts_raster_places(const CtsRasterRow *row, CtsPlaces *places)
 {
-    places->level = !row->raster->moves[1];
+    places->horizontal = !row->raster->moves[1];
     places->cell[0] = row->columns[0].cell;
     places->frac[0] = row->columns[0].frac;
-    places->cell[1] = places->level ? &row->level_cell : row->columns[1].cell;
-    places->frac[1] = places->level ? &row->level_frac : row->columns[1].frac;
+    places->cell[1] = places->horizontal ? &row->v_cell : row->columns[1].cell;
+    places->frac[1] = places->horizontal ? &row->v_frac : row->columns[1].frac;
 }
 
 /* The first pixel of xa..xb whose position along axis has passed lattice point at: reached it where positions rise,

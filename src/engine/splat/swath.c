@@ -9,7 +9,7 @@ CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *
 {
     const size_t n = (size_t)p->patches.n_cell_words;
     CtsStatus st;
-    if ((st = cts_alloc_array(&w->marks, n, err)) || (st = cts_alloc_zeroed(&w->taken, n, err)) ||
+    if ((st = cts_alloc_array(&w->marks, n, err)) || (st = cts_alloc_zeroed(&w->selected, n, err)) ||
         (st = cts_alloc_array(&w->row, n, err)) || (st = cts_alloc_array(&w->cells, n * (CTS_SWATH_CELLS + 1), err)))
         return st;
     return cts_alloc_zeroed(&w->visible, n * CTS_SWATH_VOXELS, err);
@@ -18,7 +18,7 @@ CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *
 void cts_swath_work_free(CtsSwathWork *w)
 {
     cts_free(&w->marks);
-    cts_free(&w->taken);
+    cts_free(&w->selected);
     cts_free(&w->row);
     cts_free(&w->cells);
     cts_free(&w->visible);
@@ -143,20 +143,20 @@ static bool needed_rows(const CtsPaperPlan *p, CtsSwathWork *w, int swath, int f
 }
 
 /* Of row j the voxels of at least some level that reach into a needed cell; returns how many. */
-static uint64_t take_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, int j, uint16_t least,
-                            uint64_t *taken)
+static uint64_t select_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, int j, uint16_t least,
+                              uint64_t *selected)
 {
     const int apron = p->footprint.apron, from = 64 * w->first;
     uint64_t n = 0;
-    memset(taken + w->first, 0, (size_t)(w->past - w->first) * sizeof *taken);
+    memset(selected + w->first, 0, (size_t)(w->past - w->first) * sizeof *selected);
     if (j < 0 || j >= p->stack.n[1] || !needed_rows(p, w, swath, j - 1 - apron, j + apron))
         return 0;
     spread_columns(w, w->row, -1 - apron, apron, w->marks);
     p->simd.reach(cts_paper_row(p, w->store, s, j) + from, least,
                   (64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0]) - from, w->marks + w->first,
-                  taken + w->first);
+                  selected + w->first);
     for (int i = w->first; i < w->past; i++)
-        n += (uint64_t)cts_popcount(taken[i]);
+        n += (uint64_t)cts_popcount(selected[i]);
     return n;
 }
 
@@ -165,7 +165,7 @@ static void find_changed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
 {
     const int n_words = p->patches.n_cell_words, apron = p->rule.apron, j0 = swath * CTS_SWATH_CELLS - apron;
     for (int r = 0; r < CTS_SWATH_CELLS + 1 + 2 * apron; r++)
-        take_needed(p, w, s, swath, j0 + r, p->least, w->visible + r * n_words);
+        select_needed(p, w, s, swath, j0 + r, p->least, w->visible + r * n_words);
     for (int v = 0; v < CTS_SWATH_CELLS; v++) {
         join_rows_of_bits(w, w->visible, n_words, v, v + 2 + 2 * apron, w->marks);
         spread_columns(w, w->marks, -apron, 1 + apron, w->row);
@@ -215,10 +215,10 @@ static void clear_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
 }
 
 /* Adds the changes since the sheet was computed; returns their number of voxels. */
-static uint64_t take_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
+static uint64_t select_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
 {
-    p->simd.differ(job->value, job->old, p->stack.n[0], w->taken);
-    return cts_bits_count_run(w->taken, 0, p->stack.n[0]);
+    p->simd.differ(job->value, job->old, p->stack.n[0], w->selected);
+    return cts_bits_count_run(w->selected, 0, p->stack.n[0]);
 }
 
 /* Row j of the layer's visible voxels in a swath, or NULL: it does not reach in. */
@@ -234,9 +234,9 @@ static uint64_t *visible_row(const CtsPaperPlan *p, int s, int swath, int j)
 /* Bring it up to date where voxels changed. */
 static void note_visible(const CtsPaperPlan *p, const CtsSwathWork *w, const uint16_t *value, uint64_t *visible)
 {
-    p->simd.reach(value, (uint16_t)(p->least + CTS_MUTATED(QUIET_RANGE)), p->stack.n[0], w->taken, w->marks);
+    p->simd.reach(value, (uint16_t)(p->least + CTS_MUTATED(QUIET_RANGE)), p->stack.n[0], w->selected, w->marks);
     for (int i = 0; 64 * i < p->stack.n[0]; i++)
-        visible[i] = (visible[i] & ~w->taken[i]) | w->marks[i];
+        visible[i] = (visible[i] & ~w->selected[i]) | w->marks[i];
 }
 
 /* Sums of changes kept in float, to prove that it would be noticed. */
@@ -255,7 +255,7 @@ static void scatter_words(const CtsPaperPlan *p, const CtsSwathWork *w, CtsScatt
     job.value += from;
     if (job.old)
         job.old += from;
-    p->simd.scatter(&job, w->taken + w->first, past - from);
+    p->simd.scatter(&job, w->selected + w->first, past - from);
 }
 
 /* Complete footprints of every voxel that reaches into a needed cell: contributions beside needed points are harmless,
@@ -269,29 +269,29 @@ static void splat_swath(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
     /* Includes the far edge's voxels, which change points before it. */
     const int j0 = -floor_div(reach - v0, density), j1 = floor_div(v1 + reach, density) + 1;
     const int n = p->stack.n[0];
-    uint64_t n_taken = (uint64_t)n;
+    uint64_t n_selected = (uint64_t)n;
     const uint64_t before = w->splatted;
     if (!held)
         clear_needed(p, w, s, swath, v0, v1);
     if (!held && !p->skip_void) {
-        memset(w->taken, 0, (size_t)p->patches.n_cell_words * sizeof *w->taken);
-        cts_bits_fill(w->taken, 0, n);
+        memset(w->selected, 0, (size_t)p->patches.n_cell_words * sizeof *w->selected);
+        cts_bits_fill(w->selected, 0, n);
     }
     for (int j = j0 > 0 ? j0 : 0; j < j1 && j < p->stack.n[1]; j++) {
         CtsScatter job = scatter_row(p, w->store, s, j, v0, v1);
         if (held) {
             job.old = cts_paper_row(p, w->store, s - p->n_sheets, j);
-            n_taken = take_changes(p, w, &job);
+            n_selected = select_changes(p, w, &job);
         } else if (p->skip_void && job.tap0 < job.tap1) {
-            n_taken = take_needed(p, w, s, swath, j, 1, w->taken);
+            n_selected = select_needed(p, w, s, swath, j, 1, w->selected);
         }
         if (p->visible[0] && visible_row(p, s, swath, j))
             note_visible(p, w, job.value, visible_row(p, s, swath, j));
-        if (job.tap0 >= job.tap1 || n_taken == 0)
+        if (job.tap0 >= job.tap1 || n_selected == 0)
             continue;
         scatter_words(p, w, job);
         if (j >= own0 && j < own1)
-            w->splatted += n_taken;
+            w->splatted += n_selected;
     }
     if (held)
         w->reused += (uint64_t)(own1 - own0) * (uint64_t)n - (w->splatted - before);
@@ -325,7 +325,7 @@ static uint64_t *shown_rows(const CtsPaperPlan *p, int swath, int *n_rows)
 }
 
 /* The cells that the single plane of a step samples, known once all swaths are splatted. */
-static bool take_shown(const CtsPaperPlan *p, CtsSwathWork *w, int swath)
+static bool load_shown(const CtsPaperPlan *p, CtsSwathWork *w, int swath)
 {
     const int n_words = p->patches.n_cell_words;
     int n_rows;
@@ -339,7 +339,7 @@ static bool take_shown(const CtsPaperPlan *p, CtsSwathWork *w, int swath)
 void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     const bool far_edge = p->by_swaths && swath < p->patches.n_swaths - 1;
-    const bool needed = p->shown && p->samples == 1 ? take_shown(p, w, swath) : find_needed(p, w, s, swath);
+    const bool needed = p->shown && p->samples == 1 ? load_shown(p, w, swath) : find_needed(p, w, s, swath);
     const int past = needed ? cts_swath_start(&p->patches, swath + 1, 1) + far_edge : 0;
     for (int v = cts_swath_start(&p->patches, swath, 1); v < past; v++) {
         memset(w->row, 0, (size_t)p->patches.n_cell_words * sizeof *w->row);

@@ -5,11 +5,11 @@
 
 /* One thread's scratch and counts. */
 typedef struct CtsSwathWork {
-    CtsPaperStore *store;          /* borrowed */
-    uint64_t *marks, *taken, *row; /* a bit for each voxel of a row: candidates, splatted ones; and scratch */
-    uint64_t *cells;               /* needed ones of the row before a swath and of its own */
-    int first, past;               /* range of words of a row that contain all of that */
-    uint64_t *visible;             /* voxels of the rows that reach into it, when recomputed */
+    CtsPaperStore *store;             /* borrowed */
+    uint64_t *marks, *selected, *row; /* a bit for each voxel of a row: candidates, splatted ones; and scratch */
+    uint64_t *cells;                  /* needed ones of the row before a swath and of its own */
+    int first, past;                  /* range of words of a row that contain all of that */
+    uint64_t *visible;                /* voxels of the rows that reach into it, when recomputed */
     /* Voxels in needed cells, with their footprint added or unchanged; each counted in one swath. */
     uint64_t splatted, reused;
 } CtsSwathWork;

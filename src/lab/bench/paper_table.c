@@ -52,7 +52,7 @@ static double busy_ms(int n_threads)
 }
 
 /* One picture by each row's settings; the first one's stays to be compared with. */
-static CtsStatus run_rows(const CtsBenchSettings *settings, const CtsModel *levels, int round, PaperRow *rows,
+static CtsStatus run_rows(const CtsBenchSettings *settings, const CtsModel *quantised, int round, PaperRow *rows,
                           CtsError *err)
 {
     const int n_threads = cts_threads(settings->render.n_threads);
@@ -66,7 +66,7 @@ static CtsStatus run_rows(const CtsBenchSettings *settings, const CtsModel *leve
         if (settings->progress)
             settings->progress(round * N_ROWS + i, ROUNDS * N_ROWS, row->name);
         const double start_ms = busy_ms(n_threads);
-        st = cts_render(levels, settings->preset, &s, &picture, &report, err);
+        st = cts_render(quantised, settings->preset, &s, &picture, &report, err);
         row->ms[round] = busy_ms(n_threads) - start_ms;
         row->voxels = report.voxels;
         cts_report_free(&report);
@@ -104,18 +104,18 @@ static void add_paper_row(CtsTable *table, const PaperRow *r, const PaperRow *cl
 
 CtsStatus cts_paper_table(const CtsBenchSettings *settings, CtsTable **table, CtsError *err)
 {
-    CtsModel levels = {.volume = NULL};
+    CtsModel quantised = {.volume = NULL};
     PaperRow rows[N_ROWS];
     memcpy(rows, plan, sizeof rows);
     const CtsPreset *preset = settings->preset;
     const int n_threads = cts_threads(settings->render.n_threads);
     CtsStatus st = cts_volume_quantise(settings->model->volume, CTS_PAPER_BITS, preset->window_low_hu,
-                                       preset->window_high_hu, n_threads, &levels.volume, err);
+                                       preset->window_high_hu, n_threads, &quantised.volume, err);
     if (!st)
-        st = cts_model_prepare(&levels, n_threads, err);
+        st = cts_model_prepare(&quantised, n_threads, err);
     for (int round = 0; round < ROUNDS && !st; round++)
-        st = run_rows(settings, &levels, round, rows, err);
-    cts_model_free(&levels);
+        st = run_rows(settings, &quantised, round, rows, err);
+    cts_model_free(&quantised);
     if (st)
         return st;
     *table = cts_table_new((const char *const[]){"engine", ">ms", ">% of classic", ">quartiles", ">paper's mean",

@@ -80,16 +80,16 @@ static void add_true_voxel(const Truth *t, int i, int j, int k, double weight, d
 {
     const int n_labels = t->scene->n_labels;
     double left = 1;
-    unsigned taken = 0;
+    unsigned added = 0;
     for (int turn = 0; turn < n_labels; turn++) {
         int next = -1;
         for (int n = 0; n < n_labels; n++)
-            if (!(taken >> n & 1) && (next < 0 || t->voxels[n] < t->voxels[next]))
+            if (!(added >> n & 1) && (next < 0 || t->voxels[n] < t->voxels[next]))
                 next = n;
         const double share = fmin(rounded_share_of(t->scene, next, i, j, k), left);
         field[next] += weight * share;
         left -= share;
-        taken |= 1u << next;
+        added |= 1u << next;
     }
     field[n_labels] += weight * left;
 }

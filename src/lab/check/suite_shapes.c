@@ -51,9 +51,9 @@ static CtsStatus ball_order(CtsCheckRun *run, const void *data, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     double rms[2] = {0, 0};
-    for (int level = 0; level < 2 && !st; level++) {
-        const double h = level == 0 ? 1 : 0.5;
-        const int n = level == 0 ? 27 : 53;
+    for (int halving = 0; halving < 2 && !st; halving++) {
+        const double h = halving == 0 ? 1 : 0.5;
+        const int n = halving == 0 ? 27 : 53;
         CtsFormulaScene s = *(const CtsFormulaScene *)data;
         CtsPicture *p = NULL;
         for (int a = 0; a < 3; a++) {
@@ -64,7 +64,7 @@ static CtsStatus ball_order(CtsCheckRun *run, const void *data, CtsError *err)
         s.hu[2] = 3000 * h;
         st = cts_check_show(run, &s, &p, err);
         for (int i = 0; !st && i < p->width * p->height; i++)
-            rms[level] += pow(chord(distance_from_middle(p, i)) - (double)pixel_number(p, i)[3], 2);
+            rms[halving] += pow(chord(distance_from_middle(p, i)) - (double)pixel_number(p, i)[3], 2);
         cts_picture_free(&p);
     }
     if (!st)

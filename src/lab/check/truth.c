@@ -12,16 +12,16 @@ double cts_truth_integral(double (*f)(double, const void *), const void *data, d
     /* x = (a + b)/2 + (b - a)/2 tanh(pi/2 sinh s); distances from the ends are kept apart to lose no digits. */
     const double half = 0.5 * (b - a), reach = 3.9;
     double sum = f(a + half, data) * M_PI_2, last = 0;
-    for (int level = 0; level < 12; level++) {
-        const double h = ldexp(1, -level);
-        for (double s = level == 0 ? h : h; s <= reach; s += level == 0 ? h : 2 * h) {
+    for (int halving = 0; halving < 12; halving++) {
+        const double h = ldexp(1, -halving);
+        for (double s = halving == 0 ? h : h; s <= reach; s += halving == 0 ? h : 2 * h) {
             const double y = M_PI_2 * sinh(s);
             const double from_end = half * exp(-y) / cosh(y);
             const double weight = M_PI_2 * cosh(s) / (cosh(y) * cosh(y));
             sum += weight * (f(a + from_end, data) + f(b - from_end, data));
         }
         const double value = sum * h * half;
-        if (level > 3 && fabs(value - last) <= 1e-14 * fabs(value))
+        if (halving > 3 && fabs(value - last) <= 1e-14 * fabs(value))
             return value;
         last = value;
     }
@@ -217,11 +217,11 @@ bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double
     const double az = camera->azimuth_deg * M_PI / 180, el = camera->elevation_deg * M_PI / 180;
     const double scale = camera->mm_per_pixel > 0 ? camera->mm_per_pixel : default_scale(volume, camera);
     /* From the front: right is +x, up is +z. Azimuth rotates about z, elevation about the picture's right. */
-    const double right[3] = {cos(az), sin(az), 0}, level[3] = {-sin(az), cos(az), 0};
+    const double right[3] = {cos(az), sin(az), 0}, ahead[3] = {-sin(az), cos(az), 0};
     double forward[3], up[3];
     for (int c = 0; c < 3; c++) {
-        forward[c] = cos(el) * level[c] - (c == 2 ? sin(el) : 0);
-        up[c] = sin(el) * level[c] + (c == 2 ? cos(el) : 0);
+        forward[c] = cos(el) * ahead[c] - (c == 2 ? sin(el) : 0);
+        up[c] = sin(el) * ahead[c] + (c == 2 ? cos(el) : 0);
     }
     const double u = (x + 0.5 - camera->width / 2.0) * scale, w = (camera->height / 2.0 - y - 0.5) * scale;
     for (int c = 0; c < 3; c++) {

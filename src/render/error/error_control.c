@@ -24,8 +24,8 @@
 #define FLOOR_OF_BOUNDS 0.25
 /* Terms as large as the largest that an estimate's limit assumes besides. At steps of opacity a few pixels have nearly
  * all of the error. */
-#define UNSEEN 1.0
-#define UNSEEN_AT_STEPS 9.0
+#define ASSUMED 1.0
+#define ASSUMED_AT_STEPS 9.0
 /* Ratio e^2 / (b^2 + f^2), times the number of sampled pixels, of pixels that were not sampled, where all of these
  * happen to have no error. */
 #define UNSAMPLED 32.0
@@ -135,7 +135,7 @@ static bool has_bounds(const CtsErrorControl *c)
 static CtsTermRange term_range(const CtsErrorControl *c, const Strip *s)
 {
     const double each = s->share / s->probability, bound = each * fmax(s->excess, 1);
-    return (CtsTermRange){c->has_opacity_step ? UNSEEN_AT_STEPS : UNSEEN,
+    return (CtsTermRange){c->has_opacity_step ? ASSUMED_AT_STEPS : ASSUMED,
                           has_bounds(c) ? bound : each * UNSAMPLED / fmax((double)s->n_rerendered, UNSAMPLED),
                           has_bounds(c) ? bound : INFINITY};
 }
@@ -542,7 +542,7 @@ typedef struct Predicting {
 static double predicted_limit(const Predicting *p, const CtsTerms *terms)
 {
     const double march = RERENDERED * cts_scene_requested_error(p->scene);
-    const CtsTermRange range = {UNSEEN, UNSAMPLED / fmax((double)p->of->n, UNSAMPLED) / p->probability, INFINITY};
+    const CtsTermRange range = {ASSUMED, UNSAMPLED / fmax((double)p->of->n, UNSAMPLED) / p->probability, INFINITY};
     return sqrt(march * march + cts_terms_limit(terms, range, p->pixels, p->n_tried));
 }
 
@@ -642,7 +642,7 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
         const Strip *const s = &r.strips[i];
         cts_terms_add(&control->terms, &s->terms);
         const CtsTermRange range = term_range(control, s);
-        control->range.unseen = range.unseen;
+        control->range.assumed = range.assumed;
         control->range.least = fmax(control->range.least, range.least);
         control->range.most = fmax(control->range.most, range.most);
         control->excess = fmax(control->excess, s->excess);
@@ -670,7 +670,7 @@ end:
 double cts_error_control_rmse(const CtsErrorControl *c)
 {
     const double march = error_of_march(c);
-    const CtsTermRange any = {UNSEEN, 0, INFINITY};
+    const CtsTermRange any = {ASSUMED, 0, INFINITY};
     return ROUNDING +
            sqrt(march * march + cts_terms_limit(&c->terms, c->range, (double)c->n_pixels, c->scene.plan.n_tried) +
                 cts_terms_limit(&c->interpolation, any, (double)c->n_pixels, c->scene.plan.n_tried));

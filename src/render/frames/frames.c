@@ -44,13 +44,13 @@ static const char *why_march(const CtsModel *model, const CtsSceneStore *store, 
     const CtsRenderSettings *const s = &store->settings;
     const CtsVolume *const volume = model->volume;
     const CtsVoxelLabels *const o = model->voxel_labels;
-    const bool plain = s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16 && s->samples == 0 &&
-                       s->tolerance_hu == 0 && !s->void_key;
+    const bool by_default = s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16 &&
+                            s->samples == 0 && s->tolerance_hu == 0 && !s->void_key;
     bool thin = cts_volume_n_voxels(volume) > INT32_MAX;
     for (int a = 0; a < 3; a++)
         thin |= volume->dims[a] < 2;
     return !(levels->modes >> store->preset.mode & 1) ? "the mode is a projection"
-           : !plain                                   ? "kernel, grey levels, samples, tolerance or void rule are given"
+           : !by_default                              ? "kernel, grey levels, samples, tolerance or void rule are given"
            : cts_voxel_labels_coloured(o) || cts_model_shown(model) != model ? "labels are hidden or have colours"
            : cts_scene_has_step(&store->preset, volume)                      ? "the preset's opacity has a step"
            : thin ? "the volume is one voxel thin, or too large"
