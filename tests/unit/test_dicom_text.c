@@ -93,6 +93,10 @@ static void test_texts(void **state)
                 NULL, "Sch?del");
     expect_text("\xbf\xe0\xd8\xd2\xd5\xe2", "ISO_IR 144", "\xd0\x9f\xd1\x80\xd0\xb8\xd0\xb2\xd0\xb5\xd1\x82");
     expect_text("ab \x1b-L\xbf\xe0 \x1b-A\xe4", "ISO 2022 IR 100\\ISO 2022 IR 144", "ab \xd0\x9f\xd1\x80 \xc3\xa4");
+    expect_text("\xd4\xcf\xc0\xde^", "ISO_IR 13", "\xef\xbe\x94\xef\xbe\x8f\xef\xbe\x80\xef\xbe\x9e^");
+    expect_text("\xd4=\x1b$B;3ED\x1b(J^\x1b$B<\x1b(Jx", "ISO 2022 IR 13\\ISO 2022 IR 87", "?=?$B;3ED?(J^?$B<?(Jx");
+    expect_text("\xd4=\x1b$B;3ED\x1b(J^x", "ISO 2022 IR 13\\ISO 2022 IR 87", "\xef\xbe\x94=\xe5\xb1\xb1\xe7\x94\xb0^x");
+    expect_text("Hong^\x1b$)C\xb1\xe6", "\\ISO 2022 IR 149", "Hong^\xea\xb8\xb8");
     expect_text("\xcd\xf5", "GB18030", "\xe7\x8e\x8b");
     expect_text("Sch\xe4", "ISO_IR 6", "Sch?");
     expect_text("a\x1b[31mb\nc\x7f", NULL, "a?[31mb?c?");

@@ -5,181 +5,124 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_CHARACTERS = 64 }; /* of DICOM's texts of one line: LO has 64, and each group of PN */
+enum { MAX_CHARACTERS = 64, ESCAPE = 0x1B }; /* of DICOM's texts of one line: LO has 64, and each group of PN */
 
-/* ASCII in a single-byte set or UTF-8 (ISO_IR 100 to 192), all of which hold ASCII unchanged: the usual case. */
-static bool is_same_in_utf8(const char *text, const char *charset)
-{
-    for (const char *c = text; *c; c++)
-        if ((unsigned char)*c >= 0x80 || *c == 0x1B)
-            return false;
-    return strncmp(charset, "ISO_IR 1", 8) == 0 && strlen(charset) == 10;
-}
-
-/* Sets with two bytes per character, which not every build of DCMTK supports (PS3.3 C.12.1.1.2). An escape sequence
- * selects a set; in `code`, an iconv encoding, the same bytes have their upper bit set, and a prefix byte where it
- * selects the set. */
-static const struct {
+/* Character sets (PS3.3 C.12.1.1.2), which not every build of DCMTK supports: the end of their defined term, the escape
+ * sequence that selects them, and their iconv encoding. They are for bytes below 0x80, for those from 0x80 on, or for
+ * all; of LOW_WIDE, with two bytes a character, the escape sequence is a part of the encoding. */
+typedef struct CharacterSet {
     const char *term, *escape, *code;
-    char in_front; /* 0: none */
-} wide_sets[] = {{"ISO 2022 IR 87", "$B", "EUC-JP", 0},
-                 {"ISO 2022 IR 87", "$@", "EUC-JP", 0},
-                 {"ISO 2022 IR 159", "$(D", "EUC-JP", (char)0x8F},
-                 {"ISO 2022 IR 149", "$)C", "EUC-KR", 0},
-                 {"ISO 2022 IR 58", "$)A", "GB2312", 0}};
-enum { N_WIDE = sizeof wide_sets / sizeof *wide_sets, ESCAPE = 0x1B };
-
-/* The text in the code without escape sequences; to be freed with free(). NULL: it has others than these. */
-static char *without_escapes(const char *text, const char *code)
-{
-    static const char *const narrow[] = {"(B", "(J", ")I"}; /* ASCII; Roman and katakana of JIS X 0201 */
-    static const char katakana = (char)0x8E;
-    char *const out = malloc(3 * strlen(text) + 1);
-    size_t n = 0;
-    int wide = -1;
-    for (const char *p = text; out && *p;) {
-        const int before = wide;
-        size_t n_escape = 0;
-        for (int i = 0; *p == ESCAPE && i < N_WIDE && !n_escape; i++)
-            if (!strcmp(wide_sets[i].code, code) && !strncmp(p + 1, wide_sets[i].escape, strlen(wide_sets[i].escape))) {
-                n_escape = strlen(wide_sets[i].escape) + 1;
-                wide = wide_sets[i].escape[1] == ')' ? -1 : i; /* sets in the upper half need no state */
-            }
-        for (size_t i = 0; *p == ESCAPE && i < sizeof narrow / sizeof *narrow && !n_escape; i++)
-            if (!strncmp(p + 1, narrow[i], strlen(narrow[i]))) {
-                n_escape = strlen(narrow[i]) + 1;
-                wide = narrow[i][0] == '(' ? -1 : before;
-            }
-        p += n_escape;
-        if (n_escape)
-            continue;
-        if (*p == ESCAPE) {
-            free(out);
-            return NULL;
-        }
-        if (wide >= 0 && (p[0] & 0x7F) > ' ' && (p[1] & 0x7F) > ' ') {
-            if (wide_sets[wide].in_front)
-                out[n++] = wide_sets[wide].in_front;
-            out[n++] = (char)(*p++ | 0x80);
-            out[n++] = (char)(*p++ | 0x80);
-            continue;
-        }
-        if ((*p & 0x80) && !strcmp(code, "EUC-JP"))
-            out[n++] = katakana;
-        out[n++] = *p++;
-    }
-    if (out)
-        out[n] = 0;
-    return out;
-}
-
-static char *convert(const char *text, const char *code)
-{
-    char *from = (char *)text;
-    size_t n_from = strlen(text), n_to = 3 * n_from;
-    char *const utf8 = malloc(n_to + 1), *to = utf8;
-    const iconv_t converter = iconv_open("UTF-8", code);
-    const bool known = converter != (iconv_t)-1;
-    const bool done = utf8 && known && iconv(converter, &from, &n_from, &to, &n_to) != (size_t)-1;
-    if (known)
-        iconv_close(converter);
-    if (done) {
-        *to = 0;
-        return utf8;
-    }
-    free(utf8);
-    return NULL;
-}
-
-/* NULL: not in these sets. */
-static char *wide_to_utf8(const char *text, const char *charset)
-{
-    char *utf8 = NULL;
-    for (int i = 0; i < N_WIDE && !utf8; i++) {
-        const char *const named = strstr(charset, wide_sets[i].term);
-        char *const plain = named ? without_escapes(text, wide_sets[i].code) : NULL;
-        utf8 = plain ? convert(plain, wide_sets[i].code) : NULL;
-        free(plain);
-    }
-    return utf8;
-}
-
-/* Sets with one byte per character, and two with more that have no escape sequence: the end of their defined term, the
- * escape sequence that selects them, and their iconv encoding. */
-static const struct {
-    const char *term, *escape, *code;
-} sets[] = {{"IR 100", "-A", "ISO-8859-1"},
-            {"IR 101", "-B", "ISO-8859-2"},
-            {"IR 109", "-C", "ISO-8859-3"},
-            {"IR 110", "-D", "ISO-8859-4"},
-            {"IR 144", "-L", "ISO-8859-5"},
-            {"IR 127", "-G", "ISO-8859-6"},
-            {"IR 126", "-F", "ISO-8859-7"},
-            {"IR 138", "-H", "ISO-8859-8"},
-            {"IR 148", "-M", "ISO-8859-9"},
-            {"IR 203", "-b", "ISO-8859-15"},
-            {"IR 13", ")I", "JIS_X0201"},
-            {"IR 166", "-T", "TIS-620"},
-            {"IR 192", "%G", "UTF-8"},
-            {"GB18030", "GB", "GB18030"},
-            {"GBK", "GB", "GBK"},
-            {"IR 6", "(B", "ASCII"},
-            {"", "(J", "ASCII"}};
+    enum { LOW, LOW_WIDE, HIGH, ALL } bytes;
+} CharacterSet;
+static const CharacterSet sets[] = {
+    {"", "(B", "ASCII", LOW},
+    {"IR 6", "(J", "ASCII", LOW}, /* Roman letters of JIS X 0201 */
+    {"IR 87", "$B", "ISO-2022-JP-2", LOW_WIDE},
+    {"IR 87", "$@", "ISO-2022-JP-2", LOW_WIDE},
+    {"IR 159", "$(D", "ISO-2022-JP-2", LOW_WIDE},
+    {"IR 149", "$)C", "EUC-KR", HIGH},
+    {"IR 58", "$)A", "GB2312", HIGH},
+    {"IR 100", "-A", "ISO-8859-1", HIGH},
+    {"IR 101", "-B", "ISO-8859-2", HIGH},
+    {"IR 109", "-C", "ISO-8859-3", HIGH},
+    {"IR 110", "-D", "ISO-8859-4", HIGH},
+    {"IR 144", "-L", "ISO-8859-5", HIGH},
+    {"IR 127", "-G", "ISO-8859-6", HIGH},
+    {"IR 126", "-F", "ISO-8859-7", HIGH},
+    {"IR 138", "-H", "ISO-8859-8", HIGH},
+    {"IR 148", "-M", "ISO-8859-9", HIGH},
+    {"IR 203", "-b", "ISO-8859-15", HIGH},
+    {"IR 13", ")I", "SHIFT_JIS", HIGH}, /* katakana are its single bytes */
+    {"IR 166", "-T", "TIS-620", HIGH},
+    {"IR 192", "%G", "UTF-8", ALL},
+    {"GB18030", "GB", "GB18030", ALL},
+    {"GBK", "GB", "GBK", ALL},
+};
 enum { N_SETS = sizeof sets / sizeof *sets };
 
-/* The encoding of a character set's first value; NULL: not known. */
-static const char *first_code(const char *charset)
+/* The set of a defined term of n characters, such as ISO_IR 100 or ISO 2022 IR 100; NULL: not known. */
+static const CharacterSet *set_of_term(const char *term, size_t n)
 {
-    size_t n = strcspn(charset, "\\");
-    while (n && charset[n - 1] == ' ')
+    const size_t n_prefix = !strncmp(term, "ISO_", 4) ? 4 : !strncmp(term, "ISO 2022 ", 9) ? 9 : 0;
+    while (n && term[n - 1] == ' ')
         n--;
-    for (int i = 0; i < N_SETS; i++) {
-        const size_t n_term = strlen(sets[i].term);
-        const bool is_it = n >= n_term && !memcmp(charset + n - n_term, sets[i].term, n_term);
-        if (is_it && (n == n_term || (n_term && (!strncmp(charset, "ISO_", 4) || !strncmp(charset, "ISO 2022 ", 9)))))
-            return sets[i].code;
-    }
+    for (int i = 0; i < N_SETS && n >= n_prefix; i++)
+        if (strlen(sets[i].term) == n - n_prefix && !memcmp(sets[i].term, term + n_prefix, n - n_prefix))
+            return &sets[i];
     return NULL;
 }
 
-/* Converts the text between its escape sequences, each of which selects a set. */
-static char *narrow_to_utf8(const char *text, const char *charset)
+/* The set of bytes from 0x80 on in front of any escape sequence: the first one of the attribute that has such bytes. */
+static const CharacterSet *first_set(const char *charset)
 {
-    const char *code = first_code(charset);
-    char *const all = calloc(3, strlen(text) + 1);
-    bool good = all && code;
-    while (good && *text) {
-        char *const part = strndup(text, strcspn(text, "\x1b")), *utf8 = part ? convert(part, code) : NULL;
-        if ((good = utf8))
-            strcat(all, utf8);
-        text += part ? strlen(part) : 0;
-        free(part);
-        free(utf8);
-        if (!good || !*text)
-            break;
-        code = NULL;
-        for (int i = 0; i < N_SETS && !code; i++)
-            if (!strncmp(text + 1, sets[i].escape, 2))
-                code = sets[i].code;
-        good = code != NULL;
-        text += good ? 3 : 0;
+    const CharacterSet *set = NULL;
+    for (const char *term = charset, *end; term; term = *end ? end + 1 : NULL) {
+        end = strchrnul(term, '\\');
+        const CharacterSet *const one = set_of_term(term, (size_t)(end - term));
+        if (term == charset || (one && set->bytes < HIGH))
+            set = one;
+        if (!set)
+            return NULL;
     }
-    if (good)
-        return all;
-    free(all);
+    return set;
+}
+
+static const CharacterSet *set_of_escape(const char *text)
+{
+    for (int i = 0; i < N_SETS; i++)
+        if (!strncmp(text, sets[i].escape, strlen(sets[i].escape)))
+            return &sets[i];
     return NULL;
+}
+
+/* Appends n bytes of the text as UTF-8. */
+static bool append_run(char *utf8, const CharacterSet *set, const char *text, size_t n)
+{
+    char *from = NULL, *to = utf8 + strlen(utf8);
+    const iconv_t converter = iconv_open("UTF-8", set->code);
+    if (converter == (iconv_t)-1)
+        return false;
+    const bool wide = set->bytes == LOW_WIDE;
+    const int n_all = asprintf(&from, "%s%s%.*s", wide ? "\x1b" : "", wide ? set->escape : "", (int)n, text);
+    char *at = from;
+    size_t n_from = n_all < 0 ? 0 : (size_t)n_all, n_to = 3 * n;
+    const bool done = n_all >= 0 && iconv(converter, &at, &n_from, &to, &n_to) != (size_t)-1;
+    *to = 0;
+    iconv_close(converter);
+    if (n_all >= 0)
+        free(from);
+    return done;
 }
 
 char *cts_dcm_convert(const char *text, const char *charset)
 {
-    char *const wide = wide_to_utf8(text, charset);
-    return wide ? wide : narrow_to_utf8(text, charset);
+    const CharacterSet *low = &sets[0], *high = first_set(charset);
+    char *const utf8 = calloc(3, strlen(text) + 1);
+    bool done = utf8 && high;
+    while (done && *text) {
+        const int kind = *text & 0x80;
+        size_t n = 0;
+        if (*text == ESCAPE) {
+            const CharacterSet *const set = set_of_escape(text + 1);
+            if ((done = set))
+                *(set->bytes < HIGH ? &low : &high) = set;
+            n = done ? strlen(set->escape) + 1 : 0;
+        } else {
+            while (text[n] && text[n] != ESCAPE && (high->bytes == ALL || (text[n] & 0x80) == kind))
+                n++;
+            done = append_run(utf8, high->bytes == ALL || kind ? high : low, text, n);
+        }
+        text += n;
+    }
+    if (done)
+        return utf8;
+    free(utf8);
+    return NULL;
 }
 
 char *cts_dcm_utf8(const char *text, const char *charset)
 {
-    const bool foreign = charset && charset[0] && !is_same_in_utf8(text, charset);
-    char *utf8 = foreign ? cts_dcm_convert(text, charset) : NULL;
+    char *utf8 = charset && charset[0] ? cts_dcm_convert(text, charset) : NULL;
     if (!utf8 && !(utf8 = strdup(text)))
         return NULL;
     cts_text_clean(utf8);
