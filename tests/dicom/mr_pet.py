@@ -237,6 +237,14 @@ def test_volumes(work):
         'trigger': (several(folder, MR, [dict(each=lambda k, t=t: dict(TriggerTime=30 * t + k)) for t in range(5)]), 5),
         'component': (several(folder, MR, [dict(ComplexImageComponent=c) for c in ('REAL', 'IMAGINARY')]), 2),
         'nothing': (several(folder, MR, [{}, {}]), 0),
+        'numbers, volume by volume': (several(folder, MR, [
+            dict(each=lambda k, p=p: dict(InstanceNumber=p * N + k + 1)) for p in range(3)]), 3),
+        'numbers, position by position': (several(folder, MR, [
+            dict(each=lambda k, p=p: dict(InstanceNumber=3 * k + p + 1)) for p in range(3)]), 3),
+        'numbers without order': (several(folder, MR, [
+            dict(each=lambda k, p=p: dict(InstanceNumber=p * N + (k * 3 + p) % N + 1)) for p in range(3)]), 0),
+        'numbers of dynamic PET': (several(folder, PET, [dict(SeriesType=['DYNAMIC', 'IMAGE'], each=lambda k, p=p: dict(
+            InstanceNumber=p * N + k + 1)) for p in range(2)], **pet), 0),
         'orientations': (several(folder, MR, [dict(orientation=o) for o in (AXIAL, CORONAL, SAGITTAL)]), 3),
         'stacks of a spine': (several(folder, MR, [
             dict(orientation=[1, 0, 0, 0, math.cos(a), math.sin(a)]) for a in (0, 0.05, 0.1)]), 3),

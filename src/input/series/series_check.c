@@ -624,7 +624,8 @@ static bool is_watch(const CtsSliceSet *set)
 /* The attributes that may separate volumes, in words. */
 static const char *const separators[CTS_N_MODALITIES] = {
     [CTS_MODALITY_CT] = "acquisition, tube voltage, temporal position, trigger, cardiac phase, kernel nor time",
-    [CTS_MODALITY_MR] = "echo, inversion time, flip angle, diffusion, temporal position, trigger, image type nor time",
+    [CTS_MODALITY_MR] =
+        "echo, inversion time, flip angle, diffusion, temporal position, trigger, image type, time nor instance number",
     [CTS_MODALITY_PT] = "reference time nor image index",
 };
 

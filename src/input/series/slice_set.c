@@ -97,6 +97,7 @@ enum {
     BY_KERNEL,
     BY_OBJECT,
     BY_TIME,
+    BY_NUMBER,
     N_WAYS
 };
 
@@ -118,6 +119,7 @@ static const struct {
     [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true},
     [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false, false},
     [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false},
+    [BY_NUMBER] = {"InstanceNumber (0020,0013)", false, false},
     [CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", false, false},
     [CTS_ECHO_TIME] = {"EchoTime (0018,0081)", false, false},
     [CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", false, false},
@@ -139,11 +141,12 @@ static const struct {
                          {CTS_ACQUISITION_NUMBER, CTS_VOLTAGE, CTS_TEMPORAL_POSITION, CTS_TRIGGER_TIME,
                           CTS_PHASE_PERCENT, CTS_PHASE_DELAY, BY_THICKNESS, BY_KERNEL, BY_OBJECT, BY_TIME,
                           CTS_CONTENT_TIME, BY_CONTENT_ORDER}},
-    [CTS_MODALITY_MR] = {18,
+    [CTS_MODALITY_MR] = {19,
                          {CTS_ECHO_NUMBER, CTS_ECHO_TIME, CTS_INVERSION_TIME, CTS_FLIP_ANGLE, CTS_B_VALUE,
                           BY_WORD + CTS_GRADIENT_DIRECTION, CTS_TEMPORAL_POSITION, CTS_TRIGGER_TIME, BY_TRIGGER_ORDER,
                           BY_WORD + CTS_IMAGE_TYPE, BY_WORD + CTS_COMPLEX_COMPONENT, CTS_ACQUISITION_NUMBER,
-                          CTS_PHASE_PERCENT, CTS_PHASE_DELAY, BY_OBJECT, BY_TIME, CTS_CONTENT_TIME, BY_CONTENT_ORDER}},
+                          CTS_PHASE_PERCENT, CTS_PHASE_DELAY, BY_OBJECT, BY_TIME, CTS_CONTENT_TIME, BY_CONTENT_ORDER,
+                          BY_NUMBER}},
     [CTS_MODALITY_PT] = {6,
                          {CTS_FRAME_REFERENCE_TIME, CTS_TIME_SLICE, CTS_TEMPORAL_POSITION, CTS_PHASE_PERCENT,
                           CTS_PHASE_DELAY, BY_OBJECT}},
@@ -197,17 +200,25 @@ static bool label_thickness(const CtsSliceSet *set, double *part)
     return known && n_groups > 1;
 }
 
+/* The number that orders the slices at one position; NAN where a slice has none. */
+static double order_number(const CtsSlice *s, int way)
+{
+    return way != BY_NUMBER  ? s->volume_number[way == BY_CONTENT_ORDER ? CTS_CONTENT_TIME : CTS_TRIGGER_TIME]
+           : s->has_instance ? (double)s->instance_number
+                             : NAN;
+}
+
 /* Rank of a slice among those at its position by a number; false where two of one position have equal ones. */
-static bool label_order(const CtsSliceSet *set, CtsVolumeNumber number, double same_mm, double *part)
+static bool label_order(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
     for (int first = 0, end; first < set->n; first = end) {
         for (end = first + 1; end < set->n && cts_slice_same_place(set->items[end - 1], set->items[end], same_mm);)
             end++;
         for (int i = first; i < end; i++) {
-            const double own = set->items[i]->volume_number[number];
+            const double own = order_number(set->items[i], way);
             part[i] = 0;
             for (int k = first; k < end; k++) {
-                const double other = set->items[k]->volume_number[number];
+                const double other = order_number(set->items[k], way);
                 if (isnan(own) || (k != i && other == own))
                     return false;
                 part[i] += other < own;
@@ -236,8 +247,8 @@ static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
     if (way == BY_THICKNESS)
         return label_thickness(set, part);
-    if (way == BY_CONTENT_ORDER || way == BY_TRIGGER_ORDER)
-        return label_order(set, way == BY_CONTENT_ORDER ? CTS_CONTENT_TIME : CTS_TRIGGER_TIME, same_mm, part);
+    if (way == BY_CONTENT_ORDER || way == BY_TRIGGER_ORDER || way == BY_NUMBER)
+        return label_order(set, way, same_mm, part);
     if (way == BY_TIME)
         return label_times(set, same_mm, part);
     if (way >= BY_WORD)
@@ -266,6 +277,19 @@ static bool in_turn(const CtsSliceSet *parts, int n_parts, int way)
             return false;
         end = last;
     }
+    return true;
+}
+
+/* True if the numbers of each part are those of the first, shifted: volume after volume, or position after position.
+ * GE's series in time and Philips' diffusion of old have no other mark that is public. */
+static bool numbered_alike(const CtsSliceSet *parts, int n_parts)
+{
+    for (int p = 1; p < n_parts; p++)
+        for (int i = 0; i < parts[p].n; i++)
+            if (parts[p].n != parts[0].n ||
+                (int64_t)parts[p].items[i]->instance_number - parts[p].items[0]->instance_number !=
+                    (int64_t)parts[0].items[i]->instance_number - parts[0].items[0]->instance_number)
+                return false;
     return true;
 }
 
@@ -395,6 +419,7 @@ static bool are_volumes(const CtsSliceSet *set, const CtsSliceSet *parts, int n_
         if (!is_whole(&parts[p], same_mm) && !(may_repeat && repeats_whole(&parts[p], same_mm)))
             return false;
     return n_parts > 0 && ((way != BY_TIME && way != BY_CONTENT_ORDER) || in_turn(parts, n_parts, way)) &&
+           (way != BY_NUMBER || numbered_alike(parts, n_parts)) &&
            (!ways[way].must_overlap || parts_overlap(parts, n_parts));
 }
 
