@@ -90,7 +90,7 @@ static void test_writer(void **state)
                  {"reader:m", CTS_ERR_OUTPUT, "memory"},
                  {"reader:n", CTS_ERR_READ, "without sense"},
                  {"reader:o", CTS_ERR_READ, "without sense"},
-                 {"reader:l", CTS_ERR_READ, "without sense"}};
+                 {"reader:l", CTS_ERR_READ, "more than 64"}};
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         Slice s = sound_slice();
         s.description = cases[c].fault;

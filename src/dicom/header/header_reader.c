@@ -7,19 +7,18 @@
 
 enum {
     MESSAGE_BYTES = CTS_HEADERS_A_MESSAGE * CTS_HEADER_FIRST_READ,
-    MAX_FIRST_READ = MESSAGE_BYTES / 4,                 /* longer headers come one in a message */
-    MAX_HEADER_READ = CTS_MAX_HEADER_BYTES + (1 << 20), /* and the file's meta header */
+    LONGER_READ = 4 * CTS_HEADER_FIRST_READ,
     /* Texts of a slice take 300 to 500 bytes; where they do not fit, the file is asked for alone. */
     FILE_ANSWER_BYTES = sizeof(CtsHeaderAnswer) + sizeof(CtsSlice) + 1024,
     MESSAGE_ANSWER_BYTES = CTS_HEADERS_A_MESSAGE * FILE_ANSWER_BYTES,
-    MAX_ANSWER = CTS_MAX_FRAMES * (sizeof(CtsSlice) + 1024) + CTS_MAX_HEADER_BYTES,
-    CPU_S = 60 /* for one message; measured: the largest header takes 2 s */
+    ALONE_ANSWER_BYTES = 128 << 10, /* of most captures and structure sets without contours */
+    CPU_S = 60                      /* for one message; measured: the largest header takes 2 s */
 };
 
 void cts_header_reader_free(CtsHeaderReader *r)
 {
     cts_sandbox_free(&r->sandbox);
-    free(r->again);
+    free(r->alone);
     free(r->first_bytes);
     free(r->copy);
     cts_string_pool_free(&r->texts);
@@ -55,80 +54,105 @@ static void refuse_file(const CtsPendingHeader *file)
     file->result->kind = CTS_FILE_UNREADABLE;
 }
 
-/* Asks for a file alone, later: with its first n bytes, and room for an answer. */
-static void ask_again(CtsHeaderReader *r, const CtsPendingHeader *file, uint64_t n, uint64_t n_answer)
+/* A complete answer that a sound reader gives, for a file of n_file bytes. */
+static CtsStatus check_answer(const CtsHeaderAnswer *a, size_t n_answer, uint64_t n_file, CtsError *err)
 {
-    if (cts_grow(&r->again, r->n_again, &file->result->why)) {
-        refuse_file(file);
-        return;
+    if (a->result == CTS_HEADER_BAD)
+        return cts_fail(err, CTS_ERR_READ, "%.*s", (int)sizeof a->why, a->why);
+    if (a->result == CTS_HEADER_MEMORY)
+        return cts_fail(err, CTS_ERR_READ, "its header needs more memory than its reader has");
+    return a->result == CTS_HEADER_DONE && a->at <= n_answer && a->n <= n_answer - a->at &&
+                   cts_header_facts_hold(&a->facts, n_file)
+               ? CTS_OK
+               : cts_header_no_sense(err);
+}
+
+/* Passes the file's first n bytes, and the order's records. */
+static CtsStatus ask_once(CtsSandbox *reader, const CtsFileBytes *file, size_t n, CtsReaderOrder order,
+                          const uint8_t *records, size_t n_answer, const uint8_t **answer, CtsError *err)
+{
+    const CtsHeaderItem item = {sizeof item, n, file->n_bytes};
+    const void *shared;
+    uint8_t *stream;
+    CtsError why = {0};
+    order.n_files = 1;
+    order.records_at = sizeof item + n;
+    const size_t n_all = (size_t)(order.records_at + order.n_records);
+    CtsStatus st = cts_sandbox_room(reader, n_all, n_answer, &stream, err);
+    if (st || (st = cts_file_bytes_read(file, stream + sizeof item, n, 0, err)))
+        return st;
+    memcpy(stream, &item, sizeof item);
+    if (records)
+        memcpy(stream + order.records_at, records, (size_t)order.n_records);
+    cts_sandbox_send(reader, &order, sizeof order, stream, n_all, n_answer);
+    st = cts_sandbox_take(reader, &shared, &why);
+    *answer = shared;
+    if (st == CTS_ERR_PIXELS)
+        st = records ? CTS_ERR_OUTPUT : CTS_ERR_READ;
+    return st ? cts_fail(err, st, "%s", why.text) : CTS_OK;
+}
+
+CtsStatus cts_header_ask(CtsSandbox *reader, const CtsFileBytes *file, CtsReaderOrder order, const uint8_t *records,
+                         CtsHeaderAnswer *a, const uint8_t **bytes, CtsError *err)
+{
+    size_t n = LONGER_READ, n_answer = ALONE_ANSWER_BYTES + 2 * (size_t)order.n_records;
+    for (;;) {
+        const uint8_t *answer;
+        n = file->n_bytes < n ? (size_t)file->n_bytes : n;
+        /* Measured: DCMTK's objects of a segmentation take 11 bytes for each of the file's. */
+        if (order.task != CTS_READER_HEADERS)
+            reader->memory_limit = ((size_t)256 << 20) + 24 * (n + (size_t)order.n_records);
+        CtsStatus st = ask_once(reader, file, n, order, records, n_answer, &answer, err);
+        if (st)
+            return st;
+        memcpy(a, answer, sizeof *a);
+        if (a->result == CTS_HEADER_MORE && a->need > 2 * order.max_header)
+            return cts_fail(err, CTS_ERR_READ, "damaged or cut short: more than %llu MiB precede the pixels",
+                            (unsigned long long)order.max_header >> 20);
+        if (a->result == CTS_HEADER_MORE && n < file->n_bytes && a->need > n)
+            n = a->need > 4 * (uint64_t)n ? (size_t)a->need : 4 * n;
+        else if (a->result == CTS_HEADER_ROOM && a->need > n_answer && a->need <= 8 * order.max_header)
+            n_answer = (size_t)a->need + ALONE_ANSWER_BYTES;
+        else if ((st = check_answer(a, n_answer, file->n_bytes, err)))
+            return st;
+        else
+            return *bytes = answer + a->at, CTS_OK;
     }
-    CtsPendingHeader *const again = &r->again[r->n_again++];
-    *again = *file;
-    again->n = (size_t)(n < file->n_file ? n : file->n_file);
-    again->n_answer = (size_t)n_answer;
 }
 
-/* A header that is longer than the bytes at hand: read ahead, so that it costs few messages, and more of later files.
- */
-static CtsStatus ask_for_more(CtsHeaderReader *r, const CtsPendingHeader *file, uint64_t need, CtsError *err)
-{
-    const uint64_t want = need > 4 * (uint64_t)file->n ? need : 4 * (uint64_t)file->n;
-    if (need > MAX_HEADER_READ)
-        return cts_fail(err, CTS_ERR_READ, "damaged or cut short: more than 64 MiB precede the pixels");
-    if (need <= file->n || file->n >= file->n_file)
-        return cts_header_no_sense(err);
-    if (want <= MAX_FIRST_READ && r->first_read < want)
-        r->first_read = (size_t)want;
-    ask_again(r, file, want, file->n_answer);
-    return CTS_OK;
-}
-
-/* The object of an answer, of which the reader process may write any byte at any time. */
+/* The object of an answer's bytes, of which the reader process may write any at any time. */
 static CtsStatus take_object(CtsHeaderReader *r, const CtsPendingHeader *file, const CtsHeaderAnswer *a,
-                             const uint8_t *answer, size_t n_answer, CtsError *err)
+                             const uint8_t *bytes, CtsError *err)
 {
-    if (a->at > n_answer || a->n > n_answer - a->at || !cts_header_facts_hold(&a->facts, file->n_file))
-        return cts_header_no_sense(err);
     CtsStatus st = cts_bytes_reserve(&r->copy, &r->copy_capacity, (size_t)a->n, err);
     if (st)
         return st;
-    memcpy(r->copy, answer + a->at, (size_t)a->n);
+    memcpy(r->copy, bytes, (size_t)a->n);
     st = cts_header_unpack(a, r->copy, (size_t)a->n, &r->texts, &file->result->object, err);
     file->result->kind = CTS_FILE_DICOM;
     return st ? st : cts_header_complete(&a->facts, file, &r->texts, &file->result->object, err);
 }
 
-static void take_header_answer(CtsHeaderReader *r, const CtsPendingHeader *file, const uint8_t *answer, int i,
-                               size_t n_answer)
+/* Asks for a file alone, later. */
+static CtsStatus put_off(CtsHeaderReader *r, const CtsPendingHeader *file, CtsError *err)
+{
+    const CtsStatus st = cts_grow(&r->alone, r->n_alone, err);
+    if (!st)
+        r->alone[r->n_alone++] = *file;
+    return st;
+}
+
+static CtsStatus take_header_answer(CtsHeaderReader *r, const CtsPendingHeader *file, const uint8_t *answer, int i,
+                                    CtsError *err)
 {
     CtsHeaderAnswer a;
-    CtsError *const err = &file->result->why;
-    CtsStatus st = CTS_OK;
     memcpy(&a, answer + (size_t)i * sizeof a, sizeof a);
-    switch (a.result) {
-    case CTS_HEADER_DONE:
-        st = take_object(r, file, &a, answer, n_answer, err);
-        break;
-    case CTS_HEADER_MORE:
-        st = ask_for_more(r, file, a.need, err);
-        break;
-    case CTS_HEADER_ROOM:
-        if (file->n_answer == FILE_ANSWER_BYTES && a.need <= MAX_ANSWER)
-            ask_again(r, file, file->n, a.need + FILE_ANSWER_BYTES);
-        else
-            st = cts_header_no_sense(err);
-        break;
-    case CTS_HEADER_MEMORY:
-        st = cts_fail(err, CTS_ERR_READ, "its header needs more memory than its reader has");
-        break;
-    case CTS_HEADER_BAD:
-        st = cts_fail(err, CTS_ERR_READ, "%.*s", (int)sizeof a.why, a.why);
-        break;
-    default:
-        st = cts_header_no_sense(err);
-    }
-    if (st)
-        refuse_file(file);
+    if (a.result == CTS_HEADER_MORE)
+        r->first_read = LONGER_READ; /* later files may have such headers, too */
+    if (a.result == CTS_HEADER_MORE || a.result == CTS_HEADER_ROOM)
+        return put_off(r, file, err);
+    const CtsStatus st = check_answer(&a, MESSAGE_ANSWER_BYTES, file->n_file, err);
+    return st ? st : take_object(r, file, &a, answer + a.at, err);
 }
 
 /* A message that ends the reader holds at least one damaged file: each is asked for alone then. */
@@ -140,14 +164,13 @@ static void take_oldest(CtsHeaderReader *r)
     const CtsStatus st = cts_sandbox_take(r->sandbox, &answer, &why);
     for (int i = 0; i < m->n_files; i++) {
         const CtsPendingHeader *const file = &m->files[i];
-        if (!st) {
-            take_header_answer(r, file, answer, i, m->n_answer);
-        } else if (st == CTS_ERR_PIXELS && m->n_files > 1) {
-            ask_again(r, file, file->n, file->n_answer);
-        } else {
-            cts_fail(&file->result->why, st == CTS_ERR_PIXELS ? CTS_ERR_READ : st, "%s", why.text);
+        CtsError *const err = &file->result->why;
+        const CtsStatus taken = !st ? take_header_answer(r, file, answer, i, err)
+                                : st == CTS_ERR_PIXELS && m->n_files > 1
+                                    ? put_off(r, file, err)
+                                    : cts_fail(err, st == CTS_ERR_PIXELS ? CTS_ERR_READ : st, "%s", why.text);
+        if (taken)
             refuse_file(file);
-        }
     }
     r->n_sent--;
     memmove(r->messages, r->messages + 1, (size_t)(r->n_sent + 1) * sizeof *r->messages);
@@ -159,91 +182,78 @@ static void send_message(CtsHeaderReader *r)
     const CtsReaderOrder order = {.n_files = (uint64_t)m->n_files, .max_header = CTS_MAX_HEADER_BYTES};
     if (!m->n_files)
         return;
-    cts_sandbox_send(r->sandbox, &order, sizeof order, r->stream, m->n, m->n_answer);
+    cts_sandbox_send(r->sandbox, &order, sizeof order, r->stream, m->n, MESSAGE_ANSWER_BYTES);
     r->messages[++r->n_sent].n_files = 0;
 }
 
-/* An empty message for n bytes of files, and an answer to it. */
-static CtsStatus begin_message(CtsHeaderReader *r, size_t n, size_t n_answer, CtsError *err)
+/* An empty message. */
+static CtsStatus begin_message(CtsHeaderReader *r, CtsError *err)
 {
-    const size_t n_all = n + CTS_HEADERS_A_MESSAGE * sizeof(CtsHeaderItem);
+    const size_t n_items = CTS_HEADERS_A_MESSAGE * sizeof(CtsHeaderItem), n_all = MESSAGE_BYTES + n_items;
     CtsStatus st =
         cts_sandbox_new(&r->sandbox, CTS_READER_PROGRAM, CTS_READER_HEADERS, "reader", CTS_SANDBOX_SLOTS, err);
     if (st)
         return st;
     r->sandbox->cpu_limit_s = CPU_S;
-    while (r->n_sent && !cts_sandbox_fits(r->sandbox, n_all, n_answer))
+    while (r->n_sent && !cts_sandbox_fits(r->sandbox, n_all, MESSAGE_ANSWER_BYTES))
         take_oldest(r);
-    st = cts_sandbox_room(r->sandbox, n_all, n_answer, &r->stream, err);
-    r->messages[r->n_sent] =
-        (CtsHeaderMessage){.n = CTS_HEADERS_A_MESSAGE * sizeof(CtsHeaderItem), .n_answer = n_answer};
+    st = cts_sandbox_room(r->sandbox, n_all, MESSAGE_ANSWER_BYTES, &r->stream, err);
+    r->messages[r->n_sent] = (CtsHeaderMessage){.n = n_items};
     return st;
-}
-
-/* Room in the message for n bytes of one more file. */
-static uint8_t *append_file(CtsHeaderReader *r, const CtsPendingHeader *file)
-{
-    CtsHeaderMessage *const m = &r->messages[r->n_sent];
-    const CtsHeaderItem item = {m->n, file->n, file->n_file};
-    memcpy(r->stream + (size_t)m->n_files * sizeof item, &item, sizeof item);
-    m->files[m->n_files++] = *file;
-    m->n += (file->n + 7) / 8 * 8;
-    return r->stream + item.at;
 }
 
 bool cts_header_add(CtsHeaderReader *r, const CtsFile *source, const CtsFileBytes *file, size_t n,
                     CtsHeaderRead *result)
 {
-    const CtsPendingHeader pending = {source, result, file->n_bytes, file->mtime_ns, n, FILE_ANSWER_BYTES};
+    const CtsPendingHeader pending = {source, result, file->n_bytes, file->mtime_ns};
     CtsHeaderMessage *m = &r->messages[r->n_sent];
-    CtsStatus st = CTS_OK;
     result->kind = CTS_FILE_NOT_DICOM;
     if (!cts_scan_begins_dicom(r->first_bytes, n))
         return false;
     if (m->n_files == CTS_HEADERS_A_MESSAGE || (m->n_files && m->n + n > MESSAGE_BYTES))
         send_message(r);
-    m = &r->messages[r->n_sent];
-    if (!m->n_files)
-        st = begin_message(r, MESSAGE_BYTES, MESSAGE_ANSWER_BYTES, &result->why);
-    if (st)
+    if (!r->messages[r->n_sent].n_files && begin_message(r, &result->why)) {
         refuse_file(&pending);
-    else
-        memcpy(append_file(r, &pending), r->first_bytes, n);
+        return true;
+    }
+    m = &r->messages[r->n_sent];
+    const CtsHeaderItem item = {m->n, n, file->n_bytes};
+    memcpy(r->stream + (size_t)m->n_files * sizeof item, &item, sizeof item);
+    memcpy(r->stream + item.at, r->first_bytes, n);
+    m->files[m->n_files++] = pending;
+    m->n += (n + 7) / 8 * 8;
     return true;
 }
 
 /* A file that is asked for alone must be the one whose first bytes were read. */
-static CtsStatus read_again(CtsHeaderReader *r, const CtsPendingHeader *pending, CtsError *err)
+static CtsStatus read_alone(CtsHeaderReader *r, const CtsPendingHeader *pending, CtsError *err)
 {
     CtsFileBytes file;
+    CtsHeaderAnswer a;
+    const uint8_t *bytes;
     const CtsSlice slice = {.path = pending->source->path,
                             .memory = pending->source->memory,
                             .file_bytes = pending->n_file,
                             .mtime_ns = pending->mtime_ns};
-    CtsStatus st = begin_message(r, pending->n, pending->n_answer, err);
-    if (st)
-        return st;
-    if (!(st = cts_slice_open(&slice, &file, err)))
-        st = cts_file_bytes_read(&file, append_file(r, pending), pending->n, 0, err);
+    CtsStatus st = cts_slice_open(&slice, &file, err);
+    if (!st && !(st = cts_header_ask(r->sandbox, &file, (CtsReaderOrder){.max_header = CTS_MAX_HEADER_BYTES}, NULL, &a,
+                                     &bytes, err))) {
+        r->bytes_read += a.facts.data_offset + a.facts.header_bytes;
+        st = take_object(r, pending, &a, bytes, err);
+    }
     cts_file_bytes_close(&file);
-    r->bytes_read += pending->n;
     return st;
 }
 
 void cts_header_finish(CtsHeaderReader *r)
 {
     send_message(r);
-    while (r->n_sent || r->n_again) {
-        while (r->n_sent)
-            take_oldest(r);
-        if (!r->n_again)
-            break;
-        const CtsPendingHeader file = r->again[--r->n_again];
-        if (read_again(r, &file, &file.result->why)) {
-            r->messages[r->n_sent].n_files = 0;
-            refuse_file(&file);
-        }
-        send_message(r);
+    while (r->n_sent)
+        take_oldest(r);
+    while (r->n_alone) {
+        const CtsPendingHeader *const file = &r->alone[--r->n_alone];
+        if (read_alone(r, file, &file->result->why))
+            refuse_file(file);
     }
 }
 

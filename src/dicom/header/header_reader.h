@@ -22,14 +22,12 @@ typedef struct CtsPendingHeader {
     CtsHeaderRead *result;
     uint64_t n_file;
     int64_t mtime_ns;
-    size_t n; /* bytes of the file that are passed */
-    size_t n_answer;
 } CtsPendingHeader;
 
 typedef struct CtsHeaderMessage {
     CtsPendingHeader files[CTS_HEADERS_A_MESSAGE];
     int n_files;
-    size_t n, n_answer; /* bytes of the message until now, and room for its answer */
+    size_t n; /* bytes of the message until now */
 } CtsHeaderMessage;
 
 /* The reader of one thread. Zero-initialise; free with cts_header_reader_free(). */
@@ -38,8 +36,8 @@ typedef struct CtsHeaderReader {
     CtsHeaderMessage messages[CTS_SANDBOX_SLOTS + 1]; /* n_sent of them, the oldest first, then one that is filled */
     int n_sent;
     uint8_t *stream;         /* of the message that is filled */
-    CtsPendingHeader *again; /* files to be asked for alone, with more room; owned */
-    size_t n_again;
+    CtsPendingHeader *alone; /* files to be asked for alone, with more bytes or room; owned */
+    size_t n_alone;
     uint8_t *first_bytes; /* of the file that is being added; owned */
     size_t first_capacity, first_read;
     uint8_t *copy; /* of an answer that is checked; owned */
@@ -51,6 +49,12 @@ typedef struct CtsHeaderReader {
 /* Sets the fields of an object's slices that follow from the file and its facts. */
 CtsStatus cts_header_complete(const CtsHeaderFacts *facts, const CtsPendingHeader *file, CtsStringPool *texts,
                               CtsObject *object, CtsError *err);
+
+/* Asks about one file, with records to be written or NULL, until its first bytes and the room for the answer, a->n
+ * `bytes`, are enough: they are valid until the next use of the reader, which is idle. CTS_ERR_READ or CTS_ERR_OUTPUT
+ * without the path. */
+CtsStatus cts_header_ask(CtsSandbox *reader, const CtsFileBytes *file, CtsReaderOrder order, const uint8_t *records,
+                         CtsHeaderAnswer *answer, const uint8_t **bytes, CtsError *err);
 
 void cts_header_reader_free(CtsHeaderReader *reader);
 
