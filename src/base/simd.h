@@ -136,7 +136,6 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * - vs_madd(a, b): a[2 l] * b[2 l] + a[2 l + 1] * b[2 l + 1] in lane l, 32 bits
  * - vs_unsigned_max, vs_unsigned_min(a, b); vs_excess(a, b): a - b where a is more, else 0; of 16 bits without a sign
  * - vs_mul_high(a, b): upper half of the product of two unsigned 16-bit integers
- * - vs_permute_rows(table, index): a row is eight int16_t; element index (0..7) of the same row of the table
  * - ws_permute(table, index): element index (0..31) of the table
  * - ws_permute2(low, high, index): element index (0..63) of two tables one after the other
  * - ws_load_rows(from, stride, n): n (1..4) rows of eight int16_t that begin `stride` elements apart; then 0 */
@@ -257,10 +256,8 @@ SIMD_EACH(wi, wf_to_int, (wf a), to_int(a.part[p]))
 SIMD_EACH(wf, wi_as_float, (wi a), (vf)a.part[p])
 SIMD_EACH(wi, wf_as_int, (wf a), (vi)a.part[p])
 
-SIMD_EACH(ws, ws_add, (ws a, ws b), (vs)(a.part[p] + b.part[p]))
 SIMD_EACH(ws, ws_sub, (ws a, ws b), (vs)(a.part[p] - b.part[p]))
 SIMD_EACH(wi, ws_madd, (ws a, ws b), vs_madd(a.part[p], b.part[p]))
-SIMD_EACH(ws, ws_permute_rows, (ws table, ws index), vs_permute_rows(table.part[p], index.part[p]))
 
 SIMD_EACH(wf, wf_look_up, (const float *table, int n, wi index), vf_look_up(table, n, index.part[p]))
 SIMD_EACH(wi, wi_take, (const void *from, wi at), vi_take(from, at.part[p]))

@@ -53,7 +53,6 @@ SIMD_OP(vs, vs_mul_high, (vs a, vs b), (vs)_mm256_mulhi_epu16((__m256i)a, (__m25
 
 /* Byte offsets of both bytes of each element. */
 SIMD_OP(__m256i, byte_index, (vs index), (__m256i)(index * 0x0202 + 0x0100))
-SIMD_OP(vs, vs_permute_rows, (vs table, vs index), (vs)_mm256_shuffle_epi8((__m256i)table, byte_index(index)))
 
 /* Selects from rows of eight elements, row by row: a byte shuffle gives 0 where bit 7 of its offset is set, which the
  * saturating addition sets for offsets outside the row. */

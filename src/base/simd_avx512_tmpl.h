@@ -65,10 +65,6 @@ SIMD_OP(vs, vs_excess, (vs a, vs b), (vs)_mm512_subs_epu16((__m512i)a, (__m512i)
 
 SIMD_OP(vs, vs_mul_high, (vs a, vs b), (vs)_mm512_mulhi_epu16((__m512i)a, (__m512i)b))
 
-/* A byte shuffle by the offsets of both bytes of each element. */
-SIMD_OP(vs, vs_permute_rows, (vs table, vs index),
-        (vs)_mm512_shuffle_epi8((__m512i)table, (__m512i)(index * 0x0202 + 0x0100)))
-
 INLINE ws ws_permute(ws table, ws index)
 {
     return (ws){{(vs)_mm512_permutexvar_epi16((__m512i)index.part[0], (__m512i)table.part[0])}};

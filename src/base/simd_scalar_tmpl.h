@@ -147,14 +147,6 @@ INLINE vs vs_mul_high(vs a, vs b)
     return (vs)(low >> 16 | (high & 0xffff0000));
 }
 
-INLINE vs vs_permute_rows(vs table, vs index)
-{
-    vs v = {0};
-    for (int l = 0; l < 2 * LANES; l++)
-        v[l] = table[(l & ~7) | index[l]];
-    return v;
-}
-
 INLINE ws ws_permute2(ws low, ws high, ws index)
 {
     int16_t table[64], at[32];

@@ -28,7 +28,7 @@ int SIMD_FUNCTION(const SimdInput *in, SimdRow row[MAX_ROWS])
 {
     const wf f = wf_load(in->f), g = wf_load(in->g), c = wf_load(in->c), r = wf_load(in->r);
     const wi i = wi_load(in->i), j = wi_load(in->j), b = wi_load(in->b);
-    const ws s = ws_load(in->s), t = ws_load(in->t), o = ws_load(in->o), p = ws_load(in->p), q = ws_load(in->q);
+    const ws s = ws_load(in->s), t = ws_load(in->t), p = ws_load(in->p), q = ws_load(in->q);
     const wmask m = wmask_of_bits(in->m), n = wmask_of_bits(in->n);
     int at = 0;
 #define FLOATS(name, vectors, lane) wf_store(row[at++].floats, vectors);

@@ -8,12 +8,12 @@ enum { TABLE_SIZE = 256 };
 /* Any values, including NaN and the extremes, except for:
  *
  * - c: floats in the range of int32_t; r: floats from -2^22 to 2^22
- * - b: 0..255; o, p, q: 0..7, 0..31, 0..63
+ * - b: 0..255; p, q: 0..31, 0..63
  * - m, n: one bit a lane */
 typedef struct SimdInput {
     float f[16], g[16], c[16], r[16], table[TABLE_SIZE];
     int32_t i[16], j[16], b[16], twos[TABLE_SIZE][2];
-    int16_t s[32], t[32], u[32], o[32], p[32], q[32], rows[TABLE_SIZE];
+    int16_t s[32], t[32], u[32], p[32], q[32], rows[TABLE_SIZE];
     uint16_t grey[TABLE_SIZE + 2];
     unsigned m, n;
 } SimdInput;

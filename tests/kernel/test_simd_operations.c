@@ -46,7 +46,6 @@ static void fill(SimdInput *in)
     for (int l = 0; l < 32; l++) {
         in->s[l] = ugly_short();
         in->t[l] = ugly_short();
-        in->o[l] = (int16_t)below(8);
         in->p[l] = (int16_t)below(32);
         in->q[l] = (int16_t)below(64);
     }
@@ -92,7 +91,6 @@ static int scalar_operations(const SimdInput *in, SimdRow row[MAX_ROWS], const c
 #define b in->b[l]
 #define s in->s[l]
 #define t in->t[l]
-#define o in->o[l]
 #define p in->p[l]
 #define q in->q[l]
 #define m (in->m >> l & 1)
@@ -107,7 +105,6 @@ static int scalar_operations(const SimdInput *in, SimdRow row[MAX_ROWS], const c
 #undef b
 #undef s
 #undef t
-#undef o
 #undef p
 #undef q
 #undef m

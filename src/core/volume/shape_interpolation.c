@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "base/simd_fixed.h"
 #include "core/volume/linear_layers.h"
 #include "core/volume/shape_move.h"
 #include "core/volume/slice_interpolation.h"
@@ -45,7 +46,6 @@ typedef struct Shaping {
     uint16_t level[N_SURFACES];
     float alike, edges; /* grey levels */
     bool is_linear;
-    cts_shape_reach_fn reach;
     cts_shape_find_fn find;
     cts_shape_write_fn write;
     struct Scratch *scratch; /* of each thread; NULL: no surface is followed */
@@ -64,6 +64,7 @@ typedef struct Scratch {
     ShapeGap gap;
     uint16_t *grey, *row; /* of both fields; four rows of blocks, two blocks and a chunk */
     int16_t *known;       /* for each surface, the distances of a row and of a block beyond each end */
+    int16_t *columns;     /* the distances of SHAPE_ROWS rows */
     /* For one gap: blocks that move, and blocks that move or have a neighbour in the row that moves. */
     uint64_t *bits, *near;
     float *move;
@@ -102,6 +103,7 @@ static void scratch_free(Scratch *c)
     cts_free(&c->grey);
     cts_free(&c->row);
     cts_free(&c->known);
+    cts_free(&c->columns);
     cts_free(&c->move);
     cts_free(&c->bits);
     cts_free(&c->near);
@@ -119,6 +121,7 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
         (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
         (st = cts_alloc_array(&c->row, 4 * (size_t)s->n_blocks[0] + 2 + CHUNK, err)) ||
         (st = cts_alloc_array(&c->known, N_SURFACES * ((size_t)s->n_blocks[0] + 2), err)) ||
+        (st = cts_alloc_array(&c->columns, SHAPE_ROWS * (size_t)s->n_blocks[0], err)) ||
         (st = cts_alloc_zeroed(&c->move, SHAPE_NUMBERS * n_moves + SHAPE_LANES, err)) ||
         (st = cts_alloc_array(&c->bits, n_bits, err)) || (st = cts_alloc_array(&c->near, n_bits, err)) ||
         (st = blocks_new(&c->gap.moving, n, err)) || (st = blocks_new(&c->gap.written, n, err))) {
@@ -252,6 +255,39 @@ INLINE void reach_row(int16_t *restrict d, int16_t *restrict known, int n)
     memcpy(known + 1, d, (size_t)n * sizeof *d);
 }
 
+static inline i16x8 nearest(i16x8 a, i16x8 b)
+{
+    for (int l = 0; l < SHAPE_ROWS; l++)
+        a[l] = nearer(a[l], b[l]);
+    return a;
+}
+
+/* Eight rows side by side are a row of vectors; the last rows and columns may be among those before. */
+void cts_shape_reach_rows(int16_t *distance, const int n_blocks[2], int16_t *columns)
+{
+    const int nx = n_blocks[0], ny = n_blocks[1];
+    i16x8 *const v = (i16x8 *)columns;
+    for (int n = 1; n < nx && (nx < SHAPE_ROWS || ny < SHAPE_ROWS); n++) /* a step further each time */
+        for (int i = 1; i < nx * ny; i++)
+            if (i % nx) {
+                distance[i] = nearer(distance[i], (int16_t)(distance[i - 1] + SIDE));
+                distance[i - 1] = nearer(distance[i - 1], (int16_t)(distance[i] + SIDE));
+            }
+    for (int j = 0; j < ny && nx >= SHAPE_ROWS && ny >= SHAPE_ROWS; j += SHAPE_ROWS) {
+        uint16_t *const rows = (uint16_t *)distance + (ptrdiff_t)least(j, ny - SHAPE_ROWS) * nx;
+        for (int i = 0; i < nx; i += SHAPE_ROWS)
+            transpose_8x8(rows + least(i, nx - SHAPE_ROWS), (size_t)nx, (uint16_t *)(v + least(i, nx - SHAPE_ROWS)),
+                          SHAPE_ROWS);
+        for (int i = 1; i < nx; i++)
+            v[i] = nearest(v[i], v[i - 1] + SIDE);
+        for (int i = nx - 2; i >= 0; i--)
+            v[i] = nearest(v[i], v[i + 1] + SIDE);
+        for (int i = 0; i < nx; i += SHAPE_ROWS)
+            transpose_8x8((uint16_t *)(v + least(i, nx - SHAPE_ROWS)), SHAPE_ROWS, rows + least(i, nx - SHAPE_ROWS),
+                          (size_t)nx);
+    }
+}
+
 static size_t n_slice_voxels(const CtsShapeStack *t)
 {
     return (size_t)t->n_columns * (size_t)t->n_rows;
@@ -295,7 +331,7 @@ INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, SliceField *
         int16_t *const d = field->distance[l];
         for (int j = ny - 1; j >= 0; j--)
             reach_row(d + (size_t)j * (size_t)nx, c->known + l * (nx + 2), nx);
-        s->reach(d, s->n_blocks);
+        cts_shape_reach_rows(d, s->n_blocks, c->columns);
         for (size_t i = 0; i < n_all_blocks(s); i++)
             d[i] = (int16_t)(field->grey[i] < s->level[l] ? -d[i] : d[i]);
     }
@@ -565,7 +601,6 @@ void cts_shape_interpolate_layers(const CtsShapeStack *stack, CtsInterpolation h
     const double levels_of_one_hu = value_of_one_hu(stack->scale) / stack->scale->hu_step;
     s.alike = (float)(ALIKE_HU * levels_of_one_hu);
     s.edges = (float)(EDGES_HU * levels_of_one_hu);
-    s.reach = CTS_CPU_CHOICE(cpu, cts_shape_reach_rows);
     s.find = CTS_CPU_CHOICE(cpu, cts_shape_find_moves);
     s.write = CTS_CPU_CHOICE(cpu, cts_shape_write_layer);
     if (how == CTS_INTERPOLATION_SHAPE && stack->n_columns > 1 && stack->n_rows > 1)

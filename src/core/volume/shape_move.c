@@ -2,11 +2,6 @@
 #include "base/simd_path.h"
 #include "core/volume/shape_move_tmpl.h"
 
-void CTS_ON_PATH(cts_shape_reach_rows)(int16_t *distance, const int n_blocks[2])
-{
-    reach_rows(distance, n_blocks);
-}
-
 void CTS_ON_PATH(cts_shape_find_moves)(const ShapeGap *gap, float part)
 {
     find_moves(gap, part);

@@ -59,14 +59,16 @@ static inline size_t shape_place(size_t at, size_t row)
     return at + 2 * row + 1;
 }
 
-/* cts_shape_reach_rows: distances of blocks from those in the same row, which had none shorter in other rows.
- * cts_shape_find_moves: the displacements of the moving blocks at one layer, with copies beyond the borders.
+/* Distances of blocks from those in the same row, which had none shorter in other rows. columns: SHAPE_ROWS times
+ * n_blocks[0]. */
+enum { SHAPE_ROWS = 8 };
+void cts_shape_reach_rows(int16_t *distance, const int n_blocks[2], int16_t *columns);
+
+/* cts_shape_find_moves: the displacements of the moving blocks at one layer, with copies beyond the borders.
  * cts_shape_write_layer: the pixels of the written blocks. The same bytes on every SIMD path. */
-typedef void (*cts_shape_reach_fn)(int16_t *distance, const int n_blocks[2]);
 typedef void (*cts_shape_find_fn)(const ShapeGap *gap, float part);
 typedef void (*cts_shape_write_fn)(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
 #define SHAPE_KERNELS(path)                                                                                            \
-    void cts_shape_reach_rows_##path(int16_t *distance, const int n_blocks[2]);                                        \
     void cts_shape_find_moves_##path(const ShapeGap *gap, float part);                                                 \
     void cts_shape_write_layer_##path(const ShapeGap *gap, const ShapeLayer *layer, ShapeSums *sums);
 CTS_EACH_PATH(SHAPE_KERNELS)
