@@ -86,6 +86,26 @@ void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
     }
 }
 
+CtsVoxelBox cts_bits_box(const CtsBits *bits, bool unset)
+{
+    CtsVoxelBox box = CTS_NO_VOXELS;
+    for (int k = 0; k < bits->dims[2]; k++)
+        for (int j = 0; j < bits->dims[1]; j++) {
+            const uint64_t *const row = cts_bits_row(bits, j, k);
+            int first = INT_MAX, last = -1;
+            for (int w = 0; w < (int)bits->row_words; w++) {
+                const uint64_t found = (unset ? ~row[w] : row[w]) & cts_bits_mask(bits, (size_t)w);
+                if (!found)
+                    continue;
+                first = last < 0 ? 64 * w + __builtin_ctzll(found) : first;
+                last = 64 * w + 63 - __builtin_clzll(found);
+            }
+            if (last >= 0)
+                cts_voxel_box_grow(&box, first, last, j, k);
+        }
+    return box;
+}
+
 bool cts_bits_any(const CtsBits *bits)
 {
     const size_t n = cts_bits_n_words(bits);

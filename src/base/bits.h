@@ -2,6 +2,7 @@
 #pragma once
 
 #include "ctsplat/status.h"
+#include <limits.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -80,6 +81,25 @@ static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
     }
     return n;
 }
+
+/* Voxels lo[] to hi[], inclusive; lo above hi: none. */
+typedef struct CtsVoxelBox {
+    int lo[3], hi[3];
+} CtsVoxelBox;
+#define CTS_NO_VOXELS ((CtsVoxelBox){{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}})
+
+/* Makes the box hold voxels first to last of row (j, k), too. */
+static inline void cts_voxel_box_grow(CtsVoxelBox *box, int first, int last, int j, int k)
+{
+    const int at[3][2] = {{first, last}, {j, j}, {k, k}};
+    for (int axis = 0; axis < 3; axis++) {
+        box->lo[axis] = at[axis][0] < box->lo[axis] ? at[axis][0] : box->lo[axis];
+        box->hi[axis] = at[axis][1] > box->hi[axis] ? at[axis][1] : box->hi[axis];
+    }
+}
+
+/* The box of the voxels that are set, or with `unset` of those that are not. */
+CtsVoxelBox cts_bits_box(const CtsBits *bits, bool unset);
 
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_NOT } CtsBitsOp;
 /* a = a op b, word by word; CTS_BITS_NOT uses b alone. */

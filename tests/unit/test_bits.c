@@ -83,22 +83,22 @@ static bool reached(const CtsBits *in, CtsReach reach, int i, int j, bool set)
 static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
 {
     CtsBits in, wide, open, narrow, thin;
-    CtsMorphology m;
+    CtsMorphology *m;
     CtsError err;
     const int dims[3] = {nx, ny, 1};
     assert_int_equal(cts_bits_new(&in, dims, &err) || cts_bits_new(&wide, dims, &err) ||
                          cts_bits_new(&open, dims, &err) || cts_bits_new(&narrow, dims, &err) ||
-                         cts_bits_new(&thin, dims, &err) || cts_morphology_new(&m, &in, &err),
+                         cts_bits_new(&thin, dims, &err) || cts_morphologies_new(&m, &in, 1, &err),
                      CTS_OK);
     const int first = seed % 2 ? 0 : ny / 3, end = seed % 2 ? ny : ny / 3 + (ny + 1) / 2;
     for (int j = first; j < end; j++)
         for (int i = 0; i < nx; i++)
             if (random_next(&seed) % 40 && (i / 7 + j / 5) % 3)
                 cts_bits_set(&in, i, j, 0);
-    cts_dilate_section(&m, in.words, reach, wide.words);
+    cts_dilate_section(m, in.words, reach, wide.words);
     cts_bits_combine(&open, CTS_BITS_OR, &in);
-    cts_each_section(&m, 1, cts_open_section, &open, reach, &open);
-    cts_thin_section(&m, in.words, reach, thin.words);
+    cts_each_section(m, 1, cts_open_section, &open, reach, &open);
+    cts_thin_section(m, in.words, reach, thin.words);
     for (int j = 0; j < ny; j++)
         for (int i = 0; i < nx; i++)
             if (!reached(&in, reach, i, j, false))
@@ -113,7 +113,7 @@ static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
     CtsBits *all[] = {&in, &wide, &open, &narrow, &thin};
     for (int n = 0; n < 5; n++)
         cts_bits_free(all[n]);
-    cts_morphology_free(&m);
+    cts_morphologies_free(&m, 1);
 }
 
 /* Some voxels far apart, made wider by up to more than a row of words: by the octagon's formula. */
@@ -129,10 +129,10 @@ static void test_far_reach(void **state)
             {(int)(random_next(&seed) % (unsigned)most), (int)(random_next(&seed) % (unsigned)most)}};
         int at[3][2];
         CtsBits in, wide;
-        CtsMorphology m;
+        CtsMorphology *m;
         CtsError err;
         assert_int_equal(cts_bits_new(&in, dims, &err) || cts_bits_new(&wide, dims, &err) ||
-                             cts_morphology_new(&m, &in, &err),
+                             cts_morphologies_new(&m, &in, 1, &err),
                          CTS_OK);
         for (int k = 0; k < 3; k++) {
             for (int c = 0; c < 2; c++)
@@ -140,7 +140,7 @@ static void test_far_reach(void **state)
             cts_bits_set(&in, at[k][0], at[k][1], 0);
         }
         for (int again = 0; again < 2; again++) { /* nothing is left of the first time */
-            cts_dilate_section(&m, in.words, reach, wide.words);
+            cts_dilate_section(m, in.words, reach, wide.words);
             for (int j = 0; j < dims[1]; j++)
                 for (int i = 0; i < dims[0]; i++) {
                     bool reached_it = false;
@@ -153,7 +153,7 @@ static void test_far_reach(void **state)
         }
         cts_bits_free(&in);
         cts_bits_free(&wide);
-        cts_morphology_free(&m);
+        cts_morphologies_free(&m, 1);
     }
 }
 

@@ -5,6 +5,7 @@
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* Air is -1000 HU in a calibrated scanner; a lung, even an emphysematous one, is mostly denser than this. Measured:
  * -980 to -850 HU give the same. */
@@ -30,24 +31,26 @@ static const double SHARP_SHARE = 2 / 3.0;
  * tests. */
 static const double DARKER_SHARE = 0.001;
 
-/* Counts of one connected part of the air: sampled voxels, and those as dense as a lung. */
+/* A sampled voxel. */
 typedef struct Sample {
-    uint32_t n, n_lung;
+    uint32_t part;
+    int at[3];
+    double hu;
 } Sample;
 
-/* The air of all sections, while it is sampled. */
+/* The air of all sections. */
 typedef struct Air {
-    const CtsSectionPlan *plan;
-    const CtsVolume *volume;
+    const CtsTableSearch *table;
     const CtsComponents *parts;
     const uint8_t *at_border; /* of each part: it reaches the border of its section */
+    Sample *samples;
+    size_t n_samples;
 } Air;
 
-/* Callback for a sampled voxel of a part. */
-typedef void (*Visit)(void *context, const Air *air, uint32_t part, int i, int j, int k);
-
-double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *v, int i, int j, int k)
+double cts_section_hu(const CtsTableSearch *r, int i, int j, int k)
 {
+    const CtsSectionPlan *const plan = &r->plan;
+    const CtsVolume *const v = r->volume;
     const size_t layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     size_t at[3];
     at[plan->axis[0]] = (size_t)i;
@@ -68,7 +71,7 @@ static bool in_view(const int dims[3], int i, int j)
     return x * x + y * y < 1;
 }
 
-static void visit_samples(const Air *a, Visit visit, void *context)
+static CtsStatus list_samples(Air *a, CtsError *err)
 {
     const CtsComponents *const p = a->parts;
     for (int k = 0; k < p->dims[2]; k++)
@@ -76,74 +79,53 @@ static void visit_samples(const Air *a, Visit visit, void *context)
             const size_t row = (size_t)k * (size_t)p->dims[1] + (size_t)j;
             for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
                 const CtsRun *const run = &p->runs[r];
-                for (uint32_t i = (run->first + SAMPLE_COLUMNS - 1) / SAMPLE_COLUMNS * SAMPLE_COLUMNS; i < run->end;
-                     i += SAMPLE_COLUMNS)
-                    if (in_view(p->dims, (int)i, j))
-                        visit(context, a, run->part, (int)i, j, k);
+                uint32_t i = (run->first + SAMPLE_COLUMNS - 1) / SAMPLE_COLUMNS * SAMPLE_COLUMNS;
+                for (; i < run->end; i += SAMPLE_COLUMNS) {
+                    if (!in_view(p->dims, (int)i, j))
+                        continue;
+                    if (cts_grow(&a->samples, a->n_samples, err))
+                        return CTS_ERR_MEMORY;
+                    a->samples[a->n_samples++] =
+                        (Sample){run->part, {(int)i, j, k}, cts_section_hu(a->table, (int)i, j, k)};
+                }
             }
         }
+    return CTS_OK;
 }
 
-/* Numbers of samples as dense as a lung, by part. */
-typedef struct LungCount {
-    double lung_hu;
-    Sample *of_part;
-    uint64_t n, n_lung; /* of all parts at the border, without padding */
-} LungCount;
-
-static void count_lung(void *context, const Air *a, uint32_t part, int i, int j, int k)
+/* Of samples at the border those as dense as a lung less the others: by part, and in all, where padding does not count.
+ */
+static int64_t weigh_lungs(const Air *a, double lung_hu, int32_t *of_part)
 {
-    LungCount *const c = context;
-    if (!a->at_border[part])
-        return;
-    const double hu = cts_section_hu(a->plan, a->volume, i, j, k);
-    const bool is_lung = hu > c->lung_hu;
-    c->of_part[part].n++;
-    c->of_part[part].n_lung += is_lung;
-    c->n += hu > a->volume->hu_offset;
-    c->n_lung += is_lung;
-}
-
-/* True for a voxel that is not padding, table or blanket. */
-static bool is_air(const Air *a, int i, int j, int k)
-{
-    const double hu = cts_section_hu(a->plan, a->volume, i, j, k);
-    return hu > a->volume->hu_offset && hu < CTS_DENSE_HU;
-}
-
-/* Histograms of sampled HU, for parts that reach the border and for others. */
-typedef struct Levels {
-    float *of[2];
-    size_t n[2];
-} Levels;
-
-static void count_sample(void *context, const Air *a, uint32_t part, int i, int j, int k)
-{
-    Levels *const l = context;
-    l->n[a->at_border[part]] += is_air(a, i, j, k);
+    int64_t all = 0;
+    memset(of_part, 0, a->parts->n_parts * sizeof *of_part);
+    for (const Sample *s = a->samples; s < a->samples + a->n_samples; s++) {
+        if (!a->at_border[s->part])
+            continue;
+        const bool is_lung = s->hu > lung_hu;
+        of_part[s->part] += is_lung ? 1 : -1;
+        all += is_lung ? 1 : -(s->hu > a->table->volume->hu_offset);
+    }
+    return all;
 }
 
 /* The mean of the voxels around a sample that are no padding. */
-static void add_sample(void *context, const Air *a, uint32_t part, int i, int j, int k)
+static double mean_around(const Air *a, const Sample *s)
 {
-    Levels *const l = context;
-    const int *const dims = a->plan->dims;
+    const CtsSectionPlan *const plan = &a->table->plan;
     int half[2], n = 0;
     double sum = 0;
-    if (!is_air(a, i, j, k))
-        return;
     for (int c = 0; c < 2; c++)
-        half[c] = (int)fmin(MEAN_MM / a->plan->spacing_mm[c], MEAN_MOST);
-    for (int y = j - half[1]; y <= j + half[1]; y++)
-        for (int x = i - half[0]; x <= i + half[0]; x++) {
-            if (x < 0 || y < 0 || x >= dims[0] || y >= dims[1])
+        half[c] = (int)fmin(MEAN_MM / plan->spacing_mm[c], MEAN_MOST);
+    for (int y = s->at[1] - half[1]; y <= s->at[1] + half[1]; y++)
+        for (int x = s->at[0] - half[0]; x <= s->at[0] + half[0]; x++) {
+            if (x < 0 || y < 0 || x >= plan->dims[0] || y >= plan->dims[1])
                 continue;
-            const double hu = cts_section_hu(a->plan, a->volume, x, y, k);
-            sum += hu > a->volume->hu_offset ? hu : 0;
-            n += hu > a->volume->hu_offset;
+            const double hu = cts_section_hu(a->table, x, y, s->at[2]);
+            sum += hu > a->table->volume->hu_offset ? hu : 0;
+            n += hu > a->table->volume->hu_offset;
         }
-    const bool at_border = a->at_border[part];
-    l->of[at_border][l->n[at_border]++] = (float)(sum / n);
+    return sum / n;
 }
 
 static int by_float(const void *a, const void *b)
@@ -174,60 +156,53 @@ static double darkest_peak(const float *hu, size_t n, double *share)
 /* For volumes where most of the air at the border is denser than LUNG_HU: either room air of a scanner not calibrated
  * to -1000 HU, such as a cone beam's, or lungs cut by the field of view. If a table stands in it, it is room air.
  * Otherwise room air is recognised by one sharp level that is also the darkest. */
-static CtsStatus find_level(const Air *a, bool has_table, CtsAirLevel *level, CtsError *err)
+static CtsStatus find_level(const Air *a, bool has_table, CtsBody *body, CtsError *err)
 {
-    Levels l = {0};
-    CtsStatus st = CTS_OK;
-    visit_samples(a, count_sample, &l);
-    for (int b = 0; !st && b < 2; b++) {
-        st = cts_alloc_array(&l.of[b], l.n[b], err);
-        l.n[b] = 0;
-    }
-    if (!st) {
-        double share;
-        size_t n_darker = 0;
-        visit_samples(a, add_sample, &l);
-        qsort(l.of[1], l.n[1], sizeof *l.of[1], by_float);
-        const double air_hu = darkest_peak(l.of[1], l.n[1], &share);
-        for (size_t i = 0; i < l.n[0]; i++)
-            n_darker += l.of[0][i] < air_hu - AIR_TO_LUNG_HU;
-        const bool is_darkest = (double)n_darker <= DARKER_SHARE * (double)(l.n[0] + l.n[1]);
-        if (has_table ? share >= PEAK_SHARE : share >= SHARP_SHARE && is_darkest)
-            level->lung_hu = fmax(LUNG_HU, air_hu + AIR_TO_LUNG_HU);
-        else
-            level->is_unknown = has_table;
-    }
-    cts_free(&l.of[0]);
-    cts_free(&l.of[1]);
+    float *hu[2] = {NULL, NULL}; /* of parts inside, and of those at the border */
+    size_t n[2] = {0, 0}, n_darker = 0;
+    double share;
+    CtsStatus st;
+    if ((st = cts_alloc_array(&hu[0], a->n_samples, err)) || (st = cts_alloc_array(&hu[1], a->n_samples, err)))
+        goto end;
+    for (const Sample *s = a->samples; s < a->samples + a->n_samples; s++)
+        if (s->hu > a->table->volume->hu_offset && s->hu < CTS_DENSE_HU) { /* no padding, table or blanket */
+            const bool at_border = a->at_border[s->part];
+            hu[at_border][n[at_border]++] = (float)mean_around(a, s);
+        }
+    qsort(hu[1], n[1], sizeof *hu[1], by_float);
+    const double air_hu = darkest_peak(hu[1], n[1], &share);
+    for (size_t i = 0; i < n[0]; i++)
+        n_darker += hu[0][i] < air_hu - AIR_TO_LUNG_HU;
+    const bool is_darkest = (double)n_darker <= DARKER_SHARE * (double)(n[0] + n[1]);
+    if (has_table ? share >= PEAK_SHARE : share >= SHARP_SHARE && is_darkest)
+        body->lung_hu = fmax(LUNG_HU, air_hu + AIR_TO_LUNG_HU);
+    else
+        body->air_is_unknown = has_table;
+end:
+    cts_free(&hu[0]);
+    cts_free(&hu[1]);
     return st;
 }
 
-CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsComponents *parts, bool has_table,
-                          CtsAirLevel *level, uint8_t *outside, CtsError *err)
+CtsStatus cts_air_outside(CtsTableSearch *r, const CtsComponents *air, bool has_table, uint8_t *outside, CtsError *err)
 {
-    const Air a = {plan, v, parts, outside};
-    const bool is_known = level->lung_hu < 0;
-    LungCount count = {.lung_hu = is_known ? level->lung_hu : LUNG_HU};
-    CtsStatus st = cts_alloc_zeroed(&count.of_part, parts->n_parts, err);
-    if (st)
-        return st;
-    for (uint32_t n = 0; n < parts->n_parts; n++)
-        outside[n] = cts_component_at_border(parts, n, 2);
-    visit_samples(&a, count_lung, &count);
-    if (!is_known) {
-        level->lung_hu = LUNG_HU;
-        if (2 * count.n_lung > count.n)
-            st = find_level(&a, has_table, level, err);
-        if (!st && level->lung_hu > LUNG_HU) {
-            for (uint32_t n = 0; n < parts->n_parts; n++)
-                count.of_part[n] = (Sample){0};
-            count.lung_hu = level->lung_hu;
-            visit_samples(&a, count_lung, &count);
-        }
-    }
-    for (uint32_t n = 0; n < parts->n_parts; n++)
-        if (2 * count.of_part[n].n_lung > count.of_part[n].n)
-            outside[n] = 0;
-    cts_free(&count.of_part);
+    Air a = {.table = r, .parts = air, .at_border = outside};
+    int32_t *of_part = NULL;
+    CtsStatus st;
+    for (uint32_t n = 0; n < air->n_parts; n++)
+        outside[n] = cts_component_at_border(air, n, 2);
+    if (r->volume->quantity != CTS_QUANTITY_HU)
+        return CTS_OK;
+    if ((st = cts_alloc_array(&of_part, air->n_parts, err)) || (st = list_samples(&a, err)))
+        goto end;
+    const bool is_known = r->body.lung_hu < 0;
+    r->body.lung_hu = is_known ? r->body.lung_hu : LUNG_HU;
+    if (weigh_lungs(&a, r->body.lung_hu, of_part) > 0 && !is_known && !(st = find_level(&a, has_table, &r->body, err)))
+        weigh_lungs(&a, r->body.lung_hu, of_part);
+    for (uint32_t n = 0; n < air->n_parts; n++)
+        outside[n] &= of_part[n] <= 0;
+end:
+    cts_free(&of_part);
+    free(a.samples);
     return st;
 }

@@ -28,16 +28,9 @@ static const double SKIN_MM = 3;
 static const double AROUND_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
-/* Parameters of the search, and what its loops over sections need. */
+/* The search, and numbers of its loops over sections. */
 typedef struct BodySearch {
-    const CtsSectionPlan *plan;
-    const CtsVolume *volume;
-    const CtsBits *sections;
-    CtsBits *plates_found; /* from find_thin() on, the body's thin protrusions */
-    bool has_table;
-    CtsMorphology *workers;
-    int n_threads;
-    CtsBody *body;
+    CtsTableSearch *table; /* from find_thin() on its plates are the body's thin protrusions */
     CtsComponents parts;
     const uint8_t *flags, *others; /* of parts */
     _Atomic uint64_t n_thin;
@@ -47,8 +40,9 @@ typedef struct BodySearch {
  * size. Overwrites body->dense. */
 static CtsStatus choose_patient(BodySearch *s, uint8_t *flags, uint8_t *sized, CtsError *err)
 {
+    CtsTableSearch *const r = s->table;
     const CtsComponents *const p = &s->parts;
-    CtsBits *const others = &s->body->dense;
+    CtsBits *const others = &r->body.dense;
     CtsStatus st;
     uint64_t *thick = NULL;
     uint32_t largest = 0, n_sized = 0;
@@ -56,14 +50,14 @@ static CtsStatus choose_patient(BodySearch *s, uint8_t *flags, uint8_t *sized, C
         largest = p->parts[n].n_voxels > p->parts[largest].n_voxels ? n : largest;
     for (uint32_t n = 0; n < p->n_parts; n++) {
         flags[n] = n == largest;
-        sized[n] = n != largest && (double)p->parts[n].n_voxels * s->plan->voxel_mm3 >= NOISE_MM3;
+        sized[n] = n != largest && (double)p->parts[n].n_voxels * r->plan.voxel_mm3 >= NOISE_MM3;
         n_sized += sized[n];
     }
     if (!n_sized)
         return CTS_OK;
     cts_components_paint(p, sized, others);
-    cts_each_section(s->workers, s->n_threads, cts_open_section, others,
-                     cts_reach_mm(THICK_RADIUS_MM, s->plan->spacing_mm), others);
+    cts_each_section(r->workers, r->n_threads, cts_open_section, others,
+                     cts_reach_mm(THICK_RADIUS_MM, r->plan.spacing_mm), others);
     if ((st = cts_components_count_in(p, others, &thick, err)))
         return st;
     for (uint32_t n = 0; n < p->n_parts; n++)
@@ -78,11 +72,11 @@ static CtsStatus choose_patient(BodySearch *s, uint8_t *flags, uint8_t *sized, C
 /* Voxels that lie neither in plates nor next to them. */
 static void find_rest(void *context, int worker, size_t first, size_t end)
 {
-    const BodySearch *const s = context;
+    const CtsTableSearch *const r = ((BodySearch *)context)->table;
     for (int k = (int)first; k < (int)end; k++) {
-        const CtsBits section = cts_bits_slice(s->sections, k);
-        CtsBits rest = cts_bits_slice(&s->body->foreign, k);
-        cts_dilate_section(&s->workers[worker], cts_bits_row(s->plates_found, 0, k), ONE, rest.words);
+        const CtsBits section = cts_bits_slice(&r->sections, k);
+        CtsBits rest = cts_bits_slice(&r->body.foreign, k);
+        cts_dilate_section(&r->workers[worker], cts_bits_row(&r->plates, 0, k), ONE, rest.words);
         cts_bits_combine(&rest, CTS_BITS_NOT, &rest);
         cts_bits_combine(&rest, CTS_BITS_AND, &section);
     }
@@ -92,12 +86,13 @@ static void find_rest(void *context, int worker, size_t first, size_t end)
 static void paint_dense(void *context, int worker, size_t first, size_t end)
 {
     const BodySearch *const s = context;
+    const CtsTableSearch *const r = s->table;
     for (int k = (int)first; k < (int)end; k++) {
-        const CtsBits section = cts_bits_slice(s->sections, k), plates = cts_bits_slice(s->plates_found, k);
-        CtsBits dense = cts_bits_slice(&s->body->dense, k), foreign = cts_bits_slice(&s->body->foreign, k);
+        const CtsBits section = cts_bits_slice(&r->sections, k), plates = cts_bits_slice(&r->plates, k);
+        CtsBits dense = cts_bits_slice(&r->body.dense, k), foreign = cts_bits_slice(&r->body.foreign, k);
         cts_components_paint_slice(&s->parts, s->flags, k, NULL, &dense);
         cts_components_paint_slice(&s->parts, s->others, k, &plates, &foreign);
-        cts_dilate_section(&s->workers[worker], dense.words, ONE, dense.words);
+        cts_dilate_section(&r->workers[worker], dense.words, ONE, dense.words);
         cts_bits_combine(&dense, CTS_BITS_AND, &section);
         cts_bits_combine(&dense, CTS_BITS_AND_NOT, &plates);
     }
@@ -105,7 +100,7 @@ static void paint_dense(void *context, int worker, size_t first, size_t end)
 
 static void each_section(BodySearch *s, cts_work_fn work)
 {
-    cts_parallel(s->n_threads, (size_t)s->plan->dims[2], 1, work, s);
+    cts_parallel(s->table->n_threads, (size_t)s->table->plan.dims[2], 1, work, s);
 }
 
 /* The patient's dense bits: connected parts after removal of the plates' voxels and their neighbours, which are added
@@ -113,10 +108,11 @@ static void each_section(BodySearch *s, cts_work_fn work)
 static CtsStatus find_dense(BodySearch *s, CtsError *err)
 {
     CtsStatus st;
+    CtsBody *const body = &s->table->body;
     CtsComponents *const p = &s->parts;
     uint8_t *flags = NULL, *sized = NULL;
     each_section(s, find_rest);
-    if ((st = cts_components_find(p, &s->body->foreign, CTS_CONNECTED_BY_FACES, err)) ||
+    if ((st = cts_components_find(p, &body->foreign, CTS_CONNECTED_BY_FACES, err)) ||
         (st = cts_alloc_array(&flags, p->n_parts, err)) || (st = cts_alloc_array(&sized, p->n_parts, err)) ||
         (st = choose_patient(s, flags, sized, err)))
         goto end;
@@ -124,27 +120,32 @@ static CtsStatus find_dense(BodySearch *s, CtsError *err)
     s->others = sized;
     each_section(s, paint_dense);
     for (uint32_t n = 0; n < p->n_parts; n++)
-        s->body->mm3 += flags[n] ? (double)p->parts[n].n_voxels * s->plan->voxel_mm3 : 0;
+        body->mm3 += flags[n] ? (double)p->parts[n].n_voxels * s->table->plan.voxel_mm3 : 0;
 end:
+    cts_components_free(p);
     cts_free(&flags);
     cts_free(&sized);
     return st;
 }
 
 /* The whole is the complement of the air outside. */
-static CtsStatus find_whole(BodySearch *s, CtsError *err)
+CtsStatus cts_body_enclose(CtsTableSearch *r, const CtsBits *dense, bool has_table, CtsError *err)
 {
-    CtsStatus st;
+    CtsBits *const whole = &r->body.whole;
+    CtsComponents air = {0};
     uint8_t *outside = NULL;
-    CtsBits *const whole = &s->body->whole;
-    cts_bits_combine(whole, CTS_BITS_NOT, &s->body->dense);
-    if (!(st = cts_components_find(&s->parts, whole, CTS_CONNECTED_IN_SLICE, err)) &&
-        !(st = cts_alloc_array(&outside, s->parts.n_parts, err)) &&
-        !(st = cts_air_outside(s->plan, s->volume, &s->parts, s->has_table, &s->body->air, outside, err))) {
-        cts_components_paint(&s->parts, outside, whole);
-        cts_bits_combine(&s->body->foreign, CTS_BITS_AND, whole);
+    CtsStatus st = whole->words ? CTS_OK : cts_bits_new_unset(whole, r->plan.dims, err);
+    if (st)
+        return st;
+    cts_bits_combine(whole, CTS_BITS_NOT, dense);
+    if (!(st = cts_components_find(&air, whole, CTS_CONNECTED_IN_SLICE, err)) &&
+        !(st = cts_alloc_array(&outside, air.n_parts, err)) &&
+        !(st = cts_air_outside(r, &air, has_table, outside, err))) {
+        cts_components_paint(&air, outside, whole);
+        cts_bits_combine(&r->body.foreign, CTS_BITS_AND, whole);
         cts_bits_combine(whole, CTS_BITS_NOT, whole);
     }
+    cts_components_free(&air);
     cts_free(&outside);
     return st;
 }
@@ -152,12 +153,13 @@ static CtsStatus find_whole(BodySearch *s, CtsError *err)
 static void find_thin(void *context, int worker, size_t first, size_t end)
 {
     BodySearch *const s = context;
+    const CtsTableSearch *const r = s->table;
     uint64_t n_thin = 0;
     for (int k = (int)first; k < (int)end; k++) {
-        const CtsBits dense = cts_bits_slice(&s->body->dense, k);
-        CtsBits thin = cts_bits_slice(s->plates_found, k);
-        cts_thin_section(&s->workers[worker], cts_bits_row(&s->body->whole, 0, k),
-                         cts_reach_mm(THICK_RADIUS_MM, s->plan->spacing_mm), thin.words);
+        const CtsBits dense = cts_bits_slice(&r->body.dense, k);
+        CtsBits thin = cts_bits_slice(&r->plates, k);
+        cts_thin_section(&r->workers[worker], cts_bits_row(&r->body.whole, 0, k),
+                         cts_reach_mm(THICK_RADIUS_MM, r->plan.spacing_mm), thin.words);
         cts_bits_combine(&thin, CTS_BITS_AND, &dense);
         n_thin += cts_bits_count(&thin);
     }
@@ -168,84 +170,72 @@ static bool is_long(const CtsSectionPlan *plan, const CtsComponent *part)
 {
     double square = 0;
     for (int axis = 0; axis < 3; axis++)
-        square += pow((part->hi[axis] - part->lo[axis] + 1) * plan->spacing_mm[axis], 2);
+        square += pow((part->box.hi[axis] - part->box.lo[axis] + 1) * plan->spacing_mm[axis], 2);
     return square > SHELL_MM * SHELL_MM;
 }
 
 /* flags[]: long parts that are not mostly bone; their volume. */
-static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, const CtsComponents *p, uint8_t *flags,
-                               double *mm3, CtsError *err)
+static CtsStatus choose_shells(const CtsTableSearch *r, const CtsComponents *p, uint8_t *flags, double *mm3,
+                               CtsError *err)
 {
     uint64_t *n_bone, n = 0;
     const CtsStatus st = cts_alloc_zeroed(&n_bone, p->n_parts, err);
     if (st)
         return st;
     for (uint32_t part = 0; part < p->n_parts; part++)
-        flags[part] = is_long(plan, &p->parts[part]);
+        flags[part] = is_long(&r->plan, &p->parts[part]);
     for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
-        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
-            for (uint32_t i = p->runs[r].first; i < p->runs[r].end && flags[p->runs[r].part]; i++)
-                n_bone[p->runs[r].part] +=
-                    cts_section_hu(plan, v, (int)i, row % p->dims[1], row / p->dims[1]) > BONE_HU;
+        for (const CtsRun *run = p->runs + p->row_start[row]; run < p->runs + p->row_start[row + 1]; run++)
+            for (uint32_t i = run->first; i < run->end && flags[run->part]; i++)
+                n_bone[run->part] += cts_section_hu(r, (int)i, row % p->dims[1], row / p->dims[1]) > BONE_HU;
     for (uint32_t part = 0; part < p->n_parts; part++) {
         flags[part] = flags[part] && 2 * n_bone[part] < p->parts[part].n_voxels;
         n += flags[part] ? p->parts[part].n_voxels : 0;
     }
     cts_free(&n_bone);
-    *mm3 = (double)n * plan->voxel_mm3;
+    *mm3 = (double)n * r->plan.voxel_mm3;
     return CTS_OK;
 }
 
 /* Marks masks and straps on the body as not part of the patient. */
-static CtsStatus drop_shells(BodySearch *s, CtsError *err)
+static CtsStatus drop_shells(BodySearch *s, bool has_table, CtsError *err)
 {
     CtsStatus st;
-    CtsBody *const body = s->body;
-    CtsBits *const thin = s->plates_found;
+    CtsBody *const body = &s->table->body;
+    CtsBits *const thin = &s->table->plates;
     uint8_t *flags = NULL;
     double mm3 = 0;
     if ((st = cts_components_find(&s->parts, thin, CTS_CONNECTED_BY_FACES, err)) ||
         (st = cts_alloc_array(&flags, s->parts.n_parts, err)) ||
-        (st = choose_shells(s->plan, s->volume, &s->parts, flags, &mm3, err)) || mm3 == 0 ||
-        mm3 > SHELL_SHARE * body->mm3)
+        (st = choose_shells(s->table, &s->parts, flags, &mm3, err)) || mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
         goto end;
     cts_components_paint(&s->parts, flags, thin);
+    cts_components_free(&s->parts); /* as large as those of the air */
     cts_bits_combine(&body->foreign, CTS_BITS_OR, thin);
     cts_bits_combine(&body->dense, CTS_BITS_AND_NOT, thin);
     body->mm3 -= mm3;
     body->thin_mm3 -= mm3;
-    st = find_whole(s, err);
+    st = cts_body_enclose(s->table, &body->dense, has_table, err);
 end:
     cts_free(&flags);
     return st;
 }
 
-CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections, CtsBits *plates_found,
-                        CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
+CtsStatus cts_body_find(CtsTableSearch *r, CtsError *err)
 {
     CtsStatus st;
-    BodySearch s = {.plan = plan, .volume = v, .sections = sections, .plates_found = plates_found};
-    s.has_table = cts_bits_any(plates_found);
-    s.workers = workers;
-    s.n_threads = n_threads;
-    s.body = body;
-    if (!(st = cts_bits_new_unset(&body->dense, plan->dims, err)) &&
-        !(st = cts_bits_new_unset(&body->whole, plan->dims, err)) &&
-        !(st = cts_bits_new_unset(&body->foreign, plan->dims, err)) && !(st = find_dense(&s, err)) &&
-        !(st = find_whole(&s, err))) {
+    BodySearch s = {.table = r};
+    CtsBody *const body = &r->body;
+    const bool has_table = cts_bits_any(&r->plates);
+    if (!(st = cts_bits_new_unset(&body->dense, r->plan.dims, err)) &&
+        !(st = cts_bits_new_unset(&body->foreign, r->plan.dims, err)) && !(st = find_dense(&s, err)) &&
+        !(st = cts_body_enclose(r, &body->dense, has_table, err))) {
         each_section(&s, find_thin);
-        body->thin_mm3 = (double)atomic_load(&s.n_thin) * plan->voxel_mm3;
-        st = drop_shells(&s, err);
+        body->thin_mm3 = (double)atomic_load(&s.n_thin) * r->plan.voxel_mm3;
+        st = drop_shells(&s, has_table, err);
     }
     cts_components_free(&s.parts);
     return st;
-}
-
-void cts_body_free(CtsBody *body)
-{
-    cts_bits_free(&body->dense);
-    cts_bits_free(&body->whole);
-    cts_bits_free(&body->foreign);
 }
 
 /* A section where it and both its neighbours are body, eroded: the complement is dilated and inverted. */
@@ -260,16 +250,14 @@ static void narrow_section(const CtsBits *whole, int k, CtsReach reach, CtsMorph
     cts_bits_combine(to, CTS_BITS_NOT, to);
 }
 
-/* Of each section, at nodes that lie step[0] columns and step[1] rows apart, the share of body within half[] voxels. */
+/* Of each section, at nodes that lie step[0] columns and step[1] rows apart, the share of body within as many voxels.
+ */
 typedef struct Sharing {
-    const CtsSectionPlan *plan;
-    const CtsBits *whole;
-    CtsMorphology *workers;
+    CtsTableSearch *table;
     CtsBits narrow; /* a section for each worker */
-    int n[3], step[3], half[2];
+    int n[3], step[3];
     uint8_t *section; /* n[0] x n[1] nodes for each section, of 255 */
     uint16_t *counts; /* for each worker: of each row, at n[0] nodes */
-    CtsBodyMask *mask;
 } Sharing;
 
 /* The part of 0 to n within half a node. */
@@ -281,27 +269,26 @@ static int clipped(int at, int n)
 static void share_sections(void *context, int worker, size_t first, size_t end)
 {
     const Sharing *const s = context;
-    const int *const dims = s->plan->dims, n = s->n[0];
+    const CtsTableSearch *const r = s->table;
+    const int *const dims = r->plan.dims, n = s->n[0], wide = s->step[0], high = s->step[1];
     uint16_t *const counts = s->counts + (size_t)worker * (size_t)n * (size_t)dims[1];
     CtsBits narrow = cts_bits_slice(&s->narrow, worker);
     for (int k = (int)first; k < (int)end; k++) {
-        narrow_section(s->whole, k, cts_reach_mm(SKIN_MM, s->plan->spacing_mm), &s->workers[worker], &narrow);
+        uint8_t *to = s->section + (size_t)k * (size_t)s->n[1] * (size_t)n;
+        narrow_section(&r->body.whole, k, cts_reach_mm(SKIN_MM, r->plan.spacing_mm), &r->workers[worker], &narrow);
         for (int j = 0; j < dims[1]; j++)
             for (int i = 0; i < n; i++)
-                counts[j * n + i] = (uint16_t)cts_bits_count_run(cts_bits_row(&narrow, j, 0),
-                                                                 clipped(i * s->step[0] - s->half[0], dims[0]),
-                                                                 clipped(i * s->step[0] + s->half[0] + 1, dims[0]));
+                counts[j * n + i] =
+                    (uint16_t)cts_bits_count_run(cts_bits_row(&narrow, j, 0), clipped((i - 1) * wide, dims[0]),
+                                                 clipped((i + 1) * wide + 1, dims[0]));
         for (int v = 0; v < s->n[1]; v++) {
-            const int low = clipped(v * s->step[1] - s->half[1], dims[1]);
-            const int high = clipped(v * s->step[1] + s->half[1] + 1, dims[1]);
+            const int low = clipped((v - 1) * high, dims[1]), last = clipped((v + 1) * high + 1, dims[1]);
             for (int i = 0; i < n; i++) {
-                const int wide =
-                    clipped(i * s->step[0] + s->half[0] + 1, dims[0]) - clipped(i * s->step[0] - s->half[0], dims[0]);
+                const int columns = clipped((i + 1) * wide + 1, dims[0]) - clipped((i - 1) * wide, dims[0]);
                 uint32_t sum = 0;
-                for (int j = low; j < high; j++)
+                for (int j = low; j < last; j++)
                     sum += counts[j * n + i];
-                s->section[((size_t)k * (size_t)s->n[1] + (size_t)v) * (size_t)n + (size_t)i] =
-                    (uint8_t)(255 * sum / (uint32_t)(wide * (high - low)));
+                *to++ = (uint8_t)(255 * sum / (uint32_t)(columns * (last - low)));
             }
         }
     }
@@ -311,8 +298,10 @@ static void share_sections(void *context, int worker, size_t first, size_t end)
 static void share_nodes(void *context, int worker, size_t first, size_t end)
 {
     const Sharing *const s = context;
-    const CtsSectionPlan *const plan = s->plan;
-    const int *const n = s->mask->n;
+    const CtsSectionPlan *const plan = &s->table->plan;
+    CtsBodyMask *const mask = s->table->inside;
+    const int *const n = mask->n;
+    const size_t n_section = (size_t)s->n[0] * (size_t)s->n[1];
     const size_t stride[3] = {1, (size_t)n[0], (size_t)n[0] * (size_t)n[1]};
     const double half = AROUND_MM / plan->spacing_mm[2]; /* sections */
     (void)worker;
@@ -320,25 +309,25 @@ static void share_nodes(void *context, int worker, size_t first, size_t end)
         const double middle = (double)k + 0.5 / plan->n_slices;
         const int low = clipped((int)floor(middle - half), plan->dims[2] - 1);
         const int high = clipped((int)floor(middle + half), plan->dims[2] - 1);
-        for (size_t i = 0; i < (size_t)s->n[0] * (size_t)s->n[1]; i++) {
+        for (size_t i = 0; i < n_section; i++) {
             double sum = 0, all = 0;
             for (int section = low; section <= high; section++) {
                 const double weight = fmin(section + 1, middle + half) - fmax(section, middle - half);
-                sum += weight * s->section[(size_t)section * (size_t)s->n[0] * (size_t)s->n[1] + i];
+                sum += weight * s->section[(size_t)section * n_section + i];
                 all += weight;
             }
-            s->mask->share[i % (size_t)s->n[0] * stride[plan->axis[0]] + i / (size_t)s->n[0] * stride[plan->axis[1]] +
-                           k * stride[plan->axis[2]]] = (uint8_t)(sum / all);
+            mask->share[i % (size_t)s->n[0] * stride[plan->axis[0]] + i / (size_t)s->n[0] * stride[plan->axis[1]] +
+                        k * stride[plan->axis[2]]] = (uint8_t)(sum / all);
         }
     }
 }
 
-CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
-                          CtsBodyMask **mask, CtsError *err)
+CtsStatus cts_body_inside(CtsTableSearch *r, CtsError *err)
 {
     CtsStatus st;
-    Sharing s = {.plan = plan, .whole = whole, .workers = workers};
-    const int one_each[3] = {plan->dims[0], plan->dims[1], n_threads};
+    const CtsSectionPlan *const plan = &r->plan;
+    Sharing s = {.table = r};
+    const int one_each[3] = {plan->dims[0], plan->dims[1], r->n_threads};
     int n[3], step[3];
     for (int a = 0; a < 3; a++) {
         const double apart = a < 2 ? AROUND_MM / plan->spacing_mm[a] : plan->n_slices;
@@ -347,21 +336,16 @@ CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsM
         n[plan->axis[a]] = s.n[a];
         step[plan->axis[a]] = s.step[a];
     }
-    for (int a = 0; a < 2; a++)
-        s.half[a] = (int)fmax(round(AROUND_MM / plan->spacing_mm[a]), 1);
     const size_t n_section = (size_t)s.n[0] * (size_t)s.n[1];
-    if ((st = cts_body_mask_new(mask, n, step, err)) || (st = cts_bits_new(&s.narrow, one_each, err)) ||
+    if ((st = cts_body_mask_new(&r->inside, n, step, err)) || (st = cts_bits_new(&s.narrow, one_each, err)) ||
         (st = cts_alloc_array(&s.section, n_section * (size_t)plan->dims[2], err)) ||
-        (st = cts_alloc_array(&s.counts, (size_t)n_threads * (size_t)s.n[0] * (size_t)plan->dims[1], err)))
+        (st = cts_alloc_array(&s.counts, (size_t)r->n_threads * (size_t)s.n[0] * (size_t)plan->dims[1], err)))
         goto end;
-    s.mask = *mask;
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, share_sections, &s);
-    cts_parallel(n_threads, (size_t)s.n[2], 0, share_nodes, &s);
+    cts_parallel(r->n_threads, (size_t)plan->dims[2], 0, share_sections, &s);
+    cts_parallel(r->n_threads, (size_t)s.n[2], 0, share_nodes, &s);
 end:
     cts_bits_free(&s.narrow);
     cts_free(&s.section);
     cts_free(&s.counts);
-    if (st)
-        cts_body_mask_free(mask);
     return st;
 }

@@ -23,7 +23,7 @@ CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2])
  * EMPTY: rows beyond them that stay 0, as far as a step reads. */
 enum { MARGIN = 32, EMPTY = MARGIN };
 
-CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)
+static CtsStatus morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)
 {
     *m = (CtsMorphology){.row_words = like->row_words, .ny = (size_t)like->dims[1]};
     m->n_words = like->row_words * (size_t)like->dims[1];
@@ -37,23 +37,18 @@ CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *er
     return st;
 }
 
-void cts_morphology_free(CtsMorphology *m)
-{
-    cts_free(&m->buffer);
-}
-
 CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err)
 {
     CtsStatus st = cts_alloc_zeroed(workers, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
-        st = cts_morphology_new(&(*workers)[t], like, err);
+        st = morphology_new(&(*workers)[t], like, err);
     return st;
 }
 
 void cts_morphologies_free(CtsMorphology **workers, int n_threads)
 {
     for (int t = 0; *workers && t < n_threads; t++)
-        cts_morphology_free(&(*workers)[t]);
+        cts_free(&(*workers)[t].buffer);
     cts_free(workers);
 }
 

@@ -35,16 +35,16 @@ typedef struct Windows {
 } Windows;
 
 typedef struct Search {
-    const CtsSectionPlan *plan;
-    const CtsBits *sections;
-    CtsPlates *found;
-    /* The sections dilated by a voxel: wavering by a voxel counts as static. In the memory of found->doubtful. */
+    CtsTableSearch *table;
+    /* The sections dilated by a voxel: wavering by a voxel counts as static. In the memory of the doubtful plates. */
     CtsBits wide;
     Windows windows, shorter;
-    CtsBits plates, doubtful; /* by window */
-    CtsBits followed;         /* by shorter window */
+    CtsBits plates, doubtful;   /* by window */
+    CtsBits followed;           /* by shorter window */
+    CtsBits always, ever, thin; /* a section for each worker */
     CtsReach reach, doubt_reach;
     double least_voxels, sure_voxels;
+    atomic_int n_failed;
 } Search;
 
 static Windows windows_of(const CtsSectionPlan *plan, double length_mm)
@@ -67,32 +67,19 @@ static Window window_at(const Windows *w, int n)
 typedef struct Worker {
     CtsMorphology *morphology;
     CtsBits always, ever, thin;
-    CtsComponents parts;
 } Worker;
 
-static CtsStatus worker_new(Worker *w, const int dims[3], CtsMorphology *morphology, CtsError *err)
+static Worker worker_of(const Search *s, int n)
 {
-    CtsStatus st;
-    const int one[3] = {dims[0], dims[1], 1};
-    w->morphology = morphology;
-    (void)((st = cts_bits_new_unset(&w->always, one, err)) || (st = cts_bits_new_unset(&w->ever, one, err)) ||
-           (st = cts_bits_new_unset(&w->thin, one, err)));
-    return st;
-}
-
-static void plates_worker_free(Worker *w)
-{
-    cts_bits_free(&w->always);
-    cts_bits_free(&w->ever);
-    cts_bits_free(&w->thin);
-    cts_components_free(&w->parts);
+    return (Worker){&s->table->workers[n], cts_bits_slice(&s->always, n), cts_bits_slice(&s->ever, n),
+                    cts_bits_slice(&s->thin, n)};
 }
 
 /* Voxels that are set in every section of the window, except for single ones lost in noise; and those set in any. */
 static void scan_window_columns(const Search *s, Window window, Worker *w)
 {
     const size_t n = w->morphology->n_words;
-    const int last = s->plan->dims[2] - 1;
+    const int last = s->table->plan.dims[2] - 1;
     uint64_t *restrict const always = w->always.words, *restrict const ever = w->ever.words;
     memset(always, 0xff, n * sizeof *always);
     memset(ever, 0, n * sizeof *ever);
@@ -107,40 +94,42 @@ static void scan_window_columns(const Search *s, Window window, Worker *w)
     }
 }
 
-/* Chooses the static voxels of the thin parts that are static. */
-static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
+/* Chooses the static voxels of the thin parts that are static; counts a lack of memory. */
+static void choose_parts(Search *s, Worker *w, CtsBits *chosen_parts)
 {
     uint64_t *count = NULL;
     uint8_t *chosen = NULL;
-    CtsComponents *const p = &w->parts;
-    CtsStatus st;
-    if ((st = cts_components_find(p, &w->thin, CTS_CONNECTED_IN_SLICE, err)) ||
-        (st = cts_components_count_in(p, &w->always, &count, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
-        goto end;
-    for (uint32_t n = 0; n < p->n_parts; n++)
+    CtsComponents p = {0};
+    const bool failed = cts_components_find(&p, &w->thin, CTS_CONNECTED_IN_SLICE, NULL) ||
+                        cts_components_count_in(&p, &w->always, &count, NULL) ||
+                        cts_alloc_array(&chosen, p.n_parts, NULL);
+    atomic_fetch_add(&s->n_failed, failed);
+    for (uint32_t n = 0; !failed && n < p.n_parts; n++)
         chosen[n] = (double)count[n] >= s->sure_voxels ||
-                    ((double)count[n] >= s->least_voxels && 2 * count[n] >= p->parts[n].n_voxels);
-    cts_components_paint(p, chosen, chosen_parts);
+                    ((double)count[n] >= s->least_voxels && 2 * count[n] >= p.parts[n].n_voxels);
+    if (!failed)
+        cts_components_paint(&p, chosen, chosen_parts);
     cts_bits_combine(chosen_parts, CTS_BITS_AND, &w->always);
-end:
+    cts_components_free(&p);
     cts_free(&count);
     cts_free(&chosen);
-    return st;
 }
 
 /* A plate is thin in the union of all sections and static, unlike the patient's ears, skin and walls, which move from
  * section to section. Where a back lies on it, it is thin on both sides only. */
-static CtsStatus find_plates_in_window(const Search *s, int n, Worker *w, CtsError *err)
+static void find_plates_in_windows(void *context, int worker, size_t first, size_t end)
 {
-    CtsStatus st;
-    CtsBits plates = cts_bits_slice(&s->plates, n), doubtful = cts_bits_slice(&s->doubtful, n);
-    scan_window_columns(s, window_at(&s->windows, n), w);
-    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
-    if ((st = choose_parts(s, w, &plates, err)))
-        return st;
-    cts_plate_contacts_add(&w->always, &w->ever, &plates);
-    cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
-    return choose_parts(s, w, &doubtful, err);
+    Search *const s = context;
+    Worker w = worker_of(s, worker);
+    for (int n = (int)first; n < (int)end; n++) {
+        CtsBits plates = cts_bits_slice(&s->plates, n), doubtful = cts_bits_slice(&s->doubtful, n);
+        scan_window_columns(s, window_at(&s->windows, n), &w);
+        cts_thin_section(w.morphology, w.ever.words, s->reach, w.thin.words);
+        choose_parts(s, &w, &plates);
+        cts_plate_contacts_add(&w.always, &w.ever, &plates);
+        cts_thin_section(w.morphology, w.ever.words, s->doubt_reach, w.thin.words);
+        choose_parts(s, &w, &doubtful);
+    }
 }
 
 /* The end of an obliquely cut plate moves, so that it ends before the contact; in a shorter window more of it is
@@ -150,7 +139,6 @@ static void follow_plates(const Search *s, int n, Worker *w)
     const Window window = window_at(&s->shorter, n);
     const CtsReach waver = {.diamond = 1, .box = {1, 1}};
     CtsBits followed = cts_bits_slice(&s->followed, n);
-    memset(followed.words, 0, cts_bits_n_words(&followed) * sizeof *followed.words);
     for (int l = 0; l < s->windows.n; l++) {
         const Window longer = window_at(&s->windows, l);
         const CtsBits plates = cts_bits_slice(&s->plates, l);
@@ -169,25 +157,12 @@ static void follow_plates(const Search *s, int n, Worker *w)
     cts_plate_contacts_add(&w->always, &w->ever, &followed);
 }
 
-typedef struct WindowSearch {
-    const Search *search;
-    Worker *workers;
-    atomic_int n_failed;
-} WindowSearch;
-
-static void find_plates_in_windows(void *context, int worker, size_t first, size_t end)
-{
-    WindowSearch *const l = context;
-    for (int n = (int)first; n < (int)end; n++)
-        if (find_plates_in_window(l->search, n, &l->workers[worker], NULL))
-            atomic_fetch_add(&l->n_failed, 1);
-}
-
 static void follow_in_windows(void *context, int worker, size_t first, size_t end)
 {
-    WindowSearch *const l = context;
+    const Search *const s = context;
+    Worker w = worker_of(s, worker);
     for (int n = (int)first; n < (int)end; n++)
-        follow_plates(l->search, n, &l->workers[worker]);
+        follow_plates(s, n, &w);
 }
 
 /* Section k gets the union of the results of its windows. */
@@ -206,9 +181,8 @@ static void gather_sections(void *context, int worker, size_t first, size_t end)
     const Search *const s = context;
     (void)worker;
     for (int k = (int)first; k < (int)end; k++) {
-        const CtsBits section = cts_bits_slice(s->sections, k);
-        CtsBits plates = cts_bits_slice(&s->found->plates, k), doubtful = cts_bits_slice(&s->found->doubtful, k);
-        memset(plates.words, 0, cts_bits_n_words(&plates) * sizeof *plates.words);
+        const CtsBits section = cts_bits_slice(&s->table->sections, k);
+        CtsBits plates = cts_bits_slice(&s->table->plates, k), doubtful = cts_bits_slice(&s->table->doubtful, k);
         memset(doubtful.words, 0, cts_bits_n_words(&doubtful) * sizeof *doubtful.words);
         gather(&s->windows, &s->plates, k, &plates);
         gather(&s->shorter, &s->followed, k, &plates);
@@ -218,65 +192,44 @@ static void gather_sections(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static CtsStatus search_plates(Search *s, CtsMorphology *morphology, int n_threads, CtsError *err)
+static CtsStatus search_plates(Search *s, CtsError *err)
 {
-    Worker *workers;
-    CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
-    for (int t = 0; !st && t < n_threads; t++)
-        st = worker_new(&workers[t], s->plan->dims, &morphology[t], err);
-    if (st)
-        goto end;
-    WindowSearch looking = {.search = s, .workers = workers};
-    cts_each_section(morphology, n_threads, cts_dilate_section, s->sections, (CtsReach){.diamond = 1}, &s->wide);
-    cts_parallel(n_threads, (size_t)s->windows.n, 1, find_plates_in_windows, &looking);
-    cts_parallel(n_threads, (size_t)s->shorter.n, 1, follow_in_windows, &looking);
-    if (atomic_load(&looking.n_failed))
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    else
-        cts_parallel(n_threads, (size_t)s->plan->dims[2], 1, gather_sections, s);
-end:
-    for (int t = 0; workers && t < n_threads; t++)
-        plates_worker_free(&workers[t]);
-    cts_free(&workers);
-    return st;
+    const CtsTableSearch *const r = s->table;
+    cts_each_section(r->workers, r->n_threads, cts_dilate_section, &r->sections, (CtsReach){.diamond = 1}, &s->wide);
+    cts_parallel(r->n_threads, (size_t)s->windows.n, 1, find_plates_in_windows, s);
+    cts_parallel(r->n_threads, (size_t)s->shorter.n, 1, follow_in_windows, s);
+    if (atomic_load(&s->n_failed))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, gather_sections, s);
+    return CTS_OK;
 }
 
-CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
-                          CtsPlates *plates_found, CtsError *err)
+CtsStatus cts_plates_find(CtsTableSearch *r, CtsError *err)
 {
-    CtsStatus st;
-    Search s = {.plan = plan,
-                .sections = sections,
-                .found = plates_found,
-                .reach = cts_reach_mm(PLATE_RADIUS_MM, plan->spacing_mm),
-                .doubt_reach = cts_reach_mm(DOUBT_RADIUS_MM, plan->spacing_mm)};
+    const CtsSectionPlan *const plan = &r->plan;
     const double mm2 = plan->spacing_mm[0] * plan->spacing_mm[1];
-    s.least_voxels = MIN_MM2 / mm2;
-    s.sure_voxels = SURE_MM2 / mm2;
-    s.windows = windows_of(plan, PLATE_MM);
-    s.shorter = windows_of(plan, FOLLOWED_MM);
-    if (s.windows.n == 0) {
-        st = cts_bits_new(&plates_found->plates, plan->dims, err);
-        return st ? st : cts_bits_new(&plates_found->doubtful, plan->dims, err);
-    }
-    const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
-    const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
-    if (!(st = cts_bits_new_unset(&plates_found->plates, plan->dims, err)) &&
-        !(st = cts_bits_new_unset(&plates_found->doubtful, plan->dims, err)) &&
-        !(st = cts_bits_new_unset(&s.plates, by_window, err)) &&
-        !(st = cts_bits_new_unset(&s.doubtful, by_window, err)) &&
-        !(st = cts_bits_new_unset(&s.followed, by_shorter, err))) {
-        s.wide = plates_found->doubtful;
-        st = search_plates(&s, workers, n_threads, err);
-    }
-    cts_bits_free(&s.plates);
-    cts_bits_free(&s.doubtful);
-    cts_bits_free(&s.followed);
+    Search s = {.table = r,
+                .windows = windows_of(plan, PLATE_MM),
+                .shorter = windows_of(plan, FOLLOWED_MM),
+                .reach = cts_reach_mm(PLATE_RADIUS_MM, plan->spacing_mm),
+                .doubt_reach = cts_reach_mm(DOUBT_RADIUS_MM, plan->spacing_mm),
+                .least_voxels = MIN_MM2 / mm2,
+                .sure_voxels = SURE_MM2 / mm2};
+    const struct {
+        CtsBits *bits;
+        int n;
+    } scratch[] = {{&s.plates, s.windows.n},  {&s.doubtful, s.windows.n}, {&s.followed, s.shorter.n},
+                   {&s.always, r->n_threads}, {&s.ever, r->n_threads},    {&s.thin, r->n_threads}};
+    enum { N_SCRATCH = sizeof scratch / sizeof *scratch };
+    CtsStatus st = cts_bits_new(&r->plates, plan->dims, err);
+    if (st || (st = cts_bits_new(&r->doubtful, plan->dims, err)) || s.windows.n == 0)
+        return st;
+    for (int i = 0; i < N_SCRATCH && !st; i++)
+        st = cts_bits_new(scratch[i].bits, (const int[]){plan->dims[0], plan->dims[1], scratch[i].n}, err);
+    s.wide = r->doubtful;
+    if (!st)
+        st = search_plates(&s, err);
+    for (int i = 0; i < N_SCRATCH; i++)
+        cts_bits_free(scratch[i].bits);
     return st;
-}
-
-void cts_plates_free(CtsPlates *plates_found)
-{
-    cts_bits_free(&plates_found->plates);
-    cts_bits_free(&plates_found->doubtful);
 }

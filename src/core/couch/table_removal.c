@@ -1,6 +1,7 @@
 #include "ctsplat/table.h"
 
 #include "base/clock.h"
+#include "base/compare.h"
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
@@ -37,21 +38,6 @@ enum { RUNS_ANYWAY = 1 << 16 };
 
 static const char *const WHAT = "table removal";
 
-struct CtsTableSearch {
-    CtsSectionPlan plan;
-    int n_threads;
-    CtsMorphology *workers; /* one for each thread */
-    CtsBits dense;          /* of the volume's voxels */
-    uint64_t n_runs;
-    CtsBits sections; /* has the words of `dense` where a section is a slice */
-    CtsPlates plates_found;
-    CtsBody body;
-    CtsBits gone; /* of the sections: voxels that become air; in find_gone_sections() first those that stay */
-    bool removes; /* voxels lie outside the body: those in `gone` become air */
-    CtsBodyMask *inside;
-    int dims[3], air_before[3]; /* of the volume that was searched */
-};
-
 /* Frees everything except the results. */
 static void free_all_but_results(CtsTableSearch *r)
 {
@@ -60,8 +46,11 @@ static void free_all_but_results(CtsTableSearch *r)
         cts_bits_free(&r->sections);
     r->sections = (CtsBits){0};
     cts_bits_free(&r->dense);
-    cts_plates_free(&r->plates_found);
-    cts_body_free(&r->body);
+    cts_bits_free(&r->plates);
+    cts_bits_free(&r->doubtful);
+    cts_bits_free(&r->body.dense);
+    cts_bits_free(&r->body.whole);
+    cts_bits_free(&r->body.foreign);
 }
 
 void cts_table_search_free(CtsTableSearch **found)
@@ -75,72 +64,54 @@ void cts_table_search_free(CtsTableSearch **found)
     *found = NULL;
 }
 
-static CtsStatus find_dense_sections(CtsTableSearch *r, const CtsVolume *v, CtsError *err)
+static CtsStatus find_dense_voxels(CtsTableSearch *r, CtsError *err)
 {
-    const uint16_t dense = cts_dense_grey(v);
-    const CtsStatus st = cts_bits_new(&r->dense, v->dims, err);
+    const uint16_t dense = cts_dense_grey(r->volume);
+    const CtsStatus st = cts_bits_new(&r->dense, r->volume->dims, err);
     if (!st && r->plan.layers)
         return cts_bits_threshold_layers(&r->dense, r->plan.layers, dense, r->n_threads, &r->n_runs, err);
     if (!st)
-        r->n_runs = cts_bits_threshold(&r->dense, v->grey, dense, r->n_threads);
+        r->n_runs = cts_bits_threshold(&r->dense, r->volume->grey, dense, r->n_threads);
     return st;
 }
 
+/* And the scratch memory for them. */
 static CtsStatus find_sections(CtsTableSearch *r, CtsError *err)
 {
+    CtsStatus st = CTS_OK;
     if (r->plan.axis[2] != 2 || r->plan.n_slices > 1)
-        return cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err);
-    r->sections = r->dense;
-    return CTS_OK;
+        st = cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err);
+    else
+        r->sections = r->dense;
+    return st ? st : cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err);
 }
 
-/* The extent of dense voxels along the volume's axes. */
-static void find_dense_size(const CtsTableSearch *r, const double spacing_mm[3], double size_mm[3])
-{
-    const int *const dims = r->dense.dims;
-    int low[3] = {dims[0], dims[1], dims[2]}, high[3] = {-1, -1, -1};
-    for (int k = 0; k < dims[2]; k++)
-        for (int j = 0; j < dims[1]; j++) {
-            const uint64_t *const row = cts_bits_row(&r->dense, j, k);
-            for (int w = 0; w < (int)r->dense.row_words; w++) {
-                if (!row[w])
-                    continue;
-                const int at[2][3] = {{64 * w + __builtin_ctzll(row[w]), j, k},
-                                      {64 * w + 63 - __builtin_clzll(row[w]), j, k}};
-                for (int a = 0; a < 3; a++) {
-                    low[a] = at[0][a] < low[a] ? at[0][a] : low[a];
-                    high[a] = at[1][a] > high[a] ? at[1][a] : high[a];
-                }
-            }
-        }
-    for (int a = 0; a < 3; a++)
-        size_mm[a] = high[a] < low[a] ? 0 : (high[a] - low[a] + 1) * spacing_mm[a];
-}
-
-static bool is_specimen_volume(const CtsTableSearch *r, const CtsVolume *v)
+static bool is_specimen_volume(const CtsTableSearch *r)
 {
     double spacing_mm[3], size_mm[3] = {0, 0, 0};
     for (int a = 0; a < 3; a++)
-        spacing_mm[a] = cts_volume_spacing_mm(v, a);
+        spacing_mm[a] = cts_volume_spacing_mm(r->volume, a);
     if (!cts_is_specimen(spacing_mm, size_mm)) /* by its voxels alone */
         return false;
-    find_dense_size(r, spacing_mm, size_mm);
+    const CtsVoxelBox box = cts_bits_box(&r->dense, false);
+    for (int a = 0; a < 3; a++)
+        size_mm[a] = box.hi[a] < 0 ? 0 : (box.hi[a] - box.lo[a] + 1) * spacing_mm[a];
     return cts_is_specimen(spacing_mm, size_mm);
 }
 
 /* False, with the reason in the report, when there is nothing to work on. */
-static bool is_usable(const CtsTableSearch *r, const CtsVolume *v, CtsReport *report)
+static bool is_usable(const CtsTableSearch *r, CtsReport *report)
 {
     if (!r->n_runs) {
         cts_report_skip(report, WHAT, "no voxel lies above %g HU", CTS_DENSE_HU);
         return false;
     }
-    if (is_specimen_volume(r, v)) {
+    if (is_specimen_volume(r)) {
         cts_report_skip(report, WHAT,
                         "voxels and size are those of a specimen in a micro-CT, which no patient's table fits");
         return false;
     }
-    if (r->n_runs <= cts_volume_n_voxels(v) / VOXELS_PER_RUN + RUNS_ANYWAY)
+    if (r->n_runs <= cts_volume_n_voxels(r->volume) / VOXELS_PER_RUN + RUNS_ANYWAY)
         return true;
     cts_report_skip(report, WHAT, "too noisy to distinguish a body from a table: %llu runs of voxels above %g HU",
                     (unsigned long long)r->n_runs, CTS_DENSE_HU);
@@ -200,8 +171,8 @@ static CtsStatus find_gone(CtsTableSearch *r, uint64_t *n_gone, CtsError *err)
     const CtsStatus st =
         cts_bits_new_unset(&l.near, (const int[]){r->plan.dims[0], r->plan.dims[1], r->n_threads}, err);
     if (!st) {
-        r->gone = r->plates_found.plates;
-        r->plates_found.plates = (CtsBits){0};
+        r->gone = r->plates;
+        r->plates = (CtsBits){0};
         cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_gone_sections, &l);
         *n_gone = atomic_load(&l.n_voxels);
     }
@@ -312,21 +283,16 @@ static double report_lost(CtsTableSearch *r, CtsReport *report)
     return lost_mm3;
 }
 
-/* Warns where room air and lungs cannot be distinguished: the table may stay. */
-static void report_air(const CtsTableSearch *r, CtsReport *report)
+/* Warns about possible tables that are kept: where room air and lungs cannot be distinguished, thin parts, and plates
+ * along the scanner's axis. */
+static void report_uncertain(const CtsTableSearch *r, CtsReport *report)
 {
-    if (r->body.air.is_unknown)
+    if (r->body.air_is_unknown)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
                               "the air around the body is as dense as lungs and has no level of its own: the table may "
                               "stay in the picture (remove it by a crop)");
-}
-
-/* Warns about possible tables that are kept: thin parts, and plates along the scanner's axis. */
-static void report_uncertain(const CtsTableSearch *r, CtsReport *report)
-{
-    const uint64_t n_doubtful = cts_bits_count_common(&r->plates_found.doubtful, &r->body.dense, r->n_threads);
-    const double plates_mm3 = (double)n_doubtful * r->plan.voxel_mm3;
-    const double kept_mm3 = fmax(r->body.thin_mm3, plates_mm3);
+    const uint64_t n_doubtful = cts_bits_count_common(&r->doubtful, &r->body.dense, r->n_threads);
+    const double kept_mm3 = fmax(r->body.thin_mm3, (double)n_doubtful * r->plan.voxel_mm3);
     if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
                               "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture (remove "
@@ -334,80 +300,42 @@ static void report_uncertain(const CtsTableSearch *r, CtsReport *report)
                               kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 
-/* Adds what is enclosed within a section. */
-static CtsStatus fill_sections(const CtsBits *sections, CtsBits *whole, CtsError *err)
-{
-    CtsComponents air = {0};
-    uint8_t *outside = NULL;
-    CtsStatus st = cts_bits_new(whole, sections->dims, err);
-    if (st)
-        return st;
-    cts_bits_combine(whole, CTS_BITS_OR, sections);
-    cts_bits_combine(whole, CTS_BITS_NOT, whole);
-    if (!(st = cts_components_find(&air, whole, CTS_CONNECTED_IN_SLICE, err)))
-        st = cts_alloc_zeroed(&outside, air.n_parts + 1, err);
-    for (uint32_t p = 0; !st && p < air.n_parts; p++)
-        outside[p] = cts_component_at_border(&air, p, 2);
-    if (!st) {
-        cts_components_paint(&air, outside, whole);
-        cts_bits_combine(whole, CTS_BITS_NOT, whole);
-    }
-    cts_components_free(&air);
-    cts_free(&outside);
-    return st;
-}
-
-/* Of a volume that is not in HU, which do not tell a table from the patient: the body is what lies above air. */
-static CtsStatus search_above_air(CtsTableSearch *r, const CtsVolume *v, bool finds_inside, CtsReport *report,
-                                  CtsError *err)
-{
-    CtsStatus st;
-    cts_report_skip(report, WHAT, "only HU tell a table from the patient");
-    if (!finds_inside)
-        return CTS_OK;
-    if (!(st = find_dense_sections(r, v, err)) && !(st = find_sections(r, err)) &&
-        !(st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) &&
-        !(st = fill_sections(&r->sections, &r->body.whole, err)))
-        st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &r->inside, err);
-    return st;
-}
-
-static CtsStatus search(CtsTableSearch *r, const CtsVolume *v, bool finds_inside, CtsReport *report, CtsError *err)
+static CtsStatus search(CtsTableSearch *r, bool finds_inside, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     uint64_t n_gone;
-    if (v->quantity != CTS_QUANTITY_HU)
-        return search_above_air(r, v, finds_inside, report, err);
-    if ((st = find_dense_sections(r, v, err)) || !is_usable(r, v, report) || (st = find_sections(r, err)) ||
-        (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
-        (st = cts_plates_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->plates_found, err)) ||
-        (st = cts_body_find(&r->plan, v, &r->sections, &r->plates_found.plates, r->workers, r->n_threads, &r->body,
-                            err)) ||
-        (st = find_gone(r, &n_gone, err)))
+    const bool is_hu = r->volume->quantity == CTS_QUANTITY_HU;
+    if (!is_hu)
+        cts_report_skip(report, WHAT, "only HU tell a table from the patient");
+    if (!is_hu && !finds_inside)
+        return CTS_OK;
+    if ((st = find_dense_voxels(r, err)) || (is_hu && !is_usable(r, report)) || (st = find_sections(r, err)))
+        return st;
+    if (!is_hu) /* the body is what lies above air */
+        return (st = cts_body_enclose(r, &r->sections, false, err)) ? st : cts_body_inside(r, err);
+    if ((st = cts_plates_find(r, err)) || (st = cts_body_find(r, err)) || (st = find_gone(r, &n_gone, err)))
         return st;
     if (!finds_inside)
         cts_report_skip(report, "inside of the body", "only modes minip and average use it");
-    else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &r->inside, err)))
+    else if ((st = cts_body_inside(r, err)))
         return st;
-    report_air(r, report);
     report_uncertain(r, report);
-    if (report)
-        report->table = (CtsTableFact){.known = true, .body_mm3 = r->body.mm3};
+    CtsTableFact fact = {.known = true, .body_mm3 = r->body.mm3};
     r->removes = (double)n_gone * r->plan.voxel_mm3 >= NOTHING_MM3;
-    if (!r->removes) {
+    if (r->removes) {
+        const uint64_t n_dense_gone = count_dense_gone(r);
+        fact.removed_mm3 = (double)n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVED,
+                              "table removal: %llu voxels above %g HU removed (%.1f cm3, %.1f %% of the body)",
+                              (unsigned long long)n_dense_gone, CTS_DENSE_HU, fact.removed_mm3 / 1000,
+                              100 * fact.removed_mm3 / r->body.mm3);
+        fact.thick_mm3 = report_lost(r, report);
+    } else {
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
-        return st;
     }
-    const uint64_t n_dense_gone = count_dense_gone(r);
-    const double gone_mm3 = (double)n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
-    cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVED,
-                          "table removal: %llu voxels above %g HU removed (%.1f cm3, %.1f %% of the body)",
-                          (unsigned long long)n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
-                          100 * gone_mm3 / r->body.mm3);
-    const double thick_mm3 = report_lost(r, report);
     if (report)
-        report->table = (CtsTableFact){true, r->body.mm3, gone_mm3, thick_mm3};
-    return st;
+        report->table = fact;
+    return CTS_OK;
 }
 
 CtsStatus cts_table_search(const CtsVolume *volume, const CtsLinearLayers *layers, bool finds_inside, int n_threads,
@@ -425,8 +353,10 @@ CtsStatus cts_table_search(const CtsVolume *volume, const CtsLinearLayers *layer
         return CTS_OK;
     }
     r->plan.layers = layers;
-    const CtsStatus st = search(r, volume, finds_inside, report, err);
+    r->volume = volume;
+    const CtsStatus st = search(r, finds_inside, report, err);
     r->plan.layers = NULL;
+    r->volume = NULL;
     free_all_but_results(r);
     if (st)
         cts_table_search_free(found);
@@ -436,38 +366,15 @@ CtsStatus cts_table_search(const CtsVolume *volume, const CtsLinearLayers *layer
     return st;
 }
 
-/* Extends the box to the voxels that stay in row (j, k) of the sections' bits. */
-static void extend_box(const CtsTableSearch *r, int j, int k, int low[3], int high[3])
-{
-    const uint64_t *const gone = cts_bits_row(&r->gone, j, k);
-    int first = -1, last = -1;
-    for (size_t w = 0; w < r->gone.row_words; w++) {
-        const uint64_t stay = ~gone[w] & cts_bits_mask(&r->gone, w);
-        if (!stay)
-            continue;
-        last = (int)(64 * w) + 63 - __builtin_clzll(stay);
-        first = first >= 0 ? first : (int)(64 * w) + __builtin_ctzll(stay);
-    }
-    if (first < 0)
-        return;
-    const int n = r->plan.n_slices, head = r->dims[r->plan.axis[2]] - 1;
-    const int at[3][2] = {{first, last}, {j, j}, {k * n, k * n + n - 1 < head ? k * n + n - 1 : head}};
-    for (int a = 0; a < 3; a++) {
-        const int axis = r->plan.axis[a];
-        low[axis] = at[a][0] < low[axis] ? at[a][0] : low[axis];
-        high[axis] = at[a][1] > high[axis] ? at[a][1] : high[axis];
-    }
-}
-
 void cts_table_kept_box(const CtsTableSearch *found, const CtsVolume *volume, int low[3], int high[3])
 {
-    for (int axis = 0; axis < 3; axis++) {
-        low[axis] = found->removes ? found->dims[axis] : 0;
-        high[axis] = found->removes ? -1 : found->dims[axis] - 1;
+    const CtsVoxelBox box = found->removes ? cts_bits_box(&found->gone, true) : CTS_NO_VOXELS;
+    const bool keeps_all = box.hi[0] < 0;
+    for (int a = 0; a < 3; a++) {
+        const int axis = found->plan.axis[a], n = a == 2 ? found->plan.n_slices : 1, last = found->dims[axis] - 1;
+        low[axis] = keeps_all ? 0 : box.lo[a] * n;
+        high[axis] = keeps_all ? last : cts_smaller_int(box.hi[a] * n + n - 1, last);
     }
-    for (int k = 0; found->removes && k < found->gone.dims[2]; k++)
-        for (int j = 0; j < found->gone.dims[1]; j++)
-            extend_box(found, j, k, low, high);
     cts_volume_widen_box(volume, low, high);
 }
 

@@ -6,7 +6,7 @@
 #include "base/bits.h"
 #include "core/model/body_mask.h"
 #include "core/volume/components.h"
-#include "ctsplat/volume.h"
+#include "ctsplat/table.h"
 
 /* A volume as sections across the scanner's axis, from head to feet: voxels denser than air, one bit per voxel, several
  * slices joined to a section. */
@@ -52,8 +52,6 @@ typedef struct CtsMorphology {
     uint64_t *buffer, *a, *b;
 } CtsMorphology;
 
-CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err);
-void cts_morphology_free(CtsMorphology *m);
 /* An array of one for each thread. */
 CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
 void cts_morphologies_free(CtsMorphology **workers, int n_threads);
@@ -69,18 +67,40 @@ void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint
 void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
                       CtsBits *out);
 
-/* Extruded structures along the scanner's axis: constant thin cross-sections. */
+/* The patient among the connected parts denser than air, with the voxels it encloses. */
+typedef struct CtsBody {
+    CtsBits dense;   /* the patient where it is denser than air */
+    CtsBits whole;   /* and the voxels it encloses in a section */
+    CtsBits foreign; /* parts of some size that are not the patient */
+    double mm3;      /* of the dense bits */
+    double thin_mm3; /* volume of its thin protrusions */
+    /* The air around it, found when it is first needed: */
+    double lung_hu;      /* air above this is a lung; 0: not found yet */
+    bool air_is_unknown; /* a table stands in air as dense as lungs, and room air has no level of its own */
+} CtsBody;
 
-/* Bits in the dimensions of the sections: thin structures at a constant position over 60 mm of the scanner's axis; and
- * candidates, which may be thicker. None in volumes with fewer slices. */
-typedef struct CtsPlates {
+/* A search for the table; all bits are in the dimensions of the sections, unless others are stated. */
+struct CtsTableSearch {
+    const CtsVolume *volume;
+    CtsSectionPlan plan;
+    int n_threads;
+    CtsMorphology *workers; /* one for each thread */
+    CtsBits dense;          /* of the volume's voxels */
+    uint64_t n_runs;        /* of the dense voxels in rows */
+    CtsBits sections;       /* has the words of `dense` where a section is a slice */
+    /* Thin structures at a constant position over 60 mm of the scanner's axis; and candidates, which may be thicker.
+     * None in volumes with fewer slices. */
     CtsBits plates, doubtful;
-} CtsPlates;
+    CtsBody body;
+    /* Results: */
+    CtsBits gone; /* voxels that become air */
+    bool removes; /* voxels lie outside the body: those in `gone` become air */
+    CtsBodyMask *inside;
+    int dims[3], air_before[3]; /* of the volume that was searched */
+};
 
-/* workers[]: one for each thread. A zero-initialised CtsPlates may be freed. */
-CtsStatus cts_plates_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
-                          CtsPlates *plates_found, CtsError *err);
-void cts_plates_free(CtsPlates *plates_found);
+/* Finds the plates and the doubtful ones. */
+CtsStatus cts_plates_find(CtsTableSearch *r, CtsError *err);
 
 /* A plate under the patient's back, where both are one: found between the plate's two ends that stick out. */
 
@@ -90,37 +110,16 @@ void cts_plates_free(CtsPlates *plates_found);
 void cts_plate_contacts_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates);
 
 /* The HU at a place of the sections: of the first slice of section k. */
-double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *volume, int i, int j, int k);
+double cts_section_hu(const CtsTableSearch *r, int i, int j, int k);
 
-/* The level of the air around the patient, found when it is first needed. */
-typedef struct CtsAirLevel {
-    double lung_hu;  /* air above this is a lung; 0: not found yet */
-    bool is_unknown; /* a table stands in air as dense as lungs, and room air has no level of its own */
-} CtsAirLevel;
+/* outside[]: parts of the air that reach the border of a section and are not lung, which HU alone tell. has_table:
+ * plates were found. */
+CtsStatus cts_air_outside(CtsTableSearch *r, const CtsComponents *air, bool has_table, uint8_t *outside, CtsError *err);
 
-/* outside[]: parts of the air that reach the border of a section and are not lung. has_table: plates were found. *level
- * is determined where it is not yet known. */
-CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsComponents *air, bool has_table,
-                          CtsAirLevel *level, uint8_t *outside, CtsError *err);
-
-/* The patient among the connected parts denser than air, with the voxels it encloses. */
-
-typedef struct CtsBody {
-    CtsBits dense;   /* the patient where it is denser than air */
-    CtsBits whole;   /* and the voxels it encloses in a section */
-    CtsBits foreign; /* parts of some size that are not the patient */
-    double mm3;      /* of the dense bits */
-    double thin_mm3; /* volume of its thin protrusions */
-    CtsAirLevel air;
-} CtsBody;
-
-/* sections without the plates are the patient's candidates; both and the volume in memory are in the plan's
- * orientation. workers[]: one per thread. Overwrites the plates' bits. */
-CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
-                        CtsBits *plates_found, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err);
-void cts_body_free(CtsBody *body);
-
-/* The voxels that minip and average use: the whole body except its outermost 3 mm, which contain the soft edge of the
- * skin. */
-CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
-                          CtsBodyMask **mask, CtsError *err);
+/* Finds the body, for which sections without the plates are the candidates. Overwrites the plates' bits. */
+CtsStatus cts_body_find(CtsTableSearch *r, CtsError *err);
+/* Finds the whole of the body: these bits, and what they enclose within a section. */
+CtsStatus cts_body_enclose(CtsTableSearch *r, const CtsBits *dense, bool has_table, CtsError *err);
+/* Finds the voxels that minip and average use: the whole body except its outermost 3 mm, which contain the soft edge of
+ * the skin. */
+CtsStatus cts_body_inside(CtsTableSearch *r, CtsError *err);

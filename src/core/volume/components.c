@@ -58,20 +58,6 @@ static void join_rows(CtsComponents *p, size_t row_a, size_t row_b, uint32_t rea
     }
 }
 
-/* Runs are added in order of slices. */
-static void add_run(CtsComponent *part, const CtsRun *run, int j, int k)
-{
-    const int first = (int)run->first, last = (int)run->end - 1;
-    if (!part->n_voxels)
-        *part = (CtsComponent){.lo = {first, j, k}, .hi = {last, j, k}};
-    part->lo[0] = first < part->lo[0] ? first : part->lo[0];
-    part->hi[0] = last > part->hi[0] ? last : part->hi[0];
-    part->lo[1] = j < part->lo[1] ? j : part->lo[1];
-    part->hi[1] = j > part->hi[1] ? j : part->hi[1];
-    part->hi[2] = k;
-    part->n_voxels += run->end - run->first;
-}
-
 /* Runs for which memory is allocated at first, for each row: few volumes need more. Measured: at most 3. */
 enum { RUNS_A_ROW = 4 };
 
@@ -113,7 +99,11 @@ static CtsStatus number_components(CtsComponents *p, CtsError *err)
             for (const uint32_t end = p->row_start[(size_t)k * ny + (size_t)j + 1]; r < end; r++) {
                 CtsRun *const run = &p->runs[r];
                 run->part = run->part == r ? next++ : p->runs[run->part].part;
-                add_run(&p->parts[run->part], run, j, k);
+                CtsComponent *const part = &p->parts[run->part];
+                if (!part->n_voxels)
+                    part->box = CTS_NO_VOXELS;
+                cts_voxel_box_grow(&part->box, (int)run->first, (int)run->end - 1, j, k);
+                part->n_voxels += run->end - run->first;
             }
     return st;
 }

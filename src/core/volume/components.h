@@ -11,7 +11,7 @@ typedef struct CtsRun {
 
 typedef struct CtsComponent {
     uint64_t n_voxels;
-    int lo[3], hi[3]; /* the box of its voxels, hi included */
+    CtsVoxelBox box;
 } CtsComponent;
 
 /* Runs in order of rows, k * dims[1] + j; the runs of row r are row_start[r] <= n < row_start[r + 1]. Parts are in
@@ -38,10 +38,10 @@ void cts_components_free(CtsComponents *parts);
 /* True if a part reaches the border along one of the first n_axes axes. */
 static inline bool cts_component_at_border(const CtsComponents *parts, uint32_t part, int n_axes)
 {
-    const CtsComponent *const p = &parts->parts[part];
+    const CtsVoxelBox *const box = &parts->parts[part].box;
     bool at_border = false;
     for (int a = 0; a < n_axes; a++)
-        at_border |= p->lo[a] == 0 || p->hi[a] == parts->dims[a] - 1;
+        at_border |= box->lo[a] == 0 || box->hi[a] == parts->dims[a] - 1;
     return at_border;
 }
 

@@ -1,6 +1,6 @@
 #include "core/volume/crop.h"
 
-#include <limits.h>
+#include "base/bits.h"
 #include <math.h>
 #include <string.h>
 
@@ -34,39 +34,22 @@ static void row_run(const CtsVolume *v, int j, int k, const double lo[3], const 
         --*last;
 }
 
-/* Voxels lo[] to hi[], inclusive; lo > hi: none. */
-typedef struct VoxelBox {
-    int lo[3], hi[3];
-} VoxelBox;
-
-static const VoxelBox EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
-
-/* Makes the box hold voxels first to last of a row too. */
-static void grow_box(VoxelBox *box, int first, int last, int j, int k)
-{
-    const int at[3][2] = {{first, last}, {j, j}, {k, k}};
-    for (int axis = 0; axis < 3; axis++) {
-        box->lo[axis] = at[axis][0] < box->lo[axis] ? at[axis][0] : box->lo[axis];
-        box->hi[axis] = at[axis][1] > box->hi[axis] ? at[axis][1] : box->hi[axis];
-    }
-}
-
 /* The bounding box of the voxels that the rows keep. */
-static VoxelBox find_box(const CtsVolume *v, const double lo[3], const double hi[3])
+static CtsVoxelBox find_box(const CtsVolume *v, const double lo[3], const double hi[3])
 {
-    VoxelBox box = EMPTY;
+    CtsVoxelBox box = CTS_NO_VOXELS;
     for (int k = 0; k < v->dims[2]; k++)
         for (int j = 0; j < v->dims[1]; j++) {
             int first, last;
             row_run(v, j, k, lo, hi, &first, &last);
             if (first <= last)
-                grow_box(&box, first, last, j, k);
+                cts_voxel_box_grow(&box, first, last, j, k);
         }
     return box;
 }
 
 /* Moves rows of the box to the front; voxels outside first and last of a row become air. */
-static void move_rows(CtsVolume *v, const VoxelBox *box, const double lo[3], const double hi[3])
+static void move_rows(CtsVolume *v, const CtsVoxelBox *box, const double lo[3], const double hi[3])
 {
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box->hi[0] - box->lo[0] + 1);
     uint16_t *to = v->grey;
@@ -98,7 +81,7 @@ static void become_box(CtsVolume *v, const int low[3], const int high[3])
 
 CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], int first[3], CtsError *err)
 {
-    const VoxelBox box = find_box(v, lo_lps, hi_lps);
+    const CtsVoxelBox box = find_box(v, lo_lps, hi_lps);
     if (box.hi[0] < 0) {
         double low[3], high[3];
         cts_volume_box_lps(v, low, high);
@@ -125,10 +108,10 @@ static bool holds_air(const uint16_t *grey, int n)
 }
 
 /* The box of the voxels above air. Reads rows only as far as they may enlarge it; few reach beyond those before. */
-static VoxelBox find_box_above_air(const CtsVolume *v)
+static CtsVoxelBox find_box_above_air(const CtsVolume *v)
 {
     const int nx = v->dims[0];
-    VoxelBox box = EMPTY;
+    CtsVoxelBox box = CTS_NO_VOXELS;
     box.lo[0] = nx;
     const uint16_t *row = v->grey;
     for (int k = 0; k < v->dims[2]; k++)
@@ -142,7 +125,7 @@ static VoxelBox find_box_above_air(const CtsVolume *v)
             if (!holds_air(row + last + 1, nx - 1 - last))
                 for (last = nx - 1; !row[last];)
                     last--;
-            grow_box(&box, first, last, j, k);
+            cts_voxel_box_grow(&box, first, last, j, k);
         }
     return box;
 }
@@ -173,7 +156,7 @@ void cts_volume_become_air_box(CtsVolume *v, const int low[3], const int high[3]
 
 void cts_volume_crop_air(CtsVolume *v, int first[3])
 {
-    VoxelBox box = find_box_above_air(v);
+    CtsVoxelBox box = find_box_above_air(v);
     cts_volume_widen_box(v, box.lo, box.hi);
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box.hi[0] - box.lo[0] + 1);
     uint16_t *to = v->grey;
