@@ -44,9 +44,9 @@ src/output/export | dicom/objects/ output/image/ | png.h openexr.h zlib.h jpegli
 src/output/report | | jansson.h
 src/lab/check     | core/scene/engine.h |
 src/lab/bench     | output/report/ |
-src/app/job       | |
-src/app/options   | app/job/ |
-src/app/contact   | output/image/ output/report/info.h | jansson.h webp/
+src/app/job       | render/framing/framing.h output/image/ |
+src/app/options   | output/image/whole_picture.h app/job/ |
+src/app/contact   | output/image/ output/report/info.h app/job/patient_sections.h | jansson.h webp/
 src/app/batch     | dicom/codec/pixels.h output/export/sc_texts.h output/report/ app/job/ app/options/ app/contact/ | jansson.h
 src/app/serve     | dicom/codec/pixels.h dicom/header/slice.h dicom/net/listener.h output/report/redact.h app/job/ app/options/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
 src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h openexr_base.h expat.h

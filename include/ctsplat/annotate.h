@@ -19,7 +19,7 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n
 
 /* A name in a picture, and the colour that it is written in. */
 typedef struct CtsLegendEntry {
-    const char *name; /* UTF-8 */
+    const char *name; /* UTF-8; NULL: the line stays free */
     int number;       /* precedes a name that cannot be drawn completely */
     double rgb[3];    /* display values 0..1 */
 } CtsLegendEntry;

@@ -24,6 +24,7 @@ typedef struct CtsPictureInfo {
     bool shows_skin;   /* skin may be visible: a face may be recognised */
     bool annotated;    /* marks are drawn on it */
     double camera_mm;  /* distance of the camera plane, where depth is 0, in front of centre_lps */
+    char tiles[256];   /* of a montage, with preset and view of each: "skin left, axial"; "": one view */
     double occlusion;  /* darkening of folds, 0 to 1; 0 where the picture is not lit */
 } CtsPictureInfo;
 

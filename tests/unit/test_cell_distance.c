@@ -1,6 +1,6 @@
 /* Distances between macro-cells against the definition, on grids whose rows end inside, at and past a machine word. */
-#include "scenes.h"
 #include "engine/tiled/cell_distance.h"
+#include "scenes.h"
 
 static int by_definition(const uint8_t *marked, const int n[3], const int at[3])
 {

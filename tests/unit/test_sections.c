@@ -24,7 +24,7 @@ static CtsPicture *draw(CtsLabel *labels, size_t n, bool sagittal)
     memset(grey, 0, sizeof grey);
     for (int i = 0; i < NX * NY; i++)
         grey[NX * NY + i] = 1024;
-    assert_int_equal(cts_sections(&scanned, n ? &all : NULL, &picture, NULL), CTS_OK);
+    assert_int_equal(cts_card_sections(&scanned, n ? &all : NULL, &picture, NULL), CTS_OK);
     assert_int_equal(picture->width, 3 * SIDE);
     assert_int_equal(picture->height, SIDE);
     return picture;

@@ -7,6 +7,7 @@
 typedef struct CtsBatchView {
     const char *name; /* as given; part of file names */
     double azimuth_deg, elevation_deg;
+    bool is_montage; /* the last one, of the options' montage and the first preset that a series takes */
 } CtsBatchView;
 
 typedef struct CtsBatchLists {
@@ -14,16 +15,18 @@ typedef struct CtsBatchLists {
     CtsPreset *presets;                 /* n_presets: n_named as given, then those of series that none of these suits */
     CtsBatchView *views;
     int n_presets, n_named, n_views, n_formats;
-    /* options that affect all pictures, and .dcm files only: after a change these are rendered again */
-    char *options, *dcm_options;
+    const CtsMontage *montage;
+    /* options that affect all pictures, the montage, and .dcm files only: after a change these are rendered again */
+    char *options, *montage_options, *dcm_options;
     char send_to[1100]; /* the PACS that gets .dcm files, as named in the journal; "": none */
 } CtsBatchLists;
 
 /* Free with cts_batch_lists_free(), also after a failure. */
 CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsError *err);
 void cts_batch_lists_free(CtsBatchLists *lists);
-/* True if a series of this kind has pictures of the preset: one of those given that suit it, or its default. */
-bool cts_batch_takes(const CtsBatchLists *lists, int preset, CtsModality modality, CtsQuantity quantity);
+/* True if a series of this kind has the picture: of a preset of those given that suit it, or of its default; of a
+ * montage all presets must suit it. */
+bool cts_batch_takes(const CtsBatchLists *lists, int preset, int view, CtsModality modality, CtsQuantity quantity);
 
 /* Largest number of concurrent series, more than the cores of most machines; each is a process. */
 enum { CTS_BATCH_MAX_JOBS = 256 };

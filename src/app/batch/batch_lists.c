@@ -1,5 +1,6 @@
 #include "app/batch/batch.h"
 
+#include "base/text.h"
 #include "ctsplat/label_files.h"
 #include "ctsplat/preset.h"
 #include <stdio.h>
@@ -13,6 +14,7 @@ void cts_batch_lists_free(CtsBatchLists *l)
     free(l->presets);
     free(l->views);
     free(l->options);
+    free(l->montage_options);
     free(l->dcm_options);
 }
 
@@ -41,7 +43,7 @@ static const struct {
              {CTS_MODALITY_PT, CTS_QUANTITY_BQML}};
 enum { N_KINDS = sizeof kinds / sizeof *kinds };
 
-bool cts_batch_takes(const CtsBatchLists *l, int preset, CtsModality modality, CtsQuantity quantity)
+static bool takes_preset(const CtsBatchLists *l, int preset, CtsModality modality, CtsQuantity quantity)
 {
     bool any = false;
     for (int i = 0; i < l->n_named; i++)
@@ -51,6 +53,16 @@ bool cts_batch_takes(const CtsBatchLists *l, int preset, CtsModality modality, C
     const int kind = preset - l->n_named;
     return !strcmp(cts_preset_default(modality, quantity, false),
                    cts_preset_default(kinds[kind].modality, kinds[kind].quantity, false));
+}
+
+bool cts_batch_takes(const CtsBatchLists *l, int preset, int view, CtsModality modality, CtsQuantity quantity)
+{
+    bool takes = takes_preset(l, preset, modality, quantity);
+    for (int p = 0; p < preset && l->views[view].is_montage; p++)
+        takes &= !takes_preset(l, p, modality, quantity);
+    for (int i = 0; i < l->montage->n && l->views[view].is_montage; i++)
+        takes &= !l->montage->tiles[i].preset || cts_preset_suits(l->montage->tiles[i].preset, modality, quantity);
+    return takes;
 }
 
 /* A window that was given is meant for the presets that were given. */
@@ -114,7 +126,7 @@ static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsErro
     CtsStatus st = split("view", options->view ? options->view : "anterior", &l->view_texts, &l->n_views, err);
     if (st)
         return st;
-    if (!(l->views = calloc((size_t)l->n_views, sizeof *l->views)))
+    if (!(l->views = calloc((size_t)l->n_views + 1, sizeof *l->views)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     int n = 0;
     for (int i = 0; i < l->n_views && !st; i++) {
@@ -129,6 +141,8 @@ static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsErro
             if (!strcmp(l->views[k].name, name))
                 st = cts_fail(err, CTS_ERR_USAGE, "`view`: %s twice", name);
     }
+    if (options->montage.n)
+        l->views[n++] = (CtsBatchView){.name = "montage", .is_montage = true};
     l->n_views = n;
     return st;
 }
@@ -188,6 +202,24 @@ static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
     return st;
 }
 
+/* The montage's options, with the contents of its presets. */
+static char *montage_text(const CtsOptions *options)
+{
+    char *text = NULL;
+    size_t size;
+    FILE *const out = open_memstream(&text, &size);
+    if (!out)
+        return NULL;
+    fprintf(out, "%s\n%d\n", options->montage_list ? options->montage_list : "", options->montage.columns);
+    for (int i = 0; i < options->montage.n; i++) {
+        char *const preset =
+            options->montage.tiles[i].preset ? cts_preset_to_json(options->montage.tiles[i].preset) : NULL;
+        fputs(preset ? preset : "", out);
+        free(preset);
+    }
+    return cts_text_end(out, &text);
+}
+
 static CtsStatus put_options(const CtsOptions *options, CtsBatchLists *lists, CtsError *err)
 {
     size_t size;
@@ -200,7 +232,8 @@ static CtsStatus put_options(const CtsOptions *options, CtsBatchLists *lists, Ct
     }
     free(words);
     lists->dcm_options = cts_options_text(options, true);
-    const bool made = out && !fclose(out) && lists->dcm_options;
+    lists->montage_options = montage_text(options);
+    const bool made = out && !fclose(out) && lists->dcm_options && lists->montage_options;
     return st || made ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
@@ -208,6 +241,7 @@ CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsRe
 {
     CtsStatus st;
     bool any_object = false;
+    lists->montage = &options->montage;
     if ((st = take_presets(options, lists, report, err)) || (st = take_views(options, lists, err)) ||
         (st = take_formats(options, lists, &any_object, err)) || (st = take_peer(options, lists, any_object, err)))
         return st;

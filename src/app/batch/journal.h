@@ -65,7 +65,7 @@ bool cts_journal_record_is_settled(const CtsBatchSettings *settings, const json_
 void cts_journal_record_redact(json_t *record, const CtsBatchSettings *settings);
 
 /* True if a series with this record has pictures of the preset, by its modality and quantity. */
-bool cts_journal_record_takes(const CtsBatchSettings *settings, const json_t *record, int preset);
+bool cts_journal_record_takes(const CtsBatchSettings *settings, const json_t *record, int preset, int view);
 /* True if the entry is a capture that this batch sends and the PACS does not have. */
 bool cts_journal_record_is_unsent(const CtsBatchSettings *settings, const json_t *record, const json_t *entry);
 /* The number of such entries. */

@@ -33,8 +33,10 @@ CtsStatus cts_journal_record_hash(const CtsBatchSettings *s, const CtsBatchPictu
         free(text);
     }
     for (int i = 0; i < s->lists->n_views; i++)
-        if (!picture || picture->view == i)
+        if (!picture || picture->view == i) {
             cts_hash_text(hash, s->lists->views[i].name);
+            cts_hash_text(hash, s->lists->views[i].is_montage ? s->lists->montage_options : "");
+        }
     for (int i = 0; i < s->lists->n_formats && !picture; i++)
         cts_hash_text(hash, s->lists->formats[i]);
     cts_hash_text(hash, is_dcm ? s->lists->dcm_options : "");
@@ -44,8 +46,9 @@ CtsStatus cts_journal_record_hash(const CtsBatchSettings *s, const CtsBatchPictu
 
 void cts_journal_record_stem(const CtsBatchSettings *s, const CtsBatchPicture *picture, char stem[CTS_RECORD_STEM])
 {
-    snprintf(stem, CTS_RECORD_STEM, "%s-%s", s->lists->presets[picture->preset].name,
-             s->lists->views[picture->view].name);
+    const CtsBatchView *const view = &s->lists->views[picture->view];
+    snprintf(stem, CTS_RECORD_STEM, "%s%s%s", view->is_montage ? "" : s->lists->presets[picture->preset].name,
+             view->is_montage ? "" : "-", view->name);
     if (stem[0] == '.' || stem[0] == '-')
         stem[0] = '_';
     for (char *c = stem; *c; c++)
@@ -189,14 +192,14 @@ static int place_among(const char *name, const char *const *names, int n, int fa
     return fallback;
 }
 
-bool cts_journal_record_takes(const CtsBatchSettings *s, const json_t *record, int preset)
+bool cts_journal_record_takes(const CtsBatchSettings *s, const json_t *record, int preset, int view)
 {
     const json_t *const about = json_object_get(record, "geometry");
     const int modality =
         place_among(cts_json_text_of(about, "modality"), cts_modality_names, CTS_N_MODALITIES, CTS_MODALITY_CT);
     const int quantity =
         place_among(cts_json_text_of(about, "quantity"), cts_quantity_names, CTS_N_QUANTITIES, CTS_QUANTITY_HU);
-    return cts_batch_takes(s->lists, preset, (CtsModality)modality, (CtsQuantity)quantity);
+    return cts_batch_takes(s->lists, preset, view, (CtsModality)modality, (CtsQuantity)quantity);
 }
 
 bool cts_journal_record_is_unsent(const CtsBatchSettings *s, const json_t *record, const json_t *entry)
@@ -206,7 +209,7 @@ bool cts_journal_record_is_unsent(const CtsBatchSettings *s, const json_t *recor
     for (int p = 0; s->lists->send_to[0] && p < s->lists->n_presets; p++)
         for (int v = 0; v < s->lists->n_views; v++) {
             const CtsBatchPicture picture = {.preset = p, .view = v};
-            asked_for |= is_of(entry, s, &picture, "dcm") && cts_journal_record_takes(s, record, p);
+            asked_for |= is_of(entry, s, &picture, "dcm") && cts_journal_record_takes(s, record, p, v);
         }
     for (size_t i = 0; i < json_array_size(sent_to) && asked_for; i++) {
         const char *peer = json_string_value(json_array_get(sent_to, i));
@@ -255,8 +258,10 @@ bool cts_journal_record_is_settled(const CtsBatchSettings *s, const json_t *reco
     if (strcmp(status, "done") && !json_object_get(record, "unsent"))
         return false;
     for (int p = 0; p < s->lists->n_presets; p++)
-        for (int v = 0; v < s->lists->n_views && cts_journal_record_takes(s, record, p); v++) {
+        for (int v = 0; v < s->lists->n_views; v++) {
             const CtsBatchPicture picture = {.preset = p, .view = v};
+            if (!cts_journal_record_takes(s, record, p, v))
+                continue;
             for (int f = 0; f < s->lists->n_formats; f++)
                 if (!cts_journal_record_is_up_to_date(s, record, &picture, s->lists->formats[f]))
                     return false;

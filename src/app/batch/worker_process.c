@@ -320,7 +320,9 @@ static CtsStatus list_pictures(CtsWorkerProcess *c, CtsError *err)
     if (!(c->pictures = calloc((size_t)s->lists->n_presets * (size_t)s->lists->n_views, sizeof *c->pictures)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int p = 0; p < s->lists->n_presets && !st; p++)
-        for (int v = 0; v < s->lists->n_views && !st && cts_journal_record_takes(s, c->record, p); v++) {
+        for (int v = 0; v < s->lists->n_views && !st; v++) {
+            if (!cts_journal_record_takes(s, c->record, p, v))
+                continue;
             CtsBatchPicture *picture = &c->pictures[c->n_pictures++];
             *picture = (CtsBatchPicture){.preset = p, .view = v};
             st = find_missing(c, picture, err);

@@ -38,6 +38,7 @@ static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
     CtsJob job = cts_options_job(s->options);
     job.export.force = true;
     job.preset = &s->lists->presets[picture->preset];
+    job.montage = s->lists->views[picture->view].is_montage ? &s->options->montage : NULL;
     job.render.azimuth_deg = s->lists->views[picture->view].azimuth_deg;
     job.render.elevation_deg = s->lists->views[picture->view].elevation_deg;
     job.source.remove_table = job.preset->remove_table;
@@ -140,7 +141,7 @@ static CtsStatus save_card_picture(Work *w, const CtsPicture *picture, const cha
 static CtsStatus draw_sections(Work *w, CtsError *err)
 {
     CtsPicture *picture = NULL;
-    CtsStatus st = cts_sections(w->loaded.scanned, w->loaded.labels, &picture, err);
+    CtsStatus st = cts_card_sections(w->loaded.scanned, w->loaded.labels, &picture, err);
     if (!st)
         st = save_card_picture(w, picture, "sections", err);
     cts_picture_free(&picture);
@@ -183,30 +184,37 @@ static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
     return st;
 }
 
-/* Processes the volume for the picture. Slices that were handed over to another volume are read again. */
-static CtsStatus load_volume(Work *w, const CtsSource *source, bool last, CtsError *err)
+/* Reads the slices, again where they were handed over to a volume. */
+static CtsStatus load_series_slices(Work *w, const CtsSource *source, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (!w->loaded.scanned || !w->loaded.scanned->even->grey) {
-        const CtsStageTimer meter = cts_stage_timer_start(&w->report);
-        if (!w->reported)
-            st = cts_source_labels(source, &w->loaded, &w->report, err);
-        if (!st && !w->reported)
-            st = check_shown(w, source, err);
-        if (!st)
-            st = cts_source_read(source, &w->loaded, &w->report, err);
-        cts_stage_timer_stop(meter, &w->report, CTS_STAGE_DECODE);
-        if (!st && !w->reported) {
-            CtsPixelFacts facts = {0};
-            cts_pixel_facts(&facts, w->loaded.scanned->even);
-            w->reported = true;
-            st = cts_worker_loaded(w->worker_process, &facts, err);
-            if (!st && !w->settings->options->no_sections)
-                st = draw_sections(w, err);
-        }
-        if (st)
-            return st;
+    if (w->loaded.scanned && w->loaded.scanned->even->grey)
+        return CTS_OK;
+    const CtsStageTimer meter = cts_stage_timer_start(&w->report);
+    if (!w->reported)
+        st = cts_source_labels(source, &w->loaded, &w->report, err);
+    if (!st && !w->reported)
+        st = check_shown(w, source, err);
+    if (!st)
+        st = cts_source_read(source, &w->loaded, &w->report, err);
+    cts_stage_timer_stop(meter, &w->report, CTS_STAGE_DECODE);
+    if (!st && !w->reported) {
+        CtsPixelFacts facts = {0};
+        cts_pixel_facts(&facts, w->loaded.scanned->even);
+        w->reported = true;
+        st = cts_worker_loaded(w->worker_process, &facts, err);
+        if (!st && !w->settings->options->no_sections)
+            st = draw_sections(w, err);
     }
+    return st;
+}
+
+/* Processes the volume for the picture. */
+static CtsStatus load_volume(Work *w, const CtsSource *source, bool last, CtsError *err)
+{
+    CtsStatus st = load_series_slices(w, source, err);
+    if (st)
+        return st;
     const CtsStageTimer meter = cts_stage_timer_start(&w->report);
     st = cts_source_view(source, last, &w->loaded, &w->report, err);
     cts_stage_timer_stop(meter, &w->report, CTS_STAGE_GREY);
@@ -221,8 +229,10 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     w->error = 0;
     w->report.verified = (CtsVerified){0};
     cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
-    CtsStatus st = cts_job_prepare(job, &w->loaded.model, &w->prepared, &w->report, err);
-    if (!st)
+    CtsStatus st = CTS_OK;
+    if (job->montage)
+        st = cts_job_montage(job, false, &w->loaded, &w->prepared, &watch, &w->report, err);
+    else if (!(st = cts_job_prepare(job, &w->loaded.model, &w->prepared, &w->report, err)))
         st = cts_job_pictures(job, &w->loaded, &w->prepared, &watch, &w->report, err);
     if (!st && w->status) {
         *err = w->err;
@@ -234,12 +244,13 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     return st;
 }
 
-/* Volumes of one scan, of which each picture needs one. */
-typedef enum VolumeKind { WITH_TABLE, WITH_AIR, CROPPED, N_VOLUME_KINDS } VolumeKind;
+/* Volumes of one scan, of which each picture needs one; a montage has its own. */
+typedef enum VolumeKind { OF_MONTAGE, WITH_TABLE, WITH_AIR, CROPPED, N_VOLUME_KINDS } VolumeKind;
 
-static VolumeKind volume_kind(const CtsSource *source)
+static VolumeKind volume_kind(const CtsJob *job)
 {
-    return !source->remove_table ? WITH_TABLE : source->crops_air ? CROPPED : WITH_AIR;
+    const CtsSource *const source = &job->source;
+    return job->montage ? OF_MONTAGE : !source->remove_table ? WITH_TABLE : source->crops_air ? CROPPED : WITH_AIR;
 }
 
 static CtsStatus render_pictures(Work *w, CtsError *err)
@@ -247,18 +258,18 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
     CtsStatus st = CTS_OK;
     const CtsBatchPicture *const pictures = w->worker_process->pictures;
     const int n = w->worker_process->n_pictures;
-    VolumeKind last = WITH_TABLE;
+    VolumeKind last = OF_MONTAGE;
     bool inside = false;
     for (int i = 0; i < n; i++) {
         const CtsJob job = job_of(w->settings, &pictures[i]);
-        last = volume_kind(&job.source) > last ? volume_kind(&job.source) : last;
+        last = volume_kind(&job) > last ? volume_kind(&job) : last;
         inside |= cts_job_finds_body(&job);
     }
-    for (VolumeKind kind = WITH_TABLE; kind < N_VOLUME_KINDS; kind++) {
+    for (VolumeKind kind = OF_MONTAGE; kind < N_VOLUME_KINDS; kind++) {
         bool loaded = false;
         for (int i = 0; i < n && !st; i++) {
             CtsJob job = job_of(w->settings, &pictures[i]);
-            if (volume_kind(&job.source) != kind)
+            if (volume_kind(&job) != kind)
                 continue;
             job.source.n_threads = job.render.n_threads = w->worker_process->n_threads;
             job.source.paths = w->label_paths;
@@ -267,7 +278,8 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             job.source.inside_unseen = !inside;
             job.source.archives = w->worker_process->archives;
             w->picture = &pictures[i];
-            if (!loaded && (st = load_volume(w, &job.source, kind == last, err)))
+            if (!loaded && (st = job.montage ? load_series_slices(w, &job.source, err)
+                                             : load_volume(w, &job.source, kind == last, err)))
                 break;
             loaded = true;
             st = render_picture(w, &job, err);

@@ -60,9 +60,6 @@ void cts_thumbnail_discard(CtsThumbnail **thumb);
 
 enum { CTS_SECTION_SIDE = 240 }; /* as of a thumbnail */
 
-/* Three sections of the patient side by side, each of CTS_SECTION_SIDE squared pixels: axial, coronal and sagittal as
- * radiologists hang them, at one scale; through the centre of the labelled voxels, without labels of what is denser
- * than air; HU in a window of soft tissue, others from air to the 99.5th percentile. The outline of label i has the hue
- * i times the golden ratio, as in the sheet's list. scanned must still have its grey levels, and labels (may be NULL)
- * their statistics. */
-CtsStatus cts_sections(const CtsScanned *scanned, const CtsLabels *labels, CtsPicture **picture, CtsError *err);
+/* Axial, coronal and sagittal sections side by side (app/job/patient_sections.h), each of CTS_SECTION_SIDE squared
+ * pixels. */
+CtsStatus cts_card_sections(const CtsScanned *scanned, const CtsLabels *labels, CtsPicture **picture, CtsError *err);

@@ -153,13 +153,15 @@ static CtsStatus write_rows(CtsFiles *files, int output, int frame, const CtsPic
     return st;
 }
 
-CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err)
+CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, bool captioned, CtsReport *report,
+                         CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (frame == 0 && band->first_row == 0)
         files->first = band->info;
     for (int i = 0; i < files->outputs->n && !st; i++)
-        st = write_rows(files, i, frame, band, report, err);
+        if (cts_export_format(files->outputs->paths[i])->has_depth != captioned)
+            st = write_rows(files, i, frame, band, report, err);
     return st;
 }
 

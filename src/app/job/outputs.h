@@ -35,8 +35,10 @@ typedef struct CtsFiles {
 } CtsFiles;
 
 CtsStatus cts_files_begin(CtsFiles *files, CtsError *err);
-/* One band of frame: a file begins with the first band it holds. */
-CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err);
+/* One band of frame: a file begins with the first band it holds. captioned: of the files whose format has no depth;
+ * else of the others, which hold no captions. */
+CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, bool captioned, CtsReport *report,
+                         CtsError *err);
 /* Ends the files that this frame completes, and notifies the watch; the report contains the frame's verification. */
 CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err);
 /* Discards incomplete files. */

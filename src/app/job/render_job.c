@@ -1,13 +1,12 @@
 #include "app/job/render_job.h"
 
 #include "app/job/auto_window.h"
-#include "app/job/whole_picture.h"
+#include "app/job/montage.h"
 #include "base/cpu.h"
 #include "base/limits.h"
 #include "base/mem.h"
 #include "base/stage_timer.h"
-#include "ctsplat/annotate.h"
-#include "ctsplat/labels.h"
+#include "output/image/whole_picture.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -100,7 +99,7 @@ static int n_frames_of(const CtsJob *job)
 /* The first two steps are searching and reading. */
 static int n_steps_of(const CtsJob *job)
 {
-    return 2 + n_frames_of(job);
+    return 2 + (job->montage ? job->montage->n : n_frames_of(job));
 }
 
 /* The frames of a file must fit its format. */
@@ -118,6 +117,9 @@ static CtsStatus check_sizes(const CtsJob *job, CtsError *err)
 CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
+    for (int i = 0; job->montage && i < job->montage->n; i++)
+        if (job->montage->tiles[i].preset && (st = cts_render_check(job->montage->tiles[i].preset, &job->render, err)))
+            return st;
     if (job->preset->note[0])
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_PRESET_LEFT_OUT, "preset %s: left out: %s", job->preset->name,
                               job->preset->note);
@@ -163,54 +165,12 @@ static void report_step(const Frame *frame, const CtsWatch *watch, double done)
     cts_watch_step(watch, 2 + frame->number + done, n_steps_of(frame->job), what);
 }
 
-/* Warns once about names that are not drawn completely. */
-static void report_cut_names(const Frame *frame, int n_in_part, size_t n_named)
+CtsPhrase cts_job_caption(const CtsJob *job, const CtsPictureInfo *info)
 {
-    cts_report_diagnostic(frame->report, CTS_DIAGNOSTIC_NAMES_IN_PART,
-                          "`annotate` labels: %d of %zu names are incomplete and preceded by their numbers (only Latin "
-                          "and Greek letters are drawn; a long name needs a larger `size`)",
-                          n_in_part, n_named);
-}
-
-/* Adds the number of names to *n. */
-static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *n_left_out, CtsError *err)
-{
-    CtsLegendEntry *entries = NULL;
-    double rgb[3];
-    size_t n_named = 0;
-    int number, n_in_part = 0;
-    while (cts_model_label_colour(frame->model, n_named, rgb, &number))
-        n_named++;
-    CtsStatus st = cts_alloc_array(&entries, n_named, err);
-    for (size_t i = 0; !st && i < n_named; i++)
-        entries[i].name = cts_model_label_colour(frame->model, i, entries[i].rgb, &entries[i].number);
-    if (!st)
-        st = cts_annotate_legend(band, entries, n_named, &n_in_part, n_left_out, err);
-    if (!st && n_in_part > 0 && frame->number == 0 && band->first_row == 0)
-        report_cut_names(frame, n_in_part, n_named);
-    if (!n_named && frame->number == 0 && band->first_row == 0)
-        cts_report_diagnostic(frame->report, CTS_DIAGNOSTIC_MARKS_LEFT_OUT,
-                              "`annotate` labels: no label has a colour of its own (`label-colours`, `label`)");
-    *n += (int)n_named;
-    cts_free(&entries);
-    return st;
-}
-
-static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
-{
-    const bool orientation = frame->job->annotate.orientation, scale = frame->job->annotate.scale;
-    int n_left_out = 0, n_names_left_out = 0, n = 4 * orientation + scale;
-    CtsStatus st = CTS_OK;
-    if (orientation || scale)
-        st = cts_annotate(band, orientation, scale, &n_left_out, err);
-    if (!st && frame->job->annotate.labels)
-        st = name_labels(frame, band, &n, &n_names_left_out, err);
-    n_left_out += n_names_left_out;
-    if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
-        cts_report_diagnostic(frame->report, CTS_DIAGNOSTIC_MARKS_LEFT_OUT,
-                              "`annotate`: %d of %d marks left out for lack of room (choose a larger `size`)",
-                              n_left_out, n);
-    return st;
+    CtsPhrase caption;
+    const char *const shown = job->source.choice.show ? job->source.choice.show : info->preset;
+    snprintf(caption.text, sizeof caption.text, "%.50s %.25s", shown, cts_describe_view(info).text);
+    return caption;
 }
 
 /* A band as the engine made it: over the background, marked, into all files. */
@@ -227,10 +187,15 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
     saturation_add(&frame->saturation, band);
-    if (!(st = annotate(frame, band, err)) && frame->files->watch->band)
+    CtsReport *const first = frame->number == 0 && band->first_row == 0 ? frame->report : NULL;
+    if (!(st = cts_marks_draw(&job->annotate, frame->model, band, first, err)))
+        st = cts_files_rows(frame->files, frame->number, band, false, frame->report, err);
+    if (!st && job->annotate.captions)
+        st = cts_marks_caption(cts_job_caption(job, &band->info).text, 1, band, first, err);
+    if (!st && frame->files->watch->band)
         frame->files->watch->band(frame->files->watch->context, frame->number, band);
     if (!st && !(st = stopped(job, err)))
-        st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
+        st = cts_files_rows(frame->files, frame->number, band, true, frame->report, err);
     const double done = (double)(band->first_row + band->height) / band->whole_height;
     report_step(frame, frame->files->watch, done);
     cts_stage_timer_stop(meter, frame->report, CTS_STAGE_EXPORT);
@@ -297,22 +262,21 @@ static CtsStatus make_frame(CtsRenderer *renderer, Frame *frame, KeptFrame *kept
     return st;
 }
 
-/* One verdict on all frames: pooled rmse and interval, the largest maximum and percentile. */
-static void add_verified(CtsVerified *all, const CtsVerified *frame)
+void cts_verified_add(CtsVerified *all, const CtsVerified *one)
 {
-    const uint64_t n = all->pixels + frame->pixels;
+    const uint64_t n = all->pixels + one->pixels;
     if (!n)
         return;
     const CtsVerified before = *all;
-    const double a = (double)before.pixels / (double)n, b = (double)frame->pixels / (double)n;
-    if (frame->max >= all->max)
-        *all = *frame;
-    all->rmse = sqrt(a * before.rmse * before.rmse + b * frame->rmse * frame->rmse);
-    all->p999 = fmax(before.p999, frame->p999);
-    all->share_above = a * before.share_above + b * frame->share_above;
-    all->unit = fmax(a * before.unit, b * frame->unit);
-    all->wall_ms = before.wall_ms + frame->wall_ms;
-    all->cpu_ms = before.cpu_ms + frame->cpu_ms;
+    const double a = (double)before.pixels / (double)n, b = (double)one->pixels / (double)n;
+    if (one->max >= all->max)
+        *all = *one;
+    all->rmse = sqrt(a * before.rmse * before.rmse + b * one->rmse * one->rmse);
+    all->p999 = fmax(before.p999, one->p999);
+    all->share_above = a * before.share_above + b * one->share_above;
+    all->unit = fmax(a * before.unit, b * one->unit);
+    all->wall_ms = before.wall_ms + one->wall_ms;
+    all->cpu_ms = before.cpu_ms + one->cpu_ms;
     all->pixels = n;
     cts_error_limits(all);
 }
@@ -346,7 +310,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRend
         report->bound = (CtsErrorBound){0};
         if ((st = make_frame(renderer, &frame, kept, err)))
             break;
-        add_verified(&pooled, &report->verified);
+        cts_verified_add(&pooled, &report->verified);
         if (frame.number == n_frames - 1)
             report->verified = pooled;
         st = cts_files_frame_done(files, frame.number, report, err);
@@ -429,8 +393,43 @@ bool cts_job_is_prepared(const CtsJob *job, CtsPrepared *prepared)
 void cts_prepared_free(CtsPrepared *prepared)
 {
     cts_render_end(&prepared->renderer);
+    free(prepared->volume);
     free(prepared->given);
     *prepared = (CtsPrepared){0};
+}
+
+void cts_job_set_preset(CtsJob *job, const CtsPreset *preset)
+{
+    job->preset = preset;
+    job->source.remove_table = preset->remove_table;
+    job->source.crops_air = cts_render_ignores_air(preset, &job->render);
+}
+
+CtsStatus cts_job_slices(const CtsJob *job, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    if (loaded->scanned->even->grey)
+        return CTS_OK;
+    return loaded->series ? cts_source_read(&job->source, loaded, report, err)
+                          : cts_fail(err, CTS_ERR_MEMORY, "out of memory for another volume beside the slices");
+}
+
+CtsStatus cts_job_volume(const CtsJob *job, bool last, CtsLoaded *loaded, CtsPrepared *prepared, CtsReport *report,
+                         CtsError *err)
+{
+    char *const choice = cts_source_choice(&job->source);
+    CtsStatus st = choice ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (st || (loaded->model.volume && prepared->volume && !strcmp(prepared->volume, choice))) {
+        free(choice);
+        return st;
+    }
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    cts_prepared_free(prepared);
+    prepared->volume = choice;
+    if (!(st = cts_job_slices(job, loaded, report, err)) &&
+        (st = cts_source_view(&job->source, last, loaded, report, err)))
+        cts_model_free(&loaded->model);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
+    return st;
 }
 
 CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared *prepared, CtsReport *report,
@@ -441,8 +440,10 @@ CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared 
     CtsStatus st;
     if (cts_job_is_prepared(job, prepared))
         return CTS_OK;
+    char *const volume = prepared->volume;
+    prepared->volume = NULL;
     cts_prepared_free(prepared);
-    *prepared = (CtsPrepared){.given = new_preset_text(job->preset), .preset = *job->preset};
+    *prepared = (CtsPrepared){.volume = volume, .given = new_preset_text(job->preset), .preset = *job->preset};
     if (!(st = cts_fit_preset(model, &render, &prepared->preset, report, err)))
         st = cts_contrast_check(model->volume, cts_threads(job->render.n_threads), &prepared->preset,
                                 &prepared->no_contrast, err);
@@ -454,11 +455,20 @@ CtsStatus cts_job_prepare(const CtsJob *job, const CtsModel *model, CtsPrepared 
     return st;
 }
 
+CtsFiles cts_job_files(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsExportSettings *settings)
+{
+    *settings = job->export;
+    settings->source = loaded->series;
+    settings->labels = job->montage || loaded->model.voxel_labels ? loaded->labels : NULL;
+    settings->n_threads = cts_threads(job->render.n_threads);
+    return (CtsFiles){.outputs = &job->outputs, .settings = settings, .watch = watch};
+}
+
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
                            const CtsWatch *watch, CtsReport *report, CtsError *err)
 {
-    CtsExportSettings settings = job->export;
-    CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
+    CtsExportSettings settings;
+    CtsFiles files = cts_job_files(job, loaded, watch, &settings);
     if (loaded->series && loaded->series->no_patient && job->outputs.state)
         return cts_fail(err, CTS_ERR_PIXELS,
                         "`write-state`: a NIfTI file has no patient and no slices for a presentation state to name");
@@ -472,9 +482,6 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
                               "the noise of soft tissue, %.0f HU, is visible as grain (`smooth` %d removes most of it; "
                               "`smooth` auto does so wherever it exceeds %d HU)",
                               loaded->noise_hu, CTS_SMOOTH_NOISE_MM, CTS_NOISY_HU);
-    settings.source = loaded->series;
-    settings.labels = loaded->model.voxel_labels ? loaded->labels : NULL;
-    settings.n_threads = cts_threads(job->render.n_threads);
     CtsStatus st = cts_files_begin(&files, err);
     if (!st)
         st = render_frames(job, &loaded->model, prepared->renderer, &files, report, err);
@@ -483,19 +490,6 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
         st = write_state(job, &prepared->preset, loaded, &files.first, report, err);
     cts_watch_diagnostics(watch, report);
     cts_files_end(&files);
-    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
-    return st;
-}
-
-CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
-                         CtsError *err)
-{
-    CtsPrepared prepared = {0};
-    CtsStatus st = cts_job_prepare(job, &loaded->model, &prepared, report, err);
-    if (!st)
-        st = cts_job_pictures(job, loaded, &prepared, watch, report, err);
-    const CtsStageTimer meter = cts_stage_timer_start(report);
-    cts_prepared_free(&prepared);
     cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }
@@ -529,11 +523,18 @@ CtsStatus cts_job_find(const CtsJob *job, const CtsWatch *watch, CtsLoaded *load
 CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsSource source = job->source;
+    CtsPrepared prepared = {0};
     source.inside_unseen = !cts_job_finds_body(job);
-    CtsStatus st = cts_source_load(&source, watch, n_steps_of(job), loaded, report, err);
+    CtsStatus st =
+        (job->montage ? cts_source_scan : cts_source_load)(&source, watch, n_steps_of(job), loaded, report, err);
     if (watch->loaded)
         watch->loaded(watch->context);
-    if (!st && !(st = stopped(job, err)))
-        st = cts_job_render(job, loaded, watch, report, err);
+    if (!st && !(st = stopped(job, err)) && job->montage)
+        st = cts_job_montage(job, true, loaded, &prepared, watch, report, err);
+    else if (!st && !(st = cts_job_prepare(job, &loaded->model, &prepared, report, err)))
+        st = cts_job_pictures(job, loaded, &prepared, watch, report, err);
+    const CtsStageTimer meter = cts_stage_timer_start(report);
+    cts_prepared_free(&prepared);
+    cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }

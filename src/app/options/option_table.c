@@ -69,6 +69,13 @@ const CtsOption cts_options[] = {
      TEXT(view), LIST_OF_BATCH, BASIC},
     {0, "format", "NAME", ON(RENDER) | ON(BATCH), REMAKES(NOTHING),
      "{formats}: what -o - writes; the files of a batch, a list", "of a batch png", TEXT(formats), BASIC},
+    {0, "montage", "LIST", RENDERING, REMAKES(NOTHING),
+     "one picture of tiles, in reading order: views; NAME@VIEW, of a preset, or of the labels A+B alone; axial, "
+     "coronal "
+     "and sagittal sections, MM from the middle as axial@MM; a batch makes it beside the others",
+     NULL, TEXT(montage_list)},
+    {0, "columns", "N", RENDERING, REMAKES(NOTHING), "tiles of --montage side by side", "as makes them largest",
+     INT(montage.columns), RANGE(1, CTS_MAX_TILES)},
     {0, "rotation", "N", LOOKS, REMAKES(PICTURE),
      "N views over 360 degrees about the head-foot axis, from --view on: FILE becomes FILE-000 and so on, but {stacks} "
      "one file of N frames",
@@ -190,7 +197,8 @@ const CtsOption cts_options[] = {
     {0, "remove-table", "on or off", LOOKS, REMAKES(TRANSFER), "remove the table and all else that is not the patient",
      "as the preset says", SWITCH(remove_table), BASIC},
     {0, "annotate", "LIST", LOOKS, REMAKES(PICTURE),
-     "orientation,scale,labels drawn on the picture; labels: names of the labels that have a colour, in that colour",
+     "orientation,scale,labels,captions drawn on the picture; labels: names of the labels that have a colour, in that "
+     "colour; captions: what the picture, or each tile of a montage, shows",
      "none", PARSED(annotate)},
     SECTION("Checks"),
     {0, "verify", "N", RENDERING, REMAKES(NOTHING),

@@ -282,11 +282,11 @@ CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err)
 
 CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *err)
 {
-    static const char *const names[] = {"orientation", "scale", "labels"};
+    static const char *const names[] = {"orientation", "scale", "labels", "captions"};
     enum { N_NAMES = sizeof names / sizeof *names };
     CtsMarks *const marks = &options->annotate;
-    bool *const which_of[N_NAMES] = {&marks->orientation, &marks->scale, &marks->labels};
-    *marks = (CtsMarks){false, false, false};
+    bool *const which_of[N_NAMES] = {&marks->orientation, &marks->scale, &marks->labels, &marks->captions};
+    *marks = (CtsMarks){.orientation = false};
     if (!strcmp(text, "none"))
         return CTS_OK;
     for (const char *word = text;; word++) {

@@ -25,6 +25,7 @@ void cts_options_free(CtsOptions *options)
     free(options->recipe);
     cts_state_free(&options->state);
     cts_appearance_file_free(&options->appearance_file);
+    cts_montage_free(&options->montage);
     *options = (CtsOptions){0};
 }
 
@@ -245,6 +246,8 @@ CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err
     if (command != CTS_FOR_BATCH &&
         ((options->view && (st = cts_view_of(options->view, &r->azimuth_deg, &r->elevation_deg, err))) ||
          (options->formats && (st = cts_format_of(options->formats, &options->format, err)))))
+        return st;
+    if ((st = cts_options_montage(options, command, err)))
         return st;
     if (options->swivel_step_deg > 0 && cts_options_given(options, "rotation"))
         return cts_fail(err, CTS_ERR_USAGE, "`swivel`: `rotation` is given too (choose one)");

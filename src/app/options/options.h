@@ -2,6 +2,7 @@
  * states, and what a batch renders again. Messages write an option as `size`. */
 #pragma once
 
+#include "app/job/montage.h"
 #include "app/job/render_job.h"
 #include "base/remakes.h"
 #include "ctsplat/bounds.h"
@@ -50,9 +51,11 @@ typedef struct CtsOptions {
 
     const char *preset, *view, *formats; /* as given, of a batch lists; NULL: by modality, anterior, none or png */
     CtsRenderSettings render;
-    int rotation;           /* frames; 0: off */
-    double swivel_step_deg; /* the rotation is a swivel; 0: it is not */
-    CtsSource source;       /* fields that are options; cts_options_source() completes them */
+    const char *montage_list; /* NULL when not given */
+    CtsMontage montage;       /* of it, and columns as given */
+    int rotation;             /* frames; 0: off */
+    double swivel_step_deg;   /* the rotation is a swivel; 0: it is not */
+    CtsSource source;         /* fields that are options; cts_options_source() completes them */
     CtsTextList labels, label_appearances;
     const char *appearance_path;       /* NULL when not given */
     CtsAppearanceFile appearance_file; /* of it */
@@ -191,6 +194,9 @@ int cts_name_find(const char *option, const char *text, size_t length, const cha
 CtsStatus cts_view_of(const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
 /* The format of this name. */
 CtsStatus cts_format_of(const char *text, const CtsFormatInfo **format, CtsError *err);
+
+/* Reads montage_list into montage, after all other options. */
+CtsStatus cts_options_montage(CtsOptions *options, CtsCommand command, CtsError *err);
 
 CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_fill,
     cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard, cts_parse_size, cts_parse_slab,

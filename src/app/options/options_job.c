@@ -38,6 +38,7 @@ CtsJob cts_options_job(const CtsOptions *options)
         .options = options->recipe,
         .n_options = options->n_recipe,
         .annotate = options->annotate,
+        .montage = options->montage.n ? &options->montage : NULL,
     };
     /* The preset has them. */
     job.render.mode = -1;
@@ -80,13 +81,6 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
             preset->name);
 }
 
-static void set_preset(CtsJob *job, const CtsPreset *preset)
-{
-    job->preset = preset;
-    job->source.remove_table = preset->remove_table;
-    job->source.crops_air = cts_render_ignores_air(preset, &job->render);
-}
-
 CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file, CtsPreset *preset, CtsReport *report,
                              CtsError *err)
 {
@@ -116,7 +110,7 @@ CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJ
     *job = cts_options_job(options);
     if ((st = cts_options_preset(options, options->preset, preset, options->preset ? report : NULL, err)))
         return st;
-    set_preset(job, preset);
+    cts_job_set_preset(job, preset);
     /* Determined once, since reading the control groups is slow. */
     job->source.n_threads = job->render.n_threads = cts_threads(options->render.n_threads);
     bool any = options->write_state != NULL, shown = options->format && options->format->is_object;
@@ -131,13 +125,16 @@ CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJ
 CtsStatus cts_options_settle(const CtsOptions *options, CtsModality modality, CtsQuantity quantity, CtsPreset *preset,
                              CtsJob *job, CtsReport *report, CtsError *err)
 {
-    CtsStatus st;
-    if (options->preset)
-        return cts_preset_check(preset, modality, quantity, err);
+    CtsStatus st = CTS_OK;
+    for (int i = 0; i < options->montage.n && !st; i++)
+        if (options->montage.tiles[i].preset)
+            st = cts_preset_check(options->montage.tiles[i].preset, modality, quantity, err);
+    if (st || options->preset)
+        return st ? st : cts_preset_check(preset, modality, quantity, err);
     const char *const name = cts_preset_default(modality, quantity, options->render.mode == CTS_MODE_COMPOSITE);
     if ((st = cts_options_preset(options, name, preset, report, err)))
         return st;
-    set_preset(job, preset);
+    cts_job_set_preset(job, preset);
     return cts_job_check(job, report, err);
 }
 

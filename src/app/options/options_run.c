@@ -1,5 +1,5 @@
-#include "app/job/whole_picture.h"
 #include "app/options/options.h"
+#include "output/image/whole_picture.h"
 
 #include "base/cpu.h"
 #include "base/stage_timer.h"
@@ -58,8 +58,7 @@ static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, Cts
 /* A series that stays loaded, and the volume that the last picture of it was made of. */
 struct CtsSession {
     CtsLoaded loaded;
-    char *choice;         /* identifies the processing of loaded.model (cts_source_choice()) */
-    CtsPrepared prepared; /* by the last picture of loaded.model */
+    CtsPrepared prepared; /* by the last picture */
 };
 
 static CtsStatus run_loaded(CtsSession *session, const CtsOptions *options, CtsPreset *preset, CtsJob *job,
@@ -69,25 +68,13 @@ static CtsStatus run_loaded(CtsSession *session, const CtsOptions *options, CtsP
     CtsStatus st = cts_options_settle(options, scanned->modality, scanned->quantity, preset, job, report, err);
     if (!st)
         st = cts_job_check(job, report, err);
-    char *const choice = cts_source_choice(&job->source);
-    if (!st && !choice)
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; !st && !session->loaded.series && i < job->outputs.n; i++)
         if (cts_output_is_dicom(&job->outputs, i))
             st = cts_fail(err, CTS_ERR_USAGE, "%s: an array without a patient cannot become a DICOM object",
                           job->outputs.paths[i]);
-    if (!st && (!session->loaded.model.volume || !session->choice || strcmp(session->choice, choice) != 0)) {
-        const CtsStageTimer meter = cts_stage_timer_start(report);
-        cts_prepared_free(&session->prepared);
-        free(session->choice);
-        session->choice = strdup(choice);
-        st = cts_source_view(&job->source, false, &session->loaded, report, err);
-        if (st)
-            cts_model_free(&session->loaded.model);
-        cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
-    }
-    free(choice);
-    if (!st)
+    if (!st && job->montage)
+        return cts_job_montage(job, false, &session->loaded, &session->prepared, watch, report, err);
+    if (!st && !(st = cts_job_volume(job, false, &session->loaded, &session->prepared, report, err)))
         st = cts_job_prepare(job, &session->loaded.model, &session->prepared, report, err);
     return st ? st : cts_job_pictures(job, &session->loaded, &session->prepared, watch, report, err);
 }
@@ -212,7 +199,6 @@ void cts_session_close(CtsSession **session)
         return;
     cts_prepared_free(&s->prepared);
     cts_loaded_free(&s->loaded);
-    free(s->choice);
     free(s);
     *session = NULL;
 }

@@ -53,7 +53,8 @@ static void put_image(CtsRecords *to, const CtsScObject *object)
     CTS_PUT_TEXTS(to, {DCM_ImageType, image_type}, {DCM_PatientOrientation, object->texts->patient_orientation},
                   {DCM_DerivationDescription, object->texts->derivation});
     cts_put_code(to, DCM_DerivationCodeSequence, object->texts->mode);
-    cts_put_code(to, DCM_ViewCodeSequence, object->texts->view);
+    if (object->texts->view.value)
+        cts_put_code(to, DCM_ViewCodeSequence, object->texts->view);
     if (object->mm_per_pixel > 0) {
         cts_put_numbers(to, DCM_PixelSpacing, (double[]){object->mm_per_pixel, object->mm_per_pixel}, 2);
         CTS_PUT_TEXTS(to, {DCM_PixelSpacingCalibrationType, "GEOMETRY"},

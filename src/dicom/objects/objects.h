@@ -24,7 +24,7 @@ typedef struct CtsScTexts {
     const char *image_type;                         /* value 3 of (0008,0008) */
     char series_description[65], description[65];   /* of all views; of this one */
     char derivation[1000], patient_orientation[17]; /* (0020,0020), "" for several frames */
-    CtsScCode mode, view;
+    CtsScCode mode, view;                           /* view without a value: of several */
 } CtsScTexts;
 
 /* UIDs and numbers of a secondary capture. */

@@ -102,7 +102,7 @@ static exr_result_t set_camera(exr_context_t file, const CtsExportHead *head)
     const CtsPictureInfo *info = &head->info;
     double m[4][4];
     exr_result_t rv = EXR_ERR_SUCCESS;
-    if (!(info->mm_per_pixel > 0))
+    if (!(info->mm_per_pixel > 0) || info->tiles[0])
         return rv;
     world_to_camera(info, m);
     if ((rv = set_matrix(file, "worldToCamera", m)) ||
@@ -141,6 +141,7 @@ static exr_result_t set_texts(exr_context_t file, const CtsPictureInfo *info)
         (rv = exr_attr_set_string(file, 0, "comments", "not for diagnostic use")) ||
         (rv = exr_attr_set_string(file, 0, "ctsplat.view", cts_describe_view(info).text)) ||
         (rv = exr_attr_set_string(file, 0, "ctsplat.error", no_error)) ||
+        (info->tiles[0] && (rv = exr_attr_set_string(file, 0, "ctsplat.tiles", info->tiles))) ||
         (info->preset[0] && (rv = exr_attr_set_string(file, 0, "ctsplat.preset", info->preset))) ||
         (info->occlusion > 0 && (rv = exr_attr_set_float(file, 0, "ctsplat.occlusion", (float)info->occlusion))) ||
         (window.text[0] && (rv = exr_attr_set_string(file, 0, "ctsplat.window", window.text))))

@@ -79,7 +79,7 @@ static CtsStatus write_chunk(const CtsExportJob *job, const char name[4], const 
 static CtsStatus write_text(const CtsExportJob *job, const char *key, const char *text, CtsError *err)
 {
     enum { NO_LANGUAGE = 4 }; /* zeros of iTXt: flag and method of compression, the ends of language and key in it */
-    char bytes[80 + NO_LANGUAGE + sizeof job->head.info.preset] = {0};
+    char bytes[80 + NO_LANGUAGE + sizeof job->head.info.tiles] = {0};
     const size_t n_key = strlen(key) + 1, at = n_key + (is_ascii(text) ? 0 : NO_LANGUAGE);
     snprintf(bytes, sizeof bytes, "%s", key);
     snprintf(bytes + at, sizeof bytes - at, "%s", text);
@@ -101,6 +101,7 @@ static CtsStatus write_texts(const CtsExportJob *job, CtsError *err)
         {"Disclaimer", "not for diagnostic use", true},
         {"ctsplat:preset", about->preset, about->preset[0] != 0},
         {"ctsplat:view", view.text, true},
+        {"ctsplat:tiles", about->tiles, about->tiles[0] != 0},
         {"ctsplat:mm_per_pixel", scale.text, about->mm_per_pixel > 0},
         {"ctsplat:window", window.text, window.text[0] != 0},
         {"ctsplat:occlusion", occlusion.text, about->occlusion > 0},

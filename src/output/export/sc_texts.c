@@ -132,7 +132,7 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
 {
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
-    char preset[sizeof info->preset], engine[sizeof info->engine];
+    char preset[sizeof info->preset], engine[sizeof info->engine], tiles[sizeof info->tiles];
     char step[128] = "", error[160];
     const CtsPhrase view = cts_describe_view(info);
     memset(texts, 0, sizeof *texts);
@@ -151,6 +151,14 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
                  mode_terms[info->mode].short_name, preset, n_frames > 1 ? ", rotation" : "");
     snprintf(texts->description, sizeof texts->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name,
              preset, view.text);
+    texts->view = view_codes[place_of_view(info)].code;
+    if (*info->tiles) {
+        texts->view = (CtsScCode){NULL};
+        ascii_copy(tiles, sizeof tiles, info->tiles);
+        snprintf(texts->derivation, sizeof texts->derivation,
+                 "Montage of %s, orthographic%s, ctsplat %s, not for diagnostic use", tiles, error, CTS_VERSION);
+        return;
+    }
     snprintf(texts->derivation, sizeof texts->derivation,
              "%s by engine %s, preset %s%s%s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per "
              "pixel%s, "
@@ -159,7 +167,6 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
              info->occlusion > 0 ? cts_describe_number(info->occlusion, 6).text : "", step, view.text,
              cts_describe_number(info->azimuth_deg, 9).text, cts_describe_number(info->elevation_deg, 9).text,
              cts_describe_number(info->mm_per_pixel, 6).text, error, CTS_VERSION);
-    texts->view = view_codes[place_of_view(info)].code;
     if (n_frames == 1) {
         const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
         snprintf(texts->patient_orientation, sizeof texts->patient_orientation, "%.3s\\%.3s",

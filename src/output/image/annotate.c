@@ -303,7 +303,7 @@ CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries
     /* All lines are as high as the one with most accents. */
     for (size_t i = 0; i < n; i++) {
         p.mark.text = (CtsLetters){.n = 0};
-        cts_letters_add(entries[i].name, &p.mark.text);
+        cts_letters_add(entries[i].name ? entries[i].name : "", &p.mark.text);
         const int above = marks_at(&p.mark.text, CTS_MARK_ABOVE), below = marks_at(&p.mark.text, CTS_MARK_BELOW);
         p.mark.n_above = above > p.mark.n_above ? above : p.mark.n_above;
         p.mark.n_below = below > p.mark.n_below ? below : p.mark.n_below;
@@ -315,6 +315,8 @@ CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries
     for (size_t i = 0; i < n; i++) {
         const int corner = at_once ? (int)fmin((double)(i / (size_t)at_once), CORNERS) : CORNERS;
         const int in_corner = at_once ? (int)(i % (size_t)at_once) : 0;
+        if (!entries[i].name)
+            continue;
         const bool whole = write_name(&entries[i], room, &p.mark);
         p.mark.rgb = entries[i].rgb;
         p.box = measure_mark(&p.mark);

@@ -30,6 +30,8 @@ static CtsPhrase number_pair(double a, double b)
 CtsPhrase cts_describe_view(const CtsPictureInfo *info)
 {
     CtsPhrase view = number_pair(info->azimuth_deg, info->elevation_deg);
+    if (*info->tiles)
+        return (CtsPhrase){"several"};
     for (int i = 0; i < CTS_N_VIEWS; i++)
         if (fmod(info->azimuth_deg - cts_views[i].azimuth_deg, 360) == 0 &&
             info->elevation_deg == cts_views[i].elevation_deg)
@@ -39,8 +41,11 @@ CtsPhrase cts_describe_view(const CtsPictureInfo *info)
 
 void cts_describe_picture(const CtsPictureInfo *info, char text[CTS_DESCRIPTION])
 {
-    snprintf(text, CTS_DESCRIPTION, "ctsplat %s, preset %s, view %s; not for diagnostic use", CTS_VERSION, info->preset,
-             cts_describe_view(info).text);
+    if (*info->tiles)
+        snprintf(text, CTS_DESCRIPTION, "ctsplat %s, %s; not for diagnostic use", CTS_VERSION, info->tiles);
+    else
+        snprintf(text, CTS_DESCRIPTION, "ctsplat %s, preset %s, view %s; not for diagnostic use", CTS_VERSION,
+                 info->preset, cts_describe_view(info).text);
 }
 
 CtsPhrase cts_describe_direction(const double direction_lps[3])

@@ -10,10 +10,11 @@ typedef struct CtsPhrase {
 /* Up to n_digits significant digits with a decimal point in every locale. */
 CtsPhrase cts_describe_number(double value, int n_digits);
 
-/* The view in the notation of --view: a name if it has one, else "azimuth,elevation" in degrees. */
+/* The view in the notation of --view: a name if it has one, else "azimuth,elevation" in degrees; "several" of a
+ * montage. */
 CtsPhrase cts_describe_view(const CtsPictureInfo *info);
 
-/* The program, preset and view, as a comment in a file. */
+/* The program, preset and view, or the tiles of a montage, as a comment in a file. */
 enum { CTS_DESCRIPTION = 400 };
 void cts_describe_picture(const CtsPictureInfo *info, char text[CTS_DESCRIPTION]);
 

@@ -6,7 +6,7 @@ function kind(name, argument, help)
     if (name == "--view")
         return list "anterior posterior left right head feet"
     if (name == "--annotate")
-        return "@list orientation scale labels"
+        return "@list orientation scale labels captions"
     if (name == "--format" && match(help, /^[a-z0-9]+( [a-z0-9]+)*:/))
         return list substr(help, 1, RLENGTH - 1)
     if (argument ~ /FILE/)
