@@ -143,7 +143,7 @@ function facts(s) {
   const spacing = list(g.spacing_mm).filter(mm => typeof mm === 'number');
   add('Spacing', spacing.length ? `${spacing.map(number).join(' × ')} mm` : '');
   add(g.quantity, typeof g.value_min === 'number' ? `${number(g.value_min)} … ${number(g.value_max)} ${g.unit}` : '');
-  add('Tilt', g.tilt_deg ? `${number(g.tilt_deg)}°` : '');
+  add('Tilt', Math.abs(g.tilt_deg) > 0.1 ? `${number(g.tilt_deg)}°` : ''); // below it a stack is not sheared
   add('Orientation', clean(g.orientation));
   add('Syntax', SYNTAXES[g.transfer_syntax] ?? clean(g.transfer_syntax));
   return dl;
