@@ -262,6 +262,8 @@ def test_volumes(work):
         'mosaic': (several(folder, MR, [dict(ImageType=['ORIGINAL', 'PRIMARY', 'M', 'ND', 'MOSAIC'])]), 0),
         'turning projections': (several(folder, MR, [dict(each=lambda k: dict(
             ImageOrientationPatient=[math.cos(k), math.sin(k), 0, 0, 0, -1]))]), 0),
+        'a scout of single cuts': (several(folder, MR, [dict(SliceThickness=5, spacing=30)]), 0),
+        'thick slices with gaps': (several(folder, MR, [dict(SliceThickness=5, spacing=10)]), 1),
         'a rescale': (several(folder, MR, [dict(RescaleSlope=0.5, RescaleIntercept=-3, RescaleType='US')]), 1),
     }
     found = listed(folder)
@@ -273,6 +275,7 @@ def test_volumes(work):
         if name not in ('a rescale', 'nothing') and n:
             check(f'parts: {name}', lows == [500 * p for p in range(n)], str(lows))
     check('mosaic is named', 'mosaic of Siemens' in str(found[cases['mosaic'][0]]))
+    check('a scout is passed', found[cases['a scout of single cuts'][0]][0]['passed'])
     check('reprojection is passed', found[cases['reprojection'][0]][0]['passed'])
     check('rescaled', found[cases['a rescale'][0]][0]['value_max'] == 0.5 * 66 - 3)
 
@@ -313,6 +316,8 @@ def test_enhanced(work):
         'MR components': (enhanced(folder, ENHANCED_MR, [measured(MRImageFrameTypeSequence=[item(
             FrameType=['ORIGINAL', 'PRIMARY', 'ANGIO', 'NONE'], ComplexImageComponent=c)]) for c in ('MAGNITUDE', 'PHASE')]),
             2, 'stored', 1066),
+        'MR frames in order': (enhanced(folder, ENHANCED_MR, [measured(FrameContentSequence=[item(
+            TemporalPositionIndex=p % 2 + 1)]) for p in range(4)]), 4, 'stored', 3066),
         'MR without rescale': (enhanced(folder, ENHANCED_MR, [lambda k: {}]), 1, 'stored', 66),
         'PET': (enhanced(folder, ENHANCED_PET, [measured(RealWorldValueMappingSequence=[unit])], **reference), 1, 'SUVbw',
                 132 * 66000 / 5e7),

@@ -424,6 +424,14 @@ static const char *check_parts(const CtsSliceSet *set, CtsSeries *series)
     return lacking->missing_parts;
 }
 
+/* True of cuts to plan a scan by: more of the body lies between than twice what they hold, and none is missing. */
+static bool are_single_cuts(const CtsSliceSet *set, const CtsSliceStack *stack, const CtsStudyNumbers *numbers)
+{
+    const double thickness_mm = set->items[0]->thickness_mm;
+    return set->items[0]->modality_id == CTS_MODALITY_MR && thickness_mm > 0 && stack->spacing_mm > 3 * thickness_mm &&
+           !cts_slice_set_missing(set, numbers).n;
+}
+
 static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, CtsSeries *series, CtsError *err)
 {
     CtsSliceStack stack;
@@ -450,7 +458,10 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
         refuse_series(series, st, "%s%s%s", lacks ? lacks : "", lacks ? "; " : "", why.text);
         return CTS_OK;
     }
-    if (set->n == 2)
+    if (are_single_cuts(set, &stack, numbers))
+        pass(series, "holds %d single cuts of %.3g mm that lie %.3g mm apart, and no volume", set->n,
+             set->items[0]->thickness_mm, stack.spacing_mm);
+    else if (set->n == 2)
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_TWO_SLICES, "only 2 slices: a very thin volume");
     cts_slice_stack_diagnostics(&stack, slices, set->n, &series->diagnostics);
     check_numbers(set, numbers, stack.n_missing, series);

@@ -204,6 +204,7 @@ static bool label_thickness(const CtsSliceSet *set, double *part)
 static double order_number(const CtsSlice *s, int way)
 {
     return way != BY_NUMBER  ? s->volume_number[way == BY_CONTENT_ORDER ? CTS_CONTENT_TIME : CTS_TRIGGER_TIME]
+           : s->n_frames     ? s->frame
            : s->has_instance ? (double)s->instance_number
                              : NAN;
 }
@@ -287,8 +288,8 @@ static bool numbered_alike(const CtsSliceSet *parts, int n_parts)
     for (int p = 1; p < n_parts; p++)
         for (int i = 0; i < parts[p].n; i++)
             if (parts[p].n != parts[0].n ||
-                (int64_t)parts[p].items[i]->instance_number - parts[p].items[0]->instance_number !=
-                    (int64_t)parts[0].items[i]->instance_number - parts[0].items[0]->instance_number)
+                order_number(parts[p].items[i], BY_NUMBER) - order_number(parts[p].items[0], BY_NUMBER) !=
+                    order_number(parts[0].items[i], BY_NUMBER) - order_number(parts[0].items[0], BY_NUMBER))
                 return false;
     return true;
 }
