@@ -277,6 +277,9 @@ static CtsStatus report_death(const char *name, const siginfo_t *how, CtsError *
 {
     if (!how->si_pid)
         return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer", name);
+    if (how->si_code == CLD_EXITED && how->si_status == 127) /* of the dynamic linker */
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s or a library of it is missing, or there is no memory for it",
+                        name);
     if (how->si_code == CLD_EXITED)
         return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer (exit code %d)", name, how->si_status);
     switch (how->si_status) {

@@ -78,7 +78,8 @@ class Orthanc:
         self.folder, self.loopback, self.user = folder, loopback, user
         self.http, self.dicom, self.listener = free_port(), free_port(), free_port()
         self.url = 'http://127.0.0.1:%d' % self.http
-        plugins = [p for p in ('/usr/share/orthanc/plugins', '/usr/lib/orthanc/plugins') if os.path.isdir(p)]
+        # Debian 13's DicomWeb has thumbnails of its own: the first that knows an address answers.
+        plugins = [p for p in map('/usr/share/orthanc/plugins/libOrthanc{}.so'.format, ('Python', 'DicomWeb')) if os.path.exists(p)]
         os.makedirs(folder)
         config = {
             'Name': 'test', 'StorageDirectory': folder, 'IndexDirectory': folder, 'HttpPort': self.http,
