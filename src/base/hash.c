@@ -12,16 +12,11 @@ struct CtsHash {
     bool failed, keyed;
 };
 
-CtsStatus cts_hash_start(CtsHash **hash, CtsError *err)
+CtsHash *cts_hash_start(const CtsKey *key)
 {
-    return cts_hash_start_keyed(hash, NULL, err);
-}
-
-CtsStatus cts_hash_start_keyed(CtsHash **hash, const CtsKey *key, CtsError *err)
-{
-    CtsHash *h = *hash = calloc(1, sizeof *h);
+    CtsHash *h = calloc(1, sizeof *h);
     if (!h)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        return NULL;
     h->context = EVP_MD_CTX_new();
     h->keyed = key;
     EVP_PKEY *const pkey = key ? EVP_PKEY_new_mac_key(EVP_PKEY_HMAC, NULL, key->bytes, CTS_KEY_BYTES) : NULL;
@@ -30,13 +25,14 @@ CtsStatus cts_hash_start_keyed(CtsHash **hash, const CtsKey *key, CtsError *err)
     else
         h->failed = !h->context || EVP_DigestInit_ex(h->context, EVP_sha256(), NULL) != 1;
     EVP_PKEY_free(pkey);
-    return CTS_OK;
+    return h;
 }
 
 void cts_hash_bytes(CtsHash *hash, const void *bytes, size_t n)
 {
-    hash->failed = hash->failed || (hash->keyed ? EVP_DigestSignUpdate(hash->context, bytes, n)
-                                                : EVP_DigestUpdate(hash->context, bytes, n)) != 1;
+    if (hash)
+        hash->failed = hash->failed || (hash->keyed ? EVP_DigestSignUpdate(hash->context, bytes, n)
+                                                    : EVP_DigestUpdate(hash->context, bytes, n)) != 1;
 }
 
 void cts_hash_text(CtsHash *hash, const char *text)
@@ -48,6 +44,8 @@ CtsStatus cts_hash_finish(CtsHash **hash, uint8_t digest[CTS_DIGEST_BYTES], CtsE
 {
     CtsHash *h = *hash;
     size_t n = CTS_DIGEST_BYTES;
+    if (!h)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     const bool bad = h->failed || (h->keyed ? EVP_DigestSignFinal(h->context, digest, &n)
                                             : EVP_DigestFinal_ex(h->context, digest, NULL)) != 1;
     EVP_MD_CTX_free(h->context);

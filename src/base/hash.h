@@ -12,10 +12,9 @@ enum { CTS_DIGEST_BYTES = 32 };
 
 typedef struct CtsHash CtsHash;
 
-/* A failure of an intermediate step is returned by cts_hash_finish(), which frees the hash in any case. */
-CtsStatus cts_hash_start(CtsHash **hash, CtsError *err);
-/* HMAC-SHA256 (RFC 2104) under a key; NULL: plain SHA-256. */
-CtsStatus cts_hash_start_keyed(CtsHash **hash, const CtsKey *key, CtsError *err);
+/* HMAC-SHA256 (RFC 2104) under a key; NULL: plain SHA-256. A failure of this or an intermediate step is returned by
+ * cts_hash_finish(), which frees the hash in any case. */
+CtsHash *cts_hash_start(const CtsKey *key);
 void cts_hash_bytes(CtsHash *hash, const void *bytes, size_t n);
 /* With its final 0, so that neighbouring texts cannot run into each other. */
 void cts_hash_text(CtsHash *hash, const char *text);

@@ -174,7 +174,7 @@ static void test_png_bytes(void **state)
     CtsHash *hash;
     CtsError err;
     make_folder(folder);
-    assert_int_equal(cts_hash_start(&hash, &err), CTS_OK);
+    assert_non_null(hash = cts_hash_start(NULL));
     for (int i = 0; i < 4; i++) {
         const CtsExportSettings settings = {.n_threads = 2, .png_8_bits = i == 3};
         CtsPicture *p = make_picture(61, 83, channels[i], i == 2);

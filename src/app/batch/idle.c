@@ -72,12 +72,12 @@ static uint64_t sum_path(const char *path, bool hidden)
 static bool hash_settings(const CtsBatchSettings *s, const CtsKey *key, char hex[65])
 {
     const CtsOptions *const o = s->options;
-    CtsHash *hash;
     char common[65], name[80] = "", numbers[64];
     const CtsUtc today = cts_utc_now();
     if (!o->settled_s || o->fresh || o->labels.n || cts_journal_record_hash(s, NULL, true, common, NULL) ||
-        (key && cts_uid_keyed(key, "series of a batch", "1", name, NULL)) || cts_hash_start(&hash, NULL))
+        (key && cts_uid_keyed(key, "series of a batch", "1", name, NULL)))
         return false;
+    CtsHash *hash = cts_hash_start(NULL);
     snprintf(numbers, sizeof numbers, "%d %d %d %d %.10s", o->settled_s, o->show_patient, o->show_paths, o->forget_days,
              o->forget_days ? today.text : "");
     const char *const texts[] = {common, name, numbers, s->lists->send_to, o->source.series_uid};

@@ -16,10 +16,8 @@
 CtsStatus cts_journal_record_hash(const CtsBatchSettings *s, const CtsBatchPicture *picture, bool is_dcm, char hex[65],
                                   CtsError *err)
 {
-    CtsHash *hash;
-    CtsStatus st = cts_hash_start(&hash, err);
-    if (st)
-        return st;
+    CtsHash *hash = cts_hash_start(NULL);
+    CtsStatus st = CTS_OK;
     cts_hash_text(hash, CTS_VERSION);
     cts_hash_text(hash, s->lists->options);
     for (int i = 0; i < s->lists->n_presets && !st; i++) {
@@ -40,7 +38,7 @@ CtsStatus cts_journal_record_hash(const CtsBatchSettings *s, const CtsBatchPictu
     for (int i = 0; i < s->lists->n_formats && !picture; i++)
         cts_hash_text(hash, s->lists->formats[i]);
     cts_hash_text(hash, is_dcm ? s->lists->dcm_options : "");
-    const CtsStatus finished = cts_hash_hex(&hash, hex, err);
+    const CtsStatus finished = cts_hash_hex(&hash, hex, st ? NULL : err);
     return st ? st : finished;
 }
 
@@ -65,29 +63,20 @@ bool cts_journal_record_path(const CtsBatchSettings *s, const json_t *entry, cha
 
 static CtsStatus hash_file(const char *path, char hex[65], CtsError *err)
 {
-    char *bytes = malloc(1 << 18);
-    CtsHash *hash = NULL;
-    CtsStatus st = CTS_OK;
+    enum { AT_ONCE = 1 << 18 };
+    char *const bytes = malloc(AT_ONCE);
+    CtsHash *hash = cts_hash_start(NULL);
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-    if (fd < 0 || !bytes)
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", path, strerror(errno));
-    else
-        st = cts_hash_start(&hash, err);
-    for (ssize_t n = 1; !st && n > 0;) {
-        n = TEMP_FAILURE_RETRY(read(fd, bytes, 1 << 18));
-        if (n < 0)
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", path, strerror(errno));
-        else
-            cts_hash_bytes(hash, bytes, (size_t)n);
-    }
-    if (hash) {
-        const CtsStatus finished = cts_hash_hex(&hash, hex, err);
-        st = st ? st : finished;
-    }
+    ssize_t n = -1;
+    while (bytes && fd >= 0 && (n = TEMP_FAILURE_RETRY(read(fd, bytes, AT_ONCE))) > 0)
+        cts_hash_bytes(hash, bytes, (size_t)n);
+    if (n)
+        cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", path, strerror(errno));
+    const CtsStatus st = cts_hash_hex(&hash, hex, n ? NULL : err);
     if (fd >= 0)
         close(fd);
     free(bytes);
-    return st;
+    return n ? CTS_ERR_OUTPUT : st;
 }
 
 static json_int_t mtime_of(const struct stat *info)

@@ -78,11 +78,8 @@ static CtsStatus name_thumbnail(CtsRenderRequest *e, char name[2 * CTS_DIGEST_BY
 {
     const CtsSeries *const s = e->cached->series;
     const CtsRenderSettings *const render = &e->render_query.job.render;
-    CtsHash *hash;
+    CtsHash *hash = cts_hash_start(NULL);
     char text[96];
-    const CtsStatus st = cts_hash_start(&hash, err);
-    if (st)
-        return st;
     snprintf(text, sizeof text, CTS_VERSION " %dx%d %d %d %u %s", render->width, render->height,
              s->rules.allow_missing_slices, (int)s->rules.nifti_form, s->rules.named_quantity,
              e->slice ? "slice" : "volume");

@@ -122,8 +122,9 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     const CtsScFrame frame = {.width = head->width, .height = head->height, .grey = head->grey};
     if ((st = cts_alloc_bytes((void **)&w->row, row_bytes_of(head->width, head->grey), 1, err)) ||
         (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
-        (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))
+        (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)))
         return st;
+    w->hash = cts_hash_start(NULL);
     return cts_sc_spool_open(&w->spool, job->path, compressions[job->settings.compression].syntax_uid, &frame,
                              head->n_frames, err);
 }

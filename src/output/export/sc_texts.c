@@ -37,17 +37,11 @@ static void uid_from_digest(const uint8_t digest[CTS_DIGEST_BYTES], char uid[65]
 
 CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid, char keyed[65], CtsError *err)
 {
-    CtsHash *hash;
-    uint8_t digest[CTS_DIGEST_BYTES];
-    CtsStatus st = cts_hash_start_keyed(&hash, key, err);
-    if (st)
-        return st;
+    CtsHash *hash = cts_hash_start(key);
     cts_hash_text(hash, "ctsplat");
     cts_hash_text(hash, purpose);
     cts_hash_text(hash, uid);
-    if (!(st = cts_hash_finish(&hash, digest, err)))
-        uid_from_digest(digest, keyed);
-    return st;
+    return cts_sc_hash_finish(&hash, keyed, err);
 }
 
 /* A UUID of version 4. */
@@ -174,18 +168,15 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
     }
 }
 
-CtsStatus cts_sc_hash_start(CtsHash **hash, const CtsKey *key, const char *purpose, const CtsSeries *source,
-                            CtsError *err)
+CtsHash *cts_sc_hash_start(const CtsKey *key, const char *purpose, const CtsSeries *source)
 {
-    const CtsStatus st = cts_hash_start_keyed(hash, key, err);
-    if (st)
-        return st;
-    cts_hash_text(*hash, "ctsplat");
-    cts_hash_text(*hash, purpose);
-    cts_hash_text(*hash, source ? source->uid : "");
+    CtsHash *const hash = cts_hash_start(key);
+    cts_hash_text(hash, "ctsplat");
+    cts_hash_text(hash, purpose);
+    cts_hash_text(hash, source ? source->uid : "");
     for (int i = 0; source && i < source->n_slices; i++)
-        cts_hash_text(*hash, source->slices[i]->sop_uid);
-    return CTS_OK;
+        cts_hash_text(hash, source->slices[i]->sop_uid);
+    return hash;
 }
 
 CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err)
@@ -208,13 +199,12 @@ static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, CtsScNam
     snprintf(names->study_uid, sizeof names->study_uid, "%s", study_uid);
     if (known && !job->settings.deidentify)
         return CTS_OK;
-    CtsStatus st = cts_sc_hash_start(&hash, key, "study", known ? NULL : job->settings.source, err);
-    if (st)
-        return st;
+    CtsStatus st;
+    hash = cts_sc_hash_start(key, "study", known ? NULL : job->settings.source);
     cts_hash_text(hash, study_uid);
-    if ((st = cts_sc_hash_finish(&hash, names->study_uid, err)) || !job->settings.deidentify ||
-        (st = cts_sc_hash_start(&hash, key, "patient", NULL, err)))
+    if ((st = cts_sc_hash_finish(&hash, names->study_uid, err)) || !job->settings.deidentify)
         return st;
+    hash = cts_sc_hash_start(key, "patient", NULL);
     cts_hash_text(hash, names->study_uid);
     if ((st = cts_hash_finish(&hash, digest, err)))
         return st;
@@ -230,12 +220,10 @@ static CtsStatus number_series(const CtsExportJob *job, CtsScNames *names, CtsEr
 {
     enum { FIRST_OTHER = 81, N_OTHER = 19 };
     const CtsPictureInfo *info = &job->head.info;
-    CtsHash *hash;
+    CtsHash *hash = cts_sc_hash_start(NULL, "series number", NULL);
     uint8_t digest[CTS_DIGEST_BYTES];
     int preset = cts_preset_number(info->preset);
-    CtsStatus st = cts_sc_hash_start(&hash, NULL, "series number", NULL, err);
-    if (st)
-        return st;
+    CtsStatus st;
     cts_hash_text(hash, info->preset);
     if ((st = cts_hash_finish(&hash, digest, err)))
         return st;
@@ -277,15 +265,14 @@ static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey 
     char text[160];
     if (job->settings.new_uids)
         return (st = uid_random(names->series_uid, err)) ? st : uid_random(names->sop_uid, err);
-    if ((st = cts_sc_hash_start(&hash, key, "series", job->settings.source, err)))
-        return st;
+    hash = cts_sc_hash_start(key, "series", job->settings.source);
     snprintf(text, sizeof text, "%d %d", job->settings.deidentify, names->series_number);
     cts_hash_text(hash, text);
     cts_hash_text(hash, texts->series_description);
     cts_hash_text(hash, CTS_VERSION);
-    if ((st = cts_sc_hash_finish(&hash, names->series_uid, err)) ||
-        (st = cts_sc_hash_start(&hash, key, "instance", job->settings.source, err)))
+    if ((st = cts_sc_hash_finish(&hash, names->series_uid, err)))
         return st;
+    hash = cts_sc_hash_start(key, "instance", job->settings.source);
     cts_hash_text(hash, names->series_uid);
     cts_hash_text(hash, texts->derivation);
     snprintf(text, sizeof text, "%dx%d %d", head->width, head->height, head->grey);

@@ -15,8 +15,7 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts);
 
 /* Starts the hash of a UID: its purpose and source slices, under a key (NULL: none); the caller may add data before
  * finishing it. */
-CtsStatus cts_sc_hash_start(CtsHash **hash, const CtsKey *key, const char *purpose, const CtsSeries *source,
-                            CtsError *err);
+CtsHash *cts_sc_hash_start(const CtsKey *key, const char *purpose, const CtsSeries *source);
 CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err);
 
 /* The number of a series made of the source's: own (1 to 999) behind the source's number. */

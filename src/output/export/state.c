@@ -75,10 +75,7 @@ static void fill_transfer(const CtsStateScene *scene, CtsDcmState *s)
 
 static CtsStatus uid_of(const char *purpose, const CtsStateScene *scene, const char *text, char uid[65], CtsError *err)
 {
-    CtsHash *hash;
-    const CtsStatus st = cts_sc_hash_start(&hash, NULL, purpose, scene->source, err);
-    if (st)
-        return st;
+    CtsHash *hash = cts_sc_hash_start(NULL, purpose, scene->source);
     cts_hash_text(hash, text);
     cts_hash_text(hash, CTS_VERSION);
     return cts_sc_hash_finish(&hash, uid, err);
@@ -105,12 +102,10 @@ static CtsStatus write_options(const CtsStateScene *scene, char **text, CtsError
 
 static CtsStatus choose_names(const CtsStateScene *scene, CtsDcmState *s, CtsError *err)
 {
-    CtsHash *hash;
+    CtsHash *hash = cts_hash_start(NULL);
     char all[2 * CTS_DIGEST_BYTES + 1];
     const char *const *const identity = scene->source->slices[0]->identity;
-    CtsStatus st = cts_hash_start(&hash, err);
-    if (st)
-        return st;
+    CtsStatus st;
     cts_hash_text(hash, s->preset);
     cts_hash_text(hash, s->options);
     cts_hash_text(hash, cts_describe_view(scene->info).text);

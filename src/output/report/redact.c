@@ -10,10 +10,8 @@
 
 char *cts_uid_hash(const CtsKey *key, const char *uid)
 {
-    CtsHash *hash;
+    CtsHash *hash = cts_hash_start(key);
     char hex[2 * CTS_DIGEST_BYTES + 1];
-    if (cts_hash_start_keyed(&hash, key, NULL))
-        return NULL;
     cts_hash_text(hash, uid);
     return cts_hash_hex(&hash, hex, NULL) ? NULL : strndup(hex, 16);
 }
