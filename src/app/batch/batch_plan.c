@@ -28,24 +28,18 @@ typedef struct Unit {
     size_t n;
 } Unit;
 
-/* A series that has slices in a folder, both by their keys. */
-typedef struct FolderSeries {
-    uint64_t folder, series;
-    bool several; /* others have slices there, too */
-} FolderSeries;
-
 /* Place of a series' only slice. */
 typedef struct SinglePlace {
     CtsSlicePlace place;
     char series_uid[80];
 } SinglePlace;
 
-/* Files met one after the other of a series that may have a single slice. */
-typedef struct SingleFile {
-    uint64_t study, series, sop; /* by their keys */
-    SinglePlace *place;          /* owned; NULL: more than one slice */
-    int n_stacked;               /* slices of the stack that it lies in; 0: in none */
-} SingleFile;
+/* Slices of a series in a folder, met one after the other; in the end, series of a single slice. */
+typedef struct Stretch {
+    uint64_t folder, study, series, sop; /* by their keys */
+    SinglePlace *place;                  /* owned; NULL: more than one slice */
+    int n_stacked;                       /* slices of the stack that it lies in; 0: in none */
+} Stretch;
 
 struct CtsBatchPlan {
     const CtsBatchSettings *settings;
@@ -59,9 +53,8 @@ struct CtsBatchPlan {
     size_t n_entries, n_units;
     CtsArchives *archives;
     Entry *unreadable; /* files that cannot be read, by their folder's key */
-    size_t n_unreadable, n_folder_series, n_singles;
-    FolderSeries *folder_series; /* one a folder, once the list is complete */
-    SingleFile *singles;
+    size_t n_unreadable, n_stretches;
+    Stretch *stretches;
     CtsBatchLabelFile *label_files;
     size_t n_label_files;
     CtsStudyNumbers numbers;
@@ -106,17 +99,13 @@ static int compare(uint64_t x, uint64_t y)
 /* The first 64 bits of the SHA-256 of a UID, for the assignment to shards and the 16 hex digits of names. */
 static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
 {
-    CtsHash *hash;
+    CtsHash *hash = cts_hash_start(NULL);
     char hex[65];
-    CtsStatus st = cts_hash_start(&hash, err);
-    if (st)
-        return st;
     cts_hash_bytes(hash, uid, strlen(uid));
-    if ((st = cts_hash_hex(&hash, hex, err)))
-        return st;
+    const CtsStatus st = cts_hash_hex(&hash, hex, err);
     hex[16] = 0;
-    *key = strtoull(hex, NULL, 16);
-    return CTS_OK;
+    *key = st ? 0 : strtoull(hex, NULL, 16);
+    return st;
 }
 
 static uint64_t folder_key(const char *path)
@@ -175,29 +164,18 @@ static CtsStatus keep_record(CtsBatchPlan *p, const CtsArchiveFile *file, const 
                      : add_entry(&p->entries, &p->n_entries, entry, err);
 }
 
-static CtsStatus add_folder_series(CtsBatchPlan *p, FolderSeries pair, CtsError *err)
-{
-    const FolderSeries *const last = p->n_folder_series ? &p->folder_series[p->n_folder_series - 1] : NULL;
-    if (last && last->folder == pair.folder && last->series == pair.series)
-        return CTS_OK;
-    const CtsStatus st = cts_grow(&p->folder_series, p->n_folder_series, err);
-    if (!st)
-        p->folder_series[p->n_folder_series++] = pair;
-    return st;
-}
-
-static void drop_place(SingleFile *single)
+static void drop_place(Stretch *single)
 {
     free(single->place);
     single->place = NULL;
 }
 
 /* Counts a slice of a series: one of one place and SOP UID stays single. */
-static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
+static CtsStatus add_slice(CtsBatchPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
 {
-    SingleFile *const last = p->n_singles ? &p->singles[p->n_singles - 1] : NULL;
-    const uint64_t sop = cts_fnv(CTS_FNV, file->sop_uid, strlen(file->sop_uid));
-    if (last && last->series == key) {
+    Stretch *const last = p->n_stretches ? &p->stretches[p->n_stretches - 1] : NULL;
+    const uint64_t folder = folder_key(file->path), sop = cts_fnv(CTS_FNV, file->sop_uid, strlen(file->sop_uid));
+    if (last && last->series == key && last->folder == folder) {
         if (last->sop != sop)
             drop_place(last);
         return CTS_OK;
@@ -205,7 +183,7 @@ static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const c
     const char *const study = file->study_uid ? file->study_uid : "";
     const bool is_placed = file->place && study[0] && file->series_uid[0];
     SinglePlace *const place = is_placed ? malloc(sizeof *place) : NULL;
-    if ((is_placed && !place) || cts_grow(&p->singles, p->n_singles, err)) {
+    if ((is_placed && !place) || cts_grow(&p->stretches, p->n_stretches, err)) {
         free(place);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory for single slices");
     }
@@ -213,8 +191,8 @@ static CtsStatus add_single(CtsBatchPlan *p, const CtsArchiveFile *file, const c
         place->place = *file->place;
         snprintf(place->series_uid, sizeof place->series_uid, "%s", name);
     }
-    p->singles[p->n_singles++] =
-        (SingleFile){.study = cts_fnv(CTS_FNV, study, strlen(study)), .series = key, .sop = sop, .place = place};
+    p->stretches[p->n_stretches++] =
+        (Stretch){folder, cts_fnv(CTS_FNV, study, strlen(study)), key, sop, .place = place};
     return CTS_OK;
 }
 
@@ -270,8 +248,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
         return plan_labels(p, file, err);
     if ((st = name_series(file, name, &key, err)) ||
         (file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
-        (st = add_folder_series(p, (FolderSeries){.folder = folder_key(file->path), .series = key}, err)) ||
-        (st = add_single(p, file, name, key, err)) ||
+        (st = add_slice(p, file, name, key, err)) ||
         (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
         return st;
     return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
@@ -291,31 +268,21 @@ static int by_first_file(const void *a, const void *b)
 
 static int by_folder(const void *a, const void *b)
 {
-    return compare(((const FolderSeries *)a)->folder, ((const FolderSeries *)b)->folder);
-}
-
-/* Keeps one entry a folder. */
-static void join_folders(CtsBatchPlan *p)
-{
-    size_t n = 0;
-    if (p->n_folder_series)
-        qsort(p->folder_series, p->n_folder_series, sizeof *p->folder_series, by_folder);
-    for (size_t i = 0; i < p->n_folder_series; i++)
-        if (n && p->folder_series[n - 1].folder == p->folder_series[i].folder)
-            p->folder_series[n - 1].several |= p->folder_series[n - 1].series != p->folder_series[i].series;
-        else
-            p->folder_series[n++] = p->folder_series[i];
-    p->n_folder_series = n;
+    return compare(((const Stretch *)a)->folder, ((const Stretch *)b)->folder);
 }
 
 /* The series that unreadable files are reported with: the one in their folder; where the folder has none or several, a
  * series named after the folder. */
 static CtsStatus owner_of(const CtsBatchPlan *p, const Entry *unreadable, uint64_t *key, bool *is_apart, CtsError *err)
 {
-    const FolderSeries wanted = {.folder = unreadable->key};
-    const FolderSeries *const found =
-        p->n_folder_series ? bsearch(&wanted, p->folder_series, p->n_folder_series, sizeof wanted, by_folder) : NULL;
-    *is_apart = !found || found->several;
+    const Stretch wanted = {.folder = unreadable->key}, *const end = p->stretches + p->n_stretches;
+    const Stretch *const found =
+        p->n_stretches ? bsearch(&wanted, p->stretches, p->n_stretches, sizeof wanted, by_folder) : NULL;
+    *is_apart = !found;
+    for (const Stretch *s = found; s && s < end && s->folder == wanted.folder; s++)
+        *is_apart |= s->series != found->series;
+    for (const Stretch *s = found; s && s >= p->stretches && s->folder == wanted.folder; s--)
+        *is_apart |= s->series != found->series;
     if (*is_apart)
         return plan_key(file_of(p, unreadable).name, key, err);
     *key = found->series;
@@ -326,7 +293,8 @@ static CtsStatus place_unreadable(CtsBatchPlan *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     uint64_t asked_for = 0;
-    join_folders(p);
+    if (p->n_stretches)
+        qsort(p->stretches, p->n_stretches, sizeof *p->stretches, by_folder);
     if (p->options->source.series_uid)
         st = plan_key(p->options->source.series_uid, &asked_for, err);
     for (size_t k = 0; k < p->n_unreadable && !st; k++) {
@@ -360,7 +328,7 @@ static CtsStatus make_units(CtsBatchPlan *p, CtsError *err)
 
 static int by_study_and_series(const void *a, const void *b)
 {
-    const SingleFile *x = a, *y = b;
+    const Stretch *x = a, *y = b;
     const int order = compare(x->study, y->study);
     return order ? order : compare(x->series, y->series);
 }
@@ -369,25 +337,25 @@ static int by_study_and_series(const void *a, const void *b)
 static void filter_singles(CtsBatchPlan *p)
 {
     size_t n = 0;
-    if (p->n_singles)
-        qsort(p->singles, p->n_singles, sizeof *p->singles, by_study_and_series);
-    for (size_t first = 0, end; first < p->n_singles; first = end) {
-        SingleFile single = p->singles[first];
+    if (p->n_stretches)
+        qsort(p->stretches, p->n_stretches, sizeof *p->stretches, by_study_and_series);
+    for (size_t first = 0, end; first < p->n_stretches; first = end) {
+        Stretch single = p->stretches[first];
         bool several = !single.place;
-        for (end = first + 1; end < p->n_singles && !by_study_and_series(&single, &p->singles[end]); end++) {
-            several |= !p->singles[end].place || p->singles[end].sop != single.sop;
-            drop_place(&p->singles[end]);
+        for (end = first + 1; end < p->n_stretches && !by_study_and_series(&single, &p->stretches[end]); end++) {
+            several |= !p->stretches[end].place || p->stretches[end].sop != single.sop;
+            drop_place(&p->stretches[end]);
         }
         if (several)
             drop_place(&single);
         else
-            p->singles[n++] = single;
+            p->stretches[n++] = single;
     }
-    p->n_singles = n;
+    p->n_stretches = n;
 }
 
 /* Names a stack by the first of its series, in the shard that has this series. */
-static CtsStatus note_stack(CtsBatchPlan *p, const SingleFile *first, int n, CtsError *err)
+static CtsStatus note_stack(CtsBatchPlan *p, const Stretch *first, int n, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     char uid[80], text[300];
@@ -402,7 +370,7 @@ static CtsStatus note_stack(CtsBatchPlan *p, const SingleFile *first, int n, Cts
 }
 
 /* Finds the stacks among n single slices of one study. */
-static CtsStatus stack_study(CtsBatchPlan *p, SingleFile *singles, size_t n, CtsError *err)
+static CtsStatus stack_study(CtsBatchPlan *p, Stretch *singles, size_t n, CtsError *err)
 {
     CtsSlicePlace *places = malloc(n * sizeof *places);
     int *stack = malloc(n * sizeof *stack), n_stacks = 0;
@@ -412,7 +380,7 @@ static CtsStatus stack_study(CtsBatchPlan *p, SingleFile *singles, size_t n, Cts
     if (!st)
         st = cts_single_slices_find(places, n, stack, &n_stacks, err);
     for (int k = 1; k <= n_stacks && !st; k++) {
-        const SingleFile *first = NULL;
+        const Stretch *first = NULL;
         int n_slices = 0;
         for (size_t i = 0; i < n; i++) {
             first = !first && stack[i] == k ? &singles[i] : first;
@@ -431,22 +399,22 @@ static CtsStatus stack_study(CtsBatchPlan *p, SingleFile *singles, size_t n, Cts
 
 static int by_series(const void *a, const void *b)
 {
-    return compare(((const SingleFile *)a)->series, ((const SingleFile *)b)->series);
+    return compare(((const Stretch *)a)->series, ((const Stretch *)b)->series);
 }
 
 static CtsStatus find_stacks(CtsBatchPlan *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     filter_singles(p);
-    for (size_t first = 0, end; first < p->n_singles && !st; first = end) {
-        for (end = first + 1; end < p->n_singles && p->singles[end].study == p->singles[first].study;)
+    for (size_t first = 0, end; first < p->n_stretches && !st; first = end) {
+        for (end = first + 1; end < p->n_stretches && p->stretches[end].study == p->stretches[first].study;)
             end++;
-        st = stack_study(p, p->singles + first, end - first, err);
+        st = stack_study(p, p->stretches + first, end - first, err);
     }
-    for (size_t i = 0; i < p->n_singles; i++)
-        drop_place(&p->singles[i]);
-    if (p->n_singles)
-        qsort(p->singles, p->n_singles, sizeof *p->singles, by_series);
+    for (size_t i = 0; i < p->n_stretches; i++)
+        drop_place(&p->stretches[i]);
+    if (p->n_stretches)
+        qsort(p->stretches, p->n_stretches, sizeof *p->stretches, by_series);
     return st;
 }
 
@@ -501,7 +469,7 @@ CtsStatus cts_plan_new(CtsBatchPlan **plan, const CtsBatchSettings *settings, co
     if ((st = cts_archive_search(&search, &found->counts, err)) || (st = map_list(p, err)))
         goto end;
     cts_study_numbers_sort(&p->numbers);
-    if (!(st = find_stacks(p, err)) && !(st = place_unreadable(p, err)))
+    if (!(st = place_unreadable(p, err)) && !(st = find_stacks(p, err)))
         st = make_units(p, err);
     found->n_series = p->n_units;
     found->archives = p->archives;
@@ -527,10 +495,9 @@ void cts_plan_free(CtsBatchPlan **plan)
         fclose(p->list);
     free(p->entries);
     free(p->unreadable);
-    free(p->folder_series);
-    for (size_t i = 0; i < p->n_singles; i++)
-        drop_place(&p->singles[i]);
-    free(p->singles);
+    for (size_t i = 0; i < p->n_stretches; i++)
+        drop_place(&p->stretches[i]);
+    free(p->stretches);
     free(p->units);
     for (size_t i = 0; i < p->n_label_files; i++) {
         free(p->label_files[i].path);
@@ -576,10 +543,7 @@ static CtsStatus hash_labels(const CtsBatchPlan *p, CtsHash *hash, const char *u
 static CtsStatus hash_files(const CtsBatchPlan *p, File *files, int n, const char *uid, int n_members, char hex[65],
                             CtsError *err)
 {
-    CtsHash *hash;
-    CtsStatus st = cts_hash_start(&hash, err);
-    if (st)
-        return st;
+    CtsHash *hash = cts_hash_start(NULL);
     qsort(files, (size_t)n, sizeof *files, by_content);
     for (int i = 0; i < n; i++) {
         char numbers[64];
@@ -593,9 +557,8 @@ static CtsStatus hash_files(const CtsBatchPlan *p, File *files, int n, const cha
         snprintf(number, sizeof number, "%d", n_members);
         cts_hash_text(hash, number);
     }
-    CtsStatus ended;
-    st = hash_labels(p, hash, uid, n == 1 ? files[0].path : NULL, err);
-    ended = cts_hash_hex(&hash, hex, st ? NULL : err);
+    const CtsStatus st = hash_labels(p, hash, uid, n == 1 ? files[0].path : NULL, err);
+    const CtsStatus ended = cts_hash_hex(&hash, hex, st ? NULL : err);
     return st ? st : ended;
 }
 
@@ -617,9 +580,9 @@ CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *ser
     size_t own = 0;
     while (own + 1 < unit->n && files[own].record.unreadable)
         own++;
-    const SingleFile wanted = {.series = unit->first->key};
-    const SingleFile *const single =
-        plan->n_singles ? bsearch(&wanted, plan->singles, plan->n_singles, sizeof wanted, by_series) : NULL;
+    const Stretch wanted = {.series = unit->first->key};
+    const Stretch *const single =
+        plan->n_stretches ? bsearch(&wanted, plan->stretches, plan->n_stretches, sizeof wanted, by_series) : NULL;
     series->n_stacked = single ? single->n_stacked : 0;
     snprintf(series->own_uid, sizeof series->own_uid, "%s", files[own].name);
     snprintf(series->uid, sizeof series->uid, "%s", files[own].name);

@@ -147,29 +147,29 @@ static void count_record(Run *r, const json_t *record, bool up_to_date)
 }
 
 /* Ends the batch after a failure; running workers are asked to stop. */
-static void give_up_batch(Run *r, CtsStatus status, const CtsError *why)
+static void give_up_batch(Run *r, const CtsError *why)
 {
-    if (!r->status) {
-        r->status = status;
-        if (why)
-            *r->err = *why;
-    }
+    if (r->status)
+        return;
+    r->status = why->status;
+    *r->err = *why;
 }
 
 static void add_record(Run *r, const json_t *record)
 {
     CtsError err = {0};
-    const CtsStatus st = cts_journal_add(r->journal, record, &err);
     r->sheet_stale = true;
-    if (st)
-        give_up_batch(r, st, &err);
+    if (cts_journal_add(r->journal, record, &err))
+        give_up_batch(r, &err);
 }
 
 static void queue_to_send(Run *r, const json_t *record)
 {
     CtsError err = {0};
-    if (json_array_append(r->to_send, json_object_get(record, "series_uid")))
-        give_up_batch(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
+    if (json_array_append(r->to_send, json_object_get(record, "series_uid"))) {
+        cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent");
+        give_up_batch(r, &err);
+    }
 }
 
 /* Adds the last record of a series: its pictures are rendered, or cannot be. */
@@ -209,7 +209,7 @@ static void take_last(Run *r, CtsWorker *w, bool up_to_date)
         end_series(r, w->record, up_to_date);
     if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->record, "exit_code")) == 5 &&
         !json_object_get(w->record, "unsent") && cts_folder_probe(r->settings, &err))
-        give_up_batch(r, CTS_ERR_OUTPUT, &err);
+        give_up_batch(r, &err);
     json_decref(w->record);
     w->record = NULL;
 }
@@ -232,17 +232,13 @@ static void count_pictures(Run *r, CtsWorker *w, bool begun, int n_left)
 
 static void take_message(void *context, CtsWorker *w, const char *message)
 {
-    static const char *const words[] = {CTS_WORKER_BEGUN, CTS_WORKER_RECORD, CTS_WORKER_LAST_RECORD,
-                                        CTS_WORKER_UP_TO_DATE};
     Run *const r = context;
-    size_t which = 0;
-    if (!strcmp(message, CTS_WORKER_LOADED)) {
+    const char kind = *message;
+    if (kind == CTS_WORKER_LOADED) {
         set_phase(r, w, CTS_WORKER_WAITS);
         return;
     }
-    while (which < 4 && strncmp(message, words[which], strlen(words[which])))
-        which++;
-    json_t *record = which < 4 ? json_loads(message + strlen(words[which]), 0, NULL) : NULL;
+    json_t *record = kind ? json_loads(message + 1, 0, NULL) : NULL;
     if (!record || !cts_json_text_of(record, "series_uid")[0]) {
         json_decref(record);
         return;
@@ -250,11 +246,11 @@ static void take_message(void *context, CtsWorker *w, const char *message)
     json_decref(w->record);
     w->record = record;
     if (w->phase != CTS_WORKER_SENDS)
-        count_pictures(r, w, which == 0, (int)json_integer_value(json_object_get(record, "unfinished")));
-    if (which == 1)
+        count_pictures(r, w, kind == CTS_WORKER_BEGUN, (int)json_integer_value(json_object_get(record, "unfinished")));
+    if (kind == CTS_WORKER_RECORD)
         add_record(r, record);
-    else if (which > 1)
-        take_last(r, w, which == 3);
+    else if (kind != CTS_WORKER_BEGUN)
+        take_last(r, w, kind == CTS_WORKER_UP_TO_DATE);
 }
 
 /* Records a series whose worker ended without a report, with the reason. */
@@ -363,9 +359,8 @@ static bool start_next(Run *r)
     CtsError err = {0};
     CtsWorker *w = free_worker(r, &n_at_work);
     while (w && n_at_work <= r->n_jobs && r->next < r->found.n_series && !r->status && !interrupted(r)) {
-        CtsStatus st = cts_plan_series(r->plan, r->next, &w->series, &err);
-        if (st) {
-            give_up_batch(r, st, &err);
+        if (cts_plan_series(r->plan, r->next, &w->series, &err)) {
+            give_up_batch(r, &err);
             return false;
         }
         if (r->planned)
@@ -384,9 +379,9 @@ static bool start_next(Run *r)
         }
         const size_t left = r->found.n_series - r->next + (size_t)n_at_work;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
-        if ((st = cts_worker_start(r->settings, r->journal, r->found.archives, threads_of_one(r, at_once), w, &err))) {
+        if (cts_worker_start(r->settings, r->journal, r->found.archives, threads_of_one(r, at_once), w, &err)) {
             cts_plan_series_free(&w->series);
-            give_up_batch(r, st, &err);
+            give_up_batch(r, &err);
             return false;
         }
         w->bytes = bytes;
@@ -413,7 +408,7 @@ static void start_sender(Run *r)
     if (st) {
         json_decref(w->record);
         w->record = NULL;
-        give_up_batch(r, st, &err);
+        give_up_batch(r, &err);
         return;
     }
     set_phase(r, w, CTS_WORKER_SENDS);
@@ -468,10 +463,9 @@ static void watch_clock(Run *r)
         report_batch_progress(r);
     if (now_ms - r->synced_ms > SYNC_MS) {
         CtsError err;
-        const CtsStatus st = cts_journal_sync(r->journal, &err);
         r->synced_ms = now_ms;
-        if (st)
-            give_up_batch(r, st, &err);
+        if (cts_journal_sync(r->journal, &err))
+            give_up_batch(r, &err);
     }
 }
 

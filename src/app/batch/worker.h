@@ -14,13 +14,15 @@
 /* Exit code when memory ran out, even for a message. */
 enum { CTS_WORKER_NO_MEMORY = 3 };
 
-/* Messages to the parent, one per line. The last four are followed by a journal record, with all details that
- * cts_journal_record_redact() may remove: */
-#define CTS_WORKER_LOADED "loaded"     /* the volume is read; the worker waits for a byte */
-#define CTS_WORKER_BEGUN "begun "      /* data of the series so far; not for the journal */
-#define CTS_WORKER_RECORD "line "      /* not final: more records of this series follow */
-#define CTS_WORKER_LAST_RECORD "last " /* final */
-#define CTS_WORKER_UP_TO_DATE "same "  /* final, and nothing had to be rendered */
+/* Messages to the parent, one per line, by their first byte. The last four are followed by a journal record, with all
+ * details that cts_journal_record_redact() may remove: */
+enum {
+    CTS_WORKER_LOADED = 'v',      /* the volume is read; the worker waits for a byte */
+    CTS_WORKER_BEGUN = 'b',       /* data of the series so far; not for the journal */
+    CTS_WORKER_RECORD = 'r',      /* not final: more records of this series follow */
+    CTS_WORKER_LAST_RECORD = 'l', /* final */
+    CTS_WORKER_UP_TO_DATE = 's'   /* final, and nothing had to be rendered */
+};
 
 /* State of the worker process. */
 typedef struct CtsWorkerProcess {
@@ -69,8 +71,8 @@ typedef struct CtsWorker {
 /* run is called in the new process, and does not return. Sets the worker's pid and socket, a non-blocking one. */
 CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process),
                           CtsWorker *worker, CtsError *err);
-/* Sends the word followed by the record. */
-CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const char *word, CtsError *err);
+/* Sends a message of this kind with the record. */
+CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, char kind, CtsError *err);
 
 /* An empty line of a series. The caller's to release; NULL without memory. */
 json_t *cts_worker_new_record(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,

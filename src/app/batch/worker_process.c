@@ -105,11 +105,11 @@ static char *renamed(const char *text, const CtsPlanSeries *series)
     return cts_text_end(stream, &out);
 }
 
-CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, const char *word, CtsError *err)
+CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, char kind, CtsError *err)
 {
     char *whole = json_dumps(worker_process->record, JSON_COMPACT | JSON_REAL_PRECISION(12)), *message = NULL;
     char *object = whole ? renamed(whole, worker_process->series) : NULL;
-    CtsStatus st = object && asprintf(&message, "%s%s\n", word, object) > 0
+    CtsStatus st = object && asprintf(&message, "%c%s\n", kind, object) > 0
                        ? CTS_OK
                        : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st)
@@ -367,7 +367,7 @@ CtsStatus cts_worker_loaded(CtsWorkerProcess *c, const CtsPixelFacts *facts, Cts
     char go;
     const double start_ms = cts_wall_ms();
     record_geometry(c, facts);
-    CtsStatus st = send_text(c, CTS_WORKER_LOADED "\n", err);
+    CtsStatus st = send_text(c, (const char[]){CTS_WORKER_LOADED, '\n', 0}, err);
     while (!st) {
         const ssize_t n = recv(c->socket, &go, 1, 0);
         if (n == 1)
