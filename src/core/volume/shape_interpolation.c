@@ -34,12 +34,6 @@ static const double EDGES_HU = 300;
 
 #define INLINE __attribute__((always_inline)) static inline
 
-/* One slice as blocks: grey levels, and the distance to each surface, positive inside. */
-typedef struct SliceField {
-    uint16_t *grey;
-    int16_t *distance[N_SURFACES];
-} SliceField;
-
 typedef struct Shaping {
     const CtsShapeStack *stack;
     int n_blocks[2];
@@ -57,8 +51,7 @@ enum { CHUNK = 64 };
 
 /* Scratch memory of one thread. */
 typedef struct Scratch {
-    SliceField field[2];
-    int slice; /* of field[1] */
+    int slice; /* of the gap's second field */
     ShapeSums sums;
     bool no_memory;
     ShapeGap gap;
@@ -82,23 +75,10 @@ static size_t n_row_words(const Shaping *s)
     return (size_t)s->n_blocks[0] / 64 + 1;
 }
 
-static void blocks_free(ShapeBlocks *b)
-{
-    cts_free(&b->at);
-    cts_free(&b->row);
-}
-
-static CtsStatus blocks_new(ShapeBlocks *b, size_t n, CtsError *err)
-{
-    CtsStatus st;
-    (void)((st = cts_alloc_array(&b->at, n, err)) || (st = cts_alloc_array(&b->row, n, err)));
-    return st;
-}
-
 static void scratch_free(Scratch *c)
 {
-    blocks_free(&c->gap.moving);
-    blocks_free(&c->gap.written);
+    cts_free(&c->gap.moving.items);
+    cts_free(&c->gap.written.items);
     cts_free(&c->distance);
     cts_free(&c->grey);
     cts_free(&c->row);
@@ -112,7 +92,7 @@ static void scratch_free(Scratch *c)
 static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
 {
     const size_t n = n_all_blocks(s), n_bits = (size_t)s->n_blocks[1] * n_row_words(s);
-    const size_t n_moves = shape_place(0, (size_t)s->n_blocks[1]) + n;
+    const size_t n_moves = shape_place((ShapeBlock){(uint32_t)n, (uint32_t)s->n_blocks[1]});
     CtsStatus st;
     *c = (Scratch){.slice = -1,
                    .no_memory = c->no_memory,
@@ -124,15 +104,15 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
         (st = cts_alloc_array(&c->columns, SHAPE_ROWS * (size_t)s->n_blocks[0], err)) ||
         (st = cts_alloc_zeroed(&c->move, SHAPE_NUMBERS * n_moves + SHAPE_LANES, err)) ||
         (st = cts_alloc_array(&c->bits, n_bits, err)) || (st = cts_alloc_array(&c->near, n_bits, err)) ||
-        (st = blocks_new(&c->gap.moving, n, err)) || (st = blocks_new(&c->gap.written, n, err))) {
+        (st = cts_alloc_array(&c->gap.moving.items, n, err)) || (st = cts_alloc_array(&c->gap.written.items, n, err))) {
         scratch_free(c);
         *c = (Scratch){.no_memory = true};
         return st;
     }
     for (int i = 0; i < 2 * N_SURFACES; i++)
-        c->field[i / N_SURFACES].distance[i % N_SURFACES] = c->distance + (size_t)i * n;
+        c->gap.field[i / N_SURFACES].distance[i % N_SURFACES] = c->distance + (size_t)i * n;
     for (int i = 0; i < 2; i++)
-        c->field[i].grey = c->grey + (size_t)i * n;
+        c->gap.field[i].grey = c->grey + (size_t)i * n;
     for (int i = 0; i < SHAPE_NUMBERS; i++)
         c->gap.move[i] = c->move + (size_t)i * n_moves;
     return CTS_OK;
@@ -312,7 +292,7 @@ static uint16_t *stored_layer(const CtsShapeStack *t, int layer)
 }
 
 /* From rows above, from rows below, then within rows: a shortest path has its diagonal steps first. */
-INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, SliceField *field)
+INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, ShapeField *field)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     uint16_t *const own = c->row, *const low = own + nx + 2, *const high = low + nx;
@@ -337,14 +317,14 @@ INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, SliceField *
     }
 }
 
-CTS_CPU_VARIANTS(void, read_field, (const Shaping *s, int slice, Scratch *c, SliceField *field),
+CTS_CPU_VARIANTS(void, read_field, (const Shaping *s, int slice, Scratch *c, ShapeField *field),
                  read_any_field(s, slice, c, field))
 
 /* Bit i: block at + i, of n, is displaced at any position between the slices and differs by more than noise;
  * displacements of all others are 0. */
 INLINE uint64_t flag_blocks(const Shaping *s, const Scratch *c, size_t at, int n)
 {
-    const uint16_t *const a = c->field[0].grey + at, *const b = c->field[1].grey + at;
+    const uint16_t *const a = c->gap.field[0].grey + at, *const b = c->gap.field[1].grey + at;
     const int alike = (int)s->alike;
     enum { EIGHT = 8 };
     uint8_t moves[CHUNK] = {0};
@@ -355,7 +335,7 @@ INLINE uint64_t flag_blocks(const Shaping *s, const Scratch *c, size_t at, int n
     if (!any)
         return 0;
     for (int l = 0; l < N_SURFACES; l++) {
-        const int16_t *const d = c->field[0].distance[l] + at, *const e = c->field[1].distance[l] + at;
+        const int16_t *const d = c->gap.field[0].distance[l] + at, *const e = c->gap.field[1].distance[l] + at;
         for (int i = 0; i < n; i++) {
             const int moved = abs(e[i] - d[i]), off = least(abs(d[i]), abs(e[i]));
             moves[i] |= (moved > SHAPE_MOVES_FROM) & (abs(b[i] - a[i]) > alike) &
@@ -417,10 +397,9 @@ static void list_flagged(const Shaping *s, const uint64_t *bits, const BlockBox 
     list->n = 0;
     for (size_t j = (size_t)box->low[1]; j < (size_t)box->end[1]; j++)
         for (size_t w = 0; w < n; w++)
-            for (uint64_t left = bits[j * n + w] & word_of_box(box, w); left; left &= left - 1) {
-                list->at[list->n] = (uint32_t)(j * nx + 64 * w + (size_t)__builtin_ctzll(left));
-                list->row[list->n++] = (uint32_t)j;
-            }
+            for (uint64_t left = bits[j * n + w] & word_of_box(box, w); left; left &= left - 1)
+                list->items[list->n++] =
+                    (ShapeBlock){(uint32_t)(j * nx + 64 * w + (size_t)__builtin_ctzll(left)), (uint32_t)j};
 }
 
 /* Bits that are set in a row or beside one that is. */
@@ -455,12 +434,12 @@ static void list_blocks(const Shaping *s, Scratch *c)
 /* Clears the displacements of listed blocks and of their neighbours in the row, run by run. */
 static void clear_moves(const ShapeGap *g)
 {
-    const ShapeBlocks *const b = &g->moving;
-    for (size_t first = 0, end; first < b->n; first = end) {
-        for (end = first + 1; end < b->n && b->at[end] == b->at[end - 1] + 1 && b->row[end] == b->row[first];)
+    const ShapeBlock *const b = g->moving.items;
+    for (size_t first = 0, end; first < g->moving.n; first = end) {
+        for (end = first + 1; end < g->moving.n && b[end].at == b[end - 1].at + 1 && b[end].row == b[first].row;)
             end++;
         for (int k = 0; k < SHAPE_NUMBERS; k++)
-            memset(g->move[k] + shape_place(b->at[first], b->row[first]) - 1, 0, (end - first + 2) * sizeof(float));
+            memset(g->move[k] + shape_place(b[first]) - 1, 0, (end - first + 2) * sizeof(float));
     }
 }
 
@@ -474,8 +453,6 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap)
     const CtsShapeStack *const t = s->stack;
     const double from = place_of_slice(t, gap), to = place_of_slice(t, gap + 1);
     list_blocks(s, c);
-    for (int i = 0; i < 2 * N_SURFACES; i++)
-        c->gap.distance[i / N_SURFACES][i % N_SURFACES] = c->field[i / N_SURFACES].distance[i % N_SURFACES];
     for (int j = most((int)floor(from) + 1, t->low[2]); j < to && j < t->end[2]; j++) {
         const ShapeLayer made = {
             {stored_slice(s, gap), stored_slice(s, gap + 1)}, stored_layer(t, j), (float)((j - from) / (to - from))};
@@ -558,12 +535,12 @@ static void make_gaps(void *context, int worker, size_t first, size_t end)
         const LayerRange made = layers_of_gap(t, gap);
         if (gap + 1 == t->n_slices || made.first >= made.end || !c || (!c->grey && scratch_new(s, c, NULL)))
             continue;
-        const SliceField f = c->field[0];
-        c->field[0] = c->field[1];
-        c->field[1] = f;
+        ShapeField *const field = c->gap.field, first_field = field[0];
+        field[0] = field[1];
+        field[1] = first_field;
         if (c->slice != gap)
-            CTS_CPU_CHOICE(cpu, read_field)(s, gap, c, &c->field[0]);
-        CTS_CPU_CHOICE(cpu, read_field)(s, c->slice = gap + 1, c, &c->field[1]);
+            CTS_CPU_CHOICE(cpu, read_field)(s, gap, c, &field[0]);
+        CTS_CPU_CHOICE(cpu, read_field)(s, c->slice = gap + 1, c, &field[1]);
         shape_gap(s, c, gap);
     }
 }

@@ -23,18 +23,29 @@ enum { SHAPE_NUMBERS = 5, SHAPE_SHARE = 4 };
  * more. */
 enum { SHAPE_LANES = 16 };
 
-/* Listed blocks, in order: the place of each in arrays of all blocks, and which row of blocks it is in. */
+/* A block's place in arrays of all blocks, and which row of blocks it is in. */
+typedef struct ShapeBlock {
+    uint32_t at, row;
+} ShapeBlock;
+
+/* Listed blocks, in order. */
 typedef struct ShapeBlocks {
     size_t n;
-    uint32_t *at, *row;
+    ShapeBlock *items;
 } ShapeBlocks;
+
+/* One slice as blocks: grey levels, and the distance to each surface, positive inside; SHAPE_FAR: none. */
+typedef struct ShapeField {
+    uint16_t *grey;
+    int16_t *distance[SHAPE_SURFACES];
+} ShapeField;
 
 /* A gap between two slices. */
 typedef struct ShapeGap {
     const CtsShapeStack *stack;
     int n_blocks[2];
-    const int16_t *distance[2][SHAPE_SURFACES]; /* of each block in both slices, positive inside; SHAPE_FAR: none */
-    ShapeBlocks moving, written;                /* those with displacements, and those whose pixels may change */
+    ShapeField field[2];         /* of both slices */
+    ShapeBlocks moving, written; /* those with displacements, and those whose pixels may change */
     /* Displacements at one layer, each number in an array of its own. Rows are n_blocks[0] + 2 entries: the first and
      * the last value twice. */
     float *move[SHAPE_NUMBERS];
@@ -54,9 +65,9 @@ typedef struct ShapeSums {
 } ShapeSums;
 
 /* Place of a block in arrays of displacements. */
-static inline size_t shape_place(size_t at, size_t row)
+static inline size_t shape_place(ShapeBlock b)
 {
-    return at + 2 * row + 1;
+    return (size_t)b.at + 2 * (size_t)b.row + 1;
 }
 
 /* Distances of blocks from those in the same row, which had none shorter in other rows. columns: SHAPE_ROWS times

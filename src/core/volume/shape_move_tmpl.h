@@ -71,7 +71,7 @@ INLINE void find_some(const ShapeGap *g, const Places *p, vf part, vmask moving,
     for (int number = 0; number < SHAPE_NUMBERS; number++)
         move[number] = vf_of(0);
     for (int s = 0; s < SHAPE_SURFACES; s++) {
-        const int16_t *const first = g->distance[0][s], *const second = g->distance[1][s];
+        const int16_t *const first = g->field[0].distance[s], *const second = g->field[1].distance[s];
         const vi d = vi_load_shorts(first + p->at), e = vi_load_shorts(second + p->at), far = vi_of(SHAPE_FAR / 2);
         const vmask known = vi_lt(vi_max(d, -d), far) & vi_lt(vi_max(e, -e), far);
         const vf before = to_float(d) * BLOCK_OF_UNIT, difference = to_float(e - d) * BLOCK_OF_UNIT;
@@ -95,7 +95,7 @@ INLINE void store_moves(const ShapeGap *g, int x, int row, vmask moving, const v
     const int to_last = g->n_blocks[0] - 1 - x;
     const unsigned bits = mask_bits(moving);
     for (int k = 0; k < SHAPE_NUMBERS; k++) {
-        float *const to = g->move[k] + shape_place((size_t)row * (size_t)g->n_blocks[0] + (size_t)x, (size_t)row);
+        float *const to = g->move[k] + shape_place((ShapeBlock){(uint32_t)(row * g->n_blocks[0] + x), (uint32_t)row});
         vf_store(to, vf_select(moving, move[k], vf_load(to)));
         if (x == 0 && bits & 1)
             to[-1] = to[0];
@@ -109,11 +109,11 @@ INLINE void find_moves(const ShapeGap *g, float part)
 {
     const ShapeBlocks *const b = &g->moving;
     for (size_t k = 0; k < b->n;) {
-        const uint32_t row = b->row[k], first = b->at[k];
+        const uint32_t row = b->items[k].row, first = b->items[k].at;
         const int x = (int)(first - row * (uint32_t)g->n_blocks[0]);
         unsigned listed = 0;
-        for (; k < b->n && b->row[k] == row && b->at[k] - first < LANES; k++)
-            listed |= 1U << (b->at[k] - first);
+        for (; k < b->n && b->items[k].row == row && b->items[k].at - first < LANES; k++)
+            listed |= 1U << (b->items[k].at - first);
         const vmask moving = mask_of_bits(listed);
         const Places places = places_of(g, x, (int)row);
         vf move[SHAPE_NUMBERS];
@@ -249,22 +249,22 @@ INLINE size_t write_row(const ShapeGap *g, const ShapeLayer *l, size_t k, ShapeS
 {
     const CtsShapeStack *const t = g->stack;
     const ShapeBlocks *const b = &g->written;
-    const int row = (int)b->row[k];
+    const int row = (int)b->items[k].row;
     const ptrdiff_t stride = g->n_blocks[0] + 2;
     LaneSums all = {vi_of(0), vi_of(0)};
-    while (k < b->n && b->row[k] == (uint32_t)row) {
-        const uint32_t first = b->at[k] - (uint32_t)row * (uint32_t)g->n_blocks[0],
-                       end = b->at[k] + LANES / SHAPE_BLOCK;
+    while (k < b->n && b->items[k].row == (uint32_t)row) {
+        const size_t place = shape_place(b->items[k]);
+        const uint32_t first = b->items[k].at - (uint32_t)row * (uint32_t)g->n_blocks[0],
+                       end = b->items[k].at + LANES / SHAPE_BLOCK;
         const int x = SHAPE_BLOCK * (int)first, n = t->end[0] - x < LANES ? t->end[0] - x : LANES;
         const int y = SHAPE_BLOCK * row, to_above = row > 0 ? -1 : 0, to_below = row + 1 < g->n_blocks[1];
         const Pixels p = {.x = x,
                           .y = y,
                           .n_rows = t->end[1] - y < ROWS ? t->end[1] - y : ROWS,
-                          .near = shape_place(b->at[k], b->row[k]),
-                          .far = {shape_place(b->at[k], b->row[k]) + (size_t)(to_above * stride),
-                                  shape_place(b->at[k], b->row[k]) + (size_t)(to_below * stride)}};
+                          .near = place,
+                          .far = {place + (size_t)(to_above * stride), place + (size_t)(to_below * stride)}};
         write_some(g, l, &p, (size_t)n, &all);
-        while (k < b->n && b->at[k] < end && b->row[k] == (uint32_t)row)
+        while (k < b->n && b->items[k].at < end && b->items[k].row == (uint32_t)row)
             k++;
     }
     for (int lane = 0; lane < LANES; lane++) {
