@@ -26,7 +26,6 @@ typedef struct CtsMixture {
     CtsTissue tissue[CTS_MAX_TISSUES];
     uint64_t n_voxels;
     int n_levels; /* grey levels that occur, 0 left out */
-    int n_rounds;
     bool converged;
 } CtsMixture;
 

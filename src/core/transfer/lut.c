@@ -26,7 +26,6 @@ static void count_visible(CtsLut *l, const uint8_t *between)
         l->visible_below[2 * g + 1] = n;
         n += g + 1 < l->n && (e[g] > 0 || e[g + 1] > 0 || between[g]) && !CTS_MUTATED(WHOLE_LEVELS);
     }
-    l->any_visible = n > 0;
 }
 
 static CtsStatus find_visible_levels(CtsLut *l, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,

@@ -18,7 +18,6 @@ typedef struct CtsLut {
      * g + 2 less entry 2 g + 1 where some HU between levels g and g + 1 may have one. */
     uint32_t *visible_below;
     double max_extinction_per_mm;
-    bool any_visible;
 } CtsLut;
 
 /* extinction_scale multiplies every extinction: 1, or for --opacity-unit voxel the factor that makes the preset's unit

@@ -214,7 +214,6 @@ static void iterate(Fit *f, double converged)
     for (int round = 1; round <= MAX_ROUNDS && !m->converged; round++) {
         expect(f, &sums);
         maximise(f, &sums);
-        m->n_rounds++;
         /* The prior of the initial values can keep the likelihood constant for an iteration, so convergence needs
          * three. */
         n_still = fabs(sums.log_likelihood - before) <= converged * f->n_voxels ? n_still + 1 : 0;

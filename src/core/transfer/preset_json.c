@@ -185,22 +185,15 @@ static bool same_places(const CtsPreset *preset)
     return same;
 }
 
-static json_t *points_to_json(const CtsPreset *p, bool with_colour)
+/* Points of opacity, of colour, or of both at the same places. */
+static json_t *points_to_json(const CtsPreset *p, bool opacity, bool colour)
 {
     json_t *points = json_array();
-    for (int i = 0; i < p->n_opacity; i++)
-        json_array_append_new(points, json_pack("{s:o, s:o*, s:o}", place_key(p), cts_json_new_number(p->opacity[i].hu),
-                                                "rgb", with_colour ? rgb_to_json(p->colour[i].rgb) : NULL, "opacity",
-                                                cts_json_new_number(p->opacity[i].opacity)));
-    return points;
-}
-
-static json_t *colours_to_json(const CtsPreset *p)
-{
-    json_t *points = json_array();
-    for (int i = 0; i < p->n_colour; i++)
-        json_array_append_new(points, json_pack("{s:o,s:o}", place_key(p), cts_json_new_number(p->colour[i].hu), "rgb",
-                                                rgb_to_json(p->colour[i].rgb)));
+    for (int i = 0; i < (opacity ? p->n_opacity : p->n_colour); i++)
+        json_array_append_new(points, json_pack("{s:o, s:o*, s:o*}", place_key(p),
+                                                cts_json_new_number(opacity ? p->opacity[i].hu : p->colour[i].hu),
+                                                "rgb", colour ? rgb_to_json(p->colour[i].rgb) : NULL, "opacity",
+                                                opacity ? cts_json_new_number(p->opacity[i].opacity) : NULL));
     return points;
 }
 
@@ -223,7 +216,7 @@ char *cts_preset_to_json(const CtsPreset *p)
         "{s:s, s:s, s:s*, s:[oo], s:o, s:o*, s:s, s:o, s:o?, s:o, s:b}", "name", p->name, "scale",
         cts_scale_names[p->scale], "modality", p->modality == CTS_ANY_MODALITY ? NULL : cts_modality_names[p->modality],
         "window", cts_json_new_number(p->window_low_hu), cts_json_new_number(p->window_high_hu), "points",
-        points_to_json(p, together), "colour_points", together ? NULL : colours_to_json(p), "mode",
+        points_to_json(p, true, together), "colour_points", together ? NULL : points_to_json(p, false, true), "mode",
         cts_mode_names[p->mode], "unit_distance_mm", cts_json_new_number(p->unit_distance_mm), "shade",
         p->shade ? light_to_json(p) : NULL, "background", background, "remove_table", p->remove_table);
     if (p->window_absolute && p->scale == CTS_SCALE_RELATIVE)

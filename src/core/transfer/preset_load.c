@@ -138,11 +138,7 @@ CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, cons
     if (text[first] == '<') {
         st = cts_preset_from_xml(text, size, name, which, preset, err);
     } else if (text[first] >= '0' && text[first] <= '9' && !which) {
-        char *copy = memchr(text, 0, size) ? NULL : strndup(text, size);
-        if (!copy)
-            return cts_fail(err, CTS_ERR_PRESET, "%s: not a preset: a byte 0 in its text", name);
-        st = cts_preset_from_vp(copy, name, preset, err);
-        free(copy);
+        st = cts_preset_from_vp(text, size, name, preset, err);
     } else {
         st = parse_json(text, size, name, which, &is_slicer, preset, err);
     }

@@ -66,7 +66,6 @@ enum {
 extern const char *const cts_vtk_names[CTS_VTK_N];
 
 CtsStatus cts_preset_from_vtk(const char *name, const CtsVtkText values[CTS_VTK_N], CtsPreset *preset, CtsError *err);
-/* text ends with a 0 byte. */
-CtsStatus cts_preset_from_vp(const char *text, const char *name, CtsPreset *preset, CtsError *err);
+CtsStatus cts_preset_from_vp(const char *text, size_t size, const char *name, CtsPreset *preset, CtsError *err);
 CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
                               CtsError *err);

@@ -96,11 +96,11 @@ static CtsStatus read_functions(const char *name, const CtsVtkText values[], Cts
     int n;
     if ((st = read_vtk_function(name, values, CTS_VTK_GRADIENT, 2, points, &n, err)))
         return st;
+    bool varies = false;
     for (int i = 0; i < n; i++)
-        if (points[i][1] != 1) {
-            cts_preset_note(preset, "gradient opacity");
-            break;
-        }
+        varies |= points[i][1] != 1;
+    if (varies)
+        cts_preset_note(preset, "gradient opacity");
 
     if ((st = read_vtk_function(name, values, CTS_VTK_OPACITY, 2, points, &preset->n_opacity, err)))
         return st;
@@ -145,13 +145,13 @@ CtsStatus cts_preset_from_vtk(const char *name, const CtsVtkText values[CTS_VTK_
     return CTS_OK;
 }
 
-CtsStatus cts_preset_from_vp(const char *text, const char *name, CtsPreset *preset, CtsError *err)
+CtsStatus cts_preset_from_vp(const char *text, size_t size, const char *name, CtsPreset *preset, CtsError *err)
 {
     CtsStatus st;
     CtsVtkText values[CTS_VTK_N] = {0};
-    char *copy = strdup(text), *line = copy;
+    char *copy = memchr(text, 0, size) ? NULL : strndup(text, size), *line = copy;
     if (!copy)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        return cts_fail(err, CTS_ERR_PRESET, "%s: not a preset: a byte 0 in its text", name);
     int n = 0;
     for (; line && n < CTS_VTK_N_LINES; n++) {
         values[n].text = strsep(&line, "\n");

@@ -10,13 +10,11 @@
 typedef struct XmlSearch {
     XML_Parser parser;
     const char *which; /* NULL: the only one */
-    char *texts[CTS_VTK_N];
-    int line;
+    CtsVtkText values[CTS_VTK_N];
     int n_found, n_chosen;
     char name[64];
     char names[500]; /* of all found, for the message */
-    bool failed;     /* out of memory, or a document type */
-    const char *why;
+    const char *why; /* the search was given up; or NULL */
 } XmlSearch;
 
 static const char *attribute(const char *const *attributes, const char *name)
@@ -29,7 +27,6 @@ static const char *attribute(const char *const *attributes, const char *name)
 
 static void give_up_search(XmlSearch *search, const char *why)
 {
-    search->failed = true;
     search->why = why;
     XML_StopParser(search->parser, XML_FALSE);
 }
@@ -58,10 +55,10 @@ static void on_element(void *user, const char *element, const char **attributes)
     if (search->n_chosen++)
         return;
     snprintf(search->name, sizeof search->name, "%s", name ? name : "");
-    search->line = line_of(search->parser);
     for (int i = 0; i < CTS_VTK_N; i++) {
-        const char *text = attribute(attributes, cts_vtk_names[i]);
-        if (text && !(search->texts[i] = strdup(text)))
+        const char *const text = attribute(attributes, cts_vtk_names[i]);
+        search->values[i] = (CtsVtkText){text ? strdup(text) : NULL, line_of(search->parser)};
+        if (text && !search->values[i].text)
             give_up_search(search, "out of memory");
     }
 }
@@ -78,7 +75,6 @@ CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, c
 {
     CtsStatus st = CTS_OK;
     XmlSearch search = {.which = which};
-    CtsVtkText values[CTS_VTK_N];
     search.parser = XML_ParserCreate(NULL);
     if (!search.parser)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -87,7 +83,7 @@ CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, c
     XML_SetStartDoctypeDeclHandler(search.parser, on_doctype);
     if (XML_Parse(search.parser, text, (int)size, 1) != XML_STATUS_OK) {
         st = cts_fail(err, CTS_ERR_PRESET, "%s: line %d: %s", name, line_of(search.parser),
-                      search.failed ? search.why : XML_ErrorString(XML_GetErrorCode(search.parser)));
+                      search.why ? search.why : XML_ErrorString(XML_GetErrorCode(search.parser)));
         goto end;
     }
     if (!search.n_found)
@@ -99,13 +95,11 @@ CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, c
                       search.names);
     if (st)
         goto end;
-    for (int i = 0; i < CTS_VTK_N; i++)
-        values[i] = (CtsVtkText){search.texts[i], search.line};
-    if (!(st = cts_preset_from_vtk(name, values, preset, err)))
+    if (!(st = cts_preset_from_vtk(name, search.values, preset, err)))
         cts_preset_set_name(preset, search.name);
 end:
     for (int i = 0; i < CTS_VTK_N; i++)
-        free(search.texts[i]);
+        free((char *)search.values[i].text);
     XML_ParserFree(search.parser);
     return st;
 }
