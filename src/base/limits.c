@@ -60,15 +60,7 @@ void cts_error_limits(CtsVerified *v)
  * most. */
 static double expectation_limit(double sum, double odds)
 {
-    double low = sum, high = sum + 3 * odds + 2 * sqrt(odds * sum);
-    for (int i = 0; i < 60; i++) {
-        const double middle = 0.5 * (low + high);
-        if (middle - sum - (sum > 0 ? sum * log(middle / sum) : 0) < odds)
-            low = middle;
-        else
-            high = middle;
-    }
-    return high;
+    return solve(sum, odds, sum, sum + 3 * odds + 2 * sqrt(odds * sum));
 }
 
 /* Of all terms x of mean m and mean square v, E exp(-tx) is largest for the two values 0 and v / m: the parabola that

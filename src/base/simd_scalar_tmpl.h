@@ -4,6 +4,16 @@
 #include <immintrin.h>
 #endif
 
+/* Defines a function on the lanes of one register: `value` computes lane l of its result. */
+#define SIMD_LANES(type, name, parameters, value)                                                                      \
+    INLINE type name parameters                                                                                        \
+    {                                                                                                                  \
+        type result = {0};                                                                                             \
+        for (int l = 0; l < LANES; l++)                                                                                \
+            result[l] = value;                                                                                         \
+        return result;                                                                                                 \
+    }
+
 SIMD_OP(vi, vi_select, (vmask mask, vi yes, vi no), (mask & yes) | (~mask & no))
 #if defined(SIMD_DOUBLE) && LANES == 4
 SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)_mm256_blendv_pd((__m256d)no, (__m256d)yes, (__m256d)mask))
@@ -18,12 +28,7 @@ SIMD_OP(vi, vi_min, (vi a, vi b), vi_select(a < b, a, b))
 SIMD_OP(vi, vi_max, (vi a, vi b), vi_select(a > b, a, b))
 
 /* Correctly rounded: of a float in double precision, too. */
-INLINE vf vf_sqrt(vf a)
-{
-    for (int l = 0; l < LANES; l++)
-        a[l] = (real)sqrt((double)a[l]);
-    return a;
-}
+SIMD_LANES(vf, vf_sqrt, (vf a), (real)sqrt((double)a[l]))
 
 #if defined(SIMD_DOUBLE) && LANES == 8
 SIMD_OP(unsigned, mask_bits, (vmask mask), _mm512_movepi64_mask((__m512i)mask))
@@ -49,86 +54,33 @@ INLINE unsigned mask_bits(vmask mask)
 }
 #endif
 
-INLINE vmask mask_of_bits(unsigned bits)
-{
-    vmask m = {0};
-    for (int l = 0; l < LANES; l++)
-        m[l] = -(whole)(bits >> l & 1);
-    return m;
-}
-
-INLINE vf vf_look_up(const float *table, int n, vi index)
-{
-    vf v = {0};
-    (void)n;
-    for (int l = 0; l < LANES; l++)
-        v[l] = (real)table[index[l]];
-    return v;
-}
-
-INLINE vi vi_take_bytes(const void *from, vi index)
-{
-    vi v = {0};
-    for (int l = 0; l < LANES; l++)
-        v[l] = ((const uint8_t *)from)[index[l]];
-    return v;
-}
+SIMD_LANES(vmask, mask_of_bits, (unsigned bits), -(whole)(bits >> l & 1))
+SIMD_LANES(vf, vf_look_up, (const float *table, int n, vi index), ((void)n, (real)table[index[l]]))
+SIMD_LANES(vi, vi_take_bytes, (const void *from, vi index), ((const uint8_t *)from)[index[l]])
 
 INLINE vi first_index(vi index, vmask mask)
 {
     return vi_of(index[__builtin_ctz(mask_bits(mask))]);
 }
 
-INLINE vi vi_take(const void *from, vi index)
+INLINE int32_t load_one(const char *from)
 {
-    vi v = {0};
-    for (int l = 0; l < LANES; l++) {
-        int32_t one;
-        memcpy(&one, (const char *)from + 4 * (ptrdiff_t)index[l], sizeof one);
-        v[l] = one;
-    }
-    return v;
+    int32_t one;
+    memcpy(&one, from, sizeof one);
+    return one;
 }
+
+SIMD_LANES(vi, vi_take, (const void *from, vi index), load_one((const char *)from + 4 * (ptrdiff_t)index[l]))
 
 #ifndef SIMD_DOUBLE
-INLINE vi vi_load_shorts(const int16_t *from)
-{
-    vi v = {0};
-    for (int l = 0; l < LANES; l++)
-        v[l] = from[l];
-    return v;
-}
+SIMD_LANES(vi, vi_load_shorts, (const int16_t *from), from[l])
+SIMD_LANES(vi, vi_load_words, (const uint16_t *from), from[l])
+SIMD_LANES(vi, vi_take_pairs, (const void *from, vi index),
+           (int32_t)(((const uint16_t *)from)[index[l]] | (uint32_t)((const uint16_t *)from)[index[l] + 1] << 16))
 
-INLINE vi vi_load_words(const uint16_t *from)
-{
-    vi v = {0};
-    for (int l = 0; l < LANES; l++)
-        v[l] = from[l];
-    return v;
-}
-
-INLINE vi vi_take_pairs(const void *from, vi index)
-{
-    vi v = {0};
-    for (int l = 0; l < LANES; l++) {
-        uint16_t pair[2];
-        memcpy(pair, (const char *)from + 2 * (ptrdiff_t)index[l], sizeof pair);
-        v[l] = (int32_t)(pair[0] | (uint32_t)pair[1] << 16);
-    }
-    return v;
-}
-
-INLINE vi vi_take_64(const void *from, vi index, ptrdiff_t scale, vi *second)
-{
-    vi first = {0};
-    for (int l = 0; l < LANES; l++) {
-        int32_t both[2];
-        memcpy(both, (const char *)from + index[l] * scale, sizeof both);
-        first[l] = both[0];
-        (*second)[l] = both[1];
-    }
-    return first;
-}
+SIMD_LANES(vi, vi_take_64, (const void *from, vi index, ptrdiff_t scale, vi *second),
+           ((*second)[l] = load_one((const char *)from + index[l] * scale + 4),
+            load_one((const char *)from + index[l] * scale)))
 
 /* The sum wraps where all four are INT16_MIN. */
 INLINE vi vs_madd(vs a, vs b)

@@ -31,28 +31,9 @@ CtsStatus cts_context(CtsError *err, const char *format, ...)
     return n + 3 < sizeof what ? cts_fail(err, why.status, "%s: %s", what, why.text) : why.status;
 }
 
+/* The group of the status, where that is none of a signal or of the program itself. */
 int cts_exit_code(CtsStatus status)
 {
-    switch (status) {
-    case CTS_OK:
-        return 0;
-    case CTS_ERR_USAGE:
-    case CTS_ERR_PRESET:
-        return 2;
-    case CTS_ERR_READ:
-    case CTS_ERR_NO_SERIES:
-    case CTS_ERR_SYNTAX:
-        return 3;
-    case CTS_ERR_GEOMETRY:
-    case CTS_ERR_PIXELS:
-        return 4;
-    case CTS_ERR_OUTPUT:
-        return 5;
-    case CTS_ERR_INTERRUPTED:
-        return 130;
-    case CTS_ERR_MEMORY:
-    case CTS_ERR_INTERNAL:
-        return 1;
-    }
-    return 1;
+    const int group = status / 10;
+    return group == CTS_ERR_INTERRUPTED / 10 ? 130 : group == CTS_ERR_INTERNAL / 10 ? 1 : group;
 }
