@@ -70,7 +70,7 @@ everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw glob intty
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
  strings sys/auxv sys/file sys/mman sys/pidfd sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/sysinfo sys/time sys/types
  sys/wait time unistd wchar '
-cxx=' algorithm array atomic cctype charconv cerrno climits cmath condition_variable cstdarg cstddef cstdint cstdio cstdlib cstring exception
+cxx=' algorithm array atomic cctype charconv cerrno climits cmath condition_variable cstdarg cstddef cstdint cstdio cstdlib cstring ctime exception
  functional limits map memory mutex new optional set shared_mutex stdexcept string string_view thread utility vector '
 
 # Prints every include that the tables do not allow; silent when all is well.

@@ -204,9 +204,7 @@ DcmItem *cts_first_item(DcmElement *sequence)
 
 bool cts_is_text(DcmEVR vr)
 {
-    static const DcmEVR texts[] = {EVR_AE, EVR_AS, EVR_CS, EVR_DA, EVR_DS, EVR_DT, EVR_IS, EVR_LO,
-                                   EVR_LT, EVR_PN, EVR_SH, EVR_ST, EVR_TM, EVR_UC, EVR_UI, EVR_UT};
-    return std::find(std::begin(texts), std::end(texts), vr) != std::end(texts);
+    return DcmVR(vr).isaString();
 }
 
 bool cts_binary_numbers(DcmElement &e, std::vector<double> &values)
@@ -314,40 +312,11 @@ bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *va
     return true;
 }
 
-bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value)
-{
-    double number = 0;
-    if (!single_number(find(item, tag), EVR_US, EVR_UL, &number))
-        return false;
-    *value = static_cast<uint32_t>(number);
-    return true;
-}
-
-bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value)
-{
-    if (single_number(find(item, tag), EVR_FD, EVR_FL, value))
-        return std::isfinite(*value);
-    const std::string_view text = cts_attribute_text(item, tag);
-    return !text.empty() && cts_parse_ds(text.data(), text.size(), value, 1);
-}
-
 bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern)
 {
     DcmElement *const found = find(item, tag);
-    Uint16 word = 0, *words = nullptr;
-    Sint16 value = 0;
-    Uint8 *bytes = nullptr;
-    if (!found || found->getLength() != 2)
-        return false;
-    if (found->getUint16(word).good())
-        *pattern = word;
-    else if (found->getSint16(value).good())
-        *pattern = static_cast<Uint16>(value);
-    else if (found->getUint16Array(words).good() && words)
-        *pattern = words[0];
-    else if (found->getUint8Array(bytes).good() && bytes)
-        *pattern = bytes[0] | static_cast<unsigned>(bytes[1]) << 8;
-    else
-        return false;
-    return true;
+    Uint16 word = 0;
+    const bool has = found && found->getLength() == sizeof word && found->getPartialValue(&word, 0, sizeof word).good();
+    *pattern = has ? word : *pattern;
+    return has;
 }

@@ -39,10 +39,6 @@ DcmItem *cts_first_item(DcmElement *sequence);
 bool cts_attribute_has(const CtsAttributes &item, const DcmTagKey &tag);
 /* The value as text without padding, empty if missing or of a binary VR; valid until the next call. */
 std::string_view cts_attribute_text(CtsAttributes &item, const DcmTagKey &tag);
-/* A single number of VR US or UL. */
-bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value);
-/* A single number of VR FL, FD or DS. */
-bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value);
 /* A single US value. */
 bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *value);
 /* The 16 bits of a padding value, whose VR (US or SS) is often wrong. */

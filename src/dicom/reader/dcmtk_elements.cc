@@ -3,6 +3,7 @@
 #include "dicom/reader/dcmtk_attributes.hpp"
 #include "dicom/reader/reader.h"
 
+#include <algorithm>
 #include <cstring>
 
 namespace
@@ -57,22 +58,10 @@ uint32_t number_of(const DcmTagKey &tag)
 }
 
 /* The numbers of a text of DS or IS; false where one is none. */
-bool parse(std::string_view text, bool whole, std::vector<double> &values)
+bool parse(std::string_view text, std::vector<double> &values)
 {
-    for (bool more = !text.empty(); more;) {
-        const size_t end = text.find('\\');
-        const std::string_view part = text.substr(0, end);
-        int integer = 0;
-        double value = 0;
-        if (whole ? !cts_parse_is(part.data(), part.size(), &integer)
-                  : !cts_parse_ds(part.data(), part.size(), &value, 1))
-            return false;
-        values.push_back(whole ? integer : value);
-        more = end != std::string_view::npos;
-        if (more)
-            text.remove_prefix(end + 1);
-    }
-    return true;
+    values.resize(text.empty() ? 0 : 1 + static_cast<size_t>(std::count(text.begin(), text.end(), '\\')));
+    return cts_parse_ds(text.data(), text.size(), values.data(), static_cast<int>(values.size()));
 }
 
 void put_value(DcmElement &e, uint32_t tag, Output &out)
@@ -82,7 +71,7 @@ void put_value(DcmElement &e, uint32_t tag, Output &out)
     const bool is_text = cts_is_text(e.ident());
     Uint8 *bytes = nullptr;
     Uint16 *words = nullptr;
-    if (is_text && !((e.ident() == EVR_DS || e.ident() == EVR_IS) && parse(text, e.ident() == EVR_IS, values)))
+    if (is_text && !((e.ident() == EVR_DS || e.ident() == EVR_IS) && parse(text, values)))
         out.record(tag, CTS_VALUE_TEXT, text.data(), text.size());
     else if (is_text || cts_binary_numbers(e, values))
         out.record(tag, CTS_VALUE_NUMBERS, values.data(), values.size() * sizeof(double));

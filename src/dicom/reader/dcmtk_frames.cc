@@ -50,10 +50,13 @@ void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject
     if (!sequence || sequence->card() != static_cast<unsigned long>(n_frames))
         return refuse(top, texts, object,
                       "Per-frame Functional Groups (5200,9230) are missing, or not as many as there are frames");
-    uint32_t number = 0, n_parts = 0, first = 0;
-    const bool has_number = cts_attribute_number(object_alone, DCM_InConcatenationNumber, &number),
-               has_total = cts_attribute_number(object_alone, DCM_InConcatenationTotalNumber, &n_parts),
-               has_first = cts_attribute_number(object_alone, DCM_ConcatenationFrameOffsetNumber, &first);
+    const auto whole = [&](const DcmTagKey &tag, double most, int64_t otherwise) {
+        const double number = cts_attribute_number_or_nan(object_alone, tag);
+        return number >= 0 && number <= most ? static_cast<int64_t>(number) : otherwise;
+    };
+    const int64_t number = whole(DCM_InConcatenationNumber, UINT16_MAX, 0),
+                  n_parts = whole(DCM_InConcatenationTotalNumber, UINT16_MAX, 0),
+                  first = whole(DCM_ConcatenationFrameOffsetNumber, UINT32_MAX, -1);
     const char *concatenation = cts_dcm_share(texts, cts_attribute_text(object_alone, DCM_ConcatenationUID), 64);
     cts_dcm_make_room(object, n_frames);
     for (DcmObject *frame = sequence->nextInContainer(nullptr); frame; frame = sequence->nextInContainer(frame)) {
@@ -63,9 +66,9 @@ void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject
         slice->frame = object->n_slices - 1;
         cts_dcm_read_slice(attributes, texts, slice);
         slice->concatenation = concatenation;
-        slice->part_number = has_number && number <= UINT16_MAX ? static_cast<int>(number) : 0;
-        slice->n_parts = has_total && n_parts <= UINT16_MAX ? static_cast<int>(n_parts) : 0;
-        slice->first_frame = has_first ? static_cast<int64_t>(first) : -1;
+        slice->part_number = static_cast<int>(number);
+        slice->n_parts = static_cast<int>(n_parts);
+        slice->first_frame = first;
         slice->stack_id = cts_dcm_share(texts, cts_attribute_text(attributes, DCM_StackID), 16);
     }
 }

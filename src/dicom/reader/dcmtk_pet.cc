@@ -1,7 +1,9 @@
 /* Attributes of PET slices: those that SUV follow from (PS3.3 C.8.9.4, C.8.22), and those that tell volumes apart. */
 #include "dicom/reader/dcmtk_attributes.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <string>
 
 namespace
@@ -9,52 +11,34 @@ namespace
 
 const double day_s = 86400;
 
-/* The digits of a date or a time without the colons and dots that old headers have within; up to the fraction. */
-std::string digits_of(std::string_view text, char separator)
-{
-    std::string digits;
-    for (const char c : text.substr(0, text.find('\\')))
-        if (c != separator && c != ' ' && c != 0)
-            digits += c;
-    return digits;
-}
-
-/* A number of `n` digits, or -1. */
-int part(const std::string &digits, size_t at, size_t n)
-{
-    if (digits.size() < at + n || digits.find_first_not_of("0123456789", at) < at + n)
-        return -1;
-    return std::stoi(digits.substr(at, n));
-}
-
-/* YYYYMMDD as days from 1970-01-01 (the proleptic Gregorian calendar); NaN for anything else. */
+/* YYYYMMDD, which dots may be within, as days from 1970-01-01; NaN for anything else. */
 double day_of(std::string_view text)
 {
-    const std::string digits = digits_of(text, '.');
-    const int year = part(digits, 0, 4), month = part(digits, 4, 2), day = part(digits, 6, 2);
-    if (year < 1 || month < 1 || month > 12 || day < 1 || day > 31)
+    OFDate date;
+    text = cts_text_value(text, 0);
+    if (DcmDate::getOFDateFromString(text.data(), text.size(), date, OFTrue).bad())
         return NAN;
-    const int y = month > 2 ? year : year - 1, m = (month + 9) % 12; /* years begin in March */
-    return 365.0 * y + y / 4 - y / 100 + y / 400 + (m * 306 + 5) / 10 + day - 1 - 719468;
+    std::tm day = {};
+    day.tm_year = static_cast<int>(date.getYear()) - 1900;
+    day.tm_mon = static_cast<int>(date.getMonth()) - 1;
+    day.tm_mday = static_cast<int>(date.getDay());
+    return static_cast<double>(timegm(&day)) / day_s;
 }
 
 /* &ZZXX at the end of a date and time, or the whole of (0008,0201), in seconds; NaN if missing. */
 double zone_of(std::string_view text)
 {
-    const size_t sign = text.find_first_of("+-");
-    if (sign == std::string_view::npos)
-        return NAN;
-    const std::string digits(text.substr(sign + 1));
-    const int hours = part(digits, 0, 2), minutes = part(digits, 2, 2);
-    return hours < 0 || minutes < 0 ? NAN : (text[sign] == '-' ? -1 : 1) * (hours * 3600.0 + minutes * 60);
+    double hours = 0;
+    text.remove_prefix(std::min(text.size(), text.find_first_of("+-")));
+    return DcmTime::getTimeZoneFromString(text.data(), text.size(), hours).good() ? hours * 3600 : NAN;
 }
 
 /* YYYYMMDDHHMMSS.FFFFFF&ZZXX as seconds in the data set's time zone, where both zones are known. */
 double date_time_of(CtsAttributes &object, std::string_view text)
 {
     const double zone = zone_of(text);
-    const std::string own(text.substr(0, text.find_first_of("+-")));
-    const double s = own.size() > 8 ? day_of(own) * day_s + cts_seconds_of_day(std::string_view(own).substr(8)) : NAN;
+    const std::string_view own = text.substr(0, text.find_first_of("+-"));
+    const double s = own.size() > 8 ? day_of(own.substr(0, 8)) * day_s + cts_seconds_of_day(own.substr(8)) : NAN;
     const double set_zone = zone_of(cts_attribute_text(object, DCM_TimezoneOffsetFromUTC));
     return std::isnan(zone) || std::isnan(set_zone) ? s : s - zone + set_zone;
 }
@@ -162,15 +146,10 @@ double time_slice(CtsAttributes &item)
 
 double cts_seconds_of_day(std::string_view text)
 {
-    const std::string digits = digits_of(text, ':');
-    double seconds = 0;
-    const int hour = part(digits, 0, 2), minute = digits.size() > 2 ? part(digits, 2, 2) : 0;
-    if (hour < 0 || hour > 23 || minute < 0 || minute > 59)
-        return NAN;
-    if (digits.size() > 4 && (part(digits, 4, 2) < 0 || part(digits, 4, 2) > 60 ||
-                              !cts_parse_ds(digits.data() + 4, digits.size() - 4, &seconds, 1)))
-        return NAN;
-    return hour * 3600.0 + minute * 60 + seconds;
+    OFTime time;
+    text = cts_text_value(text, 0);
+    return DcmTime::getOFTimeFromString(text.data(), text.size(), time, OFTrue, 0.0).good() ? time.getTimeInSeconds()
+                                                                                            : static_cast<double>(NAN);
 }
 
 void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)

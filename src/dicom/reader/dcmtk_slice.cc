@@ -41,25 +41,6 @@ bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
     return !text.empty() && cts_parse_is(text.data(), text.size(), value);
 }
 
-/* Nothing below 0 is meant; -1 when it is missing. */
-double positive_number(CtsAttributes &item, const DcmTagKey &tag)
-{
-    double value = -1;
-    return cts_attribute_decimals(item, tag, &value, 1) ? value : -1;
-}
-
-double whole_or_nan(CtsAttributes &item, const DcmTagKey &tag)
-{
-    int value;
-    return integer(item, tag, &value) ? value : static_cast<double>(NAN);
-}
-
-double real_or_nan(CtsAttributes &item, const DcmTagKey &tag)
-{
-    double value;
-    return cts_attribute_real(item, tag, &value) ? value : static_cast<double>(NAN);
-}
-
 /* Capitals without blanks, which hand-written headers differ by. */
 std::string plain_word(std::string_view text)
 {
@@ -190,12 +171,12 @@ void read_volume_numbers(CtsAttributes &item, CtsSlice *s)
 {
     double *const v = s->volume_number;
     std::fill_n(v, static_cast<int>(CTS_N_VOLUME_NUMBERS), NAN);
-    v[CTS_ACQUISITION_NUMBER] = whole_or_nan(item, DCM_AcquisitionNumber);
-    v[CTS_VOLTAGE] = real_or_nan(item, DCM_KVP);
-    v[CTS_TEMPORAL_POSITION] = whole_or_nan(item, DCM_TemporalPositionIdentifier);
-    v[CTS_TRIGGER_TIME] = real_or_nan(item, DCM_TriggerTime);
-    v[CTS_PHASE_PERCENT] = real_or_nan(item, DCM_NominalPercentageOfCardiacPhase);
-    v[CTS_PHASE_DELAY] = real_or_nan(item, DCM_NominalCardiacTriggerDelayTime);
+    v[CTS_ACQUISITION_NUMBER] = cts_attribute_number_or_nan(item, DCM_AcquisitionNumber);
+    v[CTS_VOLTAGE] = cts_attribute_number_or_nan(item, DCM_KVP);
+    v[CTS_TEMPORAL_POSITION] = cts_attribute_number_or_nan(item, DCM_TemporalPositionIdentifier);
+    v[CTS_TRIGGER_TIME] = cts_attribute_number_or_nan(item, DCM_TriggerTime);
+    v[CTS_PHASE_PERCENT] = cts_attribute_number_or_nan(item, DCM_NominalPercentageOfCardiacPhase);
+    v[CTS_PHASE_DELAY] = cts_attribute_number_or_nan(item, DCM_NominalCardiacTriggerDelayTime);
     v[CTS_CONTENT_TIME] = cts_seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
     v[CTS_ACQUISITION_TIME] = cts_seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
     if (std::isnan(v[CTS_ACQUISITION_TIME]))
@@ -225,7 +206,8 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
     read_volume_numbers(item, s);
     s->kernel = cts_dcm_share(texts, cts_attribute_text(item, DCM_ConvolutionKernel), 64);
-    s->thickness_mm = positive_number(item, DCM_SliceThickness);
+    if (!cts_attribute_decimals(item, DCM_SliceThickness, &s->thickness_mm, 1))
+        s->thickness_mm = -1;
     s->contrast = !cts_attribute_text(item, DCM_ContrastBolusAgent).empty() ||
                   cts_attribute_has(item, DCM_ContrastBolusAgentSequence);
     const std::string_view image_type = s->image_type =
