@@ -15,7 +15,6 @@ CTS_C_BEGIN
 
 typedef enum CtsPixelsTask {
     CTS_PIXELS_DECODE,  /* CtsFrameOrder; a frame's fragments as items, or a deflated data set; the frame's pixels */
-    CTS_PIXELS_INFLATE, /* the start of a raw deflate stream; CtsInflated, then its bytes */
     CTS_PIXELS_GUNZIP,  /* uint64_t, the bytes unpacked until now; a gzip file's next part; CtsUnpacked, then its bytes
                          */
     CTS_PIXELS_UNZIP,   /* a zip file; CtsMemberRecord and member, repeated */
@@ -94,10 +93,5 @@ CtsSandbox cts_codec_make(void);
 bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n);
 CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err);
 void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n);
-
-/* Inflates the n bytes of a raw deflate stream in *sandbox, which is created where it is NULL, to a copy of its first
- * bytes: *got, at most n_wanted. CTS_ERR_PIXELS when the stream is damaged. */
-CtsStatus cts_codec_inflate(CtsSandbox **sandbox, const uint8_t *stream, size_t n, uint8_t *bytes, size_t n_wanted,
-                            size_t *got, CtsError *err);
 
 CTS_C_END

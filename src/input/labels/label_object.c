@@ -2,9 +2,9 @@
 
 #include "base/mem.h"
 #include "base/text.h"
+#include "dicom/codec/pixels.h"
 #include "dicom/header/utf8.h"
 #include "dicom/protocol/dicom_begin.h"
-#include "dicom/protocol/pixel_sandbox.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,25 +22,28 @@ bool cts_label_is_dicom(const uint8_t *head, size_t n, char class_uid[65])
     return result == CTS_SCAN_DONE || result == CTS_SCAN_MORE;
 }
 
-/* The data set up to the pixels' end, in memory. */
-static CtsStatus inflate_all(CtsLabelDicom *o, CtsError *err)
+/* The pixels of a deflated data set, in memory. */
+static CtsStatus inflate_pixels(CtsLabelDicom *o, CtsError *err)
 {
+    const CtsFrameFormat all = {.syntax = o->syntax,
+                                .columns = (int)o->pixel_bytes,
+                                .rows = 1,
+                                .bits_allocated = 8,
+                                .n_before = o->pixel_offset};
     const CtsFileBytes *const file = &o->object.file;
-    const uint64_t start = o->object.facts.data_offset;
-    const size_t n_deflated = (size_t)(file->n_bytes - start), n = (size_t)(o->pixel_offset + o->pixel_bytes);
-    CtsSandbox *inflater = NULL;
-    uint8_t *deflated = NULL;
-    size_t got = 0;
-    if (o->object.facts.encapsulated || n > MAX_BYTES)
+    CtsSandbox inflater = cts_codec_make();
+    const void *pixels;
+    if (o->object.facts.encapsulated || o->pixel_bytes > MAX_BYTES)
         return cts_fail(err, CTS_ERR_READ, "its deflated data set is too large (store it uncompressed)");
-    if (!(o->inflated = malloc(n + 1)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    CtsStatus st = cts_alloc_array(&deflated, n_deflated, err);
-    if (!st && !(st = cts_file_bytes_read(file, deflated, n_deflated, start, err)))
-        st = cts_codec_inflate(&inflater, deflated, n_deflated, o->inflated, n, &got, err);
-    cts_free(&deflated);
-    cts_sandbox_free(&inflater);
-    o->source = cts_file_bytes_in_memory(o->inflated, got);
+    CtsStatus st = cts_codec_submit(&inflater, &all, file, o->object.facts.data_offset, file->n_bytes, err);
+    if (!st && !(st = cts_sandbox_take(&inflater, &pixels, err)) && !(o->inflated = malloc((size_t)o->pixel_bytes + 1)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st) {
+        memcpy(o->inflated, pixels, (size_t)o->pixel_bytes);
+        o->source = cts_file_bytes_in_memory(o->inflated, o->pixel_bytes);
+        o->pixel_offset = 0;
+    }
+    cts_sandbox_stop(&inflater);
     return st;
 }
 
@@ -62,7 +65,7 @@ CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *
     if (!cts_elements_text(o->elements, CLASS, o->class_uid, sizeof o->class_uid))
         cts_elements_text(o->elements, CTS_TAG_META_CLASS, o->class_uid, sizeof o->class_uid);
     cts_elements_text(o->elements, CHARSET, o->charset, sizeof o->charset);
-    if (o->syntax->deflated && (st = inflate_all(o, err)))
+    if (o->syntax->deflated && o->pixel_bytes && (st = inflate_pixels(o, err)))
         return st;
     const uint64_t left =
         facts->has_pixels && o->pixel_offset < o->source.n_bytes ? o->source.n_bytes - o->pixel_offset : 0;
