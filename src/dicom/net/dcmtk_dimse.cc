@@ -20,44 +20,34 @@ namespace
 class GetScu : public CtsScu
 {
   public:
-    GetScu(CtsFetchFolder *fetch_folder_, const CtsNet &net_) : fetch_folder(fetch_folder_), net(net_)
+    GetScu(const char *folder, CtsReception &reception_) : reception(reception_)
     {
         setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
-        setStorageDir(fetch_folder->folder);
+        setStorageDir(folder);
     }
-    CtsError error = {};
-    CtsStatus status = CTS_OK;
 
   protected:
     /* Called repeatedly while a file is received. */
     void notifyRECEIVEProgress(const unsigned long n_bytes) override
     {
-        if (!status && !cts_net_stopped(&net))
-            status = cts_fetch_folder_grows(fetch_folder, n_bytes, &error);
-        if (status || cts_net_stopped(&net))
-            cts_transport_break(*transport);
+        reception.grows(n_bytes, *transport);
     }
 
     OFCondition handleSTORERequestFile(T_ASC_PresentationContextID *context, const OFString &,
                                        T_DIMSE_C_StoreRQ *request) override
     {
-        char *path = nullptr;
-        if (cts_net_stopped(&net))
+        char *const path = reception.begin();
+        if (!path)
             return EC_IllegalCall;
-        status = cts_fetch_folder_next(fetch_folder, &path, &error);
-        OFCondition state = EC_IllegalCall;
-        if (!status) {
-            state = DcmSCU::handleSTORERequestFile(context, path, request);
-            if (state.good() && (status = cts_fetch_folder_keep(fetch_folder, path, &error)))
-                state = EC_IllegalCall;
-        }
+        OFCondition state = DcmSCU::handleSTORERequestFile(context, path, request);
+        if (state.good() && !reception.keep(path))
+            state = EC_IllegalCall;
         free(path);
         return state;
     }
 
   private:
-    CtsFetchFolder *fetch_folder;
-    const CtsNet &net;
+    CtsReception &reception;
 };
 
 bool is_native(const char *syntax_uid)
@@ -252,7 +242,8 @@ CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const Ct
 
 CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
-    GetScu scu(request.fetch_folder, net);
+    CtsReception reception(*request.fetch_folder, net);
+    GetScu scu(request.fetch_folder->folder, reception);
     for (const char *sop_class : cts_ct_classes)
         offer_each(scu, sop_class);
     for (const char *sop_class : cts_capture_classes)
@@ -260,15 +251,15 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
     const CtsStatus st = retrieve(
         scu, UID_GETStudyRootQueryRetrieveInformationModel, peer, net, request,
         [&](auto context, auto query, auto responses) { return scu.sendCGETRequest(context, query, responses); }, err);
-    if (scu.status) /* why we gave up ourselves */
-        *err = scu.error;
-    return scu.status ? scu.status : st;
+    const CtsStatus own = reception.failure(err); /* why we gave up ourselves */
+    return own ? own : st;
 }
 
 CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
     CtsScu scu;
-    CtsMoveListener listener(peer, net, *request.fetch_folder);
+    CtsReception reception(*request.fetch_folder, net);
+    CtsMoveListener listener(peer, net, reception);
     CtsStatus st = listener.open(err);
     if (!st)
         st = retrieve(
@@ -277,7 +268,8 @@ CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request
                 return scu.sendMOVERequest(context, net.own_aet, query, responses);
             },
             err);
-    const CtsStatus taken = listener.close(err);
+    listener.close();
+    const CtsStatus taken = reception.failure(err);
     if (taken || listener.refused().empty() || (!st && request.fetch_folder->n_files))
         return taken ? taken : st;
     const std::string why = st ? err->text : "nothing came";

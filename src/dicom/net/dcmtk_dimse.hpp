@@ -68,48 +68,63 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
 /* C-FIND (PS3.4 C, study root) over a CtsScu (CtsAsk). */
 extern "C" CtsStatus cts_dimse_search(void *scu, CtsSearch *search, CtsError *err);
 
+/* Files of the objects that come in, over any number of connections, each with a thread. The first failure ends the
+ * reception. */
+class CtsReception
+{
+  public:
+    CtsReception(CtsFetchFolder &folder_, const CtsNet &net_) : folder(folder_), net(net_)
+    {
+    }
+    /* The path for the next object, to be freed with free(); NULL: no more are taken. */
+    char *begin();
+    /* It has n_bytes by now: where no more are taken, the transfer over this layer is aborted. */
+    void grows(uint64_t n_bytes, DcmTransportLayer &transport);
+    /* The object is complete; false: there is no room. */
+    bool keep(const char *path);
+    /* The first failure, or CTS_OK. */
+    CtsStatus failure(CtsError *err) const;
+
+  private:
+    CtsFetchFolder &folder;
+    const CtsNet &net;
+    std::mutex lock;
+    CtsError error = {};
+};
+
 /* Receiver of the objects that a peer sends to a port of ours on request (C-MOVE): listens while it exists, at the
  * address by which the peer is reached, and accepts only the peer's own addresses and AE title. */
 class CtsMoveListener
 {
   public:
-    CtsMoveListener(const CtsPeer &peer_, const CtsNet &net_, CtsFetchFolder &fetch_folder_)
-        : peer(peer_), net(net_), fetch_folder(fetch_folder_)
+    CtsMoveListener(const CtsPeer &peer_, const CtsNet &net_, CtsReception &reception_)
+        : peer(peer_), net(net_), reception(reception_)
     {
     }
     ~CtsMoveListener();
     CtsMoveListener(const CtsMoveListener &) = delete;
     CtsMoveListener &operator=(const CtsMoveListener &) = delete;
     CtsStatus open(CtsError *err);
-    /* Ends the reception once the peer has sent all objects. Returns the first failure, or CTS_OK. */
-    CtsStatus close(CtsError *err);
+    /* Ends the reception once the peer has sent all objects. */
+    void close();
     /* Why the first connection that was not served was refused; "" when there was none. After close(). */
     const std::string &refused() const
     {
         return refusal;
     }
 
-    /* For the threads that serve. The path for the next object, to be freed with free(); NULL: no more are taken. */
-    char *begin();
-    /* It has n_bytes by now; false: no more are taken. */
-    bool grows(uint64_t n_bytes);
-    /* The object is complete; false: there is no room. */
-    bool keep(const char *path);
-
   private:
     const CtsPeer &peer;
     const CtsNet &net;
-    CtsFetchFolder &fetch_folder;
+    CtsReception &reception;
     int listener = -1;
     std::vector<sockaddr_storage> addresses; /* of the peer */
     std::atomic<bool> done{false};
     std::thread thread; /* accepts connections; each is served by a thread of its own */
-    std::mutex lock;    /* of fetch_folder and the following fields */
+    std::mutex lock;    /* of the following fields */
     std::condition_variable one_less;
     std::set<int> served; /* own descriptors of the connections being served */
     std::string refusal;
-    CtsStatus status = CTS_OK;
-    CtsError error = {};
 
     CtsStatus find_peer(CtsError *err);
     CtsStatus listen(CtsError *err);

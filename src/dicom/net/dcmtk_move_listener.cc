@@ -24,10 +24,11 @@ enum { TICK_MS = 100, MAX_SERVED = 16 };
 /* Serves one association on a socket of ours: verification (C-ECHO), and storage of CT (C-STORE) into files, unchanged.
  * DcmSCP bounds its times and checks its AE titles; it would listen at every address of the machine, for one
  * association after the other, so that accepting connections stays ours. */
-class Reception : public DcmSCP
+class MoveScp : public DcmSCP
 {
   public:
-    Reception(CtsMoveListener &owner_, const CtsPeer &peer_, const CtsNet &net_) : owner(owner_), peer(peer_), net(net_)
+    MoveScp(CtsReception &reception_, const CtsPeer &peer_, const CtsNet &net_)
+        : reception(reception_), peer(peer_), net(net_)
     {
     }
     void serve(int socket);
@@ -62,8 +63,7 @@ class Reception : public DcmSCP
 
     void notifyRECEIVEProgress(const unsigned long n_bytes) override
     {
-        if (!owner.grows(n_bytes))
-            cts_transport_break(*transport);
+        reception.grows(n_bytes, *transport);
     }
 
     OFCondition handleIncomingCommand(T_DIMSE_Message *message, const DcmPresentationContextInfo &context) override
@@ -73,7 +73,7 @@ class Reception : public DcmSCP
     }
 
   private:
-    CtsMoveListener &owner;
+    CtsReception &reception;
     const CtsPeer &peer;
     const CtsNet &net;
     std::unique_ptr<DcmTransportLayer> transport = {};
@@ -92,7 +92,7 @@ class Reception : public DcmSCP
     }
 };
 
-void Reception::offer()
+void MoveScp::offer()
 {
     OFList<OFString> syntaxes;
     for (const char *syntax : cts_ct_syntaxes)
@@ -104,20 +104,20 @@ void Reception::offer()
     setEnableVerification();
 }
 
-OFCondition Reception::store(T_DIMSE_C_StoreRQ &request, T_ASC_PresentationContextID context)
+OFCondition MoveScp::store(T_DIMSE_C_StoreRQ &request, T_ASC_PresentationContextID context)
 {
-    char *const path = owner.begin();
+    char *const path = reception.begin();
     if (!path)
         return EC_IllegalCall; /* ends the association */
     OFCondition state = receiveSTORERequest(request, context, path);
     if (state.good())
         state = sendSTOREResponse(context, request,
-                                  owner.keep(path) ? STATUS_Success : STATUS_STORE_Refused_OutOfResources);
+                                  reception.keep(path) ? STATUS_Success : STATUS_STORE_Refused_OutOfResources);
     free(path);
     return state;
 }
 
-void Reception::serve(int socket)
+void MoveScp::serve(int socket)
 {
     static std::mutex external_socket;
     CtsError err = {};
@@ -178,7 +178,7 @@ std::string own_address(const sockaddr_storage &to)
 
 CtsMoveListener::~CtsMoveListener()
 {
-    close(nullptr);
+    close();
 }
 
 CtsStatus CtsMoveListener::find_peer(CtsError *err)
@@ -269,9 +269,9 @@ void CtsMoveListener::serve(int socket, int own)
     const bool is_silent = done; /* until close() shut it down */
     std::string why;
     try {
-        Reception reception(*this, peer, net);
-        reception.serve(socket);
-        why = reception.refusal;
+        MoveScp scp(reception, peer, net);
+        scp.serve(socket);
+        why = scp.refusal;
     } catch (...) { /* without memory the objects are counted as missing */
     }
     const std::lock_guard<std::mutex> hold(lock);
@@ -283,7 +283,7 @@ void CtsMoveListener::serve(int socket, int own)
 }
 
 /* All objects that the peer announced have arrived: do not wait for an association that it keeps open. */
-CtsStatus CtsMoveListener::close(CtsError *err)
+void CtsMoveListener::close()
 {
     done = true;
     if (thread.joinable())
@@ -295,37 +295,38 @@ CtsStatus CtsMoveListener::close(CtsError *err)
     for (const int own : served)
         shutdown(own, SHUT_RDWR);
     one_less.wait(hold, [this] { return served.empty(); });
-    if (status && err)
-        *err = error;
-    return status;
 }
 
-char *CtsMoveListener::begin()
+char *CtsReception::begin()
 {
     char *path = nullptr;
     const std::lock_guard<std::mutex> hold(lock);
-    if (status || cts_net_stopped(&net))
+    if (error.status || cts_net_stopped(&net))
         return nullptr;
-    status = cts_fetch_folder_next(&fetch_folder, &path, &error);
+    cts_fetch_folder_next(&folder, &path, &error);
     return path;
 }
 
-bool CtsMoveListener::grows(uint64_t n_bytes)
+void CtsReception::grows(uint64_t n_bytes, DcmTransportLayer &transport)
 {
     const std::lock_guard<std::mutex> hold(lock);
-    if (!status && !cts_net_stopped(&net))
-        status = cts_fetch_folder_grows(&fetch_folder, n_bytes, &error);
-    return !status && !cts_net_stopped(&net);
+    if (error.status || cts_net_stopped(&net) || cts_fetch_folder_grows(&folder, n_bytes, &error))
+        cts_transport_break(transport);
 }
 
-bool CtsMoveListener::keep(const char *path)
+bool CtsReception::keep(const char *path)
 {
     CtsError why = {};
     const std::lock_guard<std::mutex> hold(lock);
-    const CtsStatus st = cts_fetch_folder_keep(&fetch_folder, path, &why);
-    if (st && !status) {
-        status = st;
+    const CtsStatus st = cts_fetch_folder_keep(&folder, path, &why);
+    if (st && !error.status)
         error = why;
-    }
     return st == CTS_OK;
+}
+
+CtsStatus CtsReception::failure(CtsError *err) const
+{
+    if (error.status)
+        *err = error;
+    return error.status;
 }

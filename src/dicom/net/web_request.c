@@ -1,7 +1,6 @@
 #include "dicom/net/web.h"
 
 #include <errno.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -112,22 +111,6 @@ void cts_web_close(CtsWeb *web)
     memset(web, 0, sizeof *web);
 }
 
-/* A closed connection must not end the program: curl leaves SIGPIPE to its caller. */
-static CURLcode perform_once(CtsWeb *web, long *status)
-{
-    sigset_t pipe, before;
-    sigemptyset(&pipe);
-    sigaddset(&pipe, SIGPIPE);
-    pthread_sigmask(SIG_BLOCK, &pipe, &before);
-    const CURLcode code = curl_easy_perform(web->curl);
-    while (sigtimedwait(&pipe, NULL, &(struct timespec){0}) > 0)
-        continue;
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    *status = 0;
-    curl_easy_getinfo(web->curl, CURLINFO_RESPONSE_CODE, status);
-    return code;
-}
-
 /* The URL `to` without a user, to be freed with curl_free(), where it has the scheme, host and port of `from`: only
  * there go requests and credentials. NULL elsewhere. */
 static char *next_url(const char *from, const char *to)
@@ -168,7 +151,9 @@ CURLcode cts_web_perform(CtsWeb *web, long *status)
         web->n_answer = 0;
         web->answer[0] = 0;
         web->too_long = false;
-        const CURLcode code = perform_once(web, status);
+        const CURLcode code = curl_easy_perform(web->curl);
+        *status = 0;
+        curl_easy_getinfo(web->curl, CURLINFO_RESPONSE_CODE, status);
         const char *const to = redirection(web, code, *status);
         if (!to)
             return code;
