@@ -8,19 +8,13 @@
 #include "dicom/header/pixel_places.h"
 #include <string.h>
 
-typedef struct ScHeader {
-    int width, height, n_frames;
-    int n_samples;      /* 1 or 3 */
-    int bits_allocated; /* 8 or 16 */
-    int bits_stored;
-    bool planar;   /* all red, then all green, then all blue */
-    bool inverted; /* MONOCHROME1 */
-} ScHeader;
-
 typedef struct ScFile {
     CtsDicomObject head;
-    ScHeader header;
-    uint8_t *frame; /* the first one, decoded; owned */
+    CtsFrameFormat format;
+    int n_frames, n_samples; /* n_samples: 1 or 3 */
+    bool planar;             /* all red, then all green, then all blue */
+    bool inverted;           /* MONOCHROME1 */
+    uint8_t *frame;          /* the first one, decoded; owned */
     size_t frame_bytes;
 } ScFile;
 
@@ -46,34 +40,39 @@ static CtsStatus refuse_object(CtsError *err, const char *why)
 }
 
 /* Unsigned RGB of 8 bits, or grey of up to 16. */
-static CtsStatus read_header(const CtsElements all, ScHeader *h, CtsError *err)
+static CtsStatus read_header(ScFile *file, CtsError *err)
 {
+    const CtsElements all = file->head.elements;
+    CtsFrameFormat *const f = &file->format;
     char colours[17];
     int planar = 0, is_signed = 0;
-    *h = (ScHeader){.n_frames = 1, .n_samples = 1};
-    cts_elements_text(all, 0x00280004, colours, sizeof colours);
-    const bool counted = cts_elements_integer(all, 0x00280008, &h->n_frames);
-    cts_elements_integer(all, 0x00280011, &h->width);
-    cts_elements_integer(all, 0x00280010, &h->height);
-    cts_elements_integer(all, 0x00280002, &h->n_samples);
-    cts_elements_integer(all, 0x00280006, &planar);
-    cts_elements_integer(all, 0x00280100, &h->bits_allocated);
-    cts_elements_integer(all, 0x00280101, &h->bits_stored);
-    cts_elements_integer(all, 0x00280103, &is_signed);
-    int high_bit = h->bits_stored - 1;
-    cts_elements_integer(all, 0x00280102, &high_bit);
-    h->planar = planar == 1;
-    h->inverted = strcmp(colours, "MONOCHROME1") == 0;
     CtsElement frames;
+    *f = (CtsFrameFormat){.syntax = file->head.syntax, .padding_word = -1};
+    file->n_frames = file->n_samples = 1;
+    cts_elements_text(all, 0x00280004, colours, sizeof colours);
+    const bool counted = cts_elements_integer(all, 0x00280008, &file->n_frames);
+    cts_elements_integer(all, 0x00280011, &f->columns);
+    cts_elements_integer(all, 0x00280010, &f->rows);
+    cts_elements_integer(all, 0x00280002, &file->n_samples);
+    cts_elements_integer(all, 0x00280006, &planar);
+    cts_elements_integer(all, 0x00280100, &f->bits_allocated);
+    cts_elements_integer(all, 0x00280101, &f->bits_stored);
+    cts_elements_integer(all, 0x00280103, &is_signed);
+    f->high_bit = f->bits_stored - 1;
+    cts_elements_integer(all, 0x00280102, &f->high_bit);
+    f->n_colours = file->n_samples == 3 ? 3 : 0;
+    file->planar = planar == 1;
+    file->inverted = strcmp(colours, "MONOCHROME1") == 0;
     if (!counted && cts_elements_get(all, 0x00280008, &frames))
         return refuse_object(err, "its number of frames is no number");
-    if (h->width < 1 || h->height < 1 || h->width > CTS_MAX_SIDE || h->height > CTS_MAX_SIDE || h->n_frames < 1)
+    if (f->columns < 1 || f->rows < 1 || f->columns > CTS_MAX_SIDE || f->rows > CTS_MAX_SIDE || file->n_frames < 1)
         return refuse_object(err, "its size is not within what a picture can have");
-    const bool colour = h->n_samples == 3 && h->bits_allocated == 8 && h->bits_stored == 8 &&
+    const bool colour = f->n_colours && f->bits_allocated == 8 && f->bits_stored == 8 &&
                         (!strcmp(colours, "RGB") || !strcmp(colours, "YBR_RCT"));
-    const bool grey = h->n_samples == 1 && (h->bits_allocated == 8 || h->bits_allocated == 16) && h->bits_stored >= 1 &&
-                      h->bits_stored <= h->bits_allocated && (h->inverted || !strcmp(colours, "MONOCHROME2"));
-    if ((!colour && !grey) || is_signed || high_bit != h->bits_stored - 1)
+    const bool grey = file->n_samples == 1 && (f->bits_allocated == 8 || f->bits_allocated == 16) &&
+                      f->bits_stored >= 1 && f->bits_stored <= f->bits_allocated &&
+                      (file->inverted || !strcmp(colours, "MONOCHROME2"));
+    if ((!colour && !grey) || is_signed || f->high_bit != f->bits_stored - 1)
         return refuse_object(err, "its pixels are neither RGB of 8 bits nor unsigned grey");
     return CTS_OK;
 }
@@ -81,23 +80,14 @@ static CtsStatus read_header(const CtsElements all, ScHeader *h, CtsError *err)
 /* Compressed pixels are decoded in a sandbox. */
 static CtsStatus decode_object(ScFile *f, CtsError *err)
 {
-    const ScHeader *h = &f->header;
-    const CtsFrameFormat format = {.syntax = f->head.syntax,
-                                   .n_colours = h->n_samples == 3 ? 3 : 0,
-                                   .columns = h->width,
-                                   .rows = h->height,
-                                   .bits_allocated = h->bits_allocated,
-                                   .bits_stored = h->bits_stored,
-                                   .high_bit = h->bits_stored - 1,
-                                   .padding_word = -1};
     CtsSandbox decoder = cts_codec_make();
     uint64_t *offset = NULL;
     const void *pixels;
-    CtsStatus st = cts_find_frames(&f->head.file, f->head.facts.pixel_offset, h->n_frames, &offset, err);
-    if (!st && !(st = cts_codec_submit(&decoder, &format, &f->head.file, offset[0], offset[1], err)) &&
+    CtsStatus st = cts_find_frames(&f->head.file, f->head.facts.pixel_offset, f->n_frames, &offset, err);
+    if (!st && !(st = cts_codec_submit(&decoder, &f->format, &f->head.file, offset[0], offset[1], err)) &&
         !(st = cts_sandbox_take(&decoder, &pixels, err)))
         memcpy(f->frame, pixels, f->frame_bytes);
-    f->header.planar = false;
+    f->planar = false;
     cts_free(&offset);
     cts_sandbox_stop(&decoder);
     return st;
@@ -105,10 +95,9 @@ static CtsStatus decode_object(ScFile *f, CtsError *err)
 
 static CtsStatus read_frame(ScFile *f, CtsError *err)
 {
-    const ScHeader *h = &f->header;
     const CtsHeaderFacts *const scan = &f->head.facts;
     const uint64_t left = f->head.file.n_bytes - scan->pixel_offset;
-    f->frame_bytes = (size_t)h->width * h->height * h->n_samples * (h->bits_allocated / 8);
+    f->frame_bytes = cts_frame_bytes(&f->format);
     if (!scan->encapsulated && (scan->pixel_bytes < f->frame_bytes || left < f->frame_bytes))
         return cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu", f->frame_bytes,
                         (unsigned long long)(left < scan->pixel_bytes ? left : scan->pixel_bytes));
@@ -118,18 +107,21 @@ static CtsStatus read_frame(ScFile *f, CtsError *err)
     return cts_file_bytes_read(&f->head.file, f->frame, f->frame_bytes, scan->pixel_offset, err);
 }
 
-static void widen_pixels(const ScFile *f, CtsScPixels *pixels)
+static CtsStatus widen_pixels(const ScFile *f, CtsScPixels *pixels, CtsError *err)
 {
-    const ScHeader *h = &f->header;
-    const size_t n = (size_t)h->width * h->height;
-    pixels->largest = (1 << h->bits_stored) - 1;
-    for (size_t i = 0; i < n; i++)
-        for (int c = 0; c < h->n_samples; c++) {
-            const size_t at = h->planar ? c * n + i : i * h->n_samples + c;
-            const int v = (h->bits_allocated == 8 ? f->frame[at] : f->frame[2 * at] | f->frame[2 * at + 1] << 8) &
-                          pixels->largest;
-            pixels->samples[i * h->n_samples + c] = (uint16_t)(h->inverted ? pixels->largest - v : v);
-        }
+    const size_t n = (size_t)f->format.columns * (size_t)f->format.rows, n_samples = (size_t)f->n_samples;
+    *pixels = (CtsScPixels){.width = f->format.columns,
+                            .height = f->format.rows,
+                            .n_samples = f->n_samples,
+                            .largest = (1 << f->format.bits_stored) - 1};
+    const CtsStatus st = cts_alloc_array(&pixels->samples, n * n_samples, err);
+    for (size_t i = 0; !st && i < n * n_samples; i++) {
+        const size_t at = f->planar ? i % n_samples * n + i / n_samples : i;
+        const int v = (f->format.bits_allocated == 8 ? f->frame[at] : f->frame[2 * at] | f->frame[2 * at + 1] << 8) &
+                      pixels->largest;
+        pixels->samples[i] = (uint16_t)(f->inverted ? pixels->largest - v : v);
+    }
+    return st;
 }
 
 CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
@@ -137,14 +129,8 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     ScFile f = {.head.file.fd = -1};
     *pixels = (CtsScPixels){0};
     CtsStatus st = open_object(path, &f, err);
-    if (!st && !(st = read_header(f.head.elements, &f.header, err)) && !(st = read_frame(&f, err))) {
-        pixels->width = f.header.width;
-        pixels->height = f.header.height;
-        pixels->n_samples = f.header.n_samples;
-        st = cts_alloc_array(&pixels->samples, (size_t)pixels->width * pixels->height * pixels->n_samples, err);
-    }
-    if (!st)
-        widen_pixels(&f, pixels);
+    if (!st && !(st = read_header(&f, err)) && !(st = read_frame(&f, err)))
+        st = widen_pixels(&f, pixels, err);
     cts_free(&f.frame);
     cts_dicom_object_close(&f.head);
     return st ? cts_context(err, "%s", path) : st;
