@@ -5,72 +5,57 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A field of a slice that the reader fills. */
+/* Fields of a slice that the reader fills: one, or neighbours of one type. */
 typedef enum FieldKind { TEXT, OPTIONAL_TEXT, FLAG, INTEGER, REAL, REAL_OR_NAN } FieldKind;
 typedef struct Field {
-    size_t at;
+    size_t at, end;
     FieldKind kind;
-    int n;
     double low, high; /* of numbers, inclusive; of texts, high is the greatest length */
 } Field;
 
 static const uint64_t MAX_OFFSET = (uint64_t)1 << 48; /* sums of offsets and sizes do not overflow */
 
-#define FIELD(name) offsetof(CtsSlice, name)
+#define FIELDS(first, last) offsetof(CtsSlice, first), offsetof(CtsSlice, last) + sizeof((CtsSlice *)NULL)->last
+#define FIELD(name) FIELDS(name, name)
 
 static const Field fields[] = {
-    {FIELD(deviations), INTEGER, 1, 0, 2 * CTS_DEVIATION_MAY_NAME - 1},
-    {FIELD(sop_uid), TEXT, 2, 0, 64}, /* and series_uid */
-    {FIELD(identity), TEXT, CTS_N_IDENTITY, 0, CTS_MAX_TEXT},
-    {FIELD(modality), TEXT, 1, 0, 16},
-    {FIELD(scanner), TEXT, 1, 0, CTS_MAX_TEXT},
-    {FIELD(description), OPTIONAL_TEXT, 1, 0, CTS_MAX_TEXT},
-    {FIELD(charset), OPTIONAL_TEXT, 1, 0, CTS_MAX_TEXT},
-    {FIELD(study_date), OPTIONAL_TEXT, 1, 0, CTS_MAX_TEXT},
-    {FIELD(series_number), INTEGER, 1, INT32_MIN, INT32_MAX},
-    {FIELD(has_instance), FLAG, 1, 0, 1},
-    {FIELD(instance_number), INTEGER, 1, INT32_MIN, INT32_MAX},
-    {FIELD(kernel), TEXT, 1, 0, 64},
-    {FIELD(thickness_mm), REAL, 1, -INFINITY, INFINITY},
-    {FIELD(declared_lossless), FLAG, 1, 0, 1},
-    {FIELD(lossy_ratio), OPTIONAL_TEXT, 2, 0, CTS_MAX_TEXT}, /* and lossy_method */
-    {FIELD(volume_number), REAL_OR_NAN, CTS_N_VOLUME_NUMBERS, -INFINITY, INFINITY},
-    {FIELD(volume_word), OPTIONAL_TEXT, CTS_N_VOLUME_WORDS, 0, 64},
-    {FIELD(pet.units), INTEGER, 1, 0, CTS_PET_GML},
-    {FIELD(pet.decay), INTEGER, 1, 0, CTS_PET_REFERENCE_TIME},
-    {FIELD(pet.is_suvbw), FLAG, 6, 0, 1}, /* and those after it, up to is_reprojection */
-    {FIELD(pet.value), REAL_OR_NAN, CTS_PET_N_VALUES, -INFINITY, INFINITY},
-    {FIELD(localizer), FLAG, 1, 0, 1},
-    {FIELD(contrast), FLAG, 1, 0, 1},
-    {FIELD(image_type), TEXT, 1, 0, 64},
-    {FIELD(is_report), FLAG, 1, 0, 1},
-    {FIELD(frame), INTEGER, 1, 0, CTS_MAX_FRAMES - 1},
-    {FIELD(n_frames), INTEGER, 1, 0, CTS_MAX_FRAMES},
-    {FIELD(stack_id), TEXT, 1, 0, 16},
-    {FIELD(concatenation), TEXT, 1, 0, 64},
-    {FIELD(part_number), INTEGER, 1, 0, UINT16_MAX},
-    {FIELD(n_parts), INTEGER, 1, 0, UINT16_MAX},
-    {FIELD(rows), INTEGER, 1, 0, UINT16_MAX},
-    {FIELD(columns), INTEGER, 1, 0, UINT16_MAX},
-    {FIELD(bits_allocated), INTEGER, 1, 0, UINT16_MAX},
-    {FIELD(bits_stored), INTEGER, 1, 0, UINT16_MAX},
-    {FIELD(high_bit), INTEGER, 1, 0, UINT16_MAX},
-    {FIELD(is_signed), FLAG, 1, 0, 1},
-    {FIELD(has_padding), FLAG, 1, 0, 1},
-    {FIELD(padding_low), INTEGER, 1, INT16_MIN, UINT16_MAX},
-    {FIELD(padding_high), INTEGER, 1, INT16_MIN, UINT16_MAX},
-    {FIELD(padding_word), INTEGER, 1, -1, UINT16_MAX},
-    {FIELD(slope), REAL, 1, -INFINITY, INFINITY},
-    {FIELD(intercept), REAL, 1, -INFINITY, INFINITY},
-    {FIELD(rescale_type), OPTIONAL_TEXT, 1, 0, 16},
-    {FIELD(row_lps), REAL, 3, -2, 2},
-    {FIELD(column_lps), REAL, 3, -2, 2},
-    {FIELD(normal_lps), REAL, 3, -2, 2},
-    {FIELD(position_lps), REAL, 3, -INFINITY, INFINITY},
-    {FIELD(column_spacing_mm), REAL, 1, -INFINITY, INFINITY},
-    {FIELD(row_spacing_mm), REAL, 1, -INFINITY, INFINITY},
-    {FIELD(fault), INTEGER, 1, CTS_OK, CTS_ERR_INTERRUPTED},
-    {FIELD(fault_text), OPTIONAL_TEXT, 1, 0, 256},
+    {FIELD(deviations), INTEGER, 0, 2 * CTS_DEVIATION_MAY_NAME - 1},
+    {FIELDS(sop_uid, series_uid), TEXT, 0, 64},
+    {FIELD(identity), TEXT, 0, CTS_MAX_TEXT},
+    {FIELD(modality), TEXT, 0, 16},
+    {FIELD(scanner), TEXT, 0, CTS_MAX_TEXT},
+    {FIELDS(description, study_date), OPTIONAL_TEXT, 0, CTS_MAX_TEXT},
+    {FIELD(series_number), INTEGER, INT32_MIN, INT32_MAX},
+    {FIELD(has_instance), FLAG, 0, 1},
+    {FIELD(instance_number), INTEGER, INT32_MIN, INT32_MAX},
+    {FIELD(kernel), TEXT, 0, 64},
+    {FIELD(thickness_mm), REAL, -INFINITY, INFINITY},
+    {FIELD(declared_lossless), FLAG, 0, 1},
+    {FIELDS(lossy_ratio, lossy_method), OPTIONAL_TEXT, 0, CTS_MAX_TEXT},
+    {FIELD(volume_number), REAL_OR_NAN, -INFINITY, INFINITY},
+    {FIELD(volume_word), OPTIONAL_TEXT, 0, 64},
+    {FIELD(pet.units), INTEGER, 0, CTS_PET_GML},
+    {FIELD(pet.decay), INTEGER, 0, CTS_PET_REFERENCE_TIME},
+    {FIELDS(pet.is_suvbw, pet.is_reprojection), FLAG, 0, 1},
+    {FIELD(pet.value), REAL_OR_NAN, -INFINITY, INFINITY},
+    {FIELDS(localizer, contrast), FLAG, 0, 1},
+    {FIELD(image_type), TEXT, 0, 64},
+    {FIELD(is_report), FLAG, 0, 1},
+    {FIELD(frame), INTEGER, 0, CTS_MAX_FRAMES - 1},
+    {FIELD(n_frames), INTEGER, 0, CTS_MAX_FRAMES},
+    {FIELD(stack_id), TEXT, 0, 16},
+    {FIELD(concatenation), TEXT, 0, 64},
+    {FIELDS(part_number, n_parts), INTEGER, 0, UINT16_MAX},
+    {FIELDS(rows, high_bit), INTEGER, 0, UINT16_MAX},
+    {FIELDS(is_signed, has_padding), FLAG, 0, 1},
+    {FIELDS(padding_low, padding_high), INTEGER, INT16_MIN, UINT16_MAX},
+    {FIELD(padding_word), INTEGER, -1, UINT16_MAX},
+    {FIELDS(slope, intercept), REAL, -INFINITY, INFINITY},
+    {FIELD(rescale_type), OPTIONAL_TEXT, 0, 16},
+    {FIELDS(row_lps, normal_lps), REAL, -2, 2},
+    {FIELDS(position_lps, row_spacing_mm), REAL, -INFINITY, INFINITY},
+    {FIELD(fault), INTEGER, CTS_OK, CTS_ERR_INTERRUPTED},
+    {FIELD(fault_text), OPTIONAL_TEXT, 0, 256},
 };
 enum { N_FIELDS = sizeof fields / sizeof *fields };
 
@@ -102,8 +87,7 @@ static void pack_slice(PackedTexts *w, const CtsSlice *s, const CtsSlice *before
 {
     *packed = *s;
     for (int i = 0; i < N_FIELDS; i++)
-        for (int k = 0; fields[i].kind <= OPTIONAL_TEXT && k < fields[i].n; k++) {
-            const size_t at = fields[i].at + (size_t)k * sizeof(char *);
+        for (size_t at = fields[i].at; fields[i].kind <= OPTIONAL_TEXT && at < fields[i].end; at += sizeof(char *)) {
             const char *text, *last = NULL, *offset;
             memcpy(&text, (const char *)s + at, sizeof text);
             if (before)
@@ -177,8 +161,7 @@ static bool is_in_range(const Field *f, const void *value)
 
 static bool unpack_field(const PackedAnswer *r, const Field *f, const CtsSlice *packed, CtsSlice *s)
 {
-    for (int k = 0; k < f->n; k++) {
-        const size_t at = f->at + (size_t)k * field_size(f->kind);
+    for (size_t at = f->at; at < f->end; at += field_size(f->kind)) {
         const char *const from = (const char *)packed + at;
         if (f->kind <= OPTIONAL_TEXT) {
             const char *offset, *text;
