@@ -5,36 +5,25 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void answer_json(CtsServer *server, CtsHttpRequest *request, char *json)
+static void answer_json(const CtsServer *server, CtsHttpAnswer *answer, char *json)
 {
-    CtsHttpAnswer answer;
     if (json)
-        cts_answer_bytes(&answer, server, 200, "application/json", json, strlen(json), false);
+        cts_answer_bytes(answer, server, 200, "application/json", json, strlen(json), false);
     else
-        cts_answer_text(&answer, server, 503, "out of memory");
-    cts_http_answer(request, &answer);
+        cts_answer_text(answer, server, 503, "out of memory");
 }
 
-static void answer_text(CtsServer *server, CtsHttpRequest *request, int status, const char *text)
+static bool answer_asset(const CtsServer *server, CtsHttpAnswer *answer, const char *name)
 {
-    CtsHttpAnswer answer;
-    cts_answer_text(&answer, server, status, text);
-    cts_http_answer(request, &answer);
-}
-
-static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char *name)
-{
-    CtsHttpAnswer answer;
     for (size_t i = 0; i < cts_page_n_assets; i++) {
         const CtsPageAsset *const a = &cts_page_assets[i];
         if (strcmp(a->name, name))
             continue;
-        cts_answer_bytes(&answer, server, 200, a->media_type, a->bytes, a->n_bytes, true);
-        cts_answer_header(&answer, "Content-Security-Policy",
+        cts_answer_bytes(answer, server, 200, a->media_type, a->bytes, a->n_bytes, true);
+        cts_answer_header(answer, "Content-Security-Policy",
                           "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
                           "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
-        cts_answer_header(&answer, "Referrer-Policy", "no-referrer");
-        cts_http_answer(request, &answer);
+        cts_answer_header(answer, "Referrer-Policy", "no-referrer");
         return true;
     }
     return false;
@@ -68,11 +57,10 @@ static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, const Target *tar
     else if (!st && e->cached->series && !e->cached->series->renderable)
         st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->cached->series->reason);
     *is_kept = !st && e->is_kept;
-    if (!st && !*is_kept) {
+    if (!st && !*is_kept && !cts_render_queue_add(server, e))
+        st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are queued (ask again)");
+    else if (!st && !*is_kept)
         cts_http_wait(e->request);
-        if (!cts_render_queue_add(server, e))
-            st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are queued (ask again)");
-    }
     pthread_mutex_unlock(&server->lock);
     return st;
 }
@@ -87,14 +75,15 @@ static CtsStatus prepare_request(CtsServer *server, CtsRenderRequest *e, const C
     return st;
 }
 
-/* format NULL: use the standard's parameters. */
-static void request_picture(CtsServer *server, CtsHttpRequest *request, Target *target, const CtsFormatInfo *format)
+/* Answers at once, or queues the request, which then waits. format NULL: use the standard's parameters. */
+static void request_picture(CtsServer *server, CtsHttpRequest *request, Target *target, const CtsFormatInfo *format,
+                            CtsHttpAnswer *answer)
 {
     CtsError err = {0};
-    CtsHttpAnswer answer;
     CtsRenderRequest *const e = calloc(1, sizeof *e);
+    bool is_kept = false;
     if (!e) {
-        answer_text(server, request, 503, "out of memory");
+        cts_answer_text(answer, server, 503, "out of memory");
         return;
     }
     e->request = request;
@@ -107,48 +96,46 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, Target *
     if (!e->render_query.state_path)
         strcpy(e->render_query.instance_uid, target->instance_uid);
     CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->render_query, request->accept, &format, &err);
-    const bool acceptable = st || format;
-    bool is_kept = false;
     if (!st && format && !(st = prepare_request(server, e, format, &err))) {
         if (e->render_query.state_path) /* its picture is of the series that it names */
             snprintf(target->uid, sizeof target->uid, "%s", e->render_query.options.state->source_uid);
         st = queue(server, e, target, &is_kept, &err);
     }
     if (!st && is_kept)
-        st = cts_answer_picture(&answer, server, e, &err);
-    else if (!st && acceptable)
+        st = cts_answer_picture(answer, server, e, &err);
+    else if (!st && format)
         return;
-    if (!acceptable)
-        cts_answer_text(&answer, server, 406,
+    if (st)
+        cts_answer_failure(answer, server, e->cached, st, &err);
+    else if (!format)
+        cts_answer_text(answer, server, 406,
                         target->thumbnail
                             ? "there are image/jpeg, image/png and image/webp"
                             : "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last "
                               "two), and application/dicom+json for renderedvolumetricmetadata");
-    else if (st)
-        cts_answer_failure(&answer, server, e->cached, st, &err);
     cts_render_request_free(e);
-    cts_http_answer(request, &answer);
 }
 
 /* /series/ID/ and more. */
-static void request_series(CtsServer *server, CtsHttpRequest *request, Target *target, const char *what)
+static void request_series(CtsServer *server, CtsHttpRequest *request, Target *target, const char *what,
+                           CtsHttpAnswer *answer)
 {
     const CtsFormatInfo *const format = cts_export_format(what);
     target->thumbnail = !strcmp(what, "thumbnail");
     if (!strcmp(what, "labels"))
-        answer_json(server, request, cts_list_labels(server, target->id));
+        answer_json(server, answer, cts_list_labels(server, target->id));
     else if (!strcmp(what, "presets"))
-        answer_json(server, request, cts_list_presets(server, target->id));
+        answer_json(server, answer, cts_list_presets(server, target->id));
     else if (target->thumbnail || (format && !strncmp(what, "picture.", 8) && !strcmp(what + 8, format->name)))
-        request_picture(server, request, target, format);
+        request_picture(server, request, target, format, answer);
     else
-        answer_text(server, request, 404,
-                    "there are /series, /series/ID/labels, /series/ID/presets, /series/ID/thumbnail and "
-                    "/series/ID/picture.ENDING, its ending a format's");
+        cts_answer_text(answer, server, 404,
+                        "there are /series, /series/ID/labels, /series/ID/presets, /series/ID/thumbnail and "
+                        "/series/ID/picture.ENDING, its ending a format's");
 }
 
 /* /studies/S/rendered3D, thumbnail, and paths below it. */
-static void request_study(CtsServer *server, CtsHttpRequest *request)
+static void request_study(CtsServer *server, CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
     const char *const path = request->path;
     char what[16];
@@ -162,34 +149,41 @@ static void request_study(CtsServer *server, CtsHttpRequest *request)
          !path[n]);
     t.thumbnail = is_one && !strcmp(what, "thumbnail");
     if (t.thumbnail || (is_one && !strcmp(what, "rendered3D")))
-        request_picture(server, request, &t, NULL);
+        request_picture(server, request, &t, NULL, answer);
     else
-        answer_text(
-            server, request, 404,
+        cts_answer_text(
+            answer, server, 404,
             "of PS3.18 there are rendered3D and thumbnail, of a study, a series or an object; renderedMPR and other "
             "resources are not supported");
 }
 
-void cts_routes_dispatch(CtsServer *server, CtsHttpRequest *request)
+/* Finds the answer to an address. */
+static void answer_path(CtsServer *server, CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
     const char *const path = request->path;
-    CtsHttpAnswer answer;
     Target series = {.thumbnail = false};
     char what[64];
     int n = 0;
-    if (!cts_access_check(server, request, &answer))
-        cts_http_answer(request, &answer);
-    else if (*path == '/' &&
-             answer_asset(server, request, strcmp(request->method, "OPTIONS") ? path + 1 : "capabilities.wadl"))
+    if (*path == '/' &&
+        answer_asset(server, answer, strcmp(request->method, "OPTIONS") ? path + 1 : "capabilities.wadl"))
         return;
-    else if (!strcmp(path, "/series"))
-        answer_json(server, request, cts_list_series(server));
+    if (!strcmp(path, "/series"))
+        answer_json(server, answer, cts_list_series(server));
     else if (!strcmp(path, "/presets"))
-        answer_json(server, request, cts_list_presets(server, NULL));
+        answer_json(server, answer, cts_list_presets(server, NULL));
     else if (!strncmp(path, "/studies/", 9))
-        request_study(server, request);
+        request_study(server, request, answer);
     else if (sscanf(path, "/series/%16[^/]/%63[^/]%n", series.id, what, &n) == 2 && !path[n])
-        request_series(server, request, &series, what);
+        request_series(server, request, &series, what, answer);
     else
-        answer_text(server, request, 404, "no such address (there are /, /series, /presets and /studies/...)");
+        cts_answer_text(answer, server, 404, "no such address (there are /, /series, /presets and /studies/...)");
+}
+
+void cts_routes_dispatch(CtsServer *server, CtsHttpRequest *request)
+{
+    CtsHttpAnswer answer;
+    if (cts_access_check(server, request, &answer))
+        answer_path(server, request, &answer);
+    if (!request->waits)
+        cts_http_answer(request, &answer);
 }
