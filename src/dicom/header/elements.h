@@ -3,6 +3,7 @@
 #pragma once
 
 #include "ctsplat/api.h"
+#include "ctsplat/status.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -56,5 +57,19 @@ bool cts_elements_integer(CtsElements elements, uint32_t tag, int *value);
 bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, size_t n);
 /* Exactly n finite numbers. */
 bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, size_t n);
+
+/* Records that are written one after the other. Zero-initialise; free bytes. */
+typedef struct CtsRecords {
+    uint8_t *bytes;
+    size_t n, capacity;
+    CtsStatus status; /* memory was short: the records are useless */
+} CtsRecords;
+
+/* Starts a record, whose value follows; cts_put_end() completes the last one that is not yet complete. */
+size_t cts_put_begin(CtsRecords *to, uint32_t tag, CtsValueKind kind);
+void cts_put_more(CtsRecords *to, const void *bytes, size_t n);
+void cts_put_end(CtsRecords *to, size_t value);
+
+void cts_put_bytes(CtsRecords *to, uint32_t tag, CtsValueKind kind, const void *bytes, size_t n);
 
 CTS_C_END

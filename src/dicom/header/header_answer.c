@@ -81,34 +81,27 @@ static const char *pack_text(PackedTexts *w, const char *text)
     return (const char *)(at + 1);
 }
 
-/* Repeated texts of frames are shared by the reader's string pool, and stored once. */
-static void pack_slice(PackedTexts *w, const CtsSlice *s, const CtsSlice *before, CtsSlice *packed,
-                       const CtsSlice *packed_before)
+static void pack_slice(PackedTexts *w, const CtsSlice *s, CtsSlice *packed)
 {
     *packed = *s;
     for (int i = 0; i < N_FIELDS; i++)
         for (size_t at = fields[i].at; fields[i].kind <= OPTIONAL_TEXT && at < fields[i].end; at += sizeof(char *)) {
-            const char *text, *last = NULL, *offset;
+            const char *text;
             memcpy(&text, (const char *)s + at, sizeof text);
-            if (before)
-                memcpy(&last, (const char *)before + at, sizeof last);
-            if (text && text == last)
-                memcpy(&offset, (const char *)packed_before + at, sizeof offset);
-            else
-                offset = pack_text(w, text);
-            memcpy((char *)packed + at, &offset, sizeof offset);
+            text = pack_text(w, text);
+            memcpy((char *)packed + at, &text, sizeof text);
         }
 }
 
 size_t cts_header_pack(const CtsObject *object, CtsHeaderAnswer *answer, uint8_t *bytes, size_t n)
 {
     const size_t n_slices = (size_t)object->n_slices, n_records = n_slices * sizeof(CtsSlice);
-    CtsSlice packed[2];
+    CtsSlice packed;
     PackedTexts w = {bytes, n, n_records};
     for (size_t k = 0; k < n_slices; k++) {
-        pack_slice(&w, object->slices[k], k ? object->slices[k - 1] : NULL, &packed[k % 2], &packed[(k + 1) % 2]);
+        pack_slice(&w, object->slices[k], &packed);
         if (n_records <= n)
-            memcpy(bytes + k * sizeof *packed, &packed[k % 2], sizeof *packed);
+            memcpy(bytes + k * sizeof packed, &packed, sizeof packed);
     }
     answer->object = *object;
     answer->object.slices = NULL;

@@ -1,39 +1,7 @@
 #include "dicom/objects/records.h"
 
-#include "base/file_bytes.h"
 #include <stdlib.h>
 #include <string.h>
-
-void cts_put_more(CtsRecords *to, const void *bytes, size_t n)
-{
-    if (!n || to->status ||
-        (to->n + n > to->capacity &&
-         (to->status = cts_bytes_reserve(&to->bytes, &to->capacity, 2 * (to->n + n), NULL))))
-        return;
-    memcpy(to->bytes + to->n, bytes, n);
-    to->n += n;
-}
-
-size_t cts_put_begin(CtsRecords *to, uint32_t tag, CtsValueKind kind)
-{
-    cts_put_more(to, &(CtsRecord){tag, kind, 0}, sizeof(CtsRecord));
-    return to->n;
-}
-
-void cts_put_end(CtsRecords *to, size_t value)
-{
-    const uint64_t n = to->n - value, zeros = 0;
-    cts_put_more(to, &zeros, (8 - n % 8) % 8);
-    if (!to->status)
-        memcpy(to->bytes + value - sizeof n, &n, sizeof n);
-}
-
-void cts_put_bytes(CtsRecords *to, uint32_t tag, CtsValueKind kind, const void *bytes, size_t n)
-{
-    const size_t value = cts_put_begin(to, tag, kind);
-    cts_put_more(to, bytes, n);
-    cts_put_end(to, value);
-}
 
 void cts_put_numbers(CtsRecords *to, uint32_t tag, const double *values, size_t n)
 {

@@ -10,19 +10,6 @@ enum {
 #include <dicom_names.inc>
 };
 
-/* Zero-initialise; free bytes. */
-typedef struct CtsRecords {
-    uint8_t *bytes;
-    size_t n, capacity;
-    CtsStatus status; /* memory was short: the records are useless */
-} CtsRecords;
-
-/* Starts a record, whose value follows; cts_put_end() completes the last one that is not yet complete. */
-size_t cts_put_begin(CtsRecords *to, uint32_t tag, CtsValueKind kind);
-void cts_put_more(CtsRecords *to, const void *bytes, size_t n);
-void cts_put_end(CtsRecords *to, size_t value);
-
-void cts_put_bytes(CtsRecords *to, uint32_t tag, CtsValueKind kind, const void *bytes, size_t n);
 void cts_put_numbers(CtsRecords *to, uint32_t tag, const double *values, size_t n);
 
 /* Single values: CTS_PUT_TEXTS(to, {DCM_Modality, "PR"}, {DCM_Manufacturer, "ctsplat"}). */

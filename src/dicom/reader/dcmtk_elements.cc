@@ -4,53 +4,12 @@
 #include "dicom/reader/reader.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
+#include <memory>
 
 namespace
 {
-
-/* Bytes that are written as far as they fit, and counted. */
-class Output
-{
-  public:
-    Output(uint8_t *bytes, size_t n) : bytes_(bytes), n_(n)
-    {
-    }
-    size_t used() const
-    {
-        return used_;
-    }
-    void put(const void *bytes, size_t n)
-    {
-        if (n && used_ <= n_ && n <= n_ - used_)
-            std::memcpy(bytes_ + used_, bytes, n);
-        used_ += n;
-    }
-    /* Begins a record; end() completes it. */
-    size_t begin(uint32_t tag, CtsValueKind kind)
-    {
-        const CtsRecord record = {tag, static_cast<uint32_t>(kind), 0};
-        put(&record, sizeof record);
-        return used_;
-    }
-    void end(size_t value)
-    {
-        const uint64_t n = used_ - value, zeros = 0;
-        if (used_ <= n_)
-            std::memcpy(bytes_ + value - sizeof n, &n, sizeof n);
-        put(&zeros, (8 - n % 8) % 8);
-    }
-    void record(uint32_t tag, CtsValueKind kind, const void *bytes, size_t n)
-    {
-        const size_t value = begin(tag, kind);
-        put(bytes, n);
-        end(value);
-    }
-
-  private:
-    uint8_t *bytes_;
-    size_t n_, used_ = 0;
-};
 
 uint32_t number_of(const DcmTagKey &tag)
 {
@@ -64,7 +23,7 @@ bool parse(std::string_view text, std::vector<double> &values)
     return cts_parse_ds(text.data(), text.size(), values.data(), static_cast<int>(values.size()));
 }
 
-void put_value(DcmElement &e, uint32_t tag, Output &out)
+void put_value(DcmElement &e, uint32_t tag, CtsRecords *out)
 {
     std::vector<double> values;
     const std::string_view text = cts_element_text(&e);
@@ -72,19 +31,19 @@ void put_value(DcmElement &e, uint32_t tag, Output &out)
     Uint8 *bytes = nullptr;
     Uint16 *words = nullptr;
     if (is_text && !((e.ident() == EVR_DS || e.ident() == EVR_IS) && parse(text, values)))
-        out.record(tag, CTS_VALUE_TEXT, text.data(), text.size());
+        cts_put_bytes(out, tag, CTS_VALUE_TEXT, text.data(), text.size());
     else if (is_text || cts_binary_numbers(e, values))
-        out.record(tag, CTS_VALUE_NUMBERS, values.data(), values.size() * sizeof(double));
+        cts_put_bytes(out, tag, CTS_VALUE_NUMBERS, values.data(), values.size() * sizeof(double));
     else if (e.getUint16Array(words).good() && words)
-        out.record(tag, CTS_VALUE_BYTES, words, e.getLength());
+        cts_put_bytes(out, tag, CTS_VALUE_BYTES, words, e.getLength());
     else if (e.getUint8Array(bytes).good() && bytes)
-        out.record(tag, CTS_VALUE_BYTES, bytes, e.getLength());
+        cts_put_bytes(out, tag, CTS_VALUE_BYTES, bytes, e.getLength());
     else
-        out.record(tag, CTS_VALUE_BYTES, nullptr, 0);
+        cts_put_bytes(out, tag, CTS_VALUE_BYTES, nullptr, 0);
 }
 
 /* Not deeper than the framing's limit, which was checked (CTS_MAX_NESTING). */
-void put_item(DcmItem &item, Output &out)
+void put_item(DcmItem &item, CtsRecords *out)
 {
     for (DcmObject *o = item.nextInContainer(nullptr); o; o = item.nextInContainer(o)) {
         const uint32_t tag = number_of(o->getTag());
@@ -93,13 +52,13 @@ void put_item(DcmItem &item, Output &out)
             continue;
         }
         auto &sequence = static_cast<DcmSequenceOfItems &>(*o);
-        const size_t value = out.begin(tag, CTS_VALUE_ITEMS);
+        const size_t value = cts_put_begin(out, tag, CTS_VALUE_ITEMS);
         for (DcmObject *i = sequence.nextInContainer(nullptr); i; i = sequence.nextInContainer(i)) {
-            const size_t elements = out.begin(0, CTS_VALUE_ITEM);
+            const size_t elements = cts_put_begin(out, 0, CTS_VALUE_ITEM);
             put_item(static_cast<DcmItem &>(*i), out);
-            out.end(elements);
+            cts_put_end(out, elements);
         }
-        out.end(value);
+        cts_put_end(out, value);
     }
 }
 
@@ -107,8 +66,13 @@ void put_item(DcmItem &item, Output &out)
 
 size_t cts_elements_pack(DcmItem &data_set, const char *class_uid, uint8_t *bytes, size_t n)
 {
-    Output out(bytes, n);
-    out.record(CTS_TAG_META_CLASS, CTS_VALUE_TEXT, class_uid, std::strlen(class_uid));
-    put_item(data_set, out);
-    return out.used();
+    CtsRecords out = {};
+    const std::unique_ptr<CtsRecords, void (*)(CtsRecords *)> owned(&out, [](CtsRecords *r) { std::free(r->bytes); });
+    cts_put_bytes(&out, CTS_TAG_META_CLASS, CTS_VALUE_TEXT, class_uid, std::strlen(class_uid));
+    put_item(data_set, &out);
+    if (out.status)
+        throw std::bad_alloc();
+    if (out.n <= n)
+        std::memcpy(bytes, out.bytes, out.n);
+    return out.n;
 }
