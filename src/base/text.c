@@ -1,6 +1,7 @@
 #include "base/text.h"
 
 #include <ctype.h>
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -37,6 +38,18 @@ size_t cts_text_step(const char *p, size_t n, bool *safe)
     const size_t length = cts_text_code(p, n, &code);
     *safe = length && !unsafe(code);
     return length ? length : 1;
+}
+
+void cts_text_append(char *text, size_t size, const char *separator, const char *format, ...)
+{
+    va_list args;
+    size_t n = strlen(text);
+    if (n)
+        strncat(text, separator, size - n - 1);
+    n = strlen(text);
+    va_start(args, format);
+    vsnprintf(text + n, size - n, format, args);
+    va_end(args);
 }
 
 void cts_text_clean(char *text)

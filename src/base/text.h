@@ -19,6 +19,10 @@ size_t cts_text_code(const char *text, size_t n, unsigned *code);
  * controls and marks that change the writing direction or break a line. */
 size_t cts_text_step(const char *p, size_t n, bool *safe);
 
+/* Appends to a text in a buffer of this size, behind the separator unless it is empty; truncated. */
+void cts_text_append(char *text, size_t size, const char *separator, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
 /* Replaces unsafe characters by question marks. */
 void cts_text_clean(char *text);
 

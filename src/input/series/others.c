@@ -1,6 +1,7 @@
 #include "input/series/series_check.h"
 
 #include "base/mem.h"
+#include "base/text.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -55,8 +56,7 @@ void cts_others_sort(CtsSeriesList *list)
 
 void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size)
 {
-    size_t n = 0;
     text[0] = 0;
-    for (size_t i = 0; i < list->n_others && n < size; i++)
-        n += (size_t)snprintf(text + n, size - n, "%s%d %s", i ? ", " : "", list->others[i].n, list->others[i].what);
+    for (size_t i = 0; i < list->n_others; i++)
+        cts_text_append(text, size, ", ", "%d %s", list->others[i].n, list->others[i].what);
 }

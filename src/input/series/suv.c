@@ -1,8 +1,7 @@
 #include "input/series/suv.h"
 
+#include "base/text.h"
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <string.h>
 
 static const double DAY_S = 86400, HOUR_S = 3600;
@@ -25,17 +24,6 @@ static const char *const value_names[CTS_PET_N_SERIES_VALUES] = {
     [CTS_PET_PHILIPS_SUV] = "the SUV factor (7053,xx00)",
     [CTS_PET_PHILIPS_BQML] = "the activity factor (7053,xx09)",
 };
-
-/* Appends to the reason. */
-static void __attribute__((format(printf, 2, 3))) add_reason(CtsValueScale *scale, const char *format, ...)
-{
-    const size_t n = strlen(scale->why);
-    va_list args;
-    va_start(args, format);
-    snprintf(scale->why + n, sizeof scale->why - n, "%s", n ? ", " : "");
-    vsnprintf(scale->why + strlen(scale->why), sizeof scale->why - strlen(scale->why), format, args);
-    va_end(args);
-}
 
 /* The first value, or other attribute, in which slices differ. */
 static const char *difference(const CtsSlice *const *slices, int n)
@@ -81,7 +69,7 @@ static double scan_time(const CtsSlice *const *slices, int n, CtsValueScale *sca
     const double *const v = slices[0]->pet.value;
     if (slices[0]->pet.decay == CTS_PET_REFERENCE_TIME) {
         if (isnan(v[CTS_PET_REFERENCE_S]))
-            add_reason(scale, "%s", value_names[CTS_PET_REFERENCE_S]);
+            cts_text_append(scale->why, sizeof scale->why, ", ", "%s", value_names[CTS_PET_REFERENCE_S]);
         return v[CTS_PET_REFERENCE_S];
     }
     if (first && v[CTS_PET_SERIES_S] <= first->value[CTS_PET_ACQUISITION_S])
@@ -89,10 +77,11 @@ static double scan_time(const CtsSlice *const *slices, int n, CtsValueScale *sca
     if (!isnan(v[CTS_PET_GE_SCAN_S]))
         return v[CTS_PET_GE_SCAN_S];
     if (!first)
-        add_reason(scale, "AcquisitionTime (0008,0032)");
+        cts_text_append(scale->why, sizeof scale->why, ", ", "AcquisitionTime (0008,0032)");
     else if (!(first->value[CTS_PET_FRAME_REFERENCE_MS] > 0 && first->value[CTS_PET_FRAME_DURATION_MS] > 0))
-        add_reason(scale, "FrameReferenceTime (0054,1300) and ActualFrameDuration (0018,1242), for a SeriesTime "
-                          "(0008,0031) that is not the scan's");
+        cts_text_append(scale->why, sizeof scale->why, ", ",
+                        "FrameReferenceTime (0054,1300) and ActualFrameDuration (0018,1242), for a SeriesTime "
+                        "(0008,0031) that is not the scan's");
     else
         return first->value[CTS_PET_ACQUISITION_S] - first->value[CTS_PET_FRAME_REFERENCE_MS] / 1000 +
                mean_decay_s(first->value[CTS_PET_FRAME_DURATION_MS] / 1000, v[CTS_PET_HALF_LIFE_S]);
@@ -118,16 +107,17 @@ static double decay_time(const CtsSlice *const *slices, int n, CtsValueScale *sc
     if (p->decay == CTS_PET_INJECTION)
         return 0;
     if (!(half_life_s > 0)) {
-        add_reason(scale, "%s", value_names[CTS_PET_HALF_LIFE_S]);
+        cts_text_append(scale->why, sizeof scale->why, ", ", "%s", value_names[CTS_PET_HALF_LIFE_S]);
         return NAN;
     }
     const double scan_s = scan_time(slices, n, scale), decay_s = scan_s - injection_time(p, scan_s);
     if (isnan(p->value[CTS_PET_INJECTION_CLOCK_S]))
-        add_reason(scale, "RadiopharmaceuticalStartDateTime (0018,1078)");
+        cts_text_append(scale->why, sizeof scale->why, ", ", "RadiopharmaceuticalStartDateTime (0018,1078)");
     else if (decay_s < 0)
-        add_reason(scale, "an injection (0018,1078) before the scan");
+        cts_text_append(scale->why, sizeof scale->why, ", ", "an injection (0018,1078) before the scan");
     else if (decay_s > MAX_HALF_LIVES * half_life_s)
-        add_reason(scale, "an injection (0018,1078) less than %g half-lives before the scan", MAX_HALF_LIVES);
+        cts_text_append(scale->why, sizeof scale->why, ", ",
+                        "an injection (0018,1078) less than %g half-lives before the scan", MAX_HALF_LIVES);
     else
         return decay_s;
     return NAN;
@@ -138,13 +128,13 @@ static void find_suv(const CtsSlice *const *slices, int n, CtsValueScale *scale)
     const CtsPet *const p = &slices[0]->pet;
     const double weight_kg = p->value[CTS_PET_WEIGHT_KG], dose_bq = p->value[CTS_PET_DOSE_BQ];
     if (!p->is_corrected)
-        add_reason(scale, "ATTN and DECY in CorrectedImage (0028,0051)");
+        cts_text_append(scale->why, sizeof scale->why, ", ", "ATTN and DECY in CorrectedImage (0028,0051)");
     if (p->decay == CTS_PET_NO_DECAY_CORRECTION)
-        add_reason(scale, "START or ADMIN in DecayCorrection (0054,1102)");
+        cts_text_append(scale->why, sizeof scale->why, ", ", "START or ADMIN in DecayCorrection (0054,1102)");
     if (!(weight_kg > 0 && weight_kg <= MAX_WEIGHT_KG))
-        add_reason(scale, "%s", value_names[CTS_PET_WEIGHT_KG]);
+        cts_text_append(scale->why, sizeof scale->why, ", ", "%s", value_names[CTS_PET_WEIGHT_KG]);
     if (!(dose_bq >= MIN_DOSE_BQ))
-        add_reason(scale, "%s in Bq", value_names[CTS_PET_DOSE_BQ]);
+        cts_text_append(scale->why, sizeof scale->why, ", ", "%s in Bq", value_names[CTS_PET_DOSE_BQ]);
     const double decay_s = decay_time(slices, n, scale);
     if (scale->why[0])
         return;
@@ -161,7 +151,7 @@ static void convert_counts(const CtsPet *p, CtsValueScale *scale)
     else if (p->value[CTS_PET_PHILIPS_BQML] > 0)
         *scale = (CtsValueScale){CTS_QUANTITY_BQML, p->value[CTS_PET_PHILIPS_BQML], ""};
     else
-        add_reason(scale, "factors (7053,xx00) or (7053,xx09) for its counts");
+        cts_text_append(scale->why, sizeof scale->why, ", ", "factors (7053,xx00) or (7053,xx09) for its counts");
 }
 
 CtsValueScale cts_pet_scale(const CtsSlice *const *slices, int n)
@@ -172,13 +162,14 @@ CtsValueScale cts_pet_scale(const CtsSlice *const *slices, int n)
     if (p->units == CTS_PET_BQML)
         scale.quantity = CTS_QUANTITY_BQML;
     if (differing)
-        add_reason(&scale, "one value of %s in all slices", differing);
+        cts_text_append(scale.why, sizeof scale.why, ", ", "one value of %s in all slices", differing);
     else if (p->units == CTS_PET_CNTS)
         convert_counts(p, &scale);
     else if (p->units == CTS_PET_GML && p->is_suvbw)
         scale.quantity = CTS_QUANTITY_SUVBW;
     else if (p->units != CTS_PET_BQML)
-        add_reason(&scale, p->units == CTS_PET_GML ? "SUVType (0054,1006) BW" : "Units (0054,1001) BQML, CNTS or GML");
+        cts_text_append(scale.why, sizeof scale.why, ", ",
+                        p->units == CTS_PET_GML ? "SUVType (0054,1006) BW" : "Units (0054,1001) BQML, CNTS or GML");
     if (!differing && scale.quantity == CTS_QUANTITY_BQML)
         find_suv(slices, n, &scale);
     return scale;
