@@ -93,8 +93,7 @@ typedef struct CtsSeriesList {
     size_t n_others;
     CtsDiagnostics diagnostics;
     CtsArchives *archives;       /* zip files in memory, which slices are read from; owned */
-    struct CtsStringPool *texts; /* n_texts, which the slices share; owned */
-    size_t n_texts;
+    struct CtsStringPool *texts; /* which the slices share; owned */
 } CtsSeriesList;
 
 /* Paths are files, folders (searched to any depth), zip files of folders, DICOMDIRs or NIfTI CTs, which have no UID.

@@ -41,6 +41,15 @@ const char *cts_string_pool_share(CtsStringPool *t, const char *text, size_t n)
     return *slot;
 }
 
+void cts_string_pool_join(CtsStringPool *to, CtsStringPool *from)
+{
+    CtsStringPoolBlock **end = &to->blocks;
+    while (*end)
+        end = &(*end)->next;
+    *end = from->blocks;
+    *from = (CtsStringPool){0};
+}
+
 void cts_string_pool_free(CtsStringPool *t)
 {
     for (CtsStringPoolBlock *b = t->blocks, *next; b; b = next) {

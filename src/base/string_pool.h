@@ -18,6 +18,8 @@ typedef struct CtsStringPool {
 const char *cts_string_pool_add(CtsStringPool *texts, const char *text, size_t n);
 /* A pooled copy of the text up to its first 0 byte. NULL without memory. */
 const char *cts_string_pool_share(CtsStringPool *texts, const char *text, size_t n);
+/* Moves all texts of a pool to another. */
+void cts_string_pool_join(CtsStringPool *to, CtsStringPool *from);
 void cts_string_pool_free(CtsStringPool *texts);
 
 CTS_C_END

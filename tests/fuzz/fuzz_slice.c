@@ -34,8 +34,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     const CtsFile file = {.path = name, .memory = data, .n_memory = n};
     CtsHeaderReader reader = {0};
     CtsHeaderRead read;
-    cts_file_header_add(&reader, &file, CTS_NIFTI_FORM_AUTO, &read);
-    cts_header_finish(&reader);
+    cts_file_headers_read(&file, 1, CTS_NIFTI_FORM_AUTO, &reader, 1, &read);
     assert((read.kind == CTS_FILE_UNREADABLE) == (read.why.text[0] != 0));
     for (int i = 0; i < read.object.n_slices; i++) {
         const CtsSlice *s = read.object.slices[i];

@@ -79,11 +79,9 @@ int main(int argc, char **argv)
     CtsHeaderReader reader = {0};
     CtsFile *const files = calloc((size_t)argc, sizeof *files);
     CtsHeaderRead *const read = calloc((size_t)argc, sizeof *read);
-    for (int i = 1; i < argc; i++) {
+    for (int i = 1; i < argc; i++)
         files[i].path = argv[i];
-        cts_file_header_add(&reader, &files[i], CTS_NIFTI_FORM_AUTO, &read[i]);
-    }
-    cts_header_finish(&reader);
+    cts_file_headers_read(files + 1, (size_t)argc - 1, CTS_NIFTI_FORM_AUTO, &reader, 1, read + 1);
     for (int i = 1; i < argc; i++) {
         for (int k = 0; k < read[i].object.n_slices; k++)
             dump(i - 1, read[i].object.slices[k]);

@@ -1,5 +1,6 @@
 #include "input/files/file_header.h"
 
+#include "base/parallel.h"
 #include <string.h>
 
 /* The packing program of a file that is not DICOM, by its first bytes. */
@@ -30,7 +31,8 @@ static CtsStatus read_nifti_header(const CtsFile *source, const CtsFileBytes *fi
     return CTS_OK;
 }
 
-void cts_file_header_add(CtsHeaderReader *reader, const CtsFile *source, CtsNiftiForm form, CtsHeaderRead *result)
+/* Opens a file and queues its header; cts_header_finish() completes the result. */
+static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsNiftiForm form, CtsHeaderRead *result)
 {
     CtsFileBytes file;
     const uint8_t *bytes;
@@ -46,4 +48,28 @@ void cts_file_header_add(CtsHeaderReader *reader, const CtsFile *source, CtsNift
         return;
     cts_object_free(&result->object);
     result->kind = CTS_FILE_UNREADABLE;
+}
+
+typedef struct HeaderReading {
+    const CtsFile *files;
+    CtsNiftiForm form;
+    CtsHeaderReader *readers; /* of each thread */
+    CtsHeaderRead *results;
+} HeaderReading;
+
+static void read_some_headers(void *context, int worker, size_t first, size_t end)
+{
+    const HeaderReading *const r = context;
+    for (size_t i = first; i < end; i++)
+        add_file_header(&r->readers[worker], &r->files[i], r->form, &r->results[i]);
+}
+
+void cts_file_headers_read(const CtsFile *files, size_t n, CtsNiftiForm form, CtsHeaderReader *readers, int n_threads,
+                           CtsHeaderRead *results)
+{
+    enum { FEW = 100 }; /* files for one thread: a reader's process starts in the time of some 30 headers */
+    HeaderReading reading = {files, form, readers, results};
+    cts_parallel(n < FEW ? 1 : n_threads, n, 8, read_some_headers, &reading);
+    for (int t = 0; t < n_threads; t++)
+        cts_header_finish(&readers[t]);
 }

@@ -5,16 +5,10 @@
 #include "dicom/header/header_reader.h"
 #include "input/files/nifti.h"
 
-/* Opens a file and queues its header, as cts_header_add(); also NIfTI: CTS_FILE_NIFTI, with slices placed by this form
- * where the file was named itself. cts_header_finish() completes the result. */
-void cts_file_header_add(CtsHeaderReader *reader, const CtsFile *source, CtsNiftiForm form, CtsHeaderRead *result);
-
-/* Number of threads, each with a process that reads headers, that n files are worth: a process takes as long to start
- * as it does to read some 30 headers. */
-static inline int cts_file_header_threads(size_t n, int n_threads)
-{
-    return n < 100 ? 1 : n_threads;
-}
+/* Reads the headers of n files by at most n_threads of the readers; also NIfTI: CTS_FILE_NIFTI, with slices placed by
+ * this form where the file was named itself. The objects must not outlive the readers' texts. */
+void cts_file_headers_read(const CtsFile *files, size_t n, CtsNiftiForm form, CtsHeaderReader *readers, int n_threads,
+                           CtsHeaderRead *results);
 
 /* A NIfTI CT as slices, with the fields that DICOM headers would have. It has no patient and no UIDs. */
 

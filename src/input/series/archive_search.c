@@ -1,7 +1,7 @@
 #include "ctsplat/series.h"
 
 #include "base/cpu.h"
-#include "base/parallel.h"
+#include "base/string_pool.h"
 #include "dicom/header/slice.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
@@ -16,58 +16,40 @@
  */
 enum { GROUP = 256 };
 
-typedef struct FoundFile {
-    CtsFile file;
-    char *path;
-    char *archive; /* path of the zip file that it is a member of, or NULL */
-    CtsHeaderRead header;
-} FoundFile;
-
 typedef struct ArchiveSearch {
     const CtsArchiveSearch *asked;
     CtsArchiveCounts *counts;
     CtsScan scan;
-    FoundFile group[GROUP];
-    int n;
+    CtsFile files[GROUP]; /* n */
+    CtsHeaderRead headers[GROUP];
+    const char *archives[GROUP]; /* path of the zip file that each is a member of, or NULL */
+    CtsStringPool paths;         /* of both */
+    size_t n;
     int n_threads;
     CtsHeaderReader *readers; /* of each thread */
     bool in_directory;        /* files come from a DICOMDIR, which must not refer to another */
 } ArchiveSearch;
-
-static void read_headers(void *context, int worker, size_t first, size_t end)
-{
-    ArchiveSearch *const s = context;
-    for (size_t i = first; i < end; i++)
-        cts_file_header_add(&s->readers[worker], &s->group[i].file, CTS_NIFTI_FORM_AUTO, &s->group[i].header);
-}
 
 static CtsStatus flush(ArchiveSearch *s, CtsError *err);
 
 static CtsStatus add_file(void *context, const CtsFile *file, const char *archive, CtsError *err)
 {
     ArchiveSearch *const s = context;
-    FoundFile *const f = &s->group[s->n];
-    *f = (FoundFile){.file = *file, .archive = archive ? strdup(archive) : NULL};
-    f->file.named &= !s->in_directory;
-    f->file.path = f->path = strdup(file->path);
-    s->n++;
-    if (!f->path || (archive && !f->archive))
+    CtsFile *const f = &s->files[s->n];
+    *f = *file;
+    f->named &= !s->in_directory;
+    f->path = cts_string_pool_add(&s->paths, file->path, strlen(file->path));
+    s->archives[s->n] = archive ? cts_string_pool_share(&s->paths, archive, strlen(archive)) : NULL;
+    if (!f->path || (archive && !s->archives[s->n]))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    return s->n == GROUP ? flush(s, err) : CTS_OK;
-}
-
-static void free_found(FoundFile *f)
-{
-    cts_object_free(&f->header.object);
-    free(f->path);
-    free(f->archive);
+    return ++s->n == GROUP ? flush(s, err) : CTS_OK;
 }
 
 /* An archive changes as a whole. */
-static void report_archive(const FoundFile *f, CtsArchiveFile *file)
+static void report_archive(const char *archive, CtsArchiveFile *file)
 {
     struct stat info;
-    if (f->archive && !stat(f->archive, &info))
+    if (archive && !stat(archive, &info))
         file->mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
 }
 
@@ -92,45 +74,47 @@ static CtsStatus follow_dicomdir(ArchiveSearch *s, const char *path, CtsError *e
                            &(CtsArchiveFile){.path = "", .why = why, .series_uid = "", .sop_uid = ""}, err);
 }
 
-static CtsStatus hand_on(ArchiveSearch *s, const FoundFile *f, char **directory, CtsError *err)
+static CtsStatus hand_on(ArchiveSearch *s, size_t i, char **directory, CtsError *err)
 {
-    CtsArchiveFile file = {.path = f->file.path, .series_uid = "", .sop_uid = ""};
+    const CtsHeaderRead *const header = &s->headers[i];
+    const CtsObject *const object = &header->object;
+    CtsArchiveFile file = {.path = s->files[i].path, .series_uid = "", .sop_uid = ""};
     CtsSlicePlace place;
     s->counts->n_files++;
-    if (f->header.object.n_slices) {
-        const CtsSlice *slice = f->header.object.slices[0];
+    if (object->n_slices) {
+        const CtsSlice *slice = object->slices[0];
         file.series_uid = slice->series_uid;
         file.sop_uid = slice->sop_uid;
         file.study_uid = slice->identity[CTS_STUDY_UID];
         file.has_number = slice->has_instance && !slice->n_frames;
         file.instance_number = slice->instance_number;
-        file.place = f->header.object.n_slices == 1 && cts_slice_place(slice, &place) ? &place : NULL;
-        file.is_alone = f->header.kind == CTS_FILE_NIFTI;
+        file.place = object->n_slices == 1 && cts_slice_place(slice, &place) ? &place : NULL;
+        file.is_alone = header->kind == CTS_FILE_NIFTI;
         file.bytes = slice->file_bytes;
         file.mtime_ns = slice->mtime_ns;
-        report_archive(f, &file);
-        file.n_voxels = (uint64_t)slice->rows * (uint64_t)slice->columns * (uint64_t)f->header.object.n_slices;
+        report_archive(s->archives[i], &file);
+        file.n_voxels = (uint64_t)slice->rows * (uint64_t)slice->columns * (uint64_t)object->n_slices;
         return s->asked->found(s->asked->context, &file, err);
     }
-    if (f->header.why.status == CTS_ERR_MEMORY || f->header.why.status == CTS_ERR_INTERNAL) {
-        *err = f->header.why;
+    if (header->why.status == CTS_ERR_MEMORY || header->why.status == CTS_ERR_INTERNAL) {
+        *err = header->why;
         return err->status;
     }
-    if (f->header.kind == CTS_FILE_UNREADABLE) {
-        file.why = f->header.why.text;
-        report_archive(f, &file);
+    if (header->kind == CTS_FILE_UNREADABLE) {
+        file.why = header->why.text;
+        report_archive(s->archives[i], &file);
         s->counts->n_unreadable++;
         return s->asked->found(s->asked->context, &file, err);
     }
     s->counts->n_not_ct++;
-    s->counts->n_objects += f->header.kind == CTS_FILE_DICOM && f->header.object.kind != CTS_OBJECT_DIRECTORY;
-    s->counts->n_packed += f->header.object.packed != NULL;
-    if (f->header.object.kind == CTS_OBJECT_LABELS) {
-        file.labels_of = f->header.object.study_uid;
+    s->counts->n_objects += header->kind == CTS_FILE_DICOM && object->kind != CTS_OBJECT_DIRECTORY;
+    s->counts->n_packed += object->packed != NULL;
+    if (object->kind == CTS_OBJECT_LABELS) {
+        file.labels_of = object->study_uid;
         return s->asked->found(s->asked->context, &file, err);
     }
-    if (f->file.named && f->header.object.kind == CTS_OBJECT_DIRECTORY && !*directory &&
-        !(*directory = strdup(f->file.path)))
+    if (s->files[i].named && object->kind == CTS_OBJECT_DIRECTORY && !*directory &&
+        !(*directory = strdup(s->files[i].path)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     return CTS_OK;
 }
@@ -140,19 +124,19 @@ static CtsStatus flush(ArchiveSearch *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     char *directory = NULL;
-    const int n = s->n;
+    const size_t n = s->n;
+    memset(s->headers, 0, sizeof s->headers);
     if (s->asked->stop && *s->asked->stop)
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     else
-        cts_parallel(cts_file_header_threads((size_t)n, s->n_threads), (size_t)n, 8, read_headers, s);
-    for (int t = 0; t < s->n_threads; t++)
-        cts_header_finish(&s->readers[t]);
+        cts_file_headers_read(s->files, n, CTS_NIFTI_FORM_AUTO, s->readers, s->n_threads, s->headers);
     s->n = 0;
-    for (int i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         if (!st)
-            st = hand_on(s, &s->group[i], &directory, err);
-        free_found(&s->group[i]);
+            st = hand_on(s, i, &directory, err);
+        cts_object_free(&s->headers[i].object);
     }
+    cts_string_pool_free(&s->paths);
     for (int t = 0; t < s->n_threads; t++)
         cts_string_pool_free(&s->readers[t].texts);
     if (!st && directory)
@@ -196,8 +180,7 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *asked, CtsArchiveCounts *co
     counts->n_unreadable += (uint64_t)s->scan.n_unreadable;
     if (!st)
         st = report_folders(s, err);
-    for (int i = 0; i < s->n; i++)
-        free_found(&s->group[i]);
+    cts_string_pool_free(&s->paths);
     for (int t = 0; s->readers && t < s->n_threads; t++)
         cts_header_reader_free(&s->readers[t]);
     cts_diagnostics_free(&s->scan.diagnostics);

@@ -5,6 +5,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/string_pool.h"
+#include "base/text.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
 #include "input/series/series_check.h"
@@ -31,8 +32,8 @@ void cts_series_list_free(CtsSeriesList **list)
         clear_series(&(*list)->items[i]);
     free((*list)->items);
     cts_archives_free(&(*list)->archives);
-    for (size_t i = 0; i < (*list)->n_texts; i++)
-        cts_string_pool_free(&(*list)->texts[i]);
+    if ((*list)->texts)
+        cts_string_pool_free((*list)->texts);
     free((*list)->texts);
     free((*list)->others);
     free((*list)->paths);
@@ -51,30 +52,6 @@ typedef struct HeaderSearch {
     CtsStudyNumbers numbers; /* of all objects; used where asked has none */
 } HeaderSearch;
 
-typedef struct HeaderReading {
-    HeaderSearch *search;
-    size_t first_file;
-    CtsHeaderReader *readers; /* of each thread */
-} HeaderReading;
-
-static void read_some_headers(void *context, int worker, size_t first, size_t end)
-{
-    const HeaderReading *const r = context;
-    for (size_t i = r->first_file + first; i < r->first_file + end; i++)
-        cts_file_header_add(&r->readers[worker], &r->search->files.items[i], r->search->asked->rules.nifti_form,
-                            &r->search->headers[i]);
-}
-
-/* The slices need their texts for as long as the list is there. */
-static bool take_texts(CtsSeriesList *list, CtsStringPool *texts)
-{
-    if (cts_grow(&list->texts, list->n_texts, NULL))
-        return false;
-    list->texts[list->n_texts++] = *texts;
-    *texts = (CtsStringPool){0};
-    return true;
-}
-
 /* Reads the headers not yet read. */
 static CtsStatus read_new_headers(HeaderSearch *s, int n_threads, CtsError *err)
 {
@@ -85,25 +62,22 @@ static CtsStatus read_new_headers(HeaderSearch *s, int n_threads, CtsError *err)
     memset(headers + first, 0, (n - first) * sizeof *headers);
     s->headers = headers;
     s->n_headers = n;
-    n_threads = cts_file_header_threads(n - first, n_threads);
     CtsHeaderReader *readers = calloc((size_t)n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    HeaderReading reading = {s, first, readers};
-    cts_parallel(n_threads, n - first, 8, read_some_headers, &reading);
-    bool kept = true;
+    cts_file_headers_read(s->files.items + first, n - first, s->asked->rules.nifti_form, readers, n_threads,
+                          headers + first);
     for (int t = 0; t < n_threads; t++) {
-        cts_header_finish(&readers[t]);
         s->bytes_read += readers[t].bytes_read;
-        kept &= take_texts(s->list, &readers[t].texts);
+        cts_string_pool_join(s->list->texts, &readers[t].texts);
         cts_header_reader_free(&readers[t]);
     }
     free(readers);
     /* Failures that are not a file's. */
-    for (size_t i = first; kept && i < n; i++)
+    for (size_t i = first; i < n; i++)
         if (headers[i].why.status == CTS_ERR_MEMORY || headers[i].why.status == CTS_ERR_INTERNAL)
             return cts_fail(err, headers[i].why.status, "%s, while headers were read", headers[i].why.text);
-    return kept ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read");
+    return CTS_OK;
 }
 
 static CtsStatus add_named(void *context, const char *path, CtsError *err)
@@ -174,73 +148,45 @@ static bool is_planar(const CtsSeries *series)
     return series->slices[0]->kind == CTS_OBJECT_IMAGE;
 }
 
-/* Images that are not asked for are objects like others. */
-static void drop_images(const HeaderSearch *s)
+/* Counts a file without slices, and names an unreadable one. */
+static CtsStatus count_other(const HeaderSearch *s, size_t i, CtsError *err)
 {
-    for (size_t i = 0; !s->asked->images && i < s->n_headers; i++) {
-        CtsObject *const o = &s->headers[i].object;
-        if (o->kind == CTS_OBJECT_IMAGE && o->n_slices)
-            cts_slice_free(o->slices[--o->n_slices]);
+    const CtsHeaderRead *const h = &s->headers[i];
+    if (h->kind == CTS_FILE_UNREADABLE) {
+        s->list->n_unreadable++;
+        cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, "%s: %s", s->files.items[i].path,
+                            h->why.text);
+        return CTS_OK;
     }
+    s->list->n_not_ct++;
+    return h->kind == CTS_FILE_DICOM ? cts_others_add_object(s->list, h->object.class_name, err)
+                                     : cts_others_add_files(s->list, 1, h->object.packed, err);
 }
 
-/* Counts files that are not slices, and names unreadable ones. */
-static CtsStatus count_others(const HeaderSearch *s, CtsError *err)
+/* The slices of all objects move to *slices; other files are counted, images that are not asked for among them. */
+static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
-    CtsSeriesList *list = s->list;
-    list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
+    CtsSeriesList *const list = s->list;
     list->n_not_ct = s->files.n_special + s->files.n_other;
+    list->n_files = (int)s->n_headers + list->n_not_ct;
     list->n_unreadable = s->files.n_unreadable;
     CtsStatus st = cts_others_add_special(list, s->files.n_special, err);
     if (!st)
         st = cts_others_add_files(list, s->files.n_other, NULL, err);
     for (size_t i = 0; !st && i < s->n_headers; i++) {
-        const CtsHeaderRead *h = &s->headers[i];
-        if (h->object.n_slices)
-            continue;
-        if (h->kind == CTS_FILE_UNREADABLE) {
-            list->n_unreadable++;
-            cts_diagnostics_add(&list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, "%s: %s", s->files.items[i].path,
-                                h->why.text);
-            continue;
-        }
-        list->n_not_ct++;
-        st = h->kind == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_name, err)
-                                       : cts_others_add_files(list, 1, h->object.packed, err);
+        CtsObject *const object = &s->headers[i].object;
+        if (object->kind == CTS_OBJECT_IMAGE && object->n_slices && !s->asked->images)
+            cts_slice_free(object->slices[--object->n_slices]);
+        if (object->has_number && !s->asked->numbers)
+            st = cts_study_numbers_add(&s->numbers, object->study_uid, object->instance_number, err);
+        if (!st && !object->n_slices)
+            st = count_other(s, i, err);
+        while (!st && object->n_slices && !(st = cts_grow(slices, *n_slices, err)))
+            (*slices)[(*n_slices)++] = object->slices[--object->n_slices];
     }
     cts_others_sort(list);
-    return st;
-}
-
-static CtsStatus number_objects(HeaderSearch *s, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    for (size_t i = 0; !st && !s->asked->numbers && i < s->n_headers; i++) {
-        const CtsObject *object = &s->headers[i].object;
-        if (object->has_number)
-            st = cts_study_numbers_add(&s->numbers, object->study_uid, object->instance_number, err);
-    }
     cts_study_numbers_sort(&s->numbers);
     return st;
-}
-
-/* The slices of all objects move to *slices. */
-static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
-{
-    size_t n = 0;
-    for (size_t i = 0; i < s->n_headers; i++)
-        n += (size_t)s->headers[i].object.n_slices;
-    *n_slices = 0;
-    *slices = malloc((n + 1) * sizeof **slices);
-    if (!*slices)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < s->n_headers; i++) {
-        CtsObject *object = &s->headers[i].object;
-        for (int k = 0; k < object->n_slices; k++)
-            (*slices)[(*n_slices)++] = object->slices[k];
-        object->n_slices = 0;
-    }
-    return CTS_OK;
 }
 
 /* Images beside slices of one UID, such as screens stored with a scan, are a part of their own behind the volumes. */
@@ -289,31 +235,22 @@ static int by_size(const void *a, const void *b)
     return order ? order : x->part - y->part;
 }
 
+/* The slices move to the list's series. */
 static CtsStatus group(const HeaderSearch *s, CtsSlice **slices, size_t n, CtsError *err)
 {
     CtsSeriesList *const list = s->list;
-    CtsStringPool texts = {0};
-    CtsStatus st = cts_concatenations_check(slices, n, &texts, err);
-    if (!take_texts(list, &texts) && !st)
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = cts_concatenations_check(slices, n, list->texts, err);
     if (n)
         qsort(slices, n, sizeof *slices, by_series_and_path);
-    for (size_t first = 0, end; first < n; first = end) {
+    for (size_t first = 0, end; !st && first < n; first = end) {
         for (end = first + 1; end < n && by_series(&slices[first], &slices[end]) == 0;)
             end++;
         CtsSliceSet set = {malloc((end - first) * sizeof *set.items), (int)(end - first)};
-        if (!set.items && !st)
-            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        for (size_t i = first; i < end; i++)
-            if (!st)
-                set.items[i - first] = slices[i];
-            else
-                cts_slice_free(slices[i]);
-        if (!st)
-            st = cts_series_check(&set, &s->asked->rules, s->asked->numbers ? s->asked->numbers : &s->numbers, list,
-                                  err);
-        else
-            free(set.items);
+        if (!set.items)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        memcpy(set.items, slices + first, (end - first) * sizeof *slices);
+        memset(slices + first, 0, (end - first) * sizeof *slices);
+        st = cts_series_check(&set, &s->asked->rules, s->asked->numbers ? s->asked->numbers : &s->numbers, list, err);
     }
     if (!st)
         number_parts(list);
@@ -343,13 +280,11 @@ static CtsStatus find_slices(HeaderSearch *s, CtsSlice ***slices, size_t *n_slic
     s->files.archives = NULL;
     s->list->diagnostics = s->files.diagnostics;
     s->files.diagnostics = (CtsDiagnostics){0};
-    if ((st = read_new_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||
-        (drop_images(s), st = count_others(s, err)) || (st = number_objects(s, err)) ||
-        (st = collect(s, slices, n_slices, err)) || (st = list_paths(s, err)))
-        return st;
-    return take_texts(s->list, &s->files.texts) /* the slices' paths */
-               ? CTS_OK
-               : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!(st = read_new_headers(s, n_threads, err)) && !(st = follow_directories(s, n_threads, err)) &&
+        !(st = list_paths(s, err)))
+        st = collect(s, slices, n_slices, err);
+    cts_string_pool_join(s->list->texts, &s->files.texts); /* the slices' paths */
+    return st;
 }
 
 static CtsStatus nothing_found(const HeaderSearch *s, CtsError *err)
@@ -367,17 +302,6 @@ static CtsStatus nothing_found(const HeaderSearch *s, CtsError *err)
                     list->n_files == 1 ? "" : "s", others[0] ? ": " : "", others);
 }
 
-static void free_search(HeaderSearch *s)
-{
-    for (size_t i = 0; i < s->n_headers; i++) {
-        cts_object_free(&s->headers[i].object);
-    }
-    free(s->headers);
-    s->headers = NULL;
-    s->n_headers = 0;
-    cts_file_list_free(&s->files);
-}
-
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err)
 {
@@ -392,11 +316,15 @@ CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list,
     CtsSlice **slices = NULL;
     size_t n_slices = 0;
     *list = NULL;
-    if (!(s.list = calloc(1, sizeof *s.list)))
+    if (!(s.list = calloc(1, sizeof *s.list)) || !(s.list->texts = calloc(1, sizeof *s.list->texts))) {
+        cts_series_list_free(&s.list);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
     CtsStatus st = find_slices(&s, &slices, &n_slices, err);
-    const size_t n_headers = s.n_headers;
-    free_search(&s);
+    for (size_t i = 0; i < s.n_headers; i++)
+        cts_object_free(&s.headers[i].object);
+    free(s.headers);
+    cts_file_list_free(&s.files);
     if (!st)
         st = group(&s, slices, n_slices, err);
     if (!st && s.list->n == 0) {
@@ -408,7 +336,10 @@ CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list,
         *list = s.list;
         s.list = NULL;
     }
-    cts_report_stage(report, CTS_STAGE_SCAN, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n_headers, s.bytes_read);
+    cts_report_stage(report, CTS_STAGE_SCAN, cts_wall_ms() - wall, cts_cpu_ms() - cpu, s.n_headers, s.bytes_read);
+    for (size_t i = 0; i < n_slices; i++)
+        if (slices[i])
+            cts_slice_free(slices[i]);
     free(slices);
     cts_study_numbers_free(&s.numbers);
     cts_series_list_free(&s.list);
@@ -440,22 +371,21 @@ static bool is_equal_right(const CtsSeries *a, const CtsSeries *b)
 static CtsStatus check_choice(const CtsSeriesList *list, const CtsSeries *series, CtsError *err)
 {
     char equals[700] = "";
-    size_t n = 0, length = 0;
+    size_t n = 0;
     for (size_t i = 0; i < list->n; i++) {
         const CtsSeries *s = &list->items[i];
         if (s != series && !is_equal_right(series, s))
             continue;
         n++;
-        if (length < sizeof equals)
-            length += (size_t)snprintf(equals + length, sizeof equals - length, "%s%zu (%s, UID %s)", n > 1 ? "; " : "",
-                                       i + 1, s->traits, s->uid[0] ? s->uid : "missing");
+        cts_text_append(equals, sizeof equals, "; ", "%zu (%s, UID %s)", i + 1, s->traits,
+                        s->uid[0] ? s->uid : "missing");
     }
     if (n < 2)
         return CTS_OK;
     return cts_fail(err, CTS_ERR_USAGE,
                     "%zu series have %d slices each, and none comes first: %s%s (choose one by its number or UID with "
                     "`series`)",
-                    n, series->n_slices, equals, length < sizeof equals ? "" : "...");
+                    n, series->n_slices, equals, strlen(equals) + 1 < sizeof equals ? "" : "...");
 }
 
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err)
