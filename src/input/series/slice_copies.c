@@ -15,40 +15,13 @@
 /* Share of a slope: half a step is the rounding error, and a little for the decimals of slope and intercept. */
 #define ROUNDING 0.500001
 
-static bool same_bytes(const CtsSlice *a, const CtsSlice *b)
-{
-    enum { BLOCK = 64 << 10 }; /* bytes: two stay in the L2 cache; changes no result */
-    bool same = false;
-    const bool whole = a->syntax->deflated;
-    const uint64_t n = whole ? a->file_bytes : a->pixel_bytes;
-    const uint64_t from_a = whole ? 0 : a->pixel_offset, from_b = whole ? 0 : b->pixel_offset;
-    uint8_t *blocks = malloc(2 * BLOCK);
-    CtsFileBytes fa = {.fd = -1}, fb = {.fd = -1};
-    if (n != (whole ? b->file_bytes : b->pixel_bytes) || !blocks || cts_slice_open(a, &fa, NULL) ||
-        cts_slice_open(b, &fb, NULL))
-        goto end;
-    for (uint64_t pos = 0; pos < n; pos += BLOCK) {
-        const size_t part = n - pos < BLOCK ? (size_t)(n - pos) : BLOCK;
-        if (cts_file_bytes_read(&fa, blocks, part, from_a + pos, NULL) ||
-            cts_file_bytes_read(&fb, blocks + BLOCK, part, from_b + pos, NULL) ||
-            memcmp(blocks, blocks + BLOCK, part) != 0)
-            goto end;
-    }
-    same = true;
-end:
-    cts_file_bytes_close(&fa);
-    cts_file_bytes_close(&fb);
-    free(blocks);
-    return same;
-}
-
-/* A hash of a few pixels from the middle, which distinguishes most slices without reading them whole; 0 when they
- * cannot be read. */
+/* A hash of a few bytes of the pixels, or of a deflated file, from the middle, which distinguishes most slices without
+ * reading them whole; 0 when they cannot be read. */
 static uint64_t sample_of(const CtsSlice *s)
 {
     uint8_t bytes[4096];
     CtsFileBytes file = {.fd = -1};
-    const bool whole = !s->syntax || s->syntax->deflated;
+    const bool whole = s->syntax->deflated;
     const uint64_t size = whole ? s->file_bytes : s->pixel_bytes;
     const size_t n = size < sizeof bytes ? (size_t)size : sizeof bytes;
     const uint64_t offset = (whole ? 0 : s->pixel_offset) + (size - n) / 2;
@@ -106,23 +79,23 @@ static double hu_of_word(const CtsSlice *s, const CtsStored *stored, uint16_t wo
     return cts_stored_is_padding(word, value, stored) ? MIN_HU : fmax(s->slope * value + s->intercept, MIN_HU);
 }
 
-/* Two encodings of the same HU, to the rounding of the coarser one. */
+/* The same HU, to the rounding of the coarser encoding. Of two that cannot be read either may go. */
 static bool same_hu(Copies *c, const CtsSlice *a, const CtsSlice *b)
 {
     const size_t n = (size_t)a->rows * (size_t)a->columns;
     const CtsStored of_a = cts_slice_stored(a), of_b = cts_slice_stored(b);
     const double most = ROUNDING * fmax(fabs(a->slope), fabs(b->slope));
-    if (!have_room(c, n) || !read_words(c, a, 0) || !read_words(c, b, 1))
+    if (!have_room(c, n))
         return false;
-    for (size_t i = 0; i < n; i++)
+    const bool has_a = read_words(c, a, 0), has_b = read_words(c, b, 1);
+    for (size_t i = 0; has_a && has_b && i < n; i++)
         if (!(fabs(hu_of_word(a, &of_a, c->words[0][i]) - hu_of_word(b, &of_b, c->words[1][i])) <= most))
             return false;
-    return true;
+    return has_a == has_b;
 }
 
 /* True for slices of one acquisition: the attributes that separate acquisitions are the same in all encodings of a
- * slice.
- */
+ * slice. */
 static bool same_acquisition(const CtsSlice *a, const CtsSlice *b)
 {
     for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++) {
@@ -133,49 +106,37 @@ static bool same_acquisition(const CtsSlice *a, const CtsSlice *b)
     return !strcmp(a->kernel ? a->kernel : "", b->kernel ? b->kernel : "");
 }
 
-/* Decoding takes as long as loading, so phases of one encoding are decoded once, to see that they differ, and those of
- * several only a few times. */
-static bool is_worth_decoding(const Copies *c, const CtsSlice *a, const CtsSlice *b)
+/* True for one encoding whose samples are equal. Frames of a deflated file lie in one stream. */
+static bool look_alike(const Copies *c, const CtsSliceSet *set, int j, int i)
 {
-    enum { FEW = 16 }; /* pairs that differ: 32 decoded slices, fewer than a usual series has */
-    if (same_encoding(a, b))
-        return a->syntax && cts_slice_is_compressed(a) && !(a->syntax->deflated && a->path == b->path) &&
-               c->n_differ <= c->n_equal;
-    return c->n_differ <= c->n_equal + FEW;
+    const CtsSlice *a = set->items[j], *b = set->items[i];
+    if (!same_encoding(a, b) || (a->syntax->deflated && a->path == b->path))
+        return false;
+    for (int k = j; k <= i; k += i - j)
+        c->samples[k] = c->samples[k] ? c->samples[k] : sample_of(set->items[k]);
+    return c->samples[i] == c->samples[j];
 }
 
-/* Two slices of one place that give the same voxels. */
+/* Two slices of one place that give the same voxels. Decoding takes as long as loading, so compressed phases of one
+ * encoding are decoded once, to see that they differ, and those of several only a few times. */
 static bool same_picture(Copies *c, const CtsSliceSet *set, int j, int i)
 {
+    enum { FEW = 16 }; /* pairs that differ: 32 decoded slices, fewer than a usual series has */
     const CtsSlice *a = set->items[j], *b = set->items[i];
     if (a->rows != b->rows || a->columns != b->columns)
         return false;
-    if (same_encoding(a, b) && !(a->syntax->deflated && a->pixel_offset != b->pixel_offset)) {
-        /* A deflated data set is compared whole; its frames differ by where they lie in it. */
-        for (int k = j; k <= i; k += i - j)
-            c->samples[k] = c->samples[k] ? c->samples[k] : sample_of(set->items[k]);
-        if (c->samples[i] == c->samples[j] && same_bytes(a, b))
-            return true;
-    }
-    if (!same_acquisition(a, b) || !is_worth_decoding(c, a, b))
+    if (look_alike(c, set, j, i) && same_hu(c, a, b))
+        return true;
+    const bool same = same_encoding(a, b);
+    if (!same_acquisition(a, b) || (same && !cts_slice_is_compressed(a)) || c->n_differ > c->n_equal + (same ? 0 : FEW))
         return false;
     const bool equal = same_hu(c, a, b);
     ++*(equal ? &c->n_equal : &c->n_differ);
     return equal;
 }
 
-/* The slices without copies, in their order. */
-static void compact(CtsSliceSet *set, const bool *keep)
-{
-    int n = 0;
-    for (int i = 0; i < set->n; i++)
-        if (keep[i])
-            set->items[n++] = set->items[i];
-    set->n = n;
-}
-
 /* Of two, the one of the smaller UID stays, so that the order of files changes nothing. It owns the other. */
-static void drop_one(CtsSliceSet *set, bool *keep, int j, int i)
+static void drop_one(CtsSliceSet *set, int j, int i)
 {
     const bool first = strcmp(set->items[j]->sop_uid, set->items[i]->sop_uid) <= 0;
     const int stays = first ? j : i, goes = first ? i : j;
@@ -184,32 +145,29 @@ static void drop_one(CtsSliceSet *set, bool *keep, int j, int i)
         last = last->copy;
     last->copy = set->items[stays]->copy;
     set->items[stays]->copy = set->items[goes];
-    keep[goes] = false;
+    set->items[goes] = NULL;
 }
 
 CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err)
 {
     Copies copies = {0};
-    bool *keep = NULL;
-    *n_dropped = 0;
-    CtsStatus st = cts_alloc_array(&keep, (size_t)set->n, err);
-    if (!st)
-        st = cts_alloc_array(&copies.samples, (size_t)set->n, err);
-    for (int i = 0; !st && i < set->n; i++) {
-        keep[i] = true;
-        copies.samples[i] = 0;
-        for (int j = i - 1; keep[i] && j >= 0 && cts_slice_same_place(set->items[j], set->items[i], same_mm); j--)
-            if (keep[j] && same_picture(&copies, set, j, i)) {
-                drop_one(set, keep, j, i);
-                ++*n_dropped;
-            }
-    }
-    if (!st)
-        compact(set, keep);
+    const int n = set->n;
+    CtsStatus st = cts_alloc_zeroed(&copies.samples, (size_t)n, err);
+    for (int i = 0; !st && i < n; i++)
+        for (int j = i - 1; set->items[i] && j >= 0; j--) {
+            if (set->items[j] && !cts_slice_same_place(set->items[j], set->items[i], same_mm))
+                break;
+            if (set->items[j] && same_picture(&copies, set, j, i))
+                drop_one(set, j, i);
+        }
+    set->n = 0;
+    for (int i = 0; i < n; i++)
+        if (set->items[i])
+            set->items[set->n++] = set->items[i];
+    *n_dropped = n - set->n;
     cts_sandbox_free(&copies.decoder);
     free(copies.words[0]);
     free(copies.words[1]);
     cts_free(&copies.samples);
-    cts_free(&keep);
     return st;
 }
