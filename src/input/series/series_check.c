@@ -16,34 +16,24 @@
 /* MAX_SLICES: 2 m in steps of 0.1 mm. MIN_SHARE_PERCENT: like missing slices, at most a tenth is left out. */
 enum { MAX_SLICES = 20000, MIN_SHARE_PERCENT = 90 };
 
-static void end(CtsSeries *series, CtsStatus status, const char *format, va_list args)
+/* A status for series that are refused for no fault: by their nature they are no volume. */
+static const CtsStatus NO_VOLUME = CTS_OK;
+
+/* The first reason stays. */
+static void __attribute__((format(printf, 3, 4)))
+refuse_series(CtsSeries *series, CtsStatus fault, const char *format, ...)
 {
+    va_list args;
+    if (series->refusal)
+        return;
+    va_start(args, format);
     vsnprintf(series->reason, sizeof series->reason, format, args);
+    va_end(args);
     cts_text_clean(series->reason);
-    series->refusal = status;
+    series->passed = fault == NO_VOLUME;
+    series->refusal = series->passed ? CTS_ERR_GEOMETRY : fault;
     cts_diagnostics_add(&series->diagnostics, series->passed ? CTS_DIAGNOSTIC_PASSED : CTS_DIAGNOSTIC_REFUSED, "%s",
                         series->reason);
-}
-
-static void __attribute__((format(printf, 3, 4)))
-refuse_series(CtsSeries *series, CtsStatus status, const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    if (!series->refusal)
-        end(series, status, format, args);
-    va_end(args);
-}
-
-/* Not refused for a fault: by its nature it is no volume. */
-static void __attribute__((format(printf, 2, 3))) pass(CtsSeries *series, const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    series->passed |= !series->refusal;
-    if (!series->refusal)
-        end(series, CTS_ERR_GEOMETRY, format, args);
-    va_end(args);
 }
 
 static const char *plural(int n)
@@ -62,10 +52,10 @@ static void check_quantity(const CtsSliceSet *set, const CtsSeriesRules *rules)
                 set->items[i]->rescale_type);
 }
 
-typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
+typedef void (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
 
 /* Scouts share the series UID of the scan they planned, and dose pages sometimes that of the scan they report. */
-static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+static void pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *keep)
 {
     int n_localizers = 0, n_pages = 0;
     for (int i = 0; i < set->n; i++) {
@@ -74,24 +64,25 @@ static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *ke
         n_pages += set->items[i]->is_report && !set->items[i]->localizer;
     }
     if (n_localizers == set->n)
-        pass(series, "holds only localizer images (scouts), %d of them, and no volume", n_localizers);
+        refuse_series(series, NO_VOLUME, "holds only localizer images (scouts), %d of them, and no volume",
+                      n_localizers);
     else if (n_localizers + n_pages == set->n)
-        pass(series, "holds only pages (dose reports, screen captures), %d of them, and no volume", n_pages);
+        refuse_series(series, NO_VOLUME, "holds only pages (dose reports, screen captures), %d of them, and no volume",
+                      n_pages);
     else if (set->items[0]->pet.is_reprojection)
-        pass(series, "holds projections (SeriesType (0054,1000) is REPROJECTION), and no volume");
+        refuse_series(series, NO_VOLUME, "holds projections (SeriesType (0054,1000) is REPROJECTION), and no volume");
     else if (set->n == 1 && (!set->items[0]->fault || set->items[0]->fault == CTS_ERR_GEOMETRY))
-        pass(series, "has 1 slice; a volume needs 2 or more");
+        refuse_series(series, NO_VOLUME, "has 1 slice; a volume needs 2 or more");
     if (n_localizers && !series->refusal)
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_LOCALIZERS_DROPPED, "%d localizer image%s left out",
                             n_localizers, plural(n_localizers));
     if (n_pages && !series->refusal)
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_PAGES_DROPPED,
                             "%d page%s (dose report, screen capture) left out", n_pages, plural(n_pages));
-    return CTS_OK;
 }
 
 /* Slices that cannot be used are left out like missing ones; a series that is mostly such slices is refused. */
-static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+static void pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *keep)
 {
     const CtsSlice *first = NULL;
     int n = 0;
@@ -104,7 +95,7 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
             first = s;
     }
     if (!n)
-        return CTS_OK;
+        return;
     const char *text = first->fault_text ? first->fault_text : "cannot be used";
     if (first->fault == CTS_ERR_SYNTAX)
         refuse_series(series, CTS_ERR_SYNTAX, "%s", text);
@@ -117,12 +108,11 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
                 cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_BAD_SLICES, "%s: %s (left out)",
                                     cts_slice_label(set->items[i]).text,
                                     set->items[i]->fault_text ? set->items[i]->fault_text : "cannot be used");
-    return CTS_OK;
 }
 
 /* One size, orientation and pixel spacing: the largest group, when it is nearly all. Up to three images at right angles
  * to it, within 6 degrees, are scouts without the type: a scan has one or two, frontal and lateral. */
-static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+static void pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
 {
     const CtsSlice *best = NULL;
     int n_best = 0, n_across = 0;
@@ -143,7 +133,7 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
     }
     const int n_left = set->n - n_best, n_other = n_left - n_across;
     if (!n_left)
-        return CTS_OK;
+        return;
     if (n_across > 3 || (n_other > 0 && n_best * 100 < (set->n - n_across) * MIN_SHARE_PERCENT) || n_best < n_left)
         refuse_series(
             series, CTS_ERR_GEOMETRY,
@@ -153,19 +143,6 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_OTHER_SLICES_DROPPED,
                             "%d image%s of another size, orientation or pixel spacing left out", n_left,
                             plural(n_left));
-    return CTS_OK;
-}
-
-static CtsStatus filter(CtsSliceSet *set, CtsSeries *series, pick_fn pick, CtsError *err)
-{
-    bool *keep = malloc((size_t)set->n);
-    if (!keep)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = pick(set, series, keep);
-    if (!st && !series->refusal)
-        cts_slice_set_filter(set, keep);
-    free(keep);
-    return st;
 }
 
 /* Names of the parts of an identity, and the meaning of two values of each. */
@@ -367,14 +344,6 @@ static void describe_series(CtsSeries *series, const CtsSlice *s)
     series->spacing_mm[1] = s->row_spacing_mm;
 }
 
-/* The slices move into the series, in order, whether it is refused or not. */
-static void take_slices(CtsSeries *series, CtsSliceSet *set)
-{
-    series->slices = set->items;
-    series->n_slices = set->n;
-    *set = (CtsSliceSet){0};
-}
-
 /* Slices missing at regular intervals leave no wider gap; their instance numbers reveal them. With every 2nd or 3rd
  * slice the picture is coarse but correct. n_in_gaps of them were already reported. */
 static void check_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers, int n_in_gaps, CtsSeries *series)
@@ -459,8 +428,8 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
         return CTS_OK;
     }
     if (are_single_cuts(set, &stack, numbers))
-        pass(series, "holds %d single cuts of %.3g mm that lie %.3g mm apart, and no volume", set->n,
-             set->items[0]->thickness_mm, stack.spacing_mm);
+        refuse_series(series, NO_VOLUME, "holds %d single cuts of %.3g mm that lie %.3g mm apart, and no volume",
+                      set->n, set->items[0]->thickness_mm, stack.spacing_mm);
     else if (set->n == 2)
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_TWO_SLICES, "only 2 slices: a very thin volume");
     cts_slice_stack_diagnostics(&stack, slices, set->n, &series->diagnostics);
@@ -587,8 +556,11 @@ static CtsStatus finish_series(CtsSeries *series, CtsSliceSet *set, const CtsStu
         note_first_number(set, series);
     if (!st && !series->refusal)
         st = check_order(set, series, err);
-    if (!st)
-        take_slices(series, set);
+    if (!st) { /* refused or not */
+        series->slices = set->items;
+        series->n_slices = set->n;
+        *set = (CtsSliceSet){0};
+    }
     describe_deviation(series);
     series->renderable = !series->refusal;
     return st;
@@ -598,11 +570,11 @@ static CtsStatus finish_series(CtsSeries *series, CtsSliceSet *set, const CtsStu
 static CtsStatus check_each_slice(CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
     static const pick_fn picks[] = {pick_slices, pick_sound, pick_largest_grid};
-    CtsStatus st = CTS_OK;
+    bool *keep = NULL;
     if (set->items[0]->kind == CTS_OBJECT_IMAGE) {
         cts_slice_set_sort(set, set->items[0]);
-        pass(series, "holds %d image%s of modality %.16s, and no volume", set->n, plural(set->n),
-             set->items[0]->modality[0] ? set->items[0]->modality : "(none)");
+        refuse_series(series, NO_VOLUME, "holds %d image%s of modality %.16s, and no volume", set->n, plural(set->n),
+                      set->items[0]->modality[0] ? set->items[0]->modality : "(none)");
         return CTS_OK;
     }
     if (set->n > MAX_SLICES)
@@ -610,13 +582,18 @@ static CtsStatus check_each_slice(CtsSliceSet *set, CtsSeries *series, CtsError 
     check_modality(set, series);
     check_quantity(set, &series->rules);
     const size_t n_picks = set->items[0]->modality_id == CTS_MODALITY_CT ? 3 : 2;
-    for (size_t i = 0; !st && !series->refusal && i < n_picks; i++)
-        st = filter(set, series, picks[i], err);
+    CtsStatus st = cts_alloc_array(&keep, (size_t)set->n, err);
+    for (size_t i = 0; !st && !series->refusal && i < n_picks; i++) {
+        picks[i](set, series, keep);
+        if (!series->refusal)
+            cts_slice_set_filter(set, keep);
+    }
+    cts_free(&keep);
     for (int part = 0; !st && !series->refusal && part < CTS_N_IDENTITY; part++)
         if (part != CTS_FRAME_UID || !(series->frames_differ = has_own_frames(set, &st, err)))
             check_identity(set, series, part);
     if (!st && !series->refusal && set->n == 1)
-        pass(series, "has 1 slice; a volume needs 2 or more");
+        refuse_series(series, NO_VOLUME, "has 1 slice; a volume needs 2 or more");
     return st;
 }
 
@@ -656,9 +633,9 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **par
                             "%d slice%s left out as duplicate%s (same position, same pixels)", n_dropped,
                             plural(n_dropped), plural(n_dropped));
     if (set->n == 1)
-        pass(series, "has 1 slice; a volume needs 2 or more");
+        refuse_series(series, NO_VOLUME, "has 1 slice; a volume needs 2 or more");
     else if (same_mm < 0 && (is_watch(set) || modality != CTS_MODALITY_CT))
-        pass(series, "is a time series of %d images at one position, and no volume", set->n);
+        refuse_series(series, NO_VOLUME, "is a time series of %d images at one position, and no volume", set->n);
     else if (same_mm < 0)
         refuse_series(series, CTS_ERR_GEOMETRY,
                       "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
@@ -748,7 +725,8 @@ CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const 
     if (!st && !all.refusal && set->items[0]->modality_id != CTS_MODALITY_CT)
         st = cts_slice_set_grids(set, &all, &grids, &n_grids, err);
     if (!st && !all.refusal && set->n > 1 && !n_grids && !cts_slice_same_grid(set->items[0], set->items[1]))
-        pass(&all, "its %d images have sizes or orientations of their own, and are no volume", set->n);
+        refuse_series(&all, NO_VOLUME, "its %d images have sizes or orientations of their own, and are no volume",
+                      set->n);
     if (!st && !n_grids)
         st = add_grid(list, &all, set, numbers, true, err);
     for (int g = 0; !st && g < n_grids; g++)

@@ -64,28 +64,28 @@ bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm)
     return false;
 }
 
-/* A part is complete when its slices form an even stack. */
-static bool is_whole(const CtsSliceSet *part, double same_mm)
+/* True if a part is complete: its slices form an even stack. may_repeat: several of them may lie at each position. */
+static bool is_whole(const CtsSliceSet *part, bool may_repeat, double same_mm)
 {
-    CtsSliceStack stack;
-    if (part->n < 2 || cts_slice_set_repeats(part, same_mm) ||
-        cts_slice_stack_plan((const CtsSlice *const *)part->items, part->n, false, &stack, NULL))
-        return false;
-    const bool even = stack.kind == CTS_STACK_EVEN;
+    const CtsSlice **places = malloc((size_t)part->n * sizeof *places);
+    CtsSliceStack stack = {.layer = NULL};
+    int n = 0;
+    for (int i = 0; places && i < part->n; i++)
+        if (!n || !cts_slice_same_place(places[n - 1], part->items[i], same_mm))
+            places[n++] = part->items[i];
+    const bool whole = n > 1 && (n == part->n || may_repeat) && !cts_slice_stack_plan(places, n, false, &stack, NULL) &&
+                       stack.kind == CTS_STACK_EVEN;
     cts_slice_stack_free(&stack);
-    return even;
+    free(places);
+    return whole;
 }
 
-/* True if a part holds several slices at each of its positions, which form an even stack. */
-static bool repeats_whole(const CtsSliceSet *part, double same_mm)
+static bool all_whole(const CtsSliceSet *parts, int n_parts, bool may_repeat, double same_mm)
 {
-    CtsSliceSet distinct = {malloc((size_t)part->n * sizeof *distinct.items), 0};
-    for (int i = 0; distinct.items && i < part->n; i++)
-        if (!distinct.n || !cts_slice_same_place(distinct.items[distinct.n - 1], part->items[i], same_mm))
-            distinct.items[distinct.n++] = part->items[i];
-    const bool whole = distinct.n < part->n && is_whole(&distinct, same_mm);
-    free(distinct.items);
-    return whole;
+    for (int p = 0; p < n_parts; p++)
+        if (!is_whole(&parts[p], may_repeat, same_mm))
+            return false;
+    return true;
 }
 
 /* Criteria: the volumes' numbers (CtsVolumeNumber) and words (CtsVolumeWord), and others. */
@@ -93,43 +93,44 @@ enum {
     BY_WORD = CTS_N_VOLUME_NUMBERS,
     BY_TRIGGER_ORDER = BY_WORD + CTS_N_VOLUME_WORDS, /* one for each slice, later in each phase */
     BY_CONTENT_ORDER,                                /* the same */
+    BY_TIME,                                         /* the same, of AcquisitionTime */
+    BY_NUMBER,                                       /* the same, of InstanceNumber */
     BY_THICKNESS,
     BY_KERNEL,
     BY_OBJECT,
-    BY_TIME,
-    BY_NUMBER,
     N_WAYS
 };
 
 static const struct {
     const char *name;
-    bool takes_turns;  /* the slices of two acquisitions may lie between each other */
-    bool must_overlap; /* its values may also change within one scan, so parts must overlap */
+    bool takes_turns;      /* the slices of two acquisitions may lie between each other */
+    bool must_overlap;     /* its values may also change within one scan, so parts must overlap */
+    CtsVolumeNumber ranks; /* of an order: the time by which the slices at one position rank */
 } ways[N_WAYS] = {
-    [CTS_ACQUISITION_NUMBER] = {"AcquisitionNumber (0020,0012)", true, false},
-    [CTS_VOLTAGE] = {"KVP (0018,0060)", true, false},
-    [CTS_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true, false},
-    [CTS_TRIGGER_TIME] = {"TriggerTime (0018,1060)", true, false},
-    [BY_TRIGGER_ORDER] = {"TriggerTime (0018,1060)", false, true},
-    [CTS_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true},
-    [CTS_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true},
-    [BY_THICKNESS] = {"SliceThickness (0018,0050)", true, false},
-    [BY_KERNEL] = {"ConvolutionKernel (0018,1210)", false, true},
-    [CTS_CONTENT_TIME] = {"ContentTime (0008,0033)", false, true},
-    [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true},
-    [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false, false},
-    [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false},
-    [BY_NUMBER] = {"InstanceNumber (0020,0013)", false, false},
-    [CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", false, false},
-    [CTS_ECHO_TIME] = {"EchoTime (0018,0081)", false, false},
-    [CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", false, false},
-    [CTS_FLIP_ANGLE] = {"FlipAngle (0018,1314)", false, false},
-    [CTS_B_VALUE] = {"DiffusionBValue (0018,9087)", false, false},
-    [CTS_FRAME_REFERENCE_TIME] = {"FrameReferenceTime (0054,1300)", false, false},
-    [CTS_TIME_SLICE] = {"ImageIndex (0054,1330)", false, false},
-    [BY_WORD + CTS_GRADIENT_DIRECTION] = {"DiffusionGradientOrientation (0018,9089)", false, false},
-    [BY_WORD + CTS_IMAGE_TYPE] = {"ImageType (0008,0008)", false, false},
-    [BY_WORD + CTS_COMPLEX_COMPONENT] = {"ComplexImageComponent (0008,9208)", false, false},
+    [CTS_ACQUISITION_NUMBER] = {"AcquisitionNumber (0020,0012)", true, false, 0},
+    [CTS_VOLTAGE] = {"KVP (0018,0060)", true, false, 0},
+    [CTS_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true, false, 0},
+    [CTS_TRIGGER_TIME] = {"TriggerTime (0018,1060)", true, false, 0},
+    [BY_TRIGGER_ORDER] = {"TriggerTime (0018,1060)", false, true, CTS_TRIGGER_TIME},
+    [CTS_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true, 0},
+    [CTS_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true, 0},
+    [BY_THICKNESS] = {"SliceThickness (0018,0050)", true, false, 0},
+    [BY_KERNEL] = {"ConvolutionKernel (0018,1210)", false, true, 0},
+    [CTS_CONTENT_TIME] = {"ContentTime (0008,0033)", false, true, 0},
+    [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true, CTS_CONTENT_TIME},
+    [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false, false, 0},
+    [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false, CTS_ACQUISITION_TIME},
+    [BY_NUMBER] = {"InstanceNumber (0020,0013)", false, false, 0},
+    [CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", false, false, 0},
+    [CTS_ECHO_TIME] = {"EchoTime (0018,0081)", false, false, 0},
+    [CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", false, false, 0},
+    [CTS_FLIP_ANGLE] = {"FlipAngle (0018,1314)", false, false, 0},
+    [CTS_B_VALUE] = {"DiffusionBValue (0018,9087)", false, false, 0},
+    [CTS_FRAME_REFERENCE_TIME] = {"FrameReferenceTime (0054,1300)", false, false, 0},
+    [CTS_TIME_SLICE] = {"ImageIndex (0054,1330)", false, false, 0},
+    [BY_WORD + CTS_GRADIENT_DIRECTION] = {"DiffusionGradientOrientation (0018,9089)", false, false, 0},
+    [BY_WORD + CTS_IMAGE_TYPE] = {"ImageType (0008,0008)", false, false, 0},
+    [BY_WORD + CTS_COMPLEX_COMPONENT] = {"ComplexImageComponent (0008,9208)", false, false, 0},
 };
 
 /* The criteria of a modality in order; an MR or PET series may need several of them, one within the other. */
@@ -203,7 +204,7 @@ static bool label_thickness(const CtsSliceSet *set, double *part)
 /* The number that orders the slices at one position; NAN where a slice has none. */
 static double order_number(const CtsSlice *s, int way)
 {
-    return way != BY_NUMBER  ? s->volume_number[way == BY_CONTENT_ORDER ? CTS_CONTENT_TIME : CTS_TRIGGER_TIME]
+    return way != BY_NUMBER  ? s->volume_number[ways[way].ranks]
            : s->n_frames     ? s->frame
            : s->has_instance ? (double)s->instance_number
                              : NAN;
@@ -229,29 +230,14 @@ static bool label_order(const CtsSliceSet *set, int way, double same_mm, double 
     return true;
 }
 
-/* Rank of a slice among those at its position in their order by AcquisitionTime. */
-static bool label_times(const CtsSliceSet *set, double same_mm, double *part)
-{
-    for (int i = 0; i < set->n; i++) {
-        const double time = set->items[i]->volume_number[CTS_ACQUISITION_TIME];
-        const bool repeats = i > 0 && cts_slice_same_place(set->items[i - 1], set->items[i], same_mm);
-        part[i] = repeats ? part[i - 1] + 1 : 0;
-        if (isnan(time) || (repeats && !(time > set->items[i - 1]->volume_number[CTS_ACQUISITION_TIME])))
-            return false;
-    }
-    return true;
-}
-
 /* part[i] for each slice by a criterion; false when it does not separate them. Of MR, images without diffusion
  * gradients have no direction; numbers that CT have, too, every slice has. */
 static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
     if (way == BY_THICKNESS)
         return label_thickness(set, part);
-    if (way == BY_CONTENT_ORDER || way == BY_TRIGGER_ORDER || way == BY_NUMBER)
+    if (way >= BY_TRIGGER_ORDER && way <= BY_NUMBER)
         return label_order(set, way, same_mm, part);
-    if (way == BY_TIME)
-        return label_times(set, same_mm, part);
     if (way >= BY_WORD)
         return label_texts(set, way, part);
     for (int i = 0; i < set->n; i++) {
@@ -264,9 +250,8 @@ static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 }
 
 /* Phases are consecutive: a later part begins after the earlier one has ended. */
-static bool in_turn(const CtsSliceSet *parts, int n_parts, int way)
+static bool in_turn(const CtsSliceSet *parts, int n_parts, CtsVolumeNumber time)
 {
-    const CtsVolumeNumber time = way == BY_CONTENT_ORDER ? CTS_CONTENT_TIME : CTS_ACQUISITION_TIME;
     double end = -1;
     for (int p = 0; p < n_parts; p++) {
         double first = INFINITY, last = -1;
@@ -392,14 +377,6 @@ static bool parts_overlap(const CtsSliceSet *parts, int n_parts)
     return begin < finish;
 }
 
-static bool all_whole(const CtsSliceSet *parts, int n_parts, double same_mm)
-{
-    for (int p = 0; p < n_parts; p++)
-        if (!is_whole(&parts[p], same_mm))
-            return false;
-    return true;
-}
-
 /* True if thicknesses make volumes of their own, complete or not. In an even stack an attribute that varies without
  * order is wrong rather than the positions: it stays one volume. */
 static bool thicknesses_part(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts, double same_mm)
@@ -407,19 +384,17 @@ static bool thicknesses_part(const CtsSliceSet *set, const CtsSliceSet *parts, i
     for (int p = 0; p < n_parts; p++)
         if (parts[p].n < 2)
             return false;
-    return share_range(parts, n_parts) && (!is_whole(set, same_mm) || all_whole(parts, n_parts, same_mm));
+    return share_range(parts, n_parts) && (!is_whole(set, false, same_mm) || all_whole(parts, n_parts, false, same_mm));
 }
 
 /* True if each part is a volume, or of MR and PET several volumes at the same positions. */
 static bool are_volumes(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts, int way, double same_mm)
 {
-    const bool may_repeat = set->items[0]->modality_id != CTS_MODALITY_CT;
     if (way == BY_THICKNESS)
         return thicknesses_part(set, parts, n_parts, same_mm);
-    for (int p = 0; p < n_parts; p++)
-        if (!is_whole(&parts[p], same_mm) && !(may_repeat && repeats_whole(&parts[p], same_mm)))
-            return false;
-    return n_parts > 0 && ((way != BY_TIME && way != BY_CONTENT_ORDER) || in_turn(parts, n_parts, way)) &&
+    const bool follow = way == BY_TIME || way == BY_CONTENT_ORDER;
+    return n_parts > 0 && all_whole(parts, n_parts, set->items[0]->modality_id != CTS_MODALITY_CT, same_mm) &&
+           (!follow || in_turn(parts, n_parts, ways[way].ranks)) &&
            (way != BY_NUMBER || numbered_alike(parts, n_parts)) &&
            (!ways[way].must_overlap || parts_overlap(parts, n_parts));
 }
