@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* SIZE_1, SIZE_2: bytes of the headers of NIfTI-1 and NIfTI-2. CHUNK: bytes that are read at a time, which stay in the
- * L2 cache. MAX_EXTENSION: longest extension that is read for names of labels, 256 bytes for each of 65536. MAX_DIM:
- * largest dimension of NIfTI-1. */
-enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MAX_EXTENSION = 16 << 20, MAX_DIM = 32767 };
+/* SIZE_1, SIZE_2: bytes of the headers of NIfTI-1 and NIfTI-2. PART: numbers that are read at a time, 64 KiB on the
+ * stack; changes no result. MAX_EXTENSION: longest extension that is read for names of labels, 256 bytes for each of
+ * 65536. MAX_DIM: largest dimension of NIfTI-1. */
+enum { SIZE_1 = 348, SIZE_2 = 540, PART = 4096, MAX_EXTENSION = 16 << 20, MAX_DIM = 32767 };
 /* Parts of a packed file in a sandbox, packed and unpacked: large enough that messages cost nothing. */
-enum { PACKED_PART = 1 << 18, PART = (1 << 20) - (int)sizeof(CtsUnpacked) };
+enum { PACKED_PART = 1 << 18, UNPACKED_PART = (1 << 20) - (int)sizeof(CtsUnpacked) };
 enum { MAX_PACKED = 1032 }; /* largest ratio of deflate: matches of 258 bytes in 2 bits */
 
 /* All datatypes that hold one number a voxel. */
@@ -64,14 +64,14 @@ static CtsStatus unpack_part(CtsNifti *f, CtsError *err)
     const void *answer;
     CtsStatus st = cts_sandbox_new(&f->unpacker, CTS_PIXELS_PROGRAM, CTS_PIXELS_GUNZIP, "unpacker", 1, err);
     if (!st)
-        st = cts_sandbox_room(f->unpacker, PACKED_PART, sizeof made + PART, &packed, err);
+        st = cts_sandbox_room(f->unpacker, PACKED_PART, sizeof made + UNPACKED_PART, &packed, err);
     if (st || (st = cts_file_bytes_read(f->file, packed, n, f->file_at, err)))
         return st;
-    cts_sandbox_send(f->unpacker, &f->n_unpacked, sizeof f->n_unpacked, packed, n, sizeof made + PART);
+    cts_sandbox_send(f->unpacker, &f->n_unpacked, sizeof f->n_unpacked, packed, n, sizeof made + UNPACKED_PART);
     if ((st = cts_sandbox_take(f->unpacker, &answer, err)))
         return st == CTS_ERR_PIXELS ? (err->status = CTS_ERR_READ) : st;
     memcpy(&made, answer, sizeof made);
-    if (made.n_taken > n || made.n_bytes > PART || (made.n_taken == 0 && made.n_bytes == 0))
+    if (made.n_taken > n || made.n_bytes > UNPACKED_PART || (made.n_taken == 0 && made.n_bytes == 0))
         return cts_fail(err, CTS_ERR_READ, "cut short: its gzip stream ends before the last voxel");
     f->part = (const uint8_t *)answer + sizeof made;
     f->n_part = (size_t)made.n_bytes;
@@ -213,10 +213,7 @@ static CtsStatus read_forms(CtsNifti *f, const uint8_t *h, const NiftiLayout *l,
 
 void cts_nifti_take_form(CtsNifti *f, CtsNiftiForm form)
 {
-    const bool wants_q = form == CTS_NIFTI_FORM_Q;
-    const CtsNiftiPlace *place = (wants_q ? f->qform.given : !f->sform.given) ? &f->qform : &f->sform;
-    memcpy(f->origin_lps, place->origin_lps, sizeof f->origin_lps);
-    memcpy(f->step_lps, place->step_lps, sizeof f->step_lps);
+    f->place = (form == CTS_NIFTI_FORM_Q ? f->qform.given : !f->sform.given) ? f->qform : f->sform;
 }
 
 /* The largest displacement of a corner in voxels, with the voxel sizes of the first form for both, and in mm. */
@@ -379,25 +376,33 @@ CtsStatus cts_nifti_count(const CtsNifti *f, size_t bytes_each, size_t *n, CtsEr
     return CTS_OK;
 }
 
-CtsStatus cts_nifti_read(CtsNifti *f, double *values, size_t n, CtsError *err)
+/* A number as the file has it. */
+static double number_at(const CtsNifti *f, const uint8_t *p)
 {
-    uint8_t bytes[CHUNK];
-    const size_t most = sizeof bytes / (size_t)f->bytes;
-    for (size_t done = 0; done < n;) {
-        const size_t part = n - done < most ? n - done : most;
-        const CtsStatus st = read_nifti_bytes(f, bytes, part * (size_t)f->bytes, err);
-        if (st)
-            return st;
-        for (size_t i = 0; i < part && f->bytes == 1 && !f->is_signed; i++) /* label maps, mostly */
-            values[done + i] = f->slope * bytes[i] + f->intercept;
-        for (size_t i = 0; i < part && (f->bytes > 1 || f->is_signed); i++) {
-            const uint8_t *const p = bytes + i * (size_t)f->bytes;
-            const double x = !f->is_whole   ? real_at(f, p, f->bytes)
-                             : f->is_signed ? (double)signed_at(f, p, f->bytes)
-                                            : (double)integer_at(f, p, f->bytes);
-            values[done + i] = f->slope * x + f->intercept;
-        }
-        done += part;
+    return !f->is_whole   ? real_at(f, p, f->bytes)
+           : f->is_signed ? (double)signed_at(f, p, f->bytes)
+                          : (double)integer_at(f, p, f->bytes);
+}
+
+CtsStatus cts_nifti_read(CtsNifti *f, size_t n, const volatile sig_atomic_t *stop, CtsNiftiSink take, void *context,
+                         CtsError *err)
+{
+    uint8_t bytes[PART * sizeof(double)];
+    double values[PART];
+    CtsStatus st = CTS_OK;
+    for (size_t done = 0; !st && done < n; done += PART) {
+        const size_t part = n - done < PART ? n - done : PART, size = (size_t)f->bytes;
+        if (stop && *stop)
+            return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+        st = read_nifti_bytes(f, bytes, part * size, err);
+        if (size == 1 && !f->is_signed) /* label maps, mostly */
+            for (size_t i = 0; i < part; i++)
+                values[i] = f->slope * bytes[i] + f->intercept;
+        else
+            for (size_t i = 0; i < part; i++)
+                values[i] = f->slope * number_at(f, bytes + i * size) + f->intercept;
+        if (!st)
+            st = take(context, values, done, part, err);
     }
-    return CTS_OK;
+    return st;
 }

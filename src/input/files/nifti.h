@@ -16,11 +16,11 @@ typedef struct CtsNiftiPlace {
 typedef struct CtsNifti {
     int dims[3];
     CtsNiftiPlace sform, qform;
-    double origin_lps[3], step_lps[3][3]; /* of the form in use: the sform, else the qform */
-    double slope, intercept;              /* value = slope * number + intercept */
-    int datatype, bytes;                  /* of a number */
-    bool is_whole, is_signed;             /* an integer type */
-    char *extension;                      /* n_extension bytes; owned, or NULL */
+    CtsNiftiPlace place;      /* by the form in use: the sform, else the qform */
+    double slope, intercept;  /* value = slope * number + intercept */
+    int datatype, bytes;      /* of a number */
+    bool is_whole, is_signed; /* an integer type */
+    char *extension;          /* n_extension bytes; owned, or NULL */
     size_t n_extension;
     /* The source of the numbers: */
     const CtsFileBytes *file;
@@ -58,5 +58,8 @@ void cts_nifti_take_form(CtsNifti *nifti, CtsNiftiForm form);
 /* The count of numbers, each of which takes bytes_each bytes in memory. Refuses more than the free memory, and more
  * than the file can hold. */
 CtsStatus cts_nifti_count(const CtsNifti *nifti, size_t bytes_each, size_t *n, CtsError *err);
-/* The next n numbers as values. */
-CtsStatus cts_nifti_read(CtsNifti *nifti, double *values, size_t n, CtsError *err);
+/* Reads the n numbers and calls take, for as long as it succeeds, with some thousand values at a time: from number
+ * `first` on, in order. *stop (stop may be NULL) ends it with CTS_ERR_INTERRUPTED. */
+typedef CtsStatus (*CtsNiftiSink)(void *context, const double *values, size_t first, size_t n, CtsError *err);
+CtsStatus cts_nifti_read(CtsNifti *nifti, size_t n, const volatile sig_atomic_t *stop, CtsNiftiSink take, void *context,
+                         CtsError *err);

@@ -17,8 +17,8 @@ CtsBox cts_nifti_box(const CtsNifti *f)
 {
     CtsBox box = {.stride = {1, f->dims[0], (ptrdiff_t)f->dims[0] * f->dims[1]}};
     memcpy(box.dims, f->dims, sizeof box.dims);
-    memcpy(box.origin_lps, f->origin_lps, sizeof box.origin_lps);
-    memcpy(box.step_lps, f->step_lps, sizeof box.step_lps);
+    memcpy(box.origin_lps, f->place.origin_lps, sizeof box.origin_lps);
+    memcpy(box.step_lps, f->place.step_lps, sizeof box.step_lps);
     return cts_box_as_scanned(&box, 2);
 }
 

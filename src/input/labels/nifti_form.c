@@ -69,8 +69,7 @@ static CtsNiftiPlace place_of_ct(const CtsSeries *series, const CtsLabelGrid *g)
     }
     if (series->no_patient && !cts_slice_open(series->slices[0], &file, NULL) && !cts_nifti_open(&ct, &file, NULL)) {
         cts_nifti_take_form(&ct, series->rules.nifti_form);
-        memcpy(place.origin_lps, ct.origin_lps, sizeof place.origin_lps);
-        memcpy(place.step_lps, ct.step_lps, sizeof place.step_lps);
+        place = ct.place;
     }
     cts_nifti_close(&ct);
     cts_file_bytes_close(&file);

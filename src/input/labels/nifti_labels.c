@@ -22,29 +22,24 @@ typedef struct Map {
 /* Largest deviation from a whole number caused by scl_slope, resampling and floats. */
 static const double rounding = 1e-3;
 
+static CtsStatus take_numbers(void *context, const double *values, size_t first, size_t n, CtsError *err)
+{
+    Map *const m = context;
+    for (size_t i = 0; i < n; i++) {
+        const double x = values[i], whole = x == 0 ? 0 : round(x); /* most are 0 */
+        if (!(whole >= 0 && whole <= UINT16_MAX) || !(fabs(x - whole) <= rounding))
+            return cts_fail(err, CTS_ERR_PIXELS, "holds %.9g, which is no number of a label (whole, 0 to 65535)", x);
+        m->numbers[first + i] = (uint16_t)whole;
+    }
+    return CTS_OK;
+}
+
 static CtsStatus read_numbers(Map *m, CtsError *err)
 {
-    enum { PART = 4096 }; /* 32 KiB of values on the stack; changes no result */
     size_t n = 0;
-    double values[PART];
     CtsStatus st = cts_nifti_count(&m->nifti, sizeof *m->numbers, &n, err);
-    if (!st)
-        st = cts_alloc_zeroed(&m->numbers, n, err);
-    for (size_t done = 0; !st && done < n;) {
-        const size_t part = n - done < PART ? n - done : PART;
-        st = cts_nifti_read(&m->nifti, values, part, err);
-        for (size_t i = 0; !st && i < part; i++) {
-            const double x = values[i];
-            if (x == 0)
-                continue; /* most of them */
-            const double whole = round(x);
-            if (!(whole >= 0 && whole <= UINT16_MAX) || !(fabs(x - whole) <= rounding))
-                st = cts_fail(err, CTS_ERR_PIXELS, "holds %.9g, which is no number of a label (whole, 0 to 65535)", x);
-            else
-                m->numbers[done + i] = (uint16_t)whole;
-        }
-        done += part;
-    }
+    if (!st && !(st = cts_alloc_array(&m->numbers, n, err)))
+        st = cts_nifti_read(&m->nifti, n, NULL, take_numbers, m, err);
     return st;
 }
 
@@ -155,7 +150,7 @@ static int nearest_axis(const CtsNifti *f, const double direction[3], const bool
     int nearest = -1;
     double most = -1;
     for (int axis = 0; axis < 3; axis++) {
-        const double along = fabs(cts_dot3(f->step_lps[axis], direction)) / cts_norm3(f->step_lps[axis]);
+        const double along = fabs(cts_dot3(f->place.step_lps[axis], direction)) / cts_norm3(f->place.step_lps[axis]);
         if (!taken[axis] && along > most) {
             most = along;
             nearest = axis;
@@ -179,7 +174,7 @@ static CtsStatus place_map(Map *m, CtsError *err)
         taken[axis] = true;
         m->n[a] = f->dims[axis];
         m->along[a] = steps[axis];
-        memcpy(a < 2 ? mask.step_lps[a] : across, f->step_lps[axis], sizeof across);
+        memcpy(a < 2 ? mask.step_lps[a] : across, f->place.step_lps[axis], sizeof across);
     }
     mask.columns = m->n[0];
     mask.rows = m->n[1];
@@ -192,7 +187,7 @@ static CtsStatus place_map(Map *m, CtsError *err)
         st = cts_alloc_array(&m->plane, (size_t)m->n[0] * (size_t)m->n[1], err);
     for (int k = 0; !st && k < mask.n_planes; k++)
         for (int c = 0; c < 3; c++)
-            mask.position_lps[k][c] = f->origin_lps[c] + k * across[c];
+            mask.position_lps[k][c] = f->place.origin_lps[c] + k * across[c];
     if (!st && !(st = cts_mask_place(&mask, m->reading, &held, err)))
         st = cts_label_check_meets(m->reading, held, err);
     cts_free(&mask.position_lps);

@@ -13,64 +13,49 @@ enum { PADDING = 65535, LAST = PADDING - 1 };
 typedef struct Values {
     float *items; /* n, in the file's order */
     size_t n, n_lost;
-    double low, high; /* of those that are finite */
-    bool whole;       /* each of them is */
+    CtsOutliers range; /* of those that are finite */
+    bool is_hu;
 } Values;
 
-static void add_value(Values *v, float x)
+static CtsStatus take_values(void *context, const double *values, size_t first, size_t n, CtsError *err)
 {
-    if (!isfinite(x)) {
-        v->n_lost++;
-        return;
-    }
-    v->low = fmin(v->low, x);
-    v->high = fmax(v->high, x);
-    v->whole &= x == floorf(x);
-}
-
-/* Isolated values that no scanner measures become padding where they are low, and the largest other value where they
- * are high; the scale follows from the others. */
-static CtsStatus mend_outliers(Values *v, const int dims[3], CtsReport *report, CtsError *err)
-{
-    CtsOutliers outliers;
+    Values *const v = context;
     CtsStatus st = CTS_OK;
-    cts_outliers_begin(&outliers, dims);
-    for (size_t i = 0; !st && i < v->n; i++)
-        if (isfinite(v->items[i]))
-            st = cts_outliers_take(&outliers, i, v->items[i], err);
-    if (!st)
-        st = cts_outliers_check(&outliers, dims, report, err);
-    for (size_t i = 0; !st && i < outliers.n; i++) {
-        float *const x = &v->items[outliers.voxels[i]];
-        *x = *x < 0 ? NAN : (float)outliers.rest_high;
+    for (size_t i = 0; !st && i < n; i++) {
+        const float x = v->items[first + i] = (float)values[i];
+        if (isfinite(x))
+            st = cts_outliers_take(&v->range, first + i, x, err);
+        else
+            v->n_lost++;
     }
-    v->low = outliers.rest_low;
-    v->high = outliers.rest_high;
-    v->whole = outliers.rest_whole;
-    cts_outliers_free(&outliers);
     return st;
 }
 
-static CtsStatus read_values(CtsNifti *nifti, CtsQuantity quantity, const volatile sig_atomic_t *stop, Values *v,
-                             CtsReport *report, CtsError *err)
+/* Isolated HU that no scanner measures become padding where they are low, and the largest other value where they are
+ * high; the scale follows from the others. */
+static CtsStatus mend_outliers(Values *v, const int dims[3], CtsReport *report, CtsError *err)
 {
-    enum { PART = 4096 }; /* 32 KiB of values on the stack, in the first-level cache; changes no result */
-    double part[PART];
-    *v = (Values){.low = INFINITY, .high = -INFINITY, .whole = true};
-    CtsStatus st = cts_nifti_count(nifti, sizeof *v->items + sizeof(uint16_t), &v->n, err);
-    if (!st)
-        st = cts_alloc_array(&v->items, v->n, err);
-    for (size_t done = 0; !st && done < v->n; done += PART) {
-        const size_t n = v->n - done < PART ? v->n - done : PART;
-        st = stop && *stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : cts_nifti_read(nifti, part, n, err);
-        for (size_t i = 0; !st && i < n; i++)
-            add_value(v, v->items[done + i] = (float)part[i]);
+    CtsOutliers *const all = &v->range;
+    const CtsStatus st = cts_outliers_check(all, dims, report, err);
+    for (size_t i = 0; !st && i < all->n; i++) {
+        float *const x = &v->items[all->voxels[i]];
+        *x = *x < 0 ? NAN : (float)all->rest_high;
     }
-    if (!st && !(v->low <= v->high))
+    all->low = all->rest_low;
+    all->high = all->rest_high;
+    return st;
+}
+
+static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop, Values *v, CtsReport *report,
+                             CtsError *err)
+{
+    cts_outliers_begin(&v->range, nifti->dims);
+    CtsStatus st = cts_nifti_count(nifti, sizeof *v->items + sizeof(uint16_t), &v->n, err);
+    if (!st && !(st = cts_alloc_array(&v->items, v->n, err)))
+        st = cts_nifti_read(nifti, v->n, stop, take_values, v, err);
+    if (!st && !(v->range.low <= v->range.high))
         st = cts_fail(err, CTS_ERR_PIXELS, "holds no finite number");
-    return !st && quantity == CTS_QUANTITY_HU && (cts_is_outlier(v->low) || cts_is_outlier(v->high))
-               ? mend_outliers(v, nifti->dims, report, err)
-               : st;
+    return st || !v->is_hu ? st : mend_outliers(v, nifti->dims, report, err);
 }
 
 /* HU of a word and step between words. */
@@ -78,13 +63,13 @@ typedef struct Scale {
     double step_hu, low_hu;
 } Scale;
 
-static Scale scale_of(const Values *v, CtsQuantity quantity)
+static Scale scale_of(const Values *v)
 {
-    const double span = v->high - v->low;
-    if (quantity != CTS_QUANTITY_HU)
-        return (Scale){cts_grey_decimal_step(span, LAST), v->low};
-    const bool keeps_values = (v->whole && span <= LAST) || !(span > 0);
-    return (Scale){keeps_values ? 1 : span / LAST, v->low};
+    const double low = v->range.low, span = v->range.high - low;
+    if (!v->is_hu)
+        return (Scale){cts_grey_decimal_step(span, LAST), low};
+    const bool keeps_values = (v->range.rest_whole && span <= LAST) || !(span > 0);
+    return (Scale){keeps_values ? 1 : span / LAST, low};
 }
 
 static void make_words(const Values *v, const CtsBox *b, Scale scale, uint16_t *words)
@@ -127,7 +112,7 @@ static void report_values(const CtsNifti *nifti, const CtsBox *box, const Values
 {
     char from[4] = "", to[4] = "";
     for (int a = 0; a < 3; a++) {
-        from[a] = side(nifti->step_lps[a]);
+        from[a] = side(nifti->place.step_lps[a]);
         to[a] = side(box->step_lps[a]);
     }
     cts_report_diagnostic(
@@ -143,13 +128,13 @@ static void report_values(const CtsNifti *nifti, const CtsBox *box, const Values
 /* No header confirms that it is a CT; a body has air around or within it. -500: halfway between air and water. */
 static CtsStatus check_hu(const Values *v, const CtsSeriesRules *rules, CtsError *err)
 {
-    return v->low <= -500 || rules->named_quantity
+    return v->range.low <= -500 || rules->named_quantity
                ? CTS_OK
                : cts_fail(
                      err, CTS_ERR_PIXELS,
                      "no value is below %g, and air has -1000 HU: not in Hounsfield units (name its `quantity`: HU, "
                      "stored, SUVbw or Bq/ml)",
-                     v->low);
+                     v->range.low);
 }
 
 static void report_forms(const CtsNifti *nifti, CtsReport *report)
@@ -166,22 +151,22 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, const CtsSeriesRules *rules, 
 {
     CtsFileBytes file = {.fd = -1};
     CtsNifti nifti = {0};
-    Values values = {0};
+    Values values = {.is_hu = cts_rules_quantity(rules) == CTS_QUANTITY_HU};
     CtsStatus st = cts_slice_open(&slices[0], &file, err);
-    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) &&
-        !(st = read_values(&nifti, cts_rules_quantity(rules), stop, &values, report, err)) &&
+    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) && !(st = read_values(&nifti, stop, &values, report, err)) &&
         !(st = check_hu(&values, rules, err)))
         st = cts_alloc_array(words, values.n, err);
     if (!st) {
         cts_nifti_take_form(&nifti, rules->nifti_form);
         const CtsBox box = cts_nifti_box(&nifti);
-        const Scale scale = scale_of(&values, cts_rules_quantity(rules));
+        const Scale scale = scale_of(&values);
         make_words(&values, &box, scale, *words);
         report_slices(slices, n, scale, *words);
         report_values(&nifti, &box, &values, report);
         if (rules->nifti_form == CTS_NIFTI_FORM_AUTO)
             report_forms(&nifti, report);
     }
+    cts_outliers_free(&values.range);
     cts_free(&values.items);
     cts_nifti_close(&nifti);
     cts_file_bytes_close(&file);
