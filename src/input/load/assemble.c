@@ -32,13 +32,11 @@ typedef struct Assembly {
     bool whole_numbers;     /* every slope and intercept is a whole number */
     CtsStoredRange *ranges; /* of each slice */
     uint16_t *samples;      /* CTS_SAMPLES of each slice */
-    double busy[CTS_N_STAGES];
-    uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
-    char **faults; /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
-    int n_bad;
-    int first_bad, first_lost; /* the first damaged slice, and the first that failed otherwise; n_slices: none */
-    atomic_int stop;           /* slices after this one are not read */
-    CtsError why_bad, why_lost;
+    char **faults;          /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
+    int n_bad;              /* of these */
+    int first_failed;       /* the first slice that was not read, damaged or not; n_slices: none */
+    CtsError why;           /* of that one */
+    atomic_int stop;        /* slices after this one are not read */
 } Assembly;
 
 static bool whole_number(double x)
@@ -81,20 +79,27 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     in->grey_ms += cts_wall_ms() - start;
 }
 
-static CtsStatus read_slice(Assembly *a, int k, CtsSandbox **decoder, double busy[CTS_N_STAGES], CtsError *err)
+/* One thread's. */
+typedef struct SliceReader {
+    CtsSandbox *decoder; /* sandbox for compressed pixels, started at the first one */
+    double decode_ms, grey_ms;
+    int held; /* a slice that is being decoded, or -1 */
+} SliceReader;
+
+static CtsStatus read_slice(Assembly *a, int k, SliceReader *reader, CtsError *err)
 {
     const CtsSlice *s = &a->slices[k];
     Arrival in = {.assembly = a, .k = k, .stored = cts_slice_stored(s)};
     const double start = cts_wall_ms();
     a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
-    const CtsStatus st = cts_slice_read_pixels(s, decoder, layer_of(a, k), take_words, &in, err);
+    const CtsStatus st = cts_slice_read_pixels(s, &reader->decoder, layer_of(a, k), take_words, &in, err);
     if (st) {
         cts_context(err, "%s", cts_slice_label(s).text);
         return st;
     }
     cts_slice_sample(s, layer_of(a, k), a->whole_numbers, a->samples + (size_t)k * CTS_SAMPLES);
-    busy[CTS_STAGE_DECODE] += cts_wall_ms() - start - in.grey_ms;
-    busy[CTS_STAGE_GREY] += in.grey_ms;
+    reader->decode_ms += cts_wall_ms() - start - in.grey_ms;
+    reader->grey_ms += in.grey_ms;
     return CTS_OK;
 }
 
@@ -104,29 +109,19 @@ static bool too_many_bad(int n_bad, int n_slices)
     return n_bad * 10 > n_slices || n_slices - n_bad < 2;
 }
 
-/* Of several failures the first slice's is reported, whatever the number of threads. Damaged pixels are a fault of that
- * slice alone; other failures, or too much damage, end the reading. */
+/* Of several failures the first slice's is reported. Damaged pixels are a fault of that slice alone; other failures, or
+ * too much damage, end the reading. */
 static void note_failure(Assembly *a, int k, const CtsError *why)
 {
     const bool damaged = why->status == CTS_ERR_PIXELS && (a->faults[k] = strdup(why->text)) != NULL;
-    int *const first = damaged ? &a->first_bad : &a->first_lost;
     a->n_bad += damaged;
-    if (k < *first) {
-        *first = k;
-        *(damaged ? &a->why_bad : &a->why_lost) = *why;
+    if (k < a->first_failed) {
+        a->first_failed = k;
+        a->why = *why;
     }
-    int stop = a->first_lost;
-    if (too_many_bad(a->n_bad, a->n_slices) && a->first_bad < stop)
-        stop = a->first_bad;
-    atomic_store(&a->stop, stop);
+    if (!damaged || too_many_bad(a->n_bad, a->n_slices))
+        atomic_store(&a->stop, a->first_failed);
 }
-
-/* One thread's. */
-typedef struct SliceReader {
-    CtsSandbox *decoder; /* sandbox for compressed pixels, started at the first one */
-    double busy[CTS_N_STAGES];
-    int held; /* a slice that is being decoded, or -1 */
-} SliceReader;
 
 typedef struct SliceReading {
     Assembly *assembly;
@@ -143,7 +138,7 @@ static void read_one(SliceReading *r, SliceReader *reader, int k)
 {
     CtsError why = {0};
     if (k > atomic_load(&r->assembly->stop) || is_stopped(r->assembly->watch) ||
-        !read_slice(r->assembly, k, &reader->decoder, reader->busy, &why))
+        !read_slice(r->assembly, k, reader, &why))
         return;
     pthread_mutex_lock(&r->lock);
     note_failure(r->assembly, k, &why);
@@ -174,7 +169,7 @@ static void read_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static CtsStatus read_each(Assembly *a, CtsError *err)
+static CtsStatus read_each(Assembly *a, double busy[CTS_N_STAGES], CtsError *err)
 {
     SliceReader *readers = calloc((size_t)a->n_threads, sizeof *readers);
     if (!readers)
@@ -186,10 +181,9 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
     for (int t = 0; t < a->n_threads; t++)
         read_held(&reading, &readers[t]);
     pthread_mutex_destroy(&reading.lock);
-    a->busy[CTS_STAGE_DECODE] = a->busy[CTS_STAGE_GREY] = 0;
     for (int t = 0; t < a->n_threads; t++) {
-        a->busy[CTS_STAGE_DECODE] += readers[t].busy[CTS_STAGE_DECODE];
-        a->busy[CTS_STAGE_GREY] += readers[t].busy[CTS_STAGE_GREY];
+        busy[CTS_STAGE_DECODE] += readers[t].decode_ms;
+        busy[CTS_STAGE_GREY] += readers[t].grey_ms;
         cts_sandbox_free(&readers[t].decoder);
     }
     free(readers);
@@ -200,25 +194,21 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
 static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    a->first_bad = a->first_lost = a->n_slices;
+    const uint64_t n = (uint64_t)a->n_slices, n_voxels = n * a->layer_voxels;
+    const uint64_t items[CTS_N_STAGES] = {[CTS_STAGE_DECODE] = n, [CTS_STAGE_GREY] = n_voxels};
+    uint64_t bytes[CTS_N_STAGES] = {[CTS_STAGE_GREY] = n_voxels * sizeof *a->first};
+    double busy[CTS_N_STAGES] = {0};
+    a->first_failed = a->n_slices;
     atomic_store(&a->stop, a->n_slices);
-    const CtsStatus st = read_each(a, err);
+    const CtsStatus st = read_each(a, busy, err);
     if (st)
         return st;
-    a->items[CTS_STAGE_DECODE] = (uint64_t)a->n_slices;
-    a->items[CTS_STAGE_GREY] = (uint64_t)a->n_slices * a->layer_voxels;
-    a->bytes[CTS_STAGE_GREY] = a->items[CTS_STAGE_GREY] * sizeof(uint16_t);
     for (int k = 0; k < a->n_slices; k++)
-        a->bytes[CTS_STAGE_DECODE] += a->slices[k].pixel_bytes;
-    cts_report_region(report, cts_wall_ms() - wall, cts_cpu_ms() - cpu, a->busy, a->items, a->bytes);
+        bytes[CTS_STAGE_DECODE] += a->slices[k].pixel_bytes;
+    cts_report_region(report, cts_wall_ms() - wall, cts_cpu_ms() - cpu, busy, items, bytes);
     if (is_stopped(a->watch))
         return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-    if (a->n_bad == 0 && a->first_lost == a->n_slices)
-        return CTS_OK;
-    const CtsError *why = a->first_lost < a->n_slices && a->stop == a->first_lost ? &a->why_lost : &a->why_bad;
-    if (err)
-        *err = *why;
-    return why->status;
+    return a->first_failed == a->n_slices ? CTS_OK : cts_fail(err, a->why.status, "%s", a->why.text);
 }
 
 static void find_range(const Assembly *a, CtsVolume *v)
@@ -440,18 +430,17 @@ static CtsStatus read_nifti(const CtsSeries *series, Loading *in, CtsReport *rep
 static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threads, CtsReport *report, CtsError *err)
 {
     const size_t n = (size_t)series->n_slices;
-    CtsStatus st = cts_alloc_array(&in->slices, n, err);
-    if (!st)
-        st = cts_alloc_zeroed(&in->faults, n, err);
-    if (!st)
-        st = cts_alloc_array(&in->number, n, err);
-    for (size_t k = 0; !st && k < n; k++) {
+    CtsStatus st;
+    in->n_slices = series->n_slices;
+    in->n_threads = n_threads;
+    if ((st = cts_alloc_array(&in->slices, n, err)) || (st = cts_alloc_zeroed(&in->faults, n, err)) ||
+        (st = cts_alloc_array(&in->number, n, err)))
+        return st;
+    for (size_t k = 0; k < n; k++) {
         in->slices[k] = *series->slices[k];
         in->number[k] = (int)k;
     }
-    in->n_slices = series->n_slices;
-    in->n_threads = n_threads;
-    if (!st && series->slices[0]->kind == CTS_OBJECT_NIFTI)
+    if (series->slices[0]->kind == CTS_OBJECT_NIFTI)
         st = read_nifti(series, in, report, err);
     return st;
 }
@@ -613,13 +602,11 @@ static CtsStatus load_series(const CtsSeries *series, const CtsWordWatch *watch,
     Loading in = {.watch = watch};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, report, &why);
-    int n_bad = 0;
     while (!st && (st = load_slices(series, &in, scanned, report, &why)) == CTS_ERR_PIXELS) {
         int n = 0;
         for (int k = 0; k < in.n_slices; k++)
             n += in.faults[k] != NULL;
-        n_bad += n;
-        if (n == 0 || too_many_bad(n_bad, series->n_slices))
+        if (n == 0 || too_many_bad(series->n_slices - in.n_slices + n, series->n_slices))
             break;
         drop_bad(&in, report);
         st = CTS_OK;
