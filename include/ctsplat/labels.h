@@ -20,8 +20,6 @@ typedef struct CtsLabelGrid {
     double step_lps[2][3]; /* mm */
     double normal_lps[3];  /* unit length; slices are in order of position along it */
     double (*position_lps)[3];
-    double *at_mm;        /* of each slice along the normal */
-    double *thickness_mm; /* half the sum of the gaps on both sides; at an end the one gap */
     CtsQuantity quantity; /* of the voxels */
 } CtsLabelGrid;
 

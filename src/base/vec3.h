@@ -21,6 +21,14 @@ static inline double cts_norm3(const double a[3])
     return sqrt(cts_dot3(a, a));
 }
 
+/* Scales to length 1. */
+static inline void cts_unit3(double a[3])
+{
+    const double length = cts_norm3(a);
+    for (int c = 0; c < 3; c++)
+        a[c] /= length;
+}
+
 /* out = M v, rows first. */
 static inline void cts_apply3(const double m[3][3], const double v[3], double out[3])
 {

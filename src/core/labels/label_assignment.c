@@ -11,10 +11,10 @@ typedef struct Deciding {
     const CtsLabels *labels;
     const CtsLabelChoice *choice;
     uint32_t *shown, *hidden, *first; /* 0: not named; first: the place in the order */
-    uint32_t *own;                    /* index + 1 in appearances of a label's own appearance; 0: none */
+    uint8_t *appearance;              /* index in appearances */
     CtsAppearance *appearances;       /* n_appearances, from CTS_APPEARANCE_OWN on */
     int n_appearances;
-    size_t *voxel_labels; /* the n_voxel_labels labels that get voxels; others count as unlabelled */
+    size_t *voxel_labels; /* the n_voxel_labels labels that get voxels, then the unlabelled entry for all others */
     size_t n_voxel_labels;
 } Deciding;
 
@@ -26,7 +26,7 @@ static void free_deciding(Deciding *d)
     cts_free(&d->shown);
     cts_free(&d->hidden);
     cts_free(&d->first);
-    cts_free(&d->own);
+    cts_free(&d->appearance);
     cts_free(&d->voxel_labels);
 }
 
@@ -57,7 +57,7 @@ static CtsStatus take_appearance(Deciding *d, const char *text, CtsError *err)
         free(appearance.preset);
     for (size_t i = 0; !st && i <= d->labels->n; i++)
         if (named[i])
-            d->own[i] = (uint32_t)d->n_appearances;
+            d->appearance[i] = (uint8_t)(d->n_appearances - 1);
     cts_free(&named);
     return st;
 }
@@ -69,13 +69,13 @@ static CtsStatus take_colours(Deciding *d, CtsError *err)
     for (size_t i = 0; !st && i < d->labels->n; i++) {
         const CtsLabel *const l = &d->labels->items[i];
         CtsAppearance appearance = {.tinted = true, .opacity = -1};
-        if (d->own[i] || d->hidden[i] || (d->choice->show && !d->shown[i]) || l->surrounds || !l->fact.voxels)
+        if (d->appearance[i] != CTS_APPEARANCE_PRESET || l->surrounds || !l->fact.voxels)
             continue;
         cts_label_colour(i, appearance.rgb);
         if (l->coloured)
             memcpy(appearance.rgb, l->rgb, sizeof appearance.rgb);
         if (!(st = add_appearance(d, &appearance, err)))
-            d->own[i] = (uint32_t)d->n_appearances;
+            d->appearance[i] = (uint8_t)(d->n_appearances - 1);
     }
     return st;
 }
@@ -123,7 +123,7 @@ static CtsStatus choose_appearances(Deciding *d, CtsReport *report, CtsError *er
     const size_t n = d->labels->n;
     CtsStatus st;
     if ((st = cts_alloc_zeroed(&d->shown, n + 2, err)) || (st = cts_alloc_zeroed(&d->hidden, n + 2, err)) ||
-        (st = cts_alloc_zeroed(&d->first, n + 2, err)) || (st = cts_alloc_zeroed(&d->own, n + 1, err)) ||
+        (st = cts_alloc_zeroed(&d->first, n + 2, err)) || (st = cts_alloc_array(&d->appearance, n + 1, err)) ||
         (st = cts_alloc_zeroed(&d->voxel_labels, n + 1, err)))
         return st;
     d->n_appearances = CTS_APPEARANCE_OWN;
@@ -135,21 +135,28 @@ static CtsStatus choose_appearances(Deciding *d, CtsReport *report, CtsError *er
         (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, NULL, err))) ||
         (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, NULL, err))))
         return st;
+    memset(d->appearance, CTS_APPEARANCE_PRESET, n + 1);
     for (int i = 0; !st && i < c->n_appearances; i++)
         st = take_appearance(d, c->appearances[i], err);
-    if (!st && c->own_colours)
-        st = take_colours(d, err);
-    for (size_t i = 0; i < n; i++)
-        if (!c->show || d->shown[i] || d->hidden[i])
+    for (size_t i = 0; i <= n; i++) {
+        if (d->hidden[i] || (c->show && !d->shown[i]))
+            d->appearance[i] = CTS_APPEARANCE_HIDDEN;
+        if (i < n && (!c->show || d->shown[i] || d->hidden[i]))
             d->voxel_labels[d->n_voxel_labels++] = i;
-    return st;
+    }
+    d->voxel_labels[d->n_voxel_labels] = n;
+    return !st && c->own_colours ? take_colours(d, err) : st;
 }
 
-static uint8_t appearance_of(const Deciding *d, size_t label)
+/* Of one of the voxel labels, or of the entry behind them. */
+static uint8_t appearance_of(const Deciding *d, size_t voxel_label)
 {
-    if (d->hidden[label] || (d->choice->show && !d->shown[label]))
-        return CTS_APPEARANCE_HIDDEN;
-    return d->own[label] ? (uint8_t)(d->own[label] - 1) : CTS_APPEARANCE_PRESET;
+    return d->appearance[d->voxel_labels[voxel_label]];
+}
+
+static bool is_hidden(const Deciding *d, size_t voxel_label)
+{
+    return appearance_of(d, voxel_label) == CTS_APPEARANCE_HIDDEN;
 }
 
 /* True where b gets the voxels that both contain. */
@@ -185,10 +192,8 @@ static CtsStatus paint(const Deciding *d, CtsModel *model, int n_threads, CtsErr
         sort_for_painting(d, order);
         st = cts_labels_to_volume(d->labels, d->voxel_labels, order, d->n_voxel_labels, model, n_threads, err);
     }
-    for (size_t i = 0; !st && i < d->n_voxel_labels; i++)
-        model->voxel_labels->appearance[i] = appearance_of(d, d->voxel_labels[i]);
-    if (!st)
-        model->voxel_labels->appearance[d->n_voxel_labels] = appearance_of(d, d->labels->n);
+    for (size_t i = 0; !st && i <= d->n_voxel_labels; i++)
+        model->voxel_labels->appearance[i] = appearance_of(d, i);
     cts_free(&order);
     return st;
 }
@@ -240,8 +245,7 @@ static void compare_hidden(const Deciding *d, bool *take, bool *yield)
     for (size_t a = 0; a < d->n_voxel_labels; a++)
         for (size_t b = 0; b < d->n_voxel_labels; b++) {
             const size_t i = d->voxel_labels[a], j = d->voxel_labels[b];
-            if (appearance_of(d, i) == CTS_APPEARANCE_HIDDEN && appearance_of(d, j) != CTS_APPEARANCE_HIDDEN &&
-                labels_overlap(&d->labels->items[i], &d->labels->items[j]))
+            if (is_hidden(d, a) && !is_hidden(d, b) && labels_overlap(&d->labels->items[i], &d->labels->items[j]))
                 *(loses_overlap(d, i, j) ? yield : take) = true;
         }
 }
@@ -254,7 +258,7 @@ static void crop_by(const Deciding *d, bool hidden, const char *study_uid, CtsLa
         for (size_t a = 0; a < d->n_voxel_labels; a++) {
             const CtsLabel *const l = &d->labels->items[d->voxel_labels[a]];
             const CtsLabelObject *const o = l->object ? &d->labels->objects[l->object - 1] : NULL;
-            if ((appearance_of(d, d->voxel_labels[a]) == CTS_APPEARANCE_HIDDEN) != hidden)
+            if (is_hidden(d, a) != hidden)
                 continue;
             if (pass)
                 crop[d->voxel_labels[a]] = hidden ? CTS_CROP_EXCLUDE : CTS_CROP_INCLUDE;
@@ -276,9 +280,9 @@ CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice,
     const CtsStatus st = choose_appearances(&d, NULL, err);
     *unsaid = NULL;
     if (!st) {
-        const bool alone = appearance_of(&d, labels->n) == CTS_APPEARANCE_HIDDEN;
+        const bool alone = is_hidden(&d, d.n_voxel_labels);
         for (size_t a = 0; a < d.n_voxel_labels; a++)
-            any_hidden |= appearance_of(&d, d.voxel_labels[a]) == CTS_APPEARANCE_HIDDEN;
+            any_hidden |= is_hidden(&d, a);
         compare_hidden(&d, &take, &yield);
         if (alone)
             crop_by(&d, false, study_uid, crop, unsaid);
@@ -293,22 +297,21 @@ CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice,
 
 static bool all_equal(const Deciding *d)
 {
-    bool alike = appearance_of(d, d->labels->n) == CTS_APPEARANCE_PRESET;
-    for (size_t i = 0; i < d->n_voxel_labels; i++)
-        alike &= appearance_of(d, d->voxel_labels[i]) == CTS_APPEARANCE_PRESET;
-    return alike;
+    bool equal = true;
+    for (size_t i = 0; i <= d->n_voxel_labels; i++)
+        equal &= appearance_of(d, i) == CTS_APPEARANCE_PRESET;
+    return equal;
 }
 
 static void report_assignment(const Deciding *d, CtsReport *report)
 {
     size_t n_hidden = 0;
     for (size_t i = 0; i < d->n_voxel_labels; i++)
-        n_hidden += appearance_of(d, d->voxel_labels[i]) == CTS_APPEARANCE_HIDDEN;
+        n_hidden += is_hidden(d, i);
     cts_report_plan(report,
                     "labels: %zu have voxels, %zu of them hidden; voxels without a label are %s; %d appearances other "
                     "than the preset's",
-                    d->n_voxel_labels, n_hidden,
-                    appearance_of(d, d->labels->n) == CTS_APPEARANCE_HIDDEN ? "hidden" : "shown",
+                    d->n_voxel_labels, n_hidden, is_hidden(d, d->n_voxel_labels) ? "hidden" : "shown",
                     d->n_appearances - CTS_APPEARANCE_OWN);
 }
 

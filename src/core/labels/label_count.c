@@ -17,38 +17,34 @@ static bool may_hold_air(const CtsLabel *l)
     return l->surrounds;
 }
 
-/* Moves a row to its slice's new number; false where the slice was removed. */
-static bool move_row(uint32_t *row, int rows, const int *new_number)
+/* Removes the items, which begin with a row, in slices that could not be read, and renumbers the rows of the others. */
+static size_t keep_rows(void *items, size_t size, size_t n, uint32_t n_rows, const int *new_number)
 {
-    const int slice = new_number[*row / (uint32_t)rows];
-    *row = (uint32_t)slice * (uint32_t)rows + *row % (uint32_t)rows;
-    return slice >= 0;
+    char *to = items;
+    for (const char *from = items, *end = from + n * size; from < end; from += size) {
+        uint32_t row;
+        memcpy(&row, from, sizeof row);
+        const int slice = new_number[row / n_rows];
+        if (slice < 0)
+            continue;
+        row = (uint32_t)slice * n_rows + row % n_rows;
+        memmove(to, from, size);
+        memcpy(to, &row, sizeof row);
+        to += size;
+    }
+    return (size_t)(to - (char *)items) / size;
 }
 
-/* Removes the runs in slices that could not be read, and renumbers the others. */
-static void keep_slices(CtsLabel *l, int rows, const int *new_number)
+double cts_label_slice_at_mm(const CtsLabelGrid *g, int slice)
 {
-    size_t n = 0, n_shares = 0;
-    for (size_t i = 0; i < l->n_runs; i++) {
-        CtsLabelRun r = l->runs[i];
-        if (move_row(&r.row, rows, new_number))
-            l->runs[n++] = r;
-    }
-    for (size_t i = 0; i < l->n_shares; i++) {
-        CtsLabelShare s = l->shares[i];
-        if (move_row(&s.row, rows, new_number))
-            l->shares[n_shares++] = s;
-    }
-    l->n_runs = n;
-    l->n_shares = n_shares;
+    return cts_dot3(g->position_lps[slice], g->normal_lps);
 }
 
-void cts_label_grid_thickness(CtsLabelGrid *g)
+double cts_label_slice_thickness_mm(const CtsLabelGrid *g, int slice)
 {
-    for (int k = 0; k < g->n_slices; k++) {
-        const int before = k > 0 ? k - 1 : k, behind = k + 1 < g->n_slices ? k + 1 : k;
-        g->thickness_mm[k] = behind > before ? (g->at_mm[behind] - g->at_mm[before]) / (behind - before) : 0;
-    }
+    const int before = slice > 0 ? slice - 1 : slice, behind = slice + 1 < g->n_slices ? slice + 1 : slice;
+    const double apart_mm = cts_label_slice_at_mm(g, behind) - cts_label_slice_at_mm(g, before);
+    return behind > before ? apart_mm / (behind - before) : 0;
 }
 
 static CtsStatus drop_slices(CtsLabels *labels, const int *slice_number, int n_kept, CtsError *err)
@@ -62,13 +58,13 @@ static CtsStatus drop_slices(CtsLabels *labels, const int *slice_number, int n_k
         new_number[k] = -1;
     for (int k = 0; k < n_kept; k++) {
         new_number[slice_number[k]] = k;
-        g->at_mm[k] = g->at_mm[slice_number[k]];
         memmove(g->position_lps[k], g->position_lps[slice_number[k]], sizeof *g->position_lps);
     }
     g->n_slices = n_kept;
-    for (size_t i = 0; i < labels->n; i++)
-        keep_slices(&labels->items[i], g->rows, new_number);
-    cts_label_grid_thickness(g);
+    for (CtsLabel *l = labels->items; l < labels->items + labels->n; l++) {
+        l->n_runs = keep_rows(l->runs, sizeof *l->runs, l->n_runs, (uint32_t)g->rows, new_number);
+        l->n_shares = keep_rows(l->shares, sizeof *l->shares, l->n_shares, (uint32_t)g->rows, new_number);
+    }
     cts_free(&new_number);
     return CTS_OK;
 }
@@ -89,7 +85,7 @@ static void count_label_voxels(CtsLabel *l, const CtsLabelGrid *g)
                            slice + 1 == (uint32_t)g->n_slices;
         if (i + 1 == l->n_runs || l->runs[i + 1].row / rows != slice) {
             c->voxels += here;
-            c->ml += (double)here * area_mm2 * g->thickness_mm[slice] / 1000;
+            c->ml += (double)here * area_mm2 * cts_label_slice_thickness_mm(g, (int)slice) / 1000;
             here = 0;
         }
     }
@@ -137,6 +133,7 @@ static CtsStatus count_overlap(CtsLabels *labels, CtsError *err)
 
 static void report_label(const CtsLabelFact *f, CtsReport *report)
 {
+    cts_report_label(report, f);
     if (f->in_air)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_LABEL_IN_AIR,
                               "label file %d: %.0f %% of label %d (%s) lie below %d HU (a mirrored or shifted mask?)",
@@ -180,10 +177,8 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
     }
     if (!st && labels->n > 1)
         st = count_overlap(labels, err);
-    for (size_t i = 0; !st && i < labels->n; i++) {
-        cts_report_label(report, &labels->items[i].fact);
+    for (size_t i = 0; !st && i < labels->n; i++)
         report_label(&labels->items[i].fact, report);
-    }
     if (!st && labels->n > 1)
         st = cts_label_report_laterality(labels, report, err);
     labels->counted = !st;

@@ -8,8 +8,6 @@
 void cts_label_grid_free(CtsLabelGrid *grid)
 {
     cts_free(&grid->position_lps);
-    cts_free(&grid->at_mm);
-    cts_free(&grid->thickness_mm);
 }
 
 CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err)

@@ -10,8 +10,9 @@ enum { CTS_MAX_LABELS = 65535, CTS_LABEL_AIR_HU = -900 };
 /* Takes ownership of the grid's contents, also on failure. */
 CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err);
 void cts_label_grid_free(CtsLabelGrid *grid);
-/* thickness_mm from at_mm. */
-void cts_label_grid_thickness(CtsLabelGrid *grid);
+/* Position of a slice along the normal; and half the sum of the gaps on both of its sides, at an end the one gap. */
+double cts_label_slice_at_mm(const CtsLabelGrid *grid, int slice);
+double cts_label_slice_thickness_mm(const CtsLabelGrid *grid, int slice);
 
 /* Adds a label without voxels; name is copied and sanitised. CTS_ERR_READ when there are too many. */
 CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *name, CtsLabelSource source,

@@ -27,7 +27,7 @@ static double snapped_vertex(double x)
 CtsStatus cts_outline_add(CtsOutline *o, const double (*lps)[3], size_t n, bool is_xor, CtsError *err)
 {
     const CtsLabelGrid *const g = o->grid;
-    const double gap_mm = g->n_slices > 1 ? g->at_mm[1] - g->at_mm[0] : 1;
+    const double gap_mm = g->n_slices > 1 ? cts_label_slice_at_mm(g, 1) - cts_label_slice_at_mm(g, 0) : 1;
     double low = INFINITY, high = -INFINITY;
     for (size_t i = 0; i < n; i++) {
         const double at_mm = cts_dot3(lps[i], g->normal_lps);
@@ -243,9 +243,10 @@ static const CtsContour *next_plane(const CtsOutline *o, size_t *at, const CtsCo
 static int slice_at(const CtsLabelGrid *g, double at_mm)
 {
     for (int k = 0; k < g->n_slices; k++) {
-        const double before = k > 0 ? g->at_mm[k] - g->at_mm[k - 1] : g->thickness_mm[k];
-        const double behind = k + 1 < g->n_slices ? g->at_mm[k + 1] - g->at_mm[k] : g->thickness_mm[k];
-        if (at_mm > g->at_mm[k] - before / 2 + 1e-6 && at_mm <= g->at_mm[k] + behind / 2 + 1e-6)
+        const double here = cts_label_slice_at_mm(g, k), gap = cts_label_slice_thickness_mm(g, k);
+        const double before = k > 0 ? here - cts_label_slice_at_mm(g, k - 1) : gap;
+        const double behind = k + 1 < g->n_slices ? cts_label_slice_at_mm(g, k + 1) - here : gap;
+        if (at_mm > here - before / 2 + 1e-6 && at_mm <= here + behind / 2 + 1e-6)
             return k;
     }
     return -1;
@@ -272,7 +273,7 @@ static CtsStatus fill_slices(CtsOutline *o, CtsLabel *label, CtsError *err)
             nearest = NULL;
         }
         o->n_off += more && (here < 0 || same);
-        const double slice_mm = here >= 0 ? o->grid->at_mm[here] : 0;
+        const double slice_mm = here >= 0 ? cts_label_slice_at_mm(o->grid, here) : 0;
         if (more && here >= 0 && (!nearest || fabs(first->at_mm - slice_mm) < fabs(nearest->at_mm - slice_mm))) {
             nearest = first;
             nearest_end = end;

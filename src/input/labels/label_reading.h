@@ -139,12 +139,11 @@ typedef struct CtsMask {
  * span no plane. */
 bool cts_mask_axes(const double step_lps[2][3], double inverse[2][3]);
 
-/* *on_grid: true if its pixels are scanned voxels. Where they are not, no two planes may lie in one place. */
-CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, bool *on_grid, CtsError *err);
-
 /* Adds runs and fractions to the labels, sorted. Warns about parts outside the volume; adds the volume of the mask's
- * labels to held_mm3. */
-CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, double *held_mm3, CtsError *err);
+ * labels to held_mm3. A mask whose pixels are no scanned voxels must have no two planes in one place; with only_on_grid
+ * (may be NULL) it is left alone, and *only_on_grid false. */
+CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, bool *only_on_grid, double *held_mm3,
+                         CtsError *err);
 
 /* Refuses a file whose labels are not empty (held, in any unit) but have no voxel in the scan. */
 CtsStatus cts_label_check_meets(const CtsLabelReading *reading, double held, CtsError *err);

@@ -26,7 +26,6 @@ typedef struct MaskPlacing {
     const CtsLabelReading *reading;
     const CtsLabelGrid *grid;
     double normal_lps[3], inverse[2][3]; /* of the mask; pixel = inverse * (point - position) */
-    double *at_mm, *slice_mm;            /* of planes and of slices along the mask's normal */
     PlanePlace *sorted;                  /* the planes by rising place */
     double same_mm;                      /* planes no further apart lie in one place */
     double reach_mm;                     /* distance up to which a plane covers the space before and behind it */
@@ -42,6 +41,12 @@ bool cts_mask_axes(const double step_lps[2][3], double inverse[2][3])
         inverse[1][c] = (uu * v[c] - uv * u[c]) / det;
     }
     return det > 1e-6 * uu * vv;
+}
+
+/* Position of a plane or a slice along the mask's normal. */
+static double along_mm(const MaskPlacing *p, const double position_lps[3])
+{
+    return cts_dot3(position_lps, p->normal_lps);
 }
 
 static double gap_of(const MaskPlacing *p)
@@ -205,10 +210,11 @@ static CtsStatus place_on_grid(const MaskPlacing *p, CtsError *err)
     CtsStatus st = CTS_OK;
     for (int q = 0; !st && q < p->mask->n_planes; q++) {
         CtsMaskPlane plane;
+        const double at_mm = along_mm(p, p->mask->position_lps[q]);
         st = read_mask_plane(p, q, &plane, err);
         for (int k = 0; !st && k < p->grid->n_slices; k++) {
             Affine a;
-            if (fabs(p->slice_mm[k] - p->at_mm[q]) > p->same_mm)
+            if (fabs(along_mm(p, p->grid->position_lps[k]) - at_mm) > p->same_mm)
                 continue;
             a = affine_of(p, k, q);
             make_whole(p, &a);
@@ -371,7 +377,7 @@ static void find_plane_reach(MaskPlacing *p)
     double gap = INFINITY, scanned_gap = INFINITY, farthest = 0;
     const int n = p->mask->n_planes;
     for (int k = 1; k < p->grid->n_slices; k++)
-        scanned_gap = fmin(scanned_gap, p->grid->at_mm[k] - p->grid->at_mm[k - 1]);
+        scanned_gap = fmin(scanned_gap, cts_label_slice_at_mm(p->grid, k) - cts_label_slice_at_mm(p->grid, k - 1));
     p->same_mm = 0.01 * scanned_gap;
     qsort(p->sorted, (size_t)n, sizeof *p->sorted, by_place);
     for (int q = 0; q < n; q++) {
@@ -381,7 +387,7 @@ static void find_plane_reach(MaskPlacing *p)
             continue;
         gap = fmin(gap, away);
         for (int k = 0; k < p->grid->n_slices; k++)
-            nearest = fmin(nearest, fabs(p->slice_mm[k] - p->sorted[q].at_mm));
+            nearest = fmin(nearest, fabs(along_mm(p, p->grid->position_lps[k]) - p->sorted[q].at_mm));
         farthest = fmax(farthest, nearest);
     }
     if (p->mask->gap_mm > 0)
@@ -414,7 +420,7 @@ static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError 
         double inside = 0;
         for (size_t r = 0; whole[i] > 0 && r < l->n_runs; r++)
             inside += (l->runs[r].end - l->runs[r].first) * cts_norm3(area) *
-                      p->grid->thickness_mm[l->runs[r].row / (uint32_t)p->grid->rows];
+                      cts_label_slice_thickness_mm(p->grid, (int)(l->runs[r].row / (uint32_t)p->grid->rows));
         /* More than half of it lies outside. */
         if (met && whole[i] > 0 && inside < 0.5 * whole[i])
             cts_report_diagnostic(p->reading->report, CTS_DIAGNOSTIC_LABEL_OUTSIDE,
@@ -428,8 +434,6 @@ static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError 
 
 static void end_placing(MaskPlacing *p)
 {
-    cts_free(&p->at_mm);
-    cts_free(&p->slice_mm);
     cts_free(&p->sorted);
     cts_free(&p->n_mask);
 }
@@ -441,18 +445,12 @@ static CtsStatus begin_placing(MaskPlacing *p, CtsError *err)
     if (!cts_mask_axes(m->step_lps, p->inverse))
         return cts_fail(err, CTS_ERR_GEOMETRY, "its rows and columns do not span a plane");
     cts_cross3(m->step_lps[0], m->step_lps[1], p->normal_lps);
-    const double length = cts_norm3(p->normal_lps);
-    for (int c = 0; c < 3; c++)
-        p->normal_lps[c] /= length;
-    if ((st = cts_alloc_array(&p->at_mm, (size_t)m->n_planes, err)) ||
-        (st = cts_alloc_array(&p->slice_mm, (size_t)p->grid->n_slices, err)) ||
-        (st = cts_alloc_array(&p->sorted, (size_t)m->n_planes, err)) ||
+    cts_unit3(p->normal_lps);
+    if ((st = cts_alloc_array(&p->sorted, (size_t)m->n_planes, err)) ||
         (st = cts_alloc_zeroed(&p->n_mask, CTS_MASK_VALUES, err)))
         return st;
-    for (int k = 0; k < p->grid->n_slices; k++)
-        p->slice_mm[k] = cts_dot3(p->grid->position_lps[k], p->normal_lps);
     for (int q = 0; q < m->n_planes; q++)
-        p->sorted[q] = (PlanePlace){p->at_mm[q] = cts_dot3(m->position_lps[q], p->normal_lps), q};
+        p->sorted[q] = (PlanePlace){along_mm(p, m->position_lps[q]), q};
     find_plane_reach(p);
     return CTS_OK;
 }
@@ -467,7 +465,7 @@ static bool is_on_grid(const MaskPlacing *p)
     if (leaning_mm > 10 * p->same_mm)
         return false;
     for (int k = 0; k < g->n_slices; k++) {
-        const double at_mm = p->slice_mm[k];
+        const double at_mm = along_mm(p, g->position_lps[k]);
         int plane[2], q = plane_behind(p, at_mm - p->same_mm);
         double weight[2];
         bool met = false;
@@ -484,21 +482,19 @@ static bool is_on_grid(const MaskPlacing *p)
     return true;
 }
 
-CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, bool *on_grid, CtsError *err)
-{
-    MaskPlacing p = {.mask = mask, .grid = grid};
-    const CtsStatus st = begin_placing(&p, err);
-    *on_grid = !st && is_on_grid(&p);
-    end_placing(&p);
-    return st;
-}
-
-CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, double *held_mm3, CtsError *err)
+CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, bool *only_on_grid, double *held_mm3,
+                         CtsError *err)
 {
     MaskPlacing p = {.mask = mask, .reading = reading, .grid = &reading->labels->grid};
     CtsStatus st = begin_placing(&p, err);
-    if (!st)
-        st = is_on_grid(&p) ? place_on_grid(&p, err) : resample_mask(&p, err);
+    const bool on_grid = !st && is_on_grid(&p);
+    if (only_on_grid)
+        *only_on_grid = on_grid;
+    if (st || (only_on_grid && !on_grid)) {
+        end_placing(&p);
+        return st;
+    }
+    st = on_grid ? place_on_grid(&p, err) : resample_mask(&p, err);
     for (size_t i = 0; !st && i < reading->labels->n; i++)
         cts_label_sort_runs(&reading->labels->items[i]);
     if (!st)

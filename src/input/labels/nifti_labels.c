@@ -188,7 +188,7 @@ static CtsStatus place_map(Map *m, CtsError *err)
     for (int k = 0; !st && k < mask.n_planes; k++)
         for (int c = 0; c < 3; c++)
             mask.position_lps[k][c] = f->place.origin_lps[c] + k * across[c];
-    if (!st && !(st = cts_mask_place(&mask, m->reading, &held, err)))
+    if (!st && !(st = cts_mask_place(&mask, m->reading, NULL, &held, err)))
         st = cts_label_check_meets(m->reading, held, err);
     cts_free(&mask.position_lps);
     return st;

@@ -220,11 +220,15 @@ static CtsStatus read_frames(Seg *s, CtsError *err)
     return st;
 }
 
-/* Bytes of a frame that begins at a byte. */
+static uint64_t frame_bits(const Seg *s)
+{
+    return (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
+}
+
+/* Of a frame that begins at a byte. */
 static size_t frame_bytes(const Seg *s)
 {
-    const size_t n = (size_t)s->rows * (size_t)s->columns;
-    return s->bits_allocated == 1 ? (n + 7) / 8 : n * (size_t)(s->bits_allocated / 8);
+    return (size_t)(frame_bits(s) + 7) / 8;
 }
 
 /* A frame may begin within a byte. *shift: at which bit. Words of 16 bits are
@@ -233,9 +237,8 @@ static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
     const bool swapped = o->syntax->big_endian && (s->bits_allocated == 16 || o->object.facts.pixel_words);
-    const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
     const uint64_t first = s->first_bit[frame], from = first / 8 - (swapped ? first / 8 % 2 : 0);
-    uint64_t end = (first + bits + 7) / 8;
+    uint64_t end = (first + frame_bits(s) + 7) / 8;
     end += swapped && end % 2 && end < o->pixel_bytes;
     *shift = (int)(first - 8 * from);
     const CtsStatus st = cts_file_bytes_read(&o->source, s->bytes, (size_t)(end - from), o->pixel_offset + from, err);
@@ -249,51 +252,41 @@ static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 
 /* Layouts of frames of bits. PACKED, one after the other, is the standard's (PS3.5 8.1.1); some writers begin each
  * frame, or each segment, at a byte. */
-typedef enum Layout { PACKED, BY_FRAME, BY_SEGMENT, N_LAYOUTS } Layout;
+typedef enum Layout { PACKED, BY_FRAME, BY_SEGMENT } Layout;
 
-/* Sets the first bit of n frames of so many bits, whose segments are given; returns the number of bytes of all. */
-static uint64_t lay_out(Layout layout, uint64_t bits, const int32_t *segment, int n, uint64_t *first_bit)
+/* Sets the first bit of each frame; true if the frames then take as many bytes as there are, with or without padding to
+ * an even number, or if the layouts are one. */
+static bool lay_out(const Seg *s, Layout layout, uint64_t *first_bit)
 {
+    const uint64_t bits = frame_bits(s), there = s->object->pixel_bytes;
     uint64_t at = 0;
-    for (int f = 0; f < n; f++) {
-        if (f && (layout == BY_FRAME || (layout == BY_SEGMENT && segment[f] != segment[f - 1])))
+    for (int f = 0; f < s->n_frames; f++) {
+        if (f && (layout == BY_FRAME || (layout == BY_SEGMENT && s->segment[f] != s->segment[f - 1])))
             at = (at + 7) / 8 * 8;
         first_bit[f] = at;
         at += bits;
     }
-    return (at + 7) / 8;
+    const uint64_t n = (at + 7) / 8;
+    return bits % 8 == 0 || s->n_frames == 1 || n == there || n + n % 2 == there;
 }
 
-/* Finds the layout by its length, with or without padding to an even one. */
 static CtsStatus find_layout(Seg *s, CtsError *err)
 {
-    const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
-    const uint64_t there = s->object->pixel_bytes;
-    uint64_t *first_bit[N_LAYOUTS] = {NULL};
-    int found = -1;
-    bool ambiguous = false;
-    CtsStatus st = CTS_OK;
-    for (int l = PACKED; l < N_LAYOUTS && !st && found != PACKED; l++) {
-        if ((st = cts_alloc_array(&first_bit[l], (size_t)s->n_frames, err)))
-            break;
-        const uint64_t n = lay_out((Layout)l, bits, s->segment, s->n_frames, first_bit[l]);
-        if (bits % 8 && s->n_frames > 1 && n != there && n + n % 2 != there)
-            continue;
-        ambiguous =
-            found >= 0 && memcmp(first_bit[found], first_bit[l], (size_t)s->n_frames * sizeof *first_bit[l]) != 0;
-        found = found < 0 ? l : found;
-    }
-    if (!st && (found < 0 || ambiguous))
+    const size_t n = (size_t)s->n_frames;
+    uint64_t *by_segment = NULL;
+    CtsStatus st = cts_alloc_array(&s->first_bit, n, err);
+    if (st || lay_out(s, PACKED, s->first_bit) || (st = cts_alloc_array(&by_segment, n, err)))
+        return st;
+    const bool frames = lay_out(s, BY_FRAME, s->first_bit), segments = lay_out(s, BY_SEGMENT, by_segment);
+    if (frames == segments && (!frames || memcmp(s->first_bit, by_segment, n * sizeof *by_segment)))
         st = cts_fail(
             err, CTS_ERR_READ,
             "the starts of its frames are ambiguous: %d frames of %llu bits in %llu bytes of pixel data (store "
             "them without gaps, PS3.5 8.1.1)",
-            s->n_frames, (unsigned long long)bits, (unsigned long long)there);
-    for (int l = PACKED; l < N_LAYOUTS; l++)
-        if (!st && l == found)
-            s->first_bit = first_bit[l];
-        else
-            cts_free(&first_bit[l]);
+            s->n_frames, (unsigned long long)frame_bits(s), (unsigned long long)s->object->pixel_bytes);
+    if (segments)
+        memcpy(s->first_bit, by_segment, n * sizeof *by_segment);
+    cts_free(&by_segment);
     return st;
 }
 
@@ -414,7 +407,7 @@ static CtsStatus place_each(Seg *s, const int32_t *label_of, CtsError *err)
             }
         const CtsMask mask = mask_of(s, n, position_lps, label_of);
         if (n)
-            st = cts_mask_place(&mask, s->reading, &s->held_mm3, err);
+            st = cts_mask_place(&mask, s->reading, NULL, &s->held_mm3, err);
     }
     s->planes = NULL;
     cts_free(&planes);
@@ -425,15 +418,15 @@ static CtsStatus place_each(Seg *s, const int32_t *label_of, CtsError *err)
 static CtsStatus place_all(Seg *s, CtsError *err)
 {
     int32_t *by_value = NULL;
-    bool at_once = s->type == LABELMAP;
+    bool at_once = true;
     CtsStatus st = cts_alloc_array(&by_value, CTS_MASK_VALUES, err);
     for (int v = 0; !st && v < CTS_MASK_VALUES; v++)
         by_value[v] = s->type == LABELMAP ? s->label_of[v] : v - 1 < (int)s->reading->labels->n ? v - 1 : -1;
     const CtsMask mask = mask_of(s, s->n_frames, s->position_lps, by_value);
-    if (!st && !at_once)
-        st = cts_mask_is_on_grid(&mask, &s->reading->labels->grid, &at_once, err);
     if (!st)
-        st = at_once ? cts_mask_place(&mask, s->reading, &s->held_mm3, err) : place_each(s, by_value, err);
+        st = cts_mask_place(&mask, s->reading, s->type == LABELMAP ? NULL : &at_once, &s->held_mm3, err);
+    if (!st && !at_once)
+        st = place_each(s, by_value, err);
     if (!st)
         st = cts_label_check_meets(s->reading, s->held_mm3, err);
     if (!st && s->has_unlisted_values)
@@ -446,8 +439,7 @@ static CtsStatus place_all(Seg *s, CtsError *err)
 static CtsStatus check_seg_pixels(Seg *s, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
-    const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
-    const uint64_t need = (bits * (uint64_t)s->n_frames + 7) / 8;
+    const uint64_t need = (frame_bits(s) * (uint64_t)s->n_frames + 7) / 8;
     if (!o->object.facts.has_pixels)
         return cts_fail(err, CTS_ERR_READ, "has no pixels");
     if (o->object.facts.encapsulated != cts_syntax_encapsulated(o->syntax))

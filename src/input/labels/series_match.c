@@ -15,15 +15,7 @@ CtsStatus cts_label_grid_of(CtsLabelGrid *g, const CtsSeries *series, CtsError *
     const size_t n = (size_t)series->n_slices;
     *g = (CtsLabelGrid){
         .columns = series->columns, .rows = series->rows, .n_slices = series->n_slices, .quantity = series->quantity};
-    CtsStatus st = cts_alloc_array(&g->position_lps, n, err);
-    if (!st)
-        st = cts_alloc_array(&g->at_mm, n, err);
-    if (!st)
-        st = cts_alloc_array(&g->thickness_mm, n, err);
-    if (st) {
-        cts_label_grid_free(g);
-        return st;
-    }
+    const CtsStatus st = cts_alloc_array(&g->position_lps, n, err);
     const double up = cts_dot3(series->slices[n - 1]->position_lps, middle->normal_lps) -
                       cts_dot3(series->slices[0]->position_lps, middle->normal_lps);
     for (int c = 0; c < 3; c++) {
@@ -31,12 +23,9 @@ CtsStatus cts_label_grid_of(CtsLabelGrid *g, const CtsSeries *series, CtsError *
         g->step_lps[1][c] = middle->column_lps[c] * middle->row_spacing_mm;
         g->normal_lps[c] = up < 0 ? -middle->normal_lps[c] : middle->normal_lps[c];
     }
-    for (size_t k = 0; k < n; k++) {
+    for (size_t k = 0; !st && k < n; k++)
         memcpy(g->position_lps[k], series->slices[k]->position_lps, sizeof *g->position_lps);
-        g->at_mm[k] = cts_dot3(g->position_lps[k], g->normal_lps);
-    }
-    cts_label_grid_thickness(g);
-    return CTS_OK;
+    return st;
 }
 
 static bool names_series(const char *uid, const CtsSeries *series)

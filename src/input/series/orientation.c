@@ -27,15 +27,11 @@ static Axes mean_axes(const CtsSliceSet *set, const bool *keep)
             mean.row[c] += set->items[i]->row_lps[c];
             mean.column[c] += set->items[i]->column_lps[c];
         }
-    const double n_row = cts_norm3(mean.row);
-    for (int c = 0; c < 3; c++)
-        mean.row[c] /= n_row;
+    cts_unit3(mean.row);
     const double along = cts_dot3(mean.row, mean.column);
     for (int c = 0; c < 3; c++)
         mean.column[c] -= along * mean.row[c];
-    const double n_column = cts_norm3(mean.column);
-    for (int c = 0; c < 3; c++)
-        mean.column[c] /= n_column;
+    cts_unit3(mean.column);
     cts_cross3(mean.row, mean.column, mean.normal);
     return mean;
 }

@@ -451,19 +451,20 @@ static bool distinct(int *numbers, int n)
  * follows the positions. */
 static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
-    int *numbers = malloc((size_t)set->n * sizeof *numbers), n = 0;
-    if (!numbers)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    int *numbers = NULL, n = 0;
+    const CtsStatus st = cts_alloc_array(&numbers, (size_t)set->n, err);
+    if (st)
+        return st;
     while (n < set->n && set->items[n]->has_instance && !set->items[n]->n_frames) {
         numbers[n] = set->items[n]->instance_number;
         n++;
     }
-    if (n == set->n && !cts_slice_set_in_order(set, 0, n) && !cts_slice_set_each_in_order(set) && distinct(numbers, n))
+    if (n == set->n && !cts_slice_set_in_order(set) && distinct(numbers, n))
         cts_diagnostics_add(
             &series->diagnostics, CTS_DIAGNOSTIC_ORDER_CONFLICT,
             "InstanceNumber (0020,0013) neither rises nor falls with the slices' positions (0020,0032), "
             "by which they are ordered");
-    free(numbers);
+    cts_free(&numbers);
     return CTS_OK;
 }
 

@@ -58,11 +58,9 @@ bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet **parts, int *n_parts, const char **by,
                               CtsError *err);
 
-/* True if the instance numbers of slices first <= i < end rise or fall monotonically; repeated numbers show no
- * order. */
-bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end);
-/* Acquisitions of three slices or more that follow each other along the stack, each in an order of its own. */
-bool cts_slice_set_each_in_order(const CtsSliceSet *set);
+/* True if the instance numbers rise or fall monotonically, in the whole stack or in each of the acquisitions, of three
+ * slices or more, that follow each other along it; repeated numbers show no order. */
+bool cts_slice_set_in_order(const CtsSliceSet *set);
 
 /* Missing slices, counted by instance numbers (0020,0013): a gap of a sorted set lacks n - 1 slices if the number steps
  * by n over it, the slices are much thinner than the gap, an n-th of the gap is about as wide as a slice is thick or as

@@ -79,10 +79,9 @@ static void give_back(CtsSliceSet *set, CtsSliceSet *grids, int *n_grids)
 CtsStatus cts_slice_set_grids(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **grids, int *n_grids, CtsError *err)
 {
     bool *keep = NULL;
-    const int n = set->n;
     *grids = NULL;
     *n_grids = 0;
-    CtsStatus st = cts_alloc_array(&keep, (size_t)n, err);
+    CtsStatus st = cts_alloc_array(&keep, (size_t)set->n, err);
     while (!st && set->n && !(st = cts_grow(grids, (size_t)*n_grids, err))) {
         (*grids)[*n_grids] = (CtsSliceSet){0};
         st = move_grid(set, series, keep, &(*grids)[*n_grids], err);
@@ -93,10 +92,8 @@ CtsStatus cts_slice_set_grids(CtsSliceSet *set, CtsSeries *series, CtsSliceSet *
         return st;
     give_back(set, *grids, n_grids);
     if (*n_grids == 1 && !set->n) {
-        memcpy(set->items, (*grids)[0].items, (size_t)n * sizeof *set->items);
-        free((*grids)[0].items);
-        set->n = n;
-        *n_grids = 0;
+        free(set->items);
+        *set = (*grids)[--*n_grids];
     } else if (*n_grids && set->n) {
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_OTHER_SLICES_DROPPED,
                             "%d image%s of another size, orientation or pixel spacing left out", set->n,

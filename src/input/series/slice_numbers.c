@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end)
+/* True if the numbers of slices first <= i < end rise or fall monotonically. */
+static bool is_in_order(const CtsSliceSet *set, int first, int end)
 {
     int n_rising = 0, n_falling = 0;
     for (int i = first + 1; i < end; i++) {
@@ -28,10 +29,12 @@ static int acquisition_end(const CtsSliceSet *set, int i)
     return end;
 }
 
-bool cts_slice_set_each_in_order(const CtsSliceSet *set)
+bool cts_slice_set_in_order(const CtsSliceSet *set)
 {
+    if (is_in_order(set, 0, set->n))
+        return true;
     for (int i = 0, end; i < set->n; i = end)
-        if ((end = acquisition_end(set, i)) < i + 3 || !cts_slice_set_in_order(set, i, end))
+        if ((end = acquisition_end(set, i)) < i + 3 || !is_in_order(set, i, end))
             return false;
     return true;
 }
@@ -123,7 +126,7 @@ CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNum
     CtsMissingSlices missing = {.first = -1};
     double smallest_mm = INFINITY, thickness_mm;
     int64_t n = 0, n_others = 0, n_asked = 0;
-    if (set->n < 2 || (!cts_slice_set_in_order(set, 0, set->n) && !cts_slice_set_each_in_order(set)))
+    if (set->n < 2 || !cts_slice_set_in_order(set))
         return missing;
     for (int i = 0; i + 1 < set->n; i++)
         smallest_mm = fmin(smallest_mm, gap_mm(set, i));
