@@ -89,26 +89,12 @@ static bool is_item_known(const CtsLabels *labels, const char *text, size_t leng
     return fits || left_out(labels, &item);
 }
 
-/* Longer than any name, its wildcards and the number of a file in front. */
-static size_t longest_label_name(const CtsLabels *labels)
-{
-    enum { IN_FRONT = 10 };
-    size_t most = 0;
-    for (size_t i = 0; i < labels->n; i++)
-        most = strlen(labels->items[i].fact.name) > most ? strlen(labels->items[i].fact.name) : most;
-    for (size_t i = 0; i < labels->n_left_out; i++)
-        most = strlen(labels->left_out[i].fact.name) > most ? strlen(labels->left_out[i].fact.name) : most;
-    for (size_t i = 0; i < labels->n_regions; i++)
-        most = strlen(labels->regions[i].name) > most ? strlen(labels->regions[i].name) : most;
-    return most + IN_FRONT;
-}
-
 size_t cts_label_name_length(const CtsLabels *labels, const char *text, char separator)
 {
-    const size_t most = longest_label_name(labels);
+    enum { LONGEST = 512 + 10 }; /* a name as the readers take it, and the number of its file in front */
     size_t fitting = 0, n_letters = 0;
     bool last = false;
-    for (size_t n = 0; !last && n_letters <= most; n_letters += text[n] != '*', n++) {
+    for (size_t n = 0; !last && n_letters <= LONGEST; n_letters += text[n] != '*', n++) {
         last = !text[n];
         if ((text[n] == separator || (last && separator == ',')) && is_item_known(labels, text, n))
             fitting = n;

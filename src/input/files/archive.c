@@ -25,7 +25,7 @@ bool cts_archive_is_zip(const char *path)
     return is_zip;
 }
 
-int cts_member_by_name(const void *a, const void *b)
+static int by_name(const void *a, const void *b)
 {
     return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
 }
@@ -41,7 +41,7 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
         pos += sizeof r;
         if (r.n_name == 0) {
             if (a->n_members)
-                qsort(a->members, (size_t)a->n_members, sizeof *a->members, cts_member_by_name);
+                qsort(a->members, (size_t)a->n_members, sizeof *a->members, by_name);
             return CTS_OK;
         }
         if (r.n_name > CTS_MEMBER_MAX_NAME || n - pos < (size_t)r.n_name + 1 || bytes[pos + r.n_name] ||
@@ -126,17 +126,13 @@ void cts_archive_free(CtsArchive **archive)
         return;
     cts_sandbox_stop(&(*archive)->unpacker);
     free((*archive)->members);
+    free((*archive)->path);
     free(*archive);
     *archive = NULL;
 }
 
-typedef struct Kept {
-    char *path;
-    CtsArchive *archive;
-} Kept;
-
 struct CtsArchives {
-    Kept *items;
+    CtsArchive **items; /* n */
     size_t n;
 };
 
@@ -144,25 +140,23 @@ CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive 
 {
     CtsArchives *all = *archives ? *archives : calloc(1, sizeof *all);
     *archives = all;
-    if (!all || cts_grow(&all->items, all->n, NULL)) {
+    if (!all || !(archive->path = strdup(path)) || cts_grow(&all->items, all->n, NULL)) {
         cts_archive_free(&archive);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    Kept *kept = &all->items[all->n++];
-    *kept = (Kept){.path = strdup(path), .archive = archive};
-    return kept->path ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    all->items[all->n++] = archive;
+    return CTS_OK;
 }
 
 bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *file)
 {
     for (size_t i = 0; archives && i < archives->n; i++) {
-        const Kept *kept = &archives->items[i];
+        const CtsArchive *const kept = archives->items[i];
         const size_t n = strlen(kept->path);
         if (strncmp(path, kept->path, n) || path[n] != '/')
             continue;
         const CtsMember wanted = {.name = path + n + 1};
-        const CtsMember *member = bsearch(&wanted, kept->archive->members, (size_t)kept->archive->n_members,
-                                          sizeof wanted, cts_member_by_name);
+        const CtsMember *member = bsearch(&wanted, kept->members, (size_t)kept->n_members, sizeof wanted, by_name);
         if (!member || member->is_bad)
             continue;
         *file = (CtsFile){.path = path, .memory = member->bytes, .n_memory = member->n_bytes};
@@ -176,10 +170,8 @@ void cts_archives_free(CtsArchives **archives)
     CtsArchives *all = *archives;
     if (!all)
         return;
-    for (size_t i = 0; i < all->n; i++) {
-        free(all->items[i].path);
-        cts_archive_free(&all->items[i].archive);
-    }
+    for (size_t i = 0; i < all->n; i++)
+        cts_archive_free(&all->items[i]);
     free(all->items);
     free(all);
     *archives = NULL;

@@ -19,12 +19,10 @@ typedef struct CtsMember {
     bool is_bad; /* cannot be unpacked: encrypted or damaged; bytes then contains the reason, as text */
 } CtsMember;
 
-/* For qsort() and bsearch(). */
-int cts_member_by_name(const void *a, const void *b);
-
 typedef struct CtsArchive {
     CtsMember *members; /* n_members, in order of name */
     int n_members, n_other;
+    char *path;          /* once it is kept; owned */
     CtsSandbox unpacker; /* owns the memory; its process has ended */
 } CtsArchive;
 

@@ -21,19 +21,26 @@
 
 enum { GREY_MAX = 65535 };
 
+/* The slices of a series that are to become a volume: copies of its records, which own nothing. */
+typedef struct Loading {
+    CtsSlice *slices;
+    int *number;               /* of each in the series */
+    uint16_t *words;           /* of a NIfTI file; owned */
+    const CtsWordWatch *watch; /* NULL: none */
+    char **faults;             /* of slices whose pixels are damaged, else NULL; owned */
+    int n_slices, n_threads;
+    bool some_dropped;
+} Loading;
+
 /* State shared by the threads that read slices into layers. */
 typedef struct Assembly {
-    const CtsSlice *slices;
-    const int *number;         /* of each slice in the series */
-    const CtsWordWatch *watch; /* NULL: none */
-    int n_slices, n_threads;
+    const Loading *in;
     uint16_t *first; /* position of slice 0; slice k lies k * layer_voxels further */
     size_t layer_voxels;
     bool whole_numbers;     /* every slope and intercept is a whole number */
     CtsStoredRange *ranges; /* of each slice */
     uint16_t *samples;      /* CTS_SAMPLES of each slice */
-    char **faults;          /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
-    int n_bad;              /* of these */
+    int n_bad;              /* damaged slices */
     int first_failed;       /* the first slice that was not read, damaged or not; n_slices: none */
     CtsError why;           /* of that one */
     atomic_int stop;        /* slices after this one are not read */
@@ -63,11 +70,12 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
 {
     Arrival *const in = context;
     Assembly *const a = in->assembly;
-    const CtsSlice *s = &a->slices[in->k];
+    const CtsSlice *s = &a->in->slices[in->k];
     uint16_t *layer = layer_of(a, in->k);
     const double start = cts_wall_ms();
-    if (a->watch && a->watch->take)
-        a->watch->take(a->watch->context, a->number[in->k], at, first, end, &in->stored, s->slope, s->intercept);
+    if (a->in->watch && a->in->watch->take)
+        a->in->watch->take(a->in->watch->context, a->in->number[in->k], at, first, end, &in->stored, s->slope,
+                           s->intercept);
     const CtsStoredRange r = a->whole_numbers
                                  ? cts_grey_whole(layer + first, at, end - first, &in->stored, (int32_t)s->slope,
                                                   (int32_t)(s->intercept - CTS_LEAST_HU))
@@ -88,7 +96,7 @@ typedef struct SliceReader {
 
 static CtsStatus read_slice(Assembly *a, int k, SliceReader *reader, CtsError *err)
 {
-    const CtsSlice *s = &a->slices[k];
+    const CtsSlice *s = &a->in->slices[k];
     Arrival in = {.assembly = a, .k = k, .stored = cts_slice_stored(s)};
     const double start = cts_wall_ms();
     a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
@@ -113,13 +121,13 @@ static bool too_many_bad(int n_bad, int n_slices)
  * too much damage, end the reading. */
 static void note_failure(Assembly *a, int k, const CtsError *why)
 {
-    const bool damaged = why->status == CTS_ERR_PIXELS && (a->faults[k] = strdup(why->text)) != NULL;
+    const bool damaged = why->status == CTS_ERR_PIXELS && (a->in->faults[k] = strdup(why->text)) != NULL;
     a->n_bad += damaged;
     if (k < a->first_failed) {
         a->first_failed = k;
         a->why = *why;
     }
-    if (!damaged || too_many_bad(a->n_bad, a->n_slices))
+    if (!damaged || too_many_bad(a->n_bad, a->in->n_slices))
         atomic_store(&a->stop, a->first_failed);
 }
 
@@ -137,7 +145,7 @@ static bool is_stopped(const CtsWordWatch *watch)
 static void read_one(SliceReading *r, SliceReader *reader, int k)
 {
     CtsError why = {0};
-    if (k > atomic_load(&r->assembly->stop) || is_stopped(r->assembly->watch) ||
+    if (k > atomic_load(&r->assembly->stop) || is_stopped(r->assembly->in->watch) ||
         !read_slice(r->assembly, k, reader, &why))
         return;
     pthread_mutex_lock(&r->lock);
@@ -159,8 +167,8 @@ static void read_some(void *context, int worker, size_t first, size_t end)
     SliceReader *const reader = &r->readers[worker];
     const Assembly *const a = r->assembly;
     for (int k = (int)first; k < (int)end; k++) {
-        const bool begun =
-            k <= atomic_load(&a->stop) && !is_stopped(a->watch) && cts_slice_begin(&a->slices[k], &reader->decoder);
+        const bool begun = k <= atomic_load(&a->stop) && !is_stopped(a->in->watch) &&
+                           cts_slice_begin(&a->in->slices[k], &reader->decoder);
         read_held(r, reader);
         if (begun)
             reader->held = k;
@@ -171,17 +179,17 @@ static void read_some(void *context, int worker, size_t first, size_t end)
 
 static CtsStatus read_each(Assembly *a, double busy[CTS_N_STAGES], CtsError *err)
 {
-    SliceReader *readers = calloc((size_t)a->n_threads, sizeof *readers);
+    SliceReader *readers = calloc((size_t)a->in->n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     SliceReading reading = {.assembly = a, .readers = readers, .lock = PTHREAD_MUTEX_INITIALIZER};
-    for (int t = 0; t < a->n_threads; t++)
+    for (int t = 0; t < a->in->n_threads; t++)
         readers[t].held = -1;
-    cts_parallel(a->n_threads, (size_t)a->n_slices, 1, read_some, &reading);
-    for (int t = 0; t < a->n_threads; t++)
+    cts_parallel(a->in->n_threads, (size_t)a->in->n_slices, 1, read_some, &reading);
+    for (int t = 0; t < a->in->n_threads; t++)
         read_held(&reading, &readers[t]);
     pthread_mutex_destroy(&reading.lock);
-    for (int t = 0; t < a->n_threads; t++) {
+    for (int t = 0; t < a->in->n_threads; t++) {
         busy[CTS_STAGE_DECODE] += readers[t].decode_ms;
         busy[CTS_STAGE_GREY] += readers[t].grey_ms;
         cts_sandbox_free(&readers[t].decoder);
@@ -190,32 +198,32 @@ static CtsStatus read_each(Assembly *a, double busy[CTS_N_STAGES], CtsError *err
     return CTS_OK;
 }
 
-/* CTS_ERR_PIXELS: some slices are bad; a->faults has the reasons. */
+/* CTS_ERR_PIXELS: some slices are bad; a->in->faults has the reasons. */
 static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    const uint64_t n = (uint64_t)a->n_slices, n_voxels = n * a->layer_voxels;
+    const uint64_t n = (uint64_t)a->in->n_slices, n_voxels = n * a->layer_voxels;
     const uint64_t items[CTS_N_STAGES] = {[CTS_STAGE_DECODE] = n, [CTS_STAGE_GREY] = n_voxels};
     uint64_t bytes[CTS_N_STAGES] = {[CTS_STAGE_GREY] = n_voxels * sizeof *a->first};
     double busy[CTS_N_STAGES] = {0};
-    a->first_failed = a->n_slices;
-    atomic_store(&a->stop, a->n_slices);
+    a->first_failed = a->in->n_slices;
+    atomic_store(&a->stop, a->in->n_slices);
     const CtsStatus st = read_each(a, busy, err);
     if (st)
         return st;
-    for (int k = 0; k < a->n_slices; k++)
-        bytes[CTS_STAGE_DECODE] += a->slices[k].pixel_bytes;
+    for (int k = 0; k < a->in->n_slices; k++)
+        bytes[CTS_STAGE_DECODE] += a->in->slices[k].pixel_bytes;
     cts_report_region(report, cts_wall_ms() - wall, cts_cpu_ms() - cpu, busy, items, bytes);
-    if (is_stopped(a->watch))
+    if (is_stopped(a->in->watch))
         return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-    return a->first_failed == a->n_slices ? CTS_OK : cts_fail(err, a->why.status, "%s", a->why.text);
+    return a->first_failed == a->in->n_slices ? CTS_OK : cts_fail(err, a->why.status, "%s", a->why.text);
 }
 
 static void find_range(const Assembly *a, CtsVolume *v)
 {
     double low = INFINITY, high = -INFINITY;
-    for (int k = 0; k < a->n_slices; k++) {
-        const CtsSlice *s = &a->slices[k];
+    for (int k = 0; k < a->in->n_slices; k++) {
+        const CtsSlice *s = &a->in->slices[k];
         const CtsStoredRange r = a->ranges[k];
         if (r.low > r.high)
             continue;
@@ -254,7 +262,7 @@ static void convert_some(void *context, int worker, size_t first, size_t end)
     const CtsVolume *const v = c->volume;
     Converter *const mine = &c->converters[worker];
     for (int k = (int)first; k < (int)end; k++) {
-        const CtsSlice *s = &a->slices[k];
+        const CtsSlice *s = &a->in->slices[k];
         if (!mine->made_for || !same_table(mine->made_for, s)) {
             const CtsStored stored = cts_slice_stored(s);
             cts_grey_table(mine->table, &stored, s->slope, s->intercept, v->hu_offset, v->hu_step);
@@ -269,12 +277,12 @@ static void convert_some(void *context, int worker, size_t first, size_t end)
 static CtsStatus convert_fractions(const Assembly *a, const CtsVolume *v, double *rounding, CtsError *err)
 {
     Converter *converters = NULL;
-    const CtsStatus st = cts_alloc_zeroed(&converters, (size_t)a->n_threads, err);
+    const CtsStatus st = cts_alloc_zeroed(&converters, (size_t)a->in->n_threads, err);
     if (!st) {
         Converting converting = {a, v, converters};
-        cts_parallel(a->n_threads, (size_t)a->n_slices, 0, convert_some, &converting);
+        cts_parallel(a->in->n_threads, (size_t)a->in->n_slices, 0, convert_some, &converting);
     }
-    for (int t = 0; !st && t < a->n_threads; t++)
+    for (int t = 0; !st && t < a->in->n_threads; t++)
         *rounding = fmax(*rounding, converters[t].rounding);
     cts_free(&converters);
     return st;
@@ -284,7 +292,7 @@ static CtsStatus convert_fractions(const Assembly *a, const CtsVolume *v, double
  * header's numbers end below 1100. */
 static bool lost_bone(const Assembly *a, int k)
 {
-    const CtsSlice *s = &a->slices[k];
+    const CtsSlice *s = &a->in->slices[k];
     const double top = s->slope * ((1 << (s->bits_stored - 1)) - 1) + s->intercept;
     return s->is_signed && s->slope > 0 && top < 1100 && s->slope * a->ranges[k].low + s->intercept < -1100;
 }
@@ -293,7 +301,7 @@ static bool lost_bone(const Assembly *a, int k)
 static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *err)
 {
     int n_lost = 0;
-    for (int k = 0; k < a->n_slices; k++)
+    for (int k = 0; k < a->in->n_slices; k++)
         n_lost += lost_bone(a, k);
     if (n_lost)
         return cts_fail(err, CTS_ERR_PIXELS,
@@ -302,7 +310,7 @@ static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *er
                         v->hu_min, v->hu_max);
     /* Unsigned read of signed pixels: air becomes more than 32767. No scan has such numbers and nothing below -200 HU.
      */
-    if (v->hu_max > 32767 && v->hu_min > -200 && a->slices[0].kind != CTS_OBJECT_NIFTI)
+    if (v->hu_max > 32767 && v->hu_min > -200 && a->in->slices[0].kind != CTS_OBJECT_NIFTI)
         return cts_fail(err, CTS_ERR_PIXELS,
                         "its values from %g to %g look like signed pixels that PixelRepresentation (0028,0103) calls "
                         "unsigned (set it to 1 with dcmodify)",
@@ -312,7 +320,7 @@ static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *er
 
 static void take_words_as_stored(CtsOutliers *outliers, const Assembly *a, int k, CtsStatus *st, CtsError *err)
 {
-    const CtsSlice *const s = &a->slices[k];
+    const CtsSlice *const s = &a->in->slices[k];
     const CtsStored stored = cts_slice_stored(s);
     const uint16_t *const words = layer_of(a, k);
     for (size_t n = 0; n < a->layer_voxels && !*st; n++) {
@@ -328,12 +336,12 @@ static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers 
                                     CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const int slices_dims[3] = {dims[0], dims[1], a->n_slices};
+    const int slices_dims[3] = {dims[0], dims[1], a->in->n_slices};
     if (a->whole_numbers) {
         a->whole_numbers = false;
         st = read_slices(a, report, err);
     }
-    for (int k = 0; k < a->n_slices; k++)
+    for (int k = 0; k < a->in->n_slices; k++)
         take_words_as_stored(outliers, a, k, &st, err);
     v->hu_min = outliers->rest_low;
     v->hu_max = outliers->rest_high;
@@ -375,7 +383,7 @@ static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
 static void report_blank(const Assembly *a, CtsReport *report)
 {
     int first = -1, last = -1, blank = -1, n = 0;
-    for (int k = 0; k < a->n_slices; k++)
+    for (int k = 0; k < a->in->n_slices; k++)
         if (a->ranges[k].low < a->ranges[k].high) {
             first = first < 0 ? k : first;
             last = k;
@@ -388,11 +396,11 @@ static void report_blank(const Assembly *a, CtsReport *report)
     if (n == 1)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_BLANK_SLICES,
                               "%s: one value in all pixels, between slices with more",
-                              cts_slice_label(&a->slices[blank]).text);
+                              cts_slice_label(&a->in->slices[blank]).text);
     else if (n)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_BLANK_SLICES,
                               "%s: one value in all pixels, as in %d more, between slices with more",
-                              cts_slice_label(&a->slices[blank]).text, n - 1);
+                              cts_slice_label(&a->in->slices[blank]).text, n - 1);
 }
 
 /* Origin and steps: rows and columns from the middle slice, layers from the line of positions. */
@@ -406,17 +414,6 @@ static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsS
         v->step_lps[2][c] = stack->step_lps[c];
     }
 }
-
-/* The slices of a series that are to become a volume: copies of its records, which own nothing. */
-typedef struct Loading {
-    CtsSlice *slices;
-    int *number;     /* of each in the series */
-    uint16_t *words; /* of a NIfTI file; owned */
-    const CtsWordWatch *watch;
-    char **faults; /* messages about damaged slices; owned */
-    int n_slices, n_threads;
-    bool some_dropped;
-} Loading;
 
 static CtsStatus read_nifti(const CtsSeries *series, Loading *in, CtsReport *report, CtsError *err)
 {
@@ -491,30 +488,24 @@ static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSlice
 
 static CtsStatus fill_volume(const Loading *in, CtsVolume *v, CtsReport *report, CtsError *err)
 {
-    const int n_threads = in->n_threads;
-    Assembly a = {.slices = in->slices,
-                  .number = in->number,
-                  .watch = in->watch,
-                  .n_slices = in->n_slices,
-                  .n_threads = n_threads,
-                  .faults = in->faults};
+    Assembly a = {.in = in};
     const bool is_hu = v->quantity == CTS_QUANTITY_HU;
     double rounding = 0;
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     a.first = v->grey;
     a.whole_numbers = is_hu;
-    for (int k = 0; k < a.n_slices; k++)
-        a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
-    CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
+    for (int k = 0; k < in->n_slices; k++)
+        a.whole_numbers &= whole_number(in->slices[k].slope) && whole_number(in->slices[k].intercept);
+    CtsStatus st = cts_alloc_array(&a.ranges, (size_t)in->n_slices, err);
     if (!st)
-        st = cts_alloc_array(&a.samples, (size_t)a.n_slices * CTS_SAMPLES, err);
+        st = cts_alloc_array(&a.samples, (size_t)in->n_slices * CTS_SAMPLES, err);
     if (!st)
         st = read_slices(&a, report, err);
     if (!st)
         find_range(&a, v);
     const bool whole_numbers = a.whole_numbers;
     CtsOutliers outliers;
-    cts_outliers_begin(&outliers, (const int[3]){v->dims[0], v->dims[1], a.n_slices});
+    cts_outliers_begin(&outliers, (const int[3]){v->dims[0], v->dims[1], in->n_slices});
     if (!st && is_hu && (cts_is_outlier(v->hu_min) || cts_is_outlier(v->hu_max)))
         st = leave_outliers_out(&a, v->dims, &outliers, v, report, err);
     if (!st && is_hu)
@@ -525,16 +516,17 @@ static CtsStatus fill_volume(const Loading *in, CtsVolume *v, CtsReport *report,
         cts_volume_set_scale(v);
     if (!st && !a.whole_numbers)
         st = convert_fractions(&a, v, &rounding, err);
-    for (int k = 0; !st && !is_hu && k < a.n_slices; k++)
-        cts_slice_sample(&a.slices[k], layer_of(&a, k), true, a.samples + (size_t)k * CTS_SAMPLES);
+    for (int k = 0; !st && !is_hu && k < in->n_slices; k++)
+        cts_slice_sample(&in->slices[k], layer_of(&a, k), true, a.samples + (size_t)k * CTS_SAMPLES);
     if (!st) {
         cts_outliers_mend(&outliers, v, a.first);
-        report_range(v, whole_numbers, a.slices[0].kind == CTS_OBJECT_NIFTI ? a.slices[0].slope : 0, rounding, report);
+        report_range(v, whole_numbers, in->slices[0].kind == CTS_OBJECT_NIFTI ? in->slices[0].slope : 0, rounding,
+                     report);
         report_blank(&a, report);
-        st = cts_slice_consistency_report(a.slices, a.n_slices, a.samples, is_hu, report, err);
+        st = cts_slice_consistency_report(in->slices, in->n_slices, a.samples, is_hu, report, err);
     }
     if (!st)
-        st = cts_volume_measure_levels(v, a.first, a.n_slices, n_threads, err);
+        st = cts_volume_measure_levels(v, a.first, in->n_slices, in->n_threads, err);
     cts_outliers_free(&outliers);
     cts_free(&a.samples);
     cts_free(&a.ranges);

@@ -42,6 +42,7 @@ static CtsSlice slice_of_place(const CtsSlicePlace *place)
 /* A slice of a grid. */
 typedef struct Member {
     const CtsSlice *slice;
+    int number;         /* its SeriesNumber, or 0 where that does not matter */
     double position_mm; /* along the normal of the grid's first slice */
     size_t place;
 } Member;
@@ -54,20 +55,14 @@ typedef struct Stacking {
     int *stack, n_stacks;
 } Stacking;
 
-static int by_position(const void *a, const void *b)
-{
-    const Member *x = a, *y = b;
-    if (x->position_mm != y->position_mm)
-        return x->position_mm < y->position_mm ? -1 : 1;
-    return (x->place > y->place) - (x->place < y->place);
-}
-
 static int by_number_and_position(const void *a, const void *b)
 {
     const Member *x = a, *y = b;
-    if (x->slice->series_number != y->slice->series_number)
-        return x->slice->series_number < y->slice->series_number ? -1 : 1;
-    return by_position(a, b);
+    if (x->number != y->number)
+        return x->number < y->number ? -1 : 1;
+    if (x->position_mm != y->position_mm)
+        return x->position_mm < y->position_mm ? -1 : 1;
+    return (x->place > y->place) - (x->place < y->place);
 }
 
 /* Sorted members become a stack where a series of them would be one, with at most a tenth missing. */
@@ -97,14 +92,15 @@ static CtsStatus try_stack(Stacking *s, const Member *members, size_t n, bool *f
 static CtsStatus try_grid(Stacking *s, size_t n, CtsError *err)
 {
     bool found;
-    qsort(s->members, n, sizeof *s->members, by_position);
+    qsort(s->members, n, sizeof *s->members, by_number_and_position);
     CtsStatus st = try_stack(s, s->members, n, &found, err);
     if (st || found)
         return st;
+    for (size_t i = 0; i < n; i++)
+        s->members[i].number = s->members[i].slice->series_number;
     qsort(s->members, n, sizeof *s->members, by_number_and_position);
     for (size_t first = 0, end; first < n && !st; first = end) {
-        for (end = first + 1;
-             end < n && s->members[end].slice->series_number == s->members[first].slice->series_number;)
+        for (end = first + 1; end < n && s->members[end].number == s->members[first].number;)
             end++;
         if (end - first < n)
             st = try_stack(s, s->members + first, end - first, &found, err);
@@ -131,7 +127,7 @@ CtsStatus cts_single_slices_find(const CtsSlicePlace *places, size_t n, int *sta
         for (size_t i = first; i < n && !s.taken[first]; i++)
             if (!s.taken[i] && cts_slice_same_grid(&s.slices[i], &s.slices[first]))
                 s.members[n_members++] =
-                    (Member){&s.slices[i], cts_slice_stack_position_mm(&s.slices[first], &s.slices[i]), i};
+                    (Member){&s.slices[i], 0, cts_slice_stack_position_mm(&s.slices[first], &s.slices[i]), i};
         for (size_t i = 0; i < n_members; i++)
             s.taken[s.members[i].place] = true;
         n_grids += n_members > 0;
@@ -146,65 +142,56 @@ CtsStatus cts_single_slices_find(const CtsSlicePlace *places, size_t n, int *sta
     return st;
 }
 
-/* A series of a single slice in a list. */
-typedef struct SingleSlice {
-    const CtsSeries *series;
-    CtsSlicePlace place;
-} SingleSlice;
-
 static int by_study_and_uid(const void *a, const void *b)
 {
-    const CtsSeries *x = ((const SingleSlice *)a)->series, *y = ((const SingleSlice *)b)->series;
+    const CtsSeries *x = *(const CtsSeries *const *)a, *y = *(const CtsSeries *const *)b;
     const int order = strcmp(x->study_uid, y->study_uid);
     return order ? order : strcmp(x->uid, y->uid);
 }
 
-static CtsStatus report_study(CtsSeriesList *list, const SingleSlice *singles, size_t n, CtsError *err)
+/* Series of single slices, n of one study. places, stack: room for n. */
+static CtsStatus report_study(CtsSeriesList *list, const CtsSeries *const *singles, size_t n, CtsSlicePlace *places,
+                              int *stack, CtsError *err)
 {
     int n_stacks = 0;
-    CtsSlicePlace *places = malloc(n * sizeof *places);
-    int *stack = malloc(n * sizeof *stack);
-    CtsStatus st = places && stack ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < n && !st; i++)
-        places[i] = singles[i].place;
-    if (!st)
-        st = cts_single_slices_find(places, n, stack, &n_stacks, err);
+    for (size_t i = 0; i < n; i++)
+        cts_slice_place(singles[i]->slices[0], &places[i]);
+    const CtsStatus st = cts_single_slices_find(places, n, stack, &n_stacks, err);
     for (int k = 1; k <= n_stacks && !st; k++) {
         const CtsSeries *first = NULL;
         int n_slices = 0;
         for (size_t i = 0; i < n; i++) {
-            first = !first && stack[i] == k ? singles[i].series : first;
+            first = !first && stack[i] == k ? singles[i] : first;
             n_slices += stack[i] == k;
         }
         if (first)
             cts_diagnostics_add(&list->diagnostics, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, first->uid,
                                 n_slices - 1, n_slices);
     }
-    free(places);
-    free(stack);
     return st;
 }
 
 CtsStatus cts_single_slices_report(CtsSeriesList *list, CtsError *err)
 {
     size_t n = 0;
-    CtsStatus st = CTS_OK;
-    SingleSlice *const singles = malloc((list->n + 1) * sizeof *singles);
-    if (!singles)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < list->n; i++) {
+    const CtsSeries **singles = malloc((list->n + 1) * sizeof *singles);
+    CtsSlicePlace *places = malloc((list->n + 1) * sizeof *places);
+    int *stack = malloc((list->n + 1) * sizeof *stack);
+    CtsStatus st = singles && places && stack ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < list->n && !st; i++) {
         const CtsSeries *const s = &list->items[i];
-        if (s->n_slices == 1 && s->part == 0 && s->uid[0] && s->study_uid[0] &&
-            cts_slice_place(s->slices[0], &singles[n].place))
-            singles[n++].series = s;
+        if (s->n_slices == 1 && s->part == 0 && s->uid[0] && s->study_uid[0] && cts_slice_place(s->slices[0], places))
+            singles[n++] = s;
     }
     if (n)
         qsort(singles, n, sizeof *singles, by_study_and_uid);
     for (size_t first = 0, end; first < n && !st; first = end) {
-        for (end = first + 1; end < n && !strcmp(singles[end].series->study_uid, singles[first].series->study_uid);)
+        for (end = first + 1; end < n && !strcmp(singles[end]->study_uid, singles[first]->study_uid);)
             end++;
-        st = report_study(list, singles + first, end - first, err);
+        st = report_study(list, singles + first, end - first, places, stack, err);
     }
     free(singles);
+    free(places);
+    free(stack);
     return st;
 }
