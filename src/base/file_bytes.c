@@ -8,10 +8,14 @@
 #include <unistd.h>
 #include <zlib.h>
 
-CtsStatus cts_file_bytes_open(CtsFileBytes *file, const char *path, CtsError *err)
+CtsStatus cts_file_bytes_open(CtsFileBytes *file, const CtsFile *source, CtsError *err)
 {
     *file = (CtsFileBytes){.fd = -1};
-    const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
+    if (source->memory) {
+        *file = cts_file_bytes_in_memory(source->memory, source->n_memory);
+        return CTS_OK;
+    }
+    const int fd = open(source->path, O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY);
     if (fd < 0)
         return errno == ENXIO ? CTS_OK : cts_fail(err, CTS_ERR_READ, "cannot be opened: %s", strerror(errno));
     struct stat info;

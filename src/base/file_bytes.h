@@ -24,7 +24,7 @@ typedef struct CtsFileBytes {
 } CtsFileBytes;
 
 /* CTS_ERR_READ when it cannot be opened; fd is -1 then, and also, with CTS_OK, for a file that is not regular. */
-CtsStatus cts_file_bytes_open(CtsFileBytes *file, const char *path, CtsError *err);
+CtsStatus cts_file_bytes_open(CtsFileBytes *file, const CtsFile *source, CtsError *err);
 /* A member of an archive as a file. */
 CtsFileBytes cts_file_bytes_in_memory(const uint8_t *memory, uint64_t n_bytes);
 void cts_file_bytes_close(CtsFileBytes *file);

@@ -13,11 +13,7 @@ enum { CPU_S = 300 }; /* of the largest header */
 static CtsStatus open_file(CtsDicomObject *o, const CtsFile *source, CtsError *err)
 {
     uint8_t begin[132];
-    CtsStatus st = CTS_OK;
-    if (source->memory)
-        o->file = cts_file_bytes_in_memory(source->memory, source->n_memory);
-    else
-        st = cts_file_bytes_open(&o->file, source->path, err);
+    CtsStatus st = cts_file_bytes_open(&o->file, source, err);
     if (st)
         return st;
     const size_t n = o->file.fd < 0 ? 0 : o->file.n_bytes < sizeof begin ? (size_t)o->file.n_bytes : sizeof begin;

@@ -28,13 +28,9 @@ void cts_header_reader_free(CtsHeaderReader *r)
 CtsStatus cts_header_begin(CtsHeaderReader *r, const CtsFile *source, CtsFileBytes *file, const uint8_t **bytes,
                            size_t *n, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
+    CtsStatus st = cts_file_bytes_open(file, source, err);
     *n = 0;
     *bytes = NULL;
-    if (source->memory)
-        *file = cts_file_bytes_in_memory(source->memory, source->n_memory);
-    else
-        st = cts_file_bytes_open(file, source->path, err);
     if (st || file->fd < 0)
         return st;
     if (r->first_read < CTS_HEADER_FIRST_READ)

@@ -79,14 +79,11 @@ void cts_object_free(CtsObject *object)
 
 CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
 {
-    if (s->memory) {
-        *file = cts_file_bytes_in_memory(s->memory, s->file_bytes);
-        return CTS_OK;
-    }
-    CtsStatus st = cts_file_bytes_open(file, s->path, err);
+    CtsStatus st = cts_file_bytes_open(
+        file, &(CtsFile){.path = s->path, .memory = s->memory, .n_memory = s->file_bytes}, err);
     if (!st && file->fd < 0)
         st = cts_fail(err, CTS_ERR_READ, "is no longer a file");
-    if (!st && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))
+    if (!st && !s->memory && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))
         st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
     return st;
 }

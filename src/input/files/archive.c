@@ -17,7 +17,7 @@ bool cts_archive_is_zip(const char *path)
 {
     uint8_t start[4];
     CtsFileBytes file;
-    if (cts_file_bytes_open(&file, path, NULL) || file.fd < 0)
+    if (cts_file_bytes_open(&file, &(CtsFile){.path = path}, NULL) || file.fd < 0)
         return false;
     const bool is_zip = file.n_bytes >= 22 && !cts_file_bytes_read(&file, start, sizeof start, 0, NULL) &&
                         (memcmp(start, "PK\3\4", 4) == 0 || memcmp(start, "PK\5\6", 4) == 0);
@@ -105,7 +105,7 @@ CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err
 {
     CtsFileBytes file;
     CtsError why = {0};
-    CtsStatus st = cts_file_bytes_open(&file, path, &why);
+    CtsStatus st = cts_file_bytes_open(&file, &(CtsFile){.path = path}, &why);
     *archive = NULL;
     if (!st && file.fd < 0)
         st = cts_fail(&why, CTS_ERR_READ, "is no regular file");

@@ -47,11 +47,9 @@ typedef struct Opened {
 
 static CtsStatus open_label(const CtsFile *file, Opened *o, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
     *o = (Opened){0};
-    if (file->memory)
-        o->bytes = cts_file_bytes_in_memory(file->memory, file->n_memory);
-    else if (!(st = cts_file_bytes_open(&o->bytes, file->path, err)) && o->bytes.fd < 0)
+    CtsStatus st = cts_file_bytes_open(&o->bytes, file, err);
+    if (!st && o->bytes.fd < 0)
         st = cts_fail(err, CTS_ERR_READ, "is no regular file");
     o->n_head = o->bytes.n_bytes < HEAD_BYTES ? (size_t)o->bytes.n_bytes : HEAD_BYTES;
     if (!st)
@@ -69,25 +67,31 @@ typedef struct LabelSearch {
     int n_read;
 } LabelSearch;
 
-/* A copy of an object counts once. */
-static bool is_read_before(const CtsLabels *labels, const CtsLabelDicom *object)
+static CtsLabelObject uids_of(const CtsLabelDicom *object)
 {
-    char uid[65];
-    if (cts_elements_text(object->elements, SOP_UID, uid, sizeof uid))
-        for (size_t i = 0; i < labels->n_objects; i++)
-            if (!strcmp(labels->objects[i].sop_uid, uid))
-                return true;
-    return false;
+    CtsLabelObject uids = {.class_uid = ""};
+    memcpy(uids.class_uid, object->class_uid, sizeof uids.class_uid);
+    cts_elements_text(object->elements, SOP_UID, uids.sop_uid, sizeof uids.sop_uid);
+    cts_elements_text(object->elements, SERIES_UID, uids.series_uid, sizeof uids.series_uid);
+    cts_elements_text(object->elements, STUDY_UID, uids.study_uid, sizeof uids.study_uid);
+    return uids;
 }
 
-static CtsStatus keep_object(LabelSearch *s, const CtsLabelDicom *object, CtsError *err)
+/* Reads a wanted object, unless it is a copy of one that was read. */
+static CtsStatus read_once(LabelSearch *s, int kind, const CtsLabelDicom *object, CtsError *err)
 {
-    CtsLabelObject kept = {.class_uid = ""};
-    memcpy(kept.class_uid, object->class_uid, sizeof kept.class_uid);
-    cts_elements_text(object->elements, SOP_UID, kept.sop_uid, sizeof kept.sop_uid);
-    cts_elements_text(object->elements, SERIES_UID, kept.series_uid, sizeof kept.series_uid);
-    cts_elements_text(object->elements, STUDY_UID, kept.study_uid, sizeof kept.study_uid);
-    return cts_labels_add_object(s->reading.labels, &kept, err);
+    CtsLabels *const labels = s->reading.labels;
+    const CtsLabelObject uids = uids_of(object);
+    CtsStatus st;
+    for (size_t i = 0; i < labels->n_objects; i++)
+        if (*uids.sop_uid && !strcmp(labels->objects[i].sop_uid, uids.sop_uid))
+            return CTS_OK;
+    s->n_read++;
+    if (!(st = cts_label_check_patient(&s->reading, object, err)) &&
+        !(st = objects[kind].read(&s->reading, object, err)) &&
+        !(st = cts_grow(&labels->objects, labels->n_objects, err)))
+        labels->objects[labels->n_objects++] = uids;
+    return st;
 }
 
 static CtsStatus read_object(LabelSearch *s, const CtsFile *file, CtsError *err)
@@ -99,13 +103,8 @@ static CtsStatus read_object(LabelSearch *s, const CtsFile *file, CtsError *err)
     if (!st && kind < 0 && !s->in_folder)
         st = cts_fail(err, CTS_ERR_READ, "is no segmentation and no structure set, but %s",
                       object.object.facts.class_name);
-    if (!st && wanted && !is_read_before(s->reading.labels, &object)) {
-        s->n_read++;
-        if (!(st = cts_label_check_patient(&s->reading, &object, err)))
-            st = objects[kind].read(&s->reading, &object, err);
-        if (!st)
-            st = keep_object(s, &object, err);
-    }
+    if (!st && wanted)
+        st = read_once(s, kind, &object, err);
     cts_label_dicom_close(&object);
     return st;
 }
