@@ -16,6 +16,12 @@ static inline void cts_cross3(const double a[3], const double b[3], double out[3
     out[2] = z;
 }
 
+static inline void cts_sub3(const double a[3], const double b[3], double out[3])
+{
+    for (int c = 0; c < 3; c++)
+        out[c] = a[c] - b[c];
+}
+
 static inline double cts_norm3(const double a[3])
 {
     return sqrt(cts_dot3(a, a));

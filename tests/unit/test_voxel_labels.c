@@ -194,7 +194,8 @@ static void crops_by_segment(void **state)
     CtsLabels *labels = some_labels(v);
     CtsError err = {0};
     const CtsLabelObject object = {.class_uid = "1", .sop_uid = "2", .series_uid = "3", .study_uid = "1.2"};
-    assert_int_equal(cts_labels_add_object(labels, &object, &err), CTS_OK);
+    assert_int_equal(cts_grow(&labels->objects, 0, &err), CTS_OK);
+    labels->objects[labels->n_objects++] = object;
     for (int n = 0; n < N_LABELS; n++) {
         labels->items[n].fact.overlap = n < 4;
         labels->items[n].object = n < 4; /* the last one comes from elsewhere */

@@ -2,6 +2,8 @@
 #include "base/vec3.h"
 #include "core/labels/label_set.h"
 #include "core/volume/components.h"
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define AIR_SHARE 0.2 /* of a label that is no air itself */
@@ -69,32 +71,42 @@ static CtsStatus drop_slices(CtsLabels *labels, const int *slice_number, int n_k
     return CTS_OK;
 }
 
-static void count_label_voxels(CtsLabel *l, const CtsLabelGrid *g)
+static bool is_at_edge(CtsLabelRun r, const CtsLabelGrid *g)
 {
-    CtsLabelFact *const c = &l->fact;
-    double area[3];
+    const uint32_t rows = (uint32_t)g->rows, slice = r.row / rows, row = r.row % rows;
+    return r.first == 0 || r.end == g->columns || row == 0 || row + 1 == rows || slice == 0 ||
+           slice + 1 == (uint32_t)g->n_slices;
+}
+
+double cts_label_ml(const CtsLabel *l, const CtsLabelGrid *g)
+{
+    double area[3], ml = 0;
     cts_cross3(g->step_lps[0], g->step_lps[1], area);
     const double area_mm2 = cts_norm3(area);
     const uint32_t rows = (uint32_t)g->rows;
     uint64_t here = 0;
     for (size_t i = 0; i < l->n_runs; i++) {
-        const CtsLabelRun r = l->runs[i];
-        const uint32_t slice = r.row / rows, row = r.row % rows;
-        here += (uint64_t)(r.end - r.first);
-        c->touches_edge |= r.first == 0 || r.end == g->columns || row == 0 || row + 1 == rows || slice == 0 ||
-                           slice + 1 == (uint32_t)g->n_slices;
-        if (i + 1 == l->n_runs || l->runs[i + 1].row / rows != slice) {
-            c->voxels += here;
-            c->ml += (double)here * area_mm2 * cts_label_slice_thickness_mm(g, (int)slice) / 1000;
-            here = 0;
-        }
+        const uint32_t slice = l->runs[i].row / rows;
+        here += (uint64_t)(l->runs[i].end - l->runs[i].first);
+        if (i + 1 < l->n_runs && l->runs[i + 1].row / rows == slice)
+            continue;
+        ml += (double)here * area_mm2 * cts_label_slice_thickness_mm(g, (int)slice) / 1000;
+        here = 0;
     }
+    return ml;
 }
 
-typedef enum CountPass { MARK, COUNT } CountPass;
+static void count_label_voxels(CtsLabel *l, const CtsLabelGrid *g)
+{
+    for (size_t i = 0; i < l->n_runs; i++) {
+        l->fact.touches_edge |= is_at_edge(l->runs[i], g);
+        l->fact.voxels += (uint64_t)(l->runs[i].end - l->runs[i].first);
+    }
+    l->fact.ml = cts_label_ml(l, g);
+}
 
 /* One label's runs in one slice, from its cursor on: marked as held once or more often, or those counted. */
-static void pass_over(CtsLabel *l, size_t *at, uint32_t slice, const CtsLabelGrid *g, uint8_t *held, CountPass pass)
+static void pass_over(CtsLabel *l, size_t *at, uint32_t slice, const CtsLabelGrid *g, uint8_t *held, bool count)
 {
     const uint32_t rows = (uint32_t)g->rows, end = (slice + 1) * rows;
     size_t i = *at;
@@ -102,12 +114,12 @@ static void pass_over(CtsLabel *l, size_t *at, uint32_t slice, const CtsLabelGri
         const CtsLabelRun r = l->runs[i];
         uint8_t *const row = held + (size_t)(r.row - slice * rows) * (size_t)g->columns;
         for (int x = r.first; x < r.end; x++)
-            if (pass == COUNT)
+            if (count)
                 l->fact.overlap += row[x] > 1;
             else
                 row[x] = row[x] ? 2 : 1;
     }
-    if (pass == COUNT)
+    if (count)
         *at = i;
 }
 
@@ -122,9 +134,9 @@ static CtsStatus count_overlap(CtsLabels *labels, CtsError *err)
         st = cts_alloc_zeroed(&at, labels->n, err);
     for (uint32_t k = 0; !st && k < (uint32_t)g->n_slices; k++) {
         memset(held, 0, n);
-        for (CountPass pass = MARK; pass <= COUNT; pass++)
+        for (int pass = 0; pass < 2; pass++)
             for (size_t i = 0; i < labels->n; i++)
-                pass_over(&labels->items[i], &at[i], k, g, held, pass);
+                pass_over(&labels->items[i], &at[i], k, g, held, pass == 1);
     }
     cts_free(&held);
     cts_free(&at);
@@ -162,6 +174,76 @@ static CtsStatus count_parts(CtsLabel *l, const CtsLabelGrid *g, CtsError *err)
     return st;
 }
 
+/* The centre of a label's voxels along the patient's axis to the left. */
+static double centre_left_mm(const CtsLabel *l, const CtsLabelGrid *g)
+{
+    double sum = 0;
+    for (size_t i = 0; i < l->n_runs; i++) {
+        const CtsLabelRun r = l->runs[i];
+        const double j = r.row % (uint32_t)g->rows, middle = (r.first + r.end - 1) / 2.0;
+        sum += (r.end - r.first) *
+               (g->position_lps[r.row / (uint32_t)g->rows][0] + middle * g->step_lps[0][0] + j * g->step_lps[1][0]);
+    }
+    return sum / (double)l->fact.voxels;
+}
+
+static int by_name(const void *a, const void *b)
+{
+    const CtsLabel *x = *(const CtsLabel *const *)a, *y = *(const CtsLabel *const *)b;
+    return x->fact.file != y->fact.file ? x->fact.file - y->fact.file : strcasecmp(x->fact.name, y->fact.name);
+}
+
+/* The label of the same file with "right" for "left" in its name; NULL: none, or one of them is empty. */
+static const CtsLabel *other_side(const CtsLabel *left, const CtsLabel *const *sorted, size_t n)
+{
+    char name[600];
+    const char *const at = strcasestr(left->fact.name, "left");
+    if (!at || !left->fact.voxels || strlen(left->fact.name) + 2 > sizeof name)
+        return NULL;
+    const int before = (int)(at - left->fact.name);
+    snprintf(name, sizeof name, "%.*sright%s", before, left->fact.name, at + strlen("left"));
+    const CtsLabel wanted = {.fact = {.file = left->fact.file, .name = name}}, *key = &wanted;
+    const CtsLabel *const *const found = bsearch(&key, sorted, n, sizeof *sorted, by_name);
+    return found && (*found)->fact.voxels ? *found : NULL;
+}
+
+/* Of each file's pairs; a single one may be named wrongly, or lie so, and most of them can't. */
+static void warn_mirrored(const CtsLabels *labels, const CtsLabel *const *sorted, CtsReport *report)
+{
+    for (size_t i = 0, n_pairs = 0, n_wrong = 0; i < labels->n; i++) {
+        const CtsLabel *const left = sorted[i], *const right = other_side(left, sorted, labels->n);
+        if (right) {
+            n_pairs++;
+            n_wrong += centre_left_mm(left, &labels->grid) < centre_left_mm(right, &labels->grid);
+        }
+        if (i + 1 < labels->n && sorted[i + 1]->fact.file == left->fact.file)
+            continue;
+        if (2 * n_wrong > n_pairs)
+            cts_report_diagnostic(
+                report, CTS_DIAGNOSTIC_LABEL_MIRRORED,
+                "label file %d: in %zu of %zu pairs the left one lies to the right of the right one (a "
+                "mirrored mask, or a mirrored scan?)",
+                left->fact.file, n_wrong, n_pairs);
+        n_pairs = n_wrong = 0;
+    }
+}
+
+/* Of a pair of labels the left one must lie left of the right one. That detects mirrored masks of symmetric anatomy,
+ * none of whose voxels lie in air. */
+static CtsStatus report_laterality(const CtsLabels *labels, CtsReport *report, CtsError *err)
+{
+    const CtsLabel **sorted = NULL;
+    const CtsStatus st = cts_alloc_bytes((void **)&sorted, labels->n, sizeof *sorted, err);
+    if (st)
+        return st;
+    for (size_t i = 0; i < labels->n; i++)
+        sorted[i] = &labels->items[i];
+    qsort(sorted, labels->n, sizeof *sorted, by_name);
+    warn_mirrored(labels, sorted, report);
+    cts_free_bytes(sorted);
+    return CTS_OK;
+}
+
 CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kept, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -180,7 +262,7 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
     for (size_t i = 0; !st && i < labels->n; i++)
         report_label(&labels->items[i].fact, report);
     if (!st && labels->n > 1)
-        st = cts_label_report_laterality(labels, report, err);
+        st = report_laterality(labels, report, err);
     labels->counted = !st;
     return st;
 }

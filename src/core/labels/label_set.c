@@ -5,11 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-void cts_label_grid_free(CtsLabelGrid *grid)
-{
-    cts_free(&grid->position_lps);
-}
-
 CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -20,7 +15,7 @@ CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err)
     if (!st)
         st = cts_alloc_zeroed(labels, 1, err);
     if (st)
-        cts_label_grid_free(grid);
+        cts_free(&grid->position_lps);
     else
         (*labels)->grid = *grid;
     *grid = (CtsLabelGrid){0};
@@ -55,7 +50,7 @@ void cts_labels_free(CtsLabels **labels)
         free((*labels)->left_out[i].reason);
     }
     free((*labels)->left_out);
-    cts_label_grid_free(&(*labels)->grid);
+    cts_free(&(*labels)->grid.position_lps);
     cts_free(labels);
 }
 
@@ -71,14 +66,6 @@ CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *na
     cts_text_clean(copy);
     labels->items[labels->n++] = (CtsLabel){.fact = {.file = file, .number = number, .name = copy, .source = source}};
     return CTS_OK;
-}
-
-CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object, CtsError *err)
-{
-    const CtsStatus st = cts_grow(&labels->objects, labels->n_objects, err);
-    if (!st)
-        labels->objects[labels->n_objects++] = *object;
-    return st;
 }
 
 CtsStatus cts_labels_add_region(CtsLabels *labels, int file, const char *name, const int *numbers, size_t n,

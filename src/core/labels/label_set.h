@@ -9,7 +9,6 @@ enum { CTS_MAX_LABELS = 65535, CTS_LABEL_AIR_HU = -900 };
 
 /* Takes ownership of the grid's contents, also on failure. */
 CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err);
-void cts_label_grid_free(CtsLabelGrid *grid);
 /* Position of a slice along the normal; and half the sum of the gaps on both of its sides, at an end the one gap. */
 double cts_label_slice_at_mm(const CtsLabelGrid *grid, int slice);
 double cts_label_slice_thickness_mm(const CtsLabelGrid *grid, int slice);
@@ -17,8 +16,6 @@ double cts_label_slice_thickness_mm(const CtsLabelGrid *grid, int slice);
 /* Adds a label without voxels; name is copied and sanitised. CTS_ERR_READ when there are too many. */
 CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *name, CtsLabelSource source,
                          CtsError *err);
-/* Adds an object from which labels are read. */
-CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object, CtsError *err);
 /* A name for several labels of a file; name and numbers are copied. */
 CtsStatus cts_labels_add_region(CtsLabels *labels, int file, const char *name, const int *numbers, size_t n,
                                 CtsError *err);
@@ -38,10 +35,10 @@ void cts_label_sort_runs(CtsLabel *label);
 size_t cts_label_find_row(const CtsLabel *label, uint32_t row);
 size_t cts_label_find_share(const CtsLabel *label, uint32_t row);
 
+/* Volume of its runs. */
+double cts_label_ml(const CtsLabel *label, const CtsLabelGrid *grid);
 void cts_label_take_sums(CtsLabel *label, const int *slice_number, int n_kept);
 void cts_label_sums_free(CtsLabel *label);
-/* Of labels that are counted: adds the finding label_mirrored. */
-CtsStatus cts_label_report_laterality(const CtsLabels *labels, CtsReport *report, CtsError *err);
 
 /* Assigns the model's voxels: voxel label i of n is assigned to the voxels of label[i], and the later one in `order`
  * wins; unlabelled voxels get number n. Sets no appearances; cts_voxel_labels_finish() must follow. */

@@ -176,8 +176,7 @@ static CtsStatus find_planes(const CtsLabelGrid *g, const CtsVolume *v, double (
     if (!cts_volume_inverse(v, inverse))
         return cts_fail(err, CTS_ERR_INTERNAL, "the volume's steps do not span space");
     for (int k = 0; k < g->n_slices; k++) {
-        for (int c = 0; c < 3; c++)
-            away[c] = g->position_lps[k][c] - v->origin_lps[c];
+        cts_sub3(g->position_lps[k], v->origin_lps, away);
         cts_apply3(inverse, away, at[k]);
     }
     *first = 0;

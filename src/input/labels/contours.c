@@ -56,10 +56,8 @@ double cts_outline_area(const CtsOutline *o)
         double sum[3] = {0};
         for (size_t i = 0; i < c->n; i++) {
             double cross[3], a[3], b[3];
-            for (int axis = 0; axis < 3; axis++) {
-                a[axis] = o->points[c->first + i][axis] - o->points[c->first][axis];
-                b[axis] = o->points[c->first + (i + 1) % c->n][axis] - o->points[c->first][axis];
-            }
+            cts_sub3(o->points[c->first + i], o->points[c->first], a);
+            cts_sub3(o->points[c->first + (i + 1) % c->n], o->points[c->first], b);
             cts_cross3(a, b, cross);
             for (int axis = 0; axis < 3; axis++)
                 sum[axis] += cross[axis] / 2;
@@ -94,8 +92,7 @@ static void to_pixels(CtsOutline *o, int slice, size_t first, size_t end)
         for (size_t i = c->first; i < c->first + c->n; i++)
             for (int axis = 0; axis < 2; axis++) {
                 double offset[3];
-                for (int k = 0; k < 3; k++)
-                    offset[k] = o->points[i][k] - o->grid->position_lps[slice][k];
+                cts_sub3(o->points[i], o->grid->position_lps[slice], offset);
                 const double x = o->pixels[i][axis] = snapped_vertex(cts_dot3(o->inverse[axis], offset));
                 c->low[axis] = fmin(c->low[axis], x);
                 c->high[axis] = fmax(c->high[axis], x);
@@ -256,30 +253,28 @@ static int slice_at(const CtsLabelGrid *g, double at_mm)
 static CtsStatus fill_slices(CtsOutline *o, CtsLabel *label, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const CtsContour *first = NULL, *end = NULL, *nearest = NULL, *nearest_end = NULL;
-    int slice = -1, last_filled = -1;
-    size_t at = 0;
+    const CtsContour *nearest = NULL, *nearest_end = NULL;
+    int slice = -1; /* of the nearest plane */
     qsort(o->contours, o->n_contours, sizeof *o->contours, by_place);
-    while (!st && (at < o->n_contours || nearest)) {
-        const bool more = at < o->n_contours;
-        if (more)
-            first = next_plane(o, &at, &end);
-        const int here = more ? slice_at(o->grid, first->at_mm) : -1;
-        const bool same = more && nearest && here == slice;
-        if (nearest && !same) {
+    for (size_t at = 0; !st && at < o->n_contours;) {
+        const CtsContour *end, *const first = next_plane(o, &at, &end);
+        const int here = slice_at(o->grid, first->at_mm);
+        o->n_off += here < 0 || here == slice;
+        if (here < 0)
+            continue;
+        if (here != slice && slice >= 0) {
             st = fill_slice(o, label, slice, nearest, nearest_end, err);
-            o->n_unfilled += last_filled >= 0 ? (size_t)(slice - last_filled - 1) : 0;
-            last_filled = slice;
-            nearest = NULL;
+            o->n_unfilled += (size_t)(here - slice - 1);
         }
-        o->n_off += more && (here < 0 || same);
-        const double slice_mm = here >= 0 ? cts_label_slice_at_mm(o->grid, here) : 0;
-        if (more && here >= 0 && (!nearest || fabs(first->at_mm - slice_mm) < fabs(nearest->at_mm - slice_mm))) {
+        const double slice_mm = cts_label_slice_at_mm(o->grid, here);
+        if (here != slice || fabs(first->at_mm - slice_mm) < fabs(nearest->at_mm - slice_mm)) {
             nearest = first;
             nearest_end = end;
-            slice = here;
         }
+        slice = here;
     }
+    if (!st && nearest)
+        st = fill_slice(o, label, slice, nearest, nearest_end, err);
     cts_label_sort_runs(label);
     return st;
 }

@@ -33,6 +33,11 @@ static void colour(CtsLabelNames *names, const double rgb[3], double most)
     }
 }
 
+static bool is_number(const json_t *value)
+{
+    return json_is_integer(value) && json_integer_value(value) >= 0 && json_integer_value(value) <= MAX_NAMES;
+}
+
 /* nnU-Net's regions: {"whole tumor": [1, 2, 3]}. */
 static CtsStatus add_region(const char *what, const char *name, const json_t *list, CtsLabelNames *names, CtsError *err)
 {
@@ -44,7 +49,7 @@ static CtsStatus add_region(const char *what, const char *name, const json_t *li
         st = cts_alloc_array(&region.numbers, n ? n : 1, err);
     for (size_t i = 0; !st && i < n; i++) {
         const json_t *const number = json_array_get(list, i);
-        if (!json_is_integer(number) || json_integer_value(number) < 0 || json_integer_value(number) > MAX_NAMES)
+        if (!is_number(number))
             st = cts_fail(err, CTS_ERR_USAGE, "%s: \"%s\" is no list of numbers of labels", what, name);
         else
             region.numbers[i] = (int)json_integer_value(number);
@@ -101,7 +106,7 @@ static CtsStatus parse_names(const char *what, const char *text, size_t n, CtsLa
             break;
         if (json_is_string(value) && number_of(key, &number))
             st = add_name(names, number, json_string_value(value), json_string_length(value), err);
-        else if (json_is_integer(value) && json_integer_value(value) >= 0 && json_integer_value(value) <= MAX_NAMES)
+        else if (is_number(value))
             st = add_name(names, (int)json_integer_value(value), key, strlen(key), err);
         else if (json_is_array(value))
             st = add_region(what, key, value, names, err);

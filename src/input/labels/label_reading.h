@@ -7,7 +7,6 @@
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
 #include "dicom/header/dicom_object.h"
-#include "input/files/nifti.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -80,11 +79,7 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom
 CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err);
 CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileBytes *file, CtsError *err);
 
-/* Chooses one of a label map's two forms: where they differ the one that equals the series' grid. CTS_ERR_GEOMETRY
- * where they contradict each other and neither or both equal it. */
-CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *nifti, CtsError *err);
-
-/* The scanned slices of a series as a grid; free with cts_label_grid_free(). */
+/* The scanned slices of a series as a grid, which labels take over. */
 CtsStatus cts_label_grid_of(CtsLabelGrid *grid, const CtsSeries *series, CtsError *err);
 
 /* The name of a file without its folders and its ending .nii or .nii.gz. */

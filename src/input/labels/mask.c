@@ -58,8 +58,7 @@ static Affine affine_of(const MaskPlacing *p, int slice, int plane)
 {
     Affine a;
     double offset[3];
-    for (int c = 0; c < 3; c++)
-        offset[c] = p->grid->position_lps[slice][c] - p->mask->position_lps[plane][c];
+    cts_sub3(p->grid->position_lps[slice], p->mask->position_lps[plane], offset);
     for (int r = 0; r < 2; r++) {
         a.at[r] = cts_dot3(p->inverse[r], offset);
         for (int axis = 0; axis < 2; axis++)
@@ -410,17 +409,13 @@ static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError 
     for (int value = 1; value < CTS_MASK_VALUES; value++)
         if (m->label_of[value] >= 0)
             whole[m->label_of[value]] += (double)p->n_mask[value] * cts_norm3(area) * gap_of(p);
-    cts_cross3(p->grid->step_lps[0], p->grid->step_lps[1], area);
     /* A file that does not meet the volume at all is refused in one line. */
     bool met = false;
     for (size_t i = 0; i < labels->n; i++)
         met |= whole[i] > 0 && labels->items[i].n_runs > 0;
     for (size_t i = 0; i < labels->n; i++) {
         const CtsLabel *const l = &labels->items[i];
-        double inside = 0;
-        for (size_t r = 0; whole[i] > 0 && r < l->n_runs; r++)
-            inside += (l->runs[r].end - l->runs[r].first) * cts_norm3(area) *
-                      cts_label_slice_thickness_mm(p->grid, (int)(l->runs[r].row / (uint32_t)p->grid->rows));
+        const double inside = whole[i] > 0 ? 1000 * cts_label_ml(l, p->grid) : 0;
         /* More than half of it lies outside. */
         if (met && whole[i] > 0 && inside < 0.5 * whole[i])
             cts_report_diagnostic(p->reading->report, CTS_DIAGNOSTIC_LABEL_OUTSIDE,

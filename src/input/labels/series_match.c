@@ -28,11 +28,6 @@ CtsStatus cts_label_grid_of(CtsLabelGrid *g, const CtsSeries *series, CtsError *
     return st;
 }
 
-static bool names_series(const char *uid, const CtsSeries *series)
-{
-    return uid[0] && !strcmp(uid, series->uid);
-}
-
 static bool names_slice(const char *uid, const CtsSeries *series)
 {
     for (int k = 0; uid[0] && k < series->n_slices; k++)
@@ -60,7 +55,7 @@ static bool refers(CtsElements elements, const CtsSeries *series, int depth, boo
                 uid[i - 1] = 0;
             if (wanted && (!series  ? uid[0] && (of_image || !slices)
                            : slices ? names_slice(uid, series)
-                                    : names_series(uid, series)))
+                                    : uid[0] && !strcmp(uid, series->uid)))
                 return true;
         }
         if (e.kind == CTS_VALUE_ITEMS)
