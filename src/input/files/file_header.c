@@ -1,6 +1,9 @@
 #include "input/files/file_header.h"
 
 #include "base/parallel.h"
+#include "base/vec3.h"
+#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* The packing program of a file that is not DICOM, by its first bytes. */
@@ -20,13 +23,140 @@ static const char *packer_of(const uint8_t *bytes, size_t n)
     return NULL;
 }
 
+/* True if a file that begins so is NIfTI, plain or packed with gzip; for gzip the name decides. */
+static bool is_nifti(const char *path, const uint8_t *head, size_t n)
+{
+    static const char packed[] = ".nii.gz";
+    const size_t length = strlen(path), n_end = sizeof packed - 1;
+    const bool is_gzip = n >= 2 && head[0] == 0x1F && head[1] == 0x8B;
+    return cts_nifti_is(head, n) && (!is_gzip || (length > n_end && !strcmp(path + length - n_end, packed)));
+}
+
+CtsBox cts_nifti_box(const CtsNifti *f)
+{
+    CtsBox box = {.stride = {1, f->dims[0], (ptrdiff_t)f->dims[0] * f->dims[1]}};
+    memcpy(box.dims, f->dims, sizeof box.dims);
+    memcpy(box.origin_lps, f->place.origin_lps, sizeof box.origin_lps);
+    memcpy(box.step_lps, f->place.step_lps, sizeof box.step_lps);
+    return cts_box_as_scanned(&box, 2);
+}
+
+/* Fields common to all slices. */
+static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, const CtsBox *box)
+{
+    CtsSlice s = {.path = source->path,
+                  .memory = source->memory,
+                  .file_bytes = file->n_bytes,
+                  .mtime_ns = file->mtime_ns,
+                  .kind = CTS_OBJECT_NIFTI,
+                  .syntax = cts_syntax_native(true, false),
+                  .syntax_uid = "NIfTI",
+                  .sop_uid = "",
+                  .series_uid = "",
+                  .class_uid = "",
+                  .modality = "CT",
+                  .scanner = "",
+                  .kernel = "",
+                  .series_number = -1,
+                  .thickness_mm = -1,
+                  .n_frames = box->dims[2],
+                  .stack_id = "",
+                  .concatenation = "",
+                  .first_frame = -1,
+                  .rows = box->dims[1],
+                  .columns = box->dims[0],
+                  .bits_allocated = 16,
+                  .bits_stored = 16,
+                  .high_bit = 15,
+                  .slope = 1,
+                  .padding_word = -1,
+                  .column_spacing_mm = cts_norm3(box->step_lps[0]),
+                  .row_spacing_mm = cts_norm3(box->step_lps[1])};
+    for (int part = 0; part < CTS_N_IDENTITY; part++)
+        s.identity[part] = "";
+    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++)
+        s.volume_number[i] = NAN;
+    for (int c = 0; c < 3; c++) {
+        s.row_lps[c] = box->step_lps[0][c] / s.column_spacing_mm;
+        s.column_lps[c] = box->step_lps[1][c] / s.row_spacing_mm;
+    }
+    cts_cross3(s.row_lps, s.column_lps, s.normal_lps);
+    return s;
+}
+
+/* The checks of a DICOM slice's position, with the limits of dicom/header. */
+static void check_place(CtsSlice *s)
+{
+    if (fabs(cts_dot3(s->row_lps, s->column_lps)) > 1e-3)
+        cts_slice_fault(s, CTS_ERR_GEOMETRY,
+                        "its rows and columns are not at right angles (resample it on an upright grid)");
+    if (!(s->column_spacing_mm <= 10 && s->row_spacing_mm <= 10))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "its voxels are %g x %g mm, and may have at most 10", s->column_spacing_mm,
+                        s->row_spacing_mm);
+    if (cts_norm3(s->position_lps) > 1e5) /* a hundred metres */
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "its place is %g mm away", cts_norm3(s->position_lps));
+}
+
+static CtsStatus add_slices(const CtsBox *box, const CtsSlice *common, CtsObject *object, CtsError *err)
+{
+    const int n = box->dims[2];
+    if (!(object->slices = malloc((size_t)n * sizeof *object->slices)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int k = 0; k < n; k++) {
+        CtsSlice *const s = malloc(sizeof *s);
+        if (!s)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        *s = *common;
+        s->frame = k;
+        for (int c = 0; c < 3; c++)
+            s->position_lps[c] = box->origin_lps[c] + k * box->step_lps[2][c];
+        check_place(s);
+        object->slices[object->n_slices++] = s;
+    }
+    return CTS_OK;
+}
+
+/* Only the user can know which of two contradictory forms is right. */
+static void check_forms(const CtsNifti *nifti, CtsObject *object)
+{
+    char text[CTS_NIFTI_FORMS_TEXT];
+    if (cts_nifti_compare_forms(nifti, text) != CTS_NIFTI_FORMS_CONTRADICT)
+        return;
+    for (int k = 0; k < object->n_slices; k++)
+        cts_slice_fault(object->slices[k], CTS_ERR_GEOMETRY,
+                        "its sform and its qform contradict each other: %s (choose one: `nifti-form` sform or "
+                        "qform)",
+                        text);
+}
+
+/* Fills a zeroed object with slices of 16-bit pixels, placed by this form; their pixel offsets and HU scale are not set
+ * yet. */
+static CtsStatus add_nifti(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form, CtsObject *object,
+                           CtsError *err)
+{
+    CtsNifti nifti;
+    CtsStatus st = cts_nifti_open(&nifti, file, err);
+    if (!st) {
+        cts_nifti_take_form(&nifti, form);
+        const CtsBox box = cts_nifti_box(&nifti);
+        const CtsSlice common = common_slice(source, file, &box);
+        object->kind = CTS_OBJECT_NIFTI;
+        object->class_uid = "";
+        st = add_slices(&box, &common, object, err);
+        if (!st && form == CTS_NIFTI_FORM_AUTO)
+            check_forms(&nifti, object);
+    }
+    cts_nifti_close(&nifti);
+    return st;
+}
+
 static CtsStatus read_nifti_header(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form,
                                    CtsHeaderRead *result)
 {
     result->kind = CTS_FILE_NIFTI;
     /* In a folder it may be a mask or a picture of anything. */
     if (source->named)
-        return cts_nifti_slices(source, file, form, &result->object, &result->why);
+        return add_nifti(source, file, form, &result->object, &result->why);
     result->object.packed = "NIfTI";
     return CTS_OK;
 }
@@ -39,7 +169,7 @@ static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsN
     size_t n;
     *result = (CtsHeaderRead){.kind = CTS_FILE_NOT_DICOM};
     CtsStatus st = cts_header_begin(reader, source, &file, &bytes, &n, &result->why);
-    if (!st && n && cts_nifti_slices_are(source->path, bytes, n))
+    if (!st && n && is_nifti(source->path, bytes, n))
         st = read_nifti_header(source, &file, form, result);
     else if (!st && n && !cts_header_add(reader, source, &file, n, result))
         result->object.packed = packer_of(bytes, n);

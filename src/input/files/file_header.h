@@ -10,16 +10,6 @@
 void cts_file_headers_read(const CtsFile *files, size_t n, CtsNiftiForm form, CtsHeaderReader *readers, int n_threads,
                            CtsHeaderRead *results);
 
-/* A NIfTI CT as slices, with the fields that DICOM headers would have. It has no patient and no UIDs. */
-
-/* True if a file that begins so is NIfTI, plain or packed with gzip; for gzip the name decides. */
-bool cts_nifti_slices_are(const char *path, const uint8_t *head, size_t n);
-
-/* Its voxels as a scanner would have stored them, in elements of the file: the slices lie along its third axis, as all
- * converters write them. */
+/* Voxels of a NIfTI file as a scanner would have stored them, in elements of the file: the slices lie along its third
+ * axis, as all converters write them. */
 CtsBox cts_nifti_box(const CtsNifti *nifti);
-
-/* Fills a zeroed object with slices of 16-bit pixels, placed by this form; their pixel offsets and HU scale are not set
- * yet. */
-CtsStatus cts_nifti_slices(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form, CtsObject *object,
-                           CtsError *err);

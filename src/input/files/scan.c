@@ -21,12 +21,13 @@ void cts_file_list_free(CtsFileList *list)
     *list = (CtsFileList){0};
 }
 
-CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err)
+CtsStatus cts_file_list_add(CtsFileList *list, const CtsFile *file, CtsError *err)
 {
-    const char *kept = cts_string_pool_add(&list->texts, path, strlen(path));
-    if (!kept || cts_grow(&list->items, list->n, NULL))
+    const char *const path = cts_string_pool_add(&list->texts, file->path, strlen(file->path));
+    if (!path || cts_grow(&list->items, list->n, NULL))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    list->items[list->n++] = (CtsFile){.path = kept, .named = named};
+    list->items[list->n] = *file;
+    list->items[list->n++].path = path;
     return CTS_OK;
 }
 
@@ -68,18 +69,14 @@ static CtsStatus scan_entries(CtsScan *scan, const char *folder, DIR *dir, int d
             continue;
         }
         char *path = join_path(folder, entry->d_name);
-        if (type == DT_REG) {
-            const CtsFile file = {.path = path};
-            st = path ? scan->found(scan->context, &file, NULL, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-            free(path);
-            continue;
-        }
-        if (path && !cts_grow(&subfolders, n_subfolders, NULL)) {
-            subfolders[n_subfolders++] = path;
-        } else {
-            free(path);
+        if (!path || (type == DT_DIR && cts_grow(&subfolders, n_subfolders, NULL)))
             st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        }
+        else if (type == DT_REG)
+            st = scan->found(scan->context, &(CtsFile){.path = path}, NULL, err);
+        if (!st && type == DT_DIR)
+            subfolders[n_subfolders++] = path;
+        else
+            free(path);
     }
     for (size_t i = 0; i < n_subfolders; i++) {
         if (!st)
@@ -150,19 +147,16 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
     CtsStatus st = CTS_OK;
     for (int i = 0; !st && i < n_paths; i++) {
         struct stat info;
-        CtsFile member;
-        if (cts_archives_find(scan->archives, paths[i], &member))
-            st = scan->found(scan->context, &member, NULL, err);
-        else if (stat(paths[i], &info) && !lstat(paths[i], &info)) /* a dangling link: opening it reports the error */
-            st = scan->found(scan->context, &(CtsFile){.path = paths[i], .named = true}, NULL, err);
-        else if (stat(paths[i], &info))
+        CtsFile file = {.path = paths[i], .named = true};
+        const bool is_member = cts_archives_find(scan->archives, paths[i], &file);
+        if (!is_member && stat(paths[i], &info) && lstat(paths[i], &info))
             st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));
-        else if (S_ISDIR(info.st_mode))
+        else if (!is_member && S_ISDIR(info.st_mode))
             st = scan_folder(scan, paths[i], 0, err);
-        else if (S_ISREG(info.st_mode) && cts_archive_is_zip(paths[i]))
+        else if (!is_member && S_ISREG(info.st_mode) && cts_archive_is_zip(paths[i]))
             st = scan_archive(scan, paths[i], err);
-        else if (S_ISREG(info.st_mode))
-            st = scan->found(scan->context, &(CtsFile){.path = paths[i], .named = true}, NULL, err);
+        else if (is_member || S_ISREG(info.st_mode) || S_ISLNK(info.st_mode)) /* opening a dangling link fails */
+            st = scan->found(scan->context, &file, NULL, err);
         else
             st = cts_fail(err, CTS_ERR_READ, "%s: is neither a file nor a folder", paths[i]);
     }
@@ -171,14 +165,8 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
 
 static CtsStatus add_to_list(void *context, const CtsFile *file, const char *archive, CtsError *err)
 {
-    CtsFileList *const list = context;
     (void)archive;
-    const CtsStatus st = cts_file_list_add(list, file->path, file->named, err);
-    if (!st) {
-        list->items[list->n - 1].memory = file->memory;
-        list->items[list->n - 1].n_memory = file->n_memory;
-    }
-    return st;
+    return cts_file_list_add(context, file, err);
 }
 
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,

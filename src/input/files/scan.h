@@ -52,6 +52,6 @@ CtsStatus cts_directory_files(const char *path, cts_named_file_fn found, void *c
                               CtsError *err);
 #define CTS_DIRECTORY_MISSING_TEXT "%s: %zu of its files are not there (name their folder instead of the DICOMDIR)"
 
-/* Add one file. */
-CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err);
+/* Adds one file, whose path is copied. */
+CtsStatus cts_file_list_add(CtsFileList *list, const CtsFile *file, CtsError *err);
 void cts_file_list_free(CtsFileList *list);

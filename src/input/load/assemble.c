@@ -11,7 +11,6 @@
 #include "dicom/codec/pixels.h"
 #include "dicom/header/slice.h"
 #include "input/load/load.h"
-#include "input/load/outliers.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
 #include <pthread.h>
@@ -45,11 +44,6 @@ typedef struct Assembly {
     CtsError why;           /* of that one */
     atomic_int stop;        /* slices after this one are not read */
 } Assembly;
-
-static bool whole_number(double x)
-{
-    return x == floor(x);
-}
 
 static uint16_t *layer_of(const Assembly *a, int k)
 {
@@ -369,16 +363,6 @@ static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest
                               "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
 }
 
-static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
-{
-    const double need = (double)nx * ny * n_layers * sizeof(uint16_t);
-    const uint64_t free_bytes = cts_memory_available();
-    if (!cts_memory_allows(need, free_bytes))
-        return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and %.0f MiB are free",
-                        need / 1048576, (double)free_bytes / 1048576);
-    return CTS_OK;
-}
-
 /* Warns about a slice of one value, or of padding, between others with more: lost in transfer, or erased. */
 static void report_blank(const Assembly *a, CtsReport *report)
 {
@@ -495,13 +479,11 @@ static CtsStatus fill_volume(const Loading *in, CtsVolume *v, CtsReport *report,
     a.first = v->grey;
     a.whole_numbers = is_hu;
     for (int k = 0; k < in->n_slices; k++)
-        a.whole_numbers &= whole_number(in->slices[k].slope) && whole_number(in->slices[k].intercept);
+        a.whole_numbers &= in->slices[k].slope == floor(in->slices[k].slope) &&
+                           in->slices[k].intercept == floor(in->slices[k].intercept);
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)in->n_slices, err);
-    if (!st)
-        st = cts_alloc_array(&a.samples, (size_t)in->n_slices * CTS_SAMPLES, err);
-    if (!st)
-        st = read_slices(&a, report, err);
-    if (!st)
+    if (!st && !(st = cts_alloc_array(&a.samples, (size_t)in->n_slices * CTS_SAMPLES, err)) &&
+        !(st = read_slices(&a, report, err)))
         find_range(&a, v);
     const bool whole_numbers = a.whole_numbers;
     CtsOutliers outliers;
@@ -523,10 +505,9 @@ static CtsStatus fill_volume(const Loading *in, CtsVolume *v, CtsReport *report,
         report_range(v, whole_numbers, in->slices[0].kind == CTS_OBJECT_NIFTI ? in->slices[0].slope : 0, rounding,
                      report);
         report_blank(&a, report);
-        st = cts_slice_consistency_report(in->slices, in->n_slices, a.samples, is_hu, report, err);
+        if (!(st = cts_slice_consistency_report(in->slices, in->n_slices, a.samples, is_hu, report, err)))
+            st = cts_volume_measure_levels(v, a.first, in->n_slices, in->n_threads, err);
     }
-    if (!st)
-        st = cts_volume_measure_levels(v, a.first, in->n_slices, in->n_threads, err);
     cts_outliers_free(&outliers);
     cts_free(&a.samples);
     cts_free(&a.ranges);
@@ -569,8 +550,13 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     if (st || (st = plan_stack(series, in, &stack, report, err)) || (st = place_slices(*scanned, in, &stack, err)))
         goto end;
     const bool even = stack.kind == CTS_STACK_EVEN;
-    if ((st = check_memory(series->columns, series->rows, in->n_slices + (even ? 0 : stack.n_layers), err)) ||
-        (st = cts_volume_new_unset(&(*scanned)->even, series->columns, series->rows, in->n_slices, err)))
+    const double need =
+        (double)series->columns * series->rows * (in->n_slices + (even ? 0 : stack.n_layers)) * sizeof *v->grey;
+    const uint64_t free_bytes = cts_memory_available();
+    if (!cts_memory_allows(need, free_bytes))
+        st = cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and %.0f MiB are free", need / 1048576,
+                      (double)free_bytes / 1048576);
+    if (st || (st = cts_volume_new_unset(&(*scanned)->even, series->columns, series->rows, in->n_slices, err)))
         goto end;
     v = (*scanned)->even;
     v->modality = series->modality_id;

@@ -5,11 +5,8 @@
 #include "base/mem.h"
 #include "core/volume/components.h"
 #include "core/volume/threshold.h"
-#include "core/volume/volume_new.h"
 #include "input/load/load.h"
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 /* Largest constant that is the scanner's air: cone beams have up to -760 HU. */
 static const double FILL_HU = -700;

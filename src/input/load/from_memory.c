@@ -9,28 +9,21 @@
 #include "core/volume/grey.h"
 #include "core/volume/levels.h"
 #include "core/volume/volume_new.h"
-#include "input/load/outliers.h"
+#include "input/load/load.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { GREY_MAX = 65535 };
 
-typedef struct HuArray {
-    const uint8_t *bytes;
-    CtsNumber number;
-    CtsBox box;
-} HuArray;
-
 /* Slices lie across the longest step. */
-static HuArray stored(const CtsHuArray *g)
+static CtsBox box_as_scanned(const CtsHuArray *g)
 {
     CtsBox box = {0};
     memcpy(box.dims, g->dims, sizeof box.dims);
     memcpy(box.stride, g->stride_bytes, sizeof box.stride);
     memcpy(box.origin_lps, g->origin_lps, sizeof box.origin_lps);
     memcpy(box.step_lps, g->step_lps, sizeof box.step_lps);
-    return (HuArray){g->bytes, g->number, cts_box_as_scanned(&box, CTS_BOX_ANY)};
+    return cts_box_as_scanned(&box, CTS_BOX_ANY);
 }
 
 static const size_t number_bytes[CTS_N_NUMBERS] = {
@@ -43,7 +36,8 @@ typedef struct Range {
 } Range;
 
 typedef struct ArrayPass {
-    const HuArray *array;
+    const CtsHuArray *array;
+    CtsBox box; /* of its voxels in the order of a scanner */
     CtsVolume *volume;
     Range *ranges; /* by slice */
     double *rows;  /* for each worker room for two rows of numbers */
@@ -51,14 +45,14 @@ typedef struct ArrayPass {
 
 static double *rows_of_worker(const ArrayPass *p, int worker)
 {
-    return p->rows + (size_t)worker * 2 * (size_t)p->array->box.dims[0];
+    return p->rows + (size_t)worker * 2 * (size_t)p->box.dims[0];
 }
 
 /* Row (j, k) as the array has it: where it lies, or gathered. */
 static const void *row_of(const ArrayPass *p, int j, int k, double *gathered)
 {
-    const CtsBox *const b = &p->array->box;
-    const uint8_t *const at = p->array->bytes + b->first + j * b->stride[1] + k * b->stride[2];
+    const CtsBox *const b = &p->box;
+    const uint8_t *const at = (const uint8_t *)p->array->bytes + b->first + j * b->stride[1] + k * b->stride[2];
     const size_t size = number_bytes[p->array->number];
     if (b->stride[0] == (ptrdiff_t)size && (uintptr_t)at % size == 0)
         return at;
@@ -70,7 +64,7 @@ static const void *row_of(const ArrayPass *p, int j, int k, double *gathered)
 /* Its numbers. row: room for two rows. */
 static const double *numbers_of_row(const ArrayPass *p, int j, int k, double *row)
 {
-    const size_t n = (size_t)p->array->box.dims[0];
+    const size_t n = (size_t)p->box.dims[0];
     const void *const from = row_of(p, j, k, row + n);
     if (p->array->number == CTS_FLOAT64)
         return from;
@@ -91,17 +85,12 @@ static inline uint16_t *grey_of(const ArrayPass *p, int j, int k)
     return p->volume->grey + ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0];
 }
 
-static Range join_ranges(Range a, Range b)
-{
-    return (Range){fmin(a.low, b.low), fmax(a.high, b.high), a.whole && b.whole, a.n_lost + b.n_lost};
-}
-
-static void find_slice_range(const ArrayPass *p, int k, double *numbers)
+static Range range_of_slice(const ArrayPass *p, int k, double *numbers)
 {
     Range r = {INFINITY, -INFINITY, true, 0};
-    for (int j = 0; j < p->array->box.dims[1]; j++) {
+    for (int j = 0; j < p->box.dims[1]; j++) {
         const double *const row = numbers_of_row(p, j, k, numbers);
-        for (int i = 0; i < p->array->box.dims[0]; i++) {
+        for (int i = 0; i < p->box.dims[0]; i++) {
             const double x = row[i] + 0.0; /* no negative zero */
             const bool lost = !isfinite(x);
             r.n_lost += lost;
@@ -110,23 +99,7 @@ static void find_slice_range(const ArrayPass *p, int k, double *numbers)
             r.whole &= lost || x == rint(x);
         }
     }
-    p->ranges[k] = r;
-}
-
-/* Non-finite values become padding, 0: for them x - x is not a number. */
-static void make_slice(const ArrayPass *p, int k, double *numbers)
-{
-    const double offset = p->volume->hu_offset, scale = 1 / p->volume->hu_step;
-    for (int j = 0; j < p->array->box.dims[1]; j++) {
-        const double *const row = numbers_of_row(p, j, k, numbers);
-        uint16_t *const restrict grey = grey_of(p, j, k);
-        for (int i = 0; i < p->array->box.dims[0]; i++) {
-            double g = (row[i] - offset) * scale + 0.5 + (row[i] - row[i]);
-            g = g >= 0 ? g : 0;
-            g = g <= GREY_MAX ? g : GREY_MAX;
-            grey[i] = (uint16_t)(int32_t)g;
-        }
-    }
+    return r;
 }
 
 /* HU of 16 bits, which are converted directly, like a slice's stored words. */
@@ -140,28 +113,37 @@ static Range convert_slice(const ArrayPass *p, int k, double *gathered)
     const CtsStored stored = {
         .bits = 16, .is_signed = p->array->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
     CtsStoredRange range = {INT32_MAX, INT32_MIN};
-    for (int j = 0; j < p->array->box.dims[1]; j++)
-        range =
-            cts_stored_range_join(range, cts_grey_whole(grey_of(p, j, k), row_of(p, j, k, gathered),
-                                                        (size_t)p->array->box.dims[0], &stored, 1, (int)-CTS_LEAST_HU));
+    for (int j = 0; j < p->box.dims[1]; j++)
+        range = cts_stored_range_join(range, cts_grey_whole(grey_of(p, j, k), row_of(p, j, k, gathered),
+                                                            (size_t)p->box.dims[0], &stored, 1, (int)-CTS_LEAST_HU));
     return (Range){range.low, range.high, true, 0};
 }
 
 static void find_ranges(void *context, int worker, size_t first, size_t end)
 {
     const ArrayPass *const p = context;
+    double *const rows = rows_of_worker(p, worker);
     for (int k = (int)first; k < (int)end; k++)
-        if (has_words(p))
-            p->ranges[k] = convert_slice(p, k, rows_of_worker(p, worker));
-        else
-            find_slice_range(p, k, rows_of_worker(p, worker));
+        p->ranges[k] = has_words(p) ? convert_slice(p, k, rows) : range_of_slice(p, k, rows);
 }
 
+/* Non-finite values become padding, 0: for them x - x is not a number. */
 static void make_slices(void *context, int worker, size_t first, size_t end)
 {
     const ArrayPass *const p = context;
-    for (int k = (int)first; k < (int)end; k++)
-        make_slice(p, k, rows_of_worker(p, worker));
+    const double offset = p->volume->hu_offset, scale = 1 / p->volume->hu_step;
+    const int n_rows = p->box.dims[1];
+    for (int n = (int)first * n_rows; n < (int)end * n_rows; n++) {
+        const int j = n % n_rows, k = n / n_rows;
+        const double *const row = numbers_of_row(p, j, k, rows_of_worker(p, worker));
+        uint16_t *const restrict grey = grey_of(p, j, k);
+        for (int i = 0; i < p->box.dims[0]; i++) {
+            double g = (row[i] - offset) * scale + 0.5 + (row[i] - row[i]);
+            g = g >= 0 ? g : 0;
+            g = g <= GREY_MAX ? g : GREY_MAX;
+            grey[i] = (uint16_t)(int32_t)g;
+        }
+    }
 }
 
 static CtsStatus check_array(const CtsHuArray *g, CtsError *err)
@@ -189,7 +171,7 @@ static CtsStatus check_array(const CtsHuArray *g, CtsError *err)
 static CtsStatus leave_values_out(const ArrayPass *p, Range *all, CtsOutliers *outliers, CtsReport *report,
                                   CtsError *err)
 {
-    const int *const dims = p->array->box.dims;
+    const int *const dims = p->box.dims;
     CtsStatus st = CTS_OK;
     size_t voxel = 0;
     for (int k = 0; k < dims[2]; k++)
@@ -203,12 +185,15 @@ static CtsStatus leave_values_out(const ArrayPass *p, Range *all, CtsOutliers *o
     return st ? st : cts_outliers_check(outliers, dims, report, err);
 }
 
-static CtsStatus settle_range(const ArrayPass *p, CtsVolume *v, CtsOutliers *outliers, CtsReport *report, CtsError *err)
+static CtsStatus settle_range(const ArrayPass *p, CtsOutliers *outliers, CtsReport *report, CtsError *err)
 {
+    CtsVolume *const v = p->volume;
     Range all = {INFINITY, -INFINITY, true, 0};
     CtsStatus st;
-    for (int k = 0; k < p->array->box.dims[2]; k++)
-        all = join_ranges(all, p->ranges[k]);
+    for (int k = 0; k < p->box.dims[2]; k++) {
+        const Range r = p->ranges[k];
+        all = (Range){fmin(all.low, r.low), fmax(all.high, r.high), all.whole && r.whole, all.n_lost + r.n_lost};
+    }
     const bool is_hu = v->quantity == CTS_QUANTITY_HU;
     if (is_hu && all.low <= all.high && (cts_is_outlier(all.low) || cts_is_outlier(all.high)) &&
         (st = leave_values_out(p, &all, outliers, report, err)))
@@ -226,13 +211,14 @@ static CtsStatus settle_range(const ArrayPass *p, CtsVolume *v, CtsOutliers *out
     return CTS_OK;
 }
 
-static CtsStatus fill_from_array(const ArrayPass *p, CtsVolume *v, int n_threads, CtsReport *report, CtsError *err)
+static CtsStatus fill_from_array(const ArrayPass *p, int n_threads, CtsReport *report, CtsError *err)
 {
-    const size_t n = (size_t)p->array->box.dims[2];
+    CtsVolume *const v = p->volume;
+    const size_t n = (size_t)p->box.dims[2];
     cts_parallel(n_threads, n, 0, find_ranges, (void *)p);
     CtsOutliers outliers;
-    cts_outliers_begin(&outliers, p->array->box.dims);
-    const CtsStatus st = settle_range(p, v, &outliers, report, err);
+    cts_outliers_begin(&outliers, p->box.dims);
+    const CtsStatus st = settle_range(p, &outliers, report, err);
     if (!st && !has_words(p)) {
         cts_parallel(n_threads, n, 0, make_slices, (void *)p);
         cts_outliers_mend(&outliers, v, v->grey);
@@ -264,16 +250,15 @@ CtsStatus cts_scanned_of_hu(const CtsHuArray *array, int n_threads, CtsScanned *
     if (st || (st = cts_alloc_zeroed(scanned, 1, err)))
         return st;
     n_threads = cts_threads(n_threads);
-    const HuArray as_scanned = stored(array);
-    const CtsBox *const box = &as_scanned.box;
-    ArrayPass pass = {.array = &as_scanned};
+    ArrayPass pass = {.array = array, .box = box_as_scanned(array)};
+    const CtsBox *const box = &pass.box;
     if (!(st = place_array(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_array(&pass.rows, (size_t)n_threads * 2 * (size_t)box->dims[0], err);
     pass.volume = (*scanned)->even;
     if (!st) {
         pass.volume->quantity = array->quantity;
         pass.volume->modality = array->modality;
-        st = fill_from_array(&pass, pass.volume, n_threads, report, err);
+        st = fill_from_array(&pass, n_threads, report, err);
     }
     cts_free(&pass.rows);
     cts_free(&pass.ranges);

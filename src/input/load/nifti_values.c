@@ -4,7 +4,6 @@
 #include "base/mem.h"
 #include "core/volume/grey.h"
 #include "input/files/file_header.h"
-#include "input/load/outliers.h"
 #include <math.h>
 
 /* Words of 16 bits: PADDING is the largest one, LAST the largest value. */
@@ -58,32 +57,27 @@ static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop,
     return st || !v->is_hu ? st : mend_outliers(v, nifti->dims, report, err);
 }
 
-/* HU of a word and step between words. */
-typedef struct Scale {
-    double step_hu, low_hu;
-} Scale;
-
-static Scale scale_of(const Values *v)
+/* Step between words; the lowest value is word 0. */
+static double step_of(const Values *v)
 {
-    const double low = v->range.low, span = v->range.high - low;
+    const double span = v->range.high - v->range.low;
     if (!v->is_hu)
-        return (Scale){cts_grey_decimal_step(span, LAST), low};
-    const bool keeps_values = (v->range.rest_whole && span <= LAST) || !(span > 0);
-    return (Scale){keeps_values ? 1 : span / LAST, low};
+        return cts_grey_decimal_step(span, LAST);
+    return (v->range.rest_whole && span <= LAST) || !(span > 0) ? 1 : span / LAST;
 }
 
-static void make_words(const Values *v, const CtsBox *b, Scale scale, uint16_t *words)
+static void make_words(const Values *v, const CtsBox *b, double step, uint16_t *words)
 {
-    const double per_hu = 1 / scale.step_hu;
+    const double per_step = 1 / step;
     for (int k = 0; k < b->dims[2]; k++)
         for (int j = 0; j < b->dims[1]; j++) {
             const float *x = v->items + b->first + k * b->stride[2] + j * b->stride[1];
             for (int i = 0; i < b->dims[0]; i++, x += b->stride[0])
-                *words++ = isfinite(*x) ? (uint16_t)((*x - scale.low_hu) * per_hu + 0.5) : PADDING;
+                *words++ = isfinite(*x) ? (uint16_t)((*x - v->range.low) * per_step + 0.5) : PADDING;
         }
 }
 
-static void report_slices(CtsSlice *slices, int n, Scale scale, const uint16_t *words)
+static void report_slices(CtsSlice *slices, int n, double step, double low, const uint16_t *words)
 {
     for (int k = 0; k < n; k++) {
         CtsSlice *const s = &slices[k];
@@ -91,8 +85,8 @@ static void report_slices(CtsSlice *slices, int n, Scale scale, const uint16_t *
         s->pixel_offset = (uint64_t)s->frame * s->pixel_bytes;
         s->memory = (const uint8_t *)words;
         s->file_bytes = (uint64_t)s->n_frames * s->pixel_bytes;
-        s->slope = scale.step_hu;
-        s->intercept = scale.low_hu;
+        s->slope = step;
+        s->intercept = low;
         s->has_padding = true;
         s->padding_low = s->padding_high = PADDING;
     }
@@ -159,9 +153,9 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, const CtsSeriesRules *rules, 
     if (!st) {
         cts_nifti_take_form(&nifti, rules->nifti_form);
         const CtsBox box = cts_nifti_box(&nifti);
-        const Scale scale = scale_of(&values);
-        make_words(&values, &box, scale, *words);
-        report_slices(slices, n, scale, *words);
+        const double step = step_of(&values);
+        make_words(&values, &box, step, *words);
+        report_slices(slices, n, step, values.range.low, *words);
         report_values(&nifti, &box, &values, report);
         if (rules->nifti_form == CTS_NIFTI_FORM_AUTO)
             report_forms(&nifti, report);

@@ -1,4 +1,4 @@
-#include "input/load/outliers.h"
+#include "input/load/load.h"
 
 #include "base/mem.h"
 #include "core/volume/components.h"
@@ -10,14 +10,9 @@
  * spreads one. */
 enum { VOXELS_PER_OUTLIER = 10000, LARGEST_PART = 8 };
 
-static size_t n_voxels(const int dims[3])
-{
-    return (size_t)dims[0] * (size_t)dims[1] * (size_t)dims[2];
-}
-
 void cts_outliers_begin(CtsOutliers *o, const int dims[3])
 {
-    *o = (CtsOutliers){.most = n_voxels(dims) / VOXELS_PER_OUTLIER,
+    *o = (CtsOutliers){.most = (size_t)dims[0] * (size_t)dims[1] * (size_t)dims[2] / VOXELS_PER_OUTLIER,
                        .low = INFINITY,
                        .high = -INFINITY,
                        .rest_low = INFINITY,

@@ -1,4 +1,3 @@
-#include "base/cpu.h"
 #include "base/mem.h"
 #include "core/volume/crop.h"
 #include "core/volume/shape_interpolation.h"

@@ -2,6 +2,7 @@
 
 #include "base/compare.h"
 #include "base/mem.h"
+#include "base/vec3.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdlib.h>
@@ -135,25 +136,21 @@ static double fit(const Samples *s, int p, int q)
 enum { MAX_DISPLACED = 16 };
 
 typedef struct Displaced {
+    double rank; /* first, as they are sorted by it */
     int k;
-    double rank;
 } Displaced;
 
-static int by_rank(const void *a, const void *b)
-{
-    const double x = ((const Displaced *)a)->rank, y = ((const Displaced *)b)->rank;
-    return (x < y) - (x > y);
-}
-
 /* Slices whose neighbours are about as similar to each other as to the slice (0.9 as in better()), or more, the most
- * outlying first. one[k] and two[k]: differences of slice k from the next one, and from the one after that. */
-static int find_displaced(const Samples *s, const double *one, const double *two, Displaced *all)
+ * outlying first. */
+static int find_displaced(const Samples *s, Displaced *all)
 {
     int n = 0;
-    for (int k = 1; k + 1 < s->n; k++)
-        if (fmin(one[k - 1], one[k]) > 0.9 * two[k - 1])
-            all[n++] = (Displaced){k, fmin(one[k - 1], one[k]) / fmax(two[k - 1], 1)};
-    qsort(all, (size_t)n, sizeof *all, by_rank);
+    for (int k = 1; k + 1 < s->n; k++) {
+        const double beside = fmin(apart(s, k - 1, k), apart(s, k, k + 1)), across = apart(s, k - 1, k + 1);
+        if (beside > 0.9 * across)
+            all[n++] = (Displaced){-beside / fmax(across, 1), k};
+    }
+    qsort(all, (size_t)n, sizeof *all, cts_compare_double);
     return n < MAX_DISPLACED ? n : MAX_DISPLACED;
 }
 
@@ -173,12 +170,12 @@ static void report_exchanged(const Samples *s, int p, int q, CtsReport *report)
 }
 
 /* Of slices that lie beside each other. */
-static void report_adjacent(const Samples *s, const double *one, const double *two, int *n_found, CtsReport *report)
+static void report_adjacent(const Samples *s, int *n_found, CtsReport *report)
 {
     int first = -1;
     *n_found = 0;
     for (int k = 1; k + 2 < s->n; k++)
-        if (better(two[k - 1] + two[k], one[k - 1] + one[k + 1]))
+        if (better(apart(s, k - 1, k + 1) + apart(s, k, k + 2), apart(s, k - 1, k) + apart(s, k + 1, k + 2)))
             first = (*n_found)++ ? first : k;
     /* From a quarter of the stack on, the scanner acquired slices alternately. */
     if (*n_found && 4 * *n_found < s->n)
@@ -197,28 +194,19 @@ static bool report_pair(const Samples *s, int a, int b, CtsReport *report)
 static CtsStatus report_order(const Samples *s, CtsReport *report, CtsError *err)
 {
     int n_found = 0;
-    double *one = NULL, *two = NULL;
     Displaced *displaced = NULL;
-    const size_t n = (size_t)s->n;
-    CtsStatus st = CTS_OK;
-    /* Of 4 slices, one exchange is a quarter of the stack (report_adjacent()). */
-    if (s->n < 5 || (st = cts_alloc_zeroed(&one, n, err)) || (st = cts_alloc_zeroed(&two, n, err)) ||
-        (st = cts_alloc_array(&displaced, n, err)))
-        goto end;
-    for (int k = 0; k + 1 < s->n; k++) {
-        one[k] = apart(s, k, k + 1);
-        two[k] = k + 2 < s->n ? apart(s, k, k + 2) : 0;
-    }
-    report_adjacent(s, one, two, &n_found, report);
-    const int n_displaced = n_found ? 0 : find_displaced(s, one, two, displaced);
+    if (s->n < 5) /* of 4 slices, one exchange is a quarter of the stack (report_adjacent()) */
+        return CTS_OK;
+    const CtsStatus st = cts_alloc_array(&displaced, (size_t)s->n, err);
+    if (st)
+        return st;
+    report_adjacent(s, &n_found, report);
+    const int n_displaced = n_found ? 0 : find_displaced(s, displaced);
     for (int i = 0, reported = 0; i < n_displaced; i++)
         for (int j = 0; j < i && !reported; j++)
             reported = report_pair(s, displaced[i].k, displaced[j].k, report);
-end:
-    cts_free(&one);
-    cts_free(&two);
     cts_free(&displaced);
-    return st;
+    return CTS_OK;
 }
 
 /* Histogram of the samples of all slices; of the pictures' margin alone, or all. */
@@ -298,12 +286,9 @@ static int body_samples(const Samples *s, bool rows, int level)
 
 static double mean_gap_mm(const Samples *s)
 {
-    double squares = 0;
-    for (int c = 0; c < 3; c++) {
-        const double d = s->slices[s->n - 1].position_lps[c] - s->slices[0].position_lps[c];
-        squares += d * d;
-    }
-    return s->n > 1 ? sqrt(squares) / (s->n - 1) : 0;
+    double line[3];
+    cts_sub3(s->slices[s->n - 1].position_lps, s->slices[0].position_lps, line);
+    return s->n > 1 ? cts_norm3(line) / (s->n - 1) : 0;
 }
 
 /* The body's size along columns and rows. */

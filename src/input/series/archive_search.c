@@ -5,7 +5,7 @@
 #include "dicom/header/slice.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
-#include "input/series/single_slices.h"
+#include "input/series/series_check.h"
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -58,6 +58,13 @@ static CtsStatus add_named_file(void *context, const char *path, CtsError *err)
     return add_file(context, &(CtsFile){.path = path}, NULL, err);
 }
 
+/* A folder that cannot be listed, or a DICOMDIR that names too much, counts like a file that cannot be read. */
+static CtsStatus report_fault(const ArchiveSearch *s, const char *why, CtsError *err)
+{
+    return s->asked->found(s->asked->context,
+                           &(CtsArchiveFile){.path = "", .why = why, .series_uid = "", .sop_uid = ""}, err);
+}
+
 /* The files that a DICOMDIR names, into the next group. */
 static CtsStatus follow_dicomdir(ArchiveSearch *s, const char *path, CtsError *err)
 {
@@ -70,8 +77,7 @@ static CtsStatus follow_dicomdir(ArchiveSearch *s, const char *path, CtsError *e
         return st;
     snprintf(why, sizeof why, CTS_DIRECTORY_MISSING_TEXT, path, counts.n_missing);
     s->counts->n_unreadable += counts.n_missing;
-    return s->asked->found(s->asked->context,
-                           &(CtsArchiveFile){.path = "", .why = why, .series_uid = "", .sop_uid = ""}, err);
+    return report_fault(s, why, err);
 }
 
 static CtsStatus hand_on(ArchiveSearch *s, size_t i, char **directory, CtsError *err)
@@ -96,10 +102,8 @@ static CtsStatus hand_on(ArchiveSearch *s, size_t i, char **directory, CtsError 
         file.n_voxels = (uint64_t)slice->rows * (uint64_t)slice->columns * (uint64_t)object->n_slices;
         return s->asked->found(s->asked->context, &file, err);
     }
-    if (header->why.status == CTS_ERR_MEMORY || header->why.status == CTS_ERR_INTERNAL) {
-        *err = header->why;
-        return err->status;
-    }
+    if (header->why.status == CTS_ERR_MEMORY || header->why.status == CTS_ERR_INTERNAL)
+        return cts_fail(err, header->why.status, "%s", header->why.text);
     if (header->kind == CTS_FILE_UNREADABLE) {
         file.why = header->why.text;
         report_archive(s->archives[i], &file);
@@ -145,18 +149,6 @@ static CtsStatus flush(ArchiveSearch *s, CtsError *err)
     return st;
 }
 
-/* A folder that cannot be listed counts like a file that cannot be read. */
-static CtsStatus report_folders(const ArchiveSearch *s, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    for (size_t i = 0; i < s->scan.diagnostics.n && !st; i++) {
-        const CtsArchiveFile file = {
-            .path = "", .why = s->scan.diagnostics.items[i].text, .series_uid = "", .sop_uid = ""};
-        st = s->asked->found(s->asked->context, &file, err);
-    }
-    return st;
-}
-
 CtsStatus cts_archive_search(const CtsArchiveSearch *asked, CtsArchiveCounts *counts, CtsError *err)
 {
     *counts = (CtsArchiveCounts){0};
@@ -178,8 +170,8 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *asked, CtsArchiveCounts *co
     counts->n_files += (uint64_t)s->scan.n_special + (uint64_t)s->scan.n_other;
     counts->n_not_ct += (uint64_t)s->scan.n_special + (uint64_t)s->scan.n_other;
     counts->n_unreadable += (uint64_t)s->scan.n_unreadable;
-    if (!st)
-        st = report_folders(s, err);
+    for (size_t i = 0; i < s->scan.diagnostics.n && !st; i++)
+        st = report_fault(s, s->scan.diagnostics.items[i].text, err);
     cts_string_pool_free(&s->paths);
     for (int t = 0; s->readers && t < s->n_threads; t++)
         cts_header_reader_free(&s->readers[t]);

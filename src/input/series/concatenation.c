@@ -25,10 +25,8 @@ static int by_part(const void *a, const void *b)
 {
     const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
     int order = by_concatenation(x, y);
-    if (!order)
-        order = (x->first_frame > y->first_frame) - (x->first_frame < y->first_frame);
-    if (!order)
-        order = x->part_number - y->part_number;
+    order = order ? order : (x->first_frame > y->first_frame) - (x->first_frame < y->first_frame);
+    order = order ? order : x->part_number - y->part_number;
     return order ? order : strcmp(x->path, y->path);
 }
 

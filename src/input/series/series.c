@@ -3,13 +3,11 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "base/parallel.h"
 #include "base/string_pool.h"
 #include "base/text.h"
 #include "input/files/file_header.h"
 #include "input/files/scan.h"
 #include "input/series/series_check.h"
-#include "input/series/single_slices.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -82,7 +80,7 @@ static CtsStatus read_new_headers(HeaderSearch *s, int n_threads, CtsError *err)
 
 static CtsStatus add_named(void *context, const char *path, CtsError *err)
 {
-    return cts_file_list_add(context, path, false, err);
+    return cts_file_list_add(context, &(CtsFile){.path = path}, err);
 }
 
 /* Add the files that one DICOMDIR names. */
@@ -126,10 +124,8 @@ static int by_series(const void *a, const void *b)
         if (!order)
             order = (nx > ny) - (nx < ny);
     }
-    if (!order)
-        order = (int)x->kind - (int)y->kind;
-    if (!order)
-        order = (int)x->modality_id - (int)y->modality_id;
+    order = order ? order : (int)x->kind - (int)y->kind;
+    order = order ? order : (int)x->modality_id - (int)y->modality_id;
     /* A stack is a volume of its own (PS3.3 C.7.6.16.2.2.2). */
     return order ? order : strcmp(x->stack_id, y->stack_id);
 }
@@ -138,14 +134,57 @@ static int by_series_and_path(const void *a, const void *b)
 {
     const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
     int order = by_series(a, b);
-    if (!order)
-        order = strcmp(x->path, y->path);
+    order = order ? order : strcmp(x->path, y->path);
     return order ? order : x->frame - y->frame;
 }
 
 static bool is_planar(const CtsSeries *series)
 {
     return series->slices[0]->kind == CTS_OBJECT_IMAGE;
+}
+
+static const char NOT_DICOM[] = "not DICOM";
+
+/* Counts n more of a kind, in words. */
+static CtsStatus add_other(CtsSeriesList *list, const char *what, int n, CtsError *err)
+{
+    CtsFileCount *found = list->others, *const end = found + list->n_others;
+    while (found < end && strcmp(found->what, what))
+        found++;
+    if (found == end && n) {
+        if (cts_grow(&list->others, list->n_others, err))
+            return CTS_ERR_MEMORY;
+        found = &list->others[list->n_others++];
+        *found = (CtsFileCount){.n = 0};
+        snprintf(found->what, sizeof found->what, "%s", what);
+    }
+    if (n)
+        found->n += n;
+    return CTS_OK;
+}
+
+/* Counts a file that this program probably packed, or "NIfTI". */
+static CtsStatus add_packed(CtsSeriesList *list, const char *packed, CtsError *err)
+{
+    char what[40];
+    if (!strcmp(packed, "NIfTI"))
+        return add_other(list, "NIfTI (name the file itself)", 1, err);
+    snprintf(what, sizeof what, "packed with %s (unpack first)", packed);
+    return add_other(list, what, 1, err);
+}
+
+/* The most frequent first, then by name. */
+static int by_count(const void *a, const void *b)
+{
+    const CtsFileCount *x = a, *y = b;
+    return x->n != y->n ? (x->n < y->n) - (x->n > y->n) : strcmp(x->what, y->what);
+}
+
+void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size)
+{
+    text[0] = 0;
+    for (size_t i = 0; i < list->n_others; i++)
+        cts_text_append(text, size, ", ", "%d %s", list->others[i].n, list->others[i].what);
 }
 
 /* Counts a file without slices, and names an unreadable one. */
@@ -159,8 +198,9 @@ static CtsStatus count_other(const HeaderSearch *s, size_t i, CtsError *err)
         return CTS_OK;
     }
     s->list->n_not_ct++;
-    return h->kind == CTS_FILE_DICOM ? cts_others_add_object(s->list, h->object.class_name, err)
-                                     : cts_others_add_files(s->list, 1, h->object.packed, err);
+    if (h->object.packed)
+        return add_packed(s->list, h->object.packed, err);
+    return add_other(s->list, h->kind == CTS_FILE_DICOM ? h->object.class_name : NOT_DICOM, 1, err);
 }
 
 /* The slices of all objects move to *slices; other files are counted, images that are not asked for among them. */
@@ -170,9 +210,9 @@ static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, 
     list->n_not_ct = s->files.n_special + s->files.n_other;
     list->n_files = (int)s->n_headers + list->n_not_ct;
     list->n_unreadable = s->files.n_unreadable;
-    CtsStatus st = cts_others_add_special(list, s->files.n_special, err);
+    CtsStatus st = add_other(list, "links to folders or devices (name them)", s->files.n_special, err);
     if (!st)
-        st = cts_others_add_files(list, s->files.n_other, NULL, err);
+        st = add_other(list, NOT_DICOM, s->files.n_other, err);
     for (size_t i = 0; !st && i < s->n_headers; i++) {
         CtsObject *const object = &s->headers[i].object;
         if (object->kind == CTS_OBJECT_IMAGE && object->n_slices && !s->asked->images)
@@ -184,7 +224,8 @@ static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, 
         while (!st && object->n_slices && !(st = cts_grow(slices, *n_slices, err)))
             (*slices)[(*n_slices)++] = object->slices[--object->n_slices];
     }
-    cts_others_sort(list);
+    if (list->n_others)
+        qsort(list->others, list->n_others, sizeof *list->others, by_count);
     cts_study_numbers_sort(&s->numbers);
     return st;
 }

@@ -6,7 +6,6 @@
 #include "base/vec3.h"
 #include "dicom/header/utf8.h"
 #include "input/series/slice_stack.h"
-#include "input/series/suv.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -214,6 +213,11 @@ static bool has_own_frames(const CtsSliceSet *set, CtsStatus *st, CtsError *err)
     return own && n_own >= FEWEST_OWN_FRAMES;
 }
 
+static void refuse_identity(CtsSeries *series, int part)
+{
+    refuse_series(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[part].means, identities[part].name);
+}
+
 /* A volume needs one patient, one study and one frame of reference. Messages contain no values. */
 static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
 {
@@ -226,8 +230,7 @@ static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
         if (!known && !empty)
             known = s;
         if (known && !empty && !same_identity(known, s, part)) {
-            refuse_series(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[part].means,
-                          identities[part].name);
+            refuse_identity(series, part);
             return;
         }
     }
@@ -254,20 +257,20 @@ static void check_modality(const CtsSliceSet *set, CtsSeries *series)
 /* Positions nearer than *same_mm are one position; negative when all are. Gaps up to 1e-3 mm are rounding. */
 static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError *err)
 {
-    double *gaps = malloc((size_t)set->n * sizeof *gaps);
+    double *gaps = NULL;
     int n = 0;
-    if (!gaps)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int i = 1; i < set->n; i++) {
+    const CtsStatus st = cts_alloc_array(&gaps, (size_t)set->n, err);
+    for (int i = 1; !st && i < set->n; i++) {
         const double gap = cts_slice_stack_position_mm(set->items[0], set->items[i]) -
                            cts_slice_stack_position_mm(set->items[0], set->items[i - 1]);
         if (gap > 1e-3)
             gaps[n++] = gap;
     }
-    qsort(gaps, (size_t)n, sizeof *gaps, cts_compare_double);
+    if (n)
+        qsort(gaps, (size_t)n, sizeof *gaps, cts_compare_double);
     *same_mm = n ? cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]) : -1;
-    free(gaps);
-    return CTS_OK;
+    cts_free(&gaps);
+    return st;
 }
 
 static void describe_deviation(CtsSeries *series)
@@ -359,9 +362,9 @@ static void check_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers
                  "only every %d%s slice is present: InstanceNumber (0020,0013) steps by %d, and slices of %.3g mm lie "
                  "%.3g mm apart",
                  missing.every,
-                 missing.every == 2   ? "nd"
-                 : missing.every == 3 ? "rd"
-                                      : "th",
+                 !is_thinned          ? "th"
+                 : missing.every == 2 ? "nd"
+                                      : "rd",
                  missing.every, missing.thickness_mm, missing.gap_mm);
     else
         snprintf(what, sizeof what,
@@ -407,15 +410,12 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
     CtsError why = {0};
     const CtsSlice *const *slices = (const CtsSlice *const *)set->items;
     const CtsStatus st = cts_slice_stack_plan(slices, set->n, series->rules.allow_missing_slices, &stack, &why);
-    if (st == CTS_ERR_MEMORY) {
-        *err = why;
-        return st;
-    }
+    if (st == CTS_ERR_MEMORY)
+        return cts_fail(err, st, "%s", why.text);
     series->spacing_mm[2] = stack.spacing_mm;
     series->tilt_deg = stack.tilt_deg;
     if (series->frames_differ && (st || stack.kind != CTS_STACK_EVEN))
-        refuse_series(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[CTS_FRAME_UID].means,
-                      identities[CTS_FRAME_UID].name);
+        refuse_identity(series, CTS_FRAME_UID);
     else if (series->frames_differ)
         cts_diagnostics_add(
             &series->diagnostics, CTS_DIAGNOSTIC_FRAMES_OF_REFERENCE,

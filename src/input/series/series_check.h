@@ -42,7 +42,7 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
  * several slices. */
 CtsStatus cts_slice_set_grids(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **grids, int *n_grids, CtsError *err);
 /* Adds slices with the pixel grid of one and nearly its orientation, which may jitter (normals within 8 degrees;
- * cts_slice_set_settle() is stricter); keep marks them, and n_kept counts them. */
+ * settle() is stricter); keep marks them, and n_kept counts them. */
 void cts_slice_set_take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep,
                                   int *n_kept);
 
@@ -73,22 +73,23 @@ typedef struct CtsMissingSlices {
 } CtsMissingSlices;
 CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNumbers *numbers);
 
-/* For slices whose orientations jitter about one direction, so that with their mean no voxel moves by more than a tenth
- * of a pixel, and whose direction does not drift along the stack: sets the mean and returns true. keep: the slices of
- * the set concerned. */
-bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep);
-
 /* Sets lacks of each slice whose object is a part of a concatenation: the parts missing by the numbers and offsets of
  * the present ones. The texts are kept in texts. */
 CtsStatus cts_concatenations_check(CtsSlice *const *slices, size_t n, CtsStringPool *texts, CtsError *err);
 
-/* Counts of files that are not CT slices, by kind. */
+/* Quantity of n slices' values, after multiplication by factor. */
+typedef struct CtsValueScale {
+    CtsQuantity quantity;
+    double factor;
+    char why[400]; /* reason why it is not SUVbw of PET; "" where it is, and of other modalities */
+} CtsValueScale;
 
-/* n files that are not DICOM; packed: NULL, or the program that probably packed them. */
-CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, CtsError *err);
-/* n that are no files, and are not followed. */
-CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err);
-/* A DICOM object of this SOP class; "" if it names none. */
-CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_name, CtsError *err);
-/* Once all are there: most frequent first, then by name. */
-void cts_others_sort(CtsSeriesList *list);
+/* SUVbw as QIBA's vendor-neutral formula computes it, with one factor for all slices; Bq/ml where attributes are
+ * missing, and stored values where the unit is another one. */
+CtsValueScale cts_pet_scale(const CtsSlice *const *slices, int n);
+
+/* Grid and position of a slice; false for one without a sound position, a scout, a page or a frame. */
+bool cts_slice_place(const CtsSlice *slice, CtsSlicePlace *place);
+
+/* Adds a note for each stack of single slices in a complete list. */
+CtsStatus cts_single_slices_report(CtsSeriesList *list, CtsError *err);

@@ -1,4 +1,3 @@
-#include "input/series/single_slices.h"
 
 #include "base/vec3.h"
 #include "input/series/series_check.h"
@@ -78,10 +77,8 @@ static CtsStatus try_stack(Stacking *s, const Member *members, size_t n, bool *f
     const CtsStatus st = cts_slice_stack_plan(s->line, (int)n, false, &stack, &why);
     *found = !st && stack.kind != CTS_STACK_UNEQUAL;
     cts_slice_stack_free(&stack);
-    if (st == CTS_ERR_MEMORY) {
-        *err = why;
-        return st;
-    }
+    if (st == CTS_ERR_MEMORY)
+        return cts_fail(err, st, "%s", why.text);
     s->n_stacks += *found;
     for (size_t i = 0; *found && i < n; i++)
         s->stack[members[i].place] = s->n_stacks;

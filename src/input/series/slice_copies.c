@@ -42,35 +42,16 @@ static bool same_encoding(const CtsSlice *a, const CtsSlice *b)
 
 /* Buffers and counts for the comparisons of one set. */
 typedef struct Copies {
-    uint64_t *samples;   /* of each slice; 0: not read yet */
-    CtsSandbox *decoder; /* started when the first compressed slice comes */
-    uint16_t *words[2];  /* of the two slices that are compared, room for n_words each */
-    size_t n_words;
+    uint64_t *samples;     /* of each slice; 0: not read yet */
+    CtsSandbox *decoder;   /* started when the first compressed slice comes */
     int n_equal, n_differ; /* pairs whose pixels were decoded */
 } Copies;
 
-static void compare_words(void *context, const uint16_t *at, size_t first, size_t end)
+static void keep_words(void *context, const uint16_t *at, size_t first, size_t end)
 {
     uint16_t *const to = (uint16_t *)context + first;
     if (at != to)
         memcpy(to, at, (end - first) * sizeof *to);
-}
-
-static bool read_words(Copies *c, const CtsSlice *s, int which)
-{
-    return !cts_slice_read_pixels(s, &c->decoder, c->words[which], compare_words, c->words[which], NULL);
-}
-
-static bool have_room(Copies *c, size_t n)
-{
-    for (int i = 0; n > c->n_words && i < 2; i++) {
-        uint16_t *const words = realloc(c->words[i], n * sizeof *words);
-        if (!words)
-            return false;
-        c->words[i] = words;
-    }
-    c->n_words = n > c->n_words ? n : c->n_words;
-    return true;
 }
 
 static double hu_of_word(const CtsSlice *s, const CtsStored *stored, uint16_t word)
@@ -79,19 +60,24 @@ static double hu_of_word(const CtsSlice *s, const CtsStored *stored, uint16_t wo
     return cts_stored_is_padding(word, value, stored) ? MIN_HU : fmax(s->slope * value + s->intercept, MIN_HU);
 }
 
+static bool read_words(Copies *c, const CtsSlice *s, uint16_t *words)
+{
+    return !cts_slice_read_pixels(s, &c->decoder, words, keep_words, words, NULL);
+}
+
 /* The same HU, to the rounding of the coarser encoding. Of two that cannot be read either may go. */
 static bool same_hu(Copies *c, const CtsSlice *a, const CtsSlice *b)
 {
     const size_t n = (size_t)a->rows * (size_t)a->columns;
     const CtsStored of_a = cts_slice_stored(a), of_b = cts_slice_stored(b);
     const double most = ROUNDING * fmax(fabs(a->slope), fabs(b->slope));
-    if (!have_room(c, n))
-        return false;
-    const bool has_a = read_words(c, a, 0), has_b = read_words(c, b, 1);
-    for (size_t i = 0; has_a && has_b && i < n; i++)
-        if (!(fabs(hu_of_word(a, &of_a, c->words[0][i]) - hu_of_word(b, &of_b, c->words[1][i])) <= most))
-            return false;
-    return has_a == has_b;
+    uint16_t *words = malloc(2 * n * sizeof *words);
+    const bool has_a = words && read_words(c, a, words), has_b = words && read_words(c, b, words + n);
+    bool same = words && has_a == has_b;
+    for (size_t i = 0; same && has_a && i < n; i++)
+        same = fabs(hu_of_word(a, &of_a, words[i]) - hu_of_word(b, &of_b, words[n + i])) <= most;
+    free(words);
+    return same;
 }
 
 /* True for slices of one acquisition: the attributes that separate acquisitions are the same in all encodings of a
@@ -166,8 +152,6 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
             set->items[set->n++] = set->items[i];
     *n_dropped = n - set->n;
     cts_sandbox_free(&copies.decoder);
-    free(copies.words[0]);
-    free(copies.words[1]);
     cts_free(&copies.samples);
     return st;
 }

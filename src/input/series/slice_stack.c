@@ -100,27 +100,29 @@ static void number_layers(CtsSliceStack *s, const double *gaps, int n)
     s->n_layers = layer + 1;
 }
 
+/* Removes a vector's component along a unit normal, and returns it. */
+static double take_along(double v[3], const double normal[3])
+{
+    const double along = cts_dot3(v, normal);
+    for (int c = 0; c < 3; c++)
+        v[c] -= along * normal[c];
+    return along;
+}
+
 /* The line from the first to the last position, its angle to the normal, and the slices' lateral deviation from it. */
 static void follow_line(CtsSliceStack *s, const CtsSlice *const *slices, int n)
 {
-    const CtsSlice *first = slices[0], *last = slices[n - 1], *middle = slices[n / 2];
-    double line[3];
-    for (int c = 0; c < 3; c++) {
-        line[c] = last->position_lps[c] - first->position_lps[c];
-        s->step_lps[c] = line[c] / (s->n_layers - 1);
-    }
-    const double along = cts_dot3(line, middle->normal_lps);
-    double sideways[3];
+    const CtsSlice *first = slices[0], *middle = slices[n / 2];
+    double line[3], off[3];
+    cts_sub3(slices[n - 1]->position_lps, first->position_lps, line);
     for (int c = 0; c < 3; c++)
-        sideways[c] = line[c] - along * middle->normal_lps[c];
-    s->tilt_deg = atan2(cts_norm3(sideways), along) * (180 / 3.14159265358979323846);
+        s->step_lps[c] = line[c] / (s->n_layers - 1);
+    const double along = take_along(line, middle->normal_lps);
+    s->tilt_deg = atan2(cts_norm3(line), along) * (180 / 3.14159265358979323846);
     for (int i = 0; i < n; i++) {
-        double off[3];
         for (int c = 0; c < 3; c++)
             off[c] = slices[i]->position_lps[c] - first->position_lps[c] - s->layer[i] * s->step_lps[c];
-        const double up = cts_dot3(off, middle->normal_lps);
-        for (int c = 0; c < 3; c++)
-            off[c] -= up * middle->normal_lps[c];
+        take_along(off, middle->normal_lps);
         s->sideways_mm = fmax(s->sideways_mm, cts_norm3(off));
     }
 }

@@ -1,8 +1,7 @@
-#include "input/series/suv.h"
+#include "input/series/series_check.h"
 
 #include "base/text.h"
 #include <math.h>
-#include <string.h>
 
 static const double DAY_S = 86400, HOUR_S = 3600;
 /* Half-lives after which a thousandth of the dose is left, too little for a picture. */
