@@ -42,7 +42,7 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
  * several slices. */
 CtsStatus cts_slice_set_grids(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **grids, int *n_grids, CtsError *err);
 /* Adds slices with the pixel grid of one and nearly its orientation, which may jitter (normals within 8 degrees;
- * settle() is stricter); keep marks them, and n_kept counts them. */
+ * settle_orientation() is stricter); keep marks them, and n_kept counts them. */
 void cts_slice_set_take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep,
                                   int *n_kept);
 

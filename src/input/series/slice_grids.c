@@ -98,7 +98,7 @@ static bool drifts(const Deviation *off, int n)
 /* For slices whose orientations jitter about one direction, so that with their mean no voxel moves by more than a tenth
  * of a pixel, and whose direction does not drift along the stack: sets the mean and returns true. keep: the slices of
  * the set concerned. */
-static bool settle(const CtsSliceSet *set, const bool *keep)
+static bool settle_orientation(const CtsSliceSet *set, const bool *keep)
 {
     const Axes mean = mean_axes(set, keep);
     Deviation *off = malloc(((size_t)set->n + 1) * sizeof *off);
@@ -136,7 +136,7 @@ void cts_slice_set_take_jittering(const CtsSliceSet *set, const CtsSlice *one, C
         keep[i] = same_pixels(set->items[i], one) && cts_dot3(set->items[i]->normal_lps, one->normal_lps) > 0.99;
         n += keep[i];
     }
-    if (n == *n_kept || !settle(set, keep))
+    if (n == *n_kept || !settle_orientation(set, keep))
         return;
     *n_kept = n;
     cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_ORIENTATION_JITTER,

@@ -41,8 +41,7 @@ static int by_position(const void *a, const void *b, void *reference)
         q = or_zero(y->volume_number[numbers[i]]);
     }
     int order = p == q ? cts_compare_int(&x->instance_number, &y->instance_number) : cts_compare_double(&p, &q);
-    if (!order)
-        order = strcmp(x->path, y->path);
+    order = order ? order : strcmp(x->path, y->path);
     return order ? order : x->frame - y->frame;
 }
 
