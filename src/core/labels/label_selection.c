@@ -225,9 +225,7 @@ CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **l
     *lacking = NULL;
     *any = false;
     CtsStatus st = cts_alloc_zeroed(&hit, labels->n + 2, err);
-    if (!st)
-        st = cts_label_find_list(labels, "show", show, hit, lacking, err);
-    if (!st)
+    if (!st && !(st = cts_label_find_list(labels, "show", show, hit, lacking, err)))
         st = cts_label_check_shown(labels, hit, err);
     for (size_t i = 0; !st && i <= labels->n; i++)
         *any |= hit[i];

@@ -150,17 +150,6 @@ static CtsStatus add_nifti(const CtsFile *source, const CtsFileBytes *file, CtsN
     return st;
 }
 
-static CtsStatus read_nifti_header(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form,
-                                   CtsHeaderRead *result)
-{
-    result->kind = CTS_FILE_NIFTI;
-    /* In a folder it may be a mask or a picture of anything. */
-    if (source->named)
-        return add_nifti(source, file, form, &result->object, &result->why);
-    result->object.packed = "NIfTI";
-    return CTS_OK;
-}
-
 /* Opens a file and queues its header; cts_header_finish() completes the result. */
 static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsNiftiForm form, CtsHeaderRead *result)
 {
@@ -169,8 +158,13 @@ static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsN
     size_t n;
     *result = (CtsHeaderRead){.kind = CTS_FILE_NOT_DICOM};
     CtsStatus st = cts_header_begin(reader, source, &file, &bytes, &n, &result->why);
-    if (!st && n && is_nifti(source->path, bytes, n))
-        st = read_nifti_header(source, &file, form, result);
+    const bool nifti = !st && n && is_nifti(source->path, bytes, n);
+    if (nifti)
+        result->kind = CTS_FILE_NIFTI;
+    if (nifti && source->named)
+        st = add_nifti(source, &file, form, &result->object, &result->why);
+    else if (nifti) /* in a folder it may be a mask or a picture of anything */
+        result->object.packed = "NIfTI";
     else if (!st && n && !cts_header_add(reader, source, &file, n, result))
         result->object.packed = packer_of(bytes, n);
     cts_file_bytes_close(&file);

@@ -104,10 +104,8 @@ static void to_pixels(CtsOutline *o, int slice, size_t first, size_t end)
 static CtsStatus find_parts(CtsOutline *o, size_t a, size_t b, double row, bool part[4], CtsError *err)
 {
     o->n_crossings = 0;
-    CtsStatus st = add_crossings(o, a, row, err);
-    if (!st)
-        st = add_crossings(o, b, row, err);
-    if (st)
+    CtsStatus st;
+    if ((st = add_crossings(o, a, row, err)) || (st = add_crossings(o, b, row, err)))
         return st;
     qsort(o->crossings, o->n_crossings, sizeof *o->crossings, cts_compare_double);
     for (size_t i = 0, inside = 0; i + 1 < o->n_crossings; i++) {
@@ -226,16 +224,6 @@ static int by_place(const void *a, const void *b)
     return x->at_mm != y->at_mm ? (x->at_mm < y->at_mm ? -1 : 1) : x->first < y->first ? -1 : x->first > y->first;
 }
 
-/* The contours of one plane, within 0.01 mm, from *at on; the next plane's begin at *at then. */
-static const CtsContour *next_plane(const CtsOutline *o, size_t *at, const CtsContour **end)
-{
-    const CtsContour *const first = o->contours + *at;
-    while (*at < o->n_contours && o->contours[*at].at_mm - first->at_mm < 0.01)
-        ++*at;
-    *end = o->contours + *at;
-    return first;
-}
-
 /* The slice of a contour plane: at most half the distance to the next slice away; 1e-6 mm is rounding. */
 static int slice_at(const CtsLabelGrid *g, double at_mm)
 {
@@ -257,7 +245,9 @@ static CtsStatus fill_slices(CtsOutline *o, CtsLabel *label, CtsError *err)
     int slice = -1; /* of the nearest plane */
     qsort(o->contours, o->n_contours, sizeof *o->contours, by_place);
     for (size_t at = 0; !st && at < o->n_contours;) {
-        const CtsContour *end, *const first = next_plane(o, &at, &end);
+        const CtsContour *const first = o->contours + at;
+        while (at < o->n_contours && o->contours[at].at_mm - first->at_mm < 0.01) /* of one plane */
+            at++;
         const int here = slice_at(o->grid, first->at_mm);
         o->n_off += here < 0 || here == slice;
         if (here < 0)
@@ -269,7 +259,7 @@ static CtsStatus fill_slices(CtsOutline *o, CtsLabel *label, CtsError *err)
         const double slice_mm = cts_label_slice_at_mm(o->grid, here);
         if (here != slice || fabs(first->at_mm - slice_mm) < fabs(nearest->at_mm - slice_mm)) {
             nearest = first;
-            nearest_end = end;
+            nearest_end = o->contours + at;
         }
         slice = here;
     }

@@ -257,13 +257,10 @@ CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsLabel
     const size_t first_left_out = reading->labels->n_left_out;
     cts_mask_axes(s.outline.grid->step_lps, s.outline.inverse);
     CtsStatus st = read_structures(&s, err);
-    if (!st)
-        st = check_frames(&s, err);
+    st = st ? st : check_frames(&s, err);
     for (size_t i = 0; i < s.n && !st; i++)
         st = s.items[i].left_out ? CTS_OK : add_structure(&s, &s.items[i], err);
-    if (!st)
-        st = check_left(&s, first_left_out, err);
-    if (!st)
+    if (!st && !(st = check_left(&s, first_left_out, err)))
         report_outline(&s, first_left_out);
     cts_outline_free(&s.outline);
     free(s.items);

@@ -471,9 +471,8 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom
     CtsStatus st = cts_label_check_space(reading, object, frame_uid, err);
     if (!st)
         st = cts_alloc_array(&s.label_of, MAX_NUMBERS, err);
-    for (int i = 0; !st && i < MAX_NUMBERS; i++)
-        s.label_of[i] = -1;
     if (!st && !(st = read_type(&s, err)) && !(st = read_seg_shape(&s, err))) {
+        memset(s.label_of, -1, MAX_NUMBERS * sizeof *s.label_of);
         s.crops = s.type == BINARY && cts_label_shares_space(frame_uid, reading->series);
         st = read_seg(&s, err);
     }

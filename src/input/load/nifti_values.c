@@ -131,15 +131,6 @@ static CtsStatus check_hu(const Values *v, const CtsSeriesRules *rules, CtsError
                      v->range.low);
 }
 
-static void report_forms(const CtsNifti *nifti, CtsReport *report)
-{
-    char text[CTS_NIFTI_FORMS_TEXT];
-    if (cts_nifti_compare_forms(nifti, text) == CTS_NIFTI_FORMS_DIFFER)
-        cts_report_diagnostic(
-            report, CTS_DIAGNOSTIC_NIFTI_FORMS,
-            "its sform and its qform differ: %s; the sform is taken (`nifti-form` qform takes the other)", text);
-}
-
 CtsStatus cts_nifti_words(CtsSlice *slices, int n, const CtsSeriesRules *rules, const volatile sig_atomic_t *stop,
                           uint16_t **words, CtsReport *report, CtsError *err)
 {
@@ -157,8 +148,11 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, const CtsSeriesRules *rules, 
         make_words(&values, &box, step, *words);
         report_slices(slices, n, step, values.range.low, *words);
         report_values(&nifti, &box, &values, report);
-        if (rules->nifti_form == CTS_NIFTI_FORM_AUTO)
-            report_forms(&nifti, report);
+        char text[CTS_NIFTI_FORMS_TEXT];
+        if (rules->nifti_form == CTS_NIFTI_FORM_AUTO && cts_nifti_compare_forms(&nifti, text) == CTS_NIFTI_FORMS_DIFFER)
+            cts_report_diagnostic(
+                report, CTS_DIAGNOSTIC_NIFTI_FORMS,
+                "its sform and its qform differ: %s; the sform is taken (`nifti-form` qform takes the other)", text);
     }
     cts_outliers_free(&values.range);
     cts_free(&values.items);

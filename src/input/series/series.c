@@ -83,28 +83,25 @@ static CtsStatus add_named(void *context, const char *path, CtsError *err)
     return cts_file_list_add(context, &(CtsFile){.path = path}, err);
 }
 
-/* Add the files that one DICOMDIR names. */
-static CtsStatus follow_directory(HeaderSearch *s, const char *path, CtsError *err)
-{
-    CtsDirectoryCounts counts;
-    const CtsStatus st = cts_directory_files(path, add_named, &s->files, &counts, err);
-    if (counts.n_missing)
-        cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, CTS_DIRECTORY_MISSING_TEXT, path,
-                            counts.n_missing);
-    s->files.n_unreadable += (int)counts.n_missing;
-    if (counts.n_refused)
-        cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_DIRECTORY_ESCAPES,
-                            "%s: %zu of its files do not lie in its folder; left out", path, counts.n_refused);
-    return st;
-}
-
+/* Adds the files that DICOMDIRs name. */
 static CtsStatus follow_directories(HeaderSearch *s, int n_threads, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const size_t n = s->n_headers;
-    for (size_t i = 0; !st && i < n; i++)
-        if (s->files.items[i].named && s->headers[i].object.kind == CTS_OBJECT_DIRECTORY)
-            st = follow_directory(s, s->files.items[i].path, err);
+    for (size_t i = 0; !st && i < n; i++) {
+        const char *const path = s->files.items[i].path;
+        CtsDirectoryCounts counts;
+        if (!s->files.items[i].named || s->headers[i].object.kind != CTS_OBJECT_DIRECTORY)
+            continue;
+        st = cts_directory_files(path, add_named, &s->files, &counts, err);
+        if (counts.n_missing)
+            cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, CTS_DIRECTORY_MISSING_TEXT, path,
+                                counts.n_missing);
+        s->files.n_unreadable += (int)counts.n_missing;
+        if (counts.n_refused)
+            cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_DIRECTORY_ESCAPES,
+                                "%s: %zu of its files do not lie in its folder; left out", path, counts.n_refused);
+    }
     return !st && s->files.n > n ? read_new_headers(s, n_threads, err) : st;
 }
 
