@@ -26,7 +26,9 @@ static CtsStatus take_numbers(void *context, const double *values, size_t first,
 {
     Map *const m = context;
     for (size_t i = 0; i < n; i++) {
-        const double x = values[i], whole = x == 0 ? 0 : round(x); /* most are 0 */
+        const double x = values[i], whole = round(x);
+        if (x == 0) /* most are, as is the array */
+            continue;
         if (!(whole >= 0 && whole <= UINT16_MAX) || !(fabs(x - whole) <= rounding))
             return cts_fail(err, CTS_ERR_PIXELS, "holds %.9g, which is no number of a label (whole, 0 to 65535)", x);
         m->numbers[first + i] = (uint16_t)whole;
@@ -38,7 +40,7 @@ static CtsStatus read_numbers(Map *m, CtsError *err)
 {
     size_t n = 0;
     CtsStatus st = cts_nifti_count(&m->nifti, sizeof *m->numbers, &n, err);
-    if (!st && !(st = cts_alloc_array(&m->numbers, n, err)))
+    if (!st && !(st = cts_alloc_zeroed(&m->numbers, n, err)))
         st = cts_nifti_read(&m->nifti, n, NULL, take_numbers, m, err);
     return st;
 }

@@ -1,5 +1,6 @@
 #include "input/load/load.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include "core/volume/components.h"
 #include <math.h>
@@ -22,11 +23,11 @@ void cts_outliers_begin(CtsOutliers *o, const int dims[3])
 
 CtsStatus cts_outliers_take(CtsOutliers *o, size_t voxel, double hu, CtsError *err)
 {
-    o->low = fmin(o->low, hu);
-    o->high = fmax(o->high, hu);
+    cts_lower_to(&o->low, hu);
+    cts_raise_to(&o->high, hu);
     if (!cts_is_outlier(hu)) {
-        o->rest_low = fmin(o->rest_low, hu);
-        o->rest_high = fmax(o->rest_high, hu);
+        cts_lower_to(&o->rest_low, hu);
+        cts_raise_to(&o->rest_high, hu);
         o->rest_whole &= hu == floor(hu);
         return CTS_OK;
     }
