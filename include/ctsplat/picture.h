@@ -23,6 +23,7 @@ typedef struct CtsPictureInfo {
     bool light_behind; /* the background is nearer to white than to black */
     bool shows_skin;   /* skin may be visible: a face may be recognised */
     bool annotated;    /* marks are drawn on it */
+    bool is_section;   /* nothing is rendered: a section of the scan, or several */
     double camera_mm;  /* distance of the camera plane, where depth is 0, in front of centre_lps */
     char tiles[256];   /* of a montage, with preset and view of each: "skin left, axial"; "": one view */
     double occlusion;  /* darkening of folds, 0 to 1; 0 where the picture is not lit */

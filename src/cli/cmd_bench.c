@@ -82,7 +82,8 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
                                 err);
     job.source.crops_air = false;
     job.source.interpolation = CTS_INTERPOLATION_LINEAR; /* engines are measured on the slices without interpolation */
-    if (!st && !(st = cts_source_load(&job.source, &watch, 2, &loaded, &report, err)))
+    if (!st && !(st = cts_source_scan(&job.source, &watch, 2, &loaded, &report, err)) &&
+        !(st = cts_source_view(&job.source, true, &loaded, &report, err)))
         st = cts_preset_resolve(preset, loaded.model.volume, err);
     cli_interrupt_sets_stop();
     if (st)

@@ -184,44 +184,27 @@ static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
     return st;
 }
 
-/* Reads the slices, again where they were handed over to a volume. */
+/* Reads labels and slices, once for all pictures. */
 static CtsStatus load_series_slices(Work *w, const CtsSource *source, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    if (w->loaded.scanned && w->loaded.scanned->even->grey)
+    if (w->reported)
         return CTS_OK;
     const CtsStageTimer meter = cts_stage_timer_start(&w->report);
-    if (!w->reported)
-        st = cts_source_labels(source, &w->loaded, &w->report, err);
-    if (!st && !w->reported)
-        st = check_shown(w, source, err);
-    if (!st)
+    CtsStatus st = cts_source_labels(source, &w->loaded, &w->report, err);
+    if (!st && !(st = check_shown(w, source, err)))
         st = cts_source_read(source, &w->loaded, &w->report, err);
     cts_stage_timer_stop(meter, &w->report, CTS_STAGE_DECODE);
-    if (!st && !w->reported) {
-        CtsPixelFacts facts = {0};
-        cts_pixel_facts(&facts, w->loaded.scanned->even);
-        w->reported = true;
-        st = cts_worker_loaded(w->worker_process, &facts, err);
-        if (!st && !w->settings->options->no_sections)
-            st = draw_sections(w, err);
-    }
-    return st;
-}
-
-/* Processes the volume for the picture. */
-static CtsStatus load_volume(Work *w, const CtsSource *source, bool last, CtsError *err)
-{
-    CtsStatus st = load_series_slices(w, source, err);
     if (st)
         return st;
-    const CtsStageTimer meter = cts_stage_timer_start(&w->report);
-    st = cts_source_view(source, last, &w->loaded, &w->report, err);
-    cts_stage_timer_stop(meter, &w->report, CTS_STAGE_GREY);
-    return st;
+    CtsPixelFacts facts = {0};
+    cts_pixel_facts(&facts, w->loaded.scanned->even);
+    w->reported = true;
+    st = cts_worker_loaded(w->worker_process, &facts, err);
+    return st || w->settings->options->no_sections ? st : draw_sections(w, err);
 }
 
-static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
+/* last: no other volume is needed. */
+static CtsStatus render_picture(Work *w, const CtsJob *job, bool last, CtsError *err)
 {
     const CtsWatch watch = {.context = w, .band = on_band, .output = on_output, .frame = on_frame};
     const size_t first_diagnostic = w->report.diagnostics.n;
@@ -229,11 +212,7 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     w->error = 0;
     w->report.verified = (CtsVerified){0};
     cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
-    CtsStatus st = CTS_OK;
-    if (job->montage)
-        st = cts_job_montage(job, false, &w->loaded, &w->prepared, &watch, &w->report, err);
-    else if (!(st = cts_job_prepare(job, &w->loaded.model, &w->prepared, &w->report, err)))
-        st = cts_job_pictures(job, &w->loaded, &w->prepared, &watch, &w->report, err);
+    CtsStatus st = cts_job_show(job, last, &w->loaded, &w->prepared, &watch, &w->report, err);
     if (!st && w->status) {
         *err = w->err;
         st = w->status;
@@ -265,8 +244,7 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
         last = volume_kind(&job) > last ? volume_kind(&job) : last;
         inside |= cts_job_finds_body(&job);
     }
-    for (VolumeKind kind = OF_MONTAGE; kind < N_VOLUME_KINDS; kind++) {
-        bool loaded = false;
+    for (VolumeKind kind = OF_MONTAGE; kind < N_VOLUME_KINDS; kind++)
         for (int i = 0; i < n && !st; i++) {
             CtsJob job = job_of(w->settings, &pictures[i]);
             if (volume_kind(&job) != kind)
@@ -278,14 +256,12 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             job.source.inside_unseen = !inside;
             job.source.archives = w->worker_process->archives;
             w->picture = &pictures[i];
-            if (!loaded && (st = job.montage ? load_series_slices(w, &job.source, err)
-                                             : load_volume(w, &job.source, kind == last, err)))
-                break;
-            loaded = true;
-            st = render_picture(w, &job, err);
+            /* The volume first: its findings are not those of a preset. */
+            if (!(st = load_series_slices(w, &job.source, err)) &&
+                (job.montage || !(st = cts_job_volume(&job, kind == last, &w->loaded, &w->prepared, &w->report, err))))
+                st = render_picture(w, &job, kind == last, err);
         }
-        cts_prepared_free(&w->prepared);
-    }
+    cts_prepared_free(&w->prepared);
     return st;
 }
 

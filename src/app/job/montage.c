@@ -101,16 +101,6 @@ static void take_tile_band(void *context, int frame, CtsPicture *band)
         a->status = cts_picture_add_band(&a->tiles[a->number].picture, band, &a->err);
 }
 
-/* The tile is the last one of the job's steps. */
-static void pass_step(void *context, double done, int all, const char *what)
-{
-    const MontageWork *const a = context;
-    char text[64];
-    (void)what;
-    snprintf(text, sizeof text, "tile %d of %d", a->n_done + 1, a->montage->n);
-    cts_watch_step(a->watch, done + a->n_done, all - 1 + a->montage->n, text);
-}
-
 /* Adds the errors of the tile; all tiles have the same area. */
 static void add_errors(MontageWork *a)
 {
@@ -131,7 +121,10 @@ static void add_errors(MontageWork *a)
 
 static CtsStatus render_tile(MontageWork *a, const CtsJob *job, CtsError *err)
 {
-    const CtsWatch watch = {.context = a, .band = take_tile_band, .step = a->watch->step ? pass_step : NULL};
+    const CtsWatch watch = {.context = a, .band = take_tile_band};
+    char step[64];
+    snprintf(step, sizeof step, "tile %d of %d", a->n_done + 1, a->montage->n);
+    cts_watch_step(a->watch, 2 + a->n_done, 2 + a->montage->n, step);
     a->report->bound = (CtsErrorBound){0};
     a->report->verified = (CtsVerified){0};
     CtsStatus st = cts_job_prepare(job, &a->loaded->model, a->prepared, a->report, err);
@@ -170,24 +163,12 @@ static CtsStatus share_scale(const MontageWork *a, int group, const CtsJob *job,
     return st;
 }
 
-/* True in an archive, some of whose series lack labels. */
-static bool lacks_labels(const MontageWork *a, const CtsLabelChoice *choice)
-{
-    char *lacking = NULL;
-    bool any = !choice->show || !choice->show_present;
-    if (any || (a->loaded->labels && cts_labels_lacking(a->loaded->labels, choice->show, &lacking, &any, NULL)))
-        return false; /* a list that is wrong is refused when it is rendered */
-    if (!any)
-        cts_report_diagnostic(a->report, CTS_DIAGNOSTIC_LABELS_LACKING,
-                              "`montage`: no label is called %s, so its tiles are empty", choice->show);
-    free(lacking);
-    return !any;
-}
-
 static CtsStatus render_group(MontageWork *a, int group, bool last, CtsError *err)
 {
     CtsJob job = job_of_group(a, group);
-    if (lacks_labels(a, &job.source.choice))
+    const CtsLabels *const labels = a->loaded->labels;
+    /* A series of an archive may have no labels: the tiles stay empty. */
+    if (a->montage->tiles[group].show && job.source.choice.show_present && !(labels && labels->counted))
         return CTS_OK;
     CtsStatus st = cts_job_volume(&job, last, a->loaded, a->prepared, a->report, err);
     if (st)
@@ -251,6 +232,7 @@ static void describe_montage(const MontageWork *a, CtsPictureInfo *all)
         all->mode = tile->mode < all->mode ? tile->mode : all->mode;
         all->mm_per_pixel = tile->mm_per_pixel == all->mm_per_pixel ? all->mm_per_pixel : 0;
         all->grey &= tile->grey;
+        all->is_section &= tile->is_section;
         all->shows_skin |= tile->shows_skin;
         all->annotated |= tile->annotated;
         snprintf(text, sizeof text, "%s%s%s%s", n > 1 ? ", " : "", tile->preset,
@@ -333,6 +315,8 @@ CtsStatus cts_job_montage(const CtsJob *job, bool last, CtsLoaded *loaded, CtsPr
                      .prepared = prepared,
                      .watch = watch,
                      .report = report};
+    if (watch->loaded)
+        watch->loaded(watch->context);
     CtsStatus st = cts_alloc_zeroed(&a.tiles, (size_t)job->montage->n, err);
     if (!st)
         st = render_montage_tiles(&a, last, err);

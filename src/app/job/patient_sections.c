@@ -283,7 +283,8 @@ static void describe_section(const Drawing *d, const CtsSection *section, CtsPic
                              .mm_per_pixel = d->mm,
                              .window_low_hu = d->low_hu,
                              .window_high_hu = d->high_hu,
-                             .grey = !d->labels || !d->labels->n};
+                             .grey = !d->labels || !d->labels->n,
+                             .is_section = true};
     snprintf(info->preset, sizeof info->preset, section->at_mm != 0 ? "%s %s mm" : "%s",
              cts_plane_names[section->plane], cts_describe_number(section->at_mm, 6).text);
     info->right_lps[plane->right] = 1;

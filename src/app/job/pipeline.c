@@ -285,46 +285,37 @@ static bool crops_with_table(const CtsSource *source, const CtsScanned *scanned,
            scanned->even->quantity == CTS_QUANTITY_HU;
 }
 
-/* Unevenly spaced slices become layers after the search for the table: shape-based interpolation would displace a plate
- * that is cut obliquely like a surface; linear interpolation does not. Layers are made only where crop_air() keeps
- * them. */
-static CtsStatus make_layers_without_table(const CtsSource *source, CtsScanned *scanned, bool last, bool crops,
-                                           CtsModel *model, CtsInterpolationCounts *made, CtsReport *report,
-                                           CtsError *err)
+/* Layers that are made only where crop_air() keeps them. */
+static CtsStatus make_layers(const CtsSource *source, CtsScanned *scanned, const CtsTableSearch *found, bool last,
+                             bool crops, CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err)
 {
     int low[3], high[3];
-    CtsTableSearch *found;
-    const CtsLinearLayers layers = cts_scanned_linear_layers(scanned);
-    CtsStatus st =
-        cts_table_search(scanned->even, &layers, !source->inside_unseen, source->n_threads, &found, report, err);
-    if (st)
-        return st;
-    st = CTS_ERR_MEMORY;
+    CtsStatus st = CTS_ERR_MEMORY;
     if (crops) {
         cts_table_kept_box(found, scanned->even, low, high);
-        st = cts_scanned_box(scanned, source->interpolation, low, high, last, source->n_threads, &model->volume, made,
-                             NULL);
+        st = cts_scanned_box(scanned, source->interpolation, low, high, last, source->n_threads, volume, made, NULL);
     }
-    if (st == CTS_ERR_MEMORY)
-        st = make_volume(source, scanned, last, &model->volume, made, err);
-    if (!st)
-        cts_table_clear(found, model, report);
-    cts_table_search_free(&found);
-    return st;
+    return st == CTS_ERR_MEMORY ? make_volume(source, scanned, last, volume, made, err) : st;
 }
 
+/* Unevenly spaced slices become layers after the search for the table: shape-based interpolation would displace a plate
+ * that is cut obliquely like a surface; linear interpolation does not. */
 static CtsStatus make_volume_without_table(const CtsSource *source, CtsScanned *scanned, bool last, bool crops,
                                            CtsModel *model, CtsInterpolationCounts *made, CtsReport *report,
                                            CtsError *err)
 {
     CtsTableSearch *found;
-    CtsStatus st = make_volume(source, scanned, last, &model->volume, made, err);
-    if (st ||
-        (st = cts_table_search(model->volume, NULL, !source->inside_unseen, source->n_threads, &found, report, err)))
+    const bool uneven = scanned->layer && scanned->even->grey && source->interpolation != CTS_INTERPOLATION_LINEAR;
+    const CtsLinearLayers layers = cts_scanned_linear_layers(scanned);
+    CtsStatus st = uneven ? CTS_OK : make_volume(source, scanned, last, &model->volume, made, err);
+    if (st || (st = cts_table_search(uneven ? scanned->even : model->volume, uneven ? &layers : NULL,
+                                     !source->inside_unseen, source->n_threads, &found, report, err)))
         return st;
-    if (crops)
+    if (uneven)
+        st = make_layers(source, scanned, found, last, crops, &model->volume, made, err);
+    if (!st && crops && !uneven)
         cts_table_crop(found, model);
-    else
+    else if (!st)
         cts_table_clear(found, model, report);
     cts_table_search_free(&found);
     return st;
@@ -342,9 +333,7 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     if (!source->remove_table) {
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
         st = make_volume(source, scanned, last, &model->volume, &made, err);
-    } else if (scanned->layer && scanned->even->grey && source->interpolation != CTS_INTERPOLATION_LINEAR)
-        st = make_layers_without_table(source, scanned, last, crops, model, &made, report, err);
-    else
+    } else
         st = make_volume_without_table(source, scanned, last, crops, model, &made, report, err);
     if (!st)
         st = process_model(source, shows_air, model, &made, report, err);
@@ -401,19 +390,6 @@ CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_
         st = cts_source_read(source, loaded, report, err);
     cts_watch_diagnostics(watch, report);
     cts_stage_timer_stop(meter, report, CTS_STAGE_DECODE);
-    return st;
-}
-
-CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
-                          CtsReport *report, CtsError *err)
-{
-    CtsStatus st = cts_source_scan(source, watch, n_steps, loaded, report, err);
-    if (st)
-        return st;
-    const CtsStageTimer meter = cts_stage_timer_start(report);
-    st = cts_source_view(source, true, loaded, report, err);
-    cts_watch_diagnostics(watch, report);
-    cts_stage_timer_stop(meter, report, CTS_STAGE_GREY);
     return st;
 }
 

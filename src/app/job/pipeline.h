@@ -81,7 +81,4 @@ CtsStatus cts_source_find(const CtsSource *source, const CtsWatch *watch, int n_
 /* Finds the series where loaded has none, and decodes it, the second of n_steps. */
 CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
                           CtsReport *report, CtsError *err);
-/* cts_source_scan(), then cts_source_view() with last. */
-CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
-                          CtsReport *report, CtsError *err);
 void cts_loaded_free(CtsLoaded *loaded);

@@ -520,19 +520,30 @@ CtsStatus cts_job_find(const CtsJob *job, const CtsWatch *watch, CtsLoaded *load
     return st;
 }
 
-CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+CtsStatus cts_job_show(const CtsJob *job, bool last, CtsLoaded *loaded, CtsPrepared *prepared, const CtsWatch *watch,
+                       CtsReport *report, CtsError *err)
 {
-    CtsSource source = job->source;
-    CtsPrepared prepared = {0};
-    source.inside_unseen = !cts_job_finds_body(job);
-    CtsStatus st =
-        (job->montage ? cts_source_scan : cts_source_load)(&source, watch, n_steps_of(job), loaded, report, err);
+    CtsStatus st;
+    if (job->montage)
+        return cts_job_montage(job, last, loaded, prepared, watch, report, err);
+    if ((st = cts_job_volume(job, last, loaded, prepared, report, err)))
+        return st;
+    cts_watch_diagnostics(watch, report);
     if (watch->loaded)
         watch->loaded(watch->context);
-    if (!st && !(st = stopped(job, err)) && job->montage)
-        st = cts_job_montage(job, true, loaded, &prepared, watch, report, err);
-    else if (!st && !(st = cts_job_prepare(job, &loaded->model, &prepared, report, err)))
-        st = cts_job_pictures(job, loaded, &prepared, watch, report, err);
+    if (!(st = stopped(job, err)) && !(st = cts_job_prepare(job, &loaded->model, prepared, report, err)))
+        st = cts_job_pictures(job, loaded, prepared, watch, report, err);
+    return st;
+}
+
+CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsPrepared prepared = {0};
+    CtsJob own = *job;
+    own.source.inside_unseen = !cts_job_finds_body(job);
+    CtsStatus st = cts_source_scan(&own.source, watch, n_steps_of(job), loaded, report, err);
+    if (!st)
+        st = cts_job_show(&own, true, loaded, &prepared, watch, report, err);
     const CtsStageTimer meter = cts_stage_timer_start(report);
     cts_prepared_free(&prepared);
     cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);

@@ -60,7 +60,10 @@ void cts_prepared_free(CtsPrepared *prepared);
 CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
                            const CtsWatch *watch, CtsReport *report, CtsError *err);
 
-/* The job's montage, instead of its pictures; of scanned slices. */
+/* Volume, preparation and pictures, or the montage, of scanned slices. */
+CtsStatus cts_job_show(const CtsJob *job, bool last, CtsLoaded *loaded, CtsPrepared *prepared, const CtsWatch *watch,
+                       CtsReport *report, CtsError *err);
+/* The job's montage, instead of its pictures. */
 CtsStatus cts_job_montage(const CtsJob *job, bool last, CtsLoaded *loaded, CtsPrepared *prepared, const CtsWatch *watch,
                           CtsReport *report, CtsError *err);
 

@@ -72,11 +72,7 @@ static CtsStatus run_loaded(CtsSession *session, const CtsOptions *options, CtsP
         if (cts_output_is_dicom(&job->outputs, i))
             st = cts_fail(err, CTS_ERR_USAGE, "%s: an array without a patient cannot become a DICOM object",
                           job->outputs.paths[i]);
-    if (!st && job->montage)
-        return cts_job_montage(job, false, &session->loaded, &session->prepared, watch, report, err);
-    if (!st && !(st = cts_job_volume(job, false, &session->loaded, &session->prepared, report, err)))
-        st = cts_job_prepare(job, &session->loaded.model, &session->prepared, report, err);
-    return st ? st : cts_job_pictures(job, &session->loaded, &session->prepared, watch, report, err);
+    return st ? st : cts_job_show(job, false, &session->loaded, &session->prepared, watch, report, err);
 }
 
 /* session NULL: the job finds and reads its series itself. */
@@ -140,8 +136,8 @@ static CtsStatus run_given(CtsSession *session, const CtsJobOption *given, int n
     return st;
 }
 
-static CtsStatus run_for_one(CtsSession *session, const CtsJobOption *given, int n_given,
-                             const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err)
+CtsStatus cts_session_run(CtsSession *session, const CtsJobOption *given, int n_given,
+                          const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err)
 {
     Whole whole = {.take = keep_picture, .context = picture};
     if (picture)
@@ -155,7 +151,7 @@ static CtsStatus run_for_one(CtsSession *session, const CtsJobOption *given, int
 CtsStatus cts_options_run(const CtsJobOption *given, int n_given, const volatile sig_atomic_t *stop,
                           CtsPicture **picture, CtsReport *report, CtsError *err)
 {
-    return run_for_one(NULL, given, n_given, stop, picture, report, err);
+    return cts_session_run(NULL, given, n_given, stop, picture, report, err);
 }
 
 CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *given, int n_given,
@@ -211,12 +207,6 @@ const CtsScanned *cts_session_scanned(const CtsSession *session)
 const CtsSeries *cts_session_series(const CtsSession *session)
 {
     return session->loaded.series;
-}
-
-CtsStatus cts_session_run(CtsSession *session, const CtsJobOption *given, int n_given,
-                          const volatile sig_atomic_t *stop, CtsPicture **picture, CtsReport *report, CtsError *err)
-{
-    return run_for_one(session, given, n_given, stop, picture, report, err);
 }
 
 CtsStatus cts_session_frames(CtsSession *session, const CtsJobOption *given, int n_given,
