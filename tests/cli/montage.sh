@@ -50,6 +50,7 @@ ok render $few --annotate captions -o named.png -o named.exr -o m.dcm
 cmp plain.exr named.exr || fail 'an .exr has captions'
 cmp -s plain.png named.png && fail 'no captions'
 [ "$(text plain.png tiles)" = 'bone anterior, skin left, axial -3 mm' ] || fail "tiles: $(text plain.png tiles)"
+ok render "$phantom" --montage axial,coronal --size 64x32 -o s.dcm
 ok render "$phantom" --annotate captions,labels --labels $labels --label-colours -p skin --view 30,15 -o one.png
 if command -v dcmdump >/dev/null; then
     dcmdump m.dcm >dump
@@ -59,6 +60,9 @@ if command -v dcmdump >/dev/null; then
         fail "derivation: $(grep DerivationDescription dump)"
     has dump 'LO \[VR montage\].*SeriesDescription'
     grep -qE 'ViewCodeSequence|FrameIncrementPointer' dump && fail 'a view of a montage'
+    dcmdump s.dcm >sections
+    has sections 'DERIVED.SECONDARY.MPR'
+    has sections '113072'
     has dump 'BurnedInAnnotation' && has dump 'CS \[YES\].*BurnedInAnnotation'
 fi
 

@@ -11,7 +11,8 @@
 
 enum { UUID_BYTES = 16, MAX_DECIMALS = 40 };
 
-/* Set the version and variant bits, then print the 128 bits as one decimal number. */
+/* The first bytes as a UUID (RFC 9562), printed as one decimal number. Version 8, of a digest, is reproducible and
+ * without information on the hashed data; version 4 is random. */
 static void format_uuid(const uint8_t bytes[UUID_BYTES], unsigned version, char uid[65])
 {
     uint8_t uuid[UUID_BYTES];
@@ -28,13 +29,6 @@ static void format_uuid(const uint8_t bytes[UUID_BYTES], unsigned version, char 
     snprintf(uid, 65, "2.25.%s", p);
 }
 
-/* A UUID of version 8 (RFC 9562) from the first 16 bytes of a digest: reproducible, and without information on the
- * hashed data. */
-static void uid_from_digest(const uint8_t digest[CTS_DIGEST_BYTES], char uid[65])
-{
-    format_uuid(digest, 8, uid);
-}
-
 CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid, char keyed[65], CtsError *err)
 {
     CtsHash *hash = cts_hash_start(key);
@@ -44,7 +38,6 @@ CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid,
     return cts_sc_hash_finish(&hash, keyed, err);
 }
 
-/* A UUID of version 4. */
 static CtsStatus uid_random(char uid[65], CtsError *err)
 {
     uint8_t bytes[UUID_BYTES];
@@ -69,6 +62,13 @@ static CTS_ENUM_TABLE(
     [CTS_MODE_MIP] = {"MAX_IP", "MIP", "Maximum intensity projection", "113078", "Maximum intensity projection"},
     [CTS_MODE_MINIP] = {"MIN_IP", "MinIP", "Minimum intensity projection", "113079", "Minimum intensity projection"},
     [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"});
+
+static const ModeTerms section_terms = {"MPR", "MPR", "Multiplanar reformatting", "113072", "Multiplanar reformatting"};
+
+static const ModeTerms *terms_of(const CtsPictureInfo *info)
+{
+    return info->is_section ? &section_terms : &mode_terms[info->mode];
+}
 
 /* The side that faces the camera, in SNOMED CT, in the order of a preset's views in its series; the last row for all
  * others. */
@@ -125,13 +125,14 @@ static void describe_errors(const CtsExportJob *job, char *text, size_t size)
 void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
 {
     const CtsPictureInfo *info = &job->head.info;
+    const ModeTerms *const terms = terms_of(info);
     const int n_frames = job->head.n_frames;
     char preset[sizeof info->preset], engine[sizeof info->engine], tiles[sizeof info->tiles];
     char step[128] = "", error[160];
     const CtsPhrase view = cts_describe_view(info);
     memset(texts, 0, sizeof *texts);
-    texts->image_type = mode_terms[info->mode].image_type;
-    texts->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
+    texts->image_type = terms->image_type;
+    texts->mode = (CtsScCode){terms->code, "DCM", terms->meaning};
     ascii_copy(preset, sizeof preset, info->preset);
     ascii_copy(engine, sizeof engine, info->engine);
     describe_errors(job, error, sizeof error);
@@ -141,10 +142,9 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
     if (job->settings.series_description)
         ascii_copy(texts->series_description, sizeof texts->series_description, job->settings.series_description);
     else
-        snprintf(texts->series_description, sizeof texts->series_description, "%.8s %.40s%s",
-                 mode_terms[info->mode].short_name, preset, n_frames > 1 ? ", rotation" : "");
-    snprintf(texts->description, sizeof texts->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name,
-             preset, view.text);
+        snprintf(texts->series_description, sizeof texts->series_description, "%.8s %.40s%s", terms->short_name, preset,
+                 n_frames > 1 ? ", rotation" : "");
+    snprintf(texts->description, sizeof texts->description, "%.8s %.20s %.20s", terms->short_name, preset, view.text);
     texts->view = view_codes[place_of_view(info)].code;
     if (*info->tiles) {
         texts->view = (CtsScCode){NULL};
@@ -157,7 +157,7 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
              "%s by engine %s, preset %s%s%s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per "
              "pixel%s, "
              "ctsplat %s, not for diagnostic use",
-             mode_terms[info->mode].long_name, engine, preset, info->occlusion > 0 ? ", occlusion " : "",
+             terms->long_name, engine, preset, info->occlusion > 0 ? ", occlusion " : "",
              info->occlusion > 0 ? cts_describe_number(info->occlusion, 6).text : "", step, view.text,
              cts_describe_number(info->azimuth_deg, 9).text, cts_describe_number(info->elevation_deg, 9).text,
              cts_describe_number(info->mm_per_pixel, 6).text, error, CTS_VERSION);
@@ -184,7 +184,7 @@ CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err)
     uint8_t digest[CTS_DIGEST_BYTES];
     const CtsStatus st = cts_hash_finish(hash, digest, err);
     if (!st)
-        uid_from_digest(digest, uid);
+        format_uuid(digest, 8, uid);
     return st;
 }
 
