@@ -48,23 +48,16 @@ end:
     return st;
 }
 
-/* Selects the series that the labels refer to; with `auto` each series has its own labels. */
-static CtsStatus choose_series(const CtsSource *source, const CtsSeriesList *list, const CtsSeries **series,
-                               CtsError *err)
-{
-    const CtsLabelRequest request = {.paths = source->labels, .n_paths = source->n_labels};
-    *series = NULL;
-    return source->n_labels ? cts_labels_choose(&request, list, series, err) : CTS_OK;
-}
-
+/* Labels belong to the series that they refer to; with `auto` each has its own. */
 static CtsStatus read_each_series(const CtsOptions *options, const CtsSeriesList *list, CtsPixelFacts *facts,
                                   CtsError *err)
 {
     const CtsSource source = cts_options_source(options);
     CtsSource plain = source;
-    const CtsSeries *labelled;
+    const CtsSeries *labelled = NULL;
+    const CtsLabelRequest request = {.paths = source.labels, .n_paths = source.n_labels};
     plain.n_labels = 0;
-    CtsStatus st = choose_series(&source, list, &labelled, err);
+    CtsStatus st = source.n_labels ? cts_labels_choose(&request, list, &labelled, err) : CTS_OK;
     bool beside = true;
     for (int i = 0; i < source.n_labels; i++)
         beside &= !strcmp(source.labels[i], "auto");

@@ -14,34 +14,25 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-/* The index of a command, CLI_N_COMMANDS for none. */
+/* The index of a command, -1 for none. */
 static int find_command(const char *name, CtsError *err)
 {
     const char *names[CLI_N_COMMANDS];
-    char list[256] = "";
-    for (int c = 0; c < CLI_N_COMMANDS; c++) {
+    for (int c = 0; c < CLI_N_COMMANDS; c++)
         names[c] = cli_commands[c].name;
-        if (!strcmp(name, names[c]))
-            return c;
-        strncat(list, " ", sizeof list - strlen(list) - 1);
-        strncat(list, names[c], sizeof list - strlen(list) - 1);
-    }
-    if (!strcmp(name, "receive")) {
-        cts_fail(err, CTS_ERR_USAGE,
-                 "receive: gone since 0.5.0: Orthanc or storescp receives, and batch with `settled` renders what came "
-                 "(see man ctsplat-batch, RECEIVERS)");
-        return CLI_N_COMMANDS;
-    }
-    cts_fail(err, CTS_ERR_USAGE, "%s: not one of:%s%s (see ctsplat --help)", name, list,
-             cts_did_you_mean(name, strlen(name), names, CLI_N_COMMANDS).text);
-    return CLI_N_COMMANDS;
+    if (strcmp(name, "receive"))
+        return cts_name_find(NULL, name, strlen(name), names, CLI_N_COMMANDS, " (see ctsplat --help)", err);
+    cts_fail(err, CTS_ERR_USAGE,
+             "receive: gone since 0.5.0: Orthanc or storescp receives, and batch with `settled` renders what came "
+             "(see man ctsplat-batch, RECEIVERS)");
+    return -1;
 }
 
 static CtsStatus run_command(int argc, const char *const *argv, int *exit_code, CtsError *err)
 {
     CtsOptions options;
     const int command = find_command(argv[0], err);
-    if (command == CLI_N_COMMANDS)
+    if (command < 0)
         return err->status;
     cts_options_begin(&options);
     options.net.stop = options.render.stop = &cli_stop;
@@ -64,11 +55,12 @@ static CtsStatus run_arguments(int argc, const char *const *argv, int *exit_code
     if (argc < 2)
         return cts_fail(err, CTS_ERR_USAGE, "a command is missing (see ctsplat --help)");
     if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "help")) {
-        const int command = argc > 2 && argv[2][0] != '-' ? find_command(argv[2], err) : CLI_N_COMMANDS;
-        if (argc > 2 && command == CLI_N_COMMANDS && err->status)
-            return err->status;
-        command == CLI_N_COMMANDS ? cli_help() : cli_help_command(command, argc > 3 && !strcmp(argv[3], "all"));
-        return CTS_OK;
+        const int command = argc > 2 && argv[2][0] != '-' ? find_command(argv[2], err) : -1;
+        if (command >= 0)
+            cli_help_command(command, argc > 3 && !strcmp(argv[3], "all"));
+        else if (!err->status)
+            cli_help();
+        return err->status;
     }
     if (!strcmp(argv[1], "--version")) {
         cli_version();

@@ -182,7 +182,7 @@ function labelsLine(s) {
   return `${named.length === 1 ? clean(labels[0].name) : plural(labels.length, 'label')}, ${millilitres(ml)}` +
     (flagged ? ` · ${count(flagged)} flagged` : '');
 }
-/* The outlines' colours are those of the picture (card_sections.c). */
+/* The outlines' colours are those of the picture (patient_sections.c). */
 function sections(s) {
   const path = clean(s.line.sections);
   return path && make('img', {class: 'sections', src: url(path), loading: 'lazy', width: 720, height: 240,

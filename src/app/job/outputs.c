@@ -27,29 +27,33 @@ int cts_output_n_frames(const CtsOutputs *outputs, int output)
     return outputs->rotation > 0 && holds_frames(outputs->paths[output]) ? outputs->rotation : 1;
 }
 
-/* Frame 7 of 36 of "a/head.png" is "a/head-007.png"; a file that holds all frames has its path as it is. Free with
- * free(); NULL when memory runs out. */
-static char *name_of_frame(const CtsOutputs *outputs, int output, int frame)
+typedef struct OutputName {
+    char text[PATH_MAX + 16];
+} OutputName;
+
+/* Frame 7 of 36 of "a/head.png" is "a/head-007.png"; a file that holds all frames has its path as it is. */
+static OutputName name_of_frame(const CtsOutputs *outputs, int output, int frame)
 {
-    const char *path = outputs->paths[output];
-    if (!outputs->rotation || holds_frames(path))
-        return strdup(path);
+    const char *const path = outputs->paths[output], *const dot = strrchr(path, '.');
+    OutputName name;
     int n_digits = 3;
     for (int n = outputs->rotation - 1; n > 999; n /= 10)
         n_digits++;
-    const char *dot = strrchr(path, '.');
-    char *name;
-    return asprintf(&name, "%.*s-%0*d%s", (int)(dot - path), path, n_digits, frame, dot) < 0 ? NULL : name;
+    if (!outputs->rotation || holds_frames(path))
+        snprintf(name.text, sizeof name.text, "%s", path);
+    else
+        snprintf(name.text, sizeof name.text, "%.*s-%0*d%s", (int)(dot - path), path, n_digits, frame, dot);
+    return name;
 }
 
 bool cts_outputs_hold_depth(const CtsOutputs *outputs)
 {
+    bool any = false;
     for (int i = 0; i < outputs->n; i++) {
-        const CtsFormatInfo *format = cts_export_format(outputs->paths[i]);
-        if (format && format->has_depth)
-            return true;
+        const CtsFormatInfo *const format = cts_export_format(outputs->paths[i]);
+        any |= format && format->has_depth;
     }
-    return false;
+    return any;
 }
 
 /* With --force a slice of the series itself could be overwritten: a picture is worth less. */
@@ -85,11 +89,10 @@ static bool same_file(const char *a, const char *b)
 
 static CtsHint near_ending(const char *path)
 {
-    const CtsFormatInfo *format;
-    const char *dot = strrchr(path, '.');
+    const char *const dot = strrchr(path, '.');
     CtsDidYouMean nearest_word = {.written = dot ? dot + 1 : "", .length = dot ? strlen(dot + 1) : 0};
-    for (size_t i = 0; (format = cts_format(i)); i++)
-        cts_did_you_mean_try(&nearest_word, format->name);
+    for (size_t i = 0; cts_format(i); i++)
+        cts_did_you_mean_try(&nearest_word, cts_format(i)->name);
     return cts_did_you_mean_hint(&nearest_word);
 }
 
@@ -106,14 +109,12 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
         for (int before = 0; before < i; before++)
             if (same_file(outputs->paths[before], path))
                 return cts_fail(err, CTS_ERR_USAGE, "%s: given twice with -o", path);
+        if (strlen(path) >= PATH_MAX)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the path is too long", path);
         const int n_files = outputs->rotation && !holds_frames(path) ? outputs->rotation : 1;
-        for (int frame = 0; frame < n_files; frame++) {
-            char *name = name_of_frame(outputs, i, frame);
-            st = name ? check_output(name, settings, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-            free(name);
-            if (st)
+        for (int frame = 0; frame < n_files; frame++)
+            if ((st = check_output(name_of_frame(outputs, i, frame).text, settings, err)))
                 return st;
-        }
     }
     if (outputs->state) {
         if (settings->deidentify)
@@ -141,16 +142,10 @@ static CtsStatus write_rows(CtsFiles *files, int output, int frame, const CtsPic
 {
     CtsExport **export = &files->exports[output];
     CtsStatus st = CTS_OK;
-    char *name = name_of_frame(files->outputs, output, frame);
-    if (!name)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!*export)
-        st = cts_export_begin(export, name, band, cts_output_n_frames(files->outputs, output), files->settings, report,
-                              err);
-    if (!st)
-        st = cts_export_rows(*export, band, err);
-    free(name);
-    return st;
+        st = cts_export_begin(export, name_of_frame(files->outputs, output, frame).text, band,
+                              cts_output_n_frames(files->outputs, output), files->settings, report, err);
+    return st ? st : cts_export_rows(*export, band, err);
 }
 
 CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, bool captioned, CtsReport *report,
@@ -168,13 +163,11 @@ CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, boo
 static CtsStatus end_output(CtsFiles *files, int output, int frame, CtsError *err)
 {
     uint64_t bytes;
-    char *name = name_of_frame(files->outputs, output, frame);
-    const CtsStatus st =
-        name ? cts_export_end(&files->exports[output], &bytes, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const OutputName name = name_of_frame(files->outputs, output, frame);
+    const CtsStatus st = cts_export_end(&files->exports[output], &bytes, err);
     if (!st && files->watch->output)
-        files->watch->output(files->watch->context, files->outputs->rotation && !holds_frames(name) ? frame : -1, name,
-                             cts_export_format(name)->name, bytes);
-    free(name);
+        files->watch->output(files->watch->context, files->outputs->rotation && !holds_frames(name.text) ? frame : -1,
+                             name.text, cts_export_format(name.text)->name, bytes);
     return st;
 }
 

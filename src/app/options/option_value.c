@@ -59,19 +59,32 @@ int cts_name_find(const char *option, const char *text, size_t length, const cha
             return i;
     for (int i = 0; i < n && at < sizeof list; i++)
         at += (size_t)snprintf(list + at, sizeof list - at, " %s", names[i]);
-    cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not one of:%s%s%s", option, text, list, more,
-             cts_did_you_mean(text, length, names, n).text);
+    cts_fail(err, CTS_ERR_USAGE, option ? "`%s` %s: not one of:%s%s%s" : "%s%s: not one of:%s%s%s",
+             option ? option : "", text, list, more, cts_did_you_mean(text, length, names, n).text);
     return -1;
+}
+
+int cts_view_names(const char *names[CTS_NAMES_MAX])
+{
+    for (int i = 0; i < CTS_N_VIEWS; i++)
+        names[i] = cts_views[i].name;
+    return CTS_N_VIEWS;
+}
+
+int cts_format_names(const char *names[CTS_NAMES_MAX])
+{
+    int n = 0;
+    for (; n < CTS_NAMES_MAX && cts_format((size_t)n); n++)
+        names[n] = cts_format((size_t)n)->name;
+    return n;
 }
 
 CtsStatus cts_view_of(const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err)
 {
-    const char *names[CTS_N_VIEWS];
+    const char *names[CTS_NAMES_MAX];
     double angles[2];
     if (!cts_numbers(text, angles, 2)) {
-        for (int i = 0; i < CTS_N_VIEWS; i++)
-            names[i] = cts_views[i].name;
-        const int view = cts_name_find("view", text, strlen(text), names, CTS_N_VIEWS,
+        const int view = cts_name_find("view", text, strlen(text), names, cts_view_names(names),
                                        ", nor AZIMUTH,ELEVATION in degrees (such as -30,20)", err);
         if (view < 0)
             return CTS_ERR_USAGE;
@@ -88,12 +101,8 @@ CtsStatus cts_view_of(const char *text, double *azimuth_deg, double *elevation_d
 
 CtsStatus cts_format_of(const char *text, const CtsFormatInfo **format, CtsError *err)
 {
-    enum { MOST = 16 }; /* more than there are formats */
-    const char *names[MOST];
-    int n = 0;
-    for (; n < MOST && cts_format((size_t)n); n++)
-        names[n] = cts_format((size_t)n)->name;
-    const int i = cts_name_find("format", text, strlen(text), names, n, "", err);
+    const char *names[CTS_NAMES_MAX];
+    const int i = cts_name_find("format", text, strlen(text), names, cts_format_names(names), "", err);
     *format = i < 0 ? NULL : cts_format((size_t)i);
     return i < 0 ? CTS_ERR_USAGE : CTS_OK;
 }

@@ -186,9 +186,15 @@ bool cts_integer(const char *text, int *value);
 /* n numbers with commas between them, no more and no fewer. */
 bool cts_numbers(const char *text, double *values, int n);
 
-/* The index of text's first length bytes among n names; -1 where it is missing, and err lists the names and `more`. */
+/* The index of text's first length bytes among n names; -1 where it is missing, and err lists the names and `more`.
+ * option: NULL where the text is no option's argument. */
 int cts_name_find(const char *option, const char *text, size_t length, const char *const *names, int n,
                   const char *more, CtsError *err);
+
+/* Lists of names for it; their lengths. */
+enum { CTS_NAMES_MAX = 16 };
+int cts_view_names(const char *names[CTS_NAMES_MAX]);
+int cts_format_names(const char *names[CTS_NAMES_MAX]);
 
 /* A view by its name or its two angles. */
 CtsStatus cts_view_of(const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);

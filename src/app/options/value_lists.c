@@ -15,41 +15,36 @@ static bool has_many_frames(const CtsFormatInfo *format)
     return format->many_frames;
 }
 
-/* Writes the names of a list with blanks between them: views, kernels, else formats. */
-static void put_list(FILE *out, char list)
+static int kernel_names(const char *names[CTS_NAMES_MAX])
 {
-    const char *const blank[2] = {"", " "};
-    for (size_t i = 0; list == 'v' && i < CTS_N_VIEWS; i++)
-        fprintf(out, "%s%s", blank[i > 0], cts_views[i].name);
-    for (size_t i = 0; list == 'k' && i < CTS_N_KERNELS; i++)
-        fprintf(out, "%s%s", blank[i > 0], cts_kernel_names[i]);
-    for (size_t i = 0; list == 'f' && cts_format(i); i++)
-        fprintf(out, "%s%s", blank[i > 0], cts_format(i)->name);
+    memcpy(names, cts_kernel_names, sizeof cts_kernel_names);
+    return CTS_N_KERNELS;
 }
 
-/* Markers for lists of names or of file name endings. */
+/* Markers for lists of names (names) or of file name endings (wanted; NULL: all). */
 static const struct {
     const char *word;
-    bool has_names;
+    int (*names)(const char *names[CTS_NAMES_MAX]);
     bool (*wanted)(const CtsFormatInfo *format);
 } markers[] = {
-    {"{views}", true, NULL},    {"{kernels}", true, NULL},       {"{formats}", true, NULL},
-    {"{outputs}", false, NULL}, {"{objects}", false, is_object}, {"{stacks}", false, has_many_frames},
+    {"{views}", cts_view_names, NULL}, {"{kernels}", kernel_names, NULL}, {"{formats}", cts_format_names, NULL},
+    {"{outputs}", NULL, NULL},         {"{objects}", NULL, is_object},    {"{stacks}", NULL, has_many_frames},
 };
 
 /* Writes the list for the marker that text begins with; returns the marker's length, 0 where there is none. */
 static size_t put_word(FILE *out, const char *text)
 {
     for (size_t i = 0; i < sizeof markers / sizeof *markers; i++) {
-        const size_t n = strlen(markers[i].word);
         char endings[CTS_ENDINGS_MAX];
-        if (strncmp(text, markers[i].word, n) != 0)
+        const char *names[CTS_NAMES_MAX];
+        const int n = markers[i].names ? markers[i].names(names) : 0;
+        if (strncmp(text, markers[i].word, strlen(markers[i].word)) != 0)
             continue;
-        if (markers[i].has_names)
-            put_list(out, text[1]);
-        else
+        for (int k = 0; k < n; k++)
+            fprintf(out, "%s%s", k ? " " : "", names[k]);
+        if (!markers[i].names)
             fputs(cts_format_endings(markers[i].wanted, endings), out);
-        return n;
+        return strlen(markers[i].word);
     }
     return 0;
 }

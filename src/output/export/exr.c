@@ -315,12 +315,20 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
     return w->status;
 }
 
+static void end_encoders(ExrWriter *w)
+{
+    for (int t = 0; t < w->n_threads && w->encoders; t++) {
+        exr_encoding_destroy(w->file, &w->encoders[t].pipe);
+        cts_free(&w->encoders[t].rgba);
+    }
+    cts_free(&w->encoders);
+}
+
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     ExrWriter *w = job->state;
     w->err = err;
-    for (int t = 0; t < w->n_threads; t++)
-        exr_encoding_destroy(w->file, &w->encoders[t].pipe);
+    end_encoders(w);
     failed(w, exr_finish(&w->file)); /* the table of chunks is written here */
     return w->status || job->rmse < 0 ? w->status : patch_error(job, err);
 }
@@ -329,14 +337,9 @@ static void release(CtsExportJob *job)
 {
     ExrWriter *w = job->state;
     w->err = NULL;
-    for (int t = 0; t < w->n_threads && w->encoders; t++) {
-        if (w->file)
-            exr_encoding_destroy(w->file, &w->encoders[t].pipe);
-        cts_free(&w->encoders[t].rgba);
-    }
+    end_encoders(w);
     if (w->file)
         exr_finish(&w->file);
-    cts_free(&w->encoders);
 }
 
 /* The largest ratio of OpenEXR's compressions: a file that claims more pixels is truncated or malicious. */

@@ -82,13 +82,6 @@ static const CtsSlice *lossy_slice(const CtsSeries *source)
     return NULL;
 }
 
-static void warn(const CtsExportJob *job, bool recognizable)
-{
-    if (recognizable && job->settings.deidentify)
-        cts_report_diagnostic(job->report, CTS_DIAGNOSTIC_RECOGNIZABLE_FEATURES,
-                              "skin may be visible: a face can identify the patient, whatever the header says");
-}
-
 static size_t row_bytes_of(int width, bool grey)
 {
     return (size_t)width * (grey ? 2 : 3);
@@ -190,7 +183,9 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
     if ((st = cts_hash_finish(&w->hash, pixels, err)) || (st = cts_sc_names(job, &texts, pixels, &names, err)))
         return st;
     const CtsScObject object = object_of(job, &texts, &names);
-    warn(job, object.recognizable);
+    if (object.recognizable && job->settings.deidentify)
+        cts_report_diagnostic(job->report, CTS_DIAGNOSTIC_RECOGNIZABLE_FEATURES,
+                              "skin may be visible: a face can identify the patient, whatever the header says");
     st = cts_dcm_sc_write(&object, job->temp, err);
     return st ? st : cts_sc_spool_copy(&w->spool, job->temp, err);
 }

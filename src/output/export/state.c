@@ -6,6 +6,7 @@
 #include "base/file.h"
 #include "base/hash.h"
 #include "base/mem.h"
+#include "base/text.h"
 #include "dicom/objects/objects.h"
 #include "output/export/format.h"
 #include "output/export/sc_texts.h"
@@ -84,20 +85,16 @@ static CtsStatus uid_of(const char *purpose, const CtsStateScene *scene, const c
 /* One option a line, as on the command line. */
 static CtsStatus write_options(const CtsStateScene *scene, char **text, CtsError *err)
 {
-    size_t n = 1;
-    for (int i = 0; i < scene->n_options; i++) {
-        if (strchr(scene->options[i].value, '\n'))
-            return cts_fail(err, CTS_ERR_USAGE, "--%s: a line break cannot stand in a presentation state",
-                            scene->options[i].name);
-        n += strlen(scene->options[i].name) + strlen(scene->options[i].value) + 2;
+    size_t size;
+    FILE *const out = open_memstream(text, &size);
+    CtsStatus st = CTS_OK;
+    for (int i = 0; out && i < scene->n_options; i++) {
+        const CtsJobOption *const o = &scene->options[i];
+        if (!st && strchr(o->value, '\n'))
+            st = cts_fail(err, CTS_ERR_USAGE, "--%s: a line break cannot stand in a presentation state", o->name);
+        fprintf(out, "%s=%s\n", o->name, o->value);
     }
-    char *at = *text = malloc(n);
-    if (!at)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *at = 0;
-    for (int i = 0; i < scene->n_options; i++)
-        at += sprintf(at, "%s=%s\n", scene->options[i].name, scene->options[i].value);
-    return CTS_OK;
+    return cts_text_end(out, text) ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
 static CtsStatus choose_names(const CtsStateScene *scene, CtsDcmState *s, CtsError *err)
@@ -225,22 +222,19 @@ end:
 /* name=value lines in place. */
 static CtsStatus split_options(CtsState *state, CtsError *err)
 {
-    int n = 0;
-    for (const char *c = state->text; *c; c++)
-        n += *c == '\n';
-    if (!(state->options = calloc((size_t)n + 1, sizeof *state->options)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (char *line = state->text, *end; (end = strchr(line, '\n')); line = end + 1) {
+    CtsStatus st = CTS_OK;
+    for (char *line = state->text, *end; !st && (end = strchr(line, '\n')); line = end + 1) {
+        char *const value = memchr(line, '=', (size_t)(end - line));
         *end = 0;
-        char *value = strchr(line, '=');
         if (!*line)
             continue; /* padding */
         if (!value)
             return cts_fail(err, CTS_ERR_READ, "damaged: an option without a value");
-        *value++ = 0;
-        state->options[state->n_options++] = (CtsJobOption){.name = line, .value = value};
+        *value = 0;
+        if (!(st = cts_grow(&state->options, state->n_options, err)))
+            state->options[state->n_options++] = (CtsJobOption){.name = line, .value = value + 1};
     }
-    return CTS_OK;
+    return st;
 }
 
 CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)

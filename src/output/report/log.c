@@ -116,6 +116,10 @@ static json_t *new_ms(double ms)
 /* Writes a line with the fields of an event; takes ownership of fields. */
 static void add_event(CtsLog *log, const char *event, json_t *fields)
 {
+    if (!log) {
+        json_decref(fields);
+        return;
+    }
     json_t *object = json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
     json_object_update(object, fields);
     json_decref(fields);
@@ -147,8 +151,6 @@ static json_t *new_message(const CtsLog *log, const char *text)
 
 void cts_log_picture(CtsLog *log, const char *preset, const CtsRenderSettings *settings, int n_frames)
 {
-    if (!log)
-        return;
     add_event(log, "picture",
               json_pack("{s:o,s:[f,f],s:[i,i],s:i}", "preset", cts_json_new_text(preset), "view", settings->azimuth_deg,
                         settings->elevation_deg, "size", settings->width, settings->height, "frames", n_frames));
@@ -156,8 +158,6 @@ void cts_log_picture(CtsLog *log, const char *preset, const CtsRenderSettings *s
 
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes)
 {
-    if (!log)
-        return;
     add_event(
         log, "output",
         json_pack("{s:o,s:s,s:I}", "path", cts_json_new_text(path), "format", format, "bytes", (json_int_t)bytes));
