@@ -102,23 +102,27 @@ static CtsStatus run_found(const CtsOptions *options, CtsBatchLists *lists, CtsR
     return st;
 }
 
+/* Appends a count that is not 0. */
+static void add_count(char *text, size_t size, const char *before, size_t n, const char *after)
+{
+    const size_t used = strlen(text);
+    if (n)
+        snprintf(text + used, size - used, "%s%zu%s", before, n, after);
+}
+
 static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
 {
-    char bad[80] = "", earlier[64] = "", thumbnails[64] = "", skipped[64] = "", waiting[80] = "";
-    if (r->n_up_to_date)
-        snprintf(earlier, sizeof earlier, " (%zu of them in earlier runs)", r->n_up_to_date);
-    if (r->n_thumbnails)
-        snprintf(thumbnails, sizeof thumbnails, ", %zu thumbnail%s (no volumes)", r->n_thumbnails,
-                 r->n_thumbnails == 1 ? "" : "s");
-    if (r->n_skipped)
-        snprintf(skipped, sizeof skipped, ", %zu skipped", r->n_skipped);
+    char text[300] = "";
+    add_count(text, sizeof text, " (", r->n_up_to_date, " of them in earlier runs)");
+    add_count(text, sizeof text, ", ", r->n_thumbnails,
+              r->n_thumbnails == 1 ? " thumbnail (no volumes)" : " thumbnails (no volumes)");
+    add_count(text, sizeof text, ", ", r->n_skipped, " skipped");
+    add_count(text, sizeof text, ", ", r->n_waiting, " waiting for their last files");
     if (r->n_refused || r->n_failed)
-        snprintf(bad, sizeof bad, ", %zu refused, %zu failed", r->n_refused, r->n_failed);
-    if (r->n_waiting)
-        snprintf(waiting, sizeof waiting, ", %zu waiting for their last files", r->n_waiting);
-    cli_note("%zu of %zu series%s done%s%s%s%s%s: %s (index.html shows them, batch.jsonl lists files and reasons)",
-             r->n_done, r->n_series, r->n_series > r->n_uids ? " (some UIDs hold several)" : "", earlier, thumbnails,
-             skipped, waiting, bad, options->output_dir);
+        snprintf(text + strlen(text), sizeof text - strlen(text), ", %zu refused, %zu failed", r->n_refused,
+                 r->n_failed);
+    cli_note("%zu of %zu series%s done%s: %s (index.html shows them, batch.jsonl lists files and reasons)", r->n_done,
+             r->n_series, r->n_series > r->n_uids ? " (some UIDs hold several)" : "", text, options->output_dir);
     if (r->n_unreadable)
         cli_note("files that cannot be read: %llu", (unsigned long long)r->n_unreadable);
     if (r->n_objects)

@@ -1,5 +1,6 @@
 #include "app/job/auto_window.h"
 
+#include "base/compare.h"
 #include "ctsplat/mixture.h"
 #include <math.h>
 #include <stdlib.h>
@@ -13,16 +14,10 @@ static const double round_hu = 10;
 /* Noise alone has a wider histogram. */
 static const double narrowest_hu = 50;
 
-static int by_value(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Renders a small projection and appends its values, except air and empty pixels, to the n values; 0 is the low end of
  * wide's window, 1 the high end. */
 static CtsStatus render_projection(const CtsModel *model, const CtsPreset *wide, const CtsRenderSettings *settings,
-                                   double turn_deg, float *values, size_t *n, CtsError *err)
+                                   double turn_deg, double *values, size_t *n, CtsError *err)
 {
     const CtsVolume *const volume = model->volume;
     CtsRenderSettings s;
@@ -56,7 +51,8 @@ static double round_step(double width)
 }
 
 /* Sets the window from the 5th to the 99th percentile of the values, at least narrowest_hu or two grey levels wide. */
-static void set_window(CtsPreset *preset, const CtsPreset *wide, const CtsVolume *volume, const float *values, size_t n)
+static void set_window(CtsPreset *preset, const CtsPreset *wide, const CtsVolume *volume, const double *values,
+                       size_t n)
 {
     const bool is_hu = volume->quantity == CTS_QUANTITY_HU;
     const double width = wide->window_high_hu - wide->window_low_hu;
@@ -80,14 +76,14 @@ static CtsStatus auto_window(const CtsModel *model, const CtsRenderSettings *set
     wide.window_low_hu = volume->hu_offset - volume->hu_step; /* level 0 lies outside the volume */
     wide.window_high_hu = volume->hu_offset + volume->hu_step * UINT16_MAX;
     const int n_views = settings->rotation_frames > 1 ? MAX_VIEWS : 1;
-    float *values = malloc(sizeof(float[MAX_VIEWS][SIDE * SIDE]));
+    double *values = malloc(sizeof(double[MAX_VIEWS][SIDE * SIDE]));
     size_t n = 0;
     if (!values)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; i < n_views && !st; i++)
         st = render_projection(model, &wide, settings, 90.0 * i, values, &n, err);
     if (!st) {
-        qsort(values, n, sizeof *values, by_value);
+        qsort(values, n, sizeof *values, cts_compare_double);
         set_window(preset, &wide, volume, values, n);
         cts_report_plan(report, "window %g to %g%s%s, fitted to mode %s (`window` gives another)",
                         preset->window_low_hu, preset->window_high_hu, *unit ? " " : "", unit,

@@ -26,14 +26,9 @@ typedef struct JpgWriter {
     uint8_t *row;
 } JpgWriter;
 
-static JpgWriter *writer_of(j_common_ptr jpeg)
-{
-    return jpeg->client_data;
-}
-
 static void on_error(j_common_ptr jpeg)
 {
-    JpgWriter *const w = writer_of(jpeg);
+    JpgWriter *const w = jpeg->client_data;
     char text[JMSG_LENGTH_MAX];
     jpeg->err->format_message(jpeg, text);
     w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);

@@ -182,23 +182,12 @@ static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *texts, CtsDc
     return CTS_OK;
 }
 
-static CtsStatus write_state_file(const char *path, const CtsDcmState *s, bool force, CtsError *err)
-{
-    CtsTempFile *temp = NULL;
-    CtsStatus st = cts_temp_open(&temp, path, err);
-    if (!st && !(st = cts_dcm_state_write(s, temp, err))) {
-        cts_temp_keep_private(temp);
-        st = cts_temp_commit(&temp, force, NULL, err);
-    }
-    cts_temp_discard(&temp);
-    return st;
-}
-
 CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool force, CtsError *err)
 {
     CtsScTexts texts;
     char *options = NULL, *preset = cts_preset_to_json(scene->preset);
     CtsLabelCrop *crop = NULL;
+    CtsTempFile *temp = NULL;
     CtsDcmState *s = calloc(1, sizeof *s);
     CtsStatus st = s && preset ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     if (st || (st = fill_state(scene, &texts, s, err)) || (st = write_options(scene, &options, err)))
@@ -209,9 +198,13 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
         goto end;
     cts_date_texts(s->date, s->time);
     s->series_number = cts_sc_series_number(scene->source, 999);
-    if (!(st = fill_labels(scene, s, &crop, err)))
-        st = write_state_file(path, s, force, err);
+    if ((st = fill_labels(scene, s, &crop, err)) || (st = cts_temp_open(&temp, path, err)) ||
+        (st = cts_dcm_state_write(s, temp, err)))
+        goto end;
+    cts_temp_keep_private(temp);
+    st = cts_temp_commit(&temp, force, NULL, err);
 end:
+    cts_temp_discard(&temp);
     cts_free(&crop);
     free(options);
     free(preset);

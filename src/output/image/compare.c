@@ -2,6 +2,7 @@
  * over the windows that lie wholly inside, as the mean of red, green and blue. */
 #include "ctsplat/picture.h"
 
+#include "base/clamp.h"
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
@@ -10,11 +11,6 @@
 #include <string.h>
 
 enum { RADIUS = 5, N_MOMENTS = 5, KEY_BITS = 15, N_KEYS = 1 << KEY_BITS };
-
-static double clamped(double v)
-{
-    return v > 0 ? v < 1 ? v : 1 : 0;
-}
 
 /* Channel c of pixel i of a grey or colour picture. */
 static float value(const CtsPicture *p, size_t i, int c)
@@ -29,7 +25,7 @@ static float gap(float a, float b)
 {
     if (isnan(a) || isnan(b))
         return isnan(a) && isnan(b) ? 0 : 1;
-    return (float)fabs(clamped(a) - clamped(b));
+    return (float)fabs(cts_clamp01(a) - cts_clamp01(b));
 }
 
 static bool same_value(float a, float b)
@@ -163,7 +159,7 @@ static void column_moments(const CtsPicture *a, const CtsPicture *b, int c, cons
         double *m = columns;
         for (int x = 0; x < a->width; x++, m += N_MOMENTS) {
             const size_t i = (size_t)k * a->width + x;
-            const double va = clamped(value(a, i, c)), vb = clamped(value(b, i, c));
+            const double va = cts_clamp01(value(a, i, c)), vb = cts_clamp01(value(b, i, c));
             m[0] += weight * va;
             m[1] += weight * vb;
             m[2] += weight * va * va;
