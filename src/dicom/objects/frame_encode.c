@@ -23,8 +23,14 @@ CtsStatus cts_frame_room(CtsScFrame *frame, CtsError *err)
 
 CtsStatus cts_frame_encode(CtsScFrame *frame, const char *syntax_uid, const void **fragment, size_t *n, CtsError *err)
 {
-    const CtsEncodeOrder order = {frame->width, frame->height, frame->grey,
-                                  cts_syntax_number(cts_syntax_find(syntax_uid))};
+    const int bits = frame->grey ? 16 : 8;
+    const CtsFrameOrder order = {.format = {.n_colours = frame->grey ? 0 : 3,
+                                            .columns = frame->width,
+                                            .rows = frame->height,
+                                            .bits_allocated = bits,
+                                            .bits_stored = bits,
+                                            .high_bit = bits - 1},
+                                 .syntax_number = cts_syntax_number(cts_syntax_find(syntax_uid))};
     const size_t n_answer = room_for_fragment(frame);
     const void *answer;
     CtsError why = {0};

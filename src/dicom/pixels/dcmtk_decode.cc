@@ -1,14 +1,12 @@
 /* Decodes one RLE, JPEG or JPEG-LS frame with DCMTK's codecs. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/dcmtk/dcmtk_failures.hpp"
-#include "dicom/pixels/pixel_tasks.h"
+#include "dicom/pixels/dcmtk_frame.hpp"
 
 #include <cstdio>
 #include <cstring>
 #include <dcmtk/dcmdata/dcpxitem.h>
 #include <dcmtk/dcmdata/dcrledrg.h>
-#include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmjpeg/djdecode.h>
 #include <dcmtk/dcmjpls/djdecode.h>
 #include <dcmtk/oflog/oflog.h>
@@ -49,56 +47,14 @@ class CountingAppender : public log4cplus::Appender
 };
 Complaints CountingAppender::complaints;
 
-/* Explicit VRs avoid look-ups in the dictionary. */
-OFCondition put(DcmDataset &data_set, const DcmTagKey &key, int value)
+/* The stream as the single fragment of a frame. */
+void wrap(DcmPixelSequence &sequence, const uint8_t *stream, size_t n)
 {
-    return data_set.putAndInsertUint16(DcmTag(key, EVR_US), static_cast<Uint16>(value));
-}
-
-/* The attributes that the codecs use: those of the frame's format, not of the file's header. */
-OFCondition describe(DcmDataset &data_set, const CtsFrameFormat &f)
-{
-    const struct {
-        DcmTagKey key;
-        int value;
-    } numbers[] = {
-        {DCM_SamplesPerPixel, f.n_colours > 0 ? f.n_colours : 1},
-        {DCM_PlanarConfiguration, 0},
-        {DCM_Rows, f.rows},
-        {DCM_Columns, f.columns},
-        {DCM_BitsAllocated, f.bits_allocated},
-        {DCM_BitsStored, f.bits_stored},
-        {DCM_HighBit, f.high_bit},
-        {DCM_PixelRepresentation, f.is_signed ? 1 : 0},
-    };
-    OFCondition result = data_set.putAndInsertString(DcmTag(DCM_PhotometricInterpretation, EVR_CS),
-                                                     f.n_colours > 0 ? "RGB" : "MONOCHROME2");
-    for (const auto &number : numbers)
-        if (result.good())
-            result = put(data_set, number.key, number.value);
-    return result;
-}
-
-/* The stream as the single fragment of a frame. DCMTK copies it, and fragments have even lengths. */
-OFCondition wrap(DcmPixelSequence &sequence, const uint8_t *stream, size_t n)
-{
+    DcmOffsetList offsets;
     std::unique_ptr<DcmPixelItem> table(new DcmPixelItem(DcmTag(DCM_Item, EVR_OB)));
-    OFCondition result = sequence.insert(table.get());
-    if (result.good())
-        table.release();
-    std::unique_ptr<DcmPixelItem> fragment(new DcmPixelItem(DcmTag(DCM_Item, EVR_OB)));
-    Uint8 *room = nullptr;
-    if (result.good())
-        result = fragment->createUint8Array(static_cast<Uint32>(n + n % 2), room);
-    if (result.bad())
-        return result;
-    std::memcpy(room, stream, n);
-    if (n % 2)
-        room[n] = 0;
-    result = sequence.insert(fragment.get());
-    if (result.good())
-        fragment.release();
-    return result;
+    cts_dcm_check(sequence.insert(table.get()));
+    table.release();
+    cts_dcm_check(sequence.storeCompressedFrame(offsets, const_cast<Uint8 *>(stream), static_cast<Uint32>(n), 0));
 }
 
 } // namespace
@@ -126,19 +82,16 @@ try {
     const E_TransferSyntax xfer = DcmXfer(format->syntax->uid).getXfer();
     DcmDataset data_set;
     std::unique_ptr<DcmPixelSequence> sequence(new DcmPixelSequence(DcmTag(DCM_PixelData, EVR_OB)));
-    OFCondition result = wrap(*sequence, stream, n);
-    if (result.good())
-        result = describe(data_set, *format);
-    if (result.bad())
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    wrap(*sequence, stream, n);
+    cts_dcm_describe_frame(data_set, *format);
     DcmPixelData pixel_data(DcmTag(DCM_PixelData, EVR_OB));
     pixel_data.putOriginalRepresentation(xfer, nullptr, sequence.release());
     const size_t n_bytes = cts_frame_bytes(format);
     Uint32 fragment = 0;
     OFString colour_model;
     const Complaints &complaints = CountingAppender::complaints = Complaints();
-    result = pixel_data.getUncompressedFrame(&data_set, 0, fragment, pixels, static_cast<Uint32>(n_bytes + n_bytes % 2),
-                                             colour_model);
+    const OFCondition result = pixel_data.getUncompressedFrame(
+        &data_set, 0, fragment, pixels, static_cast<Uint32>(n_bytes + n_bytes % 2), colour_model);
     if (result.bad())
         return cts_fail(err, result == EC_MemoryExhausted ? CTS_ERR_MEMORY : CTS_ERR_PIXELS,
                         "its compressed pixels cannot be decoded: %s", result.text());

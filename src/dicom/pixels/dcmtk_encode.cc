@@ -1,8 +1,7 @@
 /* One frame compressed without loss by DCMTK. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/dcmtk/dcmtk_failures.hpp"
-#include "dicom/pixels/pixel_tasks.h"
+#include "dicom/pixels/dcmtk_frame.hpp"
 
 #include <cstring>
 #include <dcmtk/dcmdata/dcpixel.h>
@@ -10,35 +9,22 @@
 #include <dcmtk/dcmdata/dcpxitem.h>
 #include <dcmtk/dcmdata/dcrleerg.h>
 #include <dcmtk/dcmdata/dcrlerp.h>
-#include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmjpeg/djencode.h>
 #include <dcmtk/dcmjpeg/djrplol.h>
 #include <memory>
-#include <utility>
 
 namespace
 {
 
-/* The minimal attributes for DCMTK's encoders. */
-void describe_frame(DcmDataset &data, const CtsEncodeOrder &frame, const uint8_t *samples, unsigned long n)
+/* The minimal attributes for DCMTK's encoders, and the samples. */
+void put_frame(DcmDataset &data, const CtsFrameFormat &format, const uint8_t *samples, unsigned long n)
 {
-    const int bits = frame.grey ? 16 : 8;
-    const std::pair<DcmTagKey, int> words[] = {{DCM_SamplesPerPixel, frame.grey ? 1 : 3},
-                                               {DCM_PixelRepresentation, 0},
-                                               {DCM_PlanarConfiguration, 0},
-                                               {DCM_Rows, frame.height},
-                                               {DCM_Columns, frame.width},
-                                               {DCM_BitsAllocated, bits},
-                                               {DCM_BitsStored, bits},
-                                               {DCM_HighBit, bits - 1}};
     std::unique_ptr<DcmPixelData> pixels(new DcmPixelData(DcmTag(DCM_PixelData)));
     cts_dcm_check(data.putAndInsertString(DCM_SOPClassUID, UID_SecondaryCaptureImageStorage));
     cts_dcm_check(data.putAndInsertString(DCM_SOPInstanceUID, "2.25.0"));
-    cts_dcm_check(data.putAndInsertString(DCM_PhotometricInterpretation, frame.grey ? "MONOCHROME2" : "RGB"));
-    for (const auto &[tag, value] : words)
-        cts_dcm_check(data.putAndInsertUint16(tag, static_cast<Uint16>(value)));
-    cts_dcm_check(frame.grey ? pixels->putUint16Array(reinterpret_cast<const Uint16 *>(samples), n / 2)
-                             : pixels->putUint8Array(samples, n));
+    cts_dcm_describe_frame(data, format);
+    cts_dcm_check(format.n_colours ? pixels->putUint8Array(samples, n)
+                                   : pixels->putUint16Array(reinterpret_cast<const Uint16 *>(samples), n / 2));
     if (!pixels->valueLoaded())
         throw std::bad_alloc();
     cts_dcm_check(data.insert(pixels.get()));
@@ -76,7 +62,7 @@ try {
 CtsStatus cts_pixels_encode(const void *order, const uint8_t *samples, size_t n, void *answer, size_t n_answer,
                             CtsError *err)
 try {
-    CtsEncodeOrder frame;
+    CtsFrameOrder frame;
     std::memcpy(&frame, order, sizeof frame);
     const E_TransferSyntax syntax = DcmXfer(cts_syntax_by_number(frame.syntax_number)->uid).getXfer();
     const DcmRLERepresentationParameter rle;
@@ -87,7 +73,7 @@ try {
     DcmDataset data;
     DcmElement *element = nullptr;
     DcmPixelSequence *fragments = nullptr;
-    describe_frame(data, frame, samples, static_cast<unsigned long>(n));
+    put_frame(data, frame.format, samples, static_cast<unsigned long>(n));
     cts_dcm_check(data.chooseRepresentation(syntax, parameter));
     cts_dcm_check(data.findAndGetElement(DCM_PixelData, element));
     cts_dcm_check(dynamic_cast<DcmPixelData &>(*element).getEncapsulatedRepresentation(syntax, parameter, fragments));

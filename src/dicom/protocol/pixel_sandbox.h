@@ -14,12 +14,12 @@ CTS_C_BEGIN
 #define CTS_PIXELS_PROGRAM "ctsplat-pixels"
 
 typedef enum CtsPixelsTask {
-    CTS_PIXELS_DECODE,  /* CtsFrameOrder; a frame's fragments as items, or a deflated data set; the frame's pixels */
-    CTS_PIXELS_GUNZIP,  /* uint64_t, the bytes unpacked until now; a gzip file's next part; CtsUnpacked, then its bytes
-                         */
-    CTS_PIXELS_UNZIP,   /* a zip file; CtsMemberRecord and member, repeated */
-    CTS_PIXELS_IMAGE,   /* CtsImageBox; a DICOM file; CtsImageBox of the image, then its pixels, 3 bytes each */
-    CTS_PIXELS_ENCODE,  /* CtsEncodeOrder; a frame's samples; a size_t, then its only fragment of that length */
+    CTS_PIXELS_DECODE, /* CtsFrameOrder; a frame's fragments as items, or a deflated data set; the frame's pixels */
+    CTS_PIXELS_GUNZIP, /* uint64_t, the bytes unpacked until now; a gzip file's next part; CtsUnpacked, then its bytes
+                        */
+    CTS_PIXELS_UNZIP,  /* a zip file; CtsMemberRecord and member, repeated */
+    CTS_PIXELS_IMAGE,  /* CtsImageBox; a DICOM file; CtsImageBox of the image, then its pixels, 3 bytes each */
+    CTS_PIXELS_ENCODE, /* CtsFrameOrder; a frame's samples; a size_t, then its only fragment of that length */
     CTS_N_PIXELS_TASKS
 } CtsPixelsTask;
 
@@ -78,13 +78,6 @@ static inline size_t cts_member_aligned(size_t n)
 typedef struct CtsUnpacked {
     uint64_t n_taken, n_bytes;
 } CtsUnpacked;
-
-/* A frame to be compressed. */
-typedef struct CtsEncodeOrder {
-    int width, height;
-    bool grey; /* 16-bit words, else 8-bit red, green, blue */
-    int syntax_number;
-} CtsEncodeOrder;
 
 /* A decoder without a process yet. */
 CtsSandbox cts_codec_make(void);
