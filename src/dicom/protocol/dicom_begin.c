@@ -137,7 +137,6 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
             snprintf(scan->why, sizeof scan->why, "the meta header is cut short at byte %zu", pos);
             return CTS_SCAN_BAD;
         }
-        scan->has_meta = true;
         if (pos + e.n_bytes + e.length > n) {
             scan->need = pos + e.n_bytes + e.length + 4096;
             return CTS_SCAN_MORE;

@@ -20,7 +20,7 @@ typedef enum CtsScanResult {
 typedef struct CtsMetaScan {
     size_t need;
     char why[112];
-    bool has_preamble, has_meta;
+    bool has_preamble;
     char syntax_uid[65];    /* (0002,0010), "" where missing */
     char sop_class_uid[65]; /* (0002,0002) */
     size_t data_offset;     /* offset of the data set */

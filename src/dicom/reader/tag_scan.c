@@ -65,14 +65,11 @@ static CtsScanResult more(TagWalk *w, uint64_t need)
 static CtsScanResult push(TagWalk *w, bool item, uint64_t end, bool implicit_vr, bool fragments)
 {
     /* Sequences and items alternate on the stack, beginning with a sequence. */
-    const int nesting = w->height / 2 + 1;
-    if (nesting > CTS_MAX_NESTING) {
+    if (w->height / 2 >= CTS_MAX_NESTING) {
         w->maybe_end = 0;
         return bad(w, "sequences are nested more than 64 deep");
     }
     w->stack[w->height++] = (OpenElement){end, item, implicit_vr, fragments};
-    if (nesting > w->scan->depth)
-        w->scan->depth = nesting;
     return CTS_SCAN_DONE;
 }
 

@@ -30,7 +30,6 @@ typedef struct CtsDataScan {
     bool has_pixels, pixel_words, encapsulated;
     uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */
     uint32_t float_pixels;              /* the tag of Float or Double Float Pixel Data, where used instead; else 0 */
-    int depth;                          /* deepest nesting met */
 } CtsDataScan;
 
 /* The data set from `start` on. `total`: the number of bytes in the file (n or more), `most`: the limit of bytes before
