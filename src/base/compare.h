@@ -1,8 +1,14 @@
-/* For qsort(): numbers, rising; and the extremes of two, and of many. */
+/* For qsort(): numbers and texts, rising; and the extremes of two, and of many. */
 #pragma once
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
+
+static inline int cts_compare_text(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
 
 static inline int cts_compare_double(const void *a, const void *b)
 {

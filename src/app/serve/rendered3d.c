@@ -1,6 +1,7 @@
 /* Translation of the parameters of PS3.18 8.3.5 to ctsplat's options. */
 #include "app/options/options.h"
 #include "app/serve/server.h"
+#include "base/vec3.h"
 #include <fnmatch.h>
 #include <math.h>
 #include <stdio.h>
@@ -135,12 +136,8 @@ static bool is_upright(const Camera *c, const double deg[2])
 {
     const double degree = 180 / acos(-1), a = deg[0] / degree, e = deg[1] / degree;
     const double right[3] = {cos(a), sin(a), 0}, up[3] = {-sin(e) * sin(a), sin(e) * cos(a), cos(e)};
-    double u = 0, v = 0;
-    for (int i = 0; i < 3; i++) {
-        u += c->up_lps[i] * right[i];
-        v += c->up_lps[i] * up[i];
-    }
-    return v > 0 && fabs(u) <= 1e-3 * v;
+    const double v = cts_dot3(c->up_lps, up);
+    return v > 0 && fabs(cts_dot3(c->up_lps, right)) <= 1e-3 * v;
 }
 
 static CtsStatus take_camera(const CtsQuery *from, CtsQuery *words, CtsError *err)

@@ -1,5 +1,6 @@
 #include "app/serve/series_cache.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include "base/text.h"
 #include "dicom/header/slice.h"
@@ -9,31 +10,21 @@
 #include <string.h>
 #include <sys/random.h>
 
-static CtsStatus name_cached(CtsSeriesCache *cache, CtsCachedSeries *s, int part, CtsError *err)
-{
-    char text[96];
-    snprintf(text, sizeof text, "%s#%d", s->uid, part);
-    char *hash = cts_uid_hash(&cache->key, text);
-    if (!hash)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    snprintf(s->id, sizeof s->id, "%s", hash);
-    free(hash);
-    return CTS_OK;
-}
-
 static CtsStatus add_cached(CtsSeriesCache *cache, const char *study_uid, const char *uid, int part,
                             CtsCachedSeries **added, CtsError *err)
 {
     CtsCachedSeries *s = calloc(1, sizeof *s), **end = &cache->first;
-    if (!s)
+    char text[96];
+    snprintf(text, sizeof text, "%s#%d", uid, part);
+    char *const hash = s ? cts_uid_hash(&cache->key, text) : NULL;
+    if (!hash) {
+        free(s);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    snprintf(s->id, sizeof s->id, "%s", hash);
     snprintf(s->uid, sizeof s->uid, "%s", uid);
     snprintf(s->study_uid, sizeof s->study_uid, "%s", study_uid);
-    const CtsStatus st = name_cached(cache, s, part, err);
-    if (st) {
-        free(s);
-        return st;
-    }
+    free(hash);
     while (*end)
         end = &(*end)->next;
     *end = *added = s;
@@ -55,11 +46,6 @@ static CtsStatus find_site_key(CtsSeriesCache *cache, CtsError *err)
                : cts_fail(err, CTS_ERR_READ, "no random numbers are available");
 }
 
-static int by_text(const void *a, const void *b)
-{
-    return strcmp(*(const char *const *)a, *(const char *const *)b);
-}
-
 /* The files of all slices, in order; *n of them. */
 static const char **slice_paths(const CtsSeriesList *list, size_t *n)
 {
@@ -72,7 +58,7 @@ static const char **slice_paths(const CtsSeriesList *list, size_t *n)
         for (int s = 0; s < list->items[i].n_slices; s++)
             paths[k++] = list->items[i].slices[s]->path;
     if (paths)
-        qsort(paths, *n, sizeof *paths, by_text);
+        qsort(paths, *n, sizeof *paths, cts_compare_text);
     return paths;
 }
 
@@ -89,7 +75,7 @@ static CtsStatus find_states(CtsSeriesCache *cache, CtsError *err)
     }
     for (size_t i = 0; i < list->n_paths && cache->n_states < (size_t)list->n_not_ct; i++) {
         CtsCachedState *const state = &cache->states[cache->n_states];
-        if (!bsearch(&list->paths[i], slices, n_slices, sizeof *slices, by_text) &&
+        if (!bsearch(&list->paths[i], slices, n_slices, sizeof *slices, cts_compare_text) &&
             !cts_state_uid(list->paths[i], state->sop_uid, NULL)) {
             state->path = list->paths[i];
             cache->n_states++;

@@ -233,33 +233,29 @@ CtsStatus cts_series_cache_find(const CtsSeriesCache *cache, CtsCachedSeries *s,
 static CtsStatus make_processed(CtsSeriesCache *cache, CtsCachedSeries *s, const CtsSource *source,
                                 CtsProcessedVolume **processed, CtsReport *report, CtsError *err)
 {
-    CtsProcessedVolume *made = calloc(1, sizeof *made);
-    if (made && !(made->choice = cts_source_choice(source))) {
+    const uint64_t expected = bytes_of(s->loaded.scanned->even);
+    CtsLoaded part = {
+        .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
+    CtsProcessedVolume *const made = calloc(1, sizeof *made);
+    if (!made || !(made->choice = cts_source_choice(source))) {
         free(made);
-        made = NULL;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    CtsStatus st = made ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = reserve(cache, s, bytes_of(s->loaded.scanned->even), err))) {
-        const uint64_t expected = bytes_of(s->loaded.scanned->even);
-        CtsLoaded part = {
-            .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
-        if ((st = cts_source_view(source, false, &part, report, err))) {
-            cts_model_free(&part.model);
-            give_up_memory(cache, expected);
-        } else {
-            pthread_mutex_lock(cache->lock);
-            made->model = part.model;
-            made->bytes = bytes_of(part.model.volume);
-            cache->bytes += made->bytes - expected;
-            made->next = s->processed_volumes;
-            s->processed_volumes = made;
-            pthread_mutex_unlock(cache->lock);
-        }
-    }
-    if (st && made)
+    CtsStatus st = reserve(cache, s, expected, err);
+    if (!st && (st = cts_source_view(source, false, &part, report, err)))
+        give_up_memory(cache, expected);
+    made->model = part.model;
+    if (st) {
         free_processed(made);
-    *processed = st ? NULL : made;
-    return st;
+        return st;
+    }
+    pthread_mutex_lock(cache->lock);
+    made->bytes = bytes_of(part.model.volume);
+    cache->bytes += made->bytes - expected;
+    made->next = s->processed_volumes;
+    s->processed_volumes = *processed = made;
+    pthread_mutex_unlock(cache->lock);
+    return CTS_OK;
 }
 
 CtsStatus cts_series_cache_load(CtsSeriesCache *cache, CtsCachedSeries *s, const CtsSource *source,

@@ -1,5 +1,6 @@
 #include "dicom/net/peer.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include "base/text.h"
 #include "dicom/header/header_reader.h"
@@ -57,66 +58,48 @@ static void by_hand(const CtsPeer *peer, const CtsNet *net, char *text, size_t s
         snprintf(text, size, "dcmsend -aet %s -aec %s %s %d FILE", net->own_aet, peer->aet, peer->host, peer->port);
 }
 
-static CtsStatus pack(const char *const *paths, int n, CtsOutgoingFile *outgoing_files, CtsError *err)
+/* The failure of the first file that is not sent. */
+static CtsStatus fail_unsent(const CtsPeer *peer, const CtsNet *net, const CtsOutgoingFile *file,
+                             const CtsAttempt *result, CtsError *err)
 {
-    for (int i = 0; i < n; i++) {
-        const CtsStatus st = cts_dcm_ids(paths[i], &outgoing_files[i].ids, err);
-        if (st)
-            return st;
-        outgoing_files[i].path = paths[i];
-    }
-    return CTS_OK;
-}
-
-static int count_sent(const CtsOutgoingFile *outgoing_files, int n)
-{
-    int sent = 0;
-    for (int i = 0; i < n; i++)
-        sent += outgoing_files[i].sent;
-    return sent;
+    char how[500];
+    while (file->sent)
+        file++;
+    by_hand(peer, net, how, sizeof how);
+    return cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; %s%s)", file->path,
+                    result->error.text, *result->remedy ? "" : "to send it: ", *result->remedy ? result->remedy : how);
 }
 
 CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *const *paths, int n_paths, int *n_sent,
                        CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
-    CtsAttempt result = {0};
-    CtsOutgoingFile *outgoing_files = calloc((size_t)n_paths + 1, sizeof *outgoing_files);
-    CtsStatus st = outgoing_files ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = pack(paths, n_paths, outgoing_files, err))) {
-        int sent = 0;
-        for (int k = 0; sent < n_paths && k < net.n_tries; k++) {
-            wait_ms(&net, k > 0 ? 500 << k : 0); /* 1, 2 and 4 s with the default of 4 tries */
-            if (cts_net_stopped(&net))
-                break;
-            result = (CtsAttempt){0};
-            cts_program_send(peer, &net, outgoing_files, n_paths, &result);
-            sent = count_sent(outgoing_files, n_paths);
-            if (sent < n_paths && !result.again)
-                break;
-        }
-        if (n_sent)
-            *n_sent = sent;
-        if (sent < n_paths && cts_net_stopped(&net))
-            st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted; %d of %d files sent, all kept", sent, n_paths);
-        else if (sent < n_paths) {
-            int first = 0;
-            char how[500];
-            while (outgoing_files[first].sent)
-                first++;
-            by_hand(peer, &net, how, sizeof how);
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; %s%s)",
-                          outgoing_files[first].path, result.error.text,
-                          *result.remedy ? "" : "to send it: ", *result.remedy ? result.remedy : how);
-        }
+    CtsAttempt result = {.again = true};
+    CtsOutgoingFile *const files = calloc((size_t)n_paths + 1, sizeof *files);
+    CtsStatus st = files ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    int sent = 0;
+    for (int i = 0; !st && i < n_paths; i++) {
+        files[i].path = paths[i];
+        st = cts_dcm_ids(paths[i], &files[i].ids, err);
     }
-    free(outgoing_files);
+    for (int k = 0; !st && sent < n_paths && k < net.n_tries && result.again; k++) {
+        wait_ms(&net, k > 0 ? 500 << k : 0); /* 1, 2 and 4 s with the default of 4 tries */
+        if (cts_net_stopped(&net))
+            break;
+        result = (CtsAttempt){0};
+        cts_program_send(peer, &net, files, n_paths, &result);
+        sent = 0;
+        for (int i = 0; i < n_paths; i++)
+            sent += files[i].sent;
+    }
+    if (!st && n_sent)
+        *n_sent = sent;
+    if (!st && sent < n_paths)
+        st = cts_net_stopped(&net)
+                 ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted; %d of %d files sent, all kept", sent, n_paths)
+                 : fail_unsent(peer, &net, files, &result, err);
+    free(files);
     return st;
-}
-
-static int by_text(const void *a, const void *b)
-{
-    return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
 /* True where the object's PatientID contradicts the key. One in another character set than it says is not compared. */
@@ -165,7 +148,7 @@ static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
         cts_object_free(&object);
     }
     if (!st)
-        qsort(uids, (size_t)n, sizeof *uids, by_text);
+        qsort(uids, (size_t)n, sizeof *uids, cts_compare_text);
     for (int i = 0; !st && i < n; i++)
         n_came += i == 0 || strcmp(uids[i], uids[i - 1]) != 0;
     if (!st && n_came < *request->n_promised)
