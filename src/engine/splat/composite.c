@@ -1,7 +1,6 @@
 #include "engine/splat/composite.h"
 
 #include "base/bits.h"
-#include "base/clock.h"
 #include "base/mem.h"
 #include "base/mutation.h"
 #include <math.h>
@@ -80,12 +79,6 @@ static void find_depth(const CtsCompositor *c, const CtsPlane *plane, int y)
             if (after < before && (isinf(*depth_mm) || (before > 0.5f && after <= 0.5f)))
                 *depth_mm = (float)(row_mm + c->depth_mm[1] * x);
         }
-}
-
-/* Lighting is timed on every sixteenth row only, as reading the clock on each row would be too expensive. */
-static bool is_timed(const CtsPlane *plane, int y)
-{
-    return plane->light && (y & 15) == 0;
 }
 
 /* Lattice points a cell, as a power of two; along v those of all rows that are shown alike. */
@@ -215,14 +208,10 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
     c->samples += 8 * c->simd->sample(&plane->sheets, &places, plane->entries, &c->marks, c->grey);
     if (c->picture->depth_mm)
         find_depth(c, plane, y);
-    const bool timed = is_timed(plane, y);
-    const double start_ms = timed ? cts_wall_ms() : 0;
     if (plane->light)
         c->simd->light(pixels, c->grey, &c->marks, plane->entries, &places, plane->light, closed);
     else
         c->simd->blend(pixels, c->picture->width, c->grey, &c->marks, plane->entries, closed);
-    if (timed)
-        c->timed_blend_ms += cts_wall_ms() - start_ms;
 }
 
 void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
@@ -231,12 +220,7 @@ void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
     c->shown_row = -1;
     if (plane->shown && has_borders(c) && !c->borders_known)
         set_borders(c);
-    for (int y = y0; y < y1; y++) {
-        const bool timed = is_timed(plane, y);
-        const double start_ms = timed ? cts_wall_ms() : 0;
+    for (int y = y0; y < y1; y++)
         if (cts_raster_begin_row(&c->row, y))
             composite_row(c, plane, y);
-        if (timed)
-            c->timed_ms += cts_wall_ms() - start_ms;
-    }
 }

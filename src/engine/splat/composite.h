@@ -35,7 +35,6 @@ typedef struct CtsCompositor {
     bool borders_known;
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;
-    double timed_ms, timed_blend_ms; /* of the rows that are timed, one in sixteen: all of it, and blending */
 } CtsCompositor;
 
 CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPatches *patches, const CtsRaster *raster,

@@ -66,32 +66,6 @@ INLINE void scatter_list(const CtsScatter *job, const List *l, int n_vectors)
         }
 }
 
-/* Of a few rows of taps one by one, as its weights then stay in registers. */
-INLINE void scatter_rows(const CtsScatter *job, const List *l, int n_vectors)
-{
-    uint32_t *row = job->sheet;
-    for (int v = job->tap0; v < job->tap1; v++, row += job->stride) {
-        const u32x8 *const weight = (const u32x8 *)job->footprint->weight[v];
-        const u32x4 four = *(const u32x4 *)weight;
-        for (int turn = 0; turn < TURNS; turn++)
-            for (int k = turn; k < l->n; k += TURNS) {
-                uint32_t *const to = row + l->column[k];
-                if (n_vectors == 0)
-                    *(u32x4 *)to += l->change[k] * four;
-                for (int i = 0; i < n_vectors; i++)
-                    ((u32x8 *)to)[i] += l->change[k] * weight[i];
-            }
-    }
-}
-
-INLINE void scatter_any(const CtsScatter *job, const List *l, int n_vectors)
-{
-    if (job->tap1 - job->tap0 < 4)
-        scatter_rows(job, l, n_vectors);
-    else
-        scatter_list(job, l, n_vectors);
-}
-
 static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
 {
     const int n_taps = 2 * job->footprint->reach[0] + 1;
@@ -110,13 +84,13 @@ static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
         if (list.n < ENOUGH && i + 64 < n)
             continue;
         if (n_taps <= 4)
-            scatter_any(job, &list, 0);
+            scatter_list(job, &list, 0);
         else if (n_taps <= 8)
-            scatter_any(job, &list, 1);
+            scatter_list(job, &list, 1);
         else if (n_taps <= 16)
-            scatter_any(job, &list, 2);
+            scatter_list(job, &list, 2);
         else
-            scatter_any(job, &list, 4);
+            scatter_list(job, &list, 4);
         list.n = 0;
     }
 }

@@ -155,29 +155,20 @@ static void flip_alpha(LayerWalk *walk, PaperWorker *w, int swath)
 static void do_part(void *context, int worker, size_t first, size_t end)
 {
     LayerWalk *const walk = context;
+    const double start_ms = cts_wall_ms();
     for (size_t swath = first; swath < end; swath++)
         walk->part(walk, &walk->workers[worker], (int)swath);
-}
-
-static void do_timed_part(void *context, int worker, size_t first, size_t end)
-{
-    LayerWalk *const walk = context;
-    const double start_ms = cts_wall_ms();
-    do_part(walk, worker, first, end);
     walk->workers[worker].busy_ms[walk->stage] += cts_wall_ms() - start_ms;
 }
 
-/* Steps are similar, so only a sample of the parts is timed. */
 static void each(LayerWalk *walk, CtsStage stage, Part *part)
 {
-    const bool timed = walk->s % 4 == 0;
     walk->part = part;
     walk->stage = stage;
     if (walk->plan->by_swaths)
-        (timed ? do_timed_part : do_part)(walk, walk->worker, (size_t)walk->swath, (size_t)walk->swath + 1);
+        do_part(walk, walk->worker, (size_t)walk->swath, (size_t)walk->swath + 1);
     else
-        cts_parallel(walk->plan->n_threads, (size_t)walk->plan->patches.n_swaths, 1, timed ? do_timed_part : do_part,
-                     walk);
+        cts_parallel(walk->plan->n_threads, (size_t)walk->plan->patches.n_swaths, 1, do_part, walk);
 }
 
 static void take_step(LayerWalk *walk)
@@ -224,21 +215,14 @@ static void take_swaths(void *context, int worker, size_t first, size_t end)
 static void report_run(const CtsPaperPlan *p, const PaperWorker *workers, double wall_ms, double cpu_ms,
                        CtsReport *report)
 {
-    double busy[CTS_N_STAGES] = {0}, timed_ms = 0, timed_blend_ms = 0;
+    double busy[CTS_N_STAGES] = {0};
     uint64_t items[CTS_N_STAGES] = {0}, splatted = 0, reused = 0, samples = 0;
     for (int t = 0; t < p->n_threads; t++) {
         for (int stage = 0; stage < CTS_N_STAGES; stage++)
             busy[stage] += workers[t].busy_ms[stage];
-        timed_ms += workers[t].compositor.timed_ms;
-        timed_blend_ms += workers[t].compositor.timed_blend_ms;
         splatted += workers[t].work.splatted;
         reused += workers[t].work.reused;
         samples += workers[t].compositor.samples;
-    }
-    if (p->lit && timed_ms > 0) {
-        const double lighting_ms = busy[CTS_STAGE_COMPOSITE] * timed_blend_ms / timed_ms;
-        busy[CTS_STAGE_COMPOSITE] -= lighting_ms;
-        busy[CTS_STAGE_SHADE] += lighting_ms;
     }
     items[CTS_STAGE_SPLAT] = splatted;
     items[CTS_STAGE_COMPOSITE] = samples;
