@@ -98,13 +98,9 @@ typedef struct Strip {
     float last_from;      /* the last such indicator, INFINITY at first */
     bool marched;         /* groups have been marched since the last round */
     size_t n_interpolated;
-    uint32_t *place; /* this round's pixels, in the band */
-    size_t room;     /* of place */
-    double share;    /* pixels with the error of one: a rendered pixel's error is in those interpolated from it, too */
+    double share; /* pixels with the error of one: a rendered pixel's error is in those interpolated from it, too */
     CtsTerms terms;
     double excess, largest; /* as in CtsErrorControl */
-    CtsStatus status;
-    CtsError err;
 } Strip;
 
 typedef struct Round {
@@ -119,7 +115,8 @@ typedef struct Round {
     size_t n_strips;
     int number;
     size_t n_sampled;
-    uint32_t *place;         /* pixels of the band that are re-rendered in this round, strip by strip */
+    uint32_t *place; /* room for all pixels: those that are re-rendered in this round, strip by strip; while they are
+                        drawn, from the number of each strip's first pixel on */
     float (*rgba)[4], *off;  /* their values, and the exact march's error bounds */
     CtsGroupSample *samples; /* and what they say of their groups; NULL where groups are not marched */
     size_t n_marched;
@@ -251,20 +248,6 @@ static double uniform_at(const Round *r, size_t at)
     return (double)(cts_random_bits(place + ((uint64_t)r->number << 60) + 1) >> 11) * 0x1p-53;
 }
 
-static CtsStatus add_place(Strip *s, size_t at, CtsError *err)
-{
-    CtsStatus st;
-    if (s->n_sampled == s->room) {
-        const size_t room = s->room > 0 ? 2 * s->room : 256;
-        st = s->room > 0 ? cts_resize_array(&s->place, s->n_sampled, room, err) : cts_alloc_array(&s->place, room, err);
-        if (st)
-            return st;
-        s->room = room;
-    }
-    s->place[s->n_sampled++] = (uint32_t)at;
-    return CTS_OK;
-}
-
 /* Probabilities of up to DRAWN_TOGETHER pixels from `first` on, and their sum. */
 static double find_probabilities(const Round *r, const Strip *s, size_t first, double probability[DRAWN_TOGETHER])
 {
@@ -287,30 +270,28 @@ static double count_expected(const Round *r, const Strip *s)
 
 /* Draw pixels. Most random numbers exceed the sum of their pixels' probabilities by more than its rounding error; the
  * others select a pixel by the probabilities of the estimate. */
-static CtsStatus draw(const Round *r, Strip *s, CtsError *err)
+static void draw(const Round *r, Strip *s)
 {
-    CtsStatus st = CTS_OK;
-    for (size_t first = s->first; first < s->end && !st; first += DRAWN_TOGETHER) {
+    for (size_t first = s->first; first < s->end; first += DRAWN_TOGETHER) {
         const double rough = rough_probability(r, s, first), number = uniform_at(r, first);
         double probability[DRAWN_TOGETHER], until = 0;
         if (rough < 1 && number >= (1 + ROUGH) * rough)
             continue;
         const bool alone = find_probabilities(r, s, first, probability) > 1;
-        for (size_t i = 0; i < DRAWN_TOGETHER && first + i < s->end && !st; i++) {
+        for (size_t i = 0; i < DRAWN_TOGETHER && first + i < s->end; i++) {
             until = alone ? probability[i] : until + probability[i];
             if ((alone ? uniform_at(r, first + i) : number) >= until)
                 continue;
-            st = add_place(s, first + i, err);
+            r->place[s->first + s->n_sampled++] = (uint32_t)(first + i);
             if (!alone)
                 break;
         }
     }
-    return st;
 }
 
 /* Choose the pixels of a strip that are re-rendered: as many as the requested error needs; few where the strip is good,
  * and where it is so bad that more would not change the estimate. */
-static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
+static void sample_strip(const Round *r, Strip *s)
 {
     const double requested = cts_scene_requested_error(&r->control->scene), n = (double)(s->end - s->first);
     const bool first = r->number == 0 || s->marched;
@@ -330,7 +311,7 @@ static CtsStatus sample_strip(const Round *r, Strip *s, CtsError *err)
     }
     const double expected = count_expected(r, s);
     s->probability *= expected > most ? most / expected : 1;
-    return draw(r, s, err);
+    draw(r, s);
 }
 
 static void sample_some(void *context, int worker, size_t first, size_t end)
@@ -340,8 +321,8 @@ static void sample_some(void *context, int worker, size_t first, size_t end)
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &r->strips[strip];
         s->n_sampled = 0;
-        if (s->open && !s->status)
-            s->status = sample_strip(r, s, &s->err);
+        if (s->open)
+            sample_strip(r, s);
     }
 }
 
@@ -502,25 +483,17 @@ static CtsStatus run_round(Round *r, CtsError *err)
     cts_parallel(n_threads, r->n_strips, 1, sample_some, r);
     r->n_sampled = 0;
     for (size_t i = 0; i < r->n_strips; i++) {
-        if (r->strips[i].status) {
-            *err = r->strips[i].err;
-            return r->strips[i].status;
-        }
-        r->strips[i].first_sampled = r->n_sampled;
-        r->n_sampled += r->strips[i].n_sampled;
+        Strip *const s = &r->strips[i];
+        memmove(r->place + r->n_sampled, r->place + s->first, s->n_sampled * sizeof *r->place);
+        s->first_sampled = r->n_sampled;
+        r->n_sampled += s->n_sampled;
     }
-    cts_free(&r->place);
     cts_free(&r->rgba);
     cts_free(&r->off);
     cts_free(&r->samples);
-    if ((st = cts_alloc_array(&r->place, r->n_sampled, err)) || (st = cts_alloc_array(&r->rgba, r->n_sampled, err)) ||
-        (st = cts_alloc_array(&r->off, r->n_sampled, err)) ||
+    if ((st = cts_alloc_array(&r->rgba, r->n_sampled, err)) || (st = cts_alloc_array(&r->off, r->n_sampled, err)) ||
         (c->marches_groups && (st = cts_alloc_array(&r->samples, r->n_sampled, err))))
         return st;
-    for (size_t i = 0; i < r->n_strips; i++)
-        if (r->strips[i].n_sampled > 0)
-            memcpy(r->place + r->strips[i].first_sampled, r->strips[i].place,
-                   r->strips[i].n_sampled * sizeof *r->place);
     if (r->n_sampled > 0 &&
         (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_sampled, r->error, r->rgba, r->off, err)))
         return st;
@@ -619,7 +592,7 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
                .small = SMALL / pixels,
                .one_in = fmax(fmin(pixels / ONE_IN, fmax(ONE_IN, (double)strip / IN_STRIP)), 1)};
     CtsStatus st;
-    if ((st = cts_alloc_zeroed(&r.strips, r.n_strips, err)) ||
+    if ((st = cts_alloc_zeroed(&r.strips, r.n_strips, err)) || (st = cts_alloc_array(&r.place, n, err)) ||
         (st = cts_alloc_array(&r.squares, (n + DRAWN_TOGETHER - 1) / DRAWN_TOGETHER, err)))
         goto end;
     for (size_t i = 0; i < r.n_strips; i++)
@@ -656,8 +629,6 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
 end:
     control->wall_ms += cts_wall_ms() - wall;
     control->cpu_ms += cts_cpu_ms() - cpu;
-    for (size_t i = 0; r.strips && i < r.n_strips; i++)
-        cts_free(&r.strips[i].place);
     cts_free(&r.squares);
     cts_free(&r.strips);
     cts_free(&r.place);

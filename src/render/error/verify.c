@@ -4,6 +4,7 @@
 #include "render/error/verify.h"
 
 #include "base/clock.h"
+#include "base/compare.h"
 #include "base/limits.h"
 #include "base/mem.h"
 #include "base/random.h"
@@ -22,61 +23,39 @@ typedef struct CtsCandidate {
     float rgba[4];
 } CtsCandidate;
 
-CtsStatus cts_verify_begin(CtsVerify *v, const CtsScene *scene, size_t n, CtsError *err)
+void cts_verify_begin(CtsVerify *v, const CtsScene *scene, size_t n)
 {
     const size_t area = (size_t)scene->view.width * (size_t)scene->view.height;
-    (void)err;
     *v = (CtsVerify){.scene = scene, .n = n < area ? n : area, .seed = cts_reference_seed(scene), .choosing = n > 0};
-    return CTS_OK;
 }
 
-/* The lowest random number stays on top. */
-static void sift_down(CtsCandidate *heap, size_t n)
+/* The highest random numbers first; equal ones by place. */
+static int by_random(const void *a, const void *b)
 {
-    const CtsCandidate moved = heap[0];
-    size_t at = 0;
-    for (size_t child; (child = 2 * at + 1) < n; at = child) {
-        if (child + 1 < n && heap[child + 1].random < heap[child].random)
-            child++;
-        if (!(heap[child].random < moved.random))
-            break;
-        heap[at] = heap[child];
-    }
-    heap[at] = moved;
-}
-
-static void sift_up(CtsCandidate *heap, size_t at)
-{
-    const CtsCandidate moved = heap[at];
-    for (; at > 0 && moved.random < heap[(at - 1) / 2].random; at = (at - 1) / 2)
-        heap[at] = heap[(at - 1) / 2];
-    heap[at] = moved;
-}
-
-static bool has_room(CtsVerify *v, CtsVerifyClass *c)
-{
-    if (c->n < c->room)
-        return true;
-    const size_t room = c->room > 0 ? 2 * c->room : 64;
-    CtsCandidate *heap = realloc(c->heap, (room < v->n ? room : v->n) * sizeof *heap);
-    if (!heap)
-        return false;
-    c->heap = heap;
-    c->room = room < v->n ? room : v->n;
-    return true;
+    const CtsCandidate *p = a, *q = b;
+    if (p->random != q->random)
+        return p->random < q->random ? 1 : -1;
+    return p->y != q->y ? (p->y > q->y) - (p->y < q->y) : (p->x > q->x) - (p->x < q->x);
 }
 
 static void offer(CtsVerify *v, CtsVerifyClass *c, const CtsCandidate *candidate)
 {
-    if (c->n == v->n) {
-        c->heap[0] = *candidate;
-        sift_down(c->heap, c->n);
-    } else if (has_room(v, c)) {
-        c->heap[c->n] = *candidate;
-        sift_up(c->heap, c->n++);
-    } else {
-        v->lost = true;
+    if (c->n == 2 * v->n) {
+        qsort(c->candidates, c->n, sizeof *c->candidates, by_random);
+        c->n = v->n;
+        c->least = c->candidates[c->n - 1].random;
     }
+    if (c->n == c->room) {
+        const size_t room = 2 * c->room + 64;
+        CtsCandidate *const more = realloc(c->candidates, room * sizeof *more);
+        if (!more) {
+            v->lost = true;
+            return;
+        }
+        c->candidates = more;
+        c->room = room;
+    }
+    c->candidates[c->n++] = *candidate;
 }
 
 /* Red, green and blue as they are shown. */
@@ -86,38 +65,6 @@ static inline f32x4 pixel_at(const float *at, int n_channels, f32x4 background)
         return (f32x4){at[0]};
     const f32x4 f = *(const f32x4 *)at;
     return (f + (1 - f[3]) * background) * (f32x4){1, 1, 1, 0};
-}
-
-static inline f32x4 size_of(f32x4 a)
-{
-    return (f32x4)((i32x4)a & 0x7fffffff);
-}
-
-static inline bool is_zero(f32x4 a)
-{
-    uint64_t bits[2];
-    memcpy(bits, &a, sizeof bits);
-    return (bits[0] | bits[1]) == 0;
-}
-
-static inline f32x4 larger(f32x4 a, f32x4 b)
-{
-    const i32x4 more = a > b;
-    return (f32x4)((more & (i32x4)a) | (~more & (i32x4)b));
-}
-
-static inline double largest_of(f32x4 a)
-{
-    const float x = a[0] > a[1] ? a[0] : a[1], y = a[2] > a[3] ? a[2] : a[3];
-    return (double)(x > y ? x : y);
-}
-
-/* The largest first and second difference to the neighbours on one line. */
-static inline void line_differences(f32x4 before, f32x4 here, f32x4 behind, f32x4 *first, f32x4 *second)
-{
-    const f32x4 back = here - before, on = behind - here;
-    *first = larger(*first, larger(size_of(back), size_of(on)));
-    *second = larger(*second, size_of(on - back));
 }
 
 /* Rows are processed in groups, so that the division of a picture into bands does not matter; the ends of the picture
@@ -131,15 +78,17 @@ static inline double importance(const CtsPicture *band, f32x4 back, int x, int y
     const f32x4 right = pixel_at(x < band->width - 1 ? at + n : at, n, back),
                 above = pixel_at(row > 0 ? at - row_step : at, n, back);
     const f32x4 below = pixel_at(row < CTS_BAND_ROWS - 1 && y < band->height - 1 ? at + row_step : at, n, back);
-    if (is_zero((f32x4)((i32x4)here | (i32x4)left | (i32x4)right | (i32x4)above | (i32x4)below)))
-        return LEAST;
-    f32x4 first = {0}, second = {0};
-    line_differences(left, here, right, &first, &second);
-    line_differences(above, here, below, &first, &second);
-    double edge = largest_of(first), spot = largest_of(second);
-    edge = edge < 1 ? edge : 1;
-    spot = spot < 1 ? spot : 1;
-    return LEAST + (largest_of(here) > 0 ? 1 : 0) + 30 * (edge + spot) + 1000 * spot * spot;
+    const f32x4 line[2][3] = {{left, here, right}, {above, here, below}};
+    float edge = 0, spot = 0;
+    for (int i = 0; i < 6; i++) {
+        const f32x4 *const along = line[i / 3];
+        const float before = along[1][i % 3] - along[0][i % 3], behind = along[2][i % 3] - along[1][i % 3];
+        edge = cts_larger_float(edge, cts_larger_float(fabsf(before), fabsf(behind)));
+        spot = cts_larger_float(spot, fabsf(behind - before));
+    }
+    const double edges = fmin((double)edge, 1), spots = fmin((double)spot, 1);
+    const bool visible = here[0] > 0 || here[1] > 0 || here[2] > 0;
+    return LEAST + visible + 30 * (edges + spots) + 1000 * spots * spots;
 }
 
 /* The engine's estimate of a pixel's error takes precedence over the picture's contrast: its square, at least a
@@ -173,7 +122,7 @@ static void offer_pixels(CtsVerify *v, const CtsPicture *band, const float *boun
             CtsVerifyClass *class = &v->classes[class_of(weight)];
             CtsCandidate c = {.random = cts_random_next(&state), .x = x, .y = band->first_row + y};
             class->offered++;
-            if (class->n == v->n && c.random <= class->heap[0].random)
+            if (c.random < class->least)
                 continue;
             const float *at = band->pixels + pixel * (size_t)n;
             for (int k = 0; k < 4; k++)
@@ -261,14 +210,6 @@ static void share_out(Stratum *stratum, int n_strata, size_t n)
     }
 }
 
-static int by_random(const void *a, const void *b)
-{
-    const CtsCandidate *p = a, *q = b;
-    if (p->random != q->random)
-        return p->random < q->random ? 1 : -1;
-    return p->y != q->y ? (p->y > q->y) - (p->y < q->y) : (p->x > q->x) - (p->x < q->x);
-}
-
 /* The pixels of one stratum, from *at on. */
 static CtsStatus choose_in(CtsVerify *v, const Stratum *s, double whole, size_t *at, CtsError *err)
 {
@@ -281,7 +222,7 @@ static CtsStatus choose_in(CtsVerify *v, const Stratum *s, double whole, size_t 
     n = 0;
     for (int k = s->first; k < s->end && !st; k++) {
         if (v->classes[k].n > 0)
-            memcpy(all + n, v->classes[k].heap, v->classes[k].n * sizeof *all);
+            memcpy(all + n, v->classes[k].candidates, v->classes[k].n * sizeof *all);
         n += v->classes[k].n;
     }
     if (!st)
@@ -302,7 +243,7 @@ static CtsStatus choose_in(CtsVerify *v, const Stratum *s, double whole, size_t 
 static void free_classes(CtsVerify *v)
 {
     for (int k = 0; k < CLASSES; k++) {
-        free(v->classes[k].heap);
+        free(v->classes[k].candidates);
         v->classes[k] = (CtsVerifyClass){0};
     }
 }
@@ -328,11 +269,6 @@ CtsStatus cts_verify_choose(CtsVerify *v, CtsError *err)
     return st;
 }
 
-CtsStatus cts_verify_cast(CtsVerify *v, CtsError *err)
-{
-    return cts_reference_cast(v->reference, v->scene, err);
-}
-
 CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
 {
     const double start = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -340,7 +276,7 @@ CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
     CtsStatus st;
     if (!v->choosing)
         return CTS_OK;
-    if ((st = cts_verify_choose(v, err)) || (st = cts_verify_cast(v, err)) ||
+    if ((st = cts_verify_choose(v, err)) || (st = cts_reference_cast(v->reference, v->scene, err)) ||
         (st = cts_reference_evaluate(v->reference, (const float(*)[4])v->found, &verified, err)))
         return st;
     cts_error_limits(&verified);

@@ -7,7 +7,9 @@ enum { CTS_VERIFY_CLASSES = 8 };
 
 /* Pixels alike in how large an error is likely there. */
 typedef struct CtsVerifyClass {
-    struct CtsCandidate *heap; /* the CtsVerify.n of the highest random numbers so far, the lowest of them first */
+    struct CtsCandidate
+        *candidates; /* those of the CtsVerify.n highest random numbers so far, and up to as many more */
+    uint64_t least;  /* random number of candidates that count */
     size_t n, room, offered;
 } CtsVerifyClass;
 
@@ -24,14 +26,12 @@ typedef struct CtsVerify {
     float (*found)[4];
 } CtsVerify;
 
-CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n, CtsError *err);
+void cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n);
 /* bound: the engine's upper limit of each pixel's error, rms over red, green and blue; pixels with large ones are
  * preferred. It is not trusted: half of the pixels are chosen uniformly. NULL: contrast to neighbours is used. */
 void cts_verify_take(CtsVerify *verify, const CtsPicture *band, const float *bound);
 /* Ends the choice; the true values are left zero. */
 CtsStatus cts_verify_choose(CtsVerify *verify, CtsError *err);
-/* Renders the chosen pixels by the reference. */
-CtsStatus cts_verify_cast(CtsVerify *verify, CtsError *err);
 /* Completes the verification and fills report->verified, with an interval that holds for any picture. */
 CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
 void cts_verify_free(CtsVerify *verify);
