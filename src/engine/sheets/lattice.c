@@ -5,12 +5,6 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* Points of a lattice that hold n pixels between them, with one point beyond the last pixel. */
-static int lattice_points(int n)
-{
-    return n / 2 + 1;
-}
-
 /* Difference of neighbours, in requested errors, from which the pixels between them are marched: bilinear interpolation
  * is off by an eighth of the change of slope, so that a difference of eight requested errors is off by about one; such
  * pixels are few. */
@@ -187,16 +181,20 @@ void cts_sheets_lattice_free(SheetsPatch *l)
     cts_free(&l->depth_mm);
 }
 
+SheetsPatch cts_sheets_lattice_of(const SheetsJob *job, const SheetsPatch *pixels)
+{
+    return (SheetsPatch){.grid = &job->grid[1],
+                         .x0 = pixels->x0,
+                         .y0 = pixels->y0,
+                         .width = SHEETS_POINTS(pixels->width),
+                         .height = SHEETS_POINTS(pixels->height)};
+}
+
 CtsStatus cts_sheets_lattice_init(SheetsPatch *l, const SheetsJob *job, const SheetsPatch *pixels, CtsError *err)
 {
     CtsStatus st;
-    *l = (SheetsPatch){.grid = &job->grid[1],
-                       .x0 = pixels->x0,
-                       .y0 = pixels->y0,
-                       .width = lattice_points(pixels->width),
-                       .height = lattice_points(pixels->height)};
+    *l = cts_sheets_lattice_of(job, pixels);
     const size_t n = (size_t)l->width * (size_t)l->height;
-    /* Indicators of three points are loaded as four. */
     if ((st = cts_alloc_zeroed(&l->rgba, 4 * n, err)) || (st = cts_alloc_zeroed(&l->indicator, n + 1, err)) ||
         (pixels->depth_mm && (st = cts_alloc_array(&l->depth_mm, n, err))))
         return st;

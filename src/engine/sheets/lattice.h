@@ -26,7 +26,11 @@ static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)
     return f32x4_max(SHUFFLE(ab, cd, 0, 1, 4, 5), SHUFFLE(ab, cd, 2, 3, 6, 7));
 }
 
-/* The lattice of a patch; its points are functions of their place alone, so that no band or tile sees its borders. */
+/* Points of a lattice that hold n pixels between them, with one point beyond the last pixel. */
+#define SHEETS_POINTS(n) ((n) / 2 + 1)
+/* The lattice of a patch, without memory and with it; its points are functions of their place alone, so that no band or
+ * tile shows its borders. Indicators of three points are loaded as four. */
+SheetsPatch cts_sheets_lattice_of(const SheetsJob *job, const SheetsPatch *pixels);
 CtsStatus cts_sheets_lattice_init(SheetsPatch *lattice, const SheetsJob *job, const SheetsPatch *pixels, CtsError *err);
 void cts_sheets_lattice_free(SheetsPatch *lattice);
 

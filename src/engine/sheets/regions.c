@@ -251,16 +251,15 @@ typedef struct TileProbing {
     Picturing picturing;
     const int (*corner)[2];
     float (*rgba)[4], *indicator;
-    CtsStatus *status;
-    CtsError *err;
 } TileProbing;
 
-static CtsStatus probe_tile(const TileProbing *probing, int worker, size_t tile, CtsError *err)
+static void probe_tile(const TileProbing *probing, int worker, size_t tile)
 {
+    enum { POINTS = SHEETS_POINTS(SHEETS_TILE_X) * SHEETS_POINTS(SHEETS_TILE_Y) };
+    _Alignas(f32x4) float rgba[4 * POINTS] = {0}, indicator[POINTS + 1] = {0};
     Picturing p = probing->picturing;
     SheetsWorker *const w = &p.workers[worker];
     const size_t first = tile * SHEETS_TILE_X * SHEETS_TILE_Y;
-    CtsStatus st = CTS_OK;
     p.pixels = (SheetsPatch){.grid = &p.job->grid[0],
                              .x0 = probing->corner[tile][0],
                              .y0 = probing->corner[tile][1],
@@ -270,23 +269,22 @@ static CtsStatus probe_tile(const TileProbing *probing, int worker, size_t tile,
                              .indicator = probing->indicator + first};
     memset(p.pixels.rgba, 0, SHEETS_TILE_X * SHEETS_TILE_Y * sizeof *probing->rgba);
     memset(p.pixels.indicator, 0, SHEETS_TILE_X * SHEETS_TILE_Y * sizeof *probing->indicator);
-    if (p.job->lattice && !(st = cts_sheets_lattice_init(&p.lattice, p.job, &p.pixels, err)))
+    if (p.job->lattice) {
+        p.lattice = cts_sheets_lattice_of(p.job, &p.pixels);
+        p.lattice.rgba = rgba;
+        p.lattice.indicator = indicator;
         run_region(&p, w, &p.lattice, 0, 0);
-    if (!st)
-        run_region(&p, w, &p.pixels, 0, 0);
-    cts_sheets_lattice_free(&p.lattice);
+    }
+    run_region(&p, w, &p.pixels, 0, 0);
     /* Neighbours outside the tile are not rendered: at its border contrast may be larger in the picture. */
-    if (!st)
-        cts_sheets_add_contrast(&p.pixels, 0, SHEETS_TILE_X, 0, SHEETS_TILE_Y);
-    return st;
+    cts_sheets_add_contrast(&p.pixels, 0, SHEETS_TILE_X, 0, SHEETS_TILE_Y);
 }
 
 static void probe_some(void *context, int worker, size_t first, size_t end)
 {
     const TileProbing *const p = context;
     for (size_t tile = first; tile < end && !cts_scene_stopped(p->picturing.scene); tile++)
-        if (!p->status[worker])
-            p->status[worker] = probe_tile(p, worker, tile, &p->err[worker]);
+        probe_tile(p, worker, tile);
 }
 
 CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, const CtsScene *scene,
@@ -299,14 +297,8 @@ CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, c
                      .indicator = indicator};
     SheetsCounts counts = {0};
     CtsStatus st = start_workers(&p.picturing.workers, job, n_threads, err);
-    if (!st && !(st = cts_alloc_zeroed(&p.status, (size_t)n_threads, err)) &&
-        !(st = cts_alloc_zeroed(&p.err, (size_t)n_threads, err)))
+    if (!st)
         cts_parallel(n_threads, n, 1, probe_some, &p);
-    for (int i = 0; i < n_threads && !st; i++)
-        if ((st = p.status[i]))
-            *err = p.err[i];
-    cts_free(&p.status);
-    cts_free(&p.err);
     end_workers(&p.picturing.workers, n_threads, &counts);
     return st ? st : cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }

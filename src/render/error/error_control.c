@@ -448,25 +448,22 @@ static CtsStatus march_groups(Round *r, CtsError *err)
 static CtsStatus rerender_doubtful(Round *r, CtsError *err)
 {
     const CtsErrorControl *const c = r->control;
-    const double requested = cts_scene_requested_error(&c->scene);
-    CtsStatus st = CTS_OK;
+    const double largest_off = cts_scene_requested_error(&c->scene) / WORTH;
+    CtsStatus st;
     uint32_t *place = NULL;
     size_t n = 0;
     float(*rgba)[4] = NULL, *off = NULL;
-    for (size_t i = 0; i < r->n_sampled; i++)
-        n += WORTH * (double)r->off[i] > requested;
-    if (n == 0 || (st = cts_alloc_array(&place, n, err)) || (st = cts_alloc_array(&rgba, n, err)) ||
-        (st = cts_alloc_array(&off, n, err)))
+    if ((st = cts_alloc_array(&place, r->n_sampled, err)) || (st = cts_alloc_array(&rgba, r->n_sampled, err)) ||
+        (st = cts_alloc_array(&off, r->n_sampled, err)))
         goto end;
-    n = 0;
     for (size_t i = 0; i < r->n_sampled; i++)
-        if (WORTH * (double)r->off[i] > requested)
+        if ((double)r->off[i] > largest_off)
             place[n++] = r->place[i];
-    if ((st = c->march->render_pixels(&c->scene, r->band, place, n, 0, rgba, off, err)))
+    if (n == 0 || (st = c->march->render_pixels(&c->scene, r->band, place, n, 0, rgba, off, err)))
         goto end;
     n = 0;
     for (size_t i = 0; i < r->n_sampled; i++)
-        if (WORTH * (double)r->off[i] > requested)
+        if ((double)r->off[i] > largest_off)
             memcpy(r->rgba[i], rgba[n++], sizeof r->rgba[i]);
 end:
     cts_free(&place);
