@@ -1,31 +1,26 @@
 #include "base/bits.h"
 
 #include "base/mem.h"
-#include "base/parallel.h"
-#include <stdatomic.h>
 
-static CtsStatus plan_words(CtsBits *bits, const int dims[3], size_t *n_words, CtsError *err)
+static CtsStatus new_bits(CtsBits *bits, const int dims[3], bool zeroed, CtsError *err)
 {
+    size_t n;
     *bits = (CtsBits){.dims = {dims[0], dims[1], dims[2]}, .row_words = (size_t)dims[0] / 64 + 1};
     if (bits->row_words > CTS_BITS_ROW_WORDS)
         return cts_fail(err, CTS_ERR_MEMORY, "rows of %d voxels are too long for a mask", dims[0]);
-    if (cts_mul_overflows((size_t)dims[1] * (size_t)dims[2], bits->row_words, n_words))
+    if (cts_mul_overflows((size_t)dims[1] * (size_t)dims[2], bits->row_words, &n))
         return cts_fail(err, CTS_ERR_MEMORY, "a mask of %d x %d x %d voxels is too large", dims[0], dims[1], dims[2]);
-    return CTS_OK;
+    return zeroed ? cts_alloc_zeroed(&bits->words, n, err) : cts_alloc_array(&bits->words, n, err);
 }
 
 CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
 {
-    size_t n_words = 0;
-    const CtsStatus st = plan_words(bits, dims, &n_words, err);
-    return st ? st : cts_alloc_zeroed(&bits->words, n_words, err);
+    return new_bits(bits, dims, true, err);
 }
 
 CtsStatus cts_bits_new_unset(CtsBits *bits, const int dims[3], CtsError *err)
 {
-    size_t n_words = 0;
-    const CtsStatus st = plan_words(bits, dims, &n_words, err);
-    return st ? st : cts_alloc_array(&bits->words, n_words, err);
+    return new_bits(bits, dims, false, err);
 }
 
 void cts_bits_free(CtsBits *bits)
@@ -117,30 +112,13 @@ bool cts_bits_any(const CtsBits *bits)
 
 uint64_t cts_bits_count(const CtsBits *bits)
 {
+    return cts_bits_count_common(bits, bits);
+}
+
+uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b)
+{
     uint64_t count = 0;
-    for (size_t w = 0; w < cts_bits_n_words(bits); w++)
-        count += (uint64_t)cts_popcount(bits->words[w]);
+    for (size_t w = 0; w < cts_bits_n_words(a); w++)
+        count += (uint64_t)cts_popcount(a->words[w] & b->words[w]);
     return count;
-}
-
-typedef struct CommonCount {
-    const CtsBits *a, *b;
-    _Atomic uint64_t count;
-} CommonCount;
-
-static void count_common(void *context, int worker, size_t first, size_t end)
-{
-    CommonCount *const c = context;
-    uint64_t count = 0;
-    (void)worker;
-    for (size_t w = first; w < end; w++)
-        count += (uint64_t)cts_popcount(c->a->words[w] & c->b->words[w]);
-    atomic_fetch_add(&c->count, count);
-}
-
-uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads)
-{
-    CommonCount common = {.a = a, .b = b};
-    cts_parallel(n_threads, cts_bits_n_words(a), 0, count_common, &common);
-    return atomic_load(&common.count);
 }

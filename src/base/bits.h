@@ -107,4 +107,4 @@ void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
 bool cts_bits_any(const CtsBits *bits);
 uint64_t cts_bits_count(const CtsBits *bits);
 /* Number of bits set in both, which have the same dimensions. */
-uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads);
+uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b);

@@ -122,21 +122,16 @@ static int close_others(const int keep[2])
     return result ? result : close_between(high + 1, INT_MAX);
 }
 
-/* Separates a child process from its parent: signals, files, no core files. */
-static int leave_all(const int keep[2])
-{
-    leave_signals();
-    /* a core file would contain patient data; if this fails, the limit on core files still holds */
-    prctl(PR_SET_DUMPABLE, 0);
-    const int result = limit_resource(RLIMIT_CORE, 0);
-    return result ? result : close_others(keep);
-}
-
 int cts_isolation_enter(const int keep[2], size_t n_bytes)
 {
     mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, at a thread's first call */
     free(malloc(1));
-    int result = leave_all(keep);
+    leave_signals();
+    /* a core file would contain patient data; if this fails, the limit on core files still holds */
+    prctl(PR_SET_DUMPABLE, 0);
+    int result = limit_resource(RLIMIT_CORE, 0);
+    if (!result)
+        result = close_others(keep);
     if (!result)
         result = limit_resources(n_bytes);
     return result ? result : load_filter();

@@ -107,13 +107,12 @@ bool cts_idle_begin(CtsIdle *idle, const CtsBatchSettings *settings, const CtsKe
         idle->inputs += sum_path(o->paths.items[i], true);
     state_path(o, path);
     FILE *file = idle->settings[0] ? fopen(path, "re") : NULL;
-    const int n = file ? fscanf(file, "%64s %" SCNx64 " %" SCNx64 " %23s %zu %zu %zu %zu %zu %zu %zu", last, &inputs,
-                                &outputs, due, &r.n_series, &r.n_done, &r.n_thumbnails, &r.n_skipped, &r.n_refused,
-                                &r.n_failed, &r.n_waiting)
+    const int n = file ? fscanf(file, "%64s %" SCNx64 " %" SCNx64 " %23s %zu %zu", last, &inputs, &outputs, due,
+                                &r.n_series, &r.n_done)
                        : 0;
     if (file)
         fclose(file);
-    if (n != 11 || strcmp(last, idle->settings) || inputs != idle->inputs ||
+    if (n != 6 || strcmp(last, idle->settings) || inputs != idle->inputs ||
         (strcmp(due, "never") && strcmp(due, cts_utc_now().text) <= 0) || outputs != sum_path(o->output_dir, false))
         return false;
     *result = r;
@@ -127,10 +126,9 @@ void cts_idle_end(const CtsIdle *idle, const CtsBatchSettings *settings, const C
     if (!idle->settings[0])
         return;
     state_path(settings->options, path);
-    snprintf(text, sizeof text, "%s %" PRIx64 " %" PRIx64 " %s %zu %zu %zu %zu %zu %zu %zu\n", idle->settings,
-             idle->inputs, sum_path(settings->options->output_dir, false),
-             later->due.text[0] ? later->due.text : "never", r->n_series, r->n_done, r->n_thumbnails, r->n_skipped,
-             r->n_refused, r->n_failed, r->n_waiting);
+    snprintf(text, sizeof text, "%s %" PRIx64 " %" PRIx64 " %s %zu %zu\n", idle->settings, idle->inputs,
+             sum_path(settings->options->output_dir, false), later->due.text[0] ? later->due.text : "never",
+             r->n_series, r->n_done + r->n_thumbnails + r->n_skipped + r->n_waiting);
     if (!cts_temp_open(&temp, path, NULL) && !cts_temp_write(temp, text, strlen(text), NULL))
         cts_temp_commit(&temp, true, NULL, NULL);
     cts_temp_discard(&temp);

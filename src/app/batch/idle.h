@@ -11,7 +11,8 @@ typedef struct CtsIdle {
     uint64_t inputs;   /* sum of names, sizes and times below the paths, when the run began */
 } CtsIdle;
 
-/* True if this run has nothing to do; the result is then that of the last run. key: see cts_plan_new(). */
+/* True if this run has nothing to do; the result then has the last run's number of series, and as done those that
+ * neither were refused nor failed. key: see cts_plan_new(). */
 bool cts_idle_begin(CtsIdle *idle, const CtsBatchSettings *settings, const CtsKey *key, CtsBatchResult *result);
 /* Keeps the state for the next run, after one that has ended. Without it the next run searches, so failures do not
  * matter. */

@@ -89,8 +89,9 @@ static CtsStatus send_text(const CtsWorkerProcess *worker_process, const char *m
                : cts_fail(err, CTS_ERR_INTERRUPTED, "the batch process has ended: %s", strerror(errno));
 }
 
-/* The text with the series' name in the batch wherever reasons and findings have its own; NULL without memory. */
-static char *renamed(const char *text, const CtsPlanSeries *series)
+/* A message with the text, which has the series' name in the batch wherever reasons and findings have its own; NULL
+ * without memory. */
+static char *new_message(char kind, const char *text, const CtsPlanSeries *series)
 {
     char *out = NULL;
     size_t size;
@@ -99,23 +100,19 @@ static char *renamed(const char *text, const CtsPlanSeries *series)
         return NULL;
     const char *own = series && strcmp(series->own_uid, series->uid) ? series->own_uid : "";
     const size_t n = strlen(own);
+    fputc(kind, stream);
     for (const char *at; n && (at = strstr(text, own)); text = at + n)
         fprintf(stream, "%.*s%s", (int)(at - text), text, at[n] >= '0' && at[n] <= '9' ? own : series->uid);
-    fputs(text, stream);
+    fprintf(stream, "%s\n", text);
     return cts_text_end(stream, &out);
 }
 
-CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, char kind, CtsError *err)
+CtsStatus cts_worker_send_record(const CtsWorkerProcess *c, char kind, CtsError *err)
 {
-    char *whole = json_dumps(worker_process->record, JSON_COMPACT | JSON_REAL_PRECISION(12)), *message = NULL;
-    char *object = whole ? renamed(whole, worker_process->series) : NULL;
-    CtsStatus st = object && asprintf(&message, "%c%s\n", kind, object) > 0
-                       ? CTS_OK
-                       : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st)
-        st = send_text(worker_process, message, err);
-    free(whole);
-    free(object);
+    char *const record = json_dumps(c->record, JSON_COMPACT | JSON_REAL_PRECISION(12));
+    char *const message = record ? new_message(kind, record, c->series) : NULL;
+    const CtsStatus st = message ? send_text(c, message, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    free(record);
     free(message);
     return st;
 }

@@ -1,5 +1,6 @@
 #include "core/couch/table_removal.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include "core/volume/linear_layers.h"
 #include "core/volume/threshold.h"
@@ -128,21 +129,15 @@ static double mean_around(const Air *a, const Sample *s)
     return sum / n;
 }
 
-static int by_float(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* The middle of the darkest large peak of n sorted values, and its share of them; without a large peak, those of the
  * largest one. */
-static double darkest_peak(const float *hu, size_t n, double *share)
+static double darkest_peak(const double *hu, size_t n, double *share)
 {
     size_t most = 0, peak_first = 0;
     for (size_t first = 0, end = 0; first < n; first++) {
-        if ((double)most >= PEAK_SHARE * (double)n && hu[first] > hu[peak_first] + (float)AIR_TO_LUNG_HU)
+        if ((double)most >= PEAK_SHARE * (double)n && hu[first] > hu[peak_first] + AIR_TO_LUNG_HU)
             break;
-        while (end < n && hu[end] <= hu[first] + (float)AIR_TO_LUNG_HU)
+        while (end < n && hu[end] <= hu[first] + AIR_TO_LUNG_HU)
             end++;
         if (end - first > most) {
             most = end - first;
@@ -158,7 +153,7 @@ static double darkest_peak(const float *hu, size_t n, double *share)
  * Otherwise room air is recognised by one sharp level that is also the darkest. */
 static CtsStatus find_level(const Air *a, bool has_table, CtsBody *body, CtsError *err)
 {
-    float *hu[2] = {NULL, NULL}; /* of parts inside, and of those at the border */
+    double *hu[2] = {NULL, NULL}; /* of parts inside, and of those at the border */
     size_t n[2] = {0, 0}, n_darker = 0;
     double share;
     CtsStatus st;
@@ -167,9 +162,9 @@ static CtsStatus find_level(const Air *a, bool has_table, CtsBody *body, CtsErro
     for (const Sample *s = a->samples; s < a->samples + a->n_samples; s++)
         if (s->hu > a->table->volume->hu_offset && s->hu < CTS_DENSE_HU) { /* no padding, table or blanket */
             const bool at_border = a->at_border[s->part];
-            hu[at_border][n[at_border]++] = (float)mean_around(a, s);
+            hu[at_border][n[at_border]++] = mean_around(a, s);
         }
-    qsort(hu[1], n[1], sizeof *hu[1], by_float);
+    qsort(hu[1], n[1], sizeof *hu[1], cts_compare_double);
     const double air_hu = darkest_peak(hu[1], n[1], &share);
     for (size_t i = 0; i < n[0]; i++)
         n_darker += hu[0][i] < air_hu - AIR_TO_LUNG_HU;

@@ -32,58 +32,48 @@ bool cts_section_plan(const CtsVolume *v, double thickness_mm, CtsSectionPlan *p
     return true;
 }
 
-static void join_row(const CtsSectionPlan *plan, const CtsBits *dense, int j, int k, CtsBits *sections)
+static void join_row(CtsTableSearch *r, int j, int k)
 {
-    const uint64_t *from = cts_bits_row(dense, j, k);
+    const CtsSectionPlan *const plan = &r->plan;
+    const uint64_t *from = cts_bits_row(&r->dense, j, k);
     if (plan->axis[2] == 0) {
-        for (int i = 0; i < dense->dims[0]; i++)
+        for (int i = 0; i < r->dense.dims[0]; i++)
             if (from[i >> 6] >> (i & 63) & 1)
-                cts_bits_set(sections, j, k, i / plan->n_slices);
+                cts_bits_set(&r->sections, j, k, i / plan->n_slices);
         return;
     }
-    uint64_t *to = plan->axis[2] == 2 ? cts_bits_row(sections, j, k / plan->n_slices)
-                                      : cts_bits_row(sections, k, j / plan->n_slices);
-    for (size_t w = 0; w < dense->row_words; w++)
+    uint64_t *to = plan->axis[2] == 2 ? cts_bits_row(&r->sections, j, k / plan->n_slices)
+                                      : cts_bits_row(&r->sections, k, j / plan->n_slices);
+    for (size_t w = 0; w < r->dense.row_words; w++)
         to[w] |= from[w];
 }
 
-typedef struct Joining {
-    const CtsSectionPlan *plan;
-    const CtsBits *dense;
-    CtsBits *sections;
-} Joining;
-
 static void join_slices(void *context, int worker, size_t first, size_t end)
 {
-    const Joining *const joining = context;
+    CtsTableSearch *const r = context;
     (void)worker;
     for (int k = (int)first; k < (int)end; k++)
-        for (int j = 0; j < joining->dense->dims[1]; j++)
-            join_row(joining->plan, joining->dense, j, k, joining->sections);
+        for (int j = 0; j < r->dense.dims[1]; j++)
+            join_row(r, j, k);
 }
 
-CtsStatus cts_sections_new(const CtsSectionPlan *plan, const CtsBits *dense, int n_threads, CtsBits *sections,
-                           CtsError *err)
+CtsStatus cts_sections_new(CtsTableSearch *r, CtsError *err)
 {
-    const CtsStatus st = cts_bits_new(sections, plan->dims, err);
-    Joining joining = {plan, dense, sections};
+    const CtsStatus st = cts_bits_new(&r->sections, r->plan.dims, err);
     /* Chunks of slices of different threads have no row in common. */
     if (!st)
-        cts_parallel(n_threads, (size_t)dense->dims[2], plan->axis[2] == 2 ? (size_t)plan->n_slices : 1, join_slices,
-                     &joining);
+        cts_parallel(r->n_threads, (size_t)r->dense.dims[2], r->plan.axis[2] == 2 ? (size_t)r->plan.n_slices : 1,
+                     join_slices, r);
     return st;
 }
 
-void cts_sections_row(const CtsSectionPlan *plan, const CtsBits *sections, int nx, int j, int k, uint64_t *row)
+const uint64_t *cts_gone_row(const CtsTableSearch *r, int j, int k, uint64_t *row)
 {
-    const size_t n_words = (size_t)nx / 64 + 1;
-    if (plan->axis[2] == 2)
-        memcpy(row, cts_bits_row(sections, j, k / plan->n_slices), n_words * sizeof *row);
-    else if (plan->axis[2] == 1)
-        memcpy(row, cts_bits_row(sections, k, j / plan->n_slices), n_words * sizeof *row);
-    else {
-        memset(row, 0, n_words * sizeof *row);
-        for (int i = 0; i < nx; i++)
-            row[i >> 6] |= (uint64_t)cts_bits_get(sections, j, k, i / plan->n_slices) << (i & 63);
-    }
+    const int nx = r->dims[0], n_slices = r->plan.n_slices;
+    if (r->plan.axis[2] != 0)
+        return r->plan.axis[2] == 2 ? cts_bits_row(&r->gone, j, k / n_slices) : cts_bits_row(&r->gone, k, j / n_slices);
+    memset(row, 0, ((size_t)nx / 64 + 1) * sizeof *row);
+    for (int i = 0; i < nx; i++)
+        row[i >> 6] |= (uint64_t)cts_bits_get(&r->gone, j, k, i / n_slices) << (i & 63);
+    return row;
 }

@@ -80,7 +80,7 @@ static CtsStatus find_sections(CtsTableSearch *r, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (r->plan.axis[2] != 2 || r->plan.n_slices > 1)
-        st = cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err);
+        st = cts_sections_new(r, err);
     else
         r->sections = r->dense;
     return st ? st : cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err);
@@ -156,7 +156,7 @@ static void find_gone_sections(void *context, int worker, size_t first, size_t e
             cts_bits_combine(&foreign, CTS_BITS_AND_NOT, &near);
             cts_bits_combine(&gone, CTS_BITS_OR, &foreign);
         }
-        n_gone += cts_bits_count_common(&section, &gone, 1);
+        n_gone += cts_bits_count_common(&section, &gone);
     }
     atomic_fetch_add(&l->n_voxels, n_gone);
 }
@@ -180,15 +180,6 @@ static CtsStatus find_gone(CtsTableSearch *r, uint64_t *n_gone, CtsError *err)
     return st;
 }
 
-/* The bits of `gone` along row (j, k) of the volume that was searched: in place, or made in `row`. */
-static const uint64_t *gone_row(const CtsTableSearch *r, int j, int k, uint64_t *row)
-{
-    if (r->plan.axis[2] == 2)
-        return cts_bits_row(&r->gone, j, k / r->plan.n_slices);
-    cts_sections_row(&r->plan, &r->gone, r->dims[0], j, k, row);
-    return row;
-}
-
 /* Number of dense voxels that become air. */
 static uint64_t count_dense_gone(const CtsTableSearch *r)
 {
@@ -196,7 +187,7 @@ static uint64_t count_dense_gone(const CtsTableSearch *r)
     for (int k = 0; k < r->dense.dims[2]; k++)
         for (int j = 0; j < r->dense.dims[1]; j++) {
             uint64_t made[CTS_BITS_ROW_WORDS];
-            const uint64_t *const gone = gone_row(r, j, k, made), *const row = cts_bits_row(&r->dense, j, k);
+            const uint64_t *const gone = cts_gone_row(r, j, k, made), *const row = cts_bits_row(&r->dense, j, k);
             for (size_t w = 0; w < r->dense.row_words; w++)
                 if (gone[w] & row[w]) /* few words have any */
                     n += (uint64_t)cts_popcount(gone[w] & row[w]);
@@ -248,7 +239,7 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
     for (int k = (int)first; k < (int)end; k++)
         for (int j = 0; j < v->dims[1]; j++, row += n) {
             uint64_t made[CTS_BITS_ROW_WORDS];
-            const uint64_t *const gone = gone_row(c->found, j + at[1], k + at[2], made);
+            const uint64_t *const gone = cts_gone_row(c->found, j + at[1], k + at[2], made);
             move_kept_row(row, row, v->dims[0], at[0], gone);
         }
 }
@@ -291,7 +282,7 @@ static void report_uncertain(const CtsTableSearch *r, CtsReport *report)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
                               "the air around the body is as dense as lungs and has no level of its own: the table may "
                               "stay in the picture (remove it by a crop)");
-    const uint64_t n_doubtful = cts_bits_count_common(&r->doubtful, &r->body.dense, r->n_threads);
+    const uint64_t n_doubtful = cts_bits_count_common(&r->doubtful, &r->body.dense);
     const double kept_mm3 = fmax(r->body.thin_mm3, (double)n_doubtful * r->plan.voxel_mm3);
     if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_TABLE_REMOVAL_UNCERTAIN,
@@ -416,7 +407,7 @@ void cts_table_crop(CtsTableSearch *found, CtsModel *model)
         for (int j = low[1]; j <= high[1]; j++, to += n) {
             uint64_t made[CTS_BITS_ROW_WORDS];
             move_kept_row(to, v->grey + ((size_t)k * ny + (size_t)j) * nx + low[0], n, low[0],
-                          gone_row(found, j, k, made));
+                          cts_gone_row(found, j, k, made));
         }
     give_inside(found, model, low);
     cts_volume_become_air_box(v, low, high);

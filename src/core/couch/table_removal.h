@@ -26,13 +26,6 @@ typedef struct CtsSectionPlan {
 /* False when the volume's steps do not span space. */
 bool cts_section_plan(const CtsVolume *volume, double thickness_mm, CtsSectionPlan *plan);
 
-/* A bit is set where any voxel of it is; dense has the volume's dimensions. */
-CtsStatus cts_sections_new(const CtsSectionPlan *plan, const CtsBits *dense, int n_threads, CtsBits *sections,
-                           CtsError *err);
-
-/* The bits of the sections along row (j, k) of the volume, as a row of a CtsBits of its dimensions. */
-void cts_sections_row(const CtsSectionPlan *plan, const CtsBits *sections, int nx, int j, int k, uint64_t *row);
-
 /* Dilation and opening of one section, a slice of a CtsBits. */
 
 /* Size of a structuring element: an octagon of `diamond` steps along the axes, then a box of these half sizes, in
@@ -98,6 +91,11 @@ struct CtsTableSearch {
     CtsBodyMask *inside;
     int dims[3], air_before[3]; /* of the volume that was searched */
 };
+
+/* Makes the sections, of which a bit is set where any dense voxel of it is. */
+CtsStatus cts_sections_new(CtsTableSearch *r, CtsError *err);
+/* The bits of `gone` along row (j, k) of the volume that was searched: in place, or made in `row`. */
+const uint64_t *cts_gone_row(const CtsTableSearch *r, int j, int k, uint64_t *row);
 
 /* Finds the plates and the doubtful ones. */
 CtsStatus cts_plates_find(CtsTableSearch *r, CtsError *err);

@@ -1,5 +1,6 @@
 #include "core/volume/shape_interpolation.h"
 
+#include "base/compare.h"
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
@@ -118,16 +119,6 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
     return CTS_OK;
 }
 
-INLINE int least(int a, int b)
-{
-    return a < b ? a : b;
-}
-
-INLINE int most(int a, int b)
-{
-    return a > b ? a : b;
-}
-
 /* Means of 2 x 2 pixels. */
 INLINE void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row, int n, uint16_t *restrict to)
 {
@@ -215,7 +206,7 @@ INLINE void begin_row(const uint16_t *own, const uint16_t *low, const uint16_t *
                       int16_t *d)
 {
     for (int i = 0; i < nx; i += CHUNK) {
-        const int n = least(nx - i, CHUNK);
+        const int n = cts_smaller_int(nx - i, CHUNK);
         if (n == CHUNK ? mark_crossings(own + i, low + i, high + i, CHUNK, level, d + i)
                        : mark_crossings(own + i, low + i, high + i, n, level, d + i))
             measure_crossings(own + i, low + i, high + i, n, level, d + i);
@@ -254,17 +245,17 @@ void cts_shape_reach_rows(int16_t *distance, const int n_blocks[2], int16_t *col
                 distance[i - 1] = nearer(distance[i - 1], (int16_t)(distance[i] + SIDE));
             }
     for (int j = 0; j < ny && nx >= SHAPE_ROWS && ny >= SHAPE_ROWS; j += SHAPE_ROWS) {
-        uint16_t *const rows = (uint16_t *)distance + (ptrdiff_t)least(j, ny - SHAPE_ROWS) * nx;
+        uint16_t *const rows = (uint16_t *)distance + (ptrdiff_t)cts_smaller_int(j, ny - SHAPE_ROWS) * nx;
         for (int i = 0; i < nx; i += SHAPE_ROWS)
-            transpose_8x8(rows + least(i, nx - SHAPE_ROWS), (size_t)nx, (uint16_t *)(v + least(i, nx - SHAPE_ROWS)),
-                          SHAPE_ROWS);
+            transpose_8x8(rows + cts_smaller_int(i, nx - SHAPE_ROWS), (size_t)nx,
+                          (uint16_t *)(v + cts_smaller_int(i, nx - SHAPE_ROWS)), SHAPE_ROWS);
         for (int i = 1; i < nx; i++)
             v[i] = nearest(v[i], v[i - 1] + SIDE);
         for (int i = nx - 2; i >= 0; i--)
             v[i] = nearest(v[i], v[i + 1] + SIDE);
         for (int i = 0; i < nx; i += SHAPE_ROWS)
-            transpose_8x8((uint16_t *)(v + least(i, nx - SHAPE_ROWS)), SHAPE_ROWS, rows + least(i, nx - SHAPE_ROWS),
-                          (size_t)nx);
+            transpose_8x8((uint16_t *)(v + cts_smaller_int(i, nx - SHAPE_ROWS)), SHAPE_ROWS,
+                          rows + cts_smaller_int(i, nx - SHAPE_ROWS), (size_t)nx);
     }
 }
 
@@ -337,7 +328,7 @@ INLINE uint64_t flag_blocks(const Shaping *s, const Scratch *c, size_t at, int n
     for (int l = 0; l < N_SURFACES; l++) {
         const int16_t *const d = c->gap.field[0].distance[l] + at, *const e = c->gap.field[1].distance[l] + at;
         for (int i = 0; i < n; i++) {
-            const int moved = abs(e[i] - d[i]), off = least(abs(d[i]), abs(e[i]));
+            const int moved = abs(e[i] - d[i]), off = cts_smaller_int(abs(d[i]), abs(e[i]));
             moves[i] |= (moved > SHAPE_MOVES_FROM) & (abs(b[i] - a[i]) > alike) &
                         (((d[i] ^ e[i]) < 0) | (off < SHAPE_GOES_WITH * moved + 2 * SIDE));
         }
@@ -363,7 +354,7 @@ INLINE BlockBox blocks_of_box(const Shaping *s, int margin)
     for (int axis = 0; axis < 2; axis++) {
         const int low = s->stack->low[axis] / BLOCK - margin, end = (s->stack->end[axis] - 1) / BLOCK + 1 + margin;
         box.low[axis] = low > 0 ? low : 0;
-        box.end[axis] = least(end, s->n_blocks[axis]);
+        box.end[axis] = cts_smaller_int(end, s->n_blocks[axis]);
     }
     return box;
 }
@@ -453,7 +444,7 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap)
     const CtsShapeStack *const t = s->stack;
     const double from = place_of_slice(t, gap), to = place_of_slice(t, gap + 1);
     list_blocks(s, c);
-    for (int j = most((int)floor(from) + 1, t->low[2]); j < to && j < t->end[2]; j++) {
+    for (int j = cts_larger_int((int)floor(from) + 1, t->low[2]); j < to && j < t->end[2]; j++) {
         const ShapeLayer made = {
             {stored_slice(s, gap), stored_slice(s, gap + 1)}, stored_layer(t, j), (float)((j - from) / (to - from))};
         c->sums.n_voxels += n_layer_voxels(t);
@@ -473,7 +464,7 @@ static LayerRange layers_of_gap(const CtsShapeStack *t, int gap)
     const double from = place_of_slice(t, gap);
     const int first = gap > 0 ? (int)ceil(from) : 0;
     const int end = gap + 1 == t->n_slices ? t->end[2] : (int)ceil(place_of_slice(t, gap + 1));
-    return (LayerRange){most(first, t->low[2]), least(end, t->end[2])};
+    return (LayerRange){cts_larger_int(first, t->low[2]), cts_smaller_int(end, t->end[2])};
 }
 
 /* Some rows of n voxels, the first from voxel `from` of the slices and `to` of the layers on. */
@@ -485,7 +476,8 @@ typedef struct RowGroup {
 static void blend_gap(const Shaping *s, int gap, const RowGroup *r)
 {
     const CtsShapeStack *const t = s->stack;
-    const int last = t->n_slices - 1, a = gap > 0 ? gap - 1 : gap, c = least(gap + 1, last), d = least(gap + 2, last);
+    const int last = t->n_slices - 1, a = gap > 0 ? gap - 1 : gap, c = cts_smaller_int(gap + 1, last),
+              d = cts_smaller_int(gap + 2, last);
     const uint16_t *const of[4] = {stored_slice(s, a), stored_slice(s, gap), stored_slice(s, c), stored_slice(s, d)};
     const double from = place_of_slice(t, gap), here = place_of_slice(t, c) - from;
     const double before = a < gap ? from - place_of_slice(t, a) : here;
