@@ -91,7 +91,7 @@ static CtsStatus send_text(const CtsWorkerProcess *worker_process, const char *m
 
 /* A message with the text, which has the series' name in the batch wherever reasons and findings have its own; NULL
  * without memory. */
-static char *new_message(char kind, const char *text, const CtsPlanSeries *series)
+static char *renamed_message(char kind, const char *text, const CtsPlanSeries *series)
 {
     char *out = NULL;
     size_t size;
@@ -110,7 +110,7 @@ static char *new_message(char kind, const char *text, const CtsPlanSeries *serie
 CtsStatus cts_worker_send_record(const CtsWorkerProcess *c, char kind, CtsError *err)
 {
     char *const record = json_dumps(c->record, JSON_COMPACT | JSON_REAL_PRECISION(12));
-    char *const message = record ? new_message(kind, record, c->series) : NULL;
+    char *const message = record ? renamed_message(kind, record, c->series) : NULL;
     const CtsStatus st = message ? send_text(c, message, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     free(record);
     free(message);
