@@ -122,6 +122,7 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * - vf_lt, vf_le, vi_lt, vi_eq: comparisons, false for NaN; vu_lt: of vi as unsigned integers; vi_test: (a & b) != 0
  * - vf_select, vi_select(mask, yes, no)
  * - mask_any(mask); mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
+ * - vf_pack(to, from, mask): stores the lanes of the mask one after the other; behind them up to LANES are overwritten
  * - vf_look_up(table, n, index): table[index] of n entries; LANES entries may be read where n is less
  * - vi_take_bytes(from, index): from[index] of 8 bits; the three bytes behind may be read, too
  * - vi_take(from, index): from[index] of 32 bits with a sign
@@ -165,6 +166,14 @@ typedef struct ws {
 #else
 #include "base/simd_scalar_tmpl.h"
 #endif
+#endif
+
+#if !defined(SIMD_PATH_AVX512) || defined(SIMD_DOUBLE)
+INLINE void vf_pack(real *to, vf from, vmask mask)
+{
+    for (unsigned left = mask_bits(mask); left; left &= left - 1)
+        *to++ = from[__builtin_ctz(left)];
+}
 #endif
 
 SIMD_OP(vmask, vf_gt, (vf a, vf b), vf_lt(b, a))

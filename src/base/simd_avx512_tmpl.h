@@ -20,6 +20,11 @@ SIMD_OP(bool, mask_any, (vmask mask), mask != 0)
 SIMD_OP(unsigned, mask_bits, (vmask mask), mask)
 SIMD_OP(vmask, mask_of_bits, (unsigned bits), (vmask)bits)
 
+INLINE void vf_pack(float *to, vf from, vmask mask)
+{
+    _mm512_storeu_ps(to, _mm512_maskz_compress_ps(mask, (__m512)from));
+}
+
 INLINE vf vf_look_up(const float *table, int n, vi index)
 {
     if (n <= LANES)

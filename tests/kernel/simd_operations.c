@@ -24,6 +24,20 @@ static wi take_64(const int32_t (*from)[2], wi at, int which)
     return which ? second : first;
 }
 
+/* The lanes of the mask, then 0. */
+static wf pack(wf from, wmask mask)
+{
+    float to[16 + LANES];
+    int n = 0;
+    for (int p = 0; p < N_PARTS; p++) {
+        vf_pack(to + n, from.part[p], mask.part[p]);
+        n += __builtin_popcount(mask_bits(mask.part[p]));
+    }
+    for (; n < 16; n++)
+        to[n] = 0;
+    return wf_load(to);
+}
+
 int SIMD_FUNCTION(const SimdInput *in, SimdRow row[MAX_ROWS])
 {
     const wf f = wf_load(in->f), g = wf_load(in->g), c = wf_load(in->c), r = wf_load(in->r);

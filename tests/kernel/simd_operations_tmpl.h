@@ -16,6 +16,7 @@ FLOATS(wi_to_float, wi_to_float(i), (float)i)
 FLOATS(wi_as_float, wi_as_float(wf_as_int(f)), f)
 FLOATS(wf_look_up, wf_look_up(in->table, TABLE_SIZE, b), in->table[b])
 FLOATS(wf_look_up of 4, wf_look_up(in->table, 4, wi_and(b, wi_of(3))), in->table[b & 3])
+FLOATS(vf_pack, pack(f, m), packed(in, l))
 
 WHOLES(wi_of, wi_of(in->twos[0][0]), in->twos[0][0])
 WHOLES(wi_add, wi_add(i, j), (int32_t)((uint32_t)i + (uint32_t)j))

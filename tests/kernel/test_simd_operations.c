@@ -67,6 +67,15 @@ static int32_t madd(const SimdInput *in, int lane)
     return (int32_t)((uint32_t)(s[0] * t[0]) + (uint32_t)(s[1] * t[1]));
 }
 
+/* The value of lane number `which` of the mask m. */
+static float packed(const SimdInput *in, int which)
+{
+    unsigned left = in->m;
+    for (int l = 0; l < which; l++)
+        left &= left - 1;
+    return left ? in->f[__builtin_ctz(left)] : 0;
+}
+
 /* name[]: the operation of each row. */
 static int scalar_operations(const SimdInput *in, SimdRow row[MAX_ROWS], const char *name[MAX_ROWS])
 {

@@ -35,6 +35,7 @@ CtsStatus cts_shade_init(CtsShade *s, const CtsPreset *preset, const CtsVolume *
                     .exponent = (float)preset->power,
                     .occlusion = (float)preset->occlusion,
                     .n_power = power_steps(preset->power),
+                    .least_power = 1e-30f,
                     .air_beyond = cts_shade_air_beyond(preset, volume)};
     if (preset->power >= 1 && preset->power <= 128 && preset->power == floor(preset->power)) {
         s->whole_power = (int)preset->power;

@@ -25,7 +25,6 @@ OUTLINE void load_corners_each(const TiledJob *j, const vi cell[3], vmask lanes,
                 at[a] = (int)cell[a][l] + (j->dims[a] > 1 ? i >> a & 1 : 0);
                 away += at[a] * j->stride[a];
             }
-            k->level[i][l] = j->grey[away];
             for (int a = 0; a < 3; a++)
                 k->slope[a][i][l] = (real)difference(j, j->shown + away, at[a], a);
         }
@@ -55,14 +54,15 @@ INLINE vf upper(vi pair)
 OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)
 {
     const vi at = voxel_of(j, cell);
+    vf level[8];
     for (int z = 0; z < 2; z++)
         for (int y = 0; y < 2; y++) {
             const ptrdiff_t row = y * j->stride[1] + z * j->stride[2];
             const int i = 2 * y + 4 * z;
             const vi left = vi_gather_pairs(j->shown + row - 1, at, lanes),
                      right = vi_gather_pairs(j->shown + row + 1, at, lanes);
-            k->level[i] = upper(left);
-            k->level[i + 1] = lower(right);
+            level[i] = upper(left);
+            level[i + 1] = lower(right);
             k->slope[0][i] = lower(right) - lower(left);
             k->slope[0][i + 1] = upper(right) - upper(left);
         }
@@ -72,7 +72,7 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
             const ptrdiff_t away = j->shade->step[axis] * j->stride[axis];
             const bool low = !(i >> axis & 1), one = j->shade->step[axis] == 1;
             const int beside = i ^ 1 << axis; /* the cell's opposite voxel, if it is a step away */
-            vf before[2] = {k->level[beside], k->level[beside + 1]}, after[2] = {before[0], before[1]};
+            vf before[2] = {level[beside], level[beside + 1]}, after[2] = {before[0], before[1]};
             if (low || !one) {
                 const vi pair = vi_gather_pairs(j->shown + row - away, at, lanes);
                 before[0] = lower(pair);
@@ -86,14 +86,6 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
             k->slope[axis][i] = after[0] - before[0];
             k->slope[axis][i + 1] = after[1] - before[1];
         }
-    vi pair[4];
-    if (j->shown == j->grey)
-        return;
-    load_pairs(j, cell, lanes, pair);
-    for (int i = 0; i < 4; i++) {
-        k->level[2 * i] = lower(pair[i]);
-        k->level[2 * i + 1] = upper(pair[i]);
-    }
 }
 #endif
 

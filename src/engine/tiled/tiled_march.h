@@ -84,7 +84,7 @@ typedef struct TiledJob {
 } TiledJob;
 
 /* Rays are processed in lists. Ray i starts inside the box at start_vox[.][i] and ends length_mm[i] further on. */
-enum { TILED_RAYS = 1024, TILED_STEP_QUEUES = 3 };
+enum { TILED_RAYS = 1024, TILED_SHADING_QUEUES = 4 };
 typedef struct TiledRays {
     int n;
     uint16_t x[TILED_RAYS], y[TILED_RAYS];
@@ -93,10 +93,9 @@ typedef struct TiledRays {
     double hit_mm[TILED_RAYS];    /* the distance from their start, */
     int hit_cell[3][TILED_RAYS];  /* and the cell */
     float rgba[TILED_RAYS][4];    /* result, extended by the remaining transmittance */
-    /* shading_bound: of shading errors, added to bound at the end */
-    float bound[TILED_RAYS], shading_bound[TILED_RAYS];
-    float stepped[TILED_STEP_QUEUES][TILED_RAYS]
-                 [4];           /* sums of segments shaded in steps, and of their error estimates */
+    float bound[TILED_RAYS];
+    /* Sums of shaded segments by the queue that they were in, and of their error estimates. */
+    float light[TILED_SHADING_QUEUES][TILED_RAYS][4];
     float left[TILED_RAYS];     /* transmittance, of rays that ended before leaving the box */
     float depth_mm[TILED_RAYS]; /* if wanted */
 } TiledRays;

@@ -56,7 +56,7 @@ typedef struct Packet {
     vf t_label_edge;
     int label_cell[LANES][3];   /* the cells in which boundaries of labels were computed */
     int last_appearance[LANES]; /* from t_label_edge on to the end of the cell; -1: further edges follow */
-    int ray[LANES];
+    whole ray[LANES];
     /* Low-weight segments of each lane, queued until together they are worth a gradient: colour and weight, weighted
      * centre, and in mm the begin of the first and the end of the last of them. */
     vf deferred_colour[3], deferred_weight, deferred_centre, deferred_begin, deferred_end;
@@ -147,8 +147,33 @@ INLINE void advance(March *m, const Faces *f, vmask moving)
     p->active &= ~(moving & outside);
 }
 
-/* The field from p->t over `length` mm within the cell: F = f + x fx + y fy + z fz + xy fxy + xz fxz + yz fyz + xyz
- * fxyz about the entry point, along the displacement. */
+/* c[0] + c[1] s + c[2] s^2 + c[3] s^3 */
+typedef struct Polynomial {
+    vf c[4];
+} Polynomial;
+
+/* A trilinear field along a ray through its cell, from `at` over `displacement`: F = f + x fx + y fy + z fz + xy fxy +
+ * xz fxz + yz fyz + xyz fxyz about the entry point. low, rise: at the corners of x = 0, and to x = 1. */
+INLINE Polynomial trilinear_along(const vf low[4], const vf rise[4], const vf at[3], const vf displacement[3])
+{
+    /* First about the cell's origin. */
+    const vf y = low[1] - low[0], z = low[2] - low[0], xy = rise[1] - rise[0], xz = rise[2] - rise[0];
+    const vf yz = low[3] - low[2] - y, xyz = rise[3] - rise[2] - xy;
+    const vf fxy = xy + at[2] * xyz, fxz = xz + at[1] * xyz, fyz = yz + at[0] * xyz, fy0 = y + at[0] * xy;
+    const vf fx = rise[0] + at[1] * xy + at[2] * fxz, fy = fy0 + at[2] * fyz, fz = z + at[0] * xz + at[1] * fyz;
+    const vf displacement_yz = displacement[1] * displacement[2];
+    return (Polynomial){{low[0] + at[0] * rise[0] + at[1] * fy0 + at[2] * fz,
+                         displacement[0] * fx + displacement[1] * fy + displacement[2] * fz,
+                         displacement[0] * (displacement[1] * fxy + displacement[2] * fxz) + displacement_yz * fyz,
+                         displacement[0] * displacement_yz * xyz}};
+}
+
+INLINE vf polynomial_at(const Polynomial *p, vf s)
+{
+    return ((p->c[3] * s + p->c[2]) * s + p->c[1]) * s + p->c[0];
+}
+
+/* The field from p->t over `length` mm within the cell. */
 INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
 {
     const Packet *const p = m->p;
@@ -164,18 +189,10 @@ INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
         low[i] = to_float(lower_half(pair[i]));
         rise[i] = to_float(upper_half(pair[i])) - low[i];
     }
-    /* First about the cell's origin. */
-    const vf y = low[1] - low[0], z = low[2] - low[0], xy = rise[1] - rise[0], xz = rise[2] - rise[0];
-    const vf yz = low[3] - low[2] - y, xyz = rise[3] - rise[2] - xy;
-    const vf fxy = xy + at[2] * xyz, fxz = xz + at[1] * xyz, fyz = yz + at[0] * xyz, fy0 = y + at[0] * xy;
-    const vf fx = rise[0] + at[1] * xy + at[2] * fxz, fy = fy0 + at[2] * fyz, fz = z + at[0] * xz + at[1] * fyz;
-    const vf first = low[0] + at[0] * rise[0] + at[1] * fy0 + at[2] * fz;
-    const vf c1 = third * (displacement[0] * fx + displacement[1] * fy + displacement[2] * fz),
-             displacement_yz = displacement[1] * displacement[2];
-    const vf c2 = third * (displacement[0] * (displacement[1] * fxy + displacement[2] * fxz) + displacement_yz * fyz),
-             c3 = displacement[0] * displacement_yz * xyz;
-    const vf b1 = first + c1, b2 = b1 + c1 + c2;
-    return (Cubic){{first, b1, b2, b2 + c1 + 2 * c2 + c3}};
+    const Polynomial f = trilinear_along(low, rise, at, displacement);
+    const vf c1 = third * f.c[1], c2 = third * f.c[2];
+    const vf b1 = f.c[0] + c1, b2 = b1 + c1 + c2;
+    return (Cubic){{f.c[0], b1, b2, b2 + c1 + 2 * c2 + f.c[3]}};
 }
 
 /* The transfer function at a level. */
@@ -563,7 +580,7 @@ INLINE vmask integrate_segment(March *m, ShadingQueues *queues, vmask lanes, vf 
     for (int c = 0; c < 3; c++)
         colour[c] = weight[0] * e.at[0].rgb[c] + weight[1] * e.at[1].rgb[c];
     if (queues)
-        queue_for_shading(m, queues, &e, q, weight, colour, length, done);
+        queue_for_shading(m, queues, &e, weight, colour, length, done);
     else
         for (int c = 0; c < 3; c++)
             p->sum[c] += colour[c];
@@ -610,11 +627,11 @@ INLINE void step(March *m, ShadingQueues *queues)
 INLINE void end_ray(const March *m, int lane)
 {
     const Packet *const p = m->p;
-    const int i = p->ray[lane];
+    const int i = (int)p->ray[lane];
     if (i < 0)
         return;
     for (int c = 0; c < 3; c++)
-        m->rays->rgba[i][c] += (float)p->sum[c][lane];
+        m->rays->rgba[i][c] = (float)p->sum[c][lane];
     m->rays->rgba[i][3] = (float)p->sum[3][lane];
     m->rays->left[i] = p->transmittance[lane] < m->min_transmittance ? (float)p->transmittance[lane] : 0;
     m->rays->bound[i] = (float)p->bound[lane] + m->rays->left[i] * m->job->max_colour_difference;
@@ -691,11 +708,11 @@ OUTLINE void reload_lanes(March *m, ShadingQueues *queues)
     Packet *const p = m->p;
     unsigned begun = 0;
     const unsigned active = mask_bits(p->active);
+    if (queues)
+        flush_deferred(m, queues, ~p->active);
     for (int l = 0; l < LANES; l++) {
         if (active >> l & 1)
             continue;
-        if (queues)
-            flush_deferred(m, queues, l);
         end_ray(m, l);
         p->ray[l] = -1;
         if (m->next < m->rays->n_hits) {
@@ -749,10 +766,6 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
     m.shading_tolerance = j->shading_tolerance;
     if (CTS_MUTATED(STOP_EARLY))
         m.min_transmittance = (real)0.25f;
-    for (int i = 0; i < rays->n; i++)
-        rays->rgba[i][0] = rays->rgba[i][1] = rays->rgba[i][2] = rays->shading_bound[i] = 0;
-    for (int kind = 0; kind < TILED_STEP_QUEUES; kind++)
-        memset(rays->stepped[kind], 0, (size_t)rays->n * sizeof *rays->stepped[kind]);
     if (!j->shade) {
         march_rays(&m, NULL);
     } else {
@@ -767,15 +780,19 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
                    (j->shade->ambient + j->shade->occlusion * j->shade->diffuse + j->shade->specular));
         m.slope_discontinuity = 4 * (real)(j->shade->diffuse + j->shade->specular * fmaxf(2 - j->shade->exponent, 0));
         memset(&queues, 0, sizeof queues);
+        for (int i = 0; i < rays->n; i++)
+            for (int a = 0; a < 3; a++)
+                queues.start[a][i] = (real)rays->start_vox[a][i];
+        for (int i = 0; i < TILED_SHADING_QUEUES; i++)
+            memset(rays->light[i], 0, (size_t)rays->n * sizeof *rays->light[i]);
         march_rays(&m, &queues);
         shade_queued(&m, &queues, true);
     }
     for (int i = 0; i < rays->n; i++) {
-        rays->bound[i] += rays->shading_bound[i];
-        for (int kind = 0; kind < TILED_STEP_QUEUES; kind++) {
+        for (int queue = 0; j->shade && queue < TILED_SHADING_QUEUES; queue++) {
             for (int c = 0; c < 3; c++)
-                rays->rgba[i][c] += rays->stepped[kind][i][c];
-            rays->bound[i] += rays->stepped[kind][i][3];
+                rays->rgba[i][c] += rays->light[queue][i][c];
+            rays->bound[i] += rays->light[queue][i][3];
         }
         /* The remaining transmittance of a ray that ended early gets the ray's own colour. */
         const float all = 1 / (1 - rays->left[i]);

@@ -66,12 +66,15 @@ CtsStatus cts_tiled_trace(const TiledJob *job, const CtsScene *scene, cts_tiled_
                      rays->n ? rays->length_mm[0] : 0, (double)job->tolerance, (double)job->min_transmittance);
     march(&traced, rays, &scratch->counts);
     const float *const p = rays->rgba[0];
+    float shading_error = 0;
+    for (int queue = 0; job->shade && queue < TILED_SHADING_QUEUES; queue++)
+        shading_error += rays->light[queue][0][3];
     if (rays->n)
         cts_report_trace(report,
                          "{\"trace\":\"pixel\",\"precision\":\"%s\",\"rgba\":[%.9g,%.9g,%.9g,%.9g],"
                          "\"left_out\":%.3g,\"error\":%.3g,\"shading_error\":%.3g}",
                          precision, (double)p[0], (double)p[1], (double)p[2], (double)p[3], (double)rays->left[0],
-                         (double)rays->bound[0], (double)rays->shading_bound[0]);
+                         (double)rays->bound[0], (double)shading_error);
     cts_free(&scratch);
     return CTS_OK;
 }

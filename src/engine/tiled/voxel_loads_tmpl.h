@@ -3,6 +3,12 @@
 
 #ifdef GATHERS
 
+/* Numbers of rays. */
+INLINE vf load_of_rays(const real table[TILED_RAYS], vi ray)
+{
+    return vf_look_up(table, TILED_RAYS, ray);
+}
+
 INLINE vi voxel_of(const TiledJob *j, const vi cell[3])
 {
     return cell[0] + cell[1] * (int32_t)j->stride[1] + cell[2] * (int32_t)j->stride[2];
@@ -24,6 +30,14 @@ INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair
 }
 
 #else
+
+INLINE vf load_of_rays(const real table[TILED_RAYS], vi ray)
+{
+    vf v;
+    for (int l = 0; l < LANES; l++)
+        v[l] = table[ray[l]];
+    return v;
+}
 
 INLINE vi load_words(const TiledMask *mask, const vi cell[3], vmask lanes)
 {

@@ -6,7 +6,7 @@
 
 /* Segments in a cell: many where opacity is steep in it; with lighting, the gradient may vary where HU is constant, as
  * at an edge of the volume. */
-enum { FEW = 16, MANY = 128, TURN = 400 };
+enum { FEW = 32, MANY = 128, TURN = 400 };
 
 typedef struct Cell {
     double hu[8], gradient[8][3]; /* at its voxels; the gradient in HU per voxel */
