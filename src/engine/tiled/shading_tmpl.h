@@ -53,14 +53,14 @@ INLINE void drop_entries(ShadingQueue *q, int done)
 }
 
 /* The way of segments through the cells in which their centres lie. */
-typedef struct Way {
+typedef struct CellWay {
     vi cell[3];
     vf enter[3], displacement[3]; /* from the cell's origin */
-} Way;
+} CellWay;
 
-INLINE Way way_of(const March *m, const ShadingQueues *queues, const Entries *w)
+INLINE CellWay way_of(const March *m, const ShadingQueues *queues, const Entries *w)
 {
-    Way way;
+    CellWay way;
     for (int a = 0; a < 3; a++) {
         const vf begin = load_of_rays(queues->start[a], to_int(w->ray)) + w->t * m->step[a];
         way.displacement[a] = w->length * m->step[a];
@@ -80,7 +80,7 @@ typedef struct Corners {
 /* The fields along a segment: the gradient to the right, up and along the viewing direction, and openness as in the
  * cell of blocks at its centre. */
 typedef struct FieldPath {
-    Way way;
+    CellWay way;
     Polynomial gradient[3], open;
 } FieldPath;
 
@@ -94,13 +94,13 @@ INLINE Polynomial corners_along(const vf corner[8], const vf at[3], const vf dis
     return trilinear_along(low, rise, at, displacement);
 }
 
-INLINE void place_on(const Way *way, vf s, vf vox[3])
+INLINE void place_on(const CellWay *way, vf s, vf vox[3])
 {
     for (int a = 0; a < 3; a++)
         vox[a] = to_float(way->cell[a]) + way->enter[a] + s * way->displacement[a];
 }
 
-INLINE Polynomial open_along(const CtsOpenness *o, const Way *way, vf centre, vmask lanes)
+INLINE Polynomial open_along(const CtsOpenness *o, const CellWay *way, vf centre, vmask lanes)
 {
     vf middle[3], front[3], back[3], at[3], displacement[3];
     place_on(way, centre, middle);
@@ -230,9 +230,9 @@ INLINE vf perpendicular_error(const March *m, const LitPoint p[3])
 
 /* Part of a segment: its absorbed light as colour and weight, change of the colour, the share of the light before it,
  * and the centre of its absorption, 0..1; ends: weight of the light at its ends. */
-typedef struct Part {
+typedef struct SegmentPart {
     vf colour[3], change[3], weight, share, centre, ends;
-} Part;
+} SegmentPart;
 
 /* Light is a parabola through both ends and the centre c. The variance of absorption is 4/3 (c (1 - c))^2, exactly 1/12
  * of a clear part, and of all depths within 0.02 of c (1 - c). */
@@ -246,7 +246,7 @@ typedef struct LitPart {
     vf rgb[3], smooth, error;
 } LitPart;
 
-INLINE LitPart shade_part(const March *m, const Part *part, const LitPoint p[3])
+INLINE LitPart shade_part(const March *m, const SegmentPart *part, const LitPoint p[3])
 {
     const vf last = part->ends * part->centre, first = part->ends - last, middle = 1 - part->ends;
     const vf colour = first * p[0].colour + middle * p[1].colour + last * p[2].colour;
@@ -316,7 +316,7 @@ OUTLINE LitPart shade_in_steps(const March *m, const Entries *w, const FieldPath
     for (vmask on = lanes; mask_any(on);) {
         const vf to = vf_min(s + step, vf_of(1)), length = to - s, half = (real)0.5f * length;
         const vf extinction = vf_max(first + slope * (s + half), vf_of(least)), depth = length * extinction;
-        Part part = {.share = vf_opacity(depth)};
+        SegmentPart part = {.share = vf_opacity(depth)};
         part.weight = transmittance * part.share;
         part.centre = centre_of(depth, length * length * slope);
         part.ends = weight_of_ends(part.centre);
@@ -381,12 +381,13 @@ OUTLINE void shade_entries(const March *m, ShadingQueues *queues, int first, int
     const vf share = w.weight / vf_max(vf_max(w.transmittance, w.weight), vf_of((real)1e-30f));
     /* Low-weight segments may lie in several cells, whose gradients only the centre's field is not. */
     const vmask is_segment = lanes & vf_lt(vf_of(0), w.depth[0] + w.depth[1]);
-    const Part all = {{w.colour[0], w.colour[1], w.colour[2]},
-                      {w.change[0], w.change[1], w.change[2]},
-                      w.weight,
-                      share,
-                      w.centre,
-                      vf_select(vf_lt(w.length, vf_of((real)1.01f * m->cell_mm)), weight_of_ends(w.centre), vf_of(0))};
+    const SegmentPart all = {
+        {w.colour[0], w.colour[1], w.colour[2]},
+        {w.change[0], w.change[1], w.change[2]},
+        w.weight,
+        share,
+        w.centre,
+        vf_select(vf_lt(w.length, vf_of((real)1.01f * m->cell_mm)), weight_of_ends(w.centre), vf_of(0))};
     const LitPart lit = shade_part(m, &all, point);
     const vmask in_steps = CTS_MUTATED(LIT_STEPS) ? mask_of_bits(0) : is_segment & is_coarse(m, &lit);
     add_light(m, 0, n, w.ray, &lit, lanes & ~in_steps);
