@@ -147,7 +147,7 @@ void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
     snprintf(texts->description, sizeof texts->description, "%.8s %.20s %.20s", terms->short_name, preset, view.text);
     texts->view = view_codes[place_of_view(info)].code;
     if (*info->tiles) {
-        texts->view = (CtsScCode){NULL};
+        texts->view = (CtsScCode){0};
         ascii_copy(tiles, sizeof tiles, info->tiles);
         snprintf(texts->derivation, sizeof texts->derivation,
                  "Montage of %s, orthographic%s, ctsplat %s, not for diagnostic use", tiles, error, CTS_VERSION);
