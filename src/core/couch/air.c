@@ -100,7 +100,8 @@ static int64_t weigh_lungs(const Air *a, double lung_hu, int32_t *of_part)
 {
     int64_t all = 0;
     memset(of_part, 0, a->parts->n_parts * sizeof *of_part);
-    for (const Sample *s = a->samples; s < a->samples + a->n_samples; s++) {
+    for (size_t i = 0; i < a->n_samples; i++) {
+        const Sample *const s = &a->samples[i];
         if (!a->at_border[s->part])
             continue;
         const bool is_lung = s->hu > lung_hu;
@@ -159,11 +160,13 @@ static CtsStatus find_level(const Air *a, bool has_table, CtsBody *body, CtsErro
     CtsStatus st;
     if ((st = cts_alloc_array(&hu[0], a->n_samples, err)) || (st = cts_alloc_array(&hu[1], a->n_samples, err)))
         goto end;
-    for (const Sample *s = a->samples; s < a->samples + a->n_samples; s++)
+    for (size_t i = 0; i < a->n_samples; i++) {
+        const Sample *const s = &a->samples[i];
         if (s->hu > a->table->volume->hu_offset && s->hu < CTS_DENSE_HU) { /* no padding, table or blanket */
             const bool at_border = a->at_border[s->part];
             hu[at_border][n[at_border]++] = mean_around(a, s);
         }
+    }
     qsort(hu[1], n[1], sizeof *hu[1], cts_compare_double);
     const double air_hu = darkest_peak(hu[1], n[1], &share);
     for (size_t i = 0; i < n[0]; i++)

@@ -23,7 +23,8 @@ static bool may_hold_air(const CtsLabel *l)
 static size_t keep_rows(void *items, size_t size, size_t n, uint32_t n_rows, const int *new_number)
 {
     char *to = items;
-    for (const char *from = items, *end = from + n * size; from < end; from += size) {
+    for (size_t i = 0; i < n; i++) {
+        const char *const from = (const char *)items + i * size;
         uint32_t row;
         memcpy(&row, from, sizeof row);
         const int slice = new_number[row / n_rows];

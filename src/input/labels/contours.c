@@ -52,7 +52,8 @@ CtsStatus cts_outline_add(CtsOutline *o, const double (*lps)[3], size_t n, bool 
 double cts_outline_area(const CtsOutline *o)
 {
     double all = 0;
-    for (const CtsContour *c = o->contours; c < o->contours + o->n_contours; c++) {
+    for (size_t k = 0; k < o->n_contours; k++) {
+        const CtsContour *const c = &o->contours[k];
         double sum[3] = {0};
         for (size_t i = 0; i < c->n; i++) {
             double cross[3], a[3], b[3];

@@ -60,6 +60,8 @@ static CtsStatus read_new_headers(HeaderSearch *s, int n_threads, CtsError *err)
     memset(headers + first, 0, (n - first) * sizeof *headers);
     s->headers = headers;
     s->n_headers = n;
+    if (n == first)
+        return CTS_OK;
     CtsHeaderReader *readers = calloc((size_t)n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -145,18 +147,18 @@ static const char NOT_DICOM[] = "not DICOM";
 /* Counts n more of a kind, in words. */
 static CtsStatus add_other(CtsSeriesList *list, const char *what, int n, CtsError *err)
 {
-    CtsFileCount *found = list->others, *const end = found + list->n_others;
-    while (found < end && strcmp(found->what, what))
-        found++;
-    if (found == end && n) {
-        if (cts_grow(&list->others, list->n_others, err))
+    size_t i = 0;
+    while (i < list->n_others && strcmp(list->others[i].what, what))
+        i++;
+    if (n && i == list->n_others) {
+        if (cts_grow(&list->others, i, err))
             return CTS_ERR_MEMORY;
-        found = &list->others[list->n_others++];
-        *found = (CtsFileCount){.n = 0};
-        snprintf(found->what, sizeof found->what, "%s", what);
+        list->others[i] = (CtsFileCount){.n = 0};
+        snprintf(list->others[i].what, sizeof list->others[i].what, "%s", what);
+        list->n_others++;
     }
     if (n)
-        found->n += n;
+        list->others[i].n += n;
     return CTS_OK;
 }
 
