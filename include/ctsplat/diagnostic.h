@@ -105,7 +105,6 @@ extern const char *const cts_severity_names[3];
     row(STATE_LEFT_OUT, "state_left_out", WARNING)                                                                     \
     row(TABLE_REMOVAL_UNCERTAIN, "table_removal_uncertain", WARNING)                                                   \
     row(TABLE_REMOVED, "table_removed", NOTE)                                                                          \
-    row(TRACE_LEFT_OUT, "trace_left_out", WARNING)                                                                     \
     row(TWO_SLICES, "two_slices", WARNING)                                                                             \
     row(UNEQUAL_SPACING, "unequal_spacing", WARNING)                                                                   \
     row(UNREADABLE_FILE, "unreadable_file", WARNING)                                                                   \

@@ -101,8 +101,6 @@ typedef struct CtsRenderSettings {
     int n_threads;                     /* 0: the cores this process may use */
     bool explain;                      /* make the plan, then stop without a picture */
     bool want_depth;                   /* fill the picture's depth_mm (mode composite alone has surfaces) */
-    bool trace;                        /* put the ray of pixel trace_x, trace_y into the report's trace */
-    int trace_x, trace_y;              /* from the left and from the top, from 0 */
     const volatile sig_atomic_t *stop; /* cancels with CTS_ERR_INTERRUPTED, set by a signal handler; may be NULL */
 } CtsRenderSettings;
 

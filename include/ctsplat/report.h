@@ -115,7 +115,6 @@ typedef struct CtsReport {
     CtsErrorBound bound;
     double key_loss; /* share of the volume's opacity that void_key left out; 0 without it */
     char *plan;      /* for people: lines of text; NULL until a plan is made */
-    char *trace;     /* JSON Lines of a pixel's ray (CtsRenderSettings.trace); NULL: none */
 } CtsReport;
 
 /* Zero-initialise a CtsReport before use; this frees its contents and zeroes it again. */
@@ -139,7 +138,6 @@ void cts_report_diagnostic(CtsReport *report, CtsDiagnosticId id, const char *fo
 /* Copies the fact. Without memory a label is missing. */
 void cts_report_label(CtsReport *report, const CtsLabelFact *label);
 void cts_report_plan(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
-void cts_report_trace(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 CTS_API_END
 #endif

@@ -35,7 +35,7 @@ typedef struct CtsVolume {
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
     /* Voxels of grey 0 along each axis around the stored ones, as cts_volume_crop_air(), cts_table_crop() or
      * cts_scanned_box() counted them. The volume's box, centre and diagonal contain them, and so do frames, the blocks
-     * of the field of occlusion, histograms and the cells of a trace; indices of voxels begin at the stored ones. */
+     * of the field of occlusion and histograms; indices of voxels begin at the stored ones. */
     int air_before[3], air_behind[3];
 } CtsVolume;
 

@@ -26,7 +26,6 @@ void cts_report_free(CtsReport *report)
         return;
     free(report->skips);
     free(report->plan);
-    free(report->trace);
     for (size_t i = 0; i < report->n_labels; i++)
         free(report->labels[i].name);
     free(report->labels);
@@ -155,14 +154,5 @@ void cts_report_plan(CtsReport *report, const char *format, ...)
     va_start(args, format);
     if (report)
         add_line(&report->plan, format, args);
-    va_end(args);
-}
-
-void cts_report_trace(CtsReport *report, const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    if (report)
-        add_line(&report->trace, format, args);
     va_end(args);
 }

@@ -97,8 +97,6 @@ static CtsStatus hand_over(const CtsOptions *options, CtsLog *log, const CtsJob 
         return CTS_OK;
     }
     print_verified(report);
-    if (report->trace)
-        fputs(report->trace, stderr);
     if (standard_output->path) {
         if ((st = cli_standard_output_write(standard_output, &bytes, err)))
             return st;

@@ -97,7 +97,7 @@ refused 2 '--montage skin: --view nowhere: not one of' render "$phantom" --monta
 refused 2 '--montage axial: up: not a distance' render "$phantom" --montage axial@up -o x.png
 refused 2 '--montage liver.spleen: not a view or section .labels need --labels.' render "$phantom" --montage liver+spleen@left -o x.png
 refused 2 '--columns: there is no --montage' render "$phantom" --columns 3 -o x.png
-for other in '--rotation 4' '--swivel 10,5' '--trace-pixel 3,3' '--write-state x.dcm'; do
+for other in '--rotation 4' '--swivel 10,5' '--write-state x.dcm'; do
     refused 2 "--montage: ${other%% *} is given too" render "$phantom" --montage left,right $other -o x.png
 done
 refused 2 'mr-mip' render "$phantom" --montage left,mr-mip@left -o x.png

@@ -88,7 +88,7 @@ static CtsStatus take_tiles(CtsOptions *options, CtsCommand command, char *list,
 
 CtsStatus cts_options_montage(CtsOptions *options, CtsCommand command, CtsError *err)
 {
-    static const char *const of_one_view[] = {"rotation", "swivel", "state", "write-state", "trace-pixel", "depth"};
+    static const char *const of_one_view[] = {"rotation", "swivel", "state", "write-state", "depth"};
     CtsMontage *const m = &options->montage;
     if (!options->montage_list)
         return m->columns ? cts_fail(err, CTS_ERR_USAGE, "`columns`: there is no `montage`") : CTS_OK;

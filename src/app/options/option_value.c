@@ -149,18 +149,6 @@ CtsStatus cts_parse_smooth(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_parse_trace_pixel(CtsOptions *options, const char *text, CtsError *err)
-{
-    int pixel[2];
-    if (!pair(text, ',', pixel) || pixel[0] < 0 || pixel[1] < 0)
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "`trace-pixel` %s: not X,Y in pixels from the left and the top (such as 512,300)", text);
-    options->render.trace = true;
-    options->render.trace_x = pixel[0];
-    options->render.trace_y = pixel[1];
-    return CTS_OK;
-}
-
 CtsStatus cts_parse_kernel(CtsOptions *options, const char *text, CtsError *err)
 {
     const size_t n = strcspn(text, ":");

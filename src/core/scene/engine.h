@@ -106,8 +106,6 @@ typedef struct CtsEngine {
      * engines that have NULL here. */
     CtsStatus (*render_pixels)(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
                                double error, float (*rgba)[4], float *off, CtsError *err);
-    /* Adds the segments of a pixel's ray to the report's trace, in mode composite; NULL where render_pixels is. */
-    CtsStatus (*trace_pixel)(const CtsScene *scene, int x, int y, CtsReport *report, CtsError *err);
     /* Renders n tiles of CTS_PROBE_X x CTS_PROBE_Y pixels at the scene's level, each with its first pixel at corner,
      * and an indicator per pixel, for the choice of a level. NULL for an engine without levels. */
     CtsStatus (*render_tiles)(const CtsScene *scene, const int (*corner)[2], size_t n, float (*rgba)[4],

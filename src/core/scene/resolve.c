@@ -30,11 +30,6 @@ CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
         st = cts_fail(err, CTS_ERR_USAGE, "a place for a slab that has no thickness (give `slab` MM as well)");
     if (!st && (s->mode < -1 || s->mode >= CTS_N_MODES))
         st = cts_fail(err, CTS_ERR_USAGE, "no such mode");
-    if (!st && s->trace && (s->trace_x < 0 || s->trace_x >= s->width || s->trace_y < 0 || s->trace_y >= s->height))
-        st = cts_fail(
-            err, CTS_ERR_USAGE,
-            "`trace-pixel` %d,%d: no pixel of a picture of %d x %d (X from 0 at the left, Y from 0 at the top)",
-            s->trace_x, s->trace_y, s->width, s->height);
     return st;
 }
 

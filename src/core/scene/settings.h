@@ -40,9 +40,6 @@
     row(n_threads, 0, CTS_SETTING_THREADS, NOTHING)                                                                    \
     row(explain, false, 0, NOTHING)                                                                                    \
     row(want_depth, false, 0, NOTHING)                                                                                 \
-    row(trace, false, 0, NOTHING)                                                                                      \
-    row(trace_x, 0, 0, NOTHING)                                                                                        \
-    row(trace_y, 0, 0, NOTHING)                                                                                        \
     row(stop, NULL, 0, NOTHING)
 /* clang-format on */
 

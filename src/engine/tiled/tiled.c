@@ -12,7 +12,6 @@
 #include "engine/project/project.h"
 #include "engine/tiled/tiled_march.h"
 #include "engine/tiled/tiles.h"
-#include "engine/tiled/trace.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -351,25 +350,6 @@ end:
     return st;
 }
 
-static CtsStatus trace_pixel(const CtsScene *scene, int x, int y, CtsReport *report, CtsError *err)
-{
-    CtsStatus st;
-    TiledJob job;
-    TiledCache *cache;
-    const CtsMacrocells *macrocells;
-    if (!(st = find_macrocells(scene, &cache, &macrocells, NULL, err)))
-        st = find_mask(cache, scene, macrocells, NULL, err);
-    for (int i = 0; !st && i < 2; i++) {
-        CtsShade shade = {0};
-        st = begin_march(&job, &shade, scene, cache, i ? &exact : &fast, cts_scene_requested_error(scene), err);
-        if (!st)
-            st = cts_tiled_trace(&job, scene, i ? cts_tiled_march_exact_plain : cts_tiled_march_plain,
-                                 i ? "double" : "single", x, y, report, err);
-        cts_shade_free(&shade);
-    }
-    return st;
-}
-
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                               CtsError *err)
 {
@@ -387,7 +367,6 @@ const CtsEngine cts_engine_tiled = {
     .name = "tiled",
     .render = render_tiled,
     .render_pixels = render_pixels,
-    .trace_pixel = trace_pixel,
     .indicator = CTS_INDICATOR_BOUND,
     .skips_void = true,
     .supports_slabs = true,

@@ -36,25 +36,6 @@
 #include "engine/tiled/transfer_segments.h"
 #include "engine/tiled/void_mask.h"
 
-/* One segment of a ray, as --trace-pixel reports it. */
-typedef struct TiledSegment {
-    bool integrated;         /* else it is split, and its parts follow */
-    double t_mm, length_mm;  /* begin from the ray's start on, and length */
-    double level[4];         /* Bernstein control values of the field along it, grey levels */
-    double depth;            /* optical depth */
-    double rgb[3];           /* mean of its emitted colour before shading */
-    double transmittance[2]; /* in front of it and behind it */
-    /* Error terms, shares of the display's range: of the optical depth by Gauss' rule, of the colour by its two points,
-     * and of control points that the segment is not split at. */
-    double depth_error, colour_error, control_point_error;
-    int cell[3], transfer_segment, appearance;
-} TiledSegment;
-
-typedef struct TiledTrace {
-    void (*segment)(void *context, const TiledSegment *segment);
-    void *context;
-} TiledTrace;
-
 /* Read-only data of a march, shared by all threads. */
 typedef struct TiledJob {
     const uint16_t *grey, *shown; /* shown: volume for gradients, air where labels are hidden */
@@ -79,8 +60,7 @@ typedef struct TiledJob {
     float shading_tolerance; /* a segment is shaded at one point if its weight times its normal deviation is less */
     float interpolation_tolerance; /* largest interpolation error of pixels that are not marched; 0: all are */
     bool want_depth;
-    double camera_mm;        /* from the camera plane to the plane through the view's centre */
-    const TiledTrace *trace; /* NULL, or takes the segments of the marches in plain C; the others do not read it */
+    double camera_mm; /* from the camera plane to the plane through the view's centre */
 } TiledJob;
 
 /* Rays are processed in lists. Ray i starts inside the box at start_vox[.][i] and ends length_mm[i] further on. */

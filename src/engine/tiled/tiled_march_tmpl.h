@@ -34,11 +34,6 @@ enum { HALVINGS = 3, ROOT_STEPS = 8 };
 #define GRAZING_ERROR(wrong) (wrong)
 #define IS_REFERENCE false
 #endif
-#ifdef CTS_PATH_PLAIN
-#define IS_TRACED true /* with job->trace */
-#else
-#define IS_TRACED false
-#endif
 enum { MAX_SPLITS = 12 };
 /* Rounding error of levels as a share of job->grazing_tolerance. */
 #define ROUNDED_BY ((real)0.003f)
@@ -448,7 +443,6 @@ OUTLINE vmask split_at_control_points(const March *m, Cubic *c, vf *length, Spli
 typedef struct SegmentIntegral {
     TransferSample at[2];
     vf depth[2], taken[2], wrong; /* taken: absorbed shares of the light before each half */
-    vf off;                       /* error of the mean extinction, relative to by_log2 */
 } SegmentIntegral;
 
 INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length)
@@ -478,44 +472,12 @@ INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length
     const vf bent = vf_max(vf_abs(b[0] - 2 * b[1] + b[2]), vf_abs(b[1] - 2 * b[2] + b[3]));
     const vf clear = 1 - vf_min(vf_max(e.at[0].opacity, e.at[1].opacity), vf_of((real)0.999f));
     const vf slope_change = 6 * bent * vf_max(vf_abs(e.at[0].slope), vf_abs(e.at[1].slope)) / clear;
-    e.off = (real)0.0375f * change2 * change2 +
+    /* Error of the mean extinction, relative to by_log2. */
+    const vf off = (real)0.0375f * change2 * change2 +
             slope_change * ((real)(1 / 1440.0) * slope_change + (real)(1 / 120.0) * change2);
-    e.wrong = m->p->transmittance * (by_log * length * e.off * (1 - e.taken[0]) +
+    e.wrong = m->p->transmittance * (by_log * length * off * (1 - e.taken[0]) +
                                      apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
     return e;
-}
-
-/* Reports the segments of these lanes, before their rays advance. Operands are copies, so that the march's own stay in
- * registers. */
-OUTLINE void trace_segments(const March *m, Cubic c, vi q, vf length, SegmentIntegral e, vf split_error, vmask lanes,
-                            vmask done)
-{
-    const Packet *const p = m->p;
-    const vf depth_error = p->transmittance * (real)m->transfer->by_log2 * length * e.off * (1 - e.taken[0]);
-    for (unsigned left = mask_bits(lanes); left; left &= left - 1) {
-        const int l = __builtin_ctz(left);
-        const real transmittance = p->transmittance[l], first = transmittance * e.taken[0][l],
-                   second = (transmittance - first) * e.taken[1][l];
-        TiledSegment s = {.integrated = mask_bits(done) >> l & 1,
-                          .t_mm = (double)p->t[l],
-                          .length_mm = (double)length[l],
-                          .depth = M_LN2 * (double)(e.depth[0][l] + e.depth[1][l]),
-                          .transmittance = {(double)transmittance, (double)(transmittance - first - second)},
-                          .depth_error = (double)depth_error[l],
-                          .colour_error = (double)(e.wrong - depth_error)[l],
-                          .control_point_error = (double)split_error[l],
-                          .transfer_segment = (int)q[l],
-                          .appearance = m->job->appearances ? (int)p->appearance[l] : 0};
-        for (int i = 0; i < 4; i++)
-            s.level[i] = (double)c.b[i][l];
-        for (int a = 0; a < 3; a++) {
-            const real all = first + second;
-            s.cell[a] = (int)p->cell[a][l];
-            s.rgb[a] =
-                (double)(all > 0 ? (first * e.at[0].rgb[a][l] + second * e.at[1].rgb[a][l]) / all : e.at[0].rgb[a][l]);
-        }
-        m->job->trace->segment(m->job->trace->context, &s);
-    }
 }
 
 /* Position of half opacity, in lanes whose segment contains it. */
@@ -569,8 +531,6 @@ INLINE vmask integrate_segment(March *m, ShadingQueues *queues, vmask lanes, vf 
     const vmask wrong = CTS_MUTATED(HALVES) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), e.wrong) | splits.halve;
     const vmask again = lanes & wrong & vf_lt(vf_of(2 * MIN_MM), length);
     const vmask done = lanes & ~again;
-    if (IS_TRACED && j->trace)
-        trace_segments(m, cubic, q, length, e, GRAZING_ERROR(splits.wrong), lanes, done);
     p->t_split = vf_select(again, p->t + (real)0.5f * length, vf_select(done, vf_of(FAR_MM), p->t_split));
     if (j->want_depth)
         find_surface(p, &e, length, done);

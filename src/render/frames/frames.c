@@ -565,25 +565,10 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     return st;
 }
 
-/* By the march that re-renders the engine's pixels. */
-static CtsStatus trace_frame_pixel(const CtsFrame *frame, CtsReport *report, CtsError *err)
-{
-    const CtsErrorControl *const control = &frame->error_control;
-    const CtsRenderSettings *const s = control->scene.settings;
-    if (control->scene.preset->mode == CTS_MODE_COMPOSITE && s->kernel == CTS_KERNEL_TENT)
-        return control->march->trace_pixel(&control->scene, s->trace_x, s->trace_y, report, err);
-    cts_report_diagnostic(
-        report, CTS_DIAGNOSTIC_TRACE_LEFT_OUT,
-        "`trace-pixel`: nothing to trace, since the exact march has mode composite and kernel tent alone");
-    return CTS_OK;
-}
-
 CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err)
 {
     if (!st && !frame->explain)
         st = cts_verify_end(&frame->verify, report, err);
-    if (!st && !frame->explain && frame->store.scene.settings->trace)
-        st = trace_frame_pixel(frame, report, err);
     if (!st)
         cts_error_control_report(&frame->error_control, report);
     cts_verify_free(&frame->verify);

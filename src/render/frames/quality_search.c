@@ -21,7 +21,7 @@ static CtsRenderSettings small_picture(const CtsRenderSettings *settings)
     }
     s.verify = 0;
     s.max_error = 0;
-    s.want_depth = s.explain = s.trace = false;
+    s.want_depth = s.explain = false;
     return s;
 }
 

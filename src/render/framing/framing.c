@@ -300,7 +300,6 @@ static CtsStatus render_probe(Probing *probing, const CtsRenderSettings *s, doub
     CtsRenderSettings small = *s;
     CtsViewAxes axes;
     small.width = small.height = LOOK;
-    small.trace = false;
     small.mm_per_pixel = 1;
     small.shade = CTS_OFF;
     small.centre_given = true;
