@@ -234,7 +234,7 @@ static void hybrid_meets_request(void **state)
             report.voxels.splatted + report.voxels.void_voxels != report.voxels.total)
             fail_msg("%llu voxels, %llu splatted, %llu void", (unsigned long long)report.voxels.total,
                      (unsigned long long)report.voxels.splatted, (unsigned long long)report.voxels.void_voxels);
-        const char *const line = strstr(report.plan, " pixels marched exactly");
+        const char *const line = strstr(report.plan, " pixels rendered by the exact march");
         for (const char *c = line; c && c > report.plan && c[-1] != '\n';)
             marched = strtoll(--c, NULL, 10);
         const long long all = (long long)p->width * p->height;

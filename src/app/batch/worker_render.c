@@ -253,7 +253,7 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             job.source.paths = w->label_paths;
             job.source.n_paths = w->n_label_paths;
             job.source.labels_listed = true;
-            job.source.inside_unseen = !inside;
+            job.source.without_body = !inside;
             job.source.archives = w->worker_process->archives;
             w->picture = &pictures[i];
             /* The volume first: its findings are not those of a preset. */

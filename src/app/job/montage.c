@@ -89,7 +89,7 @@ static CtsJob job_of_group(const MontageWork *a, int group)
         cts_job_set_preset(&job, tile->preset);
     if (tile->show)
         job.source.choice.show = tile->show;
-    job.source.inside_unseen = !cts_job_finds_body(&job);
+    job.source.without_body = !cts_job_finds_body(&job);
     return job;
 }
 

@@ -96,7 +96,7 @@ static void crop_air(const CtsSource *source, bool shows_air, CtsModel *model, C
     const CtsVolume *const v = model->volume;
     const int before[3] = {cts_volume_extent(v, 0), cts_volume_extent(v, 1), cts_volume_extent(v, 2)};
     if (v->quantity != CTS_QUANTITY_HU || !source->remove_table || !source->crops_air || shows_air ||
-        !(model->body || source->inside_unseen))
+        !(model->body || source->without_body))
         return;
     cts_model_crop_air(model);
     if (memcmp(before, v->dims, sizeof before) != 0)
@@ -309,7 +309,7 @@ static CtsStatus make_volume_without_table(const CtsSource *source, CtsScanned *
     const CtsLinearLayers layers = cts_scanned_linear_layers(scanned);
     CtsStatus st = uneven ? CTS_OK : make_volume(source, scanned, last, &model->volume, made, err);
     if (st || (st = cts_table_search(uneven ? scanned->even : model->volume, uneven ? &layers : NULL,
-                                     !source->inside_unseen, source->n_threads, &found, report, err)))
+                                     !source->without_body, source->n_threads, &found, report, err)))
         return st;
     if (uneven)
         st = make_layers(source, scanned, found, last, crops, &model->volume, made, err);

@@ -540,7 +540,7 @@ CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loade
 {
     CtsPrepared prepared = {0};
     CtsJob own = *job;
-    own.source.inside_unseen = !cts_job_finds_body(job);
+    own.source.without_body = !cts_job_finds_body(job);
     CtsStatus st = cts_source_scan(&own.source, watch, n_steps_of(job), loaded, report, err);
     if (!st)
         st = cts_job_show(&own, true, loaded, &prepared, watch, report, err);

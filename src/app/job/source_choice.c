@@ -22,7 +22,7 @@ char *cts_source_choice(const CtsSource *source)
     FILE *const out = open_memstream(&text, &size);
     if (!out)
         return NULL;
-    fprintf(out, "%d %d %d %d %a\n", source->remove_table, source->crops_air, source->inside_unseen,
+    fprintf(out, "%d %d %d %d %a\n", source->remove_table, source->crops_air, source->without_body,
             (int)source->interpolation, source->smooth_mm);
     for (int i = 0; crop->given && i < 3; i++)
         fprintf(out, "%a %a ", crop->low_lps[i], crop->high_lps[i]);

@@ -117,8 +117,8 @@ static CtsStatus run_given(CtsSession *session, const CtsJobOption *given, int n
 {
     CtsOptions options;
     CtsReport own = {0};
-    CtsError unseen;
-    err = err ? err : &unseen;
+    CtsError own_error;
+    err = err ? err : &own_error;
     CtsStatus st = take_options(&options, given, n_given, stop, err);
     if (!st && session && (options.paths.n || options.from.given || options.source.series_uid))
         st =
@@ -159,9 +159,9 @@ CtsStatus cts_session_open(CtsSession **session, const CtsJobOption *given, int 
 {
     CtsOptions options;
     CtsReport own = {0};
-    CtsError unseen;
+    CtsError own_error;
     CtsSession *s = *session = calloc(1, sizeof *s);
-    err = err ? err : &unseen;
+    err = err ? err : &own_error;
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CtsStatus st = take_options(&options, given, n_given, stop, err);

@@ -21,7 +21,7 @@ namespace
 
 /* Nagle's algorithm on one side and delayed acknowledgements on the other cost 40 ms for each command and each answer.
  * The kernel resets the second option with every answer. */
-void hurry(int socket)
+void disable_delays(int socket)
 {
     const int on = 1;
     setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
@@ -32,13 +32,13 @@ struct LastSocket {
     int last = -1;
 };
 
-template <class Connection> class Hurried final : public Connection
+template <class Connection> class PromptConnection final : public Connection
 {
   public:
     using Connection::Connection;
     ssize_t read(void *bytes, size_t n) override
     {
-        hurry(this->getSocket());
+        disable_delays(this->getSocket());
         return Connection::read(bytes, n);
     }
 };
@@ -49,7 +49,7 @@ class TcpLayer final : public DcmTransportLayer, public LastSocket
     DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool) override
     {
         last = socket;
-        return new Hurried<DcmTCPConnection>(socket);
+        return new PromptConnection<DcmTCPConnection>(socket);
     }
 };
 
@@ -65,7 +65,7 @@ class TlsLayer final : public DcmTLSTransportLayer, public LastSocket
             SSL_free(ssl);
             return nullptr;
         }
-        return new Hurried<DcmTLSConnection>(socket, ssl);
+        return new PromptConnection<DcmTLSConnection>(socket, ssl);
     }
 };
 

@@ -253,7 +253,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
                     cts_mode_names[mode]);
     cts_report_plan(report, mode == CTS_MODE_AVERAGE
-                                ? "macro-cells of 4^3 cells of one grey level are taken whole"
+                                ? "macro-cells of 4^3 cells of one grey level are added as a whole"
                                 : "macro-cells of 4^3 cells that cannot change the pixel's extreme, or lie beyond the "
                                   "window, are skipped; the most promising ones come first");
     cts_scene_report_region(scene, report);

@@ -103,7 +103,7 @@ static LayerBox box_of(const CtsProjection *p, const RaySlopes *w, const double 
 /* Properties common to the macro-cells of a box. */
 typedef struct BoxContents {
     CtsRange range;
-    bool sees_some, all_visible;
+    bool some_visible, all_visible;
 } BoxContents;
 
 INLINE BoxContents common_of(const CtsProjection *p, const LayerBox *box, int layer)
@@ -119,7 +119,7 @@ INLINE BoxContents common_of(const CtsProjection *p, const LayerBox *box, int la
             c.all_visible &= visibility == CTS_ALL_CELLS;
             if (visibility == CTS_NO_CELL)
                 continue;
-            c.sees_some = true;
+            c.some_visible = true;
             c.range.low = m->fine[i].low < c.range.low ? m->fine[i].low : c.range.low;
             c.range.high = m->fine[i].high > c.range.high ? m->fine[i].high : c.range.high;
         }
@@ -345,7 +345,7 @@ static void march_macrocells(const CtsProjection *p, const RaySlopes *w, const P
 
 static int32_t bound_of(const CtsProjection *p, const BoxContents *c)
 {
-    return !c->sees_some ? INT32_MIN : p->sign > 0 ? c->range.high : -(int32_t)c->range.low;
+    return !c->some_visible ? INT32_MIN : p->sign > 0 ? c->range.high : -(int32_t)c->range.low;
 }
 
 /* The smallest result of the rays that could still change; infinite when none could. */
@@ -381,12 +381,12 @@ static int layer_of_rank(Layers *layers, int rank)
 }
 
 /* True where each ray has a visible interval, or misses the box. */
-static bool all_rays_see(const PacketRow *r, const PacketResult found[ROW_PARTS])
+static bool all_rays_visible(const PacketRow *r, const PacketResult found[ROW_PARTS])
 {
-    vmask unseen = mask_of_bits(0);
+    vmask invisible = mask_of_bits(0);
     for (int i = 0; i < ROW_PARTS; i++)
-        unseen |= r->part[i].inside & ~found[i].visible;
-    return !mask_any(unseen);
+        invisible |= r->part[i].inside & ~found[i].visible;
+    return !mask_any(invisible);
 }
 
 static void find_extremes(const CtsProjection *p, const RaySlopes *w, const PacketRow *r, Layers *layers, double *grey)
@@ -403,14 +403,14 @@ static void find_extremes(const CtsProjection *p, const RaySlopes *w, const Pack
             continue;
         const LayerBox box = box_of(p, w, r->low, r->high, layer);
         const BoxContents c = common_of(p, &box, layer);
-        if (c.sees_some && bound_of(p, &c) > least)
+        if (c.some_visible && bound_of(p, &c) > least)
             march_macrocells(p, w, r, layer, c.all_visible, found);
     }
     /* Rays whose result does not show whether they have one. */
-    for (int layer = r->first; layer <= r->last && !all_rays_see(r, found); layer++) {
+    for (int layer = r->first; layer <= r->last && !all_rays_visible(r, found); layer++) {
         const LayerBox box = box_of(p, w, r->low, r->high, layer);
         const BoxContents c = common_of(p, &box, layer);
-        if (c.sees_some)
+        if (c.some_visible)
             march_macrocells(p, w, r, layer, c.all_visible, found);
     }
     for (int i = 0; i < CTS_PROJECT_TILE; i++)
@@ -450,7 +450,7 @@ INLINE void sum_layer(const CtsProjection *p, const RaySlopes *w, const Projecti
     }
 }
 
-static void sum_even(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer, uint16_t level,
+static void sum_uniform(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer, uint16_t level,
                      Summed *s)
 {
     const int axis = p->axes[2];
@@ -470,11 +470,11 @@ static void find_means(const CtsProjection *p, const RaySlopes *w, const PacketR
     for (int layer = r->first; layer <= r->last; layer++) {
         const LayerBox box = box_of(p, w, r->low, r->high, layer);
         const BoxContents c = common_of(p, &box, layer);
-        if (!c.sees_some)
+        if (!c.some_visible)
             continue;
         for (int i = 0; i < ROW_PARTS; i++)
             if (c.all_visible && c.range.low == c.range.high)
-                sum_even(p, w, &r->part[i], layer, c.range.low, &s[i]);
+                sum_uniform(p, w, &r->part[i], layer, c.range.low, &s[i]);
             else
                 for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
                     sum_layer(p, w, &r->part[i], k, c.all_visible, &s[i]);

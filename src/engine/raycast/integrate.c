@@ -107,7 +107,7 @@ static bool add_light(const Interval *s, double a, double b, const double rgb[3]
 }
 
 /* One colour and one extinction: the closed form. */
-static bool add_even(const Interval *s, double a, double b)
+static bool add_uniform(const Interval *s, double a, double b)
 {
     const double depth = s->span->extinction_per_mm * (b - a) * (s->segment->t1_mm - s->segment->t0_mm);
     const double alpha = -expm1(-depth);
@@ -119,7 +119,7 @@ static bool add_even(const Interval *s, double a, double b)
 
 /* Two rules may agree because both missed a highlight between their nodes, or a normal that reverses where the gradient
  * nearly vanishes: excluded where the normal varies little, or where the largest possible highlight is negligible. */
-static bool sees_all_light(const Interval *s, double a, double b, double depth)
+static bool resolves_shading(const Interval *s, double a, double b, double depth)
 {
     const CtsPreset *p = s->caster->preset;
     return !s->gradient || depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= TOLERANCE ||
@@ -142,7 +142,7 @@ static bool add_to_tolerance(const Interval *s, double a, double b)
         double change = fabs(fine.depth - coarse.depth);
         for (int c = 0; c < 3; c++)
             change = fmax(change, fabs(fine.rgb[c] - coarse.rgb[c]));
-        if ((change * left <= TOLERANCE && sees_all_light(s, a, b, fine.depth)) || !halve)
+        if ((change * left <= TOLERANCE && resolves_shading(s, a, b, fine.depth)) || !halve)
             return add_light(s, a, b, fine.rgb, fine.depth);
     }
     const double middle = 0.5 * (a + b);
@@ -156,7 +156,7 @@ static bool add_span(const Interval *s, double a, double b)
     if (s->light->surface_mm == INFINITY)
         s->light->surface_mm = s->segment->t0_mm + a * (s->segment->t1_mm - s->segment->t0_mm);
     if (s->span->flat_extinction && s->span->flat_colour && !s->gradient)
-        return add_even(s, a, b);
+        return add_uniform(s, a, b);
     return add_to_tolerance(s, a, b);
 }
 

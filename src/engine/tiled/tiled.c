@@ -23,7 +23,7 @@ typedef struct TiledCache {
     int mask_frame;
     TiledAppearances appearances; /* of the scale that they were made for */
     double appearances_scale;
-    CtsVisibleBlocks *seen; /* by mip and its kin */
+    CtsVisibleBlocks *visible; /* by mip and its kin */
 } TiledCache;
 
 static void free_cache(void *cache)
@@ -34,7 +34,7 @@ static void free_cache(void *cache)
     cts_macrocells_free(&k->own_macrocells);
     cts_tiled_mask_free(&k->mask);
     cts_tiled_appearances_free(&k->appearances);
-    cts_visible_blocks_free(&k->seen);
+    cts_visible_blocks_free(&k->visible);
     free(k);
 }
 
@@ -104,7 +104,7 @@ typedef struct Tolerances {
     double touch_levels;            /* precision of levels, of the first RANGE_LEVELS */
     double interpolation_tolerance; /* interpolation error up to which pixels are interpolated */
 } Tolerances;
-static const Tolerances fast = {1.5, 1, 2.5, 0.75, 0.1, 1.5}, exact = {0.002, 0.01, 1e-6, 0.005, 1e-7, 0};
+static const Tolerances for_pictures = {1.5, 1, 2.5, 0.75, 0.1, 1.5}, for_reference = {0.002, 0.01, 1e-6, 0.005, 1e-7, 0};
 /* INTERPOLATED_FROM: below this requested error hardly any pixels can be interpolated. MISSED_SHARE: thin structures
  * may be missed, so one pixel wrong from black to white must not contribute more than an eighth of the requested error
  * to the picture's. */
@@ -231,7 +231,7 @@ static CtsStatus render_composite(const CtsScene *scene, TiledCache *cache, cons
     TiledJob job;
     TiledCounts counts = {0};
     if ((st = find_mask(cache, scene, macrocells, report, err)) ||
-        (st = begin_march(&job, &shade, scene, cache, &fast, cts_scene_requested_error(scene), err)))
+        (st = begin_march(&job, &shade, scene, cache, &for_pictures, cts_scene_requested_error(scene), err)))
         goto end;
     cts_scene_report_region(scene, report);
     report_march_plan(&job, scene, report);
@@ -335,11 +335,11 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
     if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
         (st = find_mask(cache, scene, macrocells, NULL, err)) ||
-        (st = begin_march(&job, &shade, scene, cache, error > 0 ? &fast : &exact,
+        (st = begin_march(&job, &shade, scene, cache, error > 0 ? &for_pictures : &for_reference,
                           error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
     a.march = error > 0 ? CTS_CPU_CHOICE(path_of(&job), cts_tiled_march)
-                        : CTS_CPU_CHOICE(cts_cpu_flags(), cts_tiled_march_exact);
+                        : CTS_CPU_CHOICE(cts_cpu_flags(), cts_tiled_march_double);
     if ((st = cts_alloc_zeroed(&a.scratch, (size_t)n_threads, err)))
         goto end;
     cts_parallel(n_threads, n, AT_ONCE, rerender_some, &a);
@@ -360,7 +360,7 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErr
         return st;
     return scene->preset->mode == CTS_MODE_COMPOSITE
                ? render_composite(scene, cache, macrocells, picture, errors, report, err)
-               : cts_project(scene, macrocells, &cache->seen, picture, report, err);
+               : cts_project(scene, macrocells, &cache->visible, picture, report, err);
 }
 
 const CtsEngine cts_engine_tiled = {

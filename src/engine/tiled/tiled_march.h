@@ -2,7 +2,7 @@
  *
  * Between two faces of a cell the field along a ray is a cubic, given exactly by four Bernstein coefficients, so that
  * no sampling can miss anything. One template (tiled_march_tmpl.h, in the vectors of base/simd.h) is compiled in single
- * precision (tiled_march.c) and in double precision (tiled_march_exact.c). All paths of one precision do the same
+ * precision (tiled_march.c) and in double precision (tiled_march_double.c). All paths of one precision do the same
  * operations for a ray, in any lane and independent of the others, so that their pictures have the same bytes.
  *
  * A RAY SEGMENT is an interval of a ray within one cell, in which the field is assumed not to cross a control point of
@@ -108,7 +108,7 @@ typedef void (*cts_tiled_march_fn)(const TiledJob *job, TiledRays *rays, TiledCo
  * precision, with tolerances of its own. */
 #define TILED_MARCHES(path)                                                                                            \
     void cts_tiled_march_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);                            \
-    void cts_tiled_march_exact_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
+    void cts_tiled_march_double_##path(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 CTS_EACH_PATH(TILED_MARCHES)
 
 /* Adds the ray of pixel (x, y), unless it misses the box. from_mm is counted from the plane through the view centre. */

@@ -442,7 +442,7 @@ OUTLINE vmask split_at_control_points(const March *m, Cubic *c, vf *length, Spli
 /* Integral over a segment. */
 typedef struct SegmentIntegral {
     TransferSample at[2];
-    vf depth[2], taken[2], wrong; /* taken: absorbed shares of the light before each half */
+    vf depth[2], opacity[2], wrong; /* opacity: of each half */
 } SegmentIntegral;
 
 INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length)
@@ -458,7 +458,7 @@ INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length
     vf apart = vf_of(0);
     for (int i = 0; i < 2; i++) {
         e.depth[i] = e.at[i].extinction * half;
-        e.taken[i] = vf_opacity(e.depth[i]);
+        e.opacity[i] = vf_opacity(e.depth[i]);
     }
     for (int k = 0; k < 3; k++)
         apart = vf_max(apart, vf_abs(e.at[0].rgb[k] - e.at[1].rgb[k]));
@@ -475,7 +475,7 @@ INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length
     /* Error of the mean extinction, relative to by_log2. */
     const vf off = (real)0.0375f * change2 * change2 +
             slope_change * ((real)(1 / 1440.0) * slope_change + (real)(1 / 120.0) * change2);
-    e.wrong = m->p->transmittance * (by_log * length * off * (1 - e.taken[0]) +
+    e.wrong = m->p->transmittance * (by_log * length * off * (1 - e.opacity[0]) +
                                      apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
     return e;
 }
@@ -483,16 +483,16 @@ INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length
 /* Position of half opacity, in lanes whose segment contains it. */
 OUTLINE void find_surface(Packet *p, const SegmentIntegral *e, vf length, vmask lanes)
 {
-    const vf before = p->transmittance, between = before - before * e->taken[0],
-             after = between - between * e->taken[1];
+    const vf before = p->transmittance, between = before - before * e->opacity[0],
+             after = between - between * e->opacity[1];
     const vf half = (real)0.5f * length, gone = vf_of((real)0.5f);
-    const vmask sees = lanes & vf_lt(after, before);
-    p->t_first_visible = vf_select(sees & vf_le(vf_of(FAR_MM), p->t_first_visible), p->t, p->t_first_visible);
+    const vmask absorbs = lanes & vf_lt(after, before);
+    p->t_first_visible = vf_select(absorbs & vf_le(vf_of(FAR_MM), p->t_first_visible), p->t, p->t_first_visible);
     const vmask first = vf_le(between, gone);
     const vf from = vf_select(first, before, between), depth = vf_select(first, e->depth[0], e->depth[1]);
     const vf share = (vf_log2(from) + 1) / vf_max(depth, vf_of((real)1e-9f));
     const vf mm = p->t + half * (vf_min(share, vf_of(1)) + vf_select(first, vf_of(0), vf_of(1)));
-    p->t_half_opacity = vf_select(sees & vf_lt(gone, before) & vf_le(after, gone), mm, p->t_half_opacity);
+    p->t_half_opacity = vf_select(absorbs & vf_lt(gone, before) & vf_le(after, gone), mm, p->t_half_opacity);
 }
 
 #include "engine/tiled/shading_tmpl.h"
@@ -534,7 +534,7 @@ INLINE vmask integrate_segment(March *m, ShadingQueues *queues, vmask lanes, vf 
     p->t_split = vf_select(again, p->t + (real)0.5f * length, vf_select(done, vf_of(FAR_MM), p->t_split));
     if (j->want_depth)
         find_surface(p, &e, length, done);
-    const vf first = p->transmittance * e.taken[0], between = p->transmittance - first, second = between * e.taken[1];
+    const vf first = p->transmittance * e.opacity[0], between = p->transmittance - first, second = between * e.opacity[1];
     const vf weight[2] = {vf_select(done, first, vf_of(0)), vf_select(done, second, vf_of(0))};
     vf colour[3];
     for (int c = 0; c < 3; c++)

@@ -186,12 +186,12 @@ static BlockRays rays_of(const Tile *t, bool empty, float off)
 static void choose_rays(const Tile *t, PixelBlock *blocks)
 {
     float sum = 0;
-    int seen = 0;
+    int n_filled = 0;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
         sum += blocks[i].off;
-        seen += !blocks[i].empty;
+        n_filled += !blocks[i].empty;
     }
-    const float random_share = seen > 0 ? 2 / (float)seen : 0;
+    const float random_share = n_filled > 0 ? 2 / (float)n_filled : 0;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
         PixelBlock *const s = &blocks[i];
         const float beside = worst_beside(blocks, i), without_sample = sum - s->off + s->plane_error;

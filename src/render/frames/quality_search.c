@@ -56,7 +56,7 @@ static void report_samples(const CtsRenderSettings *small, double requested, int
                               requested, sheets, best / MARGIN, small->width * small->height);
     else
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_MAX_ERROR_MISSED,
-                              "`max-error` %g is not met: %s %.3g/255 rms on %d trial rays (exact: %s)", requested,
+                              "`max-error` %g is not met: %s %.3g/255 rms on %d trial rays (reference: %s)", requested,
                               sheets, best / MARGIN, small->width * small->height,
                               cts_engines_with(offsetof(CtsEngine, is_reference), CTS_ENGINE_FLAG, list));
 }

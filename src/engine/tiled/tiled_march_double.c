@@ -4,7 +4,7 @@
 #include "base/simd_path.h"
 #include "engine/tiled/tiled_march_tmpl.h"
 
-void CTS_ON_PATH(cts_tiled_march_exact)(const TiledJob *job, TiledRays *rays, TiledCounts *counts)
+void CTS_ON_PATH(cts_tiled_march_double)(const TiledJob *job, TiledRays *rays, TiledCounts *counts)
 {
     march(job, rays, counts);
 }
