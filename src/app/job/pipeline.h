@@ -44,7 +44,7 @@ typedef struct CtsSource {
     bool remove_table;
     const char *table_kept_by;      /* reason why the table is kept, for the report: "the preset" */
     bool crops_air;                 /* after table removal, to the box of what is left (cts_volume_crop_air()) */
-    bool without_body;             /* no picture needs the body mask, so it is not computed */
+    bool without_body;              /* no picture needs the body mask, so it is not computed */
     CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */
     double smooth_mm;               /* standard deviation of a Gaussian on the volume; 0: off; CTS_SMOOTH_AUTO */
     CtsCropBox crop;

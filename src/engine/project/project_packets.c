@@ -450,8 +450,8 @@ INLINE void sum_layer(const CtsProjection *p, const RaySlopes *w, const Projecti
     }
 }
 
-static void sum_uniform(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer, uint16_t level,
-                     Summed *s)
+static void sum_uniform(const CtsProjection *p, const RaySlopes *w, const ProjectionPacket *r, int layer,
+                        uint16_t level, Summed *s)
 {
     const int axis = p->axes[2];
     const vf in = (vf_of(layer * CTS_FINE_MACROCELL) - r->start[axis]) * w->per_step[axis];

@@ -104,7 +104,8 @@ typedef struct Tolerances {
     double touch_levels;            /* precision of levels, of the first RANGE_LEVELS */
     double interpolation_tolerance; /* interpolation error up to which pixels are interpolated */
 } Tolerances;
-static const Tolerances for_pictures = {1.5, 1, 2.5, 0.75, 0.1, 1.5}, for_reference = {0.002, 0.01, 1e-6, 0.005, 1e-7, 0};
+static const Tolerances for_pictures = {1.5, 1, 2.5, 0.75, 0.1, 1.5},
+                        for_reference = {0.002, 0.01, 1e-6, 0.005, 1e-7, 0};
 /* INTERPOLATED_FROM: below this requested error hardly any pixels can be interpolated. MISSED_SHARE: thin structures
  * may be missed, so one pixel wrong from black to white must not contribute more than an eighth of the requested error
  * to the picture's. */

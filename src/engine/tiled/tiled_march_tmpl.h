@@ -474,7 +474,7 @@ INLINE SegmentIntegral integrate(const March *m, const Cubic *c, vi q, vf length
     const vf slope_change = 6 * bent * vf_max(vf_abs(e.at[0].slope), vf_abs(e.at[1].slope)) / clear;
     /* Error of the mean extinction, relative to by_log2. */
     const vf off = (real)0.0375f * change2 * change2 +
-            slope_change * ((real)(1 / 1440.0) * slope_change + (real)(1 / 120.0) * change2);
+                   slope_change * ((real)(1 / 1440.0) * slope_change + (real)(1 / 120.0) * change2);
     e.wrong = m->p->transmittance * (by_log * length * off * (1 - e.opacity[0]) +
                                      apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
     return e;
@@ -534,7 +534,8 @@ INLINE vmask integrate_segment(March *m, ShadingQueues *queues, vmask lanes, vf 
     p->t_split = vf_select(again, p->t + (real)0.5f * length, vf_select(done, vf_of(FAR_MM), p->t_split));
     if (j->want_depth)
         find_surface(p, &e, length, done);
-    const vf first = p->transmittance * e.opacity[0], between = p->transmittance - first, second = between * e.opacity[1];
+    const vf first = p->transmittance * e.opacity[0], between = p->transmittance - first,
+             second = between * e.opacity[1];
     const vf weight[2] = {vf_select(done, first, vf_of(0)), vf_select(done, second, vf_of(0))};
     vf colour[3];
     for (int c = 0; c < 3; c++)

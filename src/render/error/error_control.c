@@ -675,7 +675,8 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
                     (unsigned long long)c->n_rerendered, (unsigned long long)c->n_pixels,
                     c->march == c->engine ? "in double precision" : "by the exact march");
     if (c->n_marched > 0)
-        cts_report_plan(report, "%llu pixels rendered by the exact march, in groups of %d x %d with large error indicators",
+        cts_report_plan(report,
+                        "%llu pixels rendered by the exact march, in groups of %d x %d with large error indicators",
                         (unsigned long long)c->n_marched, CTS_GROUP_SIDE, CTS_GROUP_SIDE);
     const bool kept = rmse <= WARNED_FROM * requested, by_default = !(c->scene.plan.max_error > 0);
     char list[CTS_ENGINE_LIST_MAX];
