@@ -196,7 +196,7 @@ static void find_places(CtsCompositor *c, CtsPlaces *places)
 
 static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
 {
-    uint64_t *const closed = c->occlusion ? cts_occlusion_row(c->occlusion, y) : NULL, any = 0;
+    uint64_t *const closed = c->culling ? cts_culling_row(c->culling, y) : NULL, any = 0;
     float *const pixels = c->picture->pixels + 4 * (size_t)y * (size_t)c->picture->width;
     CtsPlaces places;
     find_shown_pixels(c, plane);

@@ -4,7 +4,7 @@
 #include "core/scene/engine.h"
 #include "core/transfer/lut.h"
 #include "ctsplat/picture.h"
-#include "engine/splat/occlusion.h"
+#include "engine/splat/occlusion_culling.h"
 #include "engine/splat/patches.h"
 #include "engine/splat/raster.h"
 
@@ -24,8 +24,8 @@ typedef struct CtsPlane {
 typedef struct CtsCompositor {
     const CtsSimd *simd;
     CtsPatches patches;
-    CtsPicture *picture;     /* red, green, blue and, until the end, transmittance */
-    CtsOcclusion *occlusion; /* NULL: no occlusion culling */
+    CtsPicture *picture; /* red, green, blue and, until the end, transmittance */
+    CtsCulling *culling; /* NULL: no occlusion culling */
     CtsRasterRow row;
     uint16_t *grey;
     uint64_t *shown;   /* potentially visible pixels of a row */

@@ -244,7 +244,7 @@ static CtsStatus worker_init(PaperWorker *w, CtsPaperPlan *p, CtsError *err)
         (p->by_swaths && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
     w->work.store = p->by_swaths ? &w->own : &p->store;
-    w->compositor.occlusion = p->skip_void && !p->scene->settings->no_occlusion_culling ? &p->occlusion : NULL;
+    w->compositor.culling = p->skip_void && !p->scene->settings->no_occlusion_culling ? &p->culling : NULL;
     return cts_swath_work_init(&w->work, p, err);
 }
 

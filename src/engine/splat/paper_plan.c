@@ -204,7 +204,7 @@ static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
         if ((st = cts_alloc_zeroed(&p->visible[i], (size_t)p->patches.n_swaths * CTS_SWATH_VOXELS * n_words, err)))
             return st;
     if (p->skip_void &&
-        ((st = cts_occlusion_init(&p->occlusion, &p->raster, err)) ||
+        ((st = cts_culling_init(&p->culling, &p->raster, err)) ||
          (st = cts_alloc_zeroed(&p->open, (size_t)p->patches.n_swaths * (size_t)p->patches.n_words, err))))
         return st;
     return p->reuse || p->skip_void ? cts_alloc_array(&p->shown, (size_t)p->patches.n_cells[1] * n_words, err) : CTS_OK;
@@ -254,7 +254,7 @@ void cts_paper_plan_free(CtsPaperPlan *p)
     }
     cts_paper_store_free(&p->store);
     cts_free(&p->swath_row);
-    cts_occlusion_free(&p->occlusion);
+    cts_culling_free(&p->culling);
     cts_free(&p->open);
     cts_macrocells_free(&p->own_macrocells);
     cts_free(&p->shown);
@@ -298,6 +298,6 @@ void cts_paper_find_open(const CtsPaperPlan *p, int step, int swath)
     const double half = 0.5 * (CTS_PAPER_OPEN_STEPS - 1);
     CtsOcclusionQuery query = {.layer = cts_paper_layer(p, step) + p->scene->view.axis_sign * half, .spread = half + 1};
     cts_paper_picture_rows(p, swath, &query.y0, &query.y1);
-    cts_occlusion_open_row(&p->occlusion, &p->raster, &p->patches, &query, swath,
-                           p->open + (size_t)swath * (size_t)p->patches.n_words);
+    cts_culling_open_row(&p->culling, &p->raster, &p->patches, &query, swath,
+                         p->open + (size_t)swath * (size_t)p->patches.n_words);
 }

@@ -39,7 +39,7 @@ typedef struct CtsPaperPlan {
     CtsRangeRule rule;
     CtsVoidMap map;                /* with skip_void */
     CtsMacrocells *own_macrocells; /* if the volume has none */
-    CtsOcclusion occlusion;        /* with skip_void */
+    CtsCulling culling;            /* with skip_void */
     uint64_t *open;                /* with skip_void: by swath, patches that open pixels sample within some steps */
     uint16_t least;                /* mixtures of smaller levels are invisible */
     /* reuse without skip_void: of each sheet, by swath and row of voxels that reach in, the voxels of that grey level

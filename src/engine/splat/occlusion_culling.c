@@ -1,29 +1,29 @@
-#include "engine/splat/occlusion.h"
+#include "engine/splat/occlusion_culling.h"
 
 #include "base/mem.h"
 #include <math.h>
 #include <string.h>
 
-CtsStatus cts_occlusion_init(CtsOcclusion *o, const CtsRaster *r, CtsError *err)
+CtsStatus cts_culling_init(CtsCulling *o, const CtsRaster *r, CtsError *err)
 {
     const double det = r->by_x[0] * r->by_y[1] - r->by_x[1] * r->by_y[0];
-    *o = (CtsOcclusion){.width = r->width,
-                        .height = r->height,
-                        .first_row = r->first_row,
-                        .n_words = (r->width + 63) / 64,
-                        .inverse = {{r->by_y[1] / det, -r->by_y[0] / det}, {-r->by_x[1] / det, r->by_x[0] / det}}};
+    *o = (CtsCulling){.width = r->width,
+                      .height = r->height,
+                      .first_row = r->first_row,
+                      .n_words = (r->width + 63) / 64,
+                      .inverse = {{r->by_y[1] / det, -r->by_y[0] / det}, {-r->by_x[1] / det, r->by_x[0] / det}}};
     return cts_alloc_zeroed(&o->closed, (size_t)r->height * (size_t)o->n_words, err);
 }
 
-void cts_occlusion_free(CtsOcclusion *o)
+void cts_culling_free(CtsCulling *o)
 {
     cts_free(&o->closed);
 }
 
 /* True if any of pixels x0..x1 of row y is open. */
-static bool row_open(const CtsOcclusion *o, int y, int x0, int x1)
+static bool row_open(const CtsCulling *o, int y, int x0, int x1)
 {
-    const uint64_t *closed = cts_occlusion_row(o, y);
+    const uint64_t *closed = cts_culling_row(o, y);
     for (int w = x0 / 64; w <= x1 / 64; w++) {
         const uint64_t from = w == x0 / 64 ? ~UINT64_C(0) << (x0 & 63) : ~UINT64_C(0);
         const uint64_t to = w == x1 / 64 ? ~UINT64_C(0) >> (63 - (x1 & 63)) : ~UINT64_C(0);
@@ -48,7 +48,7 @@ static bool pixels_within(double low, double high, int from, int past, int *firs
 
 /* True if an open pixel may sample a rectangle of lattice points, given by its centre, relative to the start of the
  * layer's lattice, and half its sides. */
-static bool rectangle_open(const CtsOcclusion *o, const double centre[2], const double half[2], int from_y, int past_y)
+static bool rectangle_open(const CtsCulling *o, const double centre[2], const double half[2], int from_y, int past_y)
 {
     int x0, x1, y0, y1;
     const double x = o->inverse[0][0] * centre[0] + o->inverse[0][1] * centre[1];
@@ -64,8 +64,8 @@ static bool rectangle_open(const CtsOcclusion *o, const double centre[2], const 
     return false;
 }
 
-void cts_occlusion_open_row(const CtsOcclusion *o, const CtsRaster *r, const CtsPatches *patches,
-                            const CtsOcclusionQuery *query, int swath, uint64_t *row)
+void cts_culling_open_row(const CtsCulling *o, const CtsRaster *r, const CtsPatches *patches,
+                          const CtsOcclusionQuery *query, int swath, uint64_t *row)
 {
     const int size[2] = {CTS_PATCH * patches->density[0], CTS_SWATH * CTS_PATCH * patches->density[1]};
     double half[2], centre[2], start[2];

@@ -6,20 +6,20 @@
 #include "engine/splat/patches.h"
 #include "engine/splat/raster.h"
 
-typedef struct CtsOcclusion {
+typedef struct CtsCulling {
     int width, height, first_row, n_words; /* first_row: of the view; n_words: in a row of bits */
     uint64_t *closed;                      /* by picture row, a bit for each pixel */
     /* A lattice point's pixel, relative to the start of the layer's lattice: x = inverse[0] . (u, v), y likewise. */
     double inverse[2][2];
-} CtsOcclusion;
+} CtsCulling;
 
-CtsStatus cts_occlusion_init(CtsOcclusion *occlusion, const CtsRaster *raster, CtsError *err);
-void cts_occlusion_free(CtsOcclusion *occlusion);
+CtsStatus cts_culling_init(CtsCulling *culling, const CtsRaster *raster, CtsError *err);
+void cts_culling_free(CtsCulling *culling);
 
 /* Bits of the closed pixels of row y. */
-static inline uint64_t *cts_occlusion_row(const CtsOcclusion *occlusion, int y)
+static inline uint64_t *cts_culling_row(const CtsCulling *culling, int y)
 {
-    return occlusion->closed + (size_t)y * (size_t)occlusion->n_words;
+    return culling->closed + (size_t)y * (size_t)culling->n_words;
 }
 
 /* Region of the search for open pixels: rows y0..y1-1 of the picture, and their samples within `spread` layers of
@@ -30,5 +30,5 @@ typedef struct CtsOcclusionQuery {
 } CtsOcclusionQuery;
 
 /* Sets bits for the patches of a swath that an open pixel may sample. */
-void cts_occlusion_open_row(const CtsOcclusion *occlusion, const CtsRaster *raster, const CtsPatches *patches,
-                            const CtsOcclusionQuery *query, int swath, uint64_t *row);
+void cts_culling_open_row(const CtsCulling *culling, const CtsRaster *raster, const CtsPatches *patches,
+                          const CtsOcclusionQuery *query, int swath, uint64_t *row);
