@@ -38,9 +38,9 @@ static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, C
     report.labels = NULL;
     report.n_labels = 0;
     for (size_t i = 0; i < report.diagnostics.n; i++) {
-        const CtsDiagnostic *f = &report.diagnostics.items[i];
-        if (!cts_diagnostics_have(&series->diagnostics, f) && !cts_diagnostics_have(&facts->diagnostics, f))
-            cts_diagnostics_add(&facts->diagnostics, f->id, "%s", f->text);
+        const CtsDiagnostic *d = &report.diagnostics.items[i];
+        if (!cts_diagnostics_have(&series->diagnostics, d) && !cts_diagnostics_have(&facts->diagnostics, d))
+            cts_diagnostics_add(&facts->diagnostics, d->id, "%s", d->text);
     }
 end:
     cts_loaded_free(&loaded);

@@ -115,13 +115,13 @@ void cli_error(const CtsError *err)
 void cli_print_diagnostics(const CtsDiagnostics *diagnostics, size_t from)
 {
     for (size_t i = from; i < diagnostics->n; i++) {
-        const CtsDiagnostic *f = &diagnostics->items[i];
-        bool reported = f->severity != CTS_WARNING;
+        const CtsDiagnostic *d = &diagnostics->items[i];
+        bool reported = d->severity != CTS_WARNING;
         for (size_t before = 0; before < i && !reported; before++)
             reported =
-                diagnostics->items[before].severity == CTS_WARNING && !strcmp(diagnostics->items[before].text, f->text);
+                diagnostics->items[before].severity == CTS_WARNING && !strcmp(diagnostics->items[before].text, d->text);
         if (!reported)
-            cli_warning("%s", f->text);
+            cli_warning("%s", d->text);
     }
 }
 

@@ -249,32 +249,32 @@ static void remove_pictures(const CtsJournal *j, json_t *record)
 
 void cts_journal_forget(CtsJournal *journal, const json_t *planned)
 {
-    CtsJournalLines *const l = &journal->lines;
+    CtsJournalLines *const j = &journal->lines;
     const int64_t days_s = (int64_t)journal->settings->options->forget_days * 24 * 3600;
     const CtsUtc before = cts_utc_at((int64_t)time(NULL) - days_s);
-    for (size_t i = 0; i < l->n; i++) {
-        if (l->items[i].file || strcmp(l->items[i].ended, before.text) >= 0 ||
-            is_planned(planned, l->items[i].series_uid))
+    for (size_t i = 0; i < j->n; i++) {
+        if (j->items[i].file || strcmp(j->items[i].ended, before.text) >= 0 ||
+            is_planned(planned, j->items[i].series_uid))
             continue;
-        json_t *record = cts_journal_lines_load(l, &l->items[i]);
+        json_t *record = cts_journal_lines_load(j, &j->items[i]);
         if (record)
             remove_pictures(journal, record);
         json_decref(record);
-        l->items[i].size = 0;
+        j->items[i].size = 0;
     }
 }
 
 CtsStatus cts_journal_finish(CtsJournal *journal, CtsError *err)
 {
     CtsTempFile *temp = NULL;
-    CtsJournalLines *const l = &journal->lines;
+    CtsJournalLines *const j = &journal->lines;
     CtsStatus st = check_locks(journal, err);
     if (!st)
         st = cts_temp_open(&temp, journal->path, err);
-    cts_journal_lines_sort(l);
-    for (size_t i = 0; i < l->n && !st; i++)
-        if (l->items[i].file == 0 && l->items[i].size)
-            st = write_line(temp, journal, &l->items[i], err);
+    cts_journal_lines_sort(j);
+    for (size_t i = 0; i < j->n && !st; i++)
+        if (j->items[i].file == 0 && j->items[i].size)
+            st = write_line(temp, journal, &j->items[i], err);
     if (!st)
         st = cts_temp_commit(&temp, true, NULL, err);
     cts_temp_discard(&temp);

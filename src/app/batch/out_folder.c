@@ -14,19 +14,19 @@
 
 CtsStatus cts_batch_open_folder(const CtsBatchSettings *settings, CtsError *err)
 {
-    const CtsOptions *const s = settings->options;
+    const CtsOptions *const o = settings->options;
     char folder[PATH_MAX], path[PATH_MAX];
-    if (mkdir(s->output_dir, 0777) && errno != EEXIST)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", s->output_dir, strerror(errno));
-    if (!realpath(s->output_dir, folder))
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", s->output_dir, strerror(errno));
-    for (int i = 0; i < s->paths.n; i++)
-        if (realpath(s->paths.items[i], path) && !strcmp(path, folder))
+    if (mkdir(o->output_dir, 0777) && errno != EEXIST)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", o->output_dir, strerror(errno));
+    if (!realpath(o->output_dir, folder))
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", o->output_dir, strerror(errno));
+    for (int i = 0; i < o->paths.n; i++)
+        if (realpath(o->paths.items[i], path) && !strcmp(path, folder))
             return cts_fail(err, CTS_ERR_USAGE,
                             "%s: is searched for series, and nothing is written there "
                             "(choose another folder for -O)",
-                            s->output_dir);
-    snprintf(path, sizeof path, "%.4000s/batch.jsonl", s->output_dir);
+                            o->output_dir);
+    snprintf(path, sizeof path, "%.4000s/batch.jsonl", o->output_dir);
     return cts_file_check_writable(path, true, err);
 }
 

@@ -446,10 +446,10 @@ CtsStatus cts_worker_card_picture(CtsWorkerProcess *c, const char *kind, const c
 static void report_diagnostics(CtsWorkerProcess *c, const CtsDiagnostics *diagnostics, size_t n, const char *preset)
 {
     for (; c->n_diagnostics < n; c->n_diagnostics++) {
-        const CtsDiagnostic *f = &diagnostics->items[c->n_diagnostics];
-        if (!cts_diagnostics_have(&c->now->diagnostics, f) &&
-            (preset || !cts_diagnostics_have(&(CtsDiagnostics){diagnostics->items, c->n_diagnostics}, f)))
-            cts_worker_add_diagnostic(c, f, preset);
+        const CtsDiagnostic *d = &diagnostics->items[c->n_diagnostics];
+        if (!cts_diagnostics_have(&c->now->diagnostics, d) &&
+            (preset || !cts_diagnostics_have(&(CtsDiagnostics){diagnostics->items, c->n_diagnostics}, d)))
+            cts_worker_add_diagnostic(c, d, preset);
     }
 }
 

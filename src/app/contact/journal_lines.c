@@ -36,43 +36,43 @@ const CtsJournalLine *cts_journal_lines_find(const CtsJournalLines *lines, const
     return place ? &lines->items[json_integer_value(place)] : NULL;
 }
 
-static bool counts(const CtsJournalLines *l, const CtsJournalLine *known, const CtsJournalLine *line)
+static bool counts(const CtsJournalLines *j, const CtsJournalLine *known, const CtsJournalLine *line)
 {
     if (known->file == line->file)
         return true;
-    if (l->own_first && (known->file == 0 || line->file == 0))
+    if (j->own_first && (known->file == 0 || line->file == 0))
         return line->file == 0;
     return strcmp(line->ended, known->ended) >= 0;
 }
 
-static CtsStatus add_journal_series(CtsJournalLines *l, const char *uid, CtsError *err)
+static CtsStatus add_journal_series(CtsJournalLines *j, const char *uid, CtsError *err)
 {
-    const CtsStatus st = cts_grow(&l->items, l->n, err);
+    const CtsStatus st = cts_grow(&j->items, j->n, err);
     if (st)
         return st;
-    if (!l->places)
-        l->places = json_object();
-    l->items[l->n] = (CtsJournalLine){.series_uid = strdup(uid)};
-    if (!l->items[l->n].series_uid || json_object_set_new(l->places, uid, json_integer((json_int_t)l->n))) {
-        free(l->items[l->n].series_uid);
+    if (!j->places)
+        j->places = json_object();
+    j->items[j->n] = (CtsJournalLine){.series_uid = strdup(uid)};
+    if (!j->items[j->n].series_uid || json_object_set_new(j->places, uid, json_integer((json_int_t)j->n))) {
+        free(j->items[j->n].series_uid);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the journal");
     }
-    l->n++;
+    j->n++;
     return CTS_OK;
 }
 
-CtsStatus cts_journal_lines_put(CtsJournalLines *l, const json_t *json, CtsJournalLine line, CtsError *err)
+CtsStatus cts_journal_lines_put(CtsJournalLines *j, const json_t *json, CtsJournalLine line, CtsError *err)
 {
     const char *uid = json_string_value(json_object_get(json, "series_uid"));
     const char *ended = json_string_value(json_object_get(json, "ended"));
-    const json_t *place = json_object_get(l->places, uid);
+    const json_t *place = json_object_get(j->places, uid);
     CtsStatus st;
     snprintf(line.ended, sizeof line.ended, "%s", ended ? ended : "");
-    if (!place && (st = add_journal_series(l, uid, err)))
+    if (!place && (st = add_journal_series(j, uid, err)))
         return st;
-    CtsJournalLine *known = &l->items[place ? (size_t)json_integer_value(place) : l->n - 1];
+    CtsJournalLine *known = &j->items[place ? (size_t)json_integer_value(place) : j->n - 1];
     line.series_uid = known->series_uid;
-    if (!place || counts(l, known, &line))
+    if (!place || counts(j, known, &line))
         *known = line;
     return CTS_OK;
 }
@@ -87,7 +87,7 @@ static json_t *parse_line(const char *text, size_t n)
     return NULL;
 }
 
-static CtsStatus take_lines(CtsJournalLines *l, FILE *stream, uint64_t *end, CtsError *err)
+static CtsStatus take_lines(CtsJournalLines *j, FILE *stream, uint64_t *end, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     char *text = NULL;
@@ -95,10 +95,10 @@ static CtsStatus take_lines(CtsJournalLines *l, FILE *stream, uint64_t *end, Cts
     /* Ignores an incomplete last line, as a power cut leaves. */
     for (ssize_t n; !st && (n = getline(&text, &capacity, stream)) > 0 && text[n - 1] == '\n'; *end += (uint64_t)n) {
         json_t *line = parse_line(text, (size_t)n);
-        l->n_unreadable += !line;
+        j->n_unreadable += !line;
         if (line)
             st = cts_journal_lines_put(
-                l, line, (CtsJournalLine){.file = l->n_files - 1, .offset = *end, .size = (size_t)n}, err);
+                j, line, (CtsJournalLine){.file = j->n_files - 1, .offset = *end, .size = (size_t)n}, err);
         json_decref(line);
     }
     if (!st && ferror(stream))

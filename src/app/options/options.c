@@ -205,9 +205,9 @@ static CtsStatus write_recipe(CtsOptions *options, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (const CtsOption *o = cts_options; o->name; o++)
         for (int i = 0; i < options->n_given && is_of_recipe(o); i++) {
-            const CtsJobOption *w = &options->given[i];
-            if (!strcmp(w->name, o->name) && (o->kind == CTS_TEXTS || i == last_of(options, o->name)))
-                options->recipe[options->n_recipe++] = *w;
+            const CtsJobOption *given = &options->given[i];
+            if (!strcmp(given->name, o->name) && (o->kind == CTS_TEXTS || i == last_of(options, o->name)))
+                options->recipe[options->n_recipe++] = *given;
         }
     return CTS_OK;
 }
@@ -294,19 +294,19 @@ void cts_options_command(const CtsOptions *options, char *text, size_t size)
     FILE *out = fmemopen(text, size, "w");
     text[0] = 0;
     for (int i = 0; out && i < options->n_given; i++) {
-        const CtsJobOption *w = &options->given[i];
-        const CtsOption *o = cts_option(w->name, strlen(w->name));
-        const CtsFormatInfo *format = cts_export_format(w->value);
-        if (!strcmp(w->name, "path"))
+        const CtsJobOption *given = &options->given[i];
+        const CtsOption *o = cts_option(given->name, strlen(given->name));
+        const CtsFormatInfo *format = cts_export_format(given->value);
+        if (!strcmp(given->name, "path"))
             continue;
         if (o->kind == CTS_TEXTS && o->letter)
             fprintf(out, " -%c", o->letter);
         else
-            fprintf(out, " --%s", w->name);
-        if (o->kind == CTS_TEXTS && (format || !strcmp(w->value, "-")))
+            fprintf(out, " --%s", given->name);
+        if (o->kind == CTS_TEXTS && (format || !strcmp(given->value, "-")))
             fprintf(out, " %s%s", format ? "." : "-", format ? format->name : "");
         else if (o->kind != CTS_FLAG && o->kind != CTS_TEXT && o->kind != CTS_TEXTS)
-            fprintf(out, " %s", w->value);
+            fprintf(out, " %s", given->value);
     }
     if (out)
         fclose(out);

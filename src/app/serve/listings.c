@@ -135,13 +135,13 @@ static json_t *vector(const double v[3])
     return json_pack("[ooo]", cts_json_new_number(v[0]), cts_json_new_number(v[1]), cts_json_new_number(v[2]));
 }
 
-char *cts_list_module(const CtsRenderRequest *e)
+char *cts_list_module(const CtsRenderRequest *r)
 {
     static const char *const methods[CTS_N_MODES] = {[CTS_MODE_COMPOSITE] = "VOLUME_RENDERED",
                                                      [CTS_MODE_MIP] = "MAXIMUM_IP",
                                                      [CTS_MODE_MINIP] = "MINIMUM_IP",
                                                      [CTS_MODE_AVERAGE] = "AVERAGE_IP"};
-    const CtsPictureInfo *const info = &e->info;
+    const CtsPictureInfo *const info = &r->info;
     json_t *const m = json_object();
     double position_lps[3];
     for (int i = 0; i < 3; i++)
@@ -159,28 +159,28 @@ char *cts_list_module(const CtsRenderRequest *e)
             put_attribute(m, "20500020", "CS", json_pack("[s]", "INVERSE")); /* Presentation LUT Shape */
         put_attribute(m, "00281050", "DS", json_pack("[o]", cts_json_new_number((low + high) / 2)));
     }
-    if (e->render_query.swivel_range_deg > 0) {
-        put_attribute(m, "00701A06", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_range_deg)));
-        put_attribute(m, "00701A05", "FD", json_pack("[o]", cts_json_new_number(e->render_query.swivel_step_deg)));
-        put_attribute(m, "00701A03", "FD", json_pack("[o]", cts_json_new_number(e->render_query.rate)));
+    if (r->render_query.swivel_range_deg > 0) {
+        put_attribute(m, "00701A06", "FD", json_pack("[o]", cts_json_new_number(r->render_query.swivel_range_deg)));
+        put_attribute(m, "00701A05", "FD", json_pack("[o]", cts_json_new_number(r->render_query.swivel_step_deg)));
+        put_attribute(m, "00701A03", "FD", json_pack("[o]", cts_json_new_number(r->render_query.rate)));
     }
     return dumped(m, JSON_COMPACT | JSON_PRESERVE_ORDER);
 }
 
-char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *e)
+char *cts_list_scene(const CtsServer *server, const CtsRenderRequest *r)
 {
-    const CtsPictureInfo *const info = &e->info;
+    const CtsPictureInfo *const info = &r->info;
     json_t *const scene = json_pack("{s:f, s:[fff], s:[ff], s:s, s:[ff], s:s, s:s}", "mm_per_pixel", info->mm_per_pixel,
                                     "centre", info->centre_lps[0], info->centre_lps[1], info->centre_lps[2], "view",
                                     info->azimuth_deg, info->elevation_deg, "mode", cts_mode_names[info->mode],
                                     "window_hu", info->window_low_hu, info->window_high_hu, "unit",
-                                    cts_quantity_units[e->cached->series->quantity], "preset", info->preset);
+                                    cts_quantity_units[r->cached->series->quantity], "preset", info->preset);
     json_t *const warnings = json_array();
-    if (e->report.bound.known)
-        json_object_set_new(scene, "bound_255", json_real(255 * e->report.bound.rmse));
-    for (size_t i = 0; i < e->report.diagnostics.n && json_array_size(warnings) < 2; i++) {
-        char *const text = e->report.diagnostics.items[i].severity == CTS_WARNING
-                               ? cts_server_masked(server, e->cached, e->report.diagnostics.items[i].text)
+    if (r->report.bound.known)
+        json_object_set_new(scene, "bound_255", json_real(255 * r->report.bound.rmse));
+    for (size_t i = 0; i < r->report.diagnostics.n && json_array_size(warnings) < 2; i++) {
+        char *const text = r->report.diagnostics.items[i].severity == CTS_WARNING
+                               ? cts_server_masked(server, r->cached, r->report.diagnostics.items[i].text)
                                : NULL;
         if (text)
             json_array_append_new(warnings, cts_json_new_text(text));

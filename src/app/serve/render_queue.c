@@ -8,11 +8,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-void cts_render_request_free(CtsRenderRequest *e)
+void cts_render_request_free(CtsRenderRequest *r)
 {
-    cts_render_query_free(&e->render_query);
-    cts_report_free(&e->report);
-    free(e);
+    cts_render_query_free(&r->render_query);
+    cts_report_free(&r->report);
+    free(r);
 }
 
 bool cts_render_queue_add(CtsServer *server, CtsRenderRequest *render_request)
@@ -43,39 +43,39 @@ static void unlink_request(CtsServer *server, CtsRenderRequest *render_request)
 
 static void take_info(void *context, int frame, CtsPicture *band)
 {
-    CtsRenderRequest *const e = context;
+    CtsRenderRequest *const r = context;
     if (frame == 0)
-        e->info = band->info;
+        r->info = band->info;
     /* The picture's description is complete with its first rows. */
-    e->has_info = true;
-    e->stop |= e->render_query.metadata;
+    r->has_info = true;
+    r->stop |= r->render_query.metadata;
 }
 
-static CtsStatus render_with(CtsRenderRequest *e, const CtsProcessedVolume *processed, CtsCachedRenderer *renderer,
+static CtsStatus render_with(CtsRenderRequest *r, const CtsProcessedVolume *processed, CtsCachedRenderer *renderer,
                              CtsError *err)
 {
-    const CtsJob *job = &e->render_query.job;
+    const CtsJob *job = &r->render_query.job;
     const CtsLoaded loaded = {
-        .series = e->cached->series, .model = processed->model, .labels = e->cached->loaded.labels};
-    const CtsWatch watch = {.context = e, .band = take_info};
-    CtsStatus st = cts_job_prepare(job, &processed->model, &renderer->prepared, &e->report, err);
+        .series = r->cached->series, .model = processed->model, .labels = r->cached->loaded.labels};
+    const CtsWatch watch = {.context = r, .band = take_info};
+    CtsStatus st = cts_job_prepare(job, &processed->model, &renderer->prepared, &r->report, err);
     if (!st)
-        st = cts_job_pictures(job, &loaded, &renderer->prepared, &watch, &e->report, err);
-    return e->render_query.metadata && e->has_info ? CTS_OK : st;
+        st = cts_job_pictures(job, &loaded, &renderer->prepared, &watch, &r->report, err);
+    return r->render_query.metadata && r->has_info ? CTS_OK : st;
 }
 
-static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed, CtsError *err)
+static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *r, CtsProcessedVolume *processed, CtsError *err)
 {
     CtsStatus st =
-        cts_fit_preset(&processed->model, &e->render_query.job.render, &e->render_query.preset, &e->report, err);
+        cts_fit_preset(&processed->model, &r->render_query.job.render, &r->render_query.preset, &r->report, err);
     if (st)
         return st;
     pthread_mutex_lock(&server->lock);
-    CtsCachedRenderer *const renderer = cts_cached_renderer_get(processed, &e->render_query.job);
+    CtsCachedRenderer *const renderer = cts_cached_renderer_get(processed, &r->render_query.job);
     pthread_mutex_unlock(&server->lock);
     if (!renderer)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    st = render_with(e, processed, renderer, err);
+    st = render_with(r, processed, renderer, err);
     pthread_mutex_lock(&server->lock);
     cts_cached_renderer_give_back(processed, renderer, !renderer->prepared.renderer);
     pthread_mutex_unlock(&server->lock);
@@ -83,61 +83,61 @@ static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *e, CtsProcess
 }
 
 /* One slice is no volume. */
-static CtsStatus check_instance(const CtsRenderRequest *e, CtsError *err)
+static CtsStatus check_instance(const CtsRenderRequest *r, CtsError *err)
 {
-    const char *uid = e->render_query.instance_uid;
-    const int n = uid[0] ? cts_cached_series_count(e->cached, uid) : e->cached->series->n_slices;
-    if (n == e->cached->series->n_slices)
+    const char *uid = r->render_query.instance_uid;
+    const int n = uid[0] ? cts_cached_series_count(r->cached, uid) : r->cached->series->n_slices;
+    if (n == r->cached->series->n_slices)
         return CTS_OK;
     return n ? cts_fail(err, CTS_ERR_USAGE, "the object holds %d of the %d slices of its series (request the series)",
-                        n, e->cached->series->n_slices)
+                        n, r->cached->series->n_slices)
              : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
 }
 
 /* The preset of the request, once its series is known. */
-static CtsStatus settle_request(CtsRenderRequest *e, CtsError *err)
+static CtsStatus settle_request(CtsRenderRequest *r, CtsError *err)
 {
-    CtsRenderQuery *const q = &e->render_query;
-    const CtsSeries *const s = e->cached->series;
-    if (s && s->renderable && !e->is_settled) {
-        e->is_settled = true;
-        cts_options_settle(&q->options, s->modality_id, s->quantity, &q->preset, &q->job, &e->report, &e->err);
+    CtsRenderQuery *const q = &r->render_query;
+    const CtsSeries *const s = r->cached->series;
+    if (s && s->renderable && !r->is_settled) {
+        r->is_settled = true;
+        cts_options_settle(&q->options, s->modality_id, s->quantity, &q->preset, &q->job, &r->report, &r->err);
     }
-    if (e->err.status)
-        *err = e->err;
-    return e->err.status;
+    if (r->err.status)
+        *err = r->err;
+    return r->err.status;
 }
 
-static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed,
+static CtsStatus run_request(CtsServer *server, CtsRenderRequest *r, CtsProcessedVolume *processed,
                              CtsHttpAnswer *answer, CtsError *err)
 {
     const bool found = processed;
-    const CtsSource *const source = &e->render_query.job.source;
-    CtsStatus st = cts_series_cache_find(&server->cache, e->cached, source, &e->report, err);
-    if (!st && e->render_query.thumbnail)
-        st = cts_thumbnail_find(server, e, err);
-    const bool is_of_volume = !e->is_kept && !e->slice;
+    const CtsSource *const source = &r->render_query.job.source;
+    CtsStatus st = cts_series_cache_find(&server->cache, r->cached, source, &r->report, err);
+    if (!st && r->render_query.thumbnail)
+        st = cts_thumbnail_find(server, r, err);
+    const bool is_of_volume = !r->is_kept && !r->slice;
     if (!found) {
-        if (!st && is_of_volume && !(st = settle_request(e, err)))
-            st = cts_series_cache_load(&server->cache, e->cached, source, &processed, &e->report, err);
+        if (!st && is_of_volume && !(st = settle_request(r, err)))
+            st = cts_series_cache_load(&server->cache, r->cached, source, &processed, &r->report, err);
         pthread_mutex_lock(&server->lock);
-        e->cached->busy = false;
+        r->cached->busy = false;
         if (processed)
             processed->n_users++;
         pthread_cond_broadcast(&server->work);
         pthread_mutex_unlock(&server->lock);
     }
-    if (!st && !e->render_query.thumbnail)
-        st = check_instance(e, err);
-    if (!st && e->stop)
+    if (!st && !r->render_query.thumbnail)
+        st = check_instance(r, err);
+    if (!st && r->stop)
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "stopped");
-    if (!st && e->slice && !e->is_kept)
-        st = cts_thumbnail_draw(e, err);
+    if (!st && r->slice && !r->is_kept)
+        st = cts_thumbnail_draw(r, err);
     else if (!st && is_of_volume)
-        st = make_picture(server, e, processed, err);
+        st = make_picture(server, r, processed, err);
     if (!st)
-        st = cts_answer_picture(answer, server, e, err);
-    if (e->render_query.thumbnail && (st == CTS_ERR_PIXELS || st == CTS_ERR_GEOMETRY))
+        st = cts_answer_picture(answer, server, r, err);
+    if (r->render_query.thumbnail && (st == CTS_ERR_PIXELS || st == CTS_ERR_GEOMETRY))
         st = CTS_ERR_NO_SERIES; /* the request is right, but there is no thumbnail: 404 */
     pthread_mutex_lock(&server->lock);
     if (processed)
@@ -150,43 +150,43 @@ static CtsStatus run_request(CtsServer *server, CtsRenderRequest *e, CtsProcesse
 static CtsRenderRequest *next_request(CtsServer *server, CtsProcessedVolume **processed)
 {
     CtsError unused;
-    for (CtsRenderRequest *e = server->first; e; e = e->next) {
-        CtsCachedSeries *const s = e->cached;
-        if (e->running || s->n_running >= CTS_SERVE_WORKERS - 1)
+    for (CtsRenderRequest *r = server->first; r; r = r->next) {
+        CtsCachedSeries *const s = r->cached;
+        if (r->running || s->n_running >= CTS_SERVE_WORKERS - 1)
             continue;
-        settle_request(e, &unused);
-        *processed = s->series ? cts_series_cache_volume(s, &e->render_query.job.source) : NULL;
+        settle_request(r, &unused);
+        *processed = s->series ? cts_series_cache_volume(s, &r->render_query.job.source) : NULL;
         if (!*processed && s->busy)
             continue;
         if (*processed)
             (*processed)->n_users++;
         else
             s->busy = true;
-        e->running = true;
+        r->running = true;
         s->n_running++;
         s->used_ms = cts_wall_ms();
         server->n_waiting--;
-        return e;
+        return r;
     }
     return NULL;
 }
 
-static void serve_one(CtsServer *server, CtsRenderRequest *e, CtsProcessedVolume *processed)
+static void serve_one(CtsServer *server, CtsRenderRequest *r, CtsProcessedVolume *processed)
 {
     CtsError err = {0};
     CtsHttpAnswer answer;
     pthread_mutex_unlock(&server->lock);
-    const CtsStatus st = run_request(server, e, processed, &answer, &err);
+    const CtsStatus st = run_request(server, r, processed, &answer, &err);
     if (st)
-        cts_answer_failure(&answer, server, e->cached, st, &err);
+        cts_answer_failure(&answer, server, r->cached, st, &err);
     /* Release the volume before the client, who may request another picture of it, is answered. */
     pthread_mutex_lock(&server->lock);
-    e->cached->n_running--;
-    unlink_request(server, e);
+    r->cached->n_running--;
+    unlink_request(server, r);
     pthread_cond_broadcast(&server->work);
     pthread_mutex_unlock(&server->lock);
-    cts_http_answer(e->request, &answer);
-    cts_render_request_free(e);
+    cts_http_answer(r->request, &answer);
+    cts_render_request_free(r);
     pthread_mutex_lock(&server->lock);
 }
 
@@ -196,9 +196,9 @@ static void *work(void *context)
     pthread_mutex_lock(&server->lock);
     for (;;) {
         CtsProcessedVolume *processed = NULL;
-        CtsRenderRequest *const e = server->stopping ? NULL : next_request(server, &processed);
-        if (e)
-            serve_one(server, e, processed);
+        CtsRenderRequest *const r = server->stopping ? NULL : next_request(server, &processed);
+        if (r)
+            serve_one(server, r, processed);
         else if (server->stopping)
             break;
         else
@@ -217,26 +217,26 @@ CtsStatus cts_render_queue_begin(CtsServer *server, CtsError *err)
 }
 
 /* The lock is the caller's. */
-static void drop_waiting(CtsServer *server, CtsRenderRequest *e, const char *why)
+static void drop_waiting(CtsServer *server, CtsRenderRequest *r, const char *why)
 {
     CtsHttpAnswer answer;
     cts_answer_text(&answer, server, 503, why);
-    cts_http_answer(e->request, &answer);
-    unlink_request(server, e);
-    cts_render_request_free(e);
+    cts_http_answer(r->request, &answer);
+    unlink_request(server, r);
+    cts_render_request_free(r);
 }
 
 static void drop_gone(CtsServer *server, const struct pollfd *sockets, int n)
 {
-    CtsRenderRequest *e = server->first;
-    for (int i = 0; i < n && e; i++) {
-        CtsRenderRequest *const next = e->next;
+    CtsRenderRequest *r = server->first;
+    for (int i = 0; i < n && r; i++) {
+        CtsRenderRequest *const next = r->next;
         if (sockets[i].revents & (POLLRDHUP | POLLHUP | POLLERR)) {
-            e->stop = 1;
-            if (!e->running)
-                drop_waiting(server, e, "the client has disconnected");
+            r->stop = 1;
+            if (!r->running)
+                drop_waiting(server, r, "the client has disconnected");
         }
-        e = next;
+        r = next;
     }
 }
 
@@ -247,8 +247,8 @@ void cts_render_queue_watch(CtsServer *server, int ms)
     poll(NULL, 0, ms);
     /* Under the lock no request ends, so that each socket is still its own. */
     pthread_mutex_lock(&server->lock);
-    for (const CtsRenderRequest *e = server->first; e; e = e->next)
-        sockets[n++] = (struct pollfd){.fd = e->socket, .events = POLLRDHUP};
+    for (const CtsRenderRequest *r = server->first; r; r = r->next)
+        sockets[n++] = (struct pollfd){.fd = r->socket, .events = POLLRDHUP};
     if (n && poll(sockets, (nfds_t)n, 0) > 0)
         drop_gone(server, sockets, n);
     pthread_mutex_unlock(&server->lock);
@@ -259,11 +259,11 @@ void cts_render_queue_end(CtsServer *server)
     static const char why[] = "the server is stopping";
     pthread_mutex_lock(&server->lock);
     server->stopping = true;
-    for (CtsRenderRequest *e = server->first, *next; e; e = next) {
-        next = e->next;
-        e->stop = 1;
-        if (!e->running)
-            drop_waiting(server, e, why);
+    for (CtsRenderRequest *r = server->first, *next; r; r = next) {
+        next = r->next;
+        r->stop = 1;
+        if (!r->running)
+            drop_waiting(server, r, why);
     }
     pthread_cond_broadcast(&server->work);
     pthread_mutex_unlock(&server->lock);

@@ -100,38 +100,38 @@ void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const Ct
 }
 
 /* Of a picture the file, which has no name any more. */
-static CtsStatus answer_file(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *e, CtsError *err)
+static CtsStatus answer_file(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *r, CtsError *err)
 {
-    const int fd = open(e->render_query.path, O_RDONLY | O_CLOEXEC);
+    const int fd = open(r->render_query.path, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
         return cts_fail(err, CTS_ERR_OUTPUT, "the picture cannot be read back: %s", strerror(errno));
-    if (!e->etag[0] || !server->thumbnails[0])
-        unlink(e->render_query.path);
+    if (!r->etag[0] || !server->thumbnails[0])
+        unlink(r->render_query.path);
     const off_t size = lseek(fd, 0, SEEK_END);
     struct MHD_Response *const response = size < 0 ? NULL : MHD_create_response_from_fd64((uint64_t)size, fd);
     if (!response)
         close(fd);
-    begin_answer(answer, server, 200, response, e->render_query.media_type);
+    begin_answer(answer, server, 200, response, r->render_query.media_type);
     return CTS_OK;
 }
 
-CtsStatus cts_answer_picture(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *e, CtsError *err)
+CtsStatus cts_answer_picture(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *r, CtsError *err)
 {
-    char *const json = e->render_query.metadata ? cts_list_module(e) : e->etag[0] ? NULL : cts_list_scene(server, e);
-    const char *const has = e->request->if_none_match;
+    char *const json = r->render_query.metadata ? cts_list_module(r) : r->etag[0] ? NULL : cts_list_scene(server, r);
+    const char *const has = r->request->if_none_match;
     CtsStatus st = CTS_OK;
-    if (e->render_query.metadata && json) {
+    if (r->render_query.metadata && json) {
         cts_answer_bytes(answer, server, 200, "application/dicom+json", json, strlen(json), false);
         return CTS_OK;
     }
-    if (e->render_query.metadata)
+    if (r->render_query.metadata)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (e->etag[0] && has && strstr(has, e->etag))
-        cts_answer_bytes(answer, server, 304, e->render_query.media_type, "", 0, true);
+    if (r->etag[0] && has && strstr(has, r->etag))
+        cts_answer_bytes(answer, server, 304, r->render_query.media_type, "", 0, true);
     else
-        st = answer_file(answer, server, e, err);
-    if (!st && e->etag[0]) {
-        cts_answer_header(answer, "ETag", e->etag);
+        st = answer_file(answer, server, r, err);
+    if (!st && r->etag[0]) {
+        cts_answer_header(answer, "ETag", r->etag);
         cts_answer_header(answer, "Cache-Control", "private, no-cache"); /* asks with the ETag each time */
     } else if (!st && json)
         cts_answer_header(answer, "Ctsplat-Scene", json);

@@ -47,31 +47,31 @@ static CtsStatus find_target(CtsServer *server, const Target *t, CtsCachedSeries
 
 /* Queues the render request, which is the queue's then, or fails with the reason. *is_kept: it is a thumbnail's that
  * need not be made, and is not queued. */
-static CtsStatus queue(CtsServer *server, CtsRenderRequest *e, const Target *target, bool *is_kept, CtsError *err)
+static CtsStatus queue(CtsServer *server, CtsRenderRequest *r, const Target *target, bool *is_kept, CtsError *err)
 {
     pthread_mutex_lock(&server->lock);
     CtsStatus st = server->stopping ? cts_fail(err, CTS_ERR_INTERRUPTED, "the server is stopping")
-                                    : find_target(server, target, &e->cached, err);
-    if (!st && e->cached->series && target->thumbnail)
-        st = cts_thumbnail_find(server, e, err);
-    else if (!st && e->cached->series && !e->cached->series->renderable)
-        st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->cached->series->reason);
-    *is_kept = !st && e->is_kept;
-    if (!st && !*is_kept && !cts_render_queue_add(server, e))
+                                    : find_target(server, target, &r->cached, err);
+    if (!st && r->cached->series && target->thumbnail)
+        st = cts_thumbnail_find(server, r, err);
+    else if (!st && r->cached->series && !r->cached->series->renderable)
+        st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", r->cached->series->reason);
+    *is_kept = !st && r->is_kept;
+    if (!st && !*is_kept && !cts_render_queue_add(server, r))
         st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are queued (ask again)");
     else if (!st && !*is_kept)
-        cts_http_wait(e->request);
+        cts_http_wait(r->request);
     pthread_mutex_unlock(&server->lock);
     return st;
 }
 
-static CtsStatus prepare_request(CtsServer *server, CtsRenderRequest *e, const CtsFormatInfo *format, CtsError *err)
+static CtsStatus prepare_request(CtsServer *server, CtsRenderRequest *r, const CtsFormatInfo *format, CtsError *err)
 {
-    CtsStatus st = cts_render_query_options(&e->render_query, format, server->folder, ++server->n_pictures,
-                                            server->options->render.n_threads, &e->report, err);
-    if (st == CTS_ERR_READ && e->render_query.state_path)
+    CtsStatus st = cts_render_query_options(&r->render_query, format, server->folder, ++server->n_pictures,
+                                            server->options->render.n_threads, &r->report, err);
+    if (st == CTS_ERR_READ && r->render_query.state_path)
         st = CTS_ERR_USAGE; /* the client's fault, not the server's */
-    e->render_query.job.render.stop = e->render_query.job.source.stop = &e->stop;
+    r->render_query.job.render.stop = r->render_query.job.source.stop = &r->stop;
     return st;
 }
 
@@ -80,40 +80,40 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, Target *
                             CtsHttpAnswer *answer)
 {
     CtsError err = {0};
-    CtsRenderRequest *const e = calloc(1, sizeof *e);
+    CtsRenderRequest *const r = calloc(1, sizeof *r);
     bool is_kept = false;
-    if (!e) {
+    if (!r) {
         cts_answer_text(answer, server, 503, "out of memory");
         return;
     }
-    e->request = request;
-    e->socket = request->socket;
-    cts_http_query(request, &e->render_query.query);
-    e->render_query.thumbnail = target->thumbnail;
+    r->request = request;
+    r->socket = request->socket;
+    cts_http_query(request, &r->render_query.query);
+    r->render_query.thumbnail = target->thumbnail;
     /* An object is a presentation state, or should be a whole series where it is not a thumbnail's. */
     if (!target->thumbnail && target->instance_uid[0])
-        e->render_query.state_path = cts_series_cache_state(&server->cache, target->uid, target->instance_uid);
-    if (!e->render_query.state_path)
-        strcpy(e->render_query.instance_uid, target->instance_uid);
-    CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&e->render_query, request->accept, &format, &err);
-    if (!st && format && !(st = prepare_request(server, e, format, &err))) {
-        if (e->render_query.state_path) /* its picture is of the series that it names */
-            snprintf(target->uid, sizeof target->uid, "%s", e->render_query.options.state->source_uid);
-        st = queue(server, e, target, &is_kept, &err);
+        r->render_query.state_path = cts_series_cache_state(&server->cache, target->uid, target->instance_uid);
+    if (!r->render_query.state_path)
+        strcpy(r->render_query.instance_uid, target->instance_uid);
+    CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&r->render_query, request->accept, &format, &err);
+    if (!st && format && !(st = prepare_request(server, r, format, &err))) {
+        if (r->render_query.state_path) /* its picture is of the series that it names */
+            snprintf(target->uid, sizeof target->uid, "%s", r->render_query.options.state->source_uid);
+        st = queue(server, r, target, &is_kept, &err);
     }
     if (!st && is_kept)
-        st = cts_answer_picture(answer, server, e, &err);
+        st = cts_answer_picture(answer, server, r, &err);
     else if (!st && format)
         return;
     if (st)
-        cts_answer_failure(answer, server, e->cached, st, &err);
+        cts_answer_failure(answer, server, r->cached, st, &err);
     else if (!format)
         cts_answer_text(answer, server, 406,
                         target->thumbnail
                             ? "there are image/jpeg, image/png and image/webp"
                             : "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last "
                               "two), and application/dicom+json for renderedvolumetricmetadata");
-    cts_render_request_free(e);
+    cts_render_request_free(r);
 }
 
 /* /series/ID/ and more. */

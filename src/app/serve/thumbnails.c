@@ -44,12 +44,12 @@ void cts_thumbnails_begin(CtsServer *server, void (*note)(const char *text))
 }
 
 /* The object's slice; of a series that is no volume the middle one, as on the contact sheet. */
-static CtsStatus choose_slice(const CtsServer *server, CtsRenderRequest *e, CtsError *err)
+static CtsStatus choose_slice(const CtsServer *server, CtsRenderRequest *r, CtsError *err)
 {
-    const CtsSeries *const s = e->cached->series;
-    const char *const uid = e->render_query.instance_uid;
+    const CtsSeries *const s = r->cached->series;
+    const char *const uid = r->render_query.instance_uid;
     int i = uid[0] ? 0 : s->n_slices / 2;
-    e->slice = NULL;
+    r->slice = NULL;
     if (!uid[0] && s->renderable)
         return CTS_OK;
     while (uid[0] && i < s->n_slices && strcmp(s->slices[i]->sop_uid, uid))
@@ -61,7 +61,7 @@ static CtsStatus choose_slice(const CtsServer *server, CtsRenderRequest *e, CtsE
     if (s->may_name && !server->options->show_patient)
         return cts_fail(err, CTS_ERR_NO_SERIES,
                         "its pixels may show the patient's name (see --show-patient of ctsplat serve)");
-    e->slice = s->slices[i];
+    r->slice = s->slices[i];
     return CTS_OK;
 }
 
@@ -74,30 +74,30 @@ static void hash_slice(CtsHash *hash, const CtsSlice *slice)
     cts_hash_bytes(hash, &slice->frame, sizeof slice->frame);
 }
 
-static CtsStatus name_thumbnail(CtsRenderRequest *e, char name[2 * CTS_DIGEST_BYTES + 1], CtsError *err)
+static CtsStatus name_thumbnail(CtsRenderRequest *r, char name[2 * CTS_DIGEST_BYTES + 1], CtsError *err)
 {
-    const CtsSeries *const s = e->cached->series;
-    const CtsRenderSettings *const render = &e->render_query.job.render;
+    const CtsSeries *const s = r->cached->series;
+    const CtsRenderSettings *const render = &r->render_query.job.render;
     CtsHash *hash = cts_hash_start(NULL);
     char text[96];
     snprintf(text, sizeof text, CTS_VERSION " %dx%d %d %d %u %s", render->width, render->height,
              s->rules.allow_missing_slices, (int)s->rules.nifti_form, s->rules.named_quantity,
-             e->slice ? "slice" : "volume");
+             r->slice ? "slice" : "volume");
     cts_hash_text(hash, text);
-    cts_hash_text(hash, e->render_query.media_type);
-    for (int i = 0; i < (e->slice ? 1 : s->n_slices); i++)
-        hash_slice(hash, e->slice ? e->slice : s->slices[i]);
+    cts_hash_text(hash, r->render_query.media_type);
+    for (int i = 0; i < (r->slice ? 1 : s->n_slices); i++)
+        hash_slice(hash, r->slice ? r->slice : s->slices[i]);
     return cts_hash_hex(&hash, name, err);
 }
 
-CtsStatus cts_thumbnail_find(const CtsServer *server, CtsRenderRequest *e, CtsError *err)
+CtsStatus cts_thumbnail_find(const CtsServer *server, CtsRenderRequest *r, CtsError *err)
 {
-    CtsRenderQuery *const q = &e->render_query;
+    CtsRenderQuery *const q = &r->render_query;
     char name[2 * CTS_DIGEST_BYTES + 1], *path = NULL;
-    CtsStatus st = choose_slice(server, e, err);
-    if (st || (st = name_thumbnail(e, name, err)))
+    CtsStatus st = choose_slice(server, r, err);
+    if (st || (st = name_thumbnail(r, name, err)))
         return st;
-    snprintf(e->etag, sizeof e->etag, "\"%s\"", name);
+    snprintf(r->etag, sizeof r->etag, "\"%s\"", name);
     if (server->thumbnails[0] && asprintf(&path, "%s%s%s", server->thumbnails, name, strrchr(q->path, '.')) < 0)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (path) {
@@ -106,18 +106,18 @@ CtsStatus cts_thumbnail_find(const CtsServer *server, CtsRenderRequest *e, CtsEr
         q->job.outputs.paths = (const char *const *)&q->path;
         q->job.export.force = true; /* another server may have made it meanwhile */
     }
-    e->is_kept =
-        (path && !access(path, R_OK)) || (e->request->if_none_match && strstr(e->request->if_none_match, e->etag));
+    r->is_kept =
+        (path && !access(path, R_OK)) || (r->request->if_none_match && strstr(r->request->if_none_match, r->etag));
     return CTS_OK;
 }
 
-CtsStatus cts_thumbnail_draw(CtsRenderRequest *e, CtsError *err)
+CtsStatus cts_thumbnail_draw(CtsRenderRequest *r, CtsError *err)
 {
-    const CtsJob *const job = &e->render_query.job;
+    const CtsJob *const job = &r->render_query.job;
     CtsPicture *picture = NULL;
-    CtsStatus st = cts_slice_picture(e->slice, job->render.width, job->render.height, &picture, err);
+    CtsStatus st = cts_slice_picture(r->slice, job->render.width, job->render.height, &picture, err);
     if (!st)
-        st = cts_export((const CtsPicture *const *)&picture, 1, job->outputs.paths[0], &job->export, NULL, &e->report,
+        st = cts_export((const CtsPicture *const *)&picture, 1, job->outputs.paths[0], &job->export, NULL, &r->report,
                         err);
     cts_picture_free(&picture);
     return st;

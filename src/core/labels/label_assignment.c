@@ -199,27 +199,27 @@ static CtsStatus paint(const Deciding *d, CtsModel *model, int n_threads, CtsErr
 }
 
 /* Names are kept with the model, which outlasts the labels. */
-static CtsStatus name_colours(const Deciding *d, CtsVoxelLabels *o, CtsError *err)
+static CtsStatus name_colours(const Deciding *d, CtsVoxelLabels *l, CtsError *err)
 {
     for (size_t i = 0; i < d->n_voxel_labels; i++) {
         const CtsLabelFact *const f = &d->labels->items[d->voxel_labels[i]].fact;
-        if (!f->voxels || !o->appearances[o->appearance[i]].tinted)
+        if (!f->voxels || !l->appearances[l->appearance[i]].tinted)
             continue;
-        if (!(o->name[i] = strdup(f->name)))
+        if (!(l->name[i] = strdup(f->name)))
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        o->number[i] = f->number;
+        l->number[i] = f->number;
     }
     return CTS_OK;
 }
 
 const char *cts_model_label_colour(const CtsModel *model, size_t i, double rgb[3], int *number)
 {
-    const CtsVoxelLabels *const o = model->voxel_labels;
-    for (int n = 0; o && n < o->n; n++)
-        if (o->name[n] && !i--) {
-            memcpy(rgb, o->appearances[o->appearance[n]].rgb, sizeof o->appearances->rgb);
-            *number = o->number[n];
-            return o->name[n];
+    const CtsVoxelLabels *const l = model->voxel_labels;
+    for (int n = 0; l && n < l->n; n++)
+        if (l->name[n] && !i--) {
+            memcpy(rgb, l->appearances[l->appearance[n]].rgb, sizeof l->appearances->rgb);
+            *number = l->number[n];
+            return l->name[n];
         }
     return NULL;
 }

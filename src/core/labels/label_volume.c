@@ -58,10 +58,10 @@ static void take_share(VoxelSharing *s, size_t voxel_label, uint16_t share)
 /* Index of the plane's voxel at which a row of the scan begins, with its column *x0 in the volume; NULL: outside. */
 static size_t row_at(const Painting *p, size_t plane, uint32_t row, int *x0)
 {
-    const CtsVoxelLabels *const o = p->voxel_labels;
+    const CtsVoxelLabels *const l = p->voxel_labels;
     const int j = (int)(row % (uint32_t)p->labels->grid.rows) + (int)lround(p->at[plane][1]);
     *x0 = (int)lround(p->at[plane][0]);
-    return j < 0 || j >= o->dims[1] ? SIZE_MAX : (size_t)j * (size_t)o->dims[0];
+    return j < 0 || j >= l->dims[1] ? SIZE_MAX : (size_t)j * (size_t)l->dims[0];
 }
 
 static uint32_t slice_row(const Painting *p, size_t plane)
@@ -97,15 +97,15 @@ static CtsStatus assign_fractions(const Painting *p, size_t plane, size_t voxel_
 /* Assigns voxels without a label, and the remainder of fractional ones. */
 static void paint_runs(const Painting *p, size_t plane, size_t voxel_label, const Sharings *all)
 {
-    const CtsVoxelLabels *const o = p->voxel_labels;
-    const CtsLabel *const l = &p->labels->items[p->label[voxel_label]];
-    uint16_t *const voxels = o->voxel_label + plane * (size_t)o->dims[0] * (size_t)o->dims[1];
-    const size_t n_end = cts_label_find_row(l, slice_row(p, plane + 1));
-    for (size_t n = cts_label_find_row(l, slice_row(p, plane)); n < n_end; n++) {
+    const CtsVoxelLabels *const l = p->voxel_labels;
+    const CtsLabel *const label = &p->labels->items[p->label[voxel_label]];
+    uint16_t *const voxels = l->voxel_label + plane * (size_t)l->dims[0] * (size_t)l->dims[1];
+    const size_t n_end = cts_label_find_row(label, slice_row(p, plane + 1));
+    for (size_t n = cts_label_find_row(label, slice_row(p, plane)); n < n_end; n++) {
         int x0;
-        const size_t row = row_at(p, plane, l->runs[n].row, &x0);
-        const int first = l->runs[n].first + x0, end = l->runs[n].end + x0;
-        for (int i = first > 0 ? first : 0; row != SIZE_MAX && i < end && i < o->dims[0]; i++)
+        const size_t row = row_at(p, plane, label->runs[n].row, &x0);
+        const int first = label->runs[n].first + x0, end = label->runs[n].end + x0;
+        for (int i = first > 0 ? first : 0; row != SIZE_MAX && i < end && i < l->dims[0]; i++)
             if (all->number && all->number[row + (size_t)i])
                 take_share(&all->items[all->number[row + (size_t)i] - 1], voxel_label, CTS_WHOLE_SHARE);
             else if (voxels[row + (size_t)i] == p->n)
@@ -116,14 +116,14 @@ static void paint_runs(const Painting *p, size_t plane, size_t voxel_label, cons
 /* Assigns the remainder to the unlabelled entry, and the voxel to its largest fraction. */
 static CtsStatus end_plane(const Painting *p, size_t plane, Sharings *all)
 {
-    CtsVoxelLabels *const o = p->voxel_labels;
-    CtsFractionalPlane *const shared = &o->shared[plane];
+    CtsVoxelLabels *const l = p->voxel_labels;
+    CtsFractionalPlane *const shared = &l->shared[plane];
     const CtsStatus st = all->n ? cts_alloc_array(&shared->items, all->n, NULL) : CTS_OK;
     for (; !st && shared->n < all->n; shared->n++) {
         VoxelSharing *const s = &all->items[shared->n];
         take_share(s, p->n, CTS_WHOLE_SHARE);
         shared->items[shared->n] = s->voxel;
-        o->voxel_label[plane * (size_t)o->dims[0] * (size_t)o->dims[1] + s->voxel.at] = s->voxel.voxel_label[0];
+        l->voxel_label[plane * (size_t)l->dims[0] * (size_t)l->dims[1] + s->voxel.at] = s->voxel.voxel_label[0];
     }
     if (shared->n)
         qsort(shared->items, shared->n, sizeof *shared->items, cts_fractional_by_place);
@@ -133,14 +133,14 @@ static CtsStatus end_plane(const Painting *p, size_t plane, Sharings *all)
 static void paint_planes(void *context, int worker, size_t begin, size_t end)
 {
     const Painting *const p = context;
-    const CtsVoxelLabels *const o = p->voxel_labels;
-    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
+    const CtsVoxelLabels *const l = p->voxel_labels;
+    const size_t in_plane = (size_t)l->dims[0] * (size_t)l->dims[1];
     (void)worker;
     for (size_t plane = begin; plane < end; plane++) {
         Sharings all = {.n = 0};
         CtsStatus st = CTS_OK;
         for (size_t i = 0; i < in_plane; i++)
-            o->voxel_label[plane * in_plane + i] = (uint16_t)p->n;
+            l->voxel_label[plane * in_plane + i] = (uint16_t)p->n;
         for (size_t n = 0; n < p->n && !st; n++)
             st = assign_fractions(p, plane, n, false, &all);
         for (size_t n = p->n; n-- > 0 && !st;) {
@@ -154,16 +154,16 @@ static void paint_planes(void *context, int worker, size_t begin, size_t end)
 }
 
 /* On which slice, or between which two, each layer lies. */
-static void place_layers(CtsVoxelLabels *o, double (*at)[3])
+static void place_layers(CtsVoxelLabels *l, double (*at)[3])
 {
     int plane = 0;
-    for (int k = 0; k < o->dims[2]; k++) {
-        while (plane + 2 < o->n_planes && at[plane + 1][2] <= k + 1e-6)
+    for (int k = 0; k < l->dims[2]; k++) {
+        while (plane + 2 < l->n_planes && at[plane + 1][2] <= k + 1e-6)
             plane++;
-        const double gap = plane + 1 < o->n_planes ? at[plane + 1][2] - at[plane][2] : 0;
+        const double gap = plane + 1 < l->n_planes ? at[plane + 1][2] - at[plane][2] : 0;
         const double share = gap > 0 ? fmin(fmax((k - at[plane][2]) / gap, 0), 1) : 0;
-        o->plane[k] = share > 1 - 1e-6 ? plane + 1 : plane;
-        o->share[k] = share < 1e-6 || share > 1 - 1e-6 ? 0 : share;
+        l->plane[k] = share > 1 - 1e-6 ? plane + 1 : plane;
+        l->share[k] = share < 1e-6 || share > 1 - 1e-6 ? 0 : share;
     }
 }
 

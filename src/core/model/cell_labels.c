@@ -28,74 +28,74 @@ static void add_share(CtsCellLabels *c, int voxel_label, int corner, double shar
 }
 
 /* NULL where a scanned voxel has one label only. */
-static const CtsFractionalVoxel *shared_at(const CtsVoxelLabels *o, size_t at)
+static const CtsFractionalVoxel *shared_at(const CtsVoxelLabels *l, size_t at)
 {
-    if (!o->is_shared || !(o->is_shared[at / 64] >> at % 64 & 1))
+    if (!l->is_shared || !(l->is_shared[at / 64] >> at % 64 & 1))
         return NULL;
-    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
-    const CtsFractionalPlane *const plane = &o->shared[at / in_plane];
+    const size_t in_plane = (size_t)l->dims[0] * (size_t)l->dims[1];
+    const CtsFractionalPlane *const plane = &l->shared[at / in_plane];
     const CtsFractionalVoxel key = {.at = (uint32_t)(at % in_plane)};
     return bsearch(&key, plane->items, plane->n, sizeof key, cts_fractional_by_place);
 }
 
-static void add_voxel(const CtsVoxelLabels *o, CtsCellLabels *c, size_t at, int corner, double weight)
+static void add_voxel(const CtsVoxelLabels *l, CtsCellLabels *c, size_t at, int corner, double weight)
 {
-    const CtsFractionalVoxel *const s = shared_at(o, at);
-    if (!s)
-        add_share(c, o->voxel_label[at], corner, weight);
-    for (int i = 0; s && i < CTS_MAX_FRACTIONS && s->share[i]; i++)
-        add_share(c, s->voxel_label[i], corner, weight * s->share[i] / CTS_WHOLE_SHARE);
+    const CtsFractionalVoxel *const v = shared_at(l, at);
+    if (!v)
+        add_share(c, l->voxel_label[at], corner, weight);
+    for (int i = 0; v && i < CTS_MAX_FRACTIONS && v->share[i]; i++)
+        add_share(c, v->voxel_label[i], corner, weight * v->share[i] / CTS_WHOLE_SHARE);
 }
 
 /* The scanned voxel at a vertex of a cell: in one slice, or for an interpolated layer also in the next one, in_plane
  * further. */
-static size_t corner_of(const CtsVoxelLabels *o, const int cell[3], int corner, size_t *in_plane, double *share)
+static size_t corner_of(const CtsVoxelLabels *l, const int cell[3], int corner, size_t *in_plane, double *share)
 {
     int at[3];
     for (int a = 0; a < 3; a++)
-        at[a] = cell[a] + ((corner >> a & 1) && o->dims[a] > 1);
-    *in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
-    *share = o->share[at[2]];
-    return (size_t)o->plane[at[2]] * *in_plane + (size_t)at[1] * (size_t)o->dims[0] + (size_t)at[0];
+        at[a] = cell[a] + ((corner >> a & 1) && l->dims[a] > 1);
+    *in_plane = (size_t)l->dims[0] * (size_t)l->dims[1];
+    *share = l->share[at[2]];
+    return (size_t)l->plane[at[2]] * *in_plane + (size_t)at[1] * (size_t)l->dims[0] + (size_t)at[0];
 }
 
-void cts_cell_labels(const CtsVoxelLabels *o, const int cell[3], CtsCellLabels *c)
+void cts_cell_labels(const CtsVoxelLabels *l, const int cell[3], CtsCellLabels *c)
 {
     c->n = 0;
     for (int m = 0; m < 8; m++) {
         size_t in_plane;
         double share;
-        const size_t at = corner_of(o, cell, m, &in_plane, &share);
-        add_voxel(o, c, at, m, 1 - share);
+        const size_t at = corner_of(l, cell, m, &in_plane, &share);
+        add_voxel(l, c, at, m, 1 - share);
         if (share > 0)
-            add_voxel(o, c, at + in_plane, m, share);
+            add_voxel(l, c, at + in_plane, m, share);
     }
 }
 
-int cts_label_of_voxel(const CtsVoxelLabels *o, int i, int j, int k)
+int cts_label_of_voxel(const CtsVoxelLabels *l, int i, int j, int k)
 {
     const int cell[3] = {i, j, k};
     size_t in_plane;
     double share;
     CtsCellLabels c;
     int most = 0;
-    const size_t at = corner_of(o, cell, 0, &in_plane, &share);
-    if (share == 0 || (o->voxel_label[at] == o->voxel_label[at + in_plane] && !o->is_shared))
-        return o->voxel_label[at];
+    const size_t at = corner_of(l, cell, 0, &in_plane, &share);
+    if (share == 0 || (l->voxel_label[at] == l->voxel_label[at + in_plane] && !l->is_shared))
+        return l->voxel_label[at];
     c.n = 0;
-    add_voxel(o, &c, at, 0, 1 - share);
-    add_voxel(o, &c, at + in_plane, 0, share);
+    add_voxel(l, &c, at, 0, 1 - share);
+    add_voxel(l, &c, at + in_plane, 0, share);
     for (int n = 1; n < c.n; n++)
         most = c.corner[n][0] > c.corner[most][0] ? n : most;
     return c.voxel_label[most];
 }
 
-int cts_appearance_of_scanned_voxel(const CtsVoxelLabels *o, size_t at)
+int cts_appearance_of_scanned_voxel(const CtsVoxelLabels *l, size_t at)
 {
-    const CtsFractionalVoxel *const s = shared_at(o, at);
-    const int appearance = o->appearance[o->voxel_label[at]];
-    for (int i = 0; s && i < CTS_MAX_FRACTIONS && s->share[i]; i++)
-        if (o->appearance[s->voxel_label[i]] != appearance)
+    const CtsFractionalVoxel *const v = shared_at(l, at);
+    const int appearance = l->appearance[l->voxel_label[at]];
+    for (int i = 0; v && i < CTS_MAX_FRACTIONS && v->share[i]; i++)
+        if (l->appearance[v->voxel_label[i]] != appearance)
             return CTS_APPEARANCES_DIFFER;
     return appearance;
 }
@@ -243,21 +243,21 @@ static void split_line(Splitting *c, Fields f, double from, double to, int depth
     }
 }
 
-int cts_label_intervals(const CtsVoxelLabels *o, const int cell[3], const double from[3], const double to[3],
+int cts_label_intervals(const CtsVoxelLabels *l, const int cell[3], const double from[3], const double to[3],
                         CtsLineInterval interval[CTS_MAX_CELL_INTERVALS])
 {
     CtsCellLabels in_cell;
     Fields f;
     Splitting c = {interval, 0};
-    const int appearance = cts_appearance_of_cell(o, cell);
+    const int appearance = cts_appearance_of_cell(l, cell);
     if (appearance != CTS_APPEARANCES_DIFFER) {
         interval[0] = (CtsLineInterval){1, appearance};
         return 1;
     }
-    cts_cell_labels(o, cell, &in_cell);
+    cts_cell_labels(l, cell, &in_cell);
     f.n = in_cell.n;
     for (int i = 0; i < f.n; i++) {
-        f.appearance[i] = o->appearance[in_cell.voxel_label[i]];
+        f.appearance[i] = l->appearance[in_cell.voxel_label[i]];
         field_along(in_cell.corner[i], from, to, f.b[i]);
     }
     split_line(&c, f, 0, 1, 0);

@@ -84,20 +84,20 @@ static void find_axes(const CtsVolume *v, int axis[3])
     axis[1] = along == 2 ? 1 : 2;
 }
 
-CtsStatus cts_voxel_labels_find_skin(CtsVoxelLabels *o, const CtsVolume *v, int n_threads, CtsError *err)
+CtsStatus cts_voxel_labels_find_skin(CtsVoxelLabels *l, const CtsVolume *v, int n_threads, CtsError *err)
 {
     const int n_workers = cts_threads(n_threads);
-    SkinSearch s = {.voxel_labels = o, .volume = v};
+    SkinSearch s = {.voxel_labels = l, .volume = v};
     const double tissue = ceil((tissue_hu - v->hu_offset) / v->hu_step);
     s.tissue = v->quantity == CTS_QUANTITY_HU ? (uint16_t)fmin(fmax(tissue, 1), UINT16_MAX) /* 0 is air or padding */
                                               : cts_dense_grey(v);
     find_axes(v, s.axis);
-    CtsStatus st = cts_alloc_zeroed(&s.on_skin, (size_t)n_workers * (size_t)o->n, err);
-    if (!st && !(st = cts_alloc_zeroed(&o->on_skin, (size_t)o->n, err))) {
+    CtsStatus st = cts_alloc_zeroed(&s.on_skin, (size_t)n_workers * (size_t)l->n, err);
+    if (!st && !(st = cts_alloc_zeroed(&l->on_skin, (size_t)l->n, err))) {
         cts_parallel(n_workers, ((size_t)v->dims[s.axis[2]] + EVERY - 1) / EVERY, 1, search_layers, &s);
-        for (size_t i = 0; i < (size_t)n_workers * (size_t)o->n; i++)
-            o->on_skin[i % (size_t)o->n] |= s.on_skin[i];
-        o->on_skin[o->n - 1] = true;
+        for (size_t i = 0; i < (size_t)n_workers * (size_t)l->n; i++)
+            l->on_skin[i % (size_t)l->n] |= s.on_skin[i];
+        l->on_skin[l->n - 1] = true;
     }
     cts_free(&s.on_skin);
     return st;

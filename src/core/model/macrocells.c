@@ -44,17 +44,17 @@ static inline __attribute__((always_inline)) void most_of_five(uint16_t *restric
 }
 
 /* The fine macro-cells along a row of them, by columns of voxels first: these are most of the work, and vectors'. */
-static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocells *b, const uint16_t *grey, int bj,
+static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocells *m, const uint16_t *grey, int bj,
                                                                int bk)
 {
-    const int nx = b->dims[0], ny = b->dims[1];
-    CtsRange *to = b->fine + ((size_t)bk * (size_t)b->n_fine[1] + (size_t)bj) * (size_t)b->n_fine[0];
+    const int nx = m->dims[0], ny = m->dims[1];
+    CtsRange *to = m->fine + ((size_t)bk * (size_t)m->n_fine[1] + (size_t)bj) * (size_t)m->n_fine[0];
     for (int first = 0; first == 0 || first < nx - 1; first += COLUMNS) {
         uint16_t low[COLUMNS + 2 * REACH], high[COLUMNS + 2 * REACH]; /* beyond the last column nothing */
         const int n = nx - first < COLUMNS + 1 ? nx - first : COLUMNS + 1;
         memset(low, 0xff, (size_t)(n + REACH) * sizeof *low);
         memset(high, 0, (size_t)(n + REACH) * sizeof *high);
-        for (int k = bk * CTS_FINE_MACROCELL; k < bk * CTS_FINE_MACROCELL + REACH && k < b->dims[2]; k++) {
+        for (int k = bk * CTS_FINE_MACROCELL; k < bk * CTS_FINE_MACROCELL + REACH && k < m->dims[2]; k++) {
             const uint16_t *row[REACH];
             for (int r = 0; r < REACH; r++) {
                 const int j = bj * CTS_FINE_MACROCELL + r;
@@ -70,39 +70,39 @@ static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocel
     }
 }
 
-CTS_CPU_VARIANTS(void, fold_row, (const CtsMacrocells *b, const uint16_t *grey, int bj, int bk),
-                 fold_any_row(b, grey, bj, bk))
+CTS_CPU_VARIANTS(void, fold_row, (const CtsMacrocells *m, const uint16_t *grey, int bj, int bk),
+                 fold_any_row(m, grey, bj, bk))
 
 static size_t product(const int n[3])
 {
     return (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
 }
 
-static void count_macrocells(CtsMacrocells *b, int axis, int n)
+static void count_macrocells(CtsMacrocells *m, int axis, int n)
 {
     const int cells = n > 1 ? n - 1 : 1;
-    b->dims[axis] = n;
-    b->n_fine[axis] = (cells - 1) / CTS_FINE_MACROCELL + 1;
+    m->dims[axis] = n;
+    m->n_fine[axis] = (cells - 1) / CTS_FINE_MACROCELL + 1;
 }
 
 CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3], CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    CtsMacrocells *b = *macrocells = calloc(1, sizeof *b);
-    if (!b)
+    CtsMacrocells *m = *macrocells = calloc(1, sizeof *m);
+    if (!m)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int axis = 0; axis < 3; axis++)
-        count_macrocells(b, axis, dims[axis]);
-    if ((st = cts_alloc_array(&b->fine, product(b->n_fine), err)) || (st = cts_transposed_new(&b->transposed, err)))
+        count_macrocells(m, axis, dims[axis]);
+    if ((st = cts_alloc_array(&m->fine, product(m->n_fine), err)) || (st = cts_transposed_new(&m->transposed, err)))
         cts_macrocells_free(macrocells);
     return st;
 }
 
-void cts_macrocells_sum(CtsMacrocells *b)
+void cts_macrocells_sum(CtsMacrocells *m)
 {
-    b->all = (CtsRange){65535, 0};
-    for (size_t i = 0; i < product(b->n_fine); i++)
-        b->all = cts_range_union(b->all, b->fine[i]);
+    m->all = (CtsRange){65535, 0};
+    for (size_t i = 0; i < product(m->n_fine); i++)
+        m->all = cts_range_union(m->all, m->fine[i]);
 }
 
 typedef struct Folding {

@@ -139,15 +139,15 @@ static void fill_extinction(uint16_t *extinction, const CtsPreset *preset, const
 
 static CtsStatus fill_tables(Making *m, const CtsPreset *preset, CtsError *err)
 {
-    const CtsVoxelLabels *const o = m->voxel_labels;
-    const int n_appearances = cts_voxel_labels_coloured(o) ? o->n_appearances : CTS_APPEARANCE_PRESET + 1;
+    const CtsVoxelLabels *const labels = m->voxel_labels;
+    const int n_appearances = cts_voxel_labels_coloured(labels) ? labels->n_appearances : CTS_APPEARANCE_PRESET + 1;
     CtsStatus st;
     if ((st = cts_alloc_zeroed(&m->extinction, (size_t)n_appearances * N_LEVELS, err)))
         return st;
     for (int l = CTS_APPEARANCE_PRESET; l < n_appearances; l++) {
         CtsPreset own = *preset;
-        if (cts_voxel_labels_coloured(o))
-            cts_appearance_preset(&o->appearances[l], preset, &own);
+        if (cts_voxel_labels_coloured(labels))
+            cts_appearance_preset(&labels->appearances[l], preset, &own);
         fill_extinction(m->extinction + (size_t)l * N_LEVELS, &own, m->volume);
     }
     for (int i = 0; i < m->n_lengths; i++) {

@@ -29,21 +29,21 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double black_hu
         return cts_fail(err, CTS_ERR_USAGE, "%d grey bits for a window of %g to %g HU (1 to 16 bits of a real window)",
                         bits, low_hu, high_hu);
     uint16_t *level = NULL;
-    CtsVolume *q = NULL;
+    CtsVolume *v = NULL;
     const int top = (1 << bits) - 1;
     CtsStatus st = cts_alloc_array(&level, N_GREY, err);
-    if (st || (st = cts_volume_new_like(&q, volume, volume->dims[2], err)))
+    if (st || (st = cts_volume_new_like(&v, volume, volume->dims[2], err)))
         goto end;
     for (int g = 0; g < N_GREY; g++) {
         const double at = (cts_volume_hu(volume, (uint16_t)g) - low_hu) / (high_hu - low_hu) * top;
         level[g] = (uint16_t)floor(fmin(fmax(at, 0), top) + 0.5);
     }
-    q->hu_offset = low_hu;
-    q->hu_step = (high_hu - low_hu) / top;
-    Mapping mapping = {volume->grey, level, q->grey};
+    v->hu_offset = low_hu;
+    v->hu_step = (high_hu - low_hu) / top;
+    Mapping mapping = {volume->grey, level, v->grey};
     cts_parallel(cts_threads(n_threads), cts_volume_n_voxels(volume), 0, map_voxels, &mapping);
 end:
-    *quantised = q;
+    *quantised = v;
     cts_free(&level);
     return st;
 }

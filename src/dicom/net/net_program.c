@@ -55,12 +55,12 @@ static bool await_answer(NetCall *c, int *left_ms)
 static CtsStatus use_answer(NetCall *c, CtsError *err)
 {
     CtsNetAnswer *const a = &c->answer;
-    CtsFoundSeries *const f = &a->found;
+    CtsFoundSeries *const s = &a->found;
     a->result.error.text[sizeof a->result.error.text - 1] = a->result.remedy[sizeof a->result.remedy - 1] = 0;
     cts_text_clean(a->result.error.text);
-    f->study_uid[sizeof f->study_uid - 1] = f->series_uid[sizeof f->series_uid - 1] = 0;
-    f->modality[sizeof f->modality - 1] = f->study_date[sizeof f->study_date - 1] = 0;
-    f->description[sizeof f->description - 1] = 0;
+    s->study_uid[sizeof s->study_uid - 1] = s->series_uid[sizeof s->series_uid - 1] = 0;
+    s->modality[sizeof s->modality - 1] = s->study_date[sizeof s->study_date - 1] = 0;
+    s->description[sizeof s->description - 1] = 0;
     if (a->kind == CTS_NET_SENT && a->number >= 0 && a->number < c->n_outgoing) {
         CtsOutgoingFile *const outgoing = &c->outgoing_files[a->number];
         outgoing->sent = true;
@@ -68,12 +68,12 @@ static CtsStatus use_answer(NetCall *c, CtsError *err)
             c->net->sent(c->net->context, outgoing->path);
     } else if (a->kind == CTS_NET_DIAGNOSTIC && a->number >= 0 && a->number < CTS_N_DIAGNOSTICS) {
         cts_report_diagnostic(c->report, (CtsDiagnosticId)a->number, "%s", a->result.error.text);
-    } else if (a->kind == CTS_NET_FOUND && c->found && c->found->n < CTS_MAX_FOUND && f->n_objects >= 0 &&
-               cts_uid_is_valid(f->study_uid) && cts_uid_is_valid(f->series_uid)) {
+    } else if (a->kind == CTS_NET_FOUND && c->found && c->found->n < CTS_MAX_FOUND && s->n_objects >= 0 &&
+               cts_uid_is_valid(s->study_uid) && cts_uid_is_valid(s->series_uid)) {
         const CtsStatus st = cts_grow(&c->found->items, c->found->n, err);
         if (st)
             return st;
-        c->found->items[c->found->n++] = *f;
+        c->found->items[c->found->n++] = *s;
     } else if (a->kind != CTS_NET_END)
         return cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
     return CTS_OK;

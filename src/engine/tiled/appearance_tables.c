@@ -6,11 +6,11 @@ static CtsStatus init_appearance(TiledAppearances *appearances, const CtsScene *
 {
     CtsScene own = *scene;
     CtsPreset preset = {.unit_distance_mm = 1};
-    const CtsAppearance *const l = &appearances->voxel_labels->appearances[appearance];
+    const CtsAppearance *const a = &appearances->voxel_labels->appearances[appearance];
     CtsStatus st = CTS_OK;
     if (appearance != CTS_APPEARANCE_HIDDEN)
-        cts_appearance_preset(l, scene->preset, &preset);
-    if (appearance != CTS_APPEARANCE_HIDDEN && (l->preset || l->opacity >= 0))
+        cts_appearance_preset(a, scene->preset, &preset);
+    if (appearance != CTS_APPEARANCE_HIDDEN && (a->preset || a->opacity >= 0))
         st = cts_lut_new(&appearances->own[appearance], &preset, scene->volume, NULL, scene->extinction_scale, err);
     if (st)
         return st;

@@ -137,28 +137,28 @@ static float interpolate_pixel(const BlockCorners *k, int x, int y, size_t c)
     return ab + v * (de - ab);
 }
 
-static const float *random_pixel(const Tile *t, const PixelBlock *s)
+static const float *random_pixel(const Tile *t, const PixelBlock *b)
 {
-    return t->tiles->picture->pixels + 4 * index_of_pixel(t, s->sample[0], s->sample[1]);
+    return t->tiles->picture->pixels + 4 * index_of_pixel(t, b->sample[0], b->sample[1]);
 }
 
 /* Estimates the interpolation error by the random pixel, and by the distance of the vertices from one plane. */
-static void measure_block(const Tile *t, PixelBlock *s)
+static void measure_block(const Tile *t, PixelBlock *b)
 {
-    const BlockCorners k = corners_of(t, s->x, s->y);
-    const float *const sample = random_pixel(t, s);
+    const BlockCorners k = corners_of(t, b->x, b->y);
+    const float *const sample = random_pixel(t, b);
     float off = 0, largest = 0, corner = 0;
     for (size_t c = 0; c < 4; c++) {
         const float plane_error = (k.at[0][c] - k.at[1][c]) - (k.at[2][c] - k.at[3][c]);
-        s->plane_error = fmaxf(s->plane_error, fabsf(plane_error) / 4);
-        off = fmaxf(off, fabsf(sample[c] - interpolate_pixel(&k, s->sample[0], s->sample[1], c)));
+        b->plane_error = fmaxf(b->plane_error, fabsf(plane_error) / 4);
+        off = fmaxf(off, fabsf(sample[c] - interpolate_pixel(&k, b->sample[0], b->sample[1], c)));
         largest = fmaxf(largest, sample[c]);
         for (int i = 0; i < 4; i++)
             corner = fmaxf(corner, k.at[i][c]);
     }
-    s->off = fmaxf(s->plane_error, off);
-    s->empty_vertices = !(corner > 0);
-    s->empty = s->empty_vertices && !(largest > 0);
+    b->off = fmaxf(b->plane_error, off);
+    b->empty_vertices = !(corner > 0);
+    b->empty = b->empty_vertices && !(largest > 0);
 }
 
 static float worst_beside(const PixelBlock *blocks, int number)
@@ -193,11 +193,11 @@ static void choose_rays(const Tile *t, PixelBlock *blocks)
     }
     const float random_share = n_filled > 0 ? 2 / (float)n_filled : 0;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
-        PixelBlock *const s = &blocks[i];
-        const float beside = worst_beside(blocks, i), without_sample = sum - s->off + s->plane_error;
-        s->rays = rays_of(t, s->empty, fmaxf(fmaxf(s->off, beside), random_share * sum));
-        s->rays_without_sample =
-            rays_of(t, s->empty_vertices, fmaxf(fmaxf(s->plane_error, beside), random_share * without_sample));
+        PixelBlock *const b = &blocks[i];
+        const float beside = worst_beside(blocks, i), without_sample = sum - b->off + b->plane_error;
+        b->rays = rays_of(t, b->empty, fmaxf(fmaxf(b->off, beside), random_share * sum));
+        b->rays_without_sample =
+            rays_of(t, b->empty_vertices, fmaxf(fmaxf(b->plane_error, beside), random_share * without_sample));
     }
 }
 
@@ -206,9 +206,9 @@ static int middle_of_ends(const int ends[2])
     return (ends[0] + ends[1] + 1) / 2;
 }
 
-static void queue_half_resolution(Tile *t, const PixelBlock *s)
+static void queue_half_resolution(Tile *t, const PixelBlock *b)
 {
-    const int x[3] = {s->x[0], middle_of_ends(s->x), s->x[1]}, y[3] = {s->y[0], middle_of_ends(s->y), s->y[1]};
+    const int x[3] = {b->x[0], middle_of_ends(b->x), b->x[1]}, y[3] = {b->y[0], middle_of_ends(b->y), b->y[1]};
     for (int i = 0; i < 9; i++)
         list_pixel(t, x[i % 3], y[i / 3]);
 }
@@ -255,12 +255,12 @@ static void half_of(const int ends[2], bool second, int half[2])
     half[1] = second ? ends[1] : middle_of_ends(ends);
 }
 
-static void interpolate_half_resolution(Tile *t, const PixelBlock *s)
+static void interpolate_half_resolution(Tile *t, const PixelBlock *b)
 {
     for (int i = 0; i < 4; i++) {
         int x[2], y[2];
-        half_of(s->x, i & 1, x);
-        half_of(s->y, i >> 1, y);
+        half_of(b->x, i & 1, x);
+        half_of(b->y, i >> 1, y);
         interpolate_block(t, x, y);
     }
 }
@@ -268,20 +268,20 @@ static void interpolate_half_resolution(Tile *t, const PixelBlock *s)
 /* The choice of the random pixel is independent of the rays its block would have without it. So its error, where it
  * would have been interpolated, is a sample of the interpolation error; its probability is 1 in OTHERS, and it is
  * weighted accordingly. */
-static void estimate_interpolation_error(const Tile *t, const PixelBlock *s)
+static void estimate_interpolation_error(const Tile *t, const PixelBlock *b)
 {
-    if (s->rays_without_sample == ALL)
+    if (b->rays_without_sample == ALL)
         return;
-    int x[2] = {s->x[0], s->x[1]}, y[2] = {s->y[0], s->y[1]};
-    if (s->rays_without_sample == HALF) {
-        half_of(s->x, s->sample[0] > middle_of_ends(s->x), x);
-        half_of(s->y, s->sample[1] > middle_of_ends(s->y), y);
+    int x[2] = {b->x[0], b->x[1]}, y[2] = {b->y[0], b->y[1]};
+    if (b->rays_without_sample == HALF) {
+        half_of(b->x, b->sample[0] > middle_of_ends(b->x), x);
+        half_of(b->y, b->sample[1] > middle_of_ends(b->y), y);
     }
     const BlockCorners k = corners_of(t, x, y);
     float interpolated[4];
     for (size_t c = 0; c < 4; c++)
-        interpolated[c] = interpolate_pixel(&k, s->sample[0], s->sample[1], c);
-    const double square = cts_scene_square_of_error(t->tiles->scene, random_pixel(t, s), interpolated);
+        interpolated[c] = interpolate_pixel(&k, b->sample[0], b->sample[1], c);
+    const double square = cts_scene_square_of_error(t->tiles->scene, random_pixel(t, b), interpolated);
     const double term = (OTHERS - 1) * fmin(square, 1);
     const uint64_t weighted = (uint64_t)ceil(ldexp(term, 32));
     TiledCounts *const counts = &t->scratch->counts;
@@ -290,10 +290,10 @@ static void estimate_interpolation_error(const Tile *t, const PixelBlock *s)
     counts->largest_error = weighted > counts->largest_error ? weighted : counts->largest_error;
 }
 
-static void list_block(Tile *t, const PixelBlock *s)
+static void list_block(Tile *t, const PixelBlock *b)
 {
-    for (int y = s->y[0]; y <= s->y[1]; y++)
-        for (int x = s->x[0]; x <= s->x[1]; x++)
+    for (int y = b->y[0]; y <= b->y[1]; y++)
+        for (int x = b->x[0]; x <= b->x[1]; x++)
             list_pixel(t, x, y);
 }
 
@@ -311,11 +311,11 @@ static void run_preview(Tile *t)
 {
     PixelBlock blocks[BLOCKS * BLOCKS];
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
-        const PixelBlock *const s = &blocks[i];
+        const PixelBlock *const b = &blocks[i];
         blocks[i] = block_of(t, i);
         for (int k = 0; k < 4; k++)
-            list_pixel(t, s->x[k & 1], s->y[k >> 1]);
-        list_pixel(t, s->sample[0], s->sample[1]);
+            list_pixel(t, b->x[k & 1], b->y[k >> 1]);
+        list_pixel(t, b->sample[0], b->sample[1]);
     }
     march_listed(t);
     for (int i = 0; i < BLOCKS * BLOCKS; i++)

@@ -53,14 +53,14 @@ INLINE Row next_lane(Row row)
     return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 7);
 }
 
-INLINE Row load_row(const BlockTest *l, ptrdiff_t at, int n)
+INLINE Row load_row(const BlockTest *t, ptrdiff_t at, int n)
 {
     Row row = {0};
-    if (l->stride[0] == 1 && at + (ptrdiff_t)(sizeof row / sizeof row[0]) <= l->n_voxels)
-        memcpy(&row, l->volume->grey + at, sizeof row);
+    if (t->stride[0] == 1 && at + (ptrdiff_t)(sizeof row / sizeof row[0]) <= t->n_voxels)
+        memcpy(&row, t->volume->grey + at, sizeof row);
     else
         for (int i = 0; i <= n; i++)
-            row[i] = l->volume->grey[at + i * l->stride[0]];
+            row[i] = t->volume->grey[at + i * t->stride[0]];
     return row;
 }
 
@@ -72,20 +72,20 @@ INLINE Row row_shows(const Bracket *b, Row low, Row high)
     return (Row)(most >= from) & (Row)(smaller_row(low, next_lane(low)) <= to);
 }
 
-INLINE void any_block_bits(const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2])
+INLINE void any_block_bits(const BlockTest *t, const Bracket *b, const int block[3], uint32_t cells[2])
 {
     int n[3];
     ptrdiff_t at = 0;
     Row low[TILED_BLOCK + 1][TILED_BLOCK], high[TILED_BLOCK + 1][TILED_BLOCK]; /* of two rows each */
     for (int a = 0; a < 3; a++) {
-        const int rest = l->n_cells[a] - block[a] * TILED_BLOCK;
+        const int rest = t->n_cells[a] - block[a] * TILED_BLOCK;
         n[a] = rest < TILED_BLOCK ? rest : TILED_BLOCK;
-        at += block[a] * TILED_BLOCK * l->stride[a];
+        at += block[a] * TILED_BLOCK * t->stride[a];
     }
     for (int k = 0; k <= n[2]; k++) {
-        Row row = load_row(l, at + k * l->stride[2], n[0]);
+        Row row = load_row(t, at + k * t->stride[2], n[0]);
         for (int j = 0; j < n[1]; j++) {
-            const Row below = load_row(l, at + k * l->stride[2] + (j + 1) * l->stride[1], n[0]);
+            const Row below = load_row(t, at + k * t->stride[2] + (j + 1) * t->stride[1], n[0]);
             low[k][j] = smaller_row(row, below);
             high[k][j] = larger_row(row, below);
             row = below;
@@ -105,8 +105,8 @@ INLINE void any_block_bits(const BlockTest *l, const Bracket *b, const int block
     }
 }
 
-CTS_CPU_VARIANTS(void, block_bits, (const BlockTest *l, const Bracket *b, const int block[3], uint32_t cells[2]),
-                 any_block_bits(l, b, block, cells))
+CTS_CPU_VARIANTS(void, block_bits, (const BlockTest *t, const Bracket *b, const int block[3], uint32_t cells[2]),
+                 any_block_bits(t, b, block, cells))
 
 /* True if a block of one appearance is potentially visible. */
 static bool block_shows(const CtsLut *lut, const Bracket *b, CtsRange r)
@@ -116,11 +116,11 @@ static bool block_shows(const CtsLut *lut, const Bracket *b, CtsRange r)
 }
 
 /* Tests the cells of a potentially visible block of one appearance. */
-static void test_block_cells(const BlockTest *l, const Bracket *b, const int block[3], CtsRange r, uint32_t cells[2])
+static void test_block_cells(const BlockTest *t, const Bracket *b, const int block[3], CtsRange r, uint32_t cells[2])
 {
     cells[0] = cells[1] = UINT32_MAX;
     if (r.low <= b->low || r.high >= b->high)
-        CTS_CPU_CHOICE(cts_cpu_flags(), block_bits)(l, b, block, cells);
+        CTS_CPU_CHOICE(cts_cpu_flags(), block_bits)(t, b, block, cells);
 }
 
 /* Appearances of a cell's voxels: bit l for appearance l. */
@@ -140,37 +140,37 @@ static void mark_appearances(const CtsVoxelLabels *voxel_labels, const int cell[
 }
 
 /* True if these levels are visible in any appearance. */
-static bool any_appearance_shows(const BlockTest *l, CtsRange r)
+static bool any_appearance_shows(const BlockTest *t, CtsRange r)
 {
-    bool shows = cts_lut_visible(l->lut, r.low, r.high);
-    for (int appearance = CTS_APPEARANCE_OWN; appearance < l->appearances->n && !shows; appearance++)
-        shows = l->appearances->own[appearance] && cts_lut_visible(l->appearances->own[appearance], r.low, r.high);
+    bool shows = cts_lut_visible(t->lut, r.low, r.high);
+    for (int appearance = CTS_APPEARANCE_OWN; appearance < t->appearances->n && !shows; appearance++)
+        shows = t->appearances->own[appearance] && cts_lut_visible(t->appearances->own[appearance], r.low, r.high);
     return shows;
 }
 
 /* Cells of a block with several appearances: those that are potentially visible in one of their own. */
-static bool test_mixed_block(const BlockTest *l, const int block[3], CtsRange r, uint32_t cells[2])
+static bool test_mixed_block(const BlockTest *t, const int block[3], CtsRange r, uint32_t cells[2])
 {
-    const CtsVoxelLabels *const voxel_labels = l->appearances->voxel_labels;
+    const CtsVoxelLabels *const voxel_labels = t->appearances->voxel_labels;
     uint64_t of_cell[TILED_BLOCK * TILED_BLOCK * TILED_BLOCK][4] = {{0}}, all[4] = {0};
     cells[0] = cells[1] = 0;
-    if (!any_appearance_shows(l, r))
+    if (!any_appearance_shows(t, r))
         return false;
     for (int n = 0; n < TILED_BLOCK * TILED_BLOCK * TILED_BLOCK; n++) {
         const int cell[3] = {block[0] * TILED_BLOCK + n % 4, block[1] * TILED_BLOCK + n / 4 % 4,
                              block[2] * TILED_BLOCK + n / 16};
-        if (cell[0] >= l->n_cells[0] || cell[1] >= l->n_cells[1] || cell[2] >= l->n_cells[2])
+        if (cell[0] >= t->n_cells[0] || cell[1] >= t->n_cells[1] || cell[2] >= t->n_cells[2])
             continue;
         mark_appearances(voxel_labels, cell, of_cell[n]);
         for (int w = 0; w < 4; w++)
             all[w] |= of_cell[n][w];
     }
-    for (int appearance = CTS_APPEARANCE_PRESET; appearance < l->appearances->n; appearance++) {
+    for (int appearance = CTS_APPEARANCE_PRESET; appearance < t->appearances->n; appearance++) {
         uint32_t own[2], of_appearance[2] = {0, 0};
         if (!(all[appearance / 64] >> appearance % 64 & 1) ||
-            !block_shows(cts_tiled_appearance_lut(l->appearances, l->lut, appearance), &l->brackets[appearance], r))
+            !block_shows(cts_tiled_appearance_lut(t->appearances, t->lut, appearance), &t->brackets[appearance], r))
             continue;
-        test_block_cells(l, &l->brackets[appearance], block, r, own);
+        test_block_cells(t, &t->brackets[appearance], block, r, own);
         for (int n = 0; n < 64; n++)
             of_appearance[n / 32] |= (uint32_t)(of_cell[n][appearance / 64] >> appearance % 64 & 1) << n % 32;
         for (int w = 0; w < 2; w++)
@@ -180,22 +180,22 @@ static bool test_mixed_block(const BlockTest *l, const int block[3], CtsRange r,
 }
 
 /* A block's appearance, or CTS_APPEARANCES_DIFFER. */
-static int appearance_of_block(const BlockTest *l, size_t at)
+static int appearance_of_block(const BlockTest *t, size_t at)
 {
-    return l->appearances ? l->appearances->voxel_labels->block[at] : CTS_APPEARANCE_PRESET;
+    return t->appearances ? t->appearances->voxel_labels->block[at] : CTS_APPEARANCE_PRESET;
 }
 
 /* cells: all of a visible block's, unless its appearances differ. */
-static bool test_block(const BlockTest *l, size_t at, const int block[3], uint32_t cells[2])
+static bool test_block(const BlockTest *t, size_t at, const int block[3], uint32_t cells[2])
 {
-    const CtsRange r = l->macrocells->fine[at];
-    const int appearance = appearance_of_block(l, at);
+    const CtsRange r = t->macrocells->fine[at];
+    const int appearance = appearance_of_block(t, at);
     cells[0] = cells[1] = UINT32_MAX;
     if (appearance == CTS_APPEARANCES_DIFFER)
-        return test_mixed_block(l, block, r, cells);
-    return l->appearances
-               ? block_shows(cts_tiled_appearance_lut(l->appearances, l->lut, appearance), &l->brackets[appearance], r)
-               : block_shows(l->lut, &l->bracket, r);
+        return test_mixed_block(t, block, r, cells);
+    return t->appearances
+               ? block_shows(cts_tiled_appearance_lut(t->appearances, t->lut, appearance), &t->brackets[appearance], r)
+               : block_shows(t->lut, &t->bracket, r);
 }
 
 static uint32_t distinct_from_distance(uint32_t bits)
@@ -205,8 +205,8 @@ static uint32_t distinct_from_distance(uint32_t bits)
 
 static void test_rows(void *context, int worker, size_t first, size_t end)
 {
-    BlockTest *const l = context;
-    TiledMask *const m = l->mask;
+    BlockTest *const t = context;
+    TiledMask *const m = t->mask;
     int64_t n_visible = 0;
     (void)worker;
     for (size_t row = first; row < end; row++) {
@@ -214,8 +214,8 @@ static void test_rows(void *context, int worker, size_t first, size_t end)
         for (; block[0] < m->n[0]; block[0]++) {
             const size_t at = row * (size_t)m->n[0] + (size_t)block[0];
             uint32_t cells[2];
-            const bool visible = test_block(l, at, block, cells);
-            l->distance[at] = visible ? 0 : CTS_CELL_FAR;
+            const bool visible = test_block(t, at, block, cells);
+            t->distance[at] = visible ? 0 : CTS_CELL_FAR;
             if (!visible) /* its words are its distance */
                 continue;
             for (int half = 0; half < 2; half++)
@@ -223,33 +223,33 @@ static void test_rows(void *context, int worker, size_t first, size_t end)
             n_visible++;
         }
     }
-    atomic_fetch_add(&l->n_visible, n_visible);
+    atomic_fetch_add(&t->n_visible, n_visible);
 }
 
 static void note_distances(void *context, int worker, size_t first, size_t end)
 {
-    const BlockTest *const l = context;
-    const size_t n = (size_t)l->mask->n[0];
+    const BlockTest *const t = context;
+    const size_t n = (size_t)t->mask->n[0];
     (void)worker;
     for (size_t at = first * n; at < end * n; at++)
-        if (l->distance[at] > 0)
-            l->mask->words[2 * at] = l->mask->words[2 * at + 1] = l->distance[at];
+        if (t->distance[at] > 0)
+            t->mask->words[2 * at] = t->mask->words[2 * at + 1] = t->distance[at];
 }
 
 static void test_cells_of_rows(void *context, int worker, size_t first, size_t end)
 {
-    const BlockTest *const l = context;
-    const TiledMask *const m = l->mask;
+    const BlockTest *const t = context;
+    const TiledMask *const m = t->mask;
     (void)worker;
     for (size_t row = first; row < end; row++) {
         int block[3] = {0, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])};
         for (; block[0] < m->n[0]; block[0]++) {
             const size_t at = row * (size_t)m->n[0] + (size_t)block[0];
-            const int appearance = appearance_of_block(l, at);
+            const int appearance = appearance_of_block(t, at);
             uint32_t *const words = m->words + 2 * at, cells[2];
             if (words[0] != UINT32_MAX || words[1] != UINT32_MAX || appearance == CTS_APPEARANCES_DIFFER)
                 continue;
-            test_block_cells(l, l->appearances ? &l->brackets[appearance] : &l->bracket, block, l->macrocells->fine[at],
+            test_block_cells(t, t->appearances ? &t->brackets[appearance] : &t->bracket, block, t->macrocells->fine[at],
                              cells);
             for (int half = 0; half < 2; half++)
                 words[half] = distinct_from_distance(cells[half]);
@@ -268,31 +268,31 @@ static Bracket bracket_of(const CtsLut *lut)
     return b;
 }
 
-static void block_test_free(BlockTest *l)
+static void block_test_free(BlockTest *t)
 {
-    cts_free(&l->brackets);
-    cts_free(&l->distance);
+    cts_free(&t->brackets);
+    cts_free(&t->distance);
 }
 
-static CtsStatus block_test_new(BlockTest *l, TiledMask *mask, const CtsScene *scene,
+static CtsStatus block_test_new(BlockTest *t, TiledMask *mask, const CtsScene *scene,
                                 const TiledAppearances *appearances, const CtsMacrocells *macrocells, CtsError *err)
 {
     CtsStatus st;
     ptrdiff_t stride = 1;
-    *l = (BlockTest){
+    *t = (BlockTest){
         .mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .appearances = appearances};
     for (int a = 0; a < 3; a++) {
         const int dim = scene->volume->dims[a];
-        l->n_cells[a] = dim > 1 ? dim - 1 : 1;
-        l->stride[a] = dim > 1 ? stride : 0;
+        t->n_cells[a] = dim > 1 ? dim - 1 : 1;
+        t->stride[a] = dim > 1 ? stride : 0;
         stride *= dim;
     }
-    l->n_voxels = stride;
-    l->bracket = bracket_of(scene->lut);
-    if (appearances && (st = cts_alloc_array(&l->brackets, (size_t)appearances->n, err)))
+    t->n_voxels = stride;
+    t->bracket = bracket_of(scene->lut);
+    if (appearances && (st = cts_alloc_array(&t->brackets, (size_t)appearances->n, err)))
         return st;
     for (int appearance = 0; appearances && appearance < appearances->n; appearance++)
-        l->brackets[appearance] = bracket_of(cts_tiled_appearance_lut(appearances, scene->lut, appearance));
+        t->brackets[appearance] = bracket_of(cts_tiled_appearance_lut(appearances, scene->lut, appearance));
     return CTS_OK;
 }
 

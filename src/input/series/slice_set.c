@@ -292,21 +292,21 @@ static void free_parts(CtsSliceSet **parts, int *n_parts)
 static CtsStatus deal(const CtsSliceSet *set, const double *part, double *labels, CtsSliceSet **parts, int *n_parts,
                       CtsError *err)
 {
-    CtsSliceSet *const p = *parts = calloc((size_t)set->n, sizeof *p);
-    bool made = p;
+    CtsSliceSet *const s = *parts = calloc((size_t)set->n, sizeof *s);
+    bool made = s;
     *n_parts = 0;
     memcpy(labels, part, (size_t)set->n * sizeof *labels);
     qsort(labels, (size_t)set->n, sizeof *labels, cts_compare_double);
     for (int i = 0, n_same = 1; made && i < set->n; i++, n_same++) {
         if (i + 1 < set->n && labels[i + 1] == labels[i])
             continue;
-        made = (p[*n_parts].items = malloc((size_t)n_same * sizeof *p->items));
+        made = (s[*n_parts].items = malloc((size_t)n_same * sizeof *s->items));
         labels[(*n_parts)++] = labels[i];
         n_same = 0;
     }
     for (int i = 0; made && i < set->n; i++) {
         const double *const found = bsearch(&part[i], labels, (size_t)*n_parts, sizeof *labels, cts_compare_double);
-        p[found - labels].items[p[found - labels].n++] = set->items[i];
+        s[found - labels].items[s[found - labels].n++] = set->items[i];
     }
     if (!made || *n_parts < 2)
         free_parts(parts, n_parts);

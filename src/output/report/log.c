@@ -215,10 +215,10 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
     for (size_t i = 0; i < report->n_labels; i++)
         add_event(log, "label", cts_label_json(&report->labels[i]));
     for (size_t i = 0; i < report->diagnostics.n; i++) {
-        const CtsDiagnostic *f = &report->diagnostics.items[i];
+        const CtsDiagnostic *d = &report->diagnostics.items[i];
         add_once(log, "finding",
-                 json_pack("{s:s,s:s,s:o}", "code", f->code, "severity", cts_severity_names[f->severity], "text",
-                           new_message(log, f->text)));
+                 json_pack("{s:s,s:s,s:o}", "code", d->code, "severity", cts_severity_names[d->severity], "text",
+                           new_message(log, d->text)));
     }
     if (report->table.known)
         add_event(log, "table", cts_table_json(&report->table));
