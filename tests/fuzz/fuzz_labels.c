@@ -39,7 +39,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     static const int number[N_SLICES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
     CtsSlice slices[N_SLICES], *pointers[N_SLICES];
     for (int k = 0; k < N_SLICES; k++) {
-        slices[k] = (CtsSlice){.sop_uid = "", .row_lps = {1, 0, 0}, .column_lps = {0, 1, 0}, .normal_lps = {0, 0, 1}};
+        slices[k] = cts_slice_unknown();
+        slices[k].row_lps[0] = slices[k].column_lps[1] = slices[k].normal_lps[2] = 1;
         slices[k].position_lps[2] = 9.5 * k;
         slices[k].column_spacing_mm = 8;
         slices[k].row_spacing_mm = 9;

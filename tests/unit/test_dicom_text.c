@@ -77,7 +77,7 @@ static void expect_text(const char *text, const char *charset, const char *wante
 
 static void test_texts(void **state)
 {
-    expect_text("Kopf nativ", NULL, "Kopf nativ");
+    expect_text("Kopf nativ", "", "Kopf nativ");
     expect_text("Sch\xe4"
                 "del",
                 "ISO_IR 100",
@@ -90,7 +90,7 @@ static void test_texts(void **state)
                 "del");
     expect_text("Sch\xe4"
                 "del",
-                NULL, "Sch?del");
+                "", "Sch?del");
     expect_text("\xbf\xe0\xd8\xd2\xd5\xe2", "ISO_IR 144", "\xd0\x9f\xd1\x80\xd0\xb8\xd0\xb2\xd0\xb5\xd1\x82");
     expect_text("ab \x1b-L\xbf\xe0 \x1b-A\xe4", "ISO 2022 IR 100\\ISO 2022 IR 144", "ab \xd0\x9f\xd1\x80 \xc3\xa4");
     expect_text("\xd4\xcf\xc0\xde^", "ISO_IR 13", "\xef\xbe\x94\xef\xbe\x8f\xef\xbe\x80\xef\xbe\x9e^");
@@ -99,7 +99,7 @@ static void test_texts(void **state)
     expect_text("Hong^\x1b$)C\xb1\xe6", "\\ISO 2022 IR 149", "Hong^\xea\xb8\xb8");
     expect_text("\xcd\xf5", "GB18030", "\xe7\x8e\x8b");
     expect_text("Sch\xe4", "ISO_IR 6", "Sch?");
-    expect_text("a\x1b[31mb\nc\x7f", NULL, "a?[31mb?c?");
+    expect_text("a\x1b[31mb\nc\x7f", "", "a?[31mb?c?");
     expect_text("a\xe2\x80\xae"
                 "b\xe2\x80\xa8"
                 "c",
@@ -111,7 +111,7 @@ static void test_texts(void **state)
     char longer[200];
     memset(longer, 'x', sizeof longer);
     longer[199] = 0;
-    got = cts_dcm_utf8(longer, NULL);
+    got = cts_dcm_utf8(longer, "");
     assert_int_equal(strlen(got), 64);
     free(got);
 }

@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Fields of a slice that the reader fills: one, or neighbours of one type. */
-typedef enum FieldKind { TEXT, OPTIONAL_TEXT, FLAG, INTEGER, REAL, REAL_OR_NAN } FieldKind;
+typedef enum FieldKind { TEXT, FLAG, INTEGER, REAL, REAL_OR_NAN } FieldKind;
 typedef struct Field {
     size_t at, end;
     FieldKind kind;
@@ -23,17 +23,16 @@ static const Field fields[] = {
     {FIELDS(sop_uid, series_uid), TEXT, 0, 64},
     {FIELD(identity), TEXT, 0, CTS_MAX_TEXT},
     {FIELD(modality), TEXT, 0, 16},
-    {FIELD(scanner), TEXT, 0, CTS_MAX_TEXT},
-    {FIELDS(description, study_date), OPTIONAL_TEXT, 0, CTS_MAX_TEXT},
+    {FIELDS(scanner, study_date), TEXT, 0, CTS_MAX_TEXT},
     {FIELD(series_number), INTEGER, INT32_MIN, INT32_MAX},
     {FIELD(has_instance), FLAG, 0, 1},
     {FIELD(instance_number), INTEGER, INT32_MIN, INT32_MAX},
     {FIELD(kernel), TEXT, 0, 64},
     {FIELD(thickness_mm), REAL, -INFINITY, INFINITY},
     {FIELD(declared_lossless), FLAG, 0, 1},
-    {FIELDS(lossy_ratio, lossy_method), OPTIONAL_TEXT, 0, CTS_MAX_TEXT},
+    {FIELDS(lossy_ratio, lossy_method), TEXT, 0, CTS_MAX_TEXT},
     {FIELD(volume_number), REAL_OR_NAN, -INFINITY, INFINITY},
-    {FIELD(volume_word), OPTIONAL_TEXT, 0, 64},
+    {FIELD(volume_word), TEXT, 0, 64},
     {FIELD(pet.units), INTEGER, 0, CTS_PET_GML},
     {FIELD(pet.decay), INTEGER, 0, CTS_PET_REFERENCE_TIME},
     {FIELDS(pet.is_suvbw, pet.is_reprojection), FLAG, 0, 1},
@@ -51,20 +50,19 @@ static const Field fields[] = {
     {FIELDS(padding_low, padding_high), INTEGER, INT16_MIN, UINT16_MAX},
     {FIELD(padding_word), INTEGER, -1, UINT16_MAX},
     {FIELDS(slope, intercept), REAL, -INFINITY, INFINITY},
-    {FIELD(rescale_type), OPTIONAL_TEXT, 0, 16},
+    {FIELD(rescale_type), TEXT, 0, 16},
     {FIELDS(row_lps, normal_lps), REAL, -2, 2},
     {FIELDS(position_lps, row_spacing_mm), REAL, -INFINITY, INFINITY},
     {FIELD(fault), INTEGER, CTS_OK, CTS_ERR_INTERRUPTED},
-    {FIELD(fault_text), OPTIONAL_TEXT, 0, 256},
 };
 enum { N_FIELDS = sizeof fields / sizeof *fields };
 
 static size_t field_size(FieldKind kind)
 {
-    return kind == FLAG ? sizeof(bool) : kind == INTEGER ? sizeof(int) : kind <= OPTIONAL_TEXT ? sizeof(char *) : 8;
+    return kind == FLAG ? sizeof(bool) : kind == INTEGER ? sizeof(int) : kind == TEXT ? sizeof(char *) : 8;
 }
 
-/* Texts are stored behind the slices, as their offset there and 1; 0: NULL. */
+/* Texts are stored behind the slices, as their offset there. */
 typedef struct PackedTexts {
     uint8_t *bytes;
     size_t n, used;
@@ -72,20 +70,18 @@ typedef struct PackedTexts {
 
 static const char *pack_text(PackedTexts *w, const char *text)
 {
-    if (!text)
-        return NULL;
     const size_t n = strlen(text) + 1, at = w->used;
     if (w->used <= w->n && n <= w->n - w->used)
         memcpy(w->bytes + at, text, n);
     w->used += n;
-    return (const char *)(at + 1);
+    return (const char *)at;
 }
 
 static void pack_slice(PackedTexts *w, const CtsSlice *s, CtsSlice *packed)
 {
     *packed = *s;
     for (int i = 0; i < N_FIELDS; i++)
-        for (size_t at = fields[i].at; fields[i].kind <= OPTIONAL_TEXT && at < fields[i].end; at += sizeof(char *)) {
+        for (size_t at = fields[i].at; fields[i].kind == TEXT && at < fields[i].end; at += sizeof(char *)) {
             const char *text;
             memcpy(&text, (const char *)s + at, sizeof text);
             text = pack_text(w, text);
@@ -111,20 +107,17 @@ size_t cts_header_pack(const CtsObject *object, CtsHeaderAnswer *answer, uint8_t
     return w.used;
 }
 
-/* The bytes of an answer, whose last one is 0 where there are texts. */
+/* The bytes of an answer, whose last one is 0. */
 typedef struct PackedAnswer {
     const char *bytes;
     size_t texts, n;
     CtsStringPool *pool;
 } PackedAnswer;
 
-/* The text of an offset, in the pool; NULL: none. */
-static bool unpack_text(const PackedAnswer *r, const char *offset, size_t longest, bool optional, const char **text)
+/* The text of an offset, in the pool. */
+static bool unpack_text(const PackedAnswer *r, const char *offset, size_t longest, const char **text)
 {
-    const size_t at = (size_t)offset - 1;
-    *text = NULL;
-    if (!offset)
-        return optional;
+    const size_t at = (size_t)offset;
     if (at < r->texts || at >= r->n)
         return false;
     const size_t n = strlen(r->bytes + at);
@@ -156,10 +149,10 @@ static bool unpack_field(const PackedAnswer *r, const Field *f, const CtsSlice *
 {
     for (size_t at = f->at; at < f->end; at += field_size(f->kind)) {
         const char *const from = (const char *)packed + at;
-        if (f->kind <= OPTIONAL_TEXT) {
+        if (f->kind == TEXT) {
             const char *offset, *text;
             memcpy(&offset, from, sizeof offset);
-            if (!unpack_text(r, offset, (size_t)f->high, f->kind == OPTIONAL_TEXT, &text))
+            if (!unpack_text(r, offset, (size_t)f->high, &text))
                 return false;
             memcpy((char *)s + at, &text, sizeof text);
         } else if (is_in_range(f, from)) {
@@ -195,15 +188,14 @@ static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, in
     bool sound = packed.first_frame >= -1 && packed.first_frame <= UINT32_MAX;
     for (int i = 0; sound && i < N_FIELDS; i++)
         sound = unpack_field(r, &fields[i], &packed, s);
-    const char *const why = s->fault_text;
-    s->fault_text = NULL; /* not owned */
     sound = sound && (s->n_frames ? s->n_frames == object->n_slices && s->frame == k : object->n_slices == 1) &&
-            !s->fault == !why && (s->fault || has_sound_ranges(s));
+            memchr(packed.fault_text, 0, sizeof packed.fault_text) && !s->fault == !packed.fault_text[0] &&
+            (s->fault || has_sound_ranges(s));
     if (!sound)
         return cts_header_no_sense(err);
     s->kind = object->kind;
     s->first_frame = packed.first_frame;
-    s->fault_text = why ? strdup(why) : NULL; /* NULL without memory: the status still refuses the slice */
+    memcpy(s->fault_text, packed.fault_text, sizeof s->fault_text);
     return CTS_OK;
 }
 
@@ -246,8 +238,8 @@ CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes,
                           .modality_id = o->modality_id,
                           .has_number = o->has_number,
                           .instance_number = o->instance_number};
-    if (!unpack_text(&r, o->class_uid, 64, false, &object->class_uid) ||
-        !unpack_text(&r, o->study_uid, 64, false, &object->study_uid))
+    if (!unpack_text(&r, o->class_uid, 64, &object->class_uid) ||
+        !unpack_text(&r, o->study_uid, 64, &object->study_uid))
         return cts_header_no_sense(err);
     if (o->n_slices && !(object->slices = calloc((size_t)o->n_slices, sizeof *object->slices)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");

@@ -6,15 +6,35 @@
 #include <stdlib.h>
 #include <string.h>
 
-void cts_slice_clear(CtsSlice *slice)
+CtsSlice cts_slice_unknown(void)
 {
-    for (CtsSlice *copy = slice->copy, *next; copy; copy = next) {
-        next = copy->copy;
-        free(copy->fault_text);
-        free(copy);
-    }
-    free(slice->fault_text);
-    *slice = (CtsSlice){0};
+    CtsSlice s = {.syntax_uid = "",
+                  .sop_uid = "",
+                  .series_uid = "",
+                  .class_uid = "",
+                  .modality = "",
+                  .scanner = "",
+                  .description = "",
+                  .charset = "",
+                  .study_date = "",
+                  .series_number = -1,
+                  .kernel = "",
+                  .thickness_mm = -1,
+                  .lossy_ratio = "",
+                  .lossy_method = "",
+                  .image_type = "",
+                  .stack_id = "",
+                  .concatenation = "",
+                  .first_frame = -1,
+                  .padding_word = -1,
+                  .rescale_type = ""};
+    for (int i = 0; i < CTS_N_IDENTITY; i++)
+        s.identity[i] = "";
+    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++)
+        s.volume_number[i] = NAN;
+    for (int i = 0; i < CTS_N_VOLUME_WORDS; i++)
+        s.volume_word[i] = "";
+    return s;
 }
 
 bool cts_slice_has_scale(const CtsSlice *s)
@@ -26,21 +46,21 @@ bool cts_slice_has_scale(const CtsSlice *s)
 
 void cts_slice_free(CtsSlice *slice)
 {
-    cts_slice_clear(slice);
-    free(slice);
+    for (CtsSlice *next; slice; slice = next) {
+        next = slice->copy;
+        free(slice);
+    }
 }
 
 void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...)
 {
     if (slice->fault)
         return;
-    char text[256];
     va_list args;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    vsnprintf(slice->fault_text, sizeof slice->fault_text, format, args);
     va_end(args);
     slice->fault = status;
-    slice->fault_text = strdup(text); /* NULL without memory: the status still refuses the slice */
 }
 
 CtsStored cts_slice_stored(const CtsSlice *s)

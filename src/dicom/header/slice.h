@@ -77,7 +77,7 @@ typedef enum CtsVolumeWord {
     CTS_N_VOLUME_WORDS
 } CtsVolumeWord;
 
-/* Its texts are the reader's (CtsHeaderReader), shared by the slices it has read. */
+/* Its texts, "" where missing, are the reader's (CtsHeaderReader), shared by the slices it has read. */
 typedef struct CtsSlice {
     const char *path;      /* the file's (CtsFile) */
     const uint8_t *memory; /* the bytes of an archive\'s member, owned by the series list; NULL for a file */
@@ -89,32 +89,32 @@ typedef struct CtsSlice {
     const char *syntax_uid;
     unsigned deviations; /* CTS_DEVIATION_... */
 
-    const char *sop_uid, *series_uid; /* "" where missing; at most 64 characters */
+    const char *sop_uid, *series_uid; /* at most 64 characters */
     const char *class_uid;            /* its object's SOP class */
-    /* As stored, without padding; "" where missing. Patient attributes are compared and never written to messages. */
+    /* As stored, without padding. Patient attributes are compared and never written to messages. */
     const char *identity[CTS_N_IDENTITY];
     const char *modality;              /* at most 16 */
-    const char *scanner;               /* manufacturer, model and serial number, concatenated; "" if unknown */
-    const char *description, *charset; /* (0008,103E) and (0008,0005) as stored; may be NULL */
-    const char *study_date;            /* (0008,0020) as stored; may be NULL */
+    const char *scanner;               /* manufacturer, model and serial number, concatenated */
+    const char *description, *charset; /* (0008,103E) and (0008,0005) as stored */
+    const char *study_date;            /* (0008,0020) as stored */
     int series_number;                 /* (0020,0011); negative where missing */
     bool has_instance;
     int instance_number;
-    const char *kernel;                          /* (0018,1210), at most 64 characters; "" where missing */
+    const char *kernel;                          /* (0018,1210), at most 64 characters */
     double thickness_mm;                         /* (0018,0050); negative when missing */
     bool declared_lossless;                      /* (0028,2110) is 00 */
-    const char *lossy_ratio, *lossy_method;      /* (0028,2112) and (0028,2114) as stored; may be NULL */
+    const char *lossy_ratio, *lossy_method;      /* (0028,2112) and (0028,2114) as stored */
     double volume_number[CTS_N_VOLUME_NUMBERS];  /* NaN where missing */
-    const char *volume_word[CTS_N_VOLUME_WORDS]; /* of MR and PET; "" where missing */
+    const char *volume_word[CTS_N_VOLUME_WORDS]; /* of MR */
     CtsPet pet;
     bool localizer;         /* a scout */
     bool contrast;          /* (0018,0010) or (0018,0012) names a contrast agent */
-    const char *image_type; /* (0008,0008), at most 64 characters; "" where missing */
+    const char *image_type; /* (0008,0008), at most 64 characters */
     bool is_report;         /* a dose report or the like: never had a place in a patient */
     int frame, n_frames;    /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
     const char *stack_id;   /* (0020,9056), of a frame; at most 16 characters */
     /* For a frame whose object is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
-    const char *concatenation; /* (0020,9161); "" where missing */
+    const char *concatenation; /* (0020,9161) */
     int part_number, n_parts;  /* (0020,9162), from 1, and (0020,9163); 0 where missing */
     int64_t first_frame;       /* (0020,9228), from 0; negative where missing */
     /* If parts are missing: the series' message about them, and the number of missing frames between others. NULL,
@@ -128,7 +128,7 @@ typedef struct CtsSlice {
     int padding_low, padding_high; /* stored values, both inclusive (0028,0120) and (0028,0121) */
     int padding_word;              /* a padding value that exceeds bits_stored: the whole 16-bit word; else -1 */
     double slope, intercept;       /* value = slope * stored + intercept; once a series is checked, in its quantity */
-    const char *rescale_type;      /* (0028,1054) of a CT, if it names another quantity than HU; NULL: HU */
+    const char *rescale_type;      /* (0028,1054) of a CT, if it names another quantity than HU */
     double row_lps[3], column_lps[3];         /* unit directions of rising row and column index */
     double normal_lps[3];                     /* row x column */
     double position_lps[3];                   /* centre of the first pixel, mm */
@@ -143,8 +143,8 @@ typedef struct CtsSlice {
     /* A slice of the same place and HU that was left out for this one, and so on; owned, NULL: none. */
     struct CtsSlice *copy;
 
-    CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
-    char *fault_text; /* owned; without the path */
+    CtsStatus fault;      /* why this slice cannot be used, or CTS_OK */
+    char fault_text[256]; /* without the path */
 } CtsSlice;
 
 /* True if slope and intercept give values. CT: a range of 65535 * 1e-6 HU is none, and 1e7 HU is no scanner's. Others:
@@ -157,9 +157,10 @@ static inline CtsQuantity cts_rules_quantity(const CtsSeriesRules *rules)
     return rules->named_quantity ? (CtsQuantity)(rules->named_quantity - 1) : CTS_QUANTITY_HU;
 }
 
-/* Frees what the slice owns and zeroes it. */
-void cts_slice_clear(CtsSlice *slice);
-/* One of malloc()'s. */
+/* One of which nothing is known. */
+CtsSlice cts_slice_unknown(void);
+
+/* One of malloc()'s, with its copies. */
 void cts_slice_free(CtsSlice *slice);
 
 /* Record why the slice cannot be used; the first reason stays. */

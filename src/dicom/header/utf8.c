@@ -122,7 +122,7 @@ char *cts_dcm_convert(const char *text, const char *charset)
 
 char *cts_dcm_utf8(const char *text, const char *charset)
 {
-    char *utf8 = charset && charset[0] ? cts_dcm_convert(text, charset) : NULL;
+    char *utf8 = charset[0] ? cts_dcm_convert(text, charset) : NULL;
     if (!utf8 && !(utf8 = strdup(text)))
         return NULL;
     cts_text_clean(utf8);

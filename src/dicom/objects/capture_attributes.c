@@ -40,9 +40,9 @@ static void put_series_and_equipment(CtsRecords *to, const CtsScObject *object)
 static void put_lossy(CtsRecords *to, const CtsSlice *lossy)
 {
     CTS_PUT_TEXTS(to, {DCM_LossyImageCompression, lossy ? "01" : "00"});
-    if (lossy && lossy->lossy_ratio)
+    if (lossy && *lossy->lossy_ratio)
         CTS_PUT_TEXTS(to, {DCM_LossyImageCompressionRatio, lossy->lossy_ratio});
-    if (lossy && lossy->lossy_method)
+    if (lossy && *lossy->lossy_method)
         CTS_PUT_TEXTS(to, {DCM_LossyImageCompressionMethod, lossy->lossy_method});
 }
 

@@ -80,7 +80,7 @@ double cts_seconds_of_day(std::string_view text);
 
 /* Reads the attributes of MR and PET alone. */
 void cts_dcm_read_mr(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
-void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
+void cts_dcm_read_pet(CtsAttributes &item, CtsSlice *slice);
 
 /* Adds a slice to an object, whose array has room for it. */
 CtsSlice *cts_dcm_add_slice(CtsObject *object);
@@ -91,7 +91,7 @@ void cts_dcm_make_room(CtsObject *object, int n);
 void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object);
 
 /* Adds at most `longest` characters of a text to the string pool. */
-const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest);
+const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t longest = CTS_MAX_TEXT);
 
 /* Writes the records of a data set (dicom/header/elements.h), in front of them its SOP class in the meta header, into
  * at most n bytes; returns the number of bytes needed, more than n where they do not fit. */

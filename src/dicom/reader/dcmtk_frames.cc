@@ -29,9 +29,10 @@ void cts_dcm_make_room(CtsObject *object, int n)
 
 CtsSlice *cts_dcm_add_slice(CtsObject *object)
 {
-    CtsSlice *slice = static_cast<CtsSlice *>(std::calloc(1, sizeof *slice));
+    CtsSlice *slice = static_cast<CtsSlice *>(std::malloc(sizeof *slice));
     if (!slice)
         throw std::bad_alloc();
+    *slice = cts_slice_unknown();
     slice->kind = object->kind;
     slice->modality_id = object->modality_id;
     return object->slices[object->n_slices++] = slice;

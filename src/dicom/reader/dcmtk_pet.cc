@@ -152,7 +152,7 @@ double cts_seconds_of_day(std::string_view text)
                                                                                             : static_cast<double>(NAN);
 }
 
-void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
+void cts_dcm_read_pet(CtsAttributes &item, CtsSlice *s)
 {
     CtsPet *const p = &s->pet;
     p->is_enhanced = item.is_frame;
@@ -171,6 +171,4 @@ void cts_dcm_read_pet(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     const double moment = date_time_of(item, cts_attribute_text(item, DCM_FrameReferenceDateTime));
     s->volume_number[CTS_FRAME_REFERENCE_TIME] = std::isnan(moment) ? p->value[CTS_PET_FRAME_REFERENCE_MS] : moment;
     s->volume_number[CTS_TIME_SLICE] = time_slice(item);
-    for (const char *&word : s->volume_word)
-        word = cts_dcm_share(texts, {}, 0);
 }

@@ -143,11 +143,6 @@ const char *keep_uid(CtsStringPool &texts, std::string_view uid)
     return kept;
 }
 
-const char *share_some(CtsStringPool &texts, std::string_view text)
-{
-    return text.empty() ? nullptr : cts_dcm_share(texts, text, text.size());
-}
-
 /* Trailing delimiters of a name's components are insignificant (PS3.5 6.2.1.2), as are blanks among them. */
 std::string_view without_delimiters(std::string_view text)
 {
@@ -163,14 +158,13 @@ const char *scanner_of(CtsAttributes &item, CtsStringPool &texts)
         if (!text.empty())
             scanner.append(text).append("\\");
     }
-    return cts_dcm_share(texts, scanner, scanner.size());
+    return cts_dcm_share(texts, scanner);
 }
 
 /* Those that slices of any modality may have. */
 void read_volume_numbers(CtsAttributes &item, CtsSlice *s)
 {
     double *const v = s->volume_number;
-    std::fill_n(v, static_cast<int>(CTS_N_VOLUME_NUMBERS), NAN);
     v[CTS_ACQUISITION_NUMBER] = cts_attribute_number_or_nan(item, DCM_AcquisitionNumber);
     v[CTS_VOLTAGE] = cts_attribute_number_or_nan(item, DCM_KVP);
     v[CTS_TEMPORAL_POSITION] = cts_attribute_number_or_nan(item, DCM_TemporalPositionIdentifier);
@@ -188,26 +182,20 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     static const DcmTagKey tags[CTS_N_IDENTITY] = {DCM_PatientID,          DCM_IssuerOfPatientID, DCM_PatientName,
                                                    DCM_PatientBirthDate,   DCM_PatientSex,        DCM_StudyInstanceUID,
                                                    DCM_FrameOfReferenceUID};
-    for (int i = 0; i < CTS_N_IDENTITY; i++) {
-        const std::string_view text = without_delimiters(cts_attribute_text(item, tags[i]));
-        s->identity[i] = cts_dcm_share(texts, text, text.size());
-    }
+    for (int i = 0; i < CTS_N_IDENTITY; i++)
+        s->identity[i] = cts_dcm_share(texts, without_delimiters(cts_attribute_text(item, tags[i])));
     s->sop_uid = keep_uid(texts, cts_attribute_text(item, DCM_SOPInstanceUID));
     s->series_uid = cts_dcm_share(texts, cts_attribute_text(item, DCM_SeriesInstanceUID), 64);
-    s->study_date = share_some(texts, cts_attribute_text(item, DCM_StudyDate));
-    if (!integer(item, DCM_SeriesNumber, &s->series_number))
-        s->series_number = -1;
+    s->study_date = cts_dcm_share(texts, cts_attribute_text(item, DCM_StudyDate));
+    integer(item, DCM_SeriesNumber, &s->series_number);
     s->modality = cts_dcm_share(texts, cts_attribute_text(item, DCM_Modality), 16);
     s->scanner = scanner_of(item, texts);
-    s->stack_id = s->concatenation = "";
-    s->first_frame = -1;
-    s->description = share_some(texts, cts_attribute_text(item, DCM_SeriesDescription));
-    s->charset = share_some(texts, cts_attribute_text(item, DCM_SpecificCharacterSet));
+    s->description = cts_dcm_share(texts, cts_attribute_text(item, DCM_SeriesDescription));
+    s->charset = cts_dcm_share(texts, cts_attribute_text(item, DCM_SpecificCharacterSet));
     s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
     read_volume_numbers(item, s);
     s->kernel = cts_dcm_share(texts, cts_attribute_text(item, DCM_ConvolutionKernel), 64);
-    if (!cts_attribute_decimals(item, DCM_SliceThickness, &s->thickness_mm, 1))
-        s->thickness_mm = -1;
+    cts_attribute_decimals(item, DCM_SliceThickness, &s->thickness_mm, 1);
     s->contrast = !cts_attribute_text(item, DCM_ContrastBolusAgent).empty() ||
                   cts_attribute_has(item, DCM_ContrastBolusAgentSequence);
     const std::string_view image_type = s->image_type =
@@ -225,8 +213,8 @@ void read_identity(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     if (lossy == "01")
         s->deviations |= CTS_DEVIATION_LOSSY;
     s->declared_lossless = lossy == "00";
-    s->lossy_ratio = share_some(texts, cts_attribute_text(item, DCM_LossyImageCompressionRatio));
-    s->lossy_method = share_some(texts, cts_attribute_text(item, DCM_LossyImageCompressionMethod));
+    s->lossy_ratio = cts_dcm_share(texts, cts_attribute_text(item, DCM_LossyImageCompressionRatio));
+    s->lossy_method = cts_dcm_share(texts, cts_attribute_text(item, DCM_LossyImageCompressionMethod));
 }
 
 bool read_shape(CtsAttributes &item, CtsSlice *s)
@@ -349,7 +337,6 @@ bool stored_value(unsigned pattern, const CtsSlice *s, int *value)
 void read_padding(CtsAttributes &item, CtsSlice *s)
 {
     unsigned value = 0, limit = 0;
-    s->padding_word = -1;
     if (!cts_attribute_pattern(item, DCM_PixelPaddingValue, &value))
         return;
     if (!cts_attribute_pattern(item, DCM_PixelPaddingRangeLimit, &limit))
@@ -445,7 +432,7 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsStringPool &texts, CtsSlice *s)
     if (s->modality_id == CTS_MODALITY_MR)
         cts_dcm_read_mr(item, texts, s);
     else if (s->modality_id == CTS_MODALITY_PT)
-        cts_dcm_read_pet(item, texts, s);
+        cts_dcm_read_pet(item, s);
 }
 
 void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *class_uid, CtsObject *object)

@@ -6,7 +6,8 @@
 namespace
 {
 
-/* A whole number or decimal number, which may begin with a plus. from_chars alone would accept "inf" and "nan". */
+/* A whole number or decimal number, which may begin with a plus; the value is left alone where it is none. from_chars
+ * alone would accept "inf" and "nan". */
 template <typename Number> bool parse_whole(std::string_view text, const char *letters, Number *value)
 {
     text = cts_without_padding(text);
@@ -15,8 +16,11 @@ template <typename Number> bool parse_whole(std::string_view text, const char *l
     if (text.size() > 1 && text[0] == '+' && text[1] != '-')
         text.remove_prefix(1);
     const char *const end = text.data() + text.size();
-    const auto result = std::from_chars(text.data(), end, *value);
-    return result.ec == std::errc() && result.ptr == end;
+    Number number = 0;
+    const auto result = std::from_chars(text.data(), end, number);
+    const bool is_whole = result.ec == std::errc() && result.ptr == end;
+    *value = is_whole ? number : *value;
+    return is_whole;
 }
 
 } // namespace

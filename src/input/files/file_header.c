@@ -44,38 +44,23 @@ CtsBox cts_nifti_box(const CtsNifti *f)
 /* Fields common to all slices. */
 static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, const CtsBox *box)
 {
-    CtsSlice s = {.path = source->path,
-                  .memory = source->memory,
-                  .file_bytes = file->n_bytes,
-                  .mtime_ns = file->mtime_ns,
-                  .kind = CTS_OBJECT_NIFTI,
-                  .syntax = cts_syntax_native(true, false),
-                  .syntax_uid = "NIfTI",
-                  .sop_uid = "",
-                  .series_uid = "",
-                  .class_uid = "",
-                  .modality = "CT",
-                  .scanner = "",
-                  .kernel = "",
-                  .series_number = -1,
-                  .thickness_mm = -1,
-                  .n_frames = box->dims[2],
-                  .stack_id = "",
-                  .concatenation = "",
-                  .first_frame = -1,
-                  .rows = box->dims[1],
-                  .columns = box->dims[0],
-                  .bits_allocated = 16,
-                  .bits_stored = 16,
-                  .high_bit = 15,
-                  .slope = 1,
-                  .padding_word = -1,
-                  .column_spacing_mm = cts_norm3(box->step_lps[0]),
-                  .row_spacing_mm = cts_norm3(box->step_lps[1])};
-    for (int part = 0; part < CTS_N_IDENTITY; part++)
-        s.identity[part] = "";
-    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++)
-        s.volume_number[i] = NAN;
+    CtsSlice s = cts_slice_unknown();
+    s.path = source->path;
+    s.memory = source->memory;
+    s.file_bytes = file->n_bytes;
+    s.mtime_ns = file->mtime_ns;
+    s.kind = CTS_OBJECT_NIFTI;
+    s.syntax = cts_syntax_native(true, false);
+    s.syntax_uid = "NIfTI";
+    s.modality = "CT";
+    s.n_frames = box->dims[2];
+    s.rows = box->dims[1];
+    s.columns = box->dims[0];
+    s.bits_allocated = s.bits_stored = 16;
+    s.high_bit = 15;
+    s.slope = 1;
+    s.column_spacing_mm = cts_norm3(box->step_lps[0]);
+    s.row_spacing_mm = cts_norm3(box->step_lps[1]);
     for (int c = 0; c < 3; c++) {
         s.row_lps[c] = box->step_lps[0][c] / s.column_spacing_mm;
         s.column_lps[c] = box->step_lps[1][c] / s.row_spacing_mm;

@@ -90,8 +90,7 @@ void cts_label_dicom_text(const CtsLabelDicom *o, CtsElements elements, uint32_t
     cts_elements_text(elements, tag, raw, sizeof raw);
     for (const char *p = raw; *p; p++)
         ascii &= (unsigned char)*p < 0x80 && *p != 0x1B;
-    char *utf8 =
-        ascii || strstr(o->charset, "ISO_IR 192") ? NULL : cts_dcm_utf8(raw, o->charset[0] ? o->charset : NULL);
+    char *utf8 = ascii || strstr(o->charset, "ISO_IR 192") ? NULL : cts_dcm_utf8(raw, o->charset);
     snprintf(text, size, "%s", utf8 ? utf8 : raw);
     free(utf8);
     cts_text_clean(text);

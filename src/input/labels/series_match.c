@@ -88,16 +88,10 @@ static CtsStatus check_named_series(const CtsLabelReading *reading, const CtsLab
     return CTS_OK;
 }
 
-static const char *identity(const CtsSeries *series, CtsIdentity part)
-{
-    const char *const text = series->slices[0]->identity[part];
-    return text ? text : "";
-}
-
 CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
 {
     char id[256];
-    const char *const own = identity(reading->series, CTS_PATIENT_ID);
+    const char *const own = reading->series->slices[0]->identity[CTS_PATIENT_ID];
     cts_elements_text(object->elements, PATIENT_ID, id, sizeof id);
     for (size_t n = strlen(id); n > 0 && strchr("^= ", id[n - 1]); n--) /* trailing characters as trimmed in slices */
         id[n - 1] = 0;
@@ -109,18 +103,18 @@ CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsLabel
 
 const char *cts_label_series_frame(const CtsSeries *series)
 {
-    return identity(series, CTS_FRAME_UID);
+    return series->slices[0]->identity[CTS_FRAME_UID];
 }
 
 bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series)
 {
-    return frame_uid[0] && !series->frames_differ && !strcmp(frame_uid, identity(series, CTS_FRAME_UID));
+    return frame_uid[0] && !series->frames_differ && !strcmp(frame_uid, cts_label_series_frame(series));
 }
 
 CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsLabelDicom *object, const char *frame_uid,
                                 CtsError *err)
 {
-    const char *const own = identity(reading->series, CTS_FRAME_UID);
+    const char *const own = cts_label_series_frame(reading->series);
     if (reading->series->frames_differ)
         return refers(object->elements, reading->series, 0, true)
                    ? CTS_OK

@@ -44,7 +44,7 @@ static const char *plural(int n)
 static void check_quantity(const CtsSliceSet *set, const CtsSeriesRules *rules)
 {
     for (int i = 0; i < set->n && !rules->named_quantity; i++)
-        if (set->items[i]->rescale_type)
+        if (*set->items[i]->rescale_type)
             cts_slice_fault(
                 set->items[i], CTS_ERR_PIXELS,
                 "RescaleType (0028,1054) is %.16s, not HU (`quantity` stored renders its values as they are)",
@@ -95,18 +95,16 @@ static void pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *keep)
     }
     if (!n)
         return;
-    const char *text = first->fault_text ? first->fault_text : "cannot be used";
     if (first->fault == CTS_ERR_SYNTAX)
-        refuse_series(series, CTS_ERR_SYNTAX, "%s", text);
+        refuse_series(series, CTS_ERR_SYNTAX, "%s", first->fault_text);
     else if (n * 10 > set->n || set->n - n < 2)
-        refuse_series(series, first->fault, "%s: %s%s", cts_slice_label(first).text, text,
+        refuse_series(series, first->fault, "%s: %s%s", cts_slice_label(first).text, first->fault_text,
                       n > 1 ? ", and others like it" : "");
     else
         for (int i = 0; i < set->n; i++)
             if (!keep[i])
                 cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_BAD_SLICES, "%s: %s (left out)",
-                                    cts_slice_label(set->items[i]).text,
-                                    set->items[i]->fault_text ? set->items[i]->fault_text : "cannot be used");
+                                    cts_slice_label(set->items[i]).text, set->items[i]->fault_text);
 }
 
 /* One size, orientation and pixel spacing: the largest group, when it is nearly all. Up to three images at right angles
@@ -158,19 +156,13 @@ static const struct {
                        "lie in different frames of reference, so their positions cannot be compared"},
 };
 
-static const char *identity_of(const CtsSlice *s, int part)
-{
-    return s->identity[part] ? s->identity[part] : "";
-}
-
 /* Equal texts, in any character sets of the slices. */
 static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
 {
-    const char *x = identity_of(a, part), *y = identity_of(b, part);
-    const bool same_charset = strcmp(a->charset ? a->charset : "", b->charset ? b->charset : "") == 0;
-    if (strcmp(x, y) == 0 || same_charset)
+    const char *x = a->identity[part], *y = b->identity[part];
+    if (strcmp(x, y) == 0 || strcmp(a->charset, b->charset) == 0)
         return strcmp(x, y) == 0;
-    char *p = cts_dcm_convert(x, a->charset ? a->charset : ""), *q = cts_dcm_convert(y, b->charset ? b->charset : "");
+    char *p = cts_dcm_convert(x, a->charset), *q = cts_dcm_convert(y, b->charset);
     const bool same = p && q && strcmp(p, q) == 0;
     free(p);
     free(q);
@@ -183,7 +175,7 @@ enum { FEWEST_OWN_FRAMES = 5 };
 static int by_frame_uid(const void *a, const void *b)
 {
     const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
-    const int order = strcmp(identity_of(x, CTS_FRAME_UID), identity_of(y, CTS_FRAME_UID));
+    const int order = strcmp(x->identity[CTS_FRAME_UID], y->identity[CTS_FRAME_UID]);
     return order ? order : strcmp(x->sop_uid, y->sop_uid);
 }
 
@@ -201,10 +193,9 @@ static bool has_own_frames(const CtsSliceSet *set, CtsStatus *st, CtsError *err)
     memcpy(sorted, set->items, (size_t)set->n * sizeof *sorted);
     qsort(sorted, (size_t)set->n, sizeof *sorted, by_frame_uid);
     int n_own = 1;
-    bool own = *identity_of(sorted[0], CTS_FRAME_UID) != 0 && !sorted[0]->n_frames;
+    bool own = *sorted[0]->identity[CTS_FRAME_UID] && !sorted[0]->n_frames;
     for (int i = 1; own && i < set->n; i++) {
-        const bool differ =
-            strcmp(identity_of(sorted[i], CTS_FRAME_UID), identity_of(sorted[i - 1], CTS_FRAME_UID)) != 0;
+        const bool differ = strcmp(sorted[i]->identity[CTS_FRAME_UID], sorted[i - 1]->identity[CTS_FRAME_UID]) != 0;
         n_own += differ;
         own = !sorted[i]->n_frames && !strcmp(sorted[i]->scanner, sorted[0]->scanner) &&
               (differ || (*sorted[i]->sop_uid && !strcmp(sorted[i]->sop_uid, sorted[i - 1]->sop_uid)));
@@ -225,7 +216,7 @@ static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
     int n_empty = 0;
     for (int i = 0; i < set->n; i++) {
         const CtsSlice *s = set->items[i];
-        const bool empty = !*identity_of(s, part);
+        const bool empty = !*s->identity[part];
         n_empty += empty;
         if (!known && !empty)
             known = s;
@@ -323,9 +314,8 @@ static const char *orientation_of(const double normal[3])
 static void describe_series(CtsSeries *series, const CtsSlice *s)
 {
     snprintf(series->uid, sizeof series->uid, "%s", s->series_uid);
-    const char *study_uid = s->identity[CTS_STUDY_UID];
-    snprintf(series->study_uid, sizeof series->study_uid, "%s", study_uid ? study_uid : "");
-    if (s->study_date && strlen(s->study_date) == 8 && strspn(s->study_date, "0123456789") == 8)
+    snprintf(series->study_uid, sizeof series->study_uid, "%s", s->identity[CTS_STUDY_UID]);
+    if (strlen(s->study_date) == 8 && strspn(s->study_date, "0123456789") == 8)
         snprintf(series->study_date, sizeof series->study_date, "%.4s-%.2s-%.2s", s->study_date, s->study_date + 4,
                  s->study_date + 6);
     series->series_number = s->series_number;
@@ -512,7 +502,7 @@ static CtsValueScale quantity_scale(const CtsSliceSet *set, CtsSeries *series)
 {
     bool is_named = set->items[0]->kind == CTS_OBJECT_NIFTI;
     for (int i = 0; i < set->n; i++)
-        is_named |= set->items[i]->rescale_type != NULL;
+        is_named |= *set->items[i]->rescale_type;
     if (series->modality_id == CTS_MODALITY_PT)
         return cts_pet_scale((const CtsSlice *const *)set->items, set->n);
     if (series->modality_id == CTS_MODALITY_MR || set->items[0]->kind == CTS_OBJECT_IMAGE)
@@ -547,7 +537,7 @@ static CtsStatus finish_series(CtsSeries *series, CtsSliceSet *set, const CtsStu
     const CtsSlice *middle = set->items[set->n / 2];
     describe_series(series, middle);
     take_quantity(set, series);
-    if (middle->description && !(series->description = cts_dcm_utf8(middle->description, middle->charset)))
+    if (*middle->description && !(series->description = cts_dcm_utf8(middle->description, middle->charset)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (series->refusal)
         describe_refused(set, series);

@@ -14,7 +14,7 @@ void cts_series_describe(CtsSeries *series)
         cts_text_append(traits, size, ", ", "slices %.3g mm apart", series->spacing_mm[2]);
     if (middle->thickness_mm > 0)
         cts_text_append(traits, size, ", ", "%.3g mm thick", middle->thickness_mm);
-    if (middle->kernel && middle->kernel[0])
+    if (middle->kernel[0])
         cts_text_append(traits, size, ", ", "kernel %.32s", middle->kernel);
     if (middle->contrast)
         cts_text_append(traits, size, ", ", "contrast agent");

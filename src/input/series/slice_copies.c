@@ -89,7 +89,7 @@ static bool same_acquisition(const CtsSlice *a, const CtsSlice *b)
         if (i != CTS_CONTENT_TIME && x != y && !(isnan(x) && isnan(y)))
             return false;
     }
-    return !strcmp(a->kernel ? a->kernel : "", b->kernel ? b->kernel : "");
+    return !strcmp(a->kernel, b->kernel);
 }
 
 /* True for one encoding whose samples are equal. Frames of a deflated file lie in one stream. */
