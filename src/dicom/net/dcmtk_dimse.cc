@@ -107,10 +107,18 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsOutgoingFile *outgoin
     scu.hang_up(!result.again);
 }
 
-void fill_query(DcmDataset &query, const CtsRequest &request, const char *series_uid)
+/* A fetch of a study, or of one of its series. */
+struct Fetch {
+    const CtsPeer &peer;
+    const CtsNet &net;
+    const CtsSeriesQuery &wanted;
+    CtsFetchFolder &folder;
+};
+
+void fill_query(DcmDataset &query, const char *study_uid, const char *series_uid)
 {
     query.putAndInsertString(DCM_QueryRetrieveLevel, "SERIES");
-    query.putAndInsertString(DCM_StudyInstanceUID, request.study_uid);
+    query.putAndInsertString(DCM_StudyInstanceUID, study_uid);
     query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
 }
 
@@ -125,20 +133,18 @@ bool may_be_volume(const CtsFoundSeries &series)
 
 /* The study's CT, MR and PET series by C-FIND, or the requested one: a whole study contains objects that are not
  * needed, and some peers fail to send them. A peer without an answer may have the series nevertheless. */
-std::vector<CtsFoundSeries> find_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request)
+std::vector<CtsFoundSeries> find_series(CtsScu &scu, const Fetch &f)
 {
     CtsFound found = {};
-    CtsSeriesQuery query = {};
-    query.study_uid = request.study_uid;
-    query.series_uid = request.series_uid;
-    cts_search_study(&query, &net, cts_dimse_search, &scu, &found, nullptr);
+    const char *const wanted = f.wanted.series_uid;
+    cts_search_study(&f.wanted, &f.net, cts_dimse_search, &scu, &found, nullptr);
     std::vector<CtsFoundSeries> series;
     std::copy_if(found.items, found.items + found.n, std::back_inserter(series),
-                 [&](const CtsFoundSeries &one) { return request.series_uid || may_be_volume(one); });
+                 [&](const CtsFoundSeries &one) { return wanted || may_be_volume(one); });
     cts_found_free(&found);
-    if (request.series_uid && series.empty()) {
+    if (wanted && series.empty()) {
         series.emplace_back();
-        std::snprintf(series[0].series_uid, sizeof series[0].series_uid, "%s", request.series_uid);
+        std::snprintf(series[0].series_uid, sizeof series[0].series_uid, "%s", wanted);
     }
     return series;
 }
@@ -171,35 +177,34 @@ CtsStatus evaluate_responses(OFList<RetrieveResponse *> &responses, int *n_objec
 
 /* Fetches one series after the other over an open association. In a whole study, a series that cannot be fetched is
  * reported and skipped. */
-template <typename Fetch>
-CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
+template <typename Send> CtsStatus each_series(CtsScu &scu, const Fetch &f, Send send, CtsError *err)
 {
-    for (const CtsFoundSeries &series : find_series(scu, net, request)) {
+    for (const CtsFoundSeries &series : find_series(scu, f)) {
         const char *const uid = series.series_uid;
-        const int n_before = request.fetch_folder->n_files;
+        const int n_before = f.folder.n_files;
         int n_objects = series.n_objects;
         DcmDataset query;
         OFList<RetrieveResponse *> responses;
         CtsError why = {};
-        fill_query(query, request, uid);
-        const OFCondition state = cts_net_stopped(&net) ? OFCondition(EC_IllegalCall) : fetch(query, responses);
+        fill_query(query, f.wanted.study_uid, uid);
+        const OFCondition state = cts_net_stopped(&f.net) ? OFCondition(EC_IllegalCall) : send(&query, &responses);
         CtsStatus st = evaluate_responses(responses, &n_objects, &why);
-        if (cts_net_stopped(&net))
+        if (cts_net_stopped(&f.net))
             return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-        const int n_came = request.fetch_folder->n_files - n_before;
+        const int n_came = f.folder.n_files - n_before;
         if (!st && state.good() && n_came < n_objects)
             st = cts_fail(&why, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, n_objects);
         if (state.bad())
-            return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", request.fetch_folder->n_files,
+            return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", f.folder.n_files,
                             cts_one_line(state).c_str());
-        if (st && request.series_uid)
+        if (st && f.wanted.series_uid)
             return *err = why, st;
         if (st) {
-            cts_fetch_folder_limit(request.fetch_folder, n_before);
-            cts_report_diagnostic(request.report, CTS_DIAGNOSTIC_SERIES_NOT_FETCHED, "series %s is left out: %s", uid,
+            cts_fetch_folder_limit(&f.folder, n_before);
+            cts_report_diagnostic(f.net.report, CTS_DIAGNOSTIC_SERIES_NOT_FETCHED, "series %s is left out: %s", uid,
                                   why.text);
         } else {
-            *request.n_promised += n_objects;
+            f.folder.n_promised += n_objects;
         }
     }
     return CTS_OK;
@@ -216,61 +221,57 @@ void offer_each(CtsScu &scu, const char *sop_class)
 }
 
 /* Fetches with the retrieval that send() requests. */
-template <typename Send>
-CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
-                   Send send, CtsError *err)
+template <typename Send> CtsStatus retrieve(CtsScu &scu, const char *model, const Fetch &f, Send send, CtsError *err)
 {
     scu.offer(model);
-    scu.remedy = net.move_port ? " (a peer that speaks DICOMweb is fetched from by its URL)"
-                               : " (`move-port` fetches by C-MOVE)";
+    scu.remedy = f.net.move_port ? " (a peer that speaks DICOMweb is fetched from by its URL)"
+                                 : " (`move-port` fetches by C-MOVE)";
     scu.offer(UID_FINDStudyRootQueryRetrieveInformationModel);
-    CtsStatus st = scu.associate(peer, net, CTS_ERR_READ, nullptr, err);
+    CtsStatus st = scu.associate(f.peer, f.net, CTS_ERR_READ, nullptr, err);
     if (st)
         return st;
     const T_ASC_PresentationContextID context = scu.findPresentationContextID(model, "");
     if (context == 0)
         st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-%s",
-                      net.move_port ? "MOVE" : "GET (`move-port` fetches by C-MOVE)");
+                      f.net.move_port ? "MOVE" : "GET (`move-port` fetches by C-MOVE)");
     else
         st = each_series(
-            scu, net, request,
-            [&](DcmDataset &query, OFList<RetrieveResponse *> &responses) { return send(context, &query, &responses); },
-            err);
+            scu, f, [&](auto query, auto responses) { return send(context, query, responses); }, err);
     scu.hang_up(st == CTS_OK);
     return st;
 }
 
-CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+CtsStatus get(const Fetch &f, CtsError *err)
 {
-    CtsReception reception(*request.fetch_folder, net);
-    GetScu scu(request.fetch_folder->folder, reception);
+    CtsReception reception(f.folder, f.net);
+    GetScu scu(f.folder.folder, reception);
     for (const char *sop_class : cts_ct_classes)
         offer_each(scu, sop_class);
     for (const char *sop_class : cts_capture_classes)
         offer_each(scu, sop_class);
     const CtsStatus st = retrieve(
-        scu, UID_GETStudyRootQueryRetrieveInformationModel, peer, net, request,
+        scu, UID_GETStudyRootQueryRetrieveInformationModel, f,
         [&](auto context, auto query, auto responses) { return scu.sendCGETRequest(context, query, responses); }, err);
     const CtsStatus own = reception.failure(err); /* why we gave up ourselves */
     return own ? own : st;
 }
 
-CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+CtsStatus move(const Fetch &f, CtsError *err)
 {
     CtsScu scu;
-    CtsReception reception(*request.fetch_folder, net);
-    CtsMoveListener listener(peer, net, reception);
+    CtsReception reception(f.folder, f.net);
+    CtsMoveListener listener(f.peer, f.net, reception);
     CtsStatus st = listener.open(err);
     if (!st)
         st = retrieve(
-            scu, UID_MOVEStudyRootQueryRetrieveInformationModel, peer, net, request,
+            scu, UID_MOVEStudyRootQueryRetrieveInformationModel, f,
             [&](auto context, auto query, auto responses) {
-                return scu.sendMOVERequest(context, net.own_aet, query, responses);
+                return scu.sendMOVERequest(context, f.net.own_aet, query, responses);
             },
             err);
     listener.close();
     const CtsStatus taken = reception.failure(err);
-    if (taken || listener.refused().empty() || (!st && request.fetch_folder->n_files))
+    if (taken || listener.refused().empty() || (!st && f.folder.n_files))
         return taken ? taken : st;
     const std::string why = st ? err->text : "nothing came";
     return cts_fail(err, st ? st : CTS_ERR_READ, "%.200s; our listener refused its connection: %s", why.c_str(),
@@ -289,9 +290,11 @@ try {
     cts_dcm_caught(&result->error, CTS_ERR_OUTPUT);
 }
 
-static CtsStatus dimse_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
+static CtsStatus dimse_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted,
+                             CtsFetchFolder *folder, CtsError *err)
 try {
-    return net->move_port ? move(*peer, *net, *request, err) : get(*peer, *net, *request, err);
+    const Fetch f = {*peer, *net, *wanted, *folder};
+    return net->move_port ? move(f, err) : get(f, err);
 } catch (...) {
     return cts_dcm_caught(err, CTS_ERR_READ);
 }

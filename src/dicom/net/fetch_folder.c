@@ -41,34 +41,27 @@ static void remove_stale(void)
         if (strncmp(entry->d_name, prefix, strlen(prefix)) ||
             asprintf(&path, "%s/%s", cts_temp_root(), entry->d_name) < 0)
             continue;
-        int lock = lock_folder(path, false);
-        if (lock >= 0)
-            cts_fetch_folder_remove(&path, &lock);
-        free(path);
+        CtsFetched stale = {path, lock_folder(path, false)};
+        if (stale.lock >= 0)
+            cts_net_fetched_remove(&stale);
+        free(stale.folder);
     }
     if (dir)
         closedir(dir);
 }
 
-static CtsStatus try_make(CtsFetchFolder *fetch_folder, CtsError *err)
-{
-    const CtsStatus st = cts_temp_folder(prefix, &fetch_folder->folder, err);
-    if (st || (fetch_folder->lock = lock_folder(fetch_folder->folder, true)) >= 0)
-        return st;
-    free(fetch_folder->folder);
-    fetch_folder->folder = NULL;
-    return CTS_OK;
-}
-
-CtsStatus cts_fetch_folder_make(CtsFetchFolder *fetch_folder, CtsError *err)
+CtsStatus cts_fetch_folder_make(CtsFetched *fetched, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    *fetch_folder = (CtsFetchFolder){.lock = -1};
+    *fetched = (CtsFetched){.lock = -1};
     remove_stale();
     /* Another program's sweep may remove the folder before it is locked. */
-    for (int i = 0; !st && !fetch_folder->folder && i < TRIES; i++)
-        st = try_make(fetch_folder, err);
-    if (!st && !fetch_folder->folder)
+    for (int i = 0; !st && fetched->lock < 0 && i < TRIES; i++) {
+        free(fetched->folder);
+        if (!(st = cts_temp_folder(prefix, &fetched->folder, err)))
+            fetched->lock = lock_folder(fetched->folder, true);
+    }
+    if (!st && fetched->lock < 0)
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder there cannot be locked (set TMPDIR to another one)",
                       cts_temp_root());
     return st;
@@ -127,20 +120,19 @@ void cts_fetch_folder_limit(CtsFetchFolder *fetch_folder, int n)
     }
 }
 
-void cts_fetch_folder_remove(char **folder, int *lock)
+void cts_net_fetched_remove(CtsFetched *fetched)
 {
-    DIR *dir = *folder ? opendir(*folder) : NULL;
+    DIR *dir = fetched->folder ? opendir(fetched->folder) : NULL;
     const struct dirent *entry;
     while (dir && (entry = readdir(dir)))
         if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
             unlinkat(dirfd(dir), entry->d_name, 0);
     if (dir)
         closedir(dir);
-    if (*folder)
-        rmdir(*folder);
-    if (*folder && *lock >= 0)
-        close(*lock);
-    free(*folder);
-    *folder = NULL;
-    *lock = -1;
+    if (fetched->folder)
+        rmdir(fetched->folder);
+    if (fetched->folder && fetched->lock >= 0)
+        close(fetched->lock);
+    free(fetched->folder);
+    *fetched = (CtsFetched){.lock = -1};
 }

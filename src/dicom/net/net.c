@@ -113,34 +113,33 @@ static bool is_of_another_patient(const CtsSlice *slice, const char *key)
     return is_other;
 }
 
-/* Checks that one received object belongs to the request. Objects that are not CT are not rendered. */
-static CtsStatus check_received(const CtsObject *object, const CtsRequest *request, CtsError *err)
+/* Checks that one received object is a wanted one. Objects that are not CT are not rendered. */
+static CtsStatus check_received(const CtsObject *object, const CtsSeriesQuery *wanted, CtsError *err)
 {
     const CtsSlice *const slice = object->n_slices ? object->slices[0] : NULL;
     const char *of = NULL;
-    if (slice && strcmp(slice->identity[CTS_STUDY_UID], request->study_uid))
+    if (slice && strcmp(slice->identity[CTS_STUDY_UID], wanted->study_uid))
         of = "study than it was asked for (StudyInstanceUID (0020,000D))";
-    else if (slice && request->series_uid && strcmp(slice->series_uid, request->series_uid))
+    else if (slice && wanted->series_uid && strcmp(slice->series_uid, wanted->series_uid))
         of = "series than it was asked for (SeriesInstanceUID (0020,000E))";
-    else if (slice && is_of_another_patient(slice, request->patient_id))
+    else if (slice && is_of_another_patient(slice, wanted->patient_id))
         of = "patient than it was asked for (PatientID (0010,0020))";
     return of ? cts_fail(err, CTS_ERR_READ, "the peer sent an object of another %s", of) : CTS_OK;
 }
 
-/* Checks all received objects against the request, and counts the different ones. */
-static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
+/* Checks all received objects, and counts the different ones. */
+static CtsStatus check_fetch_folder(const CtsFetchFolder *folder, const CtsSeriesQuery *wanted, CtsError *err)
 {
-    const int n_files = request->fetch_folder->n_files;
     const char **uids = NULL;
     CtsHeaderReader reader = {0};
     int n = 0, n_came = 0;
-    CtsStatus st = cts_alloc_bytes((void **)&uids, (size_t)n_files + 1, sizeof *uids, err);
-    for (int i = 1; !st && i <= n_files; i++) {
+    CtsStatus st = cts_alloc_bytes((void **)&uids, (size_t)folder->n_files + 1, sizeof *uids, err);
+    for (int i = 1; !st && i <= folder->n_files; i++) {
         char path[4200];
         CtsObject object = {0};
-        snprintf(path, sizeof path, "%s/%06d.dcm", request->fetch_folder->folder, i);
+        snprintf(path, sizeof path, "%s/%06d.dcm", folder->folder, i);
         const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &reader, &object, NULL);
-        st = check_received(&object, request, err);
+        st = check_received(&object, wanted, err);
         if (object.n_slices && *object.slices[0]->sop_uid)
             uids[n++] = object.slices[0]->sop_uid;
         else
@@ -151,44 +150,48 @@ static CtsStatus check_fetch_folder(const CtsRequest *request, CtsError *err)
         qsort(uids, (size_t)n, sizeof *uids, cts_compare_text);
     for (int i = 0; !st && i < n; i++)
         n_came += i == 0 || strcmp(uids[i], uids[i - 1]) != 0;
-    if (!st && n_came < *request->n_promised)
-        st =
-            cts_fail(err, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, *request->n_promised);
+    if (!st && n_came < folder->n_promised)
+        st = cts_fail(err, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, folder->n_promised);
     cts_free_bytes(uids);
     cts_header_reader_free(&reader);
     return st;
 }
 
-static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, CtsRequest request, CtsFetched *fetched, CtsError *err)
+static CtsStatus check_uids(const CtsSeriesQuery *q, CtsError *err)
+{
+    const char *const uids[] = {q->study_uid, q->series_uid};
+    for (int i = 0; i < 2; i++)
+        if (uids[i] && !cts_uid_is_valid(uids[i]))
+            return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", uids[i]);
+    return CTS_OK;
+}
+
+/* Of the study that is wanted, or its series, if its patient is the wanted one. */
+static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, const CtsSeriesQuery *wanted, CtsFetched *fetched,
+                       CtsReport *report, CtsError *err)
 {
     CtsNet net = cts_net_with_defaults(given);
-    const char *const study_uid = request.study_uid, *const series_uid = request.series_uid;
-    CtsFetchFolder fetch_folder = {0};
-    int n_promised = 0;
-    net.report = request.report;
-    request.fetch_folder = &fetch_folder;
-    request.n_promised = &n_promised;
+    const CtsSeriesQuery uids = {.study_uid = wanted->study_uid, .series_uid = wanted->series_uid};
+    net.report = report;
     *fetched = (CtsFetched){.lock = -1};
     CtsStatus st = cts_net_check(peer, given, err);
     if (st)
         return st;
-    if (!study_uid)
+    if (!uids.study_uid)
         return cts_fail(err, CTS_ERR_USAGE,
                         "no study to fetch is named (give `study-uid`, and `series-uid` for one of "
                         "its series)");
-    if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
-        return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
-    if ((st = cts_fetch_folder_make(&fetch_folder, err)))
+    if ((st = check_uids(&uids, err)) || (st = cts_fetch_folder_make(fetched, err)))
         return st;
-    *fetched = (CtsFetched){.folder = fetch_folder.folder, .lock = fetch_folder.lock};
-    st = cts_program_fetch(peer, &net, &request, err);
+    CtsFetchFolder folder = {.folder = fetched->folder};
+    st = cts_program_fetch(peer, &net, &uids, &folder, err);
     if (cts_net_stopped(&net))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-    if (!st && fetch_folder.n_bytes == 0)
-        st = cts_fail(err, CTS_ERR_READ, "the peer has no CT image of %s %s", series_uid ? "series" : "study",
-                      series_uid ? series_uid : study_uid);
+    if (!st && folder.n_bytes == 0)
+        st = cts_fail(err, CTS_ERR_READ, "the peer has no CT image of %s %s", uids.series_uid ? "series" : "study",
+                      uids.series_uid ? uids.series_uid : uids.study_uid);
     if (!st)
-        st = check_fetch_folder(&request, err);
+        st = check_fetch_folder(&folder, wanted, err);
     if (st)
         cts_net_fetched_remove(fetched);
     return st;
@@ -197,23 +200,15 @@ static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, CtsRequest requ
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
                         CtsFetched *fetched, CtsReport *report, CtsError *err)
 {
-    const CtsRequest request = {.study_uid = study_uid, .series_uid = series_uid, .report = report};
-    return fetch(peer, net, request, fetched, err);
+    return fetch(peer, net, &(CtsSeriesQuery){.study_uid = study_uid, .series_uid = series_uid}, fetched, report, err);
 }
 
 CtsStatus cts_net_fetch_found(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query,
                               const CtsFoundSeries *series, CtsFetched *fetched, CtsReport *report, CtsError *err)
 {
-    const CtsRequest request = {.study_uid = series->study_uid,
-                                .series_uid = series->series_uid,
-                                .patient_id = query->patient_id,
-                                .report = report};
-    return fetch(peer, net, request, fetched, err);
-}
-
-void cts_net_fetched_remove(CtsFetched *fetched)
-{
-    cts_fetch_folder_remove(&fetched->folder, &fetched->lock);
+    const CtsSeriesQuery wanted = {
+        .study_uid = series->study_uid, .series_uid = series->series_uid, .patient_id = query->patient_id};
+    return fetch(peer, net, &wanted, fetched, report, err);
 }
 
 /* A query value is sent unchanged: one value, within the length limit of all these attributes. */
@@ -232,15 +227,11 @@ static CtsStatus check_value(const char *value, CtsError *err)
 
 static CtsStatus check_query(const CtsSeriesQuery *q, CtsError *err)
 {
-    const char *const uids[] = {q->study_uid, q->series_uid};
     const char *const values[] = {q->accession, q->patient_id, q->study_date, q->modality};
-    CtsStatus st = CTS_OK;
     if (!q->study_uid && !q->accession && !q->patient_id && !q->study_date)
         return cts_fail(err, CTS_ERR_USAGE,
                         "no search key is named (give `study-uid`, `accession`, `patient-id` or `study-date`)");
-    for (int i = 0; i < 2 && !st; i++)
-        if (uids[i] && !cts_uid_is_valid(uids[i]))
-            st = cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", uids[i]);
+    CtsStatus st = check_uids(q, err);
     for (int i = 0; i < 4 && !st; i++)
         st = check_value(values[i], err);
     return st;

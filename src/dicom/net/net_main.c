@@ -70,15 +70,8 @@ static CtsNetAnswer run_task(const CtsNetRequest *r, CtsOutgoingFile *files)
     if (r->task == CTS_NET_SEND)
         protocol->send(&r->peer, &net, files, r->n_outgoing, &answer.result);
     if (r->task == CTS_NET_FETCH) {
-        CtsFetchFolder folder = {.folder = (char *)(uintptr_t)r->folder, .lock = -1};
-        const CtsRequest request = {.study_uid = r->query.study_uid,
-                                    .series_uid = r->query.series_uid,
-                                    .fetch_folder = &folder,
-                                    .report = &report,
-                                    .n_promised = &answer.n_promised};
-        err->status = protocol->fetch(&r->peer, &net, &request, err);
-        answer.n_files = folder.n_files;
-        answer.n_bytes = folder.n_bytes;
+        answer.fetch_folder.folder = r->folder;
+        err->status = protocol->fetch(&r->peer, &net, &r->query, &answer.fetch_folder, err);
     }
     if (r->task == CTS_NET_FIND) {
         CtsFound found = {0};

@@ -130,19 +130,16 @@ void cts_program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *o
         *result = c.answer.result;
 }
 
-CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
+CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted,
+                            CtsFetchFolder *folder, CtsError *err)
 {
     NetCall c = {.net = net};
-    const CtsNetRequest asked = {.task = CTS_NET_FETCH,
-                                 .peer = *peer,
-                                 .query = {.study_uid = request->study_uid, .series_uid = request->series_uid},
-                                 .folder = request->fetch_folder->folder};
-    const CtsStatus st = run_net_call(&c, asked, err);
-    if (!st && (c.answer.n_files < 0 || c.answer.n_files > CTS_FETCH_MAX_FILES + 1))
+    const CtsNetRequest request = {.task = CTS_NET_FETCH, .peer = *peer, .query = *wanted, .folder = folder->folder};
+    const CtsStatus st = run_net_call(&c, request, err);
+    if (!st && (c.answer.fetch_folder.n_files < 0 || c.answer.fetch_folder.n_files > CTS_FETCH_MAX_FILES + 1))
         return cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
-    request->fetch_folder->n_files = st ? 0 : c.answer.n_files;
-    request->fetch_folder->n_bytes = st ? 0 : c.answer.n_bytes;
-    *request->n_promised = c.answer.n_promised;
+    c.answer.fetch_folder.folder = folder->folder;
+    *folder = st ? *folder : c.answer.fetch_folder;
     return st;
 }
 

@@ -15,16 +15,16 @@ enum {
     CTS_FETCH_MAX_MIB = 65536      /* 50000 slices of 512 x 512 take 25 GiB */
 };
 
-/* Folder for fetched files: private, with our own file names, under limits. */
+/* A folder for fetched files: private, with our own file names, under limits. */
 typedef struct CtsFetchFolder {
-    char *folder; /* owned */
-    int lock;     /* held while the folder is in use */
+    const char *folder;
     int n_files;
+    int n_promised;   /* objects by the peer's own count, if given */
     uint64_t n_bytes; /* of the files that are complete */
 } CtsFetchFolder;
 
-/* In $TMPDIR or /tmp, mode 0700. Removes those there whose programs were killed. */
-CtsStatus cts_fetch_folder_make(CtsFetchFolder *fetch_folder, CtsError *err);
+/* In $TMPDIR or /tmp, mode 0700, and locked. Removes those there whose programs were killed. */
+CtsStatus cts_fetch_folder_make(CtsFetched *fetched, CtsError *err);
 /* The next file's path, to be freed with free(); it does not exist. CTS_ERR_READ past the limits, the disk's free space
  * (of which a tenth is left) among them. */
 CtsStatus cts_fetch_folder_next(CtsFetchFolder *fetch_folder, char **path, CtsError *err);
@@ -34,8 +34,6 @@ CtsStatus cts_fetch_folder_grows(const CtsFetchFolder *fetch_folder, uint64_t n_
 CtsStatus cts_fetch_folder_keep(CtsFetchFolder *fetch_folder, const char *path, CtsError *err);
 /* Without the files after the first n. */
 void cts_fetch_folder_limit(CtsFetchFolder *fetch_folder, int n);
-/* Folder and files, and the lock. */
-void cts_fetch_folder_remove(char **folder, int *lock);
 
 bool cts_aet_is_valid(const char *aet, size_t n);
 /* True if a URL names this machine. */
@@ -55,19 +53,13 @@ typedef struct CtsAttempt {
     CtsError error;
 } CtsAttempt;
 
-typedef struct CtsRequest {
-    const char *study_uid, *series_uid; /* series_uid may be NULL */
-    const char *patient_id;             /* a key, NULL: none */
-    CtsFetchFolder *fetch_folder;
-    CtsReport *report;
-    int *n_promised; /* number of objects by the peer's own count, if given */
-} CtsRequest;
-
-/* The functions of a protocol. send transmits the files not yet sent, in order, and marks them. */
+/* The functions of a protocol. send transmits the files not yet sent, in order, and marks them; fetch takes a
+ * study_uid, and a series_uid or NULL. */
 typedef struct CtsProtocol {
     void (*send)(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
                  CtsAttempt *result);
-    CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
+    CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted, CtsFetchFolder *folder,
+                       CtsError *err);
     CtsStatus (*find)(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                       CtsError *err);
 } CtsProtocol;
@@ -79,7 +71,8 @@ extern const CtsProtocol cts_protocol_dimse, cts_protocol_web;
 /* The library's way to them, for either kind of peer. */
 void cts_program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
                       CtsAttempt *result);
-CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
+CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted,
+                            CtsFetchFolder *folder, CtsError *err);
 CtsStatus cts_program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                            CtsError *err);
 

@@ -162,30 +162,30 @@ static CtsStatus check_download(Download *d, CURLcode code, long status, CtsErro
 }
 
 /* Counts the objects, where the peer supports QIDO-RS. */
-static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request)
+static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted, CtsFetchFolder *folder)
 {
     CtsNet quiet = *net;
     CtsFound found = {0};
     CtsWebSearcher searcher = {.peer = peer, .net = &quiet};
-    const CtsSeriesQuery query = {.study_uid = request->study_uid, .series_uid = request->series_uid};
     int64_t n = 0;
     quiet.report = NULL;
-    if (!cts_search_study(&query, &quiet, cts_web_search, &searcher, &found, NULL))
+    if (!cts_search_study(wanted, &quiet, cts_web_search, &searcher, &found, NULL))
         for (int i = 0; i < found.n; i++)
             n += found.items[i].n_objects;
-    *request->n_promised = n <= CTS_FETCH_MAX_FILES ? (int)n : 0;
+    folder->n_promised = n <= CTS_FETCH_MAX_FILES ? (int)n : 0;
     cts_found_free(&found);
 }
 
-static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
+static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted, CtsFetchFolder *folder,
+                           CtsError *err)
 {
     CtsWeb web;
-    Download d = {.web = &web, .fetch_folder = request->fetch_folder};
+    Download d = {.web = &web, .fetch_folder = folder};
     char what[200];
     long status;
     /* UIDs need no encoding: they have been checked to be digits and dots. */
-    snprintf(what, sizeof what, "studies/%s%s%s", request->study_uid, request->series_uid ? "/series/" : "",
-             request->series_uid ? request->series_uid : "");
+    snprintf(what, sizeof what, "studies/%s%s%s", wanted->study_uid, wanted->series_uid ? "/series/" : "",
+             wanted->series_uid ? wanted->series_uid : "");
     CtsStatus st = cts_web_open(&web, peer, net, what,
                                 "Accept: multipart/related; type=\"application/dicom\"; transfer-syntax=*", err);
     if (!st) {
@@ -195,7 +195,7 @@ static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequ
         st = check_download(&d, code, status, err);
     }
     if (!st)
-        web_count(peer, net, request);
+        web_count(peer, net, wanted, folder);
     if (d.file)
         fclose(d.file);
     free(d.path);

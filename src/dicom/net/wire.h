@@ -21,11 +21,10 @@ typedef enum CtsNetAnswerKind { CTS_NET_SENT, CTS_NET_DIAGNOSTIC, CTS_NET_FOUND,
 
 typedef struct CtsNetAnswer {
     CtsNetAnswerKind kind;
-    int number;           /* SENT: index of the file; DIAGNOSTIC: its id */
-    CtsFoundSeries found; /* FOUND */
-    CtsAttempt result;    /* END, with the error's text; DIAGNOSTIC: its text */
-    int n_files, n_promised;
-    uint64_t n_bytes; /* END of a fetch */
+    int number;                  /* SENT: index of the file; DIAGNOSTIC: its id */
+    CtsFoundSeries found;        /* FOUND */
+    CtsAttempt result;           /* END, with the error's text; DIAGNOSTIC: its text */
+    CtsFetchFolder fetch_folder; /* END of a fetch: its counts */
 } CtsNetAnswer;
 
 /* False when the other side is gone. */
