@@ -94,12 +94,11 @@ static int otsu(const uint64_t *count, int last)
     return threshold;
 }
 
-CtsStatus cts_volume_measure_levels(CtsVolume *v, const uint16_t *grey, int n_slices, int n_threads, CtsError *err)
+CtsStatus cts_volume_measure_levels(CtsVolume *v, int n_slices, int n_threads, CtsError *err)
 {
     static const double bright = 0.995;
     CtsVolume scanned = *v;
     uint64_t *count = NULL;
-    scanned.grey = (uint16_t *)(uintptr_t)grey;
     scanned.dims[2] = n_slices;
     if (v->quantity == CTS_QUANTITY_HU)
         return CTS_OK;

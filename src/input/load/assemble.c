@@ -18,8 +18,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { GREY_MAX = 65535 };
-
 /* The slices of a series that are to become a volume: copies of its records, which own nothing. */
 typedef struct Loading {
     CtsSlice *slices;
@@ -28,26 +26,42 @@ typedef struct Loading {
     const CtsWordWatch *watch; /* NULL: none */
     char **faults;             /* of slices whose pixels are damaged, else NULL; owned */
     int n_slices, n_threads;
-    bool some_dropped;
 } Loading;
+
+/* One thread's. */
+typedef struct SliceReader {
+    CtsSandbox *decoder; /* sandbox for compressed pixels, started at the first one */
+    double decode_ms, grey_ms;
+    int held; /* a slice that is being decoded, or -1 */
+} SliceReader;
+
+/* One thread's table, and the slice it was made for. */
+typedef struct Converter {
+    const CtsSlice *made_for;
+    double rounding; /* largest difference of a value and its grey level's */
+    uint16_t table[65536];
+} Converter;
 
 /* State shared by the threads that read slices into layers. */
 typedef struct Assembly {
     const Loading *in;
-    uint16_t *first; /* position of slice 0; slice k lies k * layer_voxels further */
+    CtsVolume *volume; /* slice k becomes its layer k */
     size_t layer_voxels;
     bool whole_numbers;     /* every slope and intercept is a whole number */
     CtsStoredRange *ranges; /* of each slice */
     uint16_t *samples;      /* CTS_SAMPLES of each slice */
-    int n_bad;              /* damaged slices */
-    int first_failed;       /* the first slice that was not read, damaged or not; n_slices: none */
-    CtsError why;           /* of that one */
-    atomic_int stop;        /* slices after this one are not read */
+    SliceReader *readers;
+    Converter *converters;
+    pthread_mutex_t lock; /* of the failures: */
+    int n_bad;            /* damaged slices */
+    int first_failed;     /* the first slice that was not read, damaged or not; n_slices: none */
+    CtsError why;         /* of that one */
+    atomic_int stop;      /* slices after this one are not read */
 } Assembly;
 
 static uint16_t *layer_of(const Assembly *a, int k)
 {
-    return a->first + (size_t)k * a->layer_voxels;
+    return a->volume->grey + (size_t)k * a->layer_voxels;
 }
 
 /* State of one slice while it is read. */
@@ -80,13 +94,6 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     *all = cts_stored_range_join(*all, r);
     in->grey_ms += cts_wall_ms() - start;
 }
-
-/* One thread's. */
-typedef struct SliceReader {
-    CtsSandbox *decoder; /* sandbox for compressed pixels, started at the first one */
-    double decode_ms, grey_ms;
-    int held; /* a slice that is being decoded, or -1 */
-} SliceReader;
 
 static CtsStatus read_slice(Assembly *a, int k, SliceReader *reader, CtsError *err)
 {
@@ -125,70 +132,60 @@ static void note_failure(Assembly *a, int k, const CtsError *why)
         atomic_store(&a->stop, a->first_failed);
 }
 
-typedef struct SliceReading {
-    Assembly *assembly;
-    SliceReader *readers;
-    pthread_mutex_t lock; /* of the assembly's failures */
-} SliceReading;
-
 static bool is_stopped(const CtsWordWatch *watch)
 {
     return watch && watch->stop && *watch->stop;
 }
 
-static void read_one(SliceReading *r, SliceReader *reader, int k)
+static void read_one(Assembly *a, SliceReader *reader, int k)
 {
     CtsError why = {0};
-    if (k > atomic_load(&r->assembly->stop) || is_stopped(r->assembly->in->watch) ||
-        !read_slice(r->assembly, k, reader, &why))
+    if (k > atomic_load(&a->stop) || is_stopped(a->in->watch) || !read_slice(a, k, reader, &why))
         return;
-    pthread_mutex_lock(&r->lock);
-    note_failure(r->assembly, k, &why);
-    pthread_mutex_unlock(&r->lock);
+    pthread_mutex_lock(&a->lock);
+    note_failure(a, k, &why);
+    pthread_mutex_unlock(&a->lock);
 }
 
-static void read_held(SliceReading *r, SliceReader *reader)
+static void read_held(Assembly *a, SliceReader *reader)
 {
     if (reader->held >= 0)
-        read_one(r, reader, reader->held);
+        read_one(a, reader, reader->held);
     reader->held = -1;
 }
 
 /* Pipelined: while a thread takes a slice from its decoder, the next one is decoded; its last one stays there. */
 static void read_some(void *context, int worker, size_t first, size_t end)
 {
-    SliceReading *const r = context;
-    SliceReader *const reader = &r->readers[worker];
-    const Assembly *const a = r->assembly;
+    Assembly *const a = context;
+    SliceReader *const reader = &a->readers[worker];
     for (int k = (int)first; k < (int)end; k++) {
         const bool begun = k <= atomic_load(&a->stop) && !is_stopped(a->in->watch) &&
                            cts_slice_begin(&a->in->slices[k], &reader->decoder);
-        read_held(r, reader);
+        read_held(a, reader);
         if (begun)
             reader->held = k;
         else
-            read_one(r, reader, k);
+            read_one(a, reader, k);
     }
 }
 
 static CtsStatus read_each(Assembly *a, double busy[CTS_N_STAGES], CtsError *err)
 {
-    SliceReader *readers = calloc((size_t)a->in->n_threads, sizeof *readers);
-    if (!readers)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    SliceReading reading = {.assembly = a, .readers = readers, .lock = PTHREAD_MUTEX_INITIALIZER};
+    const CtsStatus st = cts_alloc_zeroed(&a->readers, (size_t)a->in->n_threads, err);
+    if (st)
+        return st;
     for (int t = 0; t < a->in->n_threads; t++)
-        readers[t].held = -1;
-    cts_parallel(a->in->n_threads, (size_t)a->in->n_slices, 1, read_some, &reading);
-    for (int t = 0; t < a->in->n_threads; t++)
-        read_held(&reading, &readers[t]);
-    pthread_mutex_destroy(&reading.lock);
+        a->readers[t].held = -1;
+    cts_parallel(a->in->n_threads, (size_t)a->in->n_slices, 1, read_some, a);
     for (int t = 0; t < a->in->n_threads; t++) {
-        busy[CTS_STAGE_DECODE] += readers[t].decode_ms;
-        busy[CTS_STAGE_GREY] += readers[t].grey_ms;
-        cts_sandbox_free(&readers[t].decoder);
+        SliceReader *const reader = &a->readers[t];
+        read_held(a, reader);
+        busy[CTS_STAGE_DECODE] += reader->decode_ms;
+        busy[CTS_STAGE_GREY] += reader->grey_ms;
+        cts_sandbox_free(&reader->decoder);
     }
-    free(readers);
+    cts_free(&a->readers);
     return CTS_OK;
 }
 
@@ -198,7 +195,7 @@ static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const uint64_t n = (uint64_t)a->in->n_slices, n_voxels = n * a->layer_voxels;
     const uint64_t items[CTS_N_STAGES] = {[CTS_STAGE_DECODE] = n, [CTS_STAGE_GREY] = n_voxels};
-    uint64_t bytes[CTS_N_STAGES] = {[CTS_STAGE_GREY] = n_voxels * sizeof *a->first};
+    uint64_t bytes[CTS_N_STAGES] = {[CTS_STAGE_GREY] = n_voxels * sizeof *a->volume->grey};
     double busy[CTS_N_STAGES] = {0};
     a->first_failed = a->in->n_slices;
     atomic_store(&a->stop, a->in->n_slices);
@@ -213,7 +210,7 @@ static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
     return a->first_failed == a->in->n_slices ? CTS_OK : cts_fail(err, a->why.status, "%s", a->why.text);
 }
 
-static void find_range(const Assembly *a, CtsVolume *v)
+static void find_range(const Assembly *a)
 {
     double low = INFINITY, high = -INFINITY;
     for (int k = 0; k < a->in->n_slices; k++) {
@@ -225,7 +222,7 @@ static void find_range(const Assembly *a, CtsVolume *v)
         low = fmin(low, fmin(x, y));
         high = fmax(high, fmax(x, y));
     }
-    cts_volume_set_range(v, low, high);
+    cts_volume_set_range(a->volume, low, high);
 }
 
 static bool same_table(const CtsSlice *a, const CtsSlice *b)
@@ -236,25 +233,11 @@ static bool same_table(const CtsSlice *a, const CtsSlice *b)
            x.padding_word == y.padding_word;
 }
 
-/* One thread's table, and the slice it was made for. */
-typedef struct Converter {
-    const CtsSlice *made_for;
-    double rounding; /* largest difference of a value and its grey level's */
-    uint16_t table[65536];
-} Converter;
-
-typedef struct Converting {
-    const Assembly *assembly;
-    const CtsVolume *volume;
-    Converter *converters;
-} Converting;
-
 static void convert_some(void *context, int worker, size_t first, size_t end)
 {
-    const Converting *const c = context;
-    const Assembly *a = c->assembly;
-    const CtsVolume *const v = c->volume;
-    Converter *const mine = &c->converters[worker];
+    const Assembly *const a = context;
+    const CtsVolume *const v = a->volume;
+    Converter *const mine = &a->converters[worker];
     for (int k = (int)first; k < (int)end; k++) {
         const CtsSlice *s = &a->in->slices[k];
         if (!mine->made_for || !same_table(mine->made_for, s)) {
@@ -268,17 +251,14 @@ static void convert_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static CtsStatus convert_fractions(const Assembly *a, const CtsVolume *v, double *rounding, CtsError *err)
+static CtsStatus convert_fractions(Assembly *a, double *rounding, CtsError *err)
 {
-    Converter *converters = NULL;
-    const CtsStatus st = cts_alloc_zeroed(&converters, (size_t)a->in->n_threads, err);
-    if (!st) {
-        Converting converting = {a, v, converters};
-        cts_parallel(a->in->n_threads, (size_t)a->in->n_slices, 0, convert_some, &converting);
-    }
+    const CtsStatus st = cts_alloc_zeroed(&a->converters, (size_t)a->in->n_threads, err);
+    if (!st)
+        cts_parallel(a->in->n_threads, (size_t)a->in->n_slices, 0, convert_some, a);
     for (int t = 0; !st && t < a->in->n_threads; t++)
-        *rounding = fmax(*rounding, converters[t].rounding);
-    cts_free(&converters);
+        *rounding = fmax(*rounding, a->converters[t].rounding);
+    cts_free(&a->converters);
     return st;
 }
 
@@ -292,8 +272,9 @@ static bool lost_bone(const Assembly *a, int k)
 }
 
 /* Refuses values that a wrong PixelRepresentation explains: signed pixels read as unsigned, or the reverse. */
-static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *err)
+static CtsStatus check_range(const Assembly *a, CtsError *err)
 {
+    const CtsVolume *const v = a->volume;
     int n_lost = 0;
     for (int k = 0; k < a->in->n_slices; k++)
         n_lost += lost_bone(a, k);
@@ -326,26 +307,24 @@ static void take_words_as_stored(CtsOutliers *outliers, const Assembly *a, int k
 
 /* The range without isolated outliers, which are listed. Grey levels saturate there, so the words are read again where
  * needed. */
-static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers *outliers, CtsVolume *v,
-                                    CtsReport *report, CtsError *err)
+static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers *outliers, CtsReport *report,
+                                    CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const int slices_dims[3] = {dims[0], dims[1], a->in->n_slices};
     if (a->whole_numbers) {
         a->whole_numbers = false;
         st = read_slices(a, report, err);
     }
     for (int k = 0; k < a->in->n_slices; k++)
         take_words_as_stored(outliers, a, k, &st, err);
-    v->hu_min = outliers->rest_low;
-    v->hu_max = outliers->rest_high;
-    return st ? st : cts_outliers_check(outliers, slices_dims, report, err);
+    a->volume->hu_min = outliers->rest_low;
+    a->volume->hu_max = outliers->rest_high;
+    return st ? st : cts_outliers_check(outliers, dims, report, err);
 }
 
 /* coarsest_hu: HU step between words, for slices whose words were rounded before. */
 static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, double rounding, CtsReport *report)
 {
-    const double top = v->hu_offset + v->hu_step * GREY_MAX;
     if (v->quantity != CTS_QUANTITY_HU) {
         if (rounding > 1e-6 * v->hu_step) /* more than arithmetic loses */
             cts_report_diagnostic(report, CTS_DIAGNOSTIC_FRACTIONAL_RESCALE,
@@ -358,9 +337,7 @@ static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_FRACTIONAL_RESCALE,
                               "the rescale slope or intercept has a fraction; grey levels are steps of %g HU",
                               fmax(v->hu_step, coarsest_hu));
-    if (v->hu_max > top)
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_CLAMPED_HIGH,
-                              "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
+    cts_report_clamped(v, report);
 }
 
 /* Warns about a slice of one value, or of padding, between others with more: lost in transfer, or erased. */
@@ -451,7 +428,6 @@ static void drop_bad(Loading *in, CtsReport *report)
         in->faults[k] = NULL;
     }
     in->n_slices = kept;
-    in->some_dropped = true;
 }
 
 /* Positions of the slices; warns about gaps that removed slices leave, since the series' own findings do not. */
@@ -464,7 +440,7 @@ static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSlice
         slices[k] = &in->slices[k];
     if (!st)
         st = cts_slice_stack_plan(slices, in->n_slices, series->rules.allow_missing_slices, stack, err);
-    if (!st && in->some_dropped && report)
+    if (!st && in->n_slices < series->n_slices && report)
         cts_slice_stack_diagnostics(stack, slices, in->n_slices, &report->diagnostics);
     cts_free_bytes(slices);
     return st;
@@ -472,41 +448,43 @@ static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSlice
 
 static CtsStatus fill_volume(const Loading *in, CtsVolume *v, CtsReport *report, CtsError *err)
 {
-    Assembly a = {.in = in};
     const bool is_hu = v->quantity == CTS_QUANTITY_HU;
+    const int dims[3] = {v->dims[0], v->dims[1], in->n_slices};
+    Assembly a = {.in = in,
+                  .volume = v,
+                  .layer_voxels = (size_t)dims[0] * (size_t)dims[1],
+                  .whole_numbers = is_hu,
+                  .lock = PTHREAD_MUTEX_INITIALIZER};
     double rounding = 0;
-    a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
-    a.first = v->grey;
-    a.whole_numbers = is_hu;
     for (int k = 0; k < in->n_slices; k++)
         a.whole_numbers &= in->slices[k].slope == floor(in->slices[k].slope) &&
                            in->slices[k].intercept == floor(in->slices[k].intercept);
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)in->n_slices, err);
     if (!st && !(st = cts_alloc_array(&a.samples, (size_t)in->n_slices * CTS_SAMPLES, err)) &&
         !(st = read_slices(&a, report, err)))
-        find_range(&a, v);
+        find_range(&a);
     const bool whole_numbers = a.whole_numbers;
     CtsOutliers outliers;
-    cts_outliers_begin(&outliers, (const int[3]){v->dims[0], v->dims[1], in->n_slices});
+    cts_outliers_begin(&outliers, dims);
     if (!st && is_hu && (cts_is_outlier(v->hu_min) || cts_is_outlier(v->hu_max)))
-        st = leave_outliers_out(&a, v->dims, &outliers, v, report, err);
+        st = leave_outliers_out(&a, dims, &outliers, report, err);
     if (!st && is_hu)
-        st = check_range(&a, v, err);
+        st = check_range(&a, err);
     else if (!st && v->hu_min == v->hu_max)
         st = cts_fail(err, CTS_ERR_PIXELS, "all of its values are %g: nothing to show", v->hu_min);
     if (!st && !whole_numbers)
         cts_volume_set_scale(v);
     if (!st && !a.whole_numbers)
-        st = convert_fractions(&a, v, &rounding, err);
+        st = convert_fractions(&a, &rounding, err);
     for (int k = 0; !st && !is_hu && k < in->n_slices; k++)
         cts_slice_sample(&in->slices[k], layer_of(&a, k), true, a.samples + (size_t)k * CTS_SAMPLES);
     if (!st) {
-        cts_outliers_mend(&outliers, v, a.first);
+        cts_outliers_mend(&outliers, v);
         report_range(v, whole_numbers, in->slices[0].kind == CTS_OBJECT_NIFTI ? in->slices[0].slope : 0, rounding,
                      report);
         report_blank(&a, report);
         if (!(st = cts_slice_consistency_report(in->slices, in->n_slices, a.samples, is_hu, report, err)))
-            st = cts_volume_measure_levels(v, a.first, in->n_slices, in->n_threads, err);
+            st = cts_volume_measure_levels(v, in->n_slices, in->n_threads, err);
     }
     cts_outliers_free(&outliers);
     cts_free(&a.samples);

@@ -201,10 +201,7 @@ static CtsStatus settle_range(const ArrayPass *p, CtsOutliers *outliers, CtsRepo
     cts_volume_set_range(v, all.low, all.high);
     if (!is_hu || !all.whole)
         cts_volume_set_scale(v);
-    const double top = v->hu_offset + v->hu_step * GREY_MAX;
-    if (is_hu && v->hu_max > top)
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_CLAMPED_HIGH,
-                              "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
+    cts_report_clamped(v, report);
     if (all.n_lost)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_NOT_FINITE, "%llu values are not finite, and taken for padding",
                               (unsigned long long)all.n_lost);
@@ -221,10 +218,10 @@ static CtsStatus fill_from_array(const ArrayPass *p, int n_threads, CtsReport *r
     const CtsStatus st = settle_range(p, &outliers, report, err);
     if (!st && !has_words(p)) {
         cts_parallel(n_threads, n, 0, make_slices, (void *)p);
-        cts_outliers_mend(&outliers, v, v->grey);
+        cts_outliers_mend(&outliers, v);
     }
     cts_outliers_free(&outliers);
-    return st ? st : cts_volume_measure_levels(v, v->grey, v->dims[2], n_threads, err);
+    return st ? st : cts_volume_measure_levels(v, v->dims[2], n_threads, err);
 }
 
 static CtsStatus place_array(CtsScanned *s, const CtsBox *b, CtsError *err)

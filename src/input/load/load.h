@@ -27,6 +27,9 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, const CtsSeriesRules *rules, 
 CtsStatus cts_slice_consistency_report(const CtsSlice *slices, int n, const uint16_t *samples, bool is_hu,
                                        CtsReport *report, CtsError *err);
 
+/* Warns of HU above the largest grey level. */
+void cts_report_clamped(const CtsVolume *volume, CtsReport *report);
+
 /* Voxels of a layer. */
 static inline size_t cts_scanned_layer_voxels(const CtsScanned *s)
 {
@@ -57,6 +60,6 @@ CtsStatus cts_outliers_take(CtsOutliers *outliers, size_t voxel, double hu, CtsE
 /* CTS_OK, with a warning in the report, where they are isolated: at most 1 of 10,000 voxels, in 26-connected parts of
  * at most 8; else CTS_ERR_PIXELS. */
 CtsStatus cts_outliers_check(const CtsOutliers *outliers, const int dims[3], CtsReport *report, CtsError *err);
-/* Sets them, where they are not air, to the largest value of all other voxels. grey: of voxel 0; v: its scale. */
-void cts_outliers_mend(const CtsOutliers *outliers, const CtsVolume *v, uint16_t *grey);
+/* Sets them, where they are not air, to the largest value of all other voxels. */
+void cts_outliers_mend(const CtsOutliers *outliers, CtsVolume *volume);
 void cts_outliers_free(CtsOutliers *outliers);

@@ -78,13 +78,13 @@ CtsStatus cts_outliers_check(const CtsOutliers *o, const int dims[3], CtsReport 
     return CTS_OK;
 }
 
-void cts_outliers_mend(const CtsOutliers *outliers, const CtsVolume *v, uint16_t *grey)
+void cts_outliers_mend(const CtsOutliers *outliers, CtsVolume *v)
 {
     const double most = floor((outliers->rest_high - v->hu_offset) / v->hu_step + 0.5);
     const uint16_t level = (uint16_t)fmin(fmax(most, 0), UINT16_MAX);
     for (size_t n = 0; n < outliers->n; n++)
-        if (grey[outliers->voxels[n]])
-            grey[outliers->voxels[n]] = level;
+        if (v->grey[outliers->voxels[n]])
+            v->grey[outliers->voxels[n]] = level;
 }
 
 void cts_outliers_free(CtsOutliers *o)

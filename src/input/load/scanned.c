@@ -19,6 +19,14 @@ void cts_scanned_free(CtsScanned **scanned)
     cts_free(scanned);
 }
 
+void cts_report_clamped(const CtsVolume *v, CtsReport *report)
+{
+    const double top = cts_volume_hu(v, UINT16_MAX);
+    if (v->quantity == CTS_QUANTITY_HU && v->hu_max > top)
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_CLAMPED_HIGH,
+                              "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
+}
+
 static CtsStatus new_volume(CtsVolume **volume, const CtsVolume *like, int n_layers, CtsError *err)
 {
     const double n_bytes = (double)like->dims[0] * like->dims[1] * n_layers * sizeof *like->grey;
