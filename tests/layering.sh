@@ -26,7 +26,7 @@ src/dicom/writer  | dicom/dcmtk/ dicom/header/ |
 src/dicom/reader  | dicom/dcmtk/ dicom/protocol/ dicom/header/ dicom/writer/ |
 src/dicom/objects | dicom/protocol/ dicom/header/ dicom/codec/ | dicom_names.inc
 src/dicom/net     | dicom/dcmtk/ dicom/header/ | curl/ jansson.h netdb.h netinet/ openssl/
-src/input/files   | core/volume/box.h dicom/protocol/ dicom/header/ |
+src/input/files   | core/volume/box.h dicom/protocol/ dicom/header/ | jansson.h
 src/input/series  | dicom/header/ dicom/codec/ input/files/ |
 src/input/load    | core/volume/ dicom/header/slice.h dicom/codec/ input/files/ input/series/ |
 src/input/labels  | core/labels/ dicom/protocol/ dicom/header/ dicom/codec/ input/files/ | expat.h

@@ -2,16 +2,11 @@
 #include "input/files/scan.h"
 
 #include <ctype.h>
+#include <jansson.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <unistd.h>
-
-/* A file below the DICOMDIR's folder. */
-typedef struct Known {
-    char *key; /* its path below the folder as name_key() makes it; owned */
-    const char *path;
-} Known;
 
 typedef struct DirectoryFiles {
     const char *folder;
@@ -19,7 +14,7 @@ typedef struct DirectoryFiles {
     cts_named_file_fn found;
     void *context;
     CtsFileList list; /* of all files below the folder, once one was not found by its name */
-    Known *known;     /* by rising key; list.n of them */
+    json_t *by_key;   /* their numbers in the list by the keys of their paths below the folder (name_key()) */
     CtsDirectoryCounts *counts;
 } DirectoryFiles;
 
@@ -49,48 +44,33 @@ static char *name_key(const char *path)
     return key;
 }
 
-static int by_key(const void *a, const void *b)
-{
-    return strcmp(((const Known *)a)->key, ((const Known *)b)->key);
-}
-
-static int by_key_and_path(const void *a, const void *b)
-{
-    const int order = by_key(a, b);
-    return order ? order : strcmp(((const Known *)a)->path, ((const Known *)b)->path);
-}
-
 static CtsStatus list_folder(DirectoryFiles *d, CtsError *err)
 {
     const char *const folder = *d->folder ? d->folder : ".";
     const CtsStatus st = cts_scan_paths(NULL, &folder, 1, &d->list, err);
-    if (st)
-        return st;
-    if (!(d->known = calloc(d->list.n + 1, sizeof *d->known)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < d->list.n; i++) {
-        const char *const path = d->list.items[i].path;
-        d->known[i] = (Known){name_key(path + (*d->folder ? d->n_folder : 2)), path};
-        if (!d->known[i].key)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    bool good = !st && (d->by_key = json_object());
+    for (size_t i = 0; good && i < d->list.n; i++) {
+        char *const key = name_key(d->list.items[i].path + (*d->folder ? d->n_folder : 2));
+        json_t *same = key ? json_object_get(d->by_key, key) : NULL;
+        if (key && !same && json_object_set_new_nocheck(d->by_key, key, same = json_array()))
+            same = NULL;
+        good = same && !json_array_append_new(same, json_integer((json_int_t)i));
+        free(key);
     }
-    qsort(d->known, d->list.n, sizeof *d->known, by_key_and_path);
-    return CTS_OK;
+    return st || good ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
 /* The best of the files with a name's key: by case alone, else with the ending .dcm, else the first; NULL: none. */
-static const char *find_known(const DirectoryFiles *d, const char *path, char *key)
+static const char *find_known(const DirectoryFiles *d, const char *path, const char *key)
 {
-    const Known *const end = d->known + d->list.n,
-                       *at = bsearch(&(Known){.key = key}, d->known, d->list.n, sizeof *d->known, by_key);
+    const json_t *const same = json_object_get(d->by_key, key);
     const char *best = NULL;
     int best_rank = 0;
-    while (at && at > d->known && !strcmp(at[-1].key, key))
-        at--;
-    for (; at && at < end && !strcmp(at->key, key); at++) {
-        const char *const dot = strrchr(at->path, '.');
-        const int rank = !strcasecmp(at->path, path) ? 3 : dot && !strncasecmp(dot, ".dcm", 4) ? 2 : 1;
-        best = rank > best_rank ? at->path : best;
+    for (size_t i = 0; i < json_array_size(same); i++) {
+        const char *const one = d->list.items[json_integer_value(json_array_get(same, i))].path;
+        const char *const dot = strrchr(one, '.');
+        const int rank = !strcasecmp(one, path) ? 3 : dot && !strncasecmp(dot, ".dcm", 4) ? 2 : 1;
+        best = rank > best_rank ? one : best;
         best_rank = rank > best_rank ? rank : best_rank;
     }
     return best;
@@ -102,7 +82,7 @@ static CtsStatus add_as_present(void *context, const char *path, CtsError *err)
     CtsStatus st = CTS_OK;
     if (!access(path, F_OK))
         return d->found(d->context, path, err);
-    if (!d->known && (st = list_folder(d, err)))
+    if (!d->by_key && (st = list_folder(d, err)))
         return st;
     char *const key = name_key(path + d->n_folder);
     if (!key)
@@ -124,9 +104,7 @@ CtsStatus cts_directory_files(const char *path, cts_named_file_fn found, void *c
     d.folder = folder;
     const CtsStatus st = folder ? cts_slice_read_directory(path, add_as_present, &d, &counts->n_refused, err)
                                 : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; d.known && i < d.list.n; i++)
-        free(d.known[i].key);
-    free(d.known);
+    json_decref(d.by_key);
     free(folder);
     cts_file_list_free(&d.list);
     return st;

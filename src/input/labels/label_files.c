@@ -71,9 +71,9 @@ static CtsLabelObject uids_of(const CtsLabelDicom *object)
 {
     CtsLabelObject uids = {.class_uid = ""};
     memcpy(uids.class_uid, object->class_uid, sizeof uids.class_uid);
-    cts_elements_text(object->elements, SOP_UID, uids.sop_uid, sizeof uids.sop_uid);
-    cts_elements_text(object->elements, SERIES_UID, uids.series_uid, sizeof uids.series_uid);
-    cts_elements_text(object->elements, STUDY_UID, uids.study_uid, sizeof uids.study_uid);
+    cts_elements_text(object->head.elements, SOP_UID, uids.sop_uid, sizeof uids.sop_uid);
+    cts_elements_text(object->head.elements, SERIES_UID, uids.series_uid, sizeof uids.series_uid);
+    cts_elements_text(object->head.elements, STUDY_UID, uids.study_uid, sizeof uids.study_uid);
     return uids;
 }
 
@@ -99,10 +99,10 @@ static CtsStatus read_object(LabelSearch *s, const CtsFile *file, CtsError *err)
     CtsLabelDicom object;
     CtsStatus st = cts_label_dicom_open(&object, file, err);
     const int kind = st ? -1 : object_kind(object.class_uid);
-    const bool wanted = kind >= 0 && (!s->only_referring || cts_label_refers(object.elements, s->reading.series));
+    const bool wanted = kind >= 0 && (!s->only_referring || cts_label_refers(object.head.elements, s->reading.series));
     if (!st && kind < 0 && !s->in_folder)
         st = cts_fail(err, CTS_ERR_READ, "is no segmentation and no structure set, but %s",
-                      object.object.facts.class_name);
+                      object.head.facts.class_name);
     if (!st && wanted)
         st = read_once(s, kind, &object, err);
     cts_label_dicom_close(&object);
@@ -246,8 +246,8 @@ static bool belongs(const char *path, const CtsSeries *series)
     char uid[65] = "";
     bool yes = false;
     if (!cts_label_dicom_open(&object, &(CtsFile){.path = path}, NULL)) {
-        cts_elements_text(object.elements, FRAME_UID, uid, sizeof uid);
-        yes = cts_label_refers(object.elements, series) || cts_label_shares_space(uid, series);
+        cts_elements_text(object.head.elements, FRAME_UID, uid, sizeof uid);
+        yes = cts_label_refers(object.head.elements, series) || cts_label_shares_space(uid, series);
     }
     cts_label_dicom_close(&object);
     return yes;

@@ -25,17 +25,17 @@ bool cts_label_is_dicom(const uint8_t *head, size_t n, char class_uid[65])
 /* The pixels of a deflated data set, in memory. */
 static CtsStatus inflate_pixels(CtsLabelDicom *o, CtsError *err)
 {
-    const CtsFrameFormat all = {.syntax = o->syntax,
+    const CtsFrameFormat all = {.syntax = o->head.syntax,
                                 .columns = (int)o->pixel_bytes,
                                 .rows = 1,
                                 .bits_allocated = 8,
                                 .n_before = o->pixel_offset};
-    const CtsFileBytes *const file = &o->object.file;
+    const CtsFileBytes *const file = &o->head.file;
     CtsSandbox inflater = cts_codec_make();
     const void *pixels;
-    if (o->object.facts.encapsulated || o->pixel_bytes > MAX_BYTES)
+    if (o->head.facts.encapsulated || o->pixel_bytes > MAX_BYTES)
         return cts_fail(err, CTS_ERR_READ, "its deflated data set is too large (store it uncompressed)");
-    CtsStatus st = cts_codec_submit(&inflater, &all, file, o->object.facts.data_offset, file->n_bytes, err);
+    CtsStatus st = cts_codec_submit(&inflater, &all, file, o->head.facts.data_offset, file->n_bytes, err);
     if (!st && !(st = cts_sandbox_take(&inflater, &pixels, err)) && !(o->inflated = malloc((size_t)o->pixel_bytes + 1)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st) {
@@ -49,23 +49,21 @@ static CtsStatus inflate_pixels(CtsLabelDicom *o, CtsError *err)
 
 CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *err)
 {
-    const CtsHeaderFacts *const facts = &o->object.facts;
+    const CtsHeaderFacts *const facts = &o->head.facts;
     *o = (CtsLabelDicom){.pixel_bytes = 0};
-    CtsStatus st = cts_dicom_object_open(&o->object, file, MAX_BYTES, err);
-    if (!st && !o->object.syntax)
+    CtsStatus st = cts_dicom_object_open(&o->head, file, MAX_BYTES, err);
+    if (!st && !o->head.syntax)
         st =
             cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with dcmconv)", facts->syntax_uid);
     if (st)
         return st;
-    o->syntax = o->object.syntax;
-    o->elements = o->object.elements;
     o->pixel_offset = facts->pixel_offset;
     o->pixel_bytes = facts->pixel_bytes;
-    o->source = o->object.file;
-    if (!cts_elements_text(o->elements, CLASS, o->class_uid, sizeof o->class_uid))
-        cts_elements_text(o->elements, CTS_TAG_META_CLASS, o->class_uid, sizeof o->class_uid);
-    cts_elements_text(o->elements, CHARSET, o->charset, sizeof o->charset);
-    if (o->syntax->deflated && o->pixel_bytes && (st = inflate_pixels(o, err)))
+    o->source = o->head.file;
+    if (!cts_elements_text(o->head.elements, CLASS, o->class_uid, sizeof o->class_uid))
+        cts_elements_text(o->head.elements, CTS_TAG_META_CLASS, o->class_uid, sizeof o->class_uid);
+    cts_elements_text(o->head.elements, CHARSET, o->charset, sizeof o->charset);
+    if (o->head.syntax->deflated && o->pixel_bytes && (st = inflate_pixels(o, err)))
         return st;
     const uint64_t left =
         facts->has_pixels && o->pixel_offset < o->source.n_bytes ? o->source.n_bytes - o->pixel_offset : 0;
@@ -78,9 +76,9 @@ CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *
 
 void cts_label_dicom_close(CtsLabelDicom *o)
 {
-    cts_dicom_object_close(&o->object);
+    cts_dicom_object_close(&o->head);
     free(o->inflated);
-    *o = (CtsLabelDicom){.object.file.fd = -1};
+    *o = (CtsLabelDicom){.head.file.fd = -1};
 }
 
 void cts_label_dicom_text(const CtsLabelDicom *o, CtsElements elements, uint32_t tag, char *text, size_t size)

@@ -42,10 +42,8 @@ const CtsLabelName *cts_label_names_find(const CtsLabelNames *names, int number)
 /* A DICOM object whose header is held in memory and whose pixels are read frame by frame. */
 
 typedef struct CtsLabelDicom {
-    CtsDicomObject object;
+    CtsDicomObject head;
     char class_uid[65], charset[65];
-    const CtsSyntax *syntax;
-    CtsElements elements;               /* in front of the pixels */
     CtsFileBytes source;                /* of the pixels: the file, or a deflated data set */
     uint8_t *inflated;                  /* owned: that data set; else NULL */
     uint64_t pixel_offset, pixel_bytes; /* of the value; where encapsulated all that is left of the source */

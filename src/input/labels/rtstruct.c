@@ -77,7 +77,7 @@ static CtsStatus add_contour(StructureSet *s, CtsElements item, CtsError *err)
 static CtsElements item_with_number(const StructureSet *s, uint32_t sequence_tag, uint32_t number_tag, int number,
                                     size_t nth, size_t *n)
 {
-    CtsElements sequence = cts_elements_find(s->object->elements, sequence_tag), item, wanted = {.at = NULL};
+    CtsElements sequence = cts_elements_find(s->object->head.elements, sequence_tag), item, wanted = {.at = NULL};
     int found;
     *n = 0;
     while (cts_items_next(&sequence, &item))
@@ -118,7 +118,7 @@ static CtsStatus pair_structure(const StructureSet *s, size_t i, CtsError *err)
 
 static CtsStatus read_structures(StructureSet *s, CtsError *err)
 {
-    CtsElements sequence = cts_elements_find(s->object->elements, STRUCTURES), item;
+    CtsElements sequence = cts_elements_find(s->object->head.elements, STRUCTURES), item;
     CtsStatus st = CTS_OK;
     while (!st && cts_items_next(&sequence, &item) && !(st = cts_grow(&s->items, s->n, err))) {
         if (s->n == CTS_MAX_LABELS)
@@ -144,7 +144,7 @@ static CtsStatus leave_out(StructureSet *s, Structure *one, const char *reason, 
 /* The frames of reference that the file lists; `wanted`, if it is among them, else empty elements. */
 static CtsElements find_listed_frame(const StructureSet *s, const char *wanted, int *n, char first_uid[65])
 {
-    CtsElements frames = cts_elements_find(s->object->elements, REFERENCED_FRAMES), item, found = {.at = NULL};
+    CtsElements frames = cts_elements_find(s->object->head.elements, REFERENCED_FRAMES), item, found = {.at = NULL};
     char uid[65];
     *first_uid = 0;
     for (*n = 0; cts_items_next(&frames, &item); ++*n) {

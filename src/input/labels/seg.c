@@ -107,7 +107,7 @@ static bool palette_colour(CtsElements e, int value, double rgb[3])
 
 static CtsStatus read_segments(Seg *s, CtsError *err)
 {
-    CtsElements sequence = cts_elements_find(s->object->elements, SEGMENTS), item;
+    CtsElements sequence = cts_elements_find(s->object->head.elements, SEGMENTS), item;
     CtsLabels *const labels = s->reading->labels;
     while (cts_items_next(&sequence, &item)) {
         int number;
@@ -128,7 +128,7 @@ static CtsStatus read_segments(Seg *s, CtsError *err)
             cts_label_take_lab(&labels->items[labels->n - 1], lab);
         else if (s->type == LABELMAP)
             labels->items[labels->n - 1].coloured =
-                palette_colour(s->object->elements, number, labels->items[labels->n - 1].rgb);
+                palette_colour(s->object->head.elements, number, labels->items[labels->n - 1].rgb);
         s->label_of[number] = (int32_t)labels->n - 1;
     }
     return CTS_OK;
@@ -137,7 +137,7 @@ static CtsStatus read_segments(Seg *s, CtsError *err)
 static CtsStatus read_type(Seg *s, CtsError *err)
 {
     char type[17];
-    const CtsElements e = s->object->elements;
+    const CtsElements e = s->object->head.elements;
     cts_elements_text(e, TYPE, type, sizeof type);
     s->type = !strcmp(type, "BINARY") ? BINARY : !strcmp(type, "FRACTIONAL") ? FRACTIONAL : LABELMAP;
     if (s->type == LABELMAP && strcmp(type, "LABELMAP"))
@@ -151,7 +151,7 @@ static CtsStatus read_type(Seg *s, CtsError *err)
 
 static CtsStatus read_seg_shape(Seg *s, CtsError *err)
 {
-    const CtsElements e = s->object->elements;
+    const CtsElements e = s->object->head.elements;
     if (!cts_elements_integer(e, N_FRAMES, &s->n_frames) || !cts_elements_integer(e, ROWS, &s->rows) ||
         !cts_elements_integer(e, COLUMNS, &s->columns) || !cts_elements_integer(e, BITS_ALLOCATED, &s->bits_allocated))
         return cts_fail(err, CTS_ERR_READ, "lacks NumberOfFrames, Rows, Columns or BitsAllocated");
@@ -201,8 +201,8 @@ static CtsStatus take_geometry(Seg *s, CtsElements own, CtsElements shared, int 
 
 static CtsStatus read_frames(Seg *s, CtsError *err)
 {
-    const CtsElements shared = cts_elements_item(s->object->elements, SHARED_GROUPS);
-    CtsElements frames = cts_elements_find(s->object->elements, FRAME_GROUPS), own;
+    const CtsElements shared = cts_elements_item(s->object->head.elements, SHARED_GROUPS);
+    CtsElements frames = cts_elements_find(s->object->head.elements, FRAME_GROUPS), own;
     CtsStatus st = cts_alloc_array(&s->position_lps, (size_t)s->n_frames, err);
     if (!st)
         st = cts_alloc_zeroed(&s->segment, (size_t)s->n_frames, err);
@@ -236,7 +236,7 @@ static size_t frame_bytes(const Seg *s)
 static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
-    const bool swapped = o->syntax->big_endian && (s->bits_allocated == 16 || o->object.facts.pixel_words);
+    const bool swapped = o->head.syntax->big_endian && (s->bits_allocated == 16 || o->head.facts.pixel_words);
     const uint64_t first = s->first_bit[frame], from = first / 8 - (swapped ? first / 8 % 2 : 0);
     uint64_t end = (first + frame_bits(s) + 7) / 8;
     end += swapped && end % 2 && end < o->pixel_bytes;
@@ -292,14 +292,14 @@ static CtsStatus find_layout(Seg *s, CtsError *err)
 
 static bool is_jpeg2000(const Seg *s)
 {
-    return s->object->syntax->codec == CTS_CODEC_JPEG_2000;
+    return s->object->head.syntax->codec == CTS_CODEC_JPEG_2000;
 }
 
 /* A frame of bits is one row of bytes for codecs, except for JPEG 2000, which decodes it to pixels. */
 static CtsFrameFormat frame_format_of(const Seg *s)
 {
     const bool pixels = is_jpeg2000(s);
-    CtsFrameFormat f = {.syntax = s->object->syntax,
+    CtsFrameFormat f = {.syntax = s->object->head.syntax,
                         .columns = s->columns,
                         .rows = s->rows,
                         .bits_allocated = s->bits_allocated,
@@ -440,11 +440,11 @@ static CtsStatus check_seg_pixels(Seg *s, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
     const uint64_t need = (frame_bits(s) * (uint64_t)s->n_frames + 7) / 8;
-    if (!o->object.facts.has_pixels)
+    if (!o->head.facts.has_pixels)
         return cts_fail(err, CTS_ERR_READ, "has no pixels");
-    if (o->object.facts.encapsulated != cts_syntax_encapsulated(o->syntax))
+    if (o->head.facts.encapsulated != cts_syntax_encapsulated(o->head.syntax))
         return cts_fail(err, CTS_ERR_READ, "its pixels are not stored as its transfer syntax says");
-    if (o->object.facts.encapsulated)
+    if (o->head.facts.encapsulated)
         return cts_find_frames(&o->source, o->pixel_offset, s->n_frames, &s->offset, err);
     return need <= o->pixel_bytes ? CTS_OK
                                   : cts_fail(err, CTS_ERR_READ, "cut short: %d frames need %llu bytes, %llu are there",
@@ -467,7 +467,7 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsLabelDicom
 {
     Seg s = {.reading = reading, .object = object, .decoder = cts_codec_make()};
     char frame_uid[65];
-    cts_elements_text(object->elements, FRAME_UID, frame_uid, sizeof frame_uid);
+    cts_elements_text(object->head.elements, FRAME_UID, frame_uid, sizeof frame_uid);
     CtsStatus st = cts_label_check_space(reading, object, frame_uid, err);
     if (!st)
         st = cts_alloc_array(&s.label_of, MAX_NUMBERS, err);

@@ -74,9 +74,9 @@ bool cts_label_refers(CtsElements elements, const CtsSeries *series)
 /* Without a Frame of Reference in both, the series that it names decides. */
 static CtsStatus check_named_series(const CtsLabelReading *reading, const CtsLabelDicom *object, CtsError *err)
 {
-    if (cts_label_refers(object->elements, reading->series))
+    if (cts_label_refers(object->head.elements, reading->series))
         return CTS_OK;
-    if (cts_label_refers(object->elements, NULL))
+    if (cts_label_refers(object->head.elements, NULL))
         return cts_fail(err, CTS_ERR_GEOMETRY,
                         "names another series than %s, and has no Frame of Reference in common with it (labels of "
                         "another scan?)",
@@ -92,7 +92,7 @@ CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsLabel
 {
     char id[256];
     const char *const own = reading->series->slices[0]->identity[CTS_PATIENT_ID];
-    cts_elements_text(object->elements, PATIENT_ID, id, sizeof id);
+    cts_elements_text(object->head.elements, PATIENT_ID, id, sizeof id);
     for (size_t n = strlen(id); n > 0 && strchr("^= ", id[n - 1]); n--) /* trailing characters as trimmed in slices */
         id[n - 1] = 0;
     if (id[0] && own[0] && strcmp(id, own))
@@ -116,7 +116,7 @@ CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsLabelDi
 {
     const char *const own = cts_label_series_frame(reading->series);
     if (reading->series->frames_differ)
-        return refers(object->elements, reading->series, 0, true)
+        return refers(object->head.elements, reading->series, 0, true)
                    ? CTS_OK
                    : cts_fail(err, CTS_ERR_GEOMETRY,
                               "names none of the series' slices, each of which has a Frame of Reference of its own");
@@ -124,7 +124,7 @@ CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsLabelDi
         return check_named_series(reading, object, err);
     if (!strcmp(frame_uid, own))
         return CTS_OK;
-    if (!cts_label_refers(object->elements, reading->series))
+    if (!cts_label_refers(object->head.elements, reading->series))
         return cts_fail(err, CTS_ERR_GEOMETRY,
                         "its Frame of Reference %s is not the series' %s, and it names neither the series nor a slice "
                         "of it (labels of another scan?)",
