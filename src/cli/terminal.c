@@ -174,22 +174,25 @@ static void loaded(void *context)
     cli_interrupt_sets_stop();
 }
 
-static void output(void *context, int of_frame, const char *path, const char *format, uint64_t bytes)
+static CtsStatus output(void *context, int of_frame, const char *path, const char *format, uint64_t bytes,
+                        CtsError *err)
 {
-    (void)of_frame;
+    (void)of_frame, (void)err;
     CliWatch *cli = context;
     const bool later = cli->reported_later && !strcmp(path, cli->reported_later);
     const size_t n = strlen(cli->files);
     if (!later)
         cts_log_output(cli->log, path, format, bytes);
     snprintf(cli->files + n, sizeof cli->files - n, "%s%s", n ? ", " : "", later ? "standard output" : path);
+    return CTS_OK;
 }
 
 /* One line a picture: files, size, error and what was asked, time. Without files, those of a rotation's last frame hold
  * it. */
-static void frame(void *context, const CtsErrorBound *bound)
+static CtsStatus frame(void *context, const CtsErrorBound *bound, CtsError *err)
 {
     CliWatch *cli = context;
+    (void)err;
     const CtsRenderSettings *const s = &cli->job->render;
     const double now_ms = cts_wall_ms(), error = 255 * bound->rmse;
     const double asked = s->max_error > 0 ? s->max_error : CTS_DEFAULT_ERROR;
@@ -201,6 +204,7 @@ static void frame(void *context, const CtsErrorBound *bound)
              (now_ms - cli->picture_start_ms) / 1000);
     cli->picture_start_ms = now_ms;
     cli->files[0] = 0;
+    return CTS_OK;
 }
 
 CtsWatch cli_watch(CliWatch *cli)

@@ -28,17 +28,13 @@ typedef struct Unit {
     size_t n;
 } Unit;
 
-/* Place of a series' only slice. */
-typedef struct SinglePlace {
-    CtsSlicePlace place;
-    char series_uid[80];
-} SinglePlace;
-
 /* Slices of a series in a folder, met one after the other; in the end, series of a single slice. */
 typedef struct Stretch {
     uint64_t folder, study, series, sop; /* by their keys */
-    SinglePlace *place;                  /* owned; NULL: more than one slice */
-    int n_stacked;                       /* slices of the stack that it lies in; 0: in none */
+    uint64_t offset;                     /* of the first one's record, if it is recorded */
+    bool is_single;                      /* one slice, whose place is known: */
+    CtsSlicePlace place;
+    int n_stacked; /* slices of the stack that it lies in; 0: in none */
 } Stretch;
 
 struct CtsBatchPlan {
@@ -75,11 +71,11 @@ typedef struct File {
     const char *path, *name, *sop_uid;
 } File;
 
-static File file_of(const CtsBatchPlan *p, const Entry *entry)
+static File file_of(const CtsBatchPlan *p, uint64_t offset)
 {
     File file;
-    memcpy(&file.record, p->records + entry->offset, sizeof file.record);
-    file.path = p->records + entry->offset + sizeof file.record;
+    memcpy(&file.record, p->records + offset, sizeof file.record);
+    file.path = p->records + offset + sizeof file.record;
     file.name = file.path + strlen(file.path) + 1;
     file.sop_uid = file.name + strlen(file.name) + 1;
     return file;
@@ -164,35 +160,23 @@ static CtsStatus keep_record(CtsBatchPlan *p, const CtsArchiveFile *file, const 
                      : add_entry(&p->entries, &p->n_entries, entry, err);
 }
 
-static void drop_place(Stretch *single)
-{
-    free(single->place);
-    single->place = NULL;
-}
-
-/* Counts a slice of a series: one of one place and SOP UID stays single. */
-static CtsStatus add_slice(CtsBatchPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
+/* Counts a slice of a series, before it is recorded: one of one SOP UID stays single. */
+static CtsStatus add_slice(CtsBatchPlan *p, const CtsArchiveFile *file, uint64_t key, CtsError *err)
 {
     Stretch *const last = p->n_stretches ? &p->stretches[p->n_stretches - 1] : NULL;
     const uint64_t folder = folder_key(file->path), sop = cts_fnv(CTS_FNV, file->sop_uid, strlen(file->sop_uid));
     if (last && last->series == key && last->folder == folder) {
-        if (last->sop != sop)
-            drop_place(last);
+        last->is_single &= last->sop == sop;
         return CTS_OK;
     }
     const char *const study = file->study_uid ? file->study_uid : "";
-    const bool is_placed = file->place && study[0] && file->series_uid[0];
-    SinglePlace *const place = is_placed ? malloc(sizeof *place) : NULL;
-    if ((is_placed && !place) || cts_grow(&p->stretches, p->n_stretches, err)) {
-        free(place);
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for single slices");
-    }
-    if (place) {
-        place->place = *file->place;
-        snprintf(place->series_uid, sizeof place->series_uid, "%s", name);
-    }
-    p->stretches[p->n_stretches++] =
-        (Stretch){folder, cts_fnv(CTS_FNV, study, strlen(study)), key, sop, .place = place};
+    if (cts_grow(&p->stretches, p->n_stretches, err))
+        return err->status;
+    Stretch *const added = &p->stretches[p->n_stretches++];
+    *added = (Stretch){folder, cts_fnv(CTS_FNV, study, strlen(study)), key, sop, .offset = p->list_bytes};
+    added->is_single = file->place && study[0] && file->series_uid[0];
+    if (added->is_single)
+        added->place = *file->place;
     return CTS_OK;
 }
 
@@ -248,7 +232,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
         return plan_labels(p, file, err);
     if ((st = name_series(file, name, &key, err)) ||
         (file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
-        (st = add_slice(p, file, name, key, err)) ||
+        (st = add_slice(p, file, key, err)) ||
         (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
         return st;
     return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
@@ -284,7 +268,7 @@ static CtsStatus owner_of(const CtsBatchPlan *p, const Entry *unreadable, uint64
     for (const Stretch *s = found; s && s >= p->stretches && s->folder == wanted.folder; s--)
         *is_apart |= s->series != found->series;
     if (*is_apart)
-        return plan_key(file_of(p, unreadable).name, key, err);
+        return plan_key(file_of(p, unreadable->offset).name, key, err);
     *key = found->series;
     return CTS_OK;
 }
@@ -341,28 +325,29 @@ static void filter_singles(CtsBatchPlan *p)
         qsort(p->stretches, p->n_stretches, sizeof *p->stretches, by_study_and_series);
     for (size_t first = 0, end; first < p->n_stretches; first = end) {
         Stretch single = p->stretches[first];
-        bool several = !single.place;
-        for (end = first + 1; end < p->n_stretches && !by_study_and_series(&single, &p->stretches[end]); end++) {
-            several |= !p->stretches[end].place || p->stretches[end].sop != single.sop;
-            drop_place(&p->stretches[end]);
-        }
-        if (several)
-            drop_place(&single);
-        else
+        for (end = first + 1; end < p->n_stretches && !by_study_and_series(&single, &p->stretches[end]); end++)
+            single.is_single &= p->stretches[end].is_single && p->stretches[end].sop == single.sop;
+        if (single.is_single)
             p->stretches[n++] = single;
     }
     p->n_stretches = n;
 }
 
+/* The series' own UID, or one under the key. */
+static CtsStatus name_in_batch(const CtsBatchPlan *p, const char *own_uid, char uid[80], CtsError *err)
+{
+    snprintf(uid, 80, "%s", own_uid);
+    return p->key ? cts_uid_keyed(p->key, "series of a batch", own_uid, uid, err) : CTS_OK;
+}
+
 /* Names a stack by the first of its series, in the shard that has this series. */
 static CtsStatus note_stack(CtsBatchPlan *p, const Stretch *first, int n, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
+    CtsStatus st;
     char uid[80], text[300];
     if (!is_mine(p, first->series) || p->options->source.series_uid)
         return CTS_OK;
-    snprintf(uid, sizeof uid, "%s", first->place->series_uid);
-    if (p->key && (st = cts_uid_keyed(p->key, "series of a batch", first->place->series_uid, uid, err)))
+    if ((st = name_in_batch(p, file_of(p, first->offset).name, uid, err)))
         return st;
     snprintf(text, sizeof text, CTS_SINGLE_SLICES_TEXT, uid, n - 1, n);
     p->settings->listener.message(p->settings->listener.context, false, text);
@@ -376,7 +361,7 @@ static CtsStatus stack_study(CtsBatchPlan *p, Stretch *singles, size_t n, CtsErr
     int *stack = malloc(n * sizeof *stack), n_stacks = 0;
     CtsStatus st = places && stack ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory for single slices");
     for (size_t i = 0; i < n && !st; i++)
-        places[i] = singles[i].place->place;
+        places[i] = singles[i].place;
     if (!st)
         st = cts_single_slices_find(places, n, stack, &n_stacks, err);
     for (int k = 1; k <= n_stacks && !st; k++) {
@@ -411,8 +396,6 @@ static CtsStatus find_stacks(CtsBatchPlan *p, CtsError *err)
             end++;
         st = stack_study(p, p->stretches + first, end - first, err);
     }
-    for (size_t i = 0; i < p->n_stretches; i++)
-        drop_place(&p->stretches[i]);
     if (p->n_stretches)
         qsort(p->stretches, p->n_stretches, sizeof *p->stretches, by_series);
     return st;
@@ -495,8 +478,6 @@ void cts_plan_free(CtsBatchPlan **plan)
         fclose(p->list);
     free(p->entries);
     free(p->unreadable);
-    for (size_t i = 0; i < p->n_stretches; i++)
-        drop_place(&p->stretches[i]);
     free(p->stretches);
     free(p->units);
     for (size_t i = 0; i < p->n_label_files; i++) {
@@ -576,7 +557,7 @@ CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *ser
         goto end;
     }
     for (size_t k = 0; k < unit->n; k++)
-        files[k] = file_of(plan, &unit->first[k]);
+        files[k] = file_of(plan, unit->first[k].offset);
     size_t own = 0;
     while (own + 1 < unit->n && files[own].record.unreadable)
         own++;
@@ -585,8 +566,7 @@ CtsStatus cts_plan_series(const CtsBatchPlan *plan, size_t i, CtsPlanSeries *ser
         plan->n_stretches ? bsearch(&wanted, plan->stretches, plan->n_stretches, sizeof wanted, by_series) : NULL;
     series->n_stacked = single ? single->n_stacked : 0;
     snprintf(series->own_uid, sizeof series->own_uid, "%s", files[own].name);
-    snprintf(series->uid, sizeof series->uid, "%s", files[own].name);
-    if (plan->key && (st = cts_uid_keyed(plan->key, "series of a batch", series->own_uid, series->uid, err)))
+    if ((st = name_in_batch(plan, series->own_uid, series->uid, err)))
         goto end;
     if (cts_uid_is_valid(series->uid))
         snprintf(series->folder, sizeof series->folder, "%s", series->uid);

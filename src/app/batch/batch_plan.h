@@ -34,7 +34,7 @@ typedef struct CtsPlanFound {
 } CtsPlanFound;
 
 /* The list of files is kept below -O, in an unlinked file. key: series are named under it; NULL: named as they are.
- * Both belong to the caller and must outlive the plan. Memory: 16 to 32 bytes per file and about 100 per series. Each
+ * Both belong to the caller and must outlive the plan. Memory: 16 to 32 bytes per file and about 170 per series. Each
  * stack of single slices causes a note. Unreadable
  * files are reported with the only series in their folder; where it has none or several, they form one of their own.
  * Each folder that cannot be searched causes a warning, up to a dozen. */

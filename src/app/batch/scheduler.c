@@ -379,7 +379,12 @@ static bool start_next(Run *r)
         }
         const size_t left = r->found.n_series - r->next + (size_t)n_at_work;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
-        if (cts_worker_start(r->settings, r->journal, r->found.archives, threads_of_one(r, at_once), w, &err)) {
+        CtsWorkerProcess process = {.settings = r->settings,
+                                    .journal = r->journal,
+                                    .archives = r->found.archives,
+                                    .series = &w->series,
+                                    .n_threads = threads_of_one(r, at_once)};
+        if (cts_worker_fork(&process, cts_worker_render, w, &err)) {
             cts_plan_series_free(&w->series);
             give_up_batch(r, &err);
             return false;
@@ -403,7 +408,8 @@ static void start_sender(Run *r)
         return;
     const char *uid = json_string_value(json_array_get(r->to_send, r->next_to_send++));
     w->record = cts_journal_find(r->journal, uid, NULL);
-    const CtsStatus st = w->record ? cts_sender_start(r->settings, r->journal, w, &err)
+    CtsWorkerProcess process = {.settings = r->settings, .journal = r->journal, .record = w->record};
+    const CtsStatus st = w->record ? cts_worker_fork(&process, cts_worker_send, w, &err)
                                    : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its record in the journal is missing", uid);
     if (st) {
         json_decref(w->record);

@@ -6,6 +6,7 @@
 #include "app/batch/journal.h"
 #include "app/contact/contact_sheet.h"
 #include "output/report/info.h"
+#include "output/report/log.h"
 #include "output/report/redact.h"
 #include <jansson.h>
 #include <stdbool.h>
@@ -31,17 +32,28 @@ typedef struct CtsWorkerProcess {
     const CtsArchives *archives;
     const CtsPlanSeries *series; /* NULL where it only sends */
     int socket, n_threads;
-    double start_wall_ms, start_cpu_ms, waited_ms;
-    /* Of the current series, since the files may contain several: */
+    CtsNames names; /* of the series' files */
+    bool is_final;  /* a last record was sent */
+    double start_wall_ms, start_cpu_ms;
+    /* Of the current series, since the files may contain several; all 0 until it begins: */
     const CtsSeries *now;
     json_t *record, *known; /* known: the record of an earlier run of the same files */
-    CtsNames names;         /* of its files */
     char folder[96];
     CtsBatchPicture *pictures;
     int n_pictures, n_left;
-    size_t n_diagnostics; /* of the report that the line has */
-    bool is_final;        /* a last line was sent */
-    bool skipped;         /* the series has nothing to show */
+    const char **label_paths; /* of its study; n_label_paths, owned */
+    int n_label_paths;
+    CtsLoaded loaded;
+    bool is_loaded, skipped; /* the batch was notified that the volume is read; the series has nothing to show */
+    double waited_ms;        /* for the permission to render */
+    CtsReport report;
+    size_t n_diagnostics; /* of the report that the record has */
+    CtsLog *log;
+    CtsPrepared prepared; /* for pictures of one preset, and of one volume */
+    /* Of the current picture: */
+    const CtsBatchPicture *picture;
+    CtsThumbnail *thumb;
+    double error; /* the picture's rms limit, of its frames the largest; negative: not estimated */
 } CtsWorkerProcess;
 
 typedef enum CtsWorkerPhase {
@@ -68,9 +80,12 @@ typedef struct CtsWorker {
     size_t n_text, capacity;
 } CtsWorker;
 
-/* run is called in the new process, and does not return. Sets the worker's pid and socket, a non-blocking one. */
+/* Starts a process that runs cts_worker_render(), of its series, or cts_worker_send(), of the unsent captures of its
+ * record; neither returns. Sets the worker's pid and socket, a non-blocking one. */
 CtsStatus cts_worker_fork(CtsWorkerProcess *worker_process, void (*run)(CtsWorkerProcess *worker_process),
                           CtsWorker *worker, CtsError *err);
+void cts_worker_render(CtsWorkerProcess *worker_process);
+void cts_worker_send(CtsWorkerProcess *worker_process);
 /* Sends a message of this kind with the record. */
 CtsStatus cts_worker_send_record(const CtsWorkerProcess *worker_process, char kind, CtsError *err);
 
@@ -85,37 +100,26 @@ void cts_worker_set_status(json_t *record, int exit_code, const char *reason);
 /* The same, where the reason may name a file of the series. */
 void cts_worker_report_status(CtsWorkerProcess *worker_process, CtsStatus status, const char *reason);
 
-/* Starts a worker that renders its series with this many threads, or one that sends the unsent captures of its record.
- */
-CtsStatus cts_worker_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
-                           int n_threads, CtsWorker *worker, CtsError *err);
-CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, CtsWorker *worker, CtsError *err);
-
 /* Sequence of calls for a series: cts_worker_begin_series(), reading of the volume, cts_worker_loaded(), for each
  * picture its files and cts_worker_picture_done(), and cts_worker_end_series() with the result.
  * cts_worker_begin_series() determines the missing pictures; if there are none, because all are up to date or the
  * series cannot be rendered, cts_worker_end_series() follows. */
-CtsStatus cts_worker_begin_series(CtsWorkerProcess *worker_process, const CtsSeries *series, CtsError *err);
+CtsStatus cts_worker_begin_series(CtsWorkerProcess *worker_process, CtsError *err);
 /* True for a series that is no volume, whose image shows no patient's name, or may show it. */
 bool cts_worker_shows_image(const CtsWorkerProcess *worker_process);
 /* The volume is in memory: waits for the batch's permission to render. */
 CtsStatus cts_worker_loaded(CtsWorkerProcess *worker_process, const CtsPixelFacts *facts, CtsError *err);
-/* A file of a picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
-CtsStatus cts_worker_output(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture, const char *path,
-                            int frame, CtsError *err);
-/* error_255: limit of the picture's rms error; negative: not estimated. */
-CtsStatus cts_worker_thumbnail(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,
-                               const CtsThumbnailFile *file, double error_255, CtsError *err);
+/* A file of the picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
+CtsStatus cts_worker_output(CtsWorkerProcess *worker_process, const char *path, int frame, CtsError *err);
+CtsStatus cts_worker_thumbnail(CtsWorkerProcess *worker_process, const CtsThumbnailFile *file, CtsError *err);
 /* A picture of the card beside the thumbnails, by its kind: "sections", or "image" of a series that is no volume. */
 CtsStatus cts_worker_card_picture(CtsWorkerProcess *worker_process, const char *kind, const char *stem,
                                   const CtsThumbnailFile *file, CtsError *err);
-/* All files of a picture are complete and recorded from here on. The report contains its verification; its findings
+/* All files of the picture are complete and recorded from here on. The report contains its verification; its findings
  * from first_diagnostic on belong to the picture. */
-CtsStatus cts_worker_picture_done(CtsWorkerProcess *worker_process, const CtsBatchPicture *picture,
-                                  const CtsReport *report, size_t first_diagnostic, CtsError *err);
-/* The series has ended: status and why are the result of its rendering. */
-CtsStatus cts_worker_end_series(CtsWorkerProcess *worker_process, const CtsReport *report, CtsStatus status,
-                                const CtsError *why);
+CtsStatus cts_worker_picture_done(CtsWorkerProcess *worker_process, size_t first_diagnostic, CtsError *err);
+/* The series has ended: status and why are the result of its rendering. Frees what belongs to the record. */
+CtsStatus cts_worker_end_series(CtsWorkerProcess *worker_process, CtsStatus status, const CtsError *why);
 
 /* Calls take for each complete message, without the end of its line; false after the last one. */
 bool cts_worker_read(CtsWorker *worker, void (*take)(void *context, CtsWorker *worker, const char *message),

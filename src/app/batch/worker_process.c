@@ -178,8 +178,6 @@ static void free_pictures(CtsWorkerProcess *c)
         free((char *)p->thumb_stem);
     }
     free(c->pictures);
-    c->pictures = NULL;
-    c->n_pictures = c->n_left = 0;
 }
 
 /* The record to continue: that of an earlier run with the same files, or an empty one. */
@@ -337,14 +335,14 @@ bool cts_worker_shows_image(const CtsWorkerProcess *c)
     return c->now->passed && (!c->now->may_name || c->settings->options->show_patient);
 }
 
-CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, const CtsSeries *series, CtsError *err)
+CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, CtsError *err)
 {
+    const CtsSeries *const series = c->now;
     char uid[96];
     CtsStatus st;
     snprintf(uid, sizeof uid, series->part ? "%s#%d" : "%s", c->series->uid, series->part);
     snprintf(c->folder, sizeof c->folder, series->part ? "%s-%d" : "%s", c->series->folder, series->part);
     take_record(c, uid);
-    c->now = series;
     record_geometry(c, &(CtsPixelFacts){0});
     json_object_set(c->record, "modality", json_object_get(json_object_get(c->record, "geometry"), "modality"));
     if (series->passed) {
@@ -377,16 +375,15 @@ CtsStatus cts_worker_loaded(CtsWorkerProcess *c, const CtsPixelFacts *facts, Cts
 }
 
 /* Of the file PATH, or of PATH with a suffix behind it. */
-static json_t *new_entry(const CtsWorkerProcess *c, const CtsBatchPicture *picture, const char *path,
-                         const char *suffix)
+static json_t *new_entry(const CtsWorkerProcess *c, const char *path, const char *suffix)
 {
     const CtsBatchSettings *s = c->settings;
     const size_t n = strlen(s->options->output_dir) + 1;
     char hex[65] = "";
     const char *dot = strrchr(path, '.');
-    cts_journal_record_hash(s, picture, dot && !strcmp(dot, ".dcm"), hex, NULL);
+    cts_journal_record_hash(s, c->picture, dot && !strcmp(dot, ".dcm"), hex, NULL);
     return json_pack("{s:s+,s:s,s:s,s:s,s:s}", "path", path + n, suffix, "preset",
-                     s->lists->presets[picture->preset].name, "view", s->lists->views[picture->view].name,
+                     s->lists->presets[c->picture->preset].name, "view", s->lists->views[c->picture->view].name,
                      "settings_sha256", hex, "version", CTS_VERSION);
 }
 
@@ -399,10 +396,9 @@ static void add_in_order(json_t *list, json_t *entry)
     json_array_insert_new(list, i, entry);
 }
 
-CtsStatus cts_worker_output(CtsWorkerProcess *c, const CtsBatchPicture *picture, const char *path, int frame,
-                            CtsError *err)
+CtsStatus cts_worker_output(CtsWorkerProcess *c, const char *path, int frame, CtsError *err)
 {
-    json_t *entry = new_entry(c, picture, path, "");
+    json_t *entry = new_entry(c, path, "");
     const char *dot = strrchr(path, '.');
     if (frame >= 0)
         json_object_set_new(entry, "frame", json_integer(frame));
@@ -415,14 +411,13 @@ CtsStatus cts_worker_output(CtsWorkerProcess *c, const CtsBatchPicture *picture,
     return st;
 }
 
-CtsStatus cts_worker_thumbnail(CtsWorkerProcess *c, const CtsBatchPicture *picture, const CtsThumbnailFile *file,
-                               double error_255, CtsError *err)
+CtsStatus cts_worker_thumbnail(CtsWorkerProcess *c, const CtsThumbnailFile *file, CtsError *err)
 {
-    json_t *entry = new_entry(c, picture, picture->thumb_stem, file->suffix);
+    json_t *entry = new_entry(c, c->picture->thumb_stem, file->suffix);
     json_object_update_new(entry, json_pack("{s:i,s:I,s:i,s:i}", "frames", file->n_frames, "bytes",
                                             (json_int_t)file->bytes, "width", file->width, "height", file->height));
-    if (error_255 >= 0)
-        json_object_set_new(entry, "error_255", json_real(error_255));
+    if (c->error >= 0)
+        json_object_set_new(entry, "error_255", json_real(255 * c->error));
     return json_array_append_new(json_object_get(c->record, "thumbnails"), entry)
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
                : CTS_OK;
@@ -443,27 +438,27 @@ CtsStatus cts_worker_card_picture(CtsWorkerProcess *c, const char *kind, const c
 
 /* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL: of the series, which
  * the report has once each time that it is read. */
-static void report_diagnostics(CtsWorkerProcess *c, const CtsDiagnostics *diagnostics, size_t n, const char *preset)
+static void report_diagnostics(CtsWorkerProcess *c, size_t n, const char *preset)
 {
+    CtsDiagnostic *const items = c->report.diagnostics.items;
     for (; c->n_diagnostics < n; c->n_diagnostics++) {
-        const CtsDiagnostic *d = &diagnostics->items[c->n_diagnostics];
+        const CtsDiagnostic *d = &items[c->n_diagnostics];
         if (!cts_diagnostics_have(&c->now->diagnostics, d) &&
-            (preset || !cts_diagnostics_have(&(CtsDiagnostics){diagnostics->items, c->n_diagnostics}, d)))
+            (preset || !cts_diagnostics_have(&(CtsDiagnostics){items, c->n_diagnostics}, d)))
             cts_worker_add_diagnostic(c, d, preset);
     }
 }
 
 /* Syncs and records each picture, so that it remains if the process dies later. */
-CtsStatus cts_worker_picture_done(CtsWorkerProcess *c, const CtsBatchPicture *picture, const CtsReport *report,
-                                  size_t first_diagnostic, CtsError *err)
+CtsStatus cts_worker_picture_done(CtsWorkerProcess *c, size_t first_diagnostic, CtsError *err)
 {
     const CtsBatchSettings *s = c->settings;
-    const char *preset = s->lists->presets[picture->preset].name;
-    report_diagnostics(c, &report->diagnostics, first_diagnostic, NULL);
-    report_diagnostics(c, &report->diagnostics, report->diagnostics.n, preset);
-    if (report->verified.pixels) {
-        json_t *entry = json_pack("{s:s,s:s}", "preset", preset, "view", s->lists->views[picture->view].name);
-        json_t *error = cts_error_json(report);
+    const char *preset = s->lists->presets[c->picture->preset].name;
+    report_diagnostics(c, first_diagnostic, NULL);
+    report_diagnostics(c, c->report.diagnostics.n, preset);
+    if (c->report.verified.pixels) {
+        json_t *entry = json_pack("{s:s,s:s}", "preset", preset, "view", s->lists->views[c->picture->view].name);
+        json_t *error = cts_error_json(&c->report);
         json_object_update(entry, error);
         json_decref(error);
         if (!json_is_array(json_object_get(c->record, "errors")))
@@ -474,23 +469,23 @@ CtsStatus cts_worker_picture_done(CtsWorkerProcess *c, const CtsBatchPicture *pi
     return c->n_left > 0 ? cts_worker_send_record(c, CTS_WORKER_RECORD, err) : CTS_OK;
 }
 
-static void record_labels(CtsWorkerProcess *c, const CtsReport *report)
+static void record_labels(CtsWorkerProcess *c)
 {
-    json_t *labels = report->n_labels ? json_array() : NULL;
-    for (size_t i = 0; i < report->n_labels; i++)
-        json_array_append_new(labels, cts_label_json(&report->labels[i]));
+    json_t *labels = c->report.n_labels ? json_array() : NULL;
+    for (size_t i = 0; i < c->report.n_labels; i++)
+        json_array_append_new(labels, cts_label_json(&c->report.labels[i]));
     if (labels)
         json_object_set_new(c->record, "labels", labels);
 }
 
-static void record_times(CtsWorkerProcess *c, const CtsReport *report)
+static void record_times(CtsWorkerProcess *c)
 {
     json_t *stages = json_object();
     for (int s = 0; s < CTS_N_STAGES; s++)
-        if (report->stages[s].ran)
+        if (c->report.stages[s].ran)
             json_object_set_new(stages, cts_stage_names[s],
-                                json_pack("{s:f,s:f}", "wall_ms", round(report->stages[s].wall_ms * 1000) / 1000,
-                                          "cpu_ms", round(report->stages[s].cpu_ms * 1000) / 1000));
+                                json_pack("{s:f,s:f}", "wall_ms", round(c->report.stages[s].wall_ms * 1000) / 1000,
+                                          "cpu_ms", round(c->report.stages[s].cpu_ms * 1000) / 1000));
     json_object_update_new(c->record,
                            json_pack("{s:o,s:f,s:f,s:f,s:I,s:i}", "stages", stages, "wall_ms",
                                      round(cts_wall_ms() - c->start_wall_ms - c->waited_ms), "waited_ms",
@@ -527,36 +522,29 @@ static void keep_times(CtsWorkerProcess *c)
     json_decref(geometry);
 }
 
-CtsStatus cts_worker_end_series(CtsWorkerProcess *c, const CtsReport *report, CtsStatus status, const CtsError *why)
+CtsStatus cts_worker_end_series(CtsWorkerProcess *c, CtsStatus status, const CtsError *why)
 {
     CtsError err;
     CtsStatus st = CTS_OK;
     const bool is_up_to_date = !status && c->known && c->n_pictures == 0;
     /* An interrupted series keeps its last record. */
     if (status != CTS_ERR_INTERRUPTED) {
-        report_diagnostics(c, &report->diagnostics, report->diagnostics.n, NULL);
-        record_labels(c, report);
-        if (report->table.known)
-            json_object_set_new(c->record, "table", cts_table_json(&report->table));
-        record_times(c, report);
+        report_diagnostics(c, c->report.diagnostics.n, NULL);
+        record_labels(c);
+        if (c->report.table.known)
+            json_object_set_new(c->record, "table", cts_table_json(&c->report.table));
+        record_times(c);
         if (is_up_to_date)
             keep_times(c);
         else
             keep_diagnostics(c);
         cts_worker_report_status(c, status, status ? why->text : "");
-        if (status && (c->skipped || (c->now && c->now->passed && status == c->now->refusal)))
+        if (status && (c->skipped || (c->now->passed && status == c->now->refusal)))
             json_object_set_new(c->record, "status", json_string(c->skipped ? "skipped" : "thumbnail"));
         st = cts_worker_send_record(c, is_up_to_date ? CTS_WORKER_UP_TO_DATE : CTS_WORKER_LAST_RECORD, &err);
-        c->is_final = true;
     }
     json_decref(c->record);
     json_decref(c->known);
-    c->record = c->known = NULL;
     free_pictures(c);
-    c->start_wall_ms = cts_wall_ms();
-    c->start_cpu_ms = cts_cpu_ms();
-    c->waited_ms = 0;
-    c->n_diagnostics = 0;
-    c->skipped = false;
     return st;
 }

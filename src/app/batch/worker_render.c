@@ -14,25 +14,6 @@
 #include <string.h>
 #include <unistd.h>
 
-/* The series being rendered. */
-typedef struct Work {
-    CtsWorkerProcess *worker_process;
-    const CtsBatchSettings *settings;
-    CtsLoaded loaded;
-    const char **label_paths; /* of its study; n_label_paths, owned */
-    int n_label_paths;
-    bool reported; /* the batch was notified that the volume is read */
-    CtsReport report;
-    CtsLog *log;
-    CtsPrepared prepared; /* for pictures of one preset, and of one volume */
-    /* One picture: */
-    const CtsBatchPicture *picture;
-    CtsThumbnail *thumb;
-    CtsStatus status;
-    CtsError err; /* failure of the recording, reported in place of the job's status */
-    double error; /* the picture's rms limit, of its frames the largest; negative: not estimated */
-} Work;
-
 static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
 {
     CtsJob job = cts_options_job(s->options);
@@ -71,113 +52,102 @@ CtsStatus cts_batch_check(const CtsBatchSettings *s, CtsReport *report, CtsError
     return st;
 }
 
-static void keep_status(Work *w, CtsStatus status, const CtsError *why)
+static CtsStatus on_band(void *context, int frame, CtsPicture *band, CtsError *err)
 {
-    if (status && !w->status) {
-        w->status = status;
-        w->err = *why;
-    }
-}
-
-static void on_band(void *context, int frame, CtsPicture *band)
-{
-    Work *const w = context;
-    CtsError err = {0};
+    CtsWorkerProcess *const c = context;
     CtsStatus st = CTS_OK;
-    const int n_frames = w->settings->options->rotation ? w->settings->options->rotation : 1;
-    if (w->status)
-        return;
+    const int n_frames = c->settings->options->rotation ? c->settings->options->rotation : 1;
     if (frame == 0 && band->first_row == 0)
-        st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, CTS_THUMBNAIL_SIDE, band, n_frames, &err);
-    if (!st)
-        st = cts_thumbnail_rows(w->thumb, band, &err);
-    keep_status(w, st, &err);
+        st = cts_thumbnail_begin(&c->thumb, c->picture->thumb_stem, CTS_THUMBNAIL_SIDE, band, n_frames, err);
+    return st ? st : cts_thumbnail_rows(c->thumb, band, err);
 }
 
-static void on_output(void *context, int frame, const char *path, const char *format, uint64_t bytes)
+static CtsStatus on_output(void *context, int frame, const char *path, const char *format, uint64_t bytes,
+                           CtsError *err)
 {
-    Work *const w = context;
-    CtsError err = {0};
-    cts_log_output(w->log, path, format, bytes);
-    keep_status(w, cts_worker_output(w->worker_process, w->picture, path, frame, &err), &err);
+    CtsWorkerProcess *const c = context;
+    cts_log_output(c->log, path, format, bytes);
+    return cts_worker_output(c, path, frame, err);
 }
 
-static void on_frame(void *context, const CtsErrorBound *bound)
+static CtsStatus on_frame(void *context, const CtsErrorBound *bound, CtsError *err)
 {
-    Work *const w = context;
-    w->error = bound->known ? fmax(w->error, bound->rmse) : -1;
+    CtsWorkerProcess *const c = context;
+    (void)err;
+    c->error = bound->known ? fmax(c->error, bound->rmse) : -1;
+    return CTS_OK;
 }
 
-static CtsStatus end_thumb(Work *w, CtsError *err)
+static CtsStatus end_thumb(CtsWorkerProcess *c, CtsError *err)
 {
     CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
     int n_files = 0;
-    CtsStatus st = w->thumb ? cts_thumbnail_end(&w->thumb, files, &n_files, err) : CTS_OK;
+    CtsStatus st = c->thumb ? cts_thumbnail_end(&c->thumb, files, &n_files, err) : CTS_OK;
     for (int i = 0; i < n_files && !st; i++)
-        st = cts_worker_thumbnail(w->worker_process, w->picture, &files[i], 255 * w->error, err);
+        st = cts_worker_thumbnail(c, &files[i], err);
     return st;
 }
 
 /* A picture of the card, beside the thumbnails. */
-static CtsStatus save_card_picture(Work *w, const CtsPicture *picture, const char *kind, CtsError *err)
+static CtsStatus save_card_picture(CtsWorkerProcess *c, const CtsPicture *picture, const char *kind, CtsError *err)
 {
     CtsThumbnail *thumb = NULL;
     CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
     int n_files = 0;
     char *stem;
-    if (asprintf(&stem, "%s/%s/thumbs/%s", w->settings->options->output_dir, w->worker_process->folder, kind) < 0)
+    if (asprintf(&stem, "%s/%s/thumbs/%s", c->settings->options->output_dir, c->folder, kind) < 0)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CtsStatus st = cts_thumbnail_begin(&thumb, stem, picture->width, picture, 1, err);
     if (!st && !(st = cts_thumbnail_rows(thumb, picture, err)))
         st = cts_thumbnail_end(&thumb, files, &n_files, err);
     if (!st)
-        st = cts_worker_card_picture(w->worker_process, kind, stem, &files[0], err);
+        st = cts_worker_card_picture(c, kind, stem, &files[0], err);
     cts_thumbnail_discard(&thumb);
     free(stem);
     return st;
 }
 
 /* Three sections, with the labels' outlines, while the slices are there. */
-static CtsStatus draw_sections(Work *w, CtsError *err)
+static CtsStatus draw_sections(CtsWorkerProcess *c, CtsError *err)
 {
     CtsPicture *picture = NULL;
-    CtsStatus st = cts_card_sections(w->loaded.scanned, w->loaded.labels, &picture, err);
+    CtsStatus st = cts_card_sections(c->loaded.scanned, c->loaded.labels, &picture, err);
     if (!st)
-        st = save_card_picture(w, picture, "sections", err);
+        st = save_card_picture(c, picture, "sections", err);
     cts_picture_free(&picture);
     return st;
 }
 
 /* The image of a series that is no volume. One that cannot be shown is a finding, since nothing was asked of it. */
-static CtsStatus draw_image(Work *w, CtsError *err)
+static CtsStatus draw_image(CtsWorkerProcess *c, CtsError *err)
 {
     CtsPicture *picture = NULL;
-    const CtsSeries *const s = w->loaded.series;
+    const CtsSeries *const s = c->loaded.series;
     CtsStatus st = cts_slice_picture(s->slices[s->n_slices / 2], CTS_THUMBNAIL_SIDE, CTS_THUMBNAIL_SIDE, &picture, err);
     if (!st)
-        st = save_card_picture(w, picture, "image", err);
+        st = save_card_picture(c, picture, "image", err);
     cts_picture_free(&picture);
     if (st != CTS_ERR_PIXELS && st != CTS_ERR_READ)
         return st;
-    cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_PIXELS_REFUSED, "no thumbnail: %s", err->text);
+    cts_report_diagnostic(&c->report, CTS_DIAGNOSTIC_PIXELS_REFUSED, "no thumbnail: %s", err->text);
     return CTS_OK;
 }
 
 /* Some series of an archive lack an organ: they show the labels that they have, and are skipped where they have none.
  */
-static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
+static CtsStatus check_shown(CtsWorkerProcess *c, const CtsSource *source, CtsError *err)
 {
     const char *const show = source->choice.show;
     char *lacking = NULL;
     bool any;
-    if (!show || !w->loaded.labels)
+    if (!show || !c->loaded.labels)
         return CTS_OK;
-    CtsStatus st = cts_labels_lacking(w->loaded.labels, show, &lacking, &any, err);
+    CtsStatus st = cts_labels_lacking(c->loaded.labels, show, &lacking, &any, err);
     if (!st && !any) {
-        w->worker_process->skipped = true;
+        c->skipped = true;
         st = cts_fail(err, CTS_ERR_PIXELS, "`show`: it has no label %s", lacking);
     } else if (!st && *lacking) {
-        cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_LABELS_LACKING,
+        cts_report_diagnostic(&c->report, CTS_DIAGNOSTIC_LABELS_LACKING,
                               "`show`: no label is called %s; the others are shown", lacking);
     }
     free(lacking);
@@ -185,41 +155,36 @@ static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
 }
 
 /* Reads labels and slices, once for all pictures. */
-static CtsStatus load_series_slices(Work *w, const CtsSource *source, CtsError *err)
+static CtsStatus load_series_slices(CtsWorkerProcess *c, const CtsSource *source, CtsError *err)
 {
-    if (w->reported)
+    if (c->is_loaded)
         return CTS_OK;
-    const CtsStageTimer meter = cts_stage_timer_start(&w->report);
-    CtsStatus st = cts_source_labels(source, &w->loaded, &w->report, err);
-    if (!st && !(st = check_shown(w, source, err)))
-        st = cts_source_read(source, &w->loaded, &w->report, err);
-    cts_stage_timer_stop(meter, &w->report, CTS_STAGE_DECODE);
+    const CtsStageTimer meter = cts_stage_timer_start(&c->report);
+    CtsStatus st = cts_source_labels(source, &c->loaded, &c->report, err);
+    if (!st && !(st = check_shown(c, source, err)))
+        st = cts_source_read(source, &c->loaded, &c->report, err);
+    cts_stage_timer_stop(meter, &c->report, CTS_STAGE_DECODE);
     if (st)
         return st;
     CtsPixelFacts facts = {0};
-    cts_pixel_facts(&facts, w->loaded.scanned->even);
-    w->reported = true;
-    st = cts_worker_loaded(w->worker_process, &facts, err);
-    return st || w->settings->options->no_sections ? st : draw_sections(w, err);
+    cts_pixel_facts(&facts, c->loaded.scanned->even);
+    c->is_loaded = true;
+    st = cts_worker_loaded(c, &facts, err);
+    return st || c->settings->options->no_sections ? st : draw_sections(c, err);
 }
 
 /* last: no other volume is needed. */
-static CtsStatus render_picture(Work *w, const CtsJob *job, bool last, CtsError *err)
+static CtsStatus render_picture(CtsWorkerProcess *c, const CtsJob *job, bool last, CtsError *err)
 {
-    const CtsWatch watch = {.context = w, .band = on_band, .output = on_output, .frame = on_frame};
-    const size_t first_diagnostic = w->report.diagnostics.n;
-    w->status = CTS_OK;
-    w->error = 0;
-    w->report.verified = (CtsVerified){0};
-    cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
-    CtsStatus st = cts_job_show(job, last, &w->loaded, &w->prepared, &watch, &w->report, err);
-    if (!st && w->status) {
-        *err = w->err;
-        st = w->status;
-    }
-    if (!st && !(st = end_thumb(w, err)))
-        st = cts_worker_picture_done(w->worker_process, w->picture, &w->report, first_diagnostic, err);
-    cts_thumbnail_discard(&w->thumb);
+    const CtsWatch watch = {.context = c, .band = on_band, .output = on_output, .frame = on_frame};
+    const size_t first_diagnostic = c->report.diagnostics.n;
+    c->error = 0;
+    c->report.verified = (CtsVerified){0};
+    cts_log_picture(c->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
+    CtsStatus st = cts_job_show(job, last, &c->loaded, &c->prepared, &watch, &c->report, err);
+    if (!st && !(st = end_thumb(c, err)))
+        st = cts_worker_picture_done(c, first_diagnostic, err);
+    cts_thumbnail_discard(&c->thumb);
     return st;
 }
 
@@ -232,99 +197,99 @@ static VolumeKind volume_kind(const CtsJob *job)
     return job->montage ? OF_MONTAGE : !source->remove_table ? WITH_TABLE : source->crops_air ? CROPPED : WITH_AIR;
 }
 
-static CtsStatus render_pictures(Work *w, CtsError *err)
+static CtsStatus render_pictures(CtsWorkerProcess *c, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const CtsBatchPicture *const pictures = w->worker_process->pictures;
-    const int n = w->worker_process->n_pictures;
+    const CtsBatchPicture *const pictures = c->pictures;
+    const int n = c->n_pictures;
     VolumeKind last = OF_MONTAGE;
     bool inside = false;
     for (int i = 0; i < n; i++) {
-        const CtsJob job = job_of(w->settings, &pictures[i]);
+        const CtsJob job = job_of(c->settings, &pictures[i]);
         last = volume_kind(&job) > last ? volume_kind(&job) : last;
         inside |= cts_job_finds_body(&job);
     }
     for (VolumeKind kind = OF_MONTAGE; kind < N_VOLUME_KINDS; kind++)
         for (int i = 0; i < n && !st; i++) {
-            CtsJob job = job_of(w->settings, &pictures[i]);
+            CtsJob job = job_of(c->settings, &pictures[i]);
             if (volume_kind(&job) != kind)
                 continue;
-            job.source.n_threads = job.render.n_threads = w->worker_process->n_threads;
-            job.source.paths = w->label_paths;
-            job.source.n_paths = w->n_label_paths;
+            job.source.n_threads = job.render.n_threads = c->n_threads;
+            job.source.paths = c->label_paths;
+            job.source.n_paths = c->n_label_paths;
             job.source.labels_listed = true;
             job.source.without_body = !inside;
-            job.source.archives = w->worker_process->archives;
-            w->picture = &pictures[i];
+            job.source.archives = c->archives;
+            c->picture = &pictures[i];
             /* The volume first: its findings are not those of a preset. */
-            if (!(st = load_series_slices(w, &job.source, err)) &&
-                (job.montage || !(st = cts_job_volume(&job, kind == last, &w->loaded, &w->prepared, &w->report, err))))
-                st = render_picture(w, &job, kind == last, err);
+            if (!(st = load_series_slices(c, &job.source, err)) &&
+                (job.montage || !(st = cts_job_volume(&job, kind == last, &c->loaded, &c->prepared, &c->report, err))))
+                st = render_picture(c, &job, kind == last, err);
         }
-    cts_prepared_free(&w->prepared);
+    cts_prepared_free(&c->prepared);
     return st;
 }
 
 /* Label files of the series' study, so that a batch opens each about once. */
-static CtsStatus list_label_files(Work *w, CtsError *err)
+static CtsStatus list_label_files(CtsWorkerProcess *c, CtsError *err)
 {
-    const CtsPlanSeries *const s = w->worker_process->series;
-    w->label_paths = calloc(s->n_label_files + 1, sizeof *w->label_paths);
-    if (!w->label_paths)
+    const CtsPlanSeries *const s = c->series;
+    c->label_paths = calloc(s->n_label_files + 1, sizeof *c->label_paths);
+    if (!c->label_paths)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (size_t i = 0; i < s->n_label_files; i++) {
         const CtsBatchLabelFile *const f = &s->label_files[i];
-        if (!strcmp(f->study_uid, w->loaded.series->study_uid))
-            w->label_paths[w->n_label_paths++] = f->path;
+        if (!strcmp(f->study_uid, c->loaded.series->study_uid))
+            c->label_paths[c->n_label_paths++] = f->path;
     }
     return CTS_OK;
 }
 
-static CtsStatus render_series(Work *w)
+static CtsStatus render_series(CtsWorkerProcess *c)
 {
     CtsError err = {0}, log_err;
-    const CtsOptions *const o = w->settings->options;
-    const CtsPlanSeries *const s = w->worker_process->series;
+    const CtsOptions *const o = c->settings->options;
+    const CtsPlanSeries *const s = c->series;
     const double start_ms = cts_wall_ms();
     if (s->n_stacked) /* with slices of other series, which this process does not see */
-        cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, s->own_uid,
+        cts_report_diagnostic(&c->report, CTS_DIAGNOSTIC_SINGLE_SLICES, CTS_SINGLE_SLICES_TEXT, s->own_uid,
                               s->n_stacked - 1, s->n_stacked);
-    CtsStatus st = cts_worker_begin_series(w->worker_process, w->loaded.series, &err);
+    CtsStatus st = cts_worker_begin_series(c, &err);
     if (!st)
-        st = list_label_files(w, &err);
+        st = list_label_files(c, &err);
     const char *const modalities = cts_options_given(o, "modality");
-    if (!st && modalities && !cts_text_lists(modalities, w->loaded.series->modality)) {
-        w->worker_process->skipped = true;
-        st = cts_fail(&err, CTS_ERR_NO_SERIES, "is of modality %s, and not of %s", w->loaded.series->modality,
+    if (!st && modalities && !cts_text_lists(modalities, c->loaded.series->modality)) {
+        c->skipped = true;
+        st = cts_fail(&err, CTS_ERR_NO_SERIES, "is of modality %s, and not of %s", c->loaded.series->modality,
                       modalities);
     }
-    const bool is_shown = !st && cts_worker_shows_image(w->worker_process);
+    const bool is_shown = !st && cts_worker_shows_image(c);
     if (is_shown)
-        st = draw_image(w, &err);
-    if (!st && !w->loaded.series->renderable)
-        st = cts_fail(&err, w->loaded.series->refusal, "%s%s", w->loaded.series->reason,
-                      is_shown || !w->loaded.series->passed ? ""
+        st = draw_image(c, &err);
+    if (!st && !c->loaded.series->renderable)
+        st = cts_fail(&err, c->loaded.series->refusal, "%s%s", c->loaded.series->reason,
+                      is_shown || !c->loaded.series->passed ? ""
                                                             : "; its pixels may show the patient's name, so it is not "
                                                               "shown (`show-patient` shows it)");
-    if (!st && !(st = cts_log_open(&w->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
+    if (!st && !(st = cts_log_open(&c->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
         char command[512] = "batch";
         cts_options_command(o, command + strlen(command), sizeof command - strlen(command));
-        cts_log_run(w->log, command, w->loaded.series->uid);
+        cts_log_run(c->log, command, c->loaded.series->uid);
         if (!o->show_paths)
-            cts_log_without_names(w->log, &w->worker_process->names);
-        st = render_pictures(w, &err);
+            cts_log_without_names(c->log, &c->names);
+        st = render_pictures(c, &err);
     }
-    cts_loaded_free(&w->loaded);
-    free(w->label_paths);
-    cts_log_report(w->log, &w->report);
+    cts_loaded_free(&c->loaded);
+    free(c->label_paths);
+    cts_log_report(c->log, &c->report);
     if (st)
-        cts_log_failed(w->log, cts_exit_code(st), err.text);
+        cts_log_failed(c->log, cts_exit_code(st), err.text);
     else
-        cts_log_done(w->log, w->worker_process->n_threads);
-    if (cts_log_close(&w->log, &log_err))
-        cts_report_diagnostic(&w->report, CTS_DIAGNOSTIC_LOG_LOST, "the log is incomplete: %s", log_err.text);
-    const CtsStatus reported = cts_worker_end_series(w->worker_process, &w->report, st, &err);
-    cts_report_free(&w->report);
+        cts_log_done(c->log, c->n_threads);
+    if (cts_log_close(&c->log, &log_err))
+        cts_report_diagnostic(&c->report, CTS_DIAGNOSTIC_LOG_LOST, "the log is incomplete: %s", log_err.text);
+    const CtsStatus reported = cts_worker_end_series(c, st, &err);
+    cts_report_free(&c->report);
     return reported ? reported : st == CTS_ERR_INTERRUPTED ? st : CTS_OK;
 }
 
@@ -342,21 +307,25 @@ static CtsStatus render_all(CtsWorkerProcess *c, CtsError *err)
                                     .numbers = s->numbers};
     CtsStatus st = cts_series_search(&search, &list, &scan, err);
     for (size_t i = 0; !st && i < list->n; i++) {
-        Work work = {.worker_process = c, .settings = c->settings, .loaded.series = &list->items[i]};
-        for (size_t f = 0; f < list->diagnostics.n; f++)
-            cts_report_diagnostic(&work.report, list->diagnostics.items[f].id, "%s", list->diagnostics.items[f].text);
-        if (strcmp(work.loaded.series->uid, s->own_uid) && work.loaded.series->uid[0])
+        CtsWorkerProcess one = *c;
+        one.now = one.loaded.series = &list->items[i];
+        if (strcmp(one.now->uid, s->own_uid) && one.now->uid[0])
             continue;
-        work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
+        for (size_t f = 0; f < list->diagnostics.n; f++)
+            cts_report_diagnostic(&one.report, list->diagnostics.items[f].id, "%s", list->diagnostics.items[f].text);
+        one.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
         scan.stages[CTS_STAGE_SCAN] = (CtsStageTime){0}; /* the first one's */
-        st = render_series(&work);
+        st = render_series(&one);
+        c->is_final = true;
+        c->start_wall_ms = cts_wall_ms();
+        c->start_cpu_ms = cts_cpu_ms();
     }
     cts_report_free(&scan);
     cts_series_list_free(&list);
     return st;
 }
 
-static void run_series(CtsWorkerProcess *c)
+void cts_worker_render(CtsWorkerProcess *c)
 {
     CtsError err = {0};
     for (int i = 0; i < c->series->n_paths; i++)
@@ -369,17 +338,6 @@ static void run_series(CtsWorkerProcess *c)
     }
     fflush(NULL);
     _exit(st == CTS_ERR_INTERRUPTED ? 130 : st == CTS_ERR_MEMORY ? CTS_WORKER_NO_MEMORY : 0);
-}
-
-CtsStatus cts_worker_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
-                           int n_threads, CtsWorker *worker, CtsError *err)
-{
-    CtsWorkerProcess worker_process = {.settings = settings,
-                                       .journal = journal,
-                                       .archives = archives,
-                                       .series = &worker->series,
-                                       .n_threads = n_threads};
-    return cts_worker_fork(&worker_process, run_series, worker, err);
 }
 
 /* Paths of the captures that are to be sent, in the order of the line's entries; each and the list to be freed. */
@@ -422,7 +380,7 @@ static void on_sent(void *context, const char *sent)
     cts_worker_send_record(c, CTS_WORKER_RECORD, NULL);
 }
 
-static void run_sender(CtsWorkerProcess *c)
+void cts_worker_send(CtsWorkerProcess *c)
 {
     CtsError err = {0};
     char **paths;
@@ -444,10 +402,4 @@ static void run_sender(CtsWorkerProcess *c)
     cts_worker_set_status(c->record, cts_exit_code(st), st ? err.text : "");
     cts_worker_send_record(c, CTS_WORKER_LAST_RECORD, NULL);
     _exit(0);
-}
-
-CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, CtsWorker *worker, CtsError *err)
-{
-    CtsWorkerProcess worker_process = {.settings = settings, .journal = journal, .record = worker->record};
-    return cts_worker_fork(&worker_process, run_sender, worker, err);
 }

@@ -55,9 +55,7 @@ typedef struct MontageWork {
     const CtsWatch *watch;
     CtsReport *report;
     TilePicture *tiles;
-    int number, n_done; /* the tile being rendered; tiles that are done */
-    CtsStatus status;   /* of taking its bands, with err */
-    CtsError err;
+    int number, n_done;   /* the tile being rendered; tiles that are done */
     CtsVerified verified; /* of all tiles so far */
     CtsErrorBound bound;  /* likewise, of n_bounds tiles; its rms are sums of squares */
     int n_bounds;
@@ -93,12 +91,11 @@ static CtsJob job_of_group(const MontageWork *a, int group)
     return job;
 }
 
-static void take_tile_band(void *context, int frame, CtsPicture *band)
+static CtsStatus take_tile_band(void *context, int frame, CtsPicture *band, CtsError *err)
 {
     MontageWork *const a = context;
     (void)frame;
-    if (!a->status)
-        a->status = cts_picture_add_band(&a->tiles[a->number].picture, band, &a->err);
+    return cts_picture_add_band(&a->tiles[a->number].picture, band, err);
 }
 
 /* Adds the errors of the tile; all tiles have the same area. */
@@ -130,10 +127,6 @@ static CtsStatus render_tile(MontageWork *a, const CtsJob *job, CtsError *err)
     CtsStatus st = cts_job_prepare(job, &a->loaded->model, a->prepared, a->report, err);
     if (!st)
         st = cts_job_pictures(job, a->loaded, a->prepared, &watch, a->report, err);
-    if (!st && a->status) {
-        *err = a->err;
-        st = a->status;
-    }
     add_errors(a);
     a->n_done++;
     cts_watch_diagnostics(a->watch, a->report);
@@ -286,11 +279,11 @@ static CtsStatus write_montage(MontageWork *a, CtsFiles *files, CtsError *err)
         whole->info.annotated = true;
     }
     if (!st && a->watch->band)
-        a->watch->band(a->watch->context, 0, whole);
+        st = a->watch->band(a->watch->context, 0, whole, err);
     if (!st && !(st = cts_files_rows(files, 0, whole, true, a->report, err)))
         st = cts_files_frame_done(files, 0, a->report, err);
     if (!st && a->watch->frame)
-        a->watch->frame(a->watch->context, &a->report->bound);
+        st = a->watch->frame(a->watch->context, &a->report->bound, err);
     cts_picture_free(&whole);
     return st;
 }

@@ -165,10 +165,11 @@ static CtsStatus end_output(CtsFiles *files, int output, int frame, CtsError *er
     uint64_t bytes;
     const OutputName name = name_of_frame(files->outputs, output, frame);
     const CtsStatus st = cts_export_end(&files->exports[output], &bytes, err);
-    if (!st && files->watch->output)
-        files->watch->output(files->watch->context, files->outputs->rotation && !holds_frames(name.text) ? frame : -1,
-                             name.text, cts_export_format(name.text)->name, bytes);
-    return st;
+    if (st || !files->watch->output)
+        return st;
+    return files->watch->output(files->watch->context,
+                                files->outputs->rotation && !holds_frames(name.text) ? frame : -1, name.text,
+                                cts_export_format(name.text)->name, bytes, err);
 }
 
 CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err)

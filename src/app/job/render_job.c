@@ -193,7 +193,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     if (!st && job->annotate.captions)
         st = cts_marks_caption(cts_job_caption(job, &band->info).text, 1, band, first, err);
     if (!st && frame->files->watch->band)
-        frame->files->watch->band(frame->files->watch->context, frame->number, band);
+        st = frame->files->watch->band(frame->files->watch->context, frame->number, band, err);
     if (!st && !(st = stopped(job, err)))
         st = cts_files_rows(frame->files, frame->number, band, true, frame->report, err);
     const double done = (double)(band->first_row + band->height) / band->whole_height;
@@ -315,7 +315,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsModel *model, CtsRend
             report->verified = pooled;
         st = cts_files_frame_done(files, frame.number, report, err);
         if (!st && files->watch->frame)
-            files->watch->frame(files->watch->context, &report->bound);
+            st = files->watch->frame(files->watch->context, &report->bound, err);
         add_bound(&bound, &report->bound);
     }
     for (int i = 0; kept && i < n_frames; i++)

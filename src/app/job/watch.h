@@ -1,4 +1,4 @@
-/* Callbacks for the progress of a job. Each may be NULL; none can fail the job. */
+/* Callbacks for the progress and the results of a job. Each may be NULL; a status that one returns is the job's. */
 #pragma once
 
 #include "ctsplat/picture.h"
@@ -18,11 +18,11 @@ typedef struct CtsWatch {
     /* The volume is read: from here on the job checks its settings' stop flag. */
     void (*loaded)(void *context);
     /* Rows of a frame as they are written. In a job without outputs the callback may take the band's contents. */
-    void (*band)(void *context, int frame, CtsPicture *band);
+    CtsStatus (*band)(void *context, int frame, CtsPicture *band, CtsError *err);
     /* A file is complete. frame: of a rotation with a file for each, else -1. */
-    void (*output)(void *context, int frame, const char *path, const char *format, uint64_t bytes);
+    CtsStatus (*output)(void *context, int frame, const char *path, const char *format, uint64_t bytes, CtsError *err);
     /* A frame is complete, with the files that end with it; bound: of its error. */
-    void (*frame)(void *context, const CtsErrorBound *bound);
+    CtsStatus (*frame)(void *context, const CtsErrorBound *bound, CtsError *err);
 } CtsWatch;
 
 static inline void cts_watch_step(const CtsWatch *watch, double done, int all, const char *what)

@@ -13,39 +13,34 @@ typedef struct Whole {
     bool alone; /* the bands have no other receiver */
     CtsPicture *picture;
     int frame; /* its number */
-    CtsStatus status;
-    CtsError err;
 } Whole;
 
-static CtsStatus take_over(Whole *w, CtsPicture *band)
+static CtsStatus take_over(Whole *w, CtsPicture *band, CtsError *err)
 {
     if (!(w->picture = malloc(sizeof *w->picture)))
-        return cts_fail(&w->err, CTS_ERR_MEMORY, "out of memory");
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     *w->picture = *band;
     w->picture->bound = NULL;
     band->pixels = band->depth_mm = NULL;
     return CTS_OK;
 }
 
-static void take_band(void *context, int frame, CtsPicture *band)
+static CtsStatus take_band(void *context, int frame, CtsPicture *band, CtsError *err)
 {
     Whole *const w = context;
     w->frame = frame;
-    if (!w->status)
-        w->status = w->alone && band->height == band->whole_height ? take_over(w, band)
-                                                                   : cts_picture_add_band(&w->picture, band, &w->err);
+    return w->alone && band->height == band->whole_height ? take_over(w, band, err)
+                                                          : cts_picture_add_band(&w->picture, band, err);
 }
 
 /* Passed on when its error is known, too. */
-static void pass_picture(void *context, const CtsErrorBound *bound)
+static CtsStatus pass_picture(void *context, const CtsErrorBound *bound, CtsError *err)
 {
     Whole *const w = context;
     CtsPicture *const whole = w->picture;
     (void)bound;
-    if (w->status || !whole)
-        return;
     w->picture = NULL;
-    w->status = w->take(w->context, w->frame, whole, &w->err);
+    return whole ? w->take(w->context, w->frame, whole, err) : CTS_OK;
 }
 
 static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, CtsError *err)
@@ -92,10 +87,6 @@ static CtsStatus run_options(CtsSession *session, const CtsOptions *options, Who
     if (!st)
         st = session ? run_loaded(session, options, &preset, &job, &watch, report, err)
                      : cts_options_run_job(options, &preset, &job, &watch, report, err);
-    if (!st && whole && whole->status) {
-        *err = whole->err;
-        st = whole->status;
-    }
     return st ? st : cts_options_send(options, report, err);
 }
 

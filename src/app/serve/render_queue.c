@@ -41,14 +41,16 @@ static void unlink_request(CtsServer *server, CtsRenderRequest *render_request)
     cts_series_cache_sweep(&server->cache);
 }
 
-static void take_info(void *context, int frame, CtsPicture *band)
+static CtsStatus take_info(void *context, int frame, CtsPicture *band, CtsError *err)
 {
     CtsRenderRequest *const r = context;
+    (void)err;
     if (frame == 0)
         r->info = band->info;
     /* The picture's description is complete with its first rows. */
     r->has_info = true;
     r->stop |= r->render_query.metadata;
+    return CTS_OK;
 }
 
 static CtsStatus render_with(CtsRenderRequest *r, const CtsProcessedVolume *processed, CtsCachedRenderer *renderer,
