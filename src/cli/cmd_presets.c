@@ -20,15 +20,10 @@ static CtsStatus add_preset(CtsTable *table, json_t *list, const CtsPreset *p, b
 {
     if (list)
         return append_preset(list, p, err);
-    cts_table_cell(table, "%s", p->name);
-    cts_table_cell(table, "%s", cts_mode_names[p->mode]);
-    cts_table_cell(table, "%s", p->modality == CTS_ANY_MODALITY ? "" : cts_modality_names[p->modality]);
-    cts_table_cell(table, "%s", cts_scale_names[p->scale]);
-    cts_table_cell(table, "%g", p->window_low_hu);
-    cts_table_cell(table, "%g", p->window_high_hu);
-    cts_table_cell(table, "%s", p->shade ? "lit" : "unlit");
-    cts_table_cell(table, "%s", p->remove_table ? "removed" : "kept");
-    cts_table_cell(table, "%s", own ? "yours" : "built in");
+    cts_table_row(table, "%s\t%s\t%s\t%s\t%g\t%g\t%s\t%s\t%s", p->name, cts_mode_names[p->mode],
+                  p->modality == CTS_ANY_MODALITY ? "" : cts_modality_names[p->modality], cts_scale_names[p->scale],
+                  p->window_low_hu, p->window_high_hu, p->shade ? "lit" : "unlit", p->remove_table ? "removed" : "kept",
+                  own ? "yours" : "built in");
     return CTS_OK;
 }
 
@@ -74,25 +69,22 @@ static void print_one(const CtsPreset *p)
     if (p->modality != CTS_ANY_MODALITY)
         printf(", for %s", cts_modality_names[p->modality]);
     printf("\n\n");
-    char line[400], value[16];
-    snprintf(value, sizeof value, ">%s", cts_scale_names[p->scale]);
+    char line[400], headings[64];
     const char *const advice = cts_preset_advice(p->name);
     if (advice)
         printf("%s\n\n", cli_with_options(advice, line, sizeof line));
-    CtsTable *opacity = cts_table_new((const char *const[]){value, ">opacity"}, 2);
-    for (int i = 0; i < p->n_opacity; i++) {
-        cts_table_cell(opacity, "%.10g", p->opacity[i].hu);
-        cts_table_cell(opacity, "%.6g", p->opacity[i].opacity);
-    }
+    snprintf(headings, sizeof headings, ">%s\t>opacity", cts_scale_names[p->scale]);
+    CtsTable *opacity = cts_table_new(headings);
+    for (int i = 0; i < p->n_opacity; i++)
+        cts_table_row(opacity, "%.10g\t%.6g", p->opacity[i].hu, p->opacity[i].opacity);
     cts_table_print(opacity, stdout);
     cts_table_free(&opacity);
     putchar('\n');
-    CtsTable *colour = cts_table_new((const char *const[]){value, ">red", ">green", ">blue"}, 4);
-    for (int i = 0; i < p->n_colour; i++) {
-        cts_table_cell(colour, "%.10g", p->colour[i].hu);
-        for (int c = 0; c < 3; c++)
-            cts_table_cell(colour, "%.6g", p->colour[i].rgb[c]);
-    }
+    snprintf(headings, sizeof headings, ">%s\t>red\t>green\t>blue", cts_scale_names[p->scale]);
+    CtsTable *colour = cts_table_new(headings);
+    for (int i = 0; i < p->n_colour; i++)
+        cts_table_row(colour, "%.10g\t%.6g\t%.6g\t%.6g", p->colour[i].hu, p->colour[i].rgb[0], p->colour[i].rgb[1],
+                      p->colour[i].rgb[2]);
     cts_table_print(colour, stdout);
     cts_table_free(&colour);
 }
@@ -119,8 +111,7 @@ CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err)
             print_one(preset);
     } else {
         if (!list)
-            table = cts_table_new(
-                (const char *const[]){"preset", "mode", "for", "scale", ">black", ">white", "light", "table", ""}, 9);
+            table = cts_table_new("preset\tmode\tfor\tscale\t>black\t>white\tlight\ttable\t");
         st = list_all(table, list, err);
         cts_table_print(table, stdout);
     }

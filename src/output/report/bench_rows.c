@@ -73,32 +73,23 @@ CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err)
 
 static void add_bench_row(CtsTable *table, const CtsBenchRow *r)
 {
-    char samples[24];
+    char samples[24], bound[16] = "-", splatted[16] = "-";
     cts_bench_samples_text(r, samples);
-    cts_table_cell(table, "%s", cts_engine_names[r->engine]);
-    cts_table_cell(table, "%s", cts_kernel_names[r->kernel]);
-    cts_table_cell(table, "%s", samples);
-    cts_table_cell(table, "%g", r->tolerance_hu);
-    cts_table_cell(table, "%s", r->void_key ? "key" : "strict");
-    cts_table_cell(table, "%.1f", r->wall_ms);
-    cts_table_cell(table, "%.1f", r->wall_ms_spread);
-    cts_table_cell(table, "%.1f %%", 100 * r->serial_ms / r->wall_ms);
-    cts_table_cell(table, "%.0f", (double)r->peak_rss_bytes / 1048576);
-    cts_table_cell(table, "%.3g", r->own.rmse);
-    cts_table_cell(table, "%.3g", r->trilinear.rmse);
-    cts_table_cell(table, r->bound.known ? "%.3g" : "-", r->bound.rmse);
-    cts_table_cell(table, "%.1f", r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY);
-    cts_table_cell(table, r->voxels.known ? "%.1f %%" : "-",
-                   100 * (double)r->voxels.splatted / (double)r->voxels.total);
-    cts_table_cell(table, "%s", r->pareto ? "front" : "");
+    if (r->bound.known)
+        snprintf(bound, sizeof bound, "%.3g", r->bound.rmse);
+    if (r->voxels.known)
+        snprintf(splatted, sizeof splatted, "%.1f %%", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
+    cts_table_row(table, "%s\t%s\t%s\t%g\t%s\t%.1f\t%.1f\t%.1f %%\t%.0f\t%.3g\t%.3g\t%s\t%.1f\t%s\t%s",
+                  cts_engine_names[r->engine], cts_kernel_names[r->kernel], samples, r->tolerance_hu,
+                  r->void_key ? "key" : "strict", r->wall_ms, r->wall_ms_spread, 100 * r->serial_ms / r->wall_ms,
+                  (double)r->peak_rss_bytes / 1048576, r->own.rmse, r->trilinear.rmse, bound,
+                  r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY, splatted, r->pareto ? "front" : "");
 }
 
 CtsTable *cts_bench_table(const CtsBenchRows *rows)
 {
-    CtsTable *table = cts_table_new((const char *const[]){"engine", "kernel", ">samples", ">tolerance", "void", ">ms",
-                                                          ">spread", ">serial", ">MiB", ">rmse", ">trilinear",
-                                                          ">reported", ">psnr dB", ">splatted", ""},
-                                    15);
+    CtsTable *table = cts_table_new("engine\tkernel\t>samples\t>tolerance\tvoid\t>ms\t>spread\t>serial\t>MiB\t>rmse\t"
+                                    ">trilinear\t>reported\t>psnr dB\t>splatted\t");
     for (int i = 0; i < rows->n; i++)
         if (rows->rows[i].measured)
             add_bench_row(table, &rows->rows[i]);

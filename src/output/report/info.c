@@ -19,20 +19,16 @@ static void print_diagnostics(FILE *file, const CtsDiagnostics *diagnostics, con
 
 static void print_labels(FILE *file, const CtsPixelFacts *f)
 {
-    CtsTable *table = cts_table_new(
-        (const char *const[]){">label", "name", "source", ">voxels", ">ml", ">mean HU", ">sd HU", ">parts", ""}, 9);
+    CtsTable *table = cts_table_new(">label\tname\tsource\t>voxels\t>ml\t>mean HU\t>sd HU\t>parts\t");
     for (size_t i = 0; i < f->n_labels; i++) {
         const CtsLabelFact *l = &f->labels[i];
-        cts_table_cell(table, "%d", l->number);
-        cts_table_cell(table, "%s", l->name);
-        cts_table_cell(table, "%s", cts_label_source_names[l->source]);
-        cts_table_cell(table, "%llu", (unsigned long long)l->voxels);
-        cts_table_cell(table, "%.1f", l->ml);
-        cts_table_cell(table, l->n_hu ? "%.1f" : "-", l->hu_mean);
-        cts_table_cell(table, l->n_hu ? "%.1f" : "-", l->hu_sd);
-        cts_table_cell(table, "%llu", (unsigned long long)l->parts);
-        cts_table_cell(table, "%s%s%s%s", l->voxels ? "" : "empty ", l->touches_edge ? "edge " : "",
-                       l->overlap ? "overlap " : "", l->in_air ? "in air" : "");
+        char hu[80] = "-\t-";
+        if (l->n_hu)
+            snprintf(hu, sizeof hu, "%.1f\t%.1f", l->hu_mean, l->hu_sd);
+        cts_table_row(table, "%d\t%.255s\t%s\t%llu\t%.1f\t%s\t%llu\t%s%s%s%s", l->number, l->name,
+                      cts_label_source_names[l->source], (unsigned long long)l->voxels, l->ml, hu,
+                      (unsigned long long)l->parts, l->voxels ? "" : "empty ", l->touches_edge ? "edge " : "",
+                      l->overlap ? "overlap " : "", l->in_air ? "in air" : "");
     }
     cts_table_print(table, file);
     cts_table_free(&table);

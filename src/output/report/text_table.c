@@ -1,47 +1,48 @@
 #include "output/report/text_table.h"
 
+#include "base/compare.h"
 #include "base/mem.h"
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 struct CtsTable {
     int n_columns, n_cells;
     char **cells; /* the headings first */
-    unsigned char *right;
 };
 
-static void add_cell(CtsTable *table, const char *text)
+static void add_cells(CtsTable *table, char *row)
 {
-    if (!cts_grow(&table->cells, table->n_cells, NULL) && (table->cells[table->n_cells] = strdup(text)))
-        table->n_cells++;
+    for (char *cell; (cell = strsep(&row, "\t"));)
+        if (!cts_grow(&table->cells, table->n_cells, NULL) && (table->cells[table->n_cells] = strdup(cell)))
+            table->n_cells++;
 }
 
-CtsTable *cts_table_new(const char *const *headings, int n_columns)
+void cts_table_row(CtsTable *table, const char *format, ...)
 {
-    CtsTable *table = calloc(1, sizeof *table);
-    if (!table || !(table->right = calloc((size_t)n_columns, 1))) {
-        free(table);
-        return NULL;
-    }
-    table->n_columns = n_columns;
-    for (int c = 0; c < n_columns; c++) {
-        table->right[c] = headings[c][0] == '>';
-        add_cell(table, headings[c] + table->right[c]);
-    }
+    char row[1024];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(row, sizeof row, format, args);
+    va_end(args);
+    if (table)
+        add_cells(table, row);
+}
+
+CtsTable *cts_table_new(const char *headings)
+{
+    CtsTable *const table = calloc(1, sizeof *table);
+    cts_table_row(table, "%s", headings);
+    if (table)
+        table->n_columns = table->n_cells;
     return table;
 }
 
-void cts_table_cell(CtsTable *table, const char *format, ...)
+/* A heading without the mark of its alignment. */
+static const char *text_of(const CtsTable *table, int i)
 {
-    if (!table)
-        return;
-    char text[256];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    add_cell(table, text);
+    return table->cells[i] + (i < table->n_columns && table->cells[i][0] == '>');
 }
 
 void cts_table_print(const CtsTable *table, FILE *file)
@@ -50,15 +51,12 @@ void cts_table_print(const CtsTable *table, FILE *file)
         return;
     for (int i = 0; i < table->n_cells; i++) {
         const int c = i % table->n_columns;
+        const bool right = table->cells[c][0] == '>', last = c == table->n_columns - 1;
         int width = 0;
-        for (int j = c; j < table->n_cells; j += table->n_columns)
-            if ((int)strlen(table->cells[j]) > width)
-                width = (int)strlen(table->cells[j]);
-        const int last = c == table->n_columns - 1;
         /* No blanks at the end of a line. */
-        if (last && !table->right[c])
-            width = 0;
-        fprintf(file, "%*s%s", table->right[c] ? width : -width, table->cells[i], last ? "\n" : "  ");
+        for (int j = c; j < table->n_cells && (right || !last); j += table->n_columns)
+            width = cts_larger_int(width, (int)strlen(text_of(table, j)));
+        fprintf(file, "%*s%s", right ? width : -width, text_of(table, i), last ? "\n" : "  ");
     }
 }
 
@@ -81,7 +79,6 @@ void cts_table_free(CtsTable **table)
     for (int i = 0; i < (*table)->n_cells; i++)
         free((*table)->cells[i]);
     free((*table)->cells);
-    free((*table)->right);
     free(*table);
     *table = NULL;
 }

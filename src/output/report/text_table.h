@@ -5,11 +5,11 @@
 
 typedef struct CtsTable CtsTable;
 
-/* headings: n_columns titles; a title that starts with '>' (not printed) aligns its column to the right. NULL when
- * memory runs out, which all of the following accept. */
-CtsTable *cts_table_new(const char *const *headings, int n_columns);
-/* The next cell, row by row. */
-void cts_table_cell(CtsTable *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* headings: titles with tabs between them; a title that starts with '>' (not printed) aligns its column to the right.
+ * NULL when memory runs out, which all of the following accept. */
+CtsTable *cts_table_new(const char *headings);
+/* The cells of the next row, with tabs between them. */
+void cts_table_row(CtsTable *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void cts_table_print(const CtsTable *table, FILE *file);
 /* Text with < > & and quotes as entities. */
 void cts_html_text(FILE *file, const char *text);
