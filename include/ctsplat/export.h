@@ -39,6 +39,7 @@ typedef struct CtsExportSettings {
 typedef struct CtsFormatInfo {
     const char *name;  /* also the ending, without the dot */
     const char *about; /* for people */
+    const char *media_type;
     bool many_frames;  /* one file holds all pictures of a rotation */
     bool has_depth;    /* writes depth_mm where the picture has it */
     bool has_alpha;    /* else a picture over nothing is written over black */

@@ -33,16 +33,6 @@ const char *cts_query_value(const CtsQuery *query, const char *name)
     return NULL;
 }
 
-const char *cts_media_type_of(const CtsFormatInfo *format)
-{
-    static const char *const types[][2] = {{"png", "image/png"},         {"jpg", "image/jpeg"}, {"webp", "image/webp"},
-                                           {"dcm", "application/dicom"}, {"mp4", "video/mp4"},  {"gif", "image/gif"}};
-    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
-        if (!strcmp(types[i][0], format->name))
-            return types[i][1];
-    return "application/octet-stream";
-}
-
 /* A client must not name files: it may use presets listed here, or give one in the request itself. */
 static CtsStatus check_query_preset(const char *name, CtsError *err)
 {
@@ -100,7 +90,7 @@ CtsStatus cts_render_query_options(CtsRenderQuery *render_query, const CtsFormat
 {
     CtsOptions *const o = &render_query->options;
     CtsStatus st;
-    render_query->media_type = cts_media_type_of(format);
+    render_query->media_type = format->media_type;
     cts_options_begin(o);
     o->render.n_threads = n_threads;
     o->export.scratch = true;

@@ -53,35 +53,26 @@ static CtsStatus take_info(void *context, int frame, CtsPicture *band, CtsError 
     return CTS_OK;
 }
 
-static CtsStatus render_with(CtsRenderRequest *r, const CtsProcessedVolume *processed, CtsCachedRenderer *renderer,
-                             CtsError *err)
-{
-    const CtsJob *job = &r->render_query.job;
-    const CtsLoaded loaded = {
-        .series = r->cached->series, .model = processed->model, .labels = r->cached->loaded.labels};
-    const CtsWatch watch = {.context = r, .band = take_info};
-    CtsStatus st = cts_job_prepare(job, &processed->model, &renderer->prepared, &r->report, err);
-    if (!st)
-        st = cts_job_pictures(job, &loaded, &renderer->prepared, &watch, &r->report, err);
-    return r->render_query.metadata && r->has_info ? CTS_OK : st;
-}
+_Static_assert((int)CTS_SERVE_WORKERS <= (int)CTS_CACHED_RENDERERS, "a thread finds no renderer");
 
 static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *r, CtsProcessedVolume *processed, CtsError *err)
 {
-    CtsStatus st =
-        cts_fit_preset(&processed->model, &r->render_query.job.render, &r->render_query.preset, &r->report, err);
+    const CtsJob *const job = &r->render_query.job;
+    const CtsLoaded loaded = {
+        .series = r->cached->series, .model = processed->model, .labels = r->cached->loaded.labels};
+    const CtsWatch watch = {.context = r, .band = take_info};
+    CtsStatus st = cts_fit_preset(&processed->model, &job->render, &r->render_query.preset, &r->report, err);
     if (st)
         return st;
     pthread_mutex_lock(&server->lock);
-    CtsCachedRenderer *const renderer = cts_cached_renderer_get(processed, &r->render_query.job);
+    CtsCachedRenderer *const renderer = cts_cached_renderer_get(processed, job);
     pthread_mutex_unlock(&server->lock);
-    if (!renderer)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    st = render_with(r, processed, renderer, err);
+    if (!(st = cts_job_prepare(job, &processed->model, &renderer->prepared, &r->report, err)))
+        st = cts_job_pictures(job, &loaded, &renderer->prepared, &watch, &r->report, err);
     pthread_mutex_lock(&server->lock);
-    cts_cached_renderer_give_back(processed, renderer, !renderer->prepared.renderer);
+    cts_cached_renderer_give_back(processed, renderer);
     pthread_mutex_unlock(&server->lock);
-    return st;
+    return r->render_query.metadata && r->has_info ? CTS_OK : st;
 }
 
 /* One slice is no volume. */

@@ -293,7 +293,7 @@ static const CtsFormatInfo *choose_format(CtsRenderQuery *render_query, const ch
     int n = 0;
     for (int i = 0; i < (render_query->thumbnail ? 3 : 4); i++) {
         formats[n] = cts_export_format(files[i]);
-        types[n] = cts_media_type_of(formats[n]);
+        types[n] = formats[n]->media_type;
         n += formats[n]->many_frames || render_query->swivel_range_deg == 0;
     }
     const int best = render_query->metadata ? accept_best(accept, metadata, 2) : accept_best(accept, types, n);

@@ -14,14 +14,17 @@
 typedef struct CtsCachedRenderer {
     CtsPrepared prepared;
     bool in_use;
-    struct CtsCachedRenderer *next; /* used before this one */
+    double used_ms; /* when it was given back last; 0: never */
 } CtsCachedRenderer;
+
+/* Largest number of renderers of one volume, each of one preset: ctsplat's own six for volumes, bone to metal. */
+enum { CTS_CACHED_RENDERERS = 6 };
 
 /* A volume processed from the scanned slices. */
 typedef struct CtsProcessedVolume {
     char *choice; /* identifies the processing (cts_source_choice()) */
     CtsModel model;
-    CtsCachedRenderer *renderers;
+    CtsCachedRenderer renderers[CTS_CACHED_RENDERERS];
     uint64_t bytes;
     int n_users;
     double used_ms;
@@ -97,8 +100,7 @@ CtsStatus cts_series_cache_load(CtsSeriesCache *cache, CtsCachedSeries *cached, 
 /* Frees the loaded data of a series that is not in use. */
 void cts_series_cache_drop(CtsSeriesCache *cache, CtsCachedSeries *cached);
 
-/* A renderer for the job, whose preset's window is set: an idle one, else a new one that the caller prepares without
- * the lock. NULL without memory. */
+/* An idle renderer for the job, whose preset's window is set: one that is prepared for it, else the least recently
+ * used, which the caller prepares without the lock. Users are fewer than renderers. */
 CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job);
-/* failed: it is of no use. */
-void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer, bool failed);
+void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer);

@@ -5,69 +5,34 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Largest number of idle renderers of one volume, each of one preset: ctsplat's own six for volumes, bone to metal. */
-enum { MAX_IDLE_RENDERERS = 6 };
-
-static void free_renderer(CtsCachedRenderer *renderer)
-{
-    cts_prepared_free(&renderer->prepared);
-    free(renderer);
-}
-
 static void free_processed(CtsProcessedVolume *processed)
 {
-    for (CtsCachedRenderer *l = processed->renderers, *next; l; l = next) {
-        next = l->next;
-        free_renderer(l);
-    }
+    for (int i = 0; i < CTS_CACHED_RENDERERS; i++)
+        cts_prepared_free(&processed->renderers[i].prepared);
     cts_model_free(&processed->model);
     free(processed->choice);
     free(processed);
 }
 
-/* The renderers are in order of use, the last one first. */
-static void drop_idle(CtsProcessedVolume *processed)
-{
-    int n = 0;
-    for (CtsCachedRenderer **link = &processed->renderers; *link; link = &(*link)->next) {
-        CtsCachedRenderer *const renderer = *link;
-        if (renderer->in_use || ++n <= MAX_IDLE_RENDERERS)
-            continue;
-        *link = renderer->next;
-        free_renderer(renderer);
-        return;
-    }
-}
-
 CtsCachedRenderer *cts_cached_renderer_get(CtsProcessedVolume *processed, const CtsJob *job)
 {
-    CtsCachedRenderer *l = processed->renderers;
-    while (l && (l->in_use || !cts_job_is_prepared(job, &l->prepared)))
-        l = l->next;
-    if (!l && (l = calloc(1, sizeof *l))) {
-        l->next = processed->renderers;
-        processed->renderers = l;
+    CtsCachedRenderer *found = NULL, *oldest = NULL;
+    for (int i = 0; i < CTS_CACHED_RENDERERS && !found; i++) {
+        CtsCachedRenderer *const r = &processed->renderers[i];
+        if (r->in_use)
+            continue;
+        oldest = !oldest || r->used_ms < oldest->used_ms ? r : oldest;
+        found = cts_job_is_prepared(job, &r->prepared) ? r : NULL;
     }
-    if (l)
-        l->in_use = true;
-    return l;
+    found = found ? found : oldest;
+    found->in_use = true;
+    return found;
 }
 
-void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer, bool failed)
+void cts_cached_renderer_give_back(CtsProcessedVolume *processed, CtsCachedRenderer *renderer)
 {
     renderer->in_use = false;
-    processed->used_ms = cts_wall_ms();
-    CtsCachedRenderer **link = &processed->renderers;
-    while (*link != renderer)
-        link = &(*link)->next;
-    *link = renderer->next;
-    if (failed) {
-        free_renderer(renderer);
-        return;
-    }
-    renderer->next = processed->renderers;
-    processed->renderers = renderer;
-    drop_idle(processed);
+    renderer->used_ms = processed->used_ms = cts_wall_ms();
 }
 
 static void drop_processed(CtsSeriesCache *cache, CtsCachedSeries *s, CtsProcessedVolume *processed)

@@ -52,8 +52,6 @@ CtsStatus cts_render_query_options(CtsRenderQuery *render_query, const CtsFormat
                                    unsigned long serial, int n_threads, CtsReport *report, CtsError *err);
 void cts_render_query_free(CtsRenderQuery *render_query);
 
-const char *cts_media_type_of(const CtsFormatInfo *format);
-
 /* Replaces the parameters of PS3.18 8.3.5 in query by options, and chooses a media type that accept (the header; may be
  * NULL) allows; *format is NULL where there is none. */
 CtsStatus cts_render_query_rendered3d(CtsRenderQuery *render_query, const char *accept, const CtsFormatInfo **format,

@@ -142,9 +142,9 @@ static void release_film(CtsExportJob *job)
     cts_free(&w->row);
 }
 
-#define FILM(ending, text)                                                                                             \
+#define FILM(ending, media_type, text)                                                                                 \
     const CtsFormat cts_format_##ending = {                                                                            \
-        .info = {#ending, text, .many_frames = true},                                                                  \
+        .info = {#ending, text, media_type, .many_frames = true},                                                      \
         .max_side = LARGEST,                                                                                           \
         .check = check_film,                                                                                           \
         .state_bytes = sizeof(FilmWriter),                                                                             \
@@ -153,5 +153,5 @@ static void release_film(CtsExportJob *job)
         .finish = finish_film,                                                                                         \
         .close = release_film,                                                                                         \
     }
-FILM(mp4, "H.264 film of a rotation, by the program ffmpeg");
-FILM(gif, "GIF film of a rotation, 256 colours, by the program ffmpeg");
+FILM(mp4, "video/mp4", "H.264 film of a rotation, by the program ffmpeg");
+FILM(gif, "image/gif", "GIF film of a rotation, 256 colours, by the program ffmpeg");

@@ -114,7 +114,7 @@ static void release(CtsExportJob *job)
 }
 
 const CtsFormat cts_format_jpg = {
-    .info = {.name = "jpg", .about = "JPEG, 8 bits a channel"},
+    .info = {"jpg", "JPEG, 8 bits a channel", "image/jpeg"},
     .max_side = MAX_SIDE,
     .state_bytes = sizeof(JpgWriter),
     .begin = begin,

@@ -430,7 +430,7 @@ static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
 }
 
 const CtsFormat cts_format_png = {
-    .info = {"png", "PNG, 16 bits a channel (or 8)", .has_alpha = true, .read_back = true},
+    .info = {"png", "PNG, 16 bits a channel (or 8)", "image/png", .has_alpha = true, .read_back = true},
     .magic = "\x89PNG",
     .state_bytes = sizeof(PngWriter),
     .begin = begin,

@@ -222,7 +222,8 @@ end:
 }
 
 const CtsFormat cts_format_dcm = {
-    .info = {"dcm", "DICOM secondary capture", .many_frames = true, .is_object = true, .read_back = true},
+    .info = {"dcm", "DICOM secondary capture", "application/dicom", .many_frames = true, .is_object = true,
+             .read_back = true},
     .magic_offset = 128,
     .magic = "DICM",
     .check = check,

@@ -134,7 +134,8 @@ static void release(CtsExportJob *job)
 }
 
 const CtsFormat cts_format_webp = {
-    .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", .many_frames = true, .has_alpha = true},
+    .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", "image/webp", .many_frames = true,
+             .has_alpha = true},
     .max_side = WEBP_MAX_DIMENSION,
     .state_bytes = sizeof(WebpWriter),
     .begin = begin,

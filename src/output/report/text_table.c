@@ -40,7 +40,7 @@ CtsTable *cts_table_new(const char *headings)
 }
 
 /* A heading without the mark of its alignment. */
-static const char *text_of(const CtsTable *table, int i)
+static const char *cell_text(const CtsTable *table, int i)
 {
     return table->cells[i] + (i < table->n_columns && table->cells[i][0] == '>');
 }
@@ -55,8 +55,8 @@ void cts_table_print(const CtsTable *table, FILE *file)
         int width = 0;
         /* No blanks at the end of a line. */
         for (int j = c; j < table->n_cells && (right || !last); j += table->n_columns)
-            width = cts_larger_int(width, (int)strlen(text_of(table, j)));
-        fprintf(file, "%*s%s", right ? width : -width, text_of(table, i), last ? "\n" : "  ");
+            width = cts_larger_int(width, (int)strlen(cell_text(table, j)));
+        fprintf(file, "%*s%s", right ? width : -width, cell_text(table, i), last ? "\n" : "  ");
     }
 }
 
