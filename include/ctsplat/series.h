@@ -116,15 +116,6 @@ typedef struct CtsSeriesSearch {
 } CtsSeriesSearch;
 CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list, CtsReport *report, CtsError *err);
 
-/* The middle frame of a series' middle image as DCMTK shows it: by its window or LUT, in colour or grey, with square
- * pixels. Smaller images keep their size. CTS_ERR_PIXELS, with the reason, where it cannot be shown. */
-enum { CTS_IMAGE_SIDE = 240 };
-typedef struct CtsImage {
-    int width, height;
-    uint8_t rgb[172800]; /* 3 * CTS_IMAGE_SIDE squared; rows from the top */
-} CtsImage;
-CtsStatus cts_series_image(const CtsSeries *series, CtsImage *image, CtsError *err);
-
 /* The skipped files, as text: "3 MR Image, 1 not DICOM"; "" without any. Truncated to size. */
 void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size);
 

@@ -10,18 +10,19 @@ enum { ROOM = 1 << 20 };
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 {
     uint8_t *room = calloc(1, ROOM);
-    CtsArchive *archive = NULL;
+    CtsArchive *archive = calloc(1, sizeof *archive);
     CtsError err = {0};
-    if (room && !cts_pixels_unzip(NULL, data, n, room, ROOM, &err) && !cts_archive_list(room, ROOM, &archive, &err))
+    assert(archive);
+    if (room && !cts_pixels_unzip(NULL, data, n, room, ROOM, &err) && !cts_archive_list(archive, room, ROOM, &err))
         for (int i = 0; i < archive->n_members; i++) {
             const CtsMember m = archive->members[i];
             assert(m.name[0] && m.n_bytes > 0 && m.bytes >= room && m.n_bytes <= (uint64_t)(room + ROOM - m.bytes));
         }
     cts_archive_free(&archive);
     /* The list alone: a compromised unpacker may write anything. */
-    if (room && n <= ROOM) {
+    if (room && n <= ROOM && (archive = calloc(1, sizeof *archive))) {
         memcpy(room, data, n);
-        cts_archive_list(room, ROOM, &archive, &err);
+        cts_archive_list(archive, room, ROOM, &err);
         cts_archive_free(&archive);
     }
     free(room);

@@ -1,10 +1,10 @@
 /* Prints the thumbnail of each series that is no volume, as JSON, a line for each: image_dump PATH */
-#include "ctsplat/series.h"
+#include "dicom/codec/pixels.h"
 #include <stdio.h>
 
 int main(int argc, char **argv)
 {
-    static CtsImage image;
+    enum { SIDE = 240 };
     CtsError err = {0};
     CtsSeriesList *list = NULL;
     const char *paths[] = {argv[argc - 1]};
@@ -16,13 +16,17 @@ int main(int argc, char **argv)
     for (size_t i = 0; i < list->n; i++) {
         if (!list->items[i].passed)
             continue;
-        if (cts_series_image(&list->items[i], &image, &err)) {
+        const CtsSeries *const series = &list->items[i];
+        CtsPicture *image = NULL;
+        if (cts_slice_picture(series->slices[series->n_slices / 2], SIDE, SIDE, &image, &err)) {
             printf("{\"uid\":\"%s\",\"error\":\"%s\"}\n", list->items[i].uid, err.text);
             continue;
         }
-        printf("{\"uid\":\"%s\",\"size\":[%d,%d],\"rgb\":\"", list->items[i].uid, image.width, image.height);
-        for (int k = 0; k < 3 * image.width * image.height; k++)
-            printf("%02x", image.rgb[k]);
+        printf("{\"uid\":\"%s\",\"size\":[%d,%d],\"rgb\":\"", list->items[i].uid, image->width, image->height);
+        for (int k = 0; k < 4 * image->width * image->height; k++)
+            if (k % 4 < 3)
+                printf("%02x", (unsigned)(image->pixels[k] * 255 + 0.5F));
+        cts_picture_free(&image);
         puts("\"}");
     }
     cts_series_list_free(&list);

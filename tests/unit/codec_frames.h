@@ -2,8 +2,10 @@
 #pragma once
 
 #include "base/sandbox.h"
+#include "dicom/codec/pixels.h"
 #include "dicom/pixels/pixel_tasks.h"
 #include "unit.h"
+#include <stdlib.h>
 #include <string.h>
 
 static inline CtsFrameFormat format_16(int columns, int rows)
@@ -21,10 +23,9 @@ static inline CtsFrameFormat format_16(int columns, int rows)
 static inline CtsStatus run_frame(CtsSandbox *d, const CtsFrameFormat *format, const uint8_t *bytes, size_t n,
                                   size_t n_fragments, const void **pixels, CtsError *err)
 {
-    uint8_t *stream;
-    const CtsStatus st = cts_codec_room(d, format, n + 8 * n_fragments, &stream, err);
-    if (st)
-        return st;
+    const size_t n_all = n + 8 * n_fragments;
+    uint8_t *const all = malloc(n_all), *stream = all;
+    assert_non_null(all);
     for (size_t i = 0, at = 0; i < n_fragments; i++, stream += 8) {
         const uint32_t end = (uint32_t)(n * (i + 1) / n_fragments), length = end - (uint32_t)at;
         memcpy(stream, "\xFE\xFF\x00\xE0", 4);
@@ -33,6 +34,8 @@ static inline CtsStatus run_frame(CtsSandbox *d, const CtsFrameFormat *format, c
         stream += length;
         at = end;
     }
-    cts_codec_send(d, format, stream - n - 8 * n_fragments, n + 8 * n_fragments);
-    return cts_sandbox_take(d, pixels, err);
+    const CtsFileBytes file = cts_file_bytes_in_memory(all, n_all);
+    const CtsStatus st = cts_codec_submit(d, format, &file, 0, n_all, err);
+    free(all);
+    return st ? st : cts_sandbox_take(d, pixels, err);
 }

@@ -5,16 +5,26 @@
 /* Size of reads, small enough that the data are still in the L2 cache when they are processed. */
 enum { PART_BYTES = 64 << 10 };
 
+CtsSandbox cts_codec_make(void)
+{
+    return cts_sandbox_make(CTS_PIXELS_PROGRAM, CTS_PIXELS_DECODE, "decoder");
+}
+
+/* Bytes for a frame: DCMTK needs an even number. */
+static size_t room_for(const CtsFrameFormat *format)
+{
+    return cts_frame_bytes(format) + 1;
+}
+
 CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, const CtsFileBytes *file, uint64_t offset,
                            uint64_t end, CtsError *err)
 {
     const size_t n = (size_t)(end - offset);
+    const CtsFrameOrder order = {*format, cts_syntax_number(format->syntax)};
     uint8_t *stream;
-    CtsStatus st = cts_codec_room(decoder, format, n, &stream, err);
-    if (!st)
-        st = cts_file_bytes_read(file, stream, n, offset, err);
-    if (!st)
-        cts_codec_send(decoder, format, stream, n);
+    CtsStatus st = cts_sandbox_room(decoder, n, room_for(format), &stream, err);
+    if (!st && !(st = cts_file_bytes_read(file, stream, n, offset, err)))
+        cts_sandbox_send(decoder, &order, sizeof order, stream, n, room_for(format));
     return st;
 }
 
@@ -66,8 +76,8 @@ bool cts_slice_begin(const CtsSlice *s, CtsSandbox **decoder)
     uint64_t offset, n;
     const CtsFrameFormat format = format_of(s);
     find_stream(s, &offset, &n);
-    return cts_slice_is_compressed(s) && !new_decoder(decoder, NULL) && cts_codec_fits(*decoder, &format, (size_t)n) &&
-           !submit(s, &format, *decoder, NULL);
+    return cts_slice_is_compressed(s) && !new_decoder(decoder, NULL) &&
+           cts_sandbox_fits(*decoder, (size_t)n, room_for(&format)) && !submit(s, &format, *decoder, NULL);
 }
 
 static CtsStatus decode(const CtsSlice *s, CtsSandbox **decoder, const void **pixels, CtsError *err)

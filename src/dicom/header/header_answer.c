@@ -183,7 +183,6 @@ static bool has_sound_ranges(const CtsSlice *s)
 static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, int k, CtsSlice *s, CtsError *err)
 {
     CtsSlice packed;
-    s->modality_id = object->modality_id;
     memcpy(&packed, r->bytes + (size_t)k * sizeof packed, sizeof packed);
     bool sound = packed.first_frame >= -1 && packed.first_frame <= UINT32_MAX;
     for (int i = 0; sound && i < N_FIELDS; i++)
@@ -193,7 +192,6 @@ static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, in
             (s->fault || has_sound_ranges(s));
     if (!sound)
         return cts_header_no_sense(err);
-    s->kind = object->kind;
     s->first_frame = packed.first_frame;
     memcpy(s->fault_text, packed.fault_text, sizeof s->fault_text);
     return CTS_OK;
@@ -241,14 +239,10 @@ CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes,
     if (!unpack_text(&r, o->class_uid, 64, &object->class_uid) ||
         !unpack_text(&r, o->study_uid, 64, &object->study_uid))
         return cts_header_no_sense(err);
-    if (o->n_slices && !(object->slices = calloc((size_t)o->n_slices, sizeof *object->slices)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CtsStatus st = CTS_OK;
     for (int k = 0; !st && k < o->n_slices; k++) {
-        if (!(object->slices[k] = calloc(1, sizeof **object->slices)))
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        object->n_slices++;
-        st = unpack_slice(&r, o, k, object->slices[k], err);
+        CtsSlice *const slice = cts_object_add_slice(object, NULL);
+        st = slice ? unpack_slice(&r, o, k, slice, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
     return st;
 }

@@ -1,5 +1,6 @@
 #include "dicom/header/slice.h"
 
+#include "base/mem.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -89,6 +90,17 @@ CtsSliceLabel cts_slice_label(const CtsSlice *slice)
     return label;
 }
 
+CtsSlice *cts_object_add_slice(CtsObject *object, const CtsSlice *like)
+{
+    CtsSlice *const slice = cts_grow(&object->slices, object->n_slices, NULL) ? NULL : malloc(sizeof *slice);
+    if (!slice)
+        return NULL;
+    *slice = like ? *like : cts_slice_unknown();
+    slice->kind = object->kind;
+    slice->modality_id = object->modality_id;
+    return object->slices[object->n_slices++] = slice;
+}
+
 void cts_object_free(CtsObject *object)
 {
     for (int i = 0; i < object->n_slices; i++)
@@ -99,8 +111,8 @@ void cts_object_free(CtsObject *object)
 
 CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
 {
-    CtsStatus st = cts_file_bytes_open(
-        file, &(CtsFile){.path = s->path, .memory = s->memory, .n_memory = s->file_bytes}, err);
+    CtsStatus st =
+        cts_file_bytes_open(file, &(CtsFile){.path = s->path, .memory = s->memory, .n_memory = s->file_bytes}, err);
     if (!st && file->fd < 0)
         st = cts_fail(err, CTS_ERR_READ, "is no longer a file");
     if (!st && !s->memory && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))

@@ -193,6 +193,9 @@ typedef struct CtsObject {
     const char *packed;
 } CtsObject;
 
+/* Adds a slice, a copy of `like` (NULL: one of which nothing is known) of the object's kind and modality; NULL without
+ * memory. */
+CtsSlice *cts_object_add_slice(CtsObject *object, const CtsSlice *like);
 void cts_object_free(CtsObject *object);
 
 /* The conversion of its stored words. */
@@ -210,11 +213,5 @@ void cts_slice_sample(const CtsSlice *slice, const uint16_t *words, bool are_gre
 
 /* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
 CtsStatus cts_slice_open(const CtsSlice *slice, CtsFileBytes *file, CtsError *err);
-
-/* Calls found with each file name in a DICOMDIR, its own folder in front, for as long as that succeeds. *n_refused: how
- * many lead out of the folder. */
-typedef CtsStatus (*cts_named_file_fn)(void *context, const char *path, CtsError *err);
-CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
-                                   CtsError *err);
 
 CTS_C_END

@@ -79,12 +79,4 @@ typedef struct CtsUnpacked {
     uint64_t n_taken, n_bytes;
 } CtsUnpacked;
 
-/* A decoder without a process yet. */
-CtsSandbox cts_codec_make(void);
-
-/* A sandbox's functions for a frame (base/sandbox.h). */
-bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n);
-CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err);
-void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n);
-
 CTS_C_END

@@ -82,10 +82,8 @@ double cts_seconds_of_day(std::string_view text);
 void cts_dcm_read_mr(CtsAttributes &item, CtsStringPool &texts, CtsSlice *slice);
 void cts_dcm_read_pet(CtsAttributes &item, CtsSlice *slice);
 
-/* Adds a slice to an object, whose array has room for it. */
+/* Adds a slice to an object. */
 CtsSlice *cts_dcm_add_slice(CtsObject *object);
-/* Allocates room for n slices. */
-void cts_dcm_make_room(CtsObject *object, int n);
 /* Adds a slice for each frame, by the functional groups, in the order of the pixels; a single one with a fault if no
  * frame can be used. */
 void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object);

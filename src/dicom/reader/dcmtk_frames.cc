@@ -2,7 +2,6 @@
 #include "dicom/reader/dcmtk_attributes.hpp"
 
 #include <cstdint>
-#include <cstdlib>
 #include <new>
 
 namespace
@@ -12,7 +11,6 @@ namespace
 void refuse(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object, const char *why)
 {
     CtsAttributes attributes{top, true};
-    cts_dcm_make_room(object, 1);
     CtsSlice *slice = cts_dcm_add_slice(object);
     cts_slice_fault(slice, CTS_ERR_PIXELS, "%s", why);
     cts_dcm_read_slice(attributes, texts, slice);
@@ -20,22 +18,12 @@ void refuse(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object, con
 
 } // namespace
 
-void cts_dcm_make_room(CtsObject *object, int n)
-{
-    object->slices = static_cast<CtsSlice **>(std::calloc(static_cast<size_t>(n), sizeof *object->slices));
-    if (!object->slices)
-        throw std::bad_alloc();
-}
-
 CtsSlice *cts_dcm_add_slice(CtsObject *object)
 {
-    CtsSlice *slice = static_cast<CtsSlice *>(std::malloc(sizeof *slice));
+    CtsSlice *const slice = cts_object_add_slice(object, nullptr);
     if (!slice)
         throw std::bad_alloc();
-    *slice = cts_slice_unknown();
-    slice->kind = object->kind;
-    slice->modality_id = object->modality_id;
-    return object->slices[object->n_slices++] = slice;
+    return slice;
 }
 
 void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject *object)
@@ -59,7 +47,6 @@ void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject
                   n_parts = whole(DCM_InConcatenationTotalNumber, UINT16_MAX, 0),
                   first = whole(DCM_ConcatenationFrameOffsetNumber, UINT32_MAX, -1);
     const char *concatenation = cts_dcm_share(texts, cts_attribute_text(object_alone, DCM_ConcatenationUID), 64);
-    cts_dcm_make_room(object, n_frames);
     for (DcmObject *frame = sequence->nextInContainer(nullptr); frame; frame = sequence->nextInContainer(frame)) {
         CtsAttributes attributes{top, true, {static_cast<DcmItem *>(frame), shared}};
         CtsSlice *slice = cts_dcm_add_slice(object);

@@ -446,16 +446,12 @@ void cts_dcm_read_object(DcmItem &data_set, CtsStringPool *texts, const char *cl
         cts_dcm_share(*texts, object->kind == CTS_OBJECT_DIRECTORY ? std::string_view(directory_class) : sop_class, 64);
     object->study_uid = cts_dcm_share(*texts, cts_attribute_text(item, DCM_StudyInstanceUID), 64);
     object->has_number = integer(item, DCM_InstanceNumber, &object->instance_number);
-    if (object->kind == CTS_OBJECT_SLICE) {
-        cts_dcm_make_room(object, 1);
+    if (object->kind == CTS_OBJECT_SLICE)
         cts_dcm_read_slice(item, *texts, cts_dcm_add_slice(object));
-    }
     if (object->kind == CTS_OBJECT_FRAMES)
         cts_dcm_read_frames(top, *texts, object);
-    if (object->kind == CTS_OBJECT_IMAGE) {
-        cts_dcm_make_room(object, 1);
+    if (object->kind == CTS_OBJECT_IMAGE)
         read_image(item, *texts, cts_dcm_add_slice(object));
-    }
     for (int i = 0; i < object->n_slices && may_name(item, sop_class); i++)
         object->slices[i]->deviations |= CTS_DEVIATION_MAY_NAME;
 }

@@ -31,7 +31,7 @@ static int by_name(const void *a, const void *b)
 }
 
 /* The unpacker's output is as untrusted as the file: every length is checked. */
-static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
+CtsStatus cts_archive_list(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
 {
     for (size_t pos = 0;;) {
         CtsMemberRecord r;
@@ -62,17 +62,6 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
     return cts_fail(err, CTS_ERR_READ, "cannot be unpacked");
 }
 
-CtsStatus cts_archive_list(const uint8_t *bytes, size_t n, CtsArchive **archive, CtsError *err)
-{
-    if (!(*archive = calloc(1, sizeof **archive)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    (*archive)->unpacker = cts_sandbox_make(CTS_PIXELS_PROGRAM, CTS_PIXELS_UNZIP, "unpacker");
-    const CtsStatus st = list_members(*archive, bytes, n, err);
-    if (st)
-        cts_archive_free(archive);
-    return st;
-}
-
 static CtsStatus read_archive(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
 {
     const uint64_t free_bytes = cts_memory_available();
@@ -98,7 +87,7 @@ static CtsStatus read_archive(CtsArchive *a, const CtsFileBytes *file, CtsError 
     if (st == CTS_ERR_PIXELS)
         st = err->status = CTS_ERR_READ;
     cts_sandbox_end(&a->unpacker);
-    return st ? st : list_members(a, bytes, (size_t)limit, err);
+    return st ? st : cts_archive_list(a, bytes, (size_t)limit, err);
 }
 
 CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err)

@@ -35,8 +35,8 @@ bool cts_archive_is_zip(const char *path);
 CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err);
 void cts_archive_free(CtsArchive **archive);
 
-/* Parsing of the untrusted output of CTS_PIXELS_UNZIP (dicom/protocol/pixel_sandbox.h). */
-CtsStatus cts_archive_list(const uint8_t *room, size_t n_room, CtsArchive **archive, CtsError *err);
+/* Lists the members in the untrusted output of CTS_PIXELS_UNZIP (dicom/protocol/pixel_sandbox.h). */
+CtsStatus cts_archive_list(CtsArchive *archive, const uint8_t *room, size_t n_room, CtsError *err);
 
 /* Archives that stay in memory, and their members by path. */
 

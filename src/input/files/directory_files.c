@@ -1,16 +1,20 @@
 /* The files that a DICOMDIR names, under the names that their way to this disk gave them. */
 #include "input/files/scan.h"
 
+#include "dicom/header/dicom_object.h"
 #include <ctype.h>
 #include <jansson.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <unistd.h>
 
+enum { RECORDS = 0x00041220, FILE_ID = 0x00041500 };
+
 typedef struct DirectoryFiles {
-    const char *folder;
-    size_t n_folder; /* letters of the folder's path, with the last / */
+    const char *folder; /* its path, with the last / */
+    size_t n_folder;    /* letters of it */
     cts_named_file_fn found;
     void *context;
     CtsFileList list; /* of all files below the folder, once one was not found by its name */
@@ -76,9 +80,9 @@ static const char *find_known(const DirectoryFiles *d, const char *path, const c
     return best;
 }
 
-static CtsStatus add_as_present(void *context, const char *path, CtsError *err)
+/* Hands on a file under the name that it has by now. */
+static CtsStatus add_as_present(DirectoryFiles *d, const char *path, CtsError *err)
 {
-    DirectoryFiles *const d = context;
     CtsStatus st = CTS_OK;
     if (!access(path, F_OK))
         return d->found(d->context, path, err);
@@ -93,6 +97,58 @@ static CtsStatus add_as_present(void *context, const char *path, CtsError *err)
     return is ? d->found(d->context, is, err) : CTS_OK;
 }
 
+/* A file ID is untrusted: it must name a file below the DICOMDIR's own folder. Its components are joined in place. */
+static bool make_relative(char *id)
+{
+    char *to = id;
+    for (const char *part = id, *end; part; part = *end ? end + 1 : NULL) {
+        end = strchrnul(part, '\\');
+        size_t n = (size_t)(end - part);
+        while (n && part[n - 1] == ' ')
+            n--;
+        if (!n || (n == 1 && part[0] == '.') || (n == 2 && !memcmp(part, "..", 2)) || memchr(part, '/', n))
+            return false;
+        if (to != id)
+            *to++ = '/';
+        memmove(to, part, n);
+        to += n;
+    }
+    *to = 0;
+    return true;
+}
+
+static CtsStatus add_listed_file(DirectoryFiles *d, CtsElements record, CtsError *err)
+{
+    char id[256], *path;
+    if (!cts_elements_text(record, FILE_ID, id, sizeof id))
+        return CTS_OK;
+    if (!make_relative(id)) {
+        d->counts->n_refused++;
+        return CTS_OK;
+    }
+    if (asprintf(&path, "%s%s", d->folder, id) < 0)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsStatus st = add_as_present(d, path, err);
+    free(path);
+    return st;
+}
+
+static CtsStatus read_records(DirectoryFiles *d, const char *path, CtsError *err)
+{
+    CtsDicomObject object;
+    CtsElement records;
+    CtsElements record;
+    CtsStatus st = cts_dicom_object_open(&object, &(CtsFile){.path = path}, CTS_MAX_HEADER_BYTES, err);
+    if (!st && !cts_elements_get(object.elements, RECORDS, &records))
+        st = cts_fail(err, CTS_ERR_READ, "cannot be read as a DICOMDIR (name the folder instead)");
+    if (st)
+        cts_context(err, "%s", path);
+    while (!st && cts_items_next(&records.value, &record))
+        st = add_listed_file(d, record, err);
+    cts_dicom_object_close(&object);
+    return st;
+}
+
 CtsStatus cts_directory_files(const char *path, cts_named_file_fn found, void *context, CtsDirectoryCounts *counts,
                               CtsError *err)
 {
@@ -102,8 +158,7 @@ CtsStatus cts_directory_files(const char *path, cts_named_file_fn found, void *c
     char *const folder = strndup(path, d.n_folder);
     *counts = (CtsDirectoryCounts){0};
     d.folder = folder;
-    const CtsStatus st = folder ? cts_slice_read_directory(path, add_as_present, &d, &counts->n_refused, err)
-                                : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsStatus st = folder ? read_records(&d, path, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     json_decref(d.by_key);
     free(folder);
     cts_file_list_free(&d.list);

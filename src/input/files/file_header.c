@@ -3,7 +3,6 @@
 #include "base/parallel.h"
 #include "base/vec3.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* The packing program of a file that is not DICOM, by its first bytes. */
@@ -49,7 +48,6 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
     s.memory = source->memory;
     s.file_bytes = file->n_bytes;
     s.mtime_ns = file->mtime_ns;
-    s.kind = CTS_OBJECT_NIFTI;
     s.syntax = cts_syntax_native(true, false);
     s.syntax_uid = "NIfTI";
     s.modality = "CT";
@@ -84,19 +82,14 @@ static void check_place(CtsSlice *s)
 
 static CtsStatus add_slices(const CtsBox *box, const CtsSlice *common, CtsObject *object, CtsError *err)
 {
-    const int n = box->dims[2];
-    if (!(object->slices = malloc((size_t)n * sizeof *object->slices)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int k = 0; k < n; k++) {
-        CtsSlice *const s = malloc(sizeof *s);
+    for (int k = 0; k < box->dims[2]; k++) {
+        CtsSlice *const s = cts_object_add_slice(object, common);
         if (!s)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        *s = *common;
         s->frame = k;
         for (int c = 0; c < 3; c++)
             s->position_lps[c] = box->origin_lps[c] + k * box->step_lps[2][c];
         check_place(s);
-        object->slices[object->n_slices++] = s;
     }
     return CTS_OK;
 }

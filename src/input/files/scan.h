@@ -42,8 +42,9 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
                          CtsError *err);
 
-/* The files that a DICOMDIR names, in its order, by their names or, where these changed on the way to this disk, by
- * names that differ in case and ending alone. */
+/* Calls found with the files that a DICOMDIR names, in its order, for as long as that succeeds: by their names or,
+ * where these changed on the way to this disk, by names that differ in case and ending alone. */
+typedef CtsStatus (*cts_named_file_fn)(void *context, const char *path, CtsError *err);
 typedef struct CtsDirectoryCounts {
     size_t n_refused; /* names that lead out of its folder */
     size_t n_missing;

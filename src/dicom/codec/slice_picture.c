@@ -1,6 +1,5 @@
-#include "ctsplat/series.h"
-
 #include "dicom/codec/pixels.h"
+
 #include <string.h>
 
 /* MAX_BYTES of a file. MEMORY: of DCMTK beside the file's bytes, which it copies; a frame has up to 3 bytes a value,
@@ -38,20 +37,5 @@ CtsStatus cts_slice_picture(const CtsSlice *slice, int width, int height, CtsPic
     }
     cts_file_bytes_close(&file);
     cts_sandbox_stop(&sandbox);
-    return st;
-}
-
-CtsStatus cts_series_image(const CtsSeries *series, CtsImage *image, CtsError *err)
-{
-    CtsPicture *p = NULL;
-    const CtsStatus st =
-        cts_slice_picture(series->slices[series->n_slices / 2], CTS_IMAGE_SIDE, CTS_IMAGE_SIDE, &p, err);
-    for (size_t i = 0; !st && i < 3 * (size_t)p->width * (size_t)p->height; i++)
-        image->rgb[i] = (uint8_t)(p->pixels[i / 3 * 4 + i % 3] * 255 + 0.5F);
-    if (!st) {
-        image->width = p->width;
-        image->height = p->height;
-    }
-    cts_picture_free(&p);
     return st;
 }
