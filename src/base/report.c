@@ -136,23 +136,16 @@ void cts_diagnostics_free(CtsDiagnostics *diagnostics)
     *diagnostics = (CtsDiagnostics){0};
 }
 
-/* Adds a line of at most so many characters to a text. */
-enum { MAX_LINE = 1000 };
-static __attribute__((format(printf, 2, 0))) void add_line(char **text, const char *format, va_list args)
-{
-    char line[MAX_LINE], *longer;
-    vsnprintf(line, sizeof line, format, args);
-    if (asprintf(&longer, "%s%s\n", *text ? *text : "", line) < 0)
-        return;
-    free(*text);
-    *text = longer;
-}
-
 void cts_report_plan(CtsReport *report, const char *format, ...)
 {
+    enum { MAX_LINE = 1000 };
+    char line[MAX_LINE], *longer;
     va_list args;
     va_start(args, format);
-    if (report)
-        add_line(&report->plan, format, args);
+    vsnprintf(line, sizeof line, format, args);
     va_end(args);
+    if (!report || asprintf(&longer, "%s%s\n", report->plan ? report->plan : "", line) < 0)
+        return;
+    free(report->plan);
+    report->plan = longer;
 }

@@ -4,6 +4,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <fnmatch.h>
 #include <limits.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -46,25 +47,14 @@ CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
     return st;
 }
 
-/* .NAME.PID.XXXXXX.tmp */
-static bool is_temporary(const char *name)
-{
-    const size_t n = strlen(name);
-    if (name[0] != '.' || n < 14 || strcmp(name + n - 4, ".tmp") || name[n - 11] != '.')
-        return false;
-    size_t i = n - 11;
-    while (i > 1 && name[i - 1] >= '0' && name[i - 1] <= '9')
-        i--;
-    return i > 1 && name[i - 1] == '.' && i < n - 11;
-}
-
 /* Removes files whose names begin with prefix. */
 static void sweep(const char *folder, const char *prefix)
 {
     const struct dirent *entry;
     DIR *dir = opendir(folder);
     while (dir && (entry = readdir(dir)))
-        if (is_temporary(entry->d_name) && !strncmp(entry->d_name, prefix, strlen(prefix)))
+        if (!fnmatch(".*.[0-9]*.??????.tmp", entry->d_name, 0) && /* .NAME.PID.XXXXXX.tmp (base/file.c) */
+            !strncmp(entry->d_name, prefix, strlen(prefix)))
             unlinkat(dirfd(dir), entry->d_name, 0);
     if (dir)
         closedir(dir);

@@ -58,7 +58,7 @@ static bool same_token(const char *given, size_t n, const char *token)
 static bool has_token(const CtsServer *server, const CtsHttpRequest *request)
 {
     static const char scheme[] = "Bearer ";
-    const char *authorization = request->authorization;
+    const char *authorization = cts_http_header(request, "Authorization");
     if (authorization && !strncasecmp(authorization, scheme, sizeof scheme - 1)) {
         const char *given = authorization + sizeof scheme - 1;
         return same_token(given, strlen(given), server->token);
@@ -115,12 +115,13 @@ static void answer_preflight(const CtsServer *server, CtsHttpAnswer *answer)
 
 bool cts_access_check(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
-    const char *host = request->host, *method = request->method;
+    const char *host = cts_http_header(request, "Host"), *method = request->method;
     if (request->has_body)
         cts_answer_text(answer, server, 413, "a request with a body: only GET is answered, which has none");
     else if (!server->local_socket && (!host || !host_is_ours(server, host)))
         cts_answer_text(answer, server, 400, "Host: not a name of this server (see --host of ctsplat serve)");
-    else if (!strcmp(method, "OPTIONS") && server->options->allow_origin && request->asked_method)
+    else if (!strcmp(method, "OPTIONS") && server->options->allow_origin &&
+             cts_http_header(request, "Access-Control-Request-Method"))
         answer_preflight(server, answer);
     else if (strcmp(method, "GET") && strcmp(method, "HEAD") &&
              (strcmp(method, "OPTIONS") || strcmp(request->path, "/")))

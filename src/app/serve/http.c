@@ -44,15 +44,15 @@ void cts_http_answer(CtsHttpRequest *request, CtsHttpAnswer *answer)
         MHD_resume_connection(request->connection);
 }
 
-static const char *header_of(struct MHD_Connection *connection, const char *name)
+const char *cts_http_header(const CtsHttpRequest *request, const char *name)
 {
-    return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
+    return MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, name);
 }
 
-static bool has_body(struct MHD_Connection *connection)
+static bool has_body(const CtsHttpRequest *request)
 {
-    const char *length = header_of(connection, "Content-Length");
-    return header_of(connection, "Transfer-Encoding") || (length && strcmp(length, "0"));
+    const char *length = cts_http_header(request, MHD_HTTP_HEADER_CONTENT_LENGTH);
+    return cts_http_header(request, MHD_HTTP_HEADER_TRANSFER_ENCODING) || (length && strcmp(length, "0"));
 }
 
 static enum MHD_Result handle(void *context, struct MHD_Connection *connection, const char *path, const char *method,
@@ -68,16 +68,11 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
         *r = (CtsHttpRequest){
             .method = method,
             .path = path,
-            .host = header_of(connection, MHD_HTTP_HEADER_HOST),
-            .authorization = header_of(connection, MHD_HTTP_HEADER_AUTHORIZATION),
             .cookie = MHD_lookup_connection_value(connection, MHD_COOKIE_KIND, "ctsplat"),
-            .accept = header_of(connection, MHD_HTTP_HEADER_ACCEPT),
-            .if_none_match = header_of(connection, MHD_HTTP_HEADER_IF_NONE_MATCH),
-            .asked_method = header_of(connection, "Access-Control-Request-Method"),
-            .has_body = has_body(connection),
             .socket = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd,
             .connection = connection,
         };
+        r->has_body = has_body(r);
         if (!r->has_body) /* answered before it is read, which ends the connection */
             return MHD_YES;
     }

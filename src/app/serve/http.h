@@ -16,13 +16,11 @@ typedef struct CtsHttpAnswer {
     struct MHD_Response *response; /* NULL: there was no memory for it */
 } CtsHttpAnswer;
 
-/* A request until it is answered. It owns its texts; headers are NULL where absent. */
+/* A request until it is answered. It owns its texts. */
 typedef struct CtsHttpRequest {
     const char *method, *path;
-    const char *host, *authorization, *accept, *if_none_match;
-    const char *cookie;       /* value of the one called ctsplat */
-    const char *asked_method; /* Access-Control-Request-Method, of another site's page */
-    bool has_body;            /* which is not read */
+    const char *cookie; /* value of the one called ctsplat */
+    bool has_body;      /* which is not read */
     int socket;
     /* Of http.c alone: */
     struct MHD_Connection *connection;
@@ -36,6 +34,8 @@ CtsStatus cts_http_start(CtsHttpServer **http, struct CtsServer *server, int soc
                          const char *key, CtsError *err);
 /* Every request must have been answered. */
 void cts_http_stop(CtsHttpServer **http);
+/* The value of a header; NULL where it is absent. */
+const char *cts_http_header(const CtsHttpRequest *request, const char *name);
 /* Adds the parameters; the value of one without is "". */
 void cts_http_query(const CtsHttpRequest *request, struct CtsQuery *query);
 /* Within cts_routes_dispatch(): announces a later answer from any thread. */

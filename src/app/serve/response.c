@@ -118,7 +118,7 @@ static CtsStatus answer_file(CtsHttpAnswer *answer, const CtsServer *server, con
 CtsStatus cts_answer_picture(CtsHttpAnswer *answer, const CtsServer *server, const CtsRenderRequest *r, CtsError *err)
 {
     char *const json = r->render_query.metadata ? cts_list_module(r) : r->etag[0] ? NULL : cts_list_scene(server, r);
-    const char *const has = r->request->if_none_match;
+    const char *const has = cts_http_header(r->request, "If-None-Match");
     CtsStatus st = CTS_OK;
     if (r->render_query.metadata && json) {
         cts_answer_bytes(answer, server, 200, "application/dicom+json", json, strlen(json), false);

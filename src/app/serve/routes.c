@@ -95,7 +95,9 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, Target *
         r->render_query.state_path = cts_series_cache_state(&server->cache, target->uid, target->instance_uid);
     if (!r->render_query.state_path)
         strcpy(r->render_query.instance_uid, target->instance_uid);
-    CtsStatus st = format ? CTS_OK : cts_render_query_rendered3d(&r->render_query, request->accept, &format, &err);
+    CtsStatus st =
+        format ? CTS_OK
+               : cts_render_query_rendered3d(&r->render_query, cts_http_header(request, "Accept"), &format, &err);
     if (!st && format && !(st = prepare_request(server, r, format, &err))) {
         if (r->render_query.state_path) /* its picture is of the series that it names */
             snprintf(target->uid, sizeof target->uid, "%s", r->render_query.options.state->source_uid);

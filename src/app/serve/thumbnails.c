@@ -93,6 +93,7 @@ static CtsStatus name_thumbnail(CtsRenderRequest *r, char name[2 * CTS_DIGEST_BY
 CtsStatus cts_thumbnail_find(const CtsServer *server, CtsRenderRequest *r, CtsError *err)
 {
     CtsRenderQuery *const q = &r->render_query;
+    const char *const has = cts_http_header(r->request, "If-None-Match");
     char name[2 * CTS_DIGEST_BYTES + 1], *path = NULL;
     CtsStatus st = choose_slice(server, r, err);
     if (st || (st = name_thumbnail(r, name, err)))
@@ -106,8 +107,7 @@ CtsStatus cts_thumbnail_find(const CtsServer *server, CtsRenderRequest *r, CtsEr
         q->job.outputs.paths = (const char *const *)&q->path;
         q->job.export.force = true; /* another server may have made it meanwhile */
     }
-    r->is_kept =
-        (path && !access(path, R_OK)) || (r->request->if_none_match && strstr(r->request->if_none_match, r->etag));
+    r->is_kept = (path && !access(path, R_OK)) || (has && strstr(has, r->etag));
     return CTS_OK;
 }
 

@@ -1,7 +1,7 @@
 #include "ctsplat/export.h"
 
-#include "base/clock.h"
 #include "base/enum_table.h"
+#include "base/stage_timer.h"
 #include "output/export/format.h"
 #include "output/image/samples.h"
 #include <errno.h>
@@ -123,12 +123,6 @@ struct CtsExport {
     int frame, row; /* the next ones expected */
 };
 
-/* Adds the time of one step to the export stage; items and bytes of the file are passed with its last step. */
-static void report_export_step(const CtsExport *e, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
-{
-    cts_report_stage(e->job.report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, items, bytes);
-}
-
 void cts_export_discard(CtsExport **output)
 {
     CtsExport *e = *output;
@@ -146,7 +140,7 @@ void cts_export_discard(CtsExport **output)
 CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPicture *first, int n_frames,
                            const CtsExportSettings *settings, CtsReport *report, CtsError *err)
 {
-    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    const CtsStageTimer timer = cts_stage_timer_start(report);
     const bool grey = first->n_channels == 1 || first->info.grey;
     CtsStatus st;
     *output = NULL;
@@ -174,7 +168,7 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
         st = e->format->begin(&e->job, err);
     if (!st && settings->scratch)
         cts_temp_do_not_sync(e->job.temp);
-    report_export_step(e, wall_ms, cpu_ms, 0, 0);
+    cts_stage_timer_stop(timer, report, CTS_STAGE_EXPORT);
     if (st)
         cts_export_discard(output);
     return st;
@@ -182,7 +176,7 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
 
 CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
 {
-    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    const CtsStageTimer timer = cts_stage_timer_start(e->job.report);
     const CtsExportHead *head = &e->job.head;
     const bool last = band->first_row + band->height == head->height;
     if (band->width != head->width || band->whole_height != head->height)
@@ -194,7 +188,7 @@ CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
     e->row = last ? 0 : band->first_row + band->height;
     e->frame += last;
     const CtsStatus st = e->format->rows(&e->job, band, err);
-    report_export_step(e, wall_ms, cpu_ms, 0, 0);
+    cts_stage_timer_stop(timer, e->job.report, CTS_STAGE_EXPORT);
     return st;
 }
 
@@ -206,8 +200,8 @@ void cts_export_error(CtsExport *e, const CtsErrorBound *bound)
 
 CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err)
 {
-    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     CtsExport *e = *output;
+    const CtsStageTimer timer = cts_stage_timer_start(e->job.report);
     const CtsExportHead *head = &e->job.head;
     uint64_t size = 0;
     CtsStatus st;
@@ -217,9 +211,10 @@ CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err)
         st = cts_fail(err, CTS_ERR_INTERNAL, "%s: rows are missing", e->job.path);
     else if (!(st = e->format->finish(&e->job, err)))
         st = cts_temp_commit(&e->job.temp, e->job.settings.force, &size, err);
+    cts_stage_timer_stop(timer, e->job.report, CTS_STAGE_EXPORT);
     if (!st)
-        report_export_step(e, wall_ms, cpu_ms,
-                           (uint64_t)head->width * (uint64_t)head->height * (uint64_t)head->n_frames, size);
+        cts_report_stage(e->job.report, CTS_STAGE_EXPORT, 0, 0,
+                         (uint64_t)head->width * (uint64_t)head->height * (uint64_t)head->n_frames, size);
     if (bytes && !st)
         *bytes = size;
     cts_export_discard(output);

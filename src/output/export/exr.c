@@ -531,10 +531,6 @@ static CtsStatus read_exr(const char *path, CtsPicture **picture, CtsError *err)
 const CtsFormat cts_format_exr = {
     .info = {"exr", "OpenEXR", "application/octet-stream", .has_depth = true, .has_alpha = true, .read_back = true},
     .magic = "\x76\x2f\x31\x01",
-    .state_bytes = sizeof(ExrWriter),
-    .begin = begin,
-    .rows = add_rows,
-    .finish = finish,
-    .close = release,
+    CTS_FORMAT_STEPS(ExrWriter),
     .read = read_exr,
 };

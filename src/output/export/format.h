@@ -47,6 +47,10 @@ typedef struct CtsFormat {
     CtsStatus (*read)(const char *path, CtsPicture **picture, CtsError *err); /* NULL: not read_back */
 } CtsFormat;
 
+/* A row's state and steps: the static functions of a format's file that have these names. */
+#define CTS_FORMAT_STEPS(state)                                                                                        \
+    .state_bytes = sizeof(state), .begin = begin, .rows = add_rows, .finish = finish, .close = release
+
 extern const CtsFormat cts_format_png, cts_format_exr, cts_format_dcm, cts_format_jpg, cts_format_webp, cts_format_mp4,
     cts_format_gif;
 

@@ -116,9 +116,5 @@ static void release(CtsExportJob *job)
 const CtsFormat cts_format_jpg = {
     .info = {"jpg", "JPEG, 8 bits a channel", "image/jpeg"},
     .max_side = MAX_SIDE,
-    .state_bytes = sizeof(JpgWriter),
-    .begin = begin,
-    .rows = add_rows,
-    .finish = finish,
-    .close = release,
+    CTS_FORMAT_STEPS(JpgWriter),
 };

@@ -432,10 +432,6 @@ static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
 const CtsFormat cts_format_png = {
     .info = {"png", "PNG, 16 bits a channel (or 8)", "image/png", .has_alpha = true, .read_back = true},
     .magic = "\x89PNG",
-    .state_bytes = sizeof(PngWriter),
-    .begin = begin,
-    .rows = add_rows,
-    .finish = finish,
-    .close = release,
+    CTS_FORMAT_STEPS(PngWriter),
     .read = read_png,
 };

@@ -228,10 +228,6 @@ const CtsFormat cts_format_dcm = {
     .magic = "DICM",
     .check = check,
     .check_size = check_size,
-    .state_bytes = sizeof(ScWriter),
-    .begin = begin,
-    .rows = add_rows,
-    .finish = finish,
-    .close = release,
+    CTS_FORMAT_STEPS(ScWriter),
     .read = read_back,
 };

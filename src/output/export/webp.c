@@ -137,9 +137,5 @@ const CtsFormat cts_format_webp = {
     .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", "image/webp", .many_frames = true,
              .has_alpha = true},
     .max_side = WEBP_MAX_DIMENSION,
-    .state_bytes = sizeof(WebpWriter),
-    .begin = begin,
-    .rows = add_rows,
-    .finish = finish,
-    .close = release,
+    CTS_FORMAT_STEPS(WebpWriter),
 };

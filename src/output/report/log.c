@@ -26,23 +26,23 @@ struct CtsLog {
         parallel_ms; /* the end: when the report was given, as writing it is not the run's */
     char *text;
     size_t size;
-    char run_id[17];
-    CtsUtc time;
-    char *command, *series_hash; /* NULL: not known */
+    json_t *run; /* the first line, whose fields are known only at the end */
     char *last_words;
     const CtsNames *names; /* of files that the log must not contain; NULL: none */
     CtsKey key;
     bool has_key; /* else UIDs are omitted, even as hashes */
 };
 
-/* A random run id, so that runs of many machines can share a file; and the start time. */
-static void name_run(CtsLog *log)
+/* With a random id, so that runs of many machines can share a file. */
+static json_t *new_run(void)
 {
     uint64_t id = 0;
+    char run_id[17];
     if (getrandom(&id, sizeof id, 0) != (ssize_t)sizeof id)
         id = (uint64_t)time(NULL) << 20 ^ (uint64_t)getpid();
-    snprintf(log->run_id, sizeof log->run_id, "%016llx", (unsigned long long)id);
-    log->time = cts_utc_now();
+    snprintf(run_id, sizeof run_id, "%016llx", (unsigned long long)id);
+    return json_pack("{s:s,s:f,s:s,s:s,s:s,s:n,s:n}", "event", "run", "t_ms", 0.0, "run_id", run_id, "version",
+                     CTS_VERSION, "time", cts_utc_now().text, "command", "series_uid_hash");
 }
 
 static CtsStatus open_log(const char *path, int *fd, CtsError *err)
@@ -72,12 +72,13 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may
     l->path = path;
     l->start_ms = start_ms;
     l->parallel_before_ms = cts_parallel_ms();
-    name_run(l);
+    l->run = new_run();
     CtsStatus st = cts_key_load(key, may_make_key, &l->key, err);
     l->has_key = !st;
     if (!key) /* without a key the log has no hashes */
         st = CTS_OK;
     if (st || (st = open_log(path, &l->fd, err))) {
+        json_decref(l->run);
         free(l);
         return st;
     }
@@ -237,45 +238,29 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         add_event(log, "error", cts_error_json(report));
 }
 
-static char *run_line(const CtsLog *log)
-{
-    return new_log_line(json_pack("{s:s,s:f,s:s,s:s,s:s,s:o,s:o}", "event", "run", "t_ms", 0.0, "run_id", log->run_id,
-                                  "version", CTS_VERSION, "time", log->time.text, "command",
-                                  log->command ? cts_json_new_text(log->command) : json_null(), "series_uid_hash",
-                                  log->series_hash ? json_string(log->series_hash) : json_null()));
-}
-
-static void prepare_last_words(CtsLog *log)
-{
-    char *run = run_line(log), *failed = new_log_line(json_pack("{s:s,s:f,s:i,s:s}", "event", "failed", "t_ms", 0.0,
-                                                                "exit_code", 130, "message", "interrupted"));
-    char *text = NULL;
-    if (run && failed && asprintf(&text, "%s\n%s\n", run, failed) > 0) {
-        free(log->last_words);
-        log->last_words = text;
-    }
-    free(run);
-    free(failed);
-}
-
 void cts_log_run(CtsLog *log, const char *command, const char *series_uid)
 {
-    if (!log)
-        return;
-    if (command && !log->command)
-        log->command = strdup(command);
-    if (series_uid && !log->series_hash && log->has_key)
-        log->series_hash = cts_uid_hash(&log->key, series_uid);
-    prepare_last_words(log);
+    char *const hash = log && series_uid && log->has_key ? cts_uid_hash(&log->key, series_uid) : NULL;
+    if (log && command)
+        json_object_set_new(log->run, "command", cts_json_new_text(command));
+    if (hash)
+        json_object_set_new(log->run, "series_uid_hash", json_string(hash));
+    free(hash);
 }
 
-bool cts_log_last_words(const CtsLog *log, int *fd, const char **text, size_t *size)
+bool cts_log_last_words(CtsLog *log, int *fd, const char **text, size_t *size)
 {
-    if (!log || !log->last_words)
+    char *const run = log ? new_log_line(json_incref(log->run)) : NULL;
+    char *const failed = new_log_line(
+        json_pack("{s:s,s:f,s:i,s:s}", "event", "failed", "t_ms", 0.0, "exit_code", 130, "message", "interrupted"));
+    const int n = run && failed ? asprintf(&log->last_words, "%s\n%s\n", run, failed) : -1;
+    free(run);
+    free(failed);
+    if (n < 0)
         return false;
     *fd = log->fd;
     *text = log->last_words;
-    *size = strlen(log->last_words);
+    *size = (size_t)n;
     return true;
 }
 
@@ -302,7 +287,7 @@ void cts_log_done(CtsLog *log, int n_threads)
 /* Writes the first line, whose fields are known only at the end. */
 static void put_run_first(CtsLog *log)
 {
-    char *run = run_line(log), *text = NULL;
+    char *run = new_log_line(json_incref(log->run)), *text = NULL;
     if (run && asprintf(&text, "%s\n%.*s", run, (int)log->size, log->text ? log->text : "") > 0) {
         free(log->text);
         log->text = text;
@@ -323,8 +308,7 @@ CtsStatus cts_log_close(CtsLog **log, CtsError *err)
     if (l->fd != STDERR_FILENO && close(l->fd) && !st)
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
     free(l->text);
-    free(l->command);
-    free(l->series_hash);
+    json_decref(l->run);
     free(l->last_words);
     free(l);
     *log = NULL;

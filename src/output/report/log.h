@@ -36,6 +36,6 @@ void cts_log_done(CtsLog *log, int n_threads);
 void cts_log_failed(CtsLog *log, int exit_code, const char *message);
 /* The text and file of a log of a run that is broken off here and now: for a signal handler, which can do no more than
  * write it. Valid until the log is closed; false when there is no log. */
-bool cts_log_last_words(const CtsLog *log, int *fd, const char **text, size_t *size);
+bool cts_log_last_words(CtsLog *log, int *fd, const char **text, size_t *size);
 /* Append all lines and close. */
 CtsStatus cts_log_close(CtsLog **log, CtsError *err);
