@@ -3,24 +3,11 @@
 #include "base/mem.h"
 #include "base/sandbox.h"
 #include "dicom/header/header_reader.h"
-#include "dicom/protocol/dicom_begin.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { CPU_S = 300 }; /* of the largest header */
-
-static CtsStatus open_file(CtsDicomObject *o, const CtsFile *source, CtsError *err)
-{
-    uint8_t begin[132];
-    CtsStatus st = cts_file_bytes_open(&o->file, source, err);
-    if (st)
-        return st;
-    const size_t n = o->file.fd < 0 ? 0 : o->file.n_bytes < sizeof begin ? (size_t)o->file.n_bytes : sizeof begin;
-    if (n && (st = cts_file_bytes_read(&o->file, begin, n, 0, err)))
-        return st;
-    return n && cts_scan_begins_dicom(begin, n) ? CTS_OK : cts_fail(err, CTS_ERR_READ, "is no DICOM file");
-}
 
 /* Reads the elements in front of the pixels, or those of an object that is written. */
 static CtsStatus take_elements(CtsDicomObject *o, CtsReaderOrder order, const uint8_t *records, CtsError *err)
@@ -45,7 +32,7 @@ static CtsStatus take_elements(CtsDicomObject *o, CtsReaderOrder order, const ui
 CtsStatus cts_dicom_object_open(CtsDicomObject *o, const CtsFile *source, uint64_t max_header, CtsError *err)
 {
     *o = (CtsDicomObject){.file.fd = -1};
-    CtsStatus st = open_file(o, source, err);
+    CtsStatus st = cts_file_bytes_open(&o->file, source, err);
     if (!st)
         st = take_elements(o, (CtsReaderOrder){.task = CTS_READER_OBJECT, .max_header = max_header}, NULL, err);
     return st;

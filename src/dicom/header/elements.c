@@ -38,13 +38,11 @@ bool cts_elements_get(CtsElements elements, uint32_t tag, CtsElement *e)
     return false;
 }
 
-/* The value of an element of one of two kinds; an empty one if there is none. */
-static CtsElements value_of(CtsElements elements, uint32_t tag, CtsValueKind kind, CtsValueKind other)
+/* The value of an element of this kind; an empty one if there is none. */
+static CtsElements value_of(CtsElements elements, uint32_t tag, CtsValueKind kind)
 {
     CtsElement e;
-    return cts_elements_get(elements, tag, &e) && (e.kind == kind || e.kind == other)
-               ? e.value
-               : (CtsElements){elements.end, elements.end};
+    return cts_elements_get(elements, tag, &e) && e.kind == kind ? e.value : (CtsElements){elements.end, elements.end};
 }
 
 CtsElements cts_elements_find(CtsElements elements, uint32_t tag)
@@ -55,15 +53,22 @@ CtsElements cts_elements_find(CtsElements elements, uint32_t tag)
 
 CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag)
 {
-    CtsElements sequence = value_of(elements, sequence_tag, CTS_VALUE_ITEMS, CTS_VALUE_ITEMS), item;
+    CtsElements sequence = value_of(elements, sequence_tag, CTS_VALUE_ITEMS), item;
     return cts_items_next(&sequence, &item) ? item : (CtsElements){sequence.end, sequence.end};
 }
 
 bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t size)
 {
-    const CtsElements value = value_of(elements, tag, CTS_VALUE_TEXT, CTS_VALUE_BYTES);
-    const char *p = (const char *)value.at;
-    size_t n = (size_t)(value.end - value.at);
+    CtsElement e;
+    *text = 0;
+    return cts_elements_get(elements, tag, &e) && cts_element_text(&e, text, size);
+}
+
+bool cts_element_text(const CtsElement *e, char *text, size_t size)
+{
+    const bool is_text = e->kind == CTS_VALUE_TEXT || e->kind == CTS_VALUE_BYTES;
+    const char *p = (const char *)e->value.at;
+    size_t n = is_text ? (size_t)(e->value.end - e->value.at) : 0;
     while (n && (p[n - 1] == ' ' || p[n - 1] == 0))
         n--;
     for (; n && *p == ' '; n--)
@@ -98,7 +103,7 @@ bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, size_t
 
 bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, size_t n)
 {
-    const CtsElements v = value_of(elements, tag, CTS_VALUE_NUMBERS, CTS_VALUE_NUMBERS);
+    const CtsElements v = value_of(elements, tag, CTS_VALUE_NUMBERS);
     if ((size_t)(v.end - v.at) != n * sizeof *values)
         return false;
     memcpy(values, v.at, n * sizeof *values);

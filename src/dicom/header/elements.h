@@ -50,6 +50,7 @@ CtsElements cts_elements_find(CtsElements elements, uint32_t tag);
 CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag);
 
 /* Values: text (or bytes) without surrounding blanks, truncated to size; false if there is none. */
+bool cts_element_text(const CtsElement *element, char *text, size_t size);
 bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t size);
 /* A single whole number; false where there is none. */
 bool cts_elements_integer(CtsElements elements, uint32_t tag, int *value);

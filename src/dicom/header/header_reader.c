@@ -25,12 +25,10 @@ void cts_header_reader_free(CtsHeaderReader *r)
     *r = (CtsHeaderReader){0};
 }
 
-CtsStatus cts_header_begin(CtsHeaderReader *r, const CtsFile *source, CtsFileBytes *file, const uint8_t **bytes,
-                           size_t *n, CtsError *err)
+CtsStatus cts_header_begin(CtsHeaderReader *r, const CtsFile *source, CtsFileBytes *file, size_t *n, CtsError *err)
 {
     CtsStatus st = cts_file_bytes_open(file, source, err);
     *n = 0;
-    *bytes = NULL;
     if (st || file->fd < 0)
         return st;
     if (r->first_read < CTS_HEADER_FIRST_READ)
@@ -40,7 +38,6 @@ CtsStatus cts_header_begin(CtsHeaderReader *r, const CtsFile *source, CtsFileByt
         (st = cts_file_bytes_read(file, r->first_bytes, *n, 0, err)))
         return st;
     r->bytes_read += *n;
-    *bytes = r->first_bytes;
     return CTS_OK;
 }
 
@@ -256,10 +253,9 @@ void cts_header_finish(CtsHeaderReader *r)
 CtsFileKind cts_slice_read_header(const CtsFile *source, CtsHeaderReader *r, CtsObject *object, CtsError *err)
 {
     CtsFileBytes file;
-    const uint8_t *bytes;
     size_t n;
     CtsHeaderRead result = {.kind = CTS_FILE_NOT_DICOM};
-    const CtsStatus st = cts_header_begin(r, source, &file, &bytes, &n, &result.why);
+    const CtsStatus st = cts_header_begin(r, source, &file, &n, &result.why);
     if (st)
         result.kind = CTS_FILE_UNREADABLE;
     else if (n && cts_header_add(r, source, &file, n, &result))

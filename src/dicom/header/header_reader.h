@@ -58,10 +58,10 @@ CtsStatus cts_header_ask(CtsSandbox *reader, const CtsFileBytes *file, CtsReader
 
 void cts_header_reader_free(CtsHeaderReader *reader);
 
-/* Opens a file and reads its first n bytes, which are valid until the next call; n is 0 for a file that is not regular.
- * CTS_ERR_READ, without the path. Close the file in any case. */
-CtsStatus cts_header_begin(CtsHeaderReader *reader, const CtsFile *source, CtsFileBytes *file, const uint8_t **bytes,
-                           size_t *n, CtsError *err);
+/* Opens a file and reads its first n bytes into first_bytes; n is 0 for a file that is not regular. CTS_ERR_READ,
+ * without the path. Close the file in any case. */
+CtsStatus cts_header_begin(CtsHeaderReader *reader, const CtsFile *source, CtsFileBytes *file, size_t *n,
+                           CtsError *err);
 
 /* Queues the file that was just begun, of which n bytes were read, unless it is clearly no DICOM: true then. The
  * result, zeroed by the caller, is filled by the time cts_header_finish() returns; source and result must stay until

@@ -74,6 +74,14 @@ CtsStored cts_slice_stored(const CtsSlice *s)
                        .padding_word = s->padding_word};
 }
 
+bool cts_slice_same_values(const CtsSlice *a, const CtsSlice *b)
+{
+    const CtsStored x = cts_slice_stored(a), y = cts_slice_stored(b);
+    return a->slope == b->slope && a->intercept == b->intercept && x.shift == y.shift && x.bits == y.bits &&
+           x.is_signed == y.is_signed && x.padding_low == y.padding_low && x.padding_high == y.padding_high &&
+           x.padding_word == y.padding_word;
+}
+
 const char *cts_slice_name(const CtsSlice *slice)
 {
     const char *slash = strrchr(slice->path, '/');

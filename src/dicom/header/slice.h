@@ -200,6 +200,8 @@ void cts_object_free(CtsObject *object);
 
 /* The conversion of its stored words. */
 CtsStored cts_slice_stored(const CtsSlice *slice);
+/* True if the same words have the same values in both. */
+bool cts_slice_same_values(const CtsSlice *a, const CtsSlice *b);
 
 /* Bytes first <= i < end of its frame, in the file's byte order, become 16-bit words in native order; first is even.
  * bytes and words may be the same memory. */

@@ -56,7 +56,7 @@ static void send_diagnostics(const CtsDiagnostics *diagnostics)
 }
 
 /* Runs the request; the last answer is returned. */
-static CtsNetAnswer run_task(const CtsNetRequest *r, CtsOutgoingFile *files)
+static CtsNetAnswer run_task(const CtsNetRequest *r)
 {
     CtsReport report = {0};
     CtsNetAnswer answer = {.kind = CTS_NET_END};
@@ -65,10 +65,10 @@ static CtsNetAnswer run_task(const CtsNetRequest *r, CtsOutgoingFile *files)
     CtsNet net = r->net;
     net.stop = &stop;
     net.sent = on_sent;
-    net.context = files;
+    net.context = r->outgoing;
     net.report = &report;
     if (r->task == CTS_NET_SEND)
-        protocol->send(&r->peer, &net, files, r->n_outgoing, &answer.result);
+        protocol->send(&r->peer, &net, r->outgoing, r->n_outgoing, &answer.result);
     if (r->task == CTS_NET_FETCH) {
         answer.fetch_folder.folder = r->folder;
         err->status = protocol->fetch(&r->peer, &net, &r->query, &answer.fetch_folder, err);
@@ -82,16 +82,6 @@ static CtsNetAnswer run_task(const CtsNetRequest *r, CtsOutgoingFile *files)
     send_diagnostics(&report.diagnostics);
     cts_report_free(&report);
     return answer;
-}
-
-static bool read_request(CtsNetRequest *r, CtsOutgoingFile **files)
-{
-    bool good = cts_wire_read_request(library, r);
-    *files = good ? calloc((size_t)r->n_outgoing + 1, sizeof **files) : NULL;
-    good = *files;
-    for (int i = 0; i < r->n_outgoing && good; i++)
-        good = cts_wire_read(library, &(*files)[i], sizeof **files) && cts_wire_read_text(library, &(*files)[i].path);
-    return good;
 }
 
 /* Started with all signals blocked. SIGPIPE stays so: it is an error of the write. */
@@ -111,7 +101,6 @@ static bool take_signals(void)
 int main(int argc, char **argv)
 {
     CtsNetRequest request;
-    CtsOutgoingFile *files = NULL;
     CtsNetAnswer answer = {.kind = CTS_NET_END};
     CtsError *const err = &answer.result.error;
     if (argc != 2) {
@@ -119,11 +108,11 @@ int main(int argc, char **argv)
         return 2;
     }
     library = atoi(argv[1]);
-    if (!read_request(&request, &files))
+    if (!cts_wire_read_request(library, &request))
         return 1;
     if (!take_signals())
         cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     else if (!cts_dcm_start(err))
-        answer = run_task(&request, files);
+        answer = run_task(&request);
     return !cts_send_all(library, &answer, sizeof answer);
 }

@@ -19,33 +19,21 @@ enum { TICK_MS = 50, GRACE_MS = 3000 };
 
 /* A run of the program, and where its answers go. */
 typedef struct NetCall {
-    const CtsNet *net;
+    CtsNetRequest request;
+    CtsFound *found;
     int socket;
     pid_t pid;
-    CtsOutgoingFile *outgoing_files;
-    int n_outgoing;
-    CtsFound *found;
-    CtsReport *report;
     CtsNetAnswer answer; /* the last one */
 } NetCall;
-
-static bool write_request(const NetCall *c, const CtsNetRequest *request)
-{
-    bool good = cts_wire_write_request(c->socket, request);
-    for (int i = 0; i < c->n_outgoing && good; i++)
-        good = cts_send_all(c->socket, &c->outgoing_files[i], sizeof *c->outgoing_files) &&
-               cts_wire_write_text(c->socket, c->outgoing_files[i].path);
-    return good;
-}
 
 /* Waits for an answer. Once a stop is requested the program is notified, and killed after its grace. */
 static bool await_answer(NetCall *c, int *left_ms)
 {
     struct pollfd ready = {.fd = c->socket, .events = POLLIN};
     while (poll(&ready, 1, TICK_MS) <= 0) {
-        if (*left_ms == GRACE_MS && cts_net_stopped(c->net))
+        if (*left_ms == GRACE_MS && cts_net_stopped(&c->request.net))
             cts_send_all(c->socket, "", 1);
-        if (cts_net_stopped(c->net) && (*left_ms -= TICK_MS) <= 0)
+        if (cts_net_stopped(&c->request.net) && (*left_ms -= TICK_MS) <= 0)
             kill(c->pid, SIGKILL);
     }
     return cts_wire_read(c->socket, &c->answer, sizeof c->answer);
@@ -54,6 +42,7 @@ static bool await_answer(NetCall *c, int *left_ms)
 /* The peer's texts end within their fields, and what is counted is there. */
 static CtsStatus use_answer(NetCall *c, CtsError *err)
 {
+    const CtsNetRequest *const r = &c->request;
     CtsNetAnswer *const a = &c->answer;
     CtsFoundSeries *const s = &a->found;
     a->result.error.text[sizeof a->result.error.text - 1] = a->result.remedy[sizeof a->result.remedy - 1] = 0;
@@ -61,13 +50,12 @@ static CtsStatus use_answer(NetCall *c, CtsError *err)
     s->study_uid[sizeof s->study_uid - 1] = s->series_uid[sizeof s->series_uid - 1] = 0;
     s->modality[sizeof s->modality - 1] = s->study_date[sizeof s->study_date - 1] = 0;
     s->description[sizeof s->description - 1] = 0;
-    if (a->kind == CTS_NET_SENT && a->number >= 0 && a->number < c->n_outgoing) {
-        CtsOutgoingFile *const outgoing = &c->outgoing_files[a->number];
-        outgoing->sent = true;
-        if (c->net->sent)
-            c->net->sent(c->net->context, outgoing->path);
+    if (a->kind == CTS_NET_SENT && a->number >= 0 && a->number < r->n_outgoing) {
+        r->outgoing[a->number].sent = true;
+        if (r->net.sent)
+            r->net.sent(r->net.context, r->outgoing[a->number].path);
     } else if (a->kind == CTS_NET_DIAGNOSTIC && a->number >= 0 && a->number < CTS_N_DIAGNOSTICS) {
-        cts_report_diagnostic(c->report, (CtsDiagnosticId)a->number, "%s", a->result.error.text);
+        cts_report_diagnostic(r->net.report, (CtsDiagnosticId)a->number, "%s", a->result.error.text);
     } else if (a->kind == CTS_NET_FOUND && c->found && c->found->n < CTS_MAX_FOUND && s->n_objects >= 0 &&
                cts_uid_is_valid(s->study_uid) && cts_uid_is_valid(s->series_uid)) {
         const CtsStatus st = cts_grow(&c->found->items, c->found->n, err);
@@ -100,15 +88,12 @@ static CtsStatus start_call(NetCall *c, CtsError *err)
     return st;
 }
 
-static CtsStatus run_net_call(NetCall *c, CtsNetRequest request, CtsError *err)
+static CtsStatus run_net_call(NetCall *c, CtsError *err)
 {
     int left_ms = GRACE_MS;
     c->socket = -1;
-    c->report = c->net->report;
-    request.net = *c->net;
-    request.n_outgoing = c->n_outgoing;
     CtsStatus st = start_call(c, err);
-    bool alive = !st && write_request(c, &request);
+    bool alive = !st && cts_wire_write_request(c->socket, &c->request);
     do {
         alive = alive && await_answer(c, &left_ms);
         st = alive ? use_answer(c, err) : st;
@@ -124,18 +109,19 @@ static CtsStatus run_net_call(NetCall *c, CtsNetRequest request, CtsError *err)
 void cts_program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
                       CtsAttempt *result)
 {
-    NetCall c = {.net = net, .outgoing_files = outgoing_files, .n_outgoing = n_outgoing};
-    if (run_net_call(&c, (CtsNetRequest){.task = CTS_NET_SEND, .peer = *peer}, &result->error) &&
-        c.answer.kind == CTS_NET_END)
+    NetCall c = {
+        .request = {
+            .task = CTS_NET_SEND, .peer = *peer, .net = *net, .outgoing = outgoing_files, .n_outgoing = n_outgoing}};
+    if (run_net_call(&c, &result->error) && c.answer.kind == CTS_NET_END)
         *result = c.answer.result;
 }
 
 CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted,
                             CtsFetchFolder *folder, CtsError *err)
 {
-    NetCall c = {.net = net};
-    const CtsNetRequest request = {.task = CTS_NET_FETCH, .peer = *peer, .query = *wanted, .folder = folder->folder};
-    const CtsStatus st = run_net_call(&c, request, err);
+    NetCall c = {
+        .request = {.task = CTS_NET_FETCH, .peer = *peer, .net = *net, .query = *wanted, .folder = folder->folder}};
+    const CtsStatus st = run_net_call(&c, err);
     if (!st && (c.answer.fetch_folder.n_files < 0 || c.answer.fetch_folder.n_files > CTS_FETCH_MAX_FILES + 1))
         return cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
     c.answer.fetch_folder.folder = folder->folder;
@@ -146,6 +132,6 @@ CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSer
 CtsStatus cts_program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                            CtsError *err)
 {
-    NetCall c = {.net = net, .found = found};
-    return run_net_call(&c, (CtsNetRequest){.task = CTS_NET_FIND, .peer = *peer, .query = *query}, err);
+    NetCall c = {.request = {.task = CTS_NET_FIND, .peer = *peer, .net = *net, .query = *query}, .found = found};
+    return run_net_call(&c, err);
 }

@@ -83,7 +83,6 @@ typedef struct Download {
     char *path;   /* of the file being written */
     FILE *file;
     uint64_t n_bytes;
-    CtsStatus status;
     CtsError error;
 } Download;
 
@@ -137,21 +136,22 @@ static size_t take_answer(char *bytes, size_t size, size_t n, void *context)
         const CtsPartSink sink = {begin_file, write_file, end_file, d};
         d->started = true;
         d->single = is_one_object(cts_web_content_type(d->web));
-        d->status = d->single ? begin_file(d, &d->error)
-                              : cts_multipart_start(&d->multipart, cts_web_content_type(d->web), &sink, &d->error);
+        if (d->single)
+            begin_file(d, &d->error);
+        else
+            cts_multipart_start(&d->multipart, cts_web_content_type(d->web), &sink, &d->error);
     }
-    if (!d->status)
-        d->status = d->single ? write_file(d, bytes, size * n, &d->error)
-                              : cts_multipart_feed(&d->multipart, bytes, size * n, &d->error);
-    return d->status ? 0 : size * n;
+    if (!d->error.status && d->single)
+        write_file(d, bytes, size * n, &d->error);
+    else if (!d->error.status)
+        cts_multipart_feed(&d->multipart, bytes, size * n, &d->error);
+    return d->error.status ? 0 : size * n;
 }
 
 static CtsStatus check_download(Download *d, CURLcode code, long status, CtsError *err)
 {
-    if (d->status) {
-        *err = d->error;
-        return d->status;
-    }
+    if (d->error.status)
+        return *err = d->error, d->error.status;
     if (!code && (status == 404 || status == 204))
         return cts_fail(err, CTS_ERR_READ, "the peer does not have it (status %ld)", status);
     if (code || status != 200)

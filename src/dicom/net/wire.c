@@ -18,13 +18,13 @@ bool cts_wire_read(int socket, void *bytes, size_t n)
     return true;
 }
 
-bool cts_wire_write_text(int socket, const char *text)
+static bool pass_text(int socket, const char *text)
 {
     const size_t n = text ? strlen(text) + 1 : 0; /* with the 0 at its end */
     return cts_send_all(socket, &n, sizeof n) && cts_send_all(socket, text, n);
 }
 
-bool cts_wire_read_text(int socket, const char **text)
+static bool take_text(int socket, const char **text)
 {
     size_t n;
     char *copy;
@@ -50,7 +50,10 @@ bool cts_wire_write_request(int socket, const CtsNetRequest *request)
 {
     bool good = cts_send_all(socket, request, sizeof *request);
     for (int i = 0; i < N_TEXTS && good; i++)
-        good = cts_wire_write_text(socket, *(const char *const *)(const void *)((const char *)request + texts[i]));
+        good = pass_text(socket, *(const char *const *)(const void *)((const char *)request + texts[i]));
+    for (int i = 0; i < request->n_outgoing && good; i++)
+        good = cts_send_all(socket, &request->outgoing[i], sizeof *request->outgoing) &&
+               pass_text(socket, request->outgoing[i].path);
     return good;
 }
 
@@ -58,6 +61,10 @@ bool cts_wire_read_request(int socket, CtsNetRequest *request)
 {
     bool good = cts_wire_read(socket, request, sizeof *request);
     for (int i = 0; i < N_TEXTS && good; i++)
-        good = cts_wire_read_text(socket, (const char **)(void *)((char *)request + texts[i]));
+        good = take_text(socket, (const char **)(void *)((char *)request + texts[i]));
+    good = good && (request->outgoing = calloc((size_t)request->n_outgoing + 1, sizeof *request->outgoing));
+    for (int i = 0; i < request->n_outgoing && good; i++)
+        good = cts_wire_read(socket, &request->outgoing[i], sizeof *request->outgoing) &&
+               take_text(socket, &request->outgoing[i].path);
     return good;
 }

@@ -7,13 +7,14 @@
 
 typedef enum CtsNetTask { CTS_NET_SEND, CTS_NET_FETCH, CTS_NET_FIND, CTS_N_NET_TASKS } CtsNetTask;
 
-/* One with its texts, of which each may be NULL; for each file to be sent follow the structure and its path. */
+/* Its texts may be NULL. */
 typedef struct CtsNetRequest {
     CtsNetTask task;
     CtsPeer peer;
-    CtsNet net;           /* of which functions and what is no text are each side's own */
-    CtsSeriesQuery query; /* of a fetch its UIDs */
-    const char *folder;   /* of a fetch */
+    CtsNet net;                /* of which functions and what is no text are each side's own */
+    CtsSeriesQuery query;      /* of a fetch its UIDs */
+    const char *folder;        /* of a fetch */
+    CtsOutgoingFile *outgoing; /* n_outgoing files to be sent */
     int n_outgoing;
 } CtsNetRequest;
 
@@ -29,9 +30,6 @@ typedef struct CtsNetAnswer {
 
 /* False when the other side is gone. */
 bool cts_wire_read(int socket, void *bytes, size_t n);
-/* A text, or NULL. The one read is to be freed with free(); false also without memory, and past 64 KiB. */
-bool cts_wire_write_text(int socket, const char *text);
-bool cts_wire_read_text(int socket, const char **text);
-/* The same for the texts of a request, whose structure comes first. */
+/* A request with its texts and files; the one read owns them. False also without memory, and for a text past 64 KiB. */
 bool cts_wire_write_request(int socket, const CtsNetRequest *request);
 bool cts_wire_read_request(int socket, CtsNetRequest *request);

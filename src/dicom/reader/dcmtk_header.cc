@@ -148,6 +148,8 @@ CtsHeaderResult read_header(Header &h, DcmDataset &data)
     const CtsScanResult meta = cts_scan_meta(h.bytes, h.item.n, h.item.n_file, &h.meta);
     if (meta == CTS_SCAN_MORE)
         return ask_for(h, h.meta.need, "meta header");
+    if (meta == CTS_SCAN_NOT_DICOM)
+        return refuse(h, "is no DICOM file");
     if (meta != CTS_SCAN_DONE)
         return refuse(h, "damaged or cut short: %s", h.meta.why);
     CtsHeaderResult result = find_syntax(h);

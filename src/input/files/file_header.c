@@ -132,11 +132,10 @@ static CtsStatus add_nifti(const CtsFile *source, const CtsFileBytes *file, CtsN
 static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsNiftiForm form, CtsHeaderRead *result)
 {
     CtsFileBytes file;
-    const uint8_t *bytes;
     size_t n;
     *result = (CtsHeaderRead){.kind = CTS_FILE_NOT_DICOM};
-    CtsStatus st = cts_header_begin(reader, source, &file, &bytes, &n, &result->why);
-    const bool nifti = !st && n && is_nifti(source->path, bytes, n);
+    CtsStatus st = cts_header_begin(reader, source, &file, &n, &result->why);
+    const bool nifti = !st && n && is_nifti(source->path, reader->first_bytes, n);
     if (nifti)
         result->kind = CTS_FILE_NIFTI;
     if (nifti && source->named)
@@ -144,7 +143,7 @@ static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsN
     else if (nifti) /* in a folder it may be a mask or a picture of anything */
         result->object.packed = "NIfTI";
     else if (!st && n && !cts_header_add(reader, source, &file, n, result))
-        result->object.packed = packer_of(bytes, n);
+        result->object.packed = packer_of(reader->first_bytes, n);
     cts_file_bytes_close(&file);
     if (!st)
         return;

@@ -239,28 +239,27 @@ CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *serie
     return st;
 }
 
-/* True if the label file at path belongs to this series. */
-static bool belongs(const char *path, const CtsSeries *series)
+/* The first series that can be rendered and that the label file at path belongs to; NULL: none. */
+static const CtsSeries *series_of_labels(const char *path, const CtsSeriesList *list)
 {
     CtsLabelDicom object;
     char uid[65] = "";
-    bool yes = false;
-    if (!cts_label_dicom_open(&object, &(CtsFile){.path = path}, NULL)) {
-        cts_elements_text(object.head.elements, FRAME_UID, uid, sizeof uid);
-        yes = cts_label_refers(object.head.elements, series) || cts_label_shares_space(uid, series);
-    }
+    const CtsSeries *found = NULL;
+    const bool is_open = !cts_label_dicom_open(&object, &(CtsFile){.path = path}, NULL);
+    cts_elements_text(object.head.elements, FRAME_UID, uid, sizeof uid);
+    for (size_t k = 0; is_open && !found && k < list->n; k++)
+        if (list->items[k].renderable &&
+            (cts_label_refers(object.head.elements, &list->items[k]) || cts_label_shares_space(uid, &list->items[k])))
+            found = &list->items[k];
     cts_label_dicom_close(&object);
-    return yes;
+    return found;
 }
 
 CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList *list, const CtsSeries **series,
                             CtsError *err)
 {
     for (int i = 0; i < request->n_paths; i++)
-        for (size_t k = 0; k < list->n; k++)
-            if (list->items[k].renderable && belongs(request->paths[i], &list->items[k])) {
-                *series = &list->items[k];
-                return CTS_OK;
-            }
+        if ((*series = series_of_labels(request->paths[i], list)))
+            return CTS_OK;
     return cts_series_choose(list, "1", series, err); /* which says why the labels are not its own */
 }

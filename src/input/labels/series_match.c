@@ -48,11 +48,7 @@ static bool refers(CtsElements elements, const CtsSeries *series, int depth, boo
         const bool of_image = !strncmp(uid, STORAGE, sizeof STORAGE - 1);
         const bool wanted = e.tag == (slices ? REFERENCED_SOP : SERIES_UID);
         if ((wanted || e.tag == REFERENCED_CLASS) && depth > 0) {
-            const size_t n = (size_t)(one.end - one.at) < 64 ? (size_t)(one.end - one.at) : 64;
-            memcpy(uid, one.at, n);
-            uid[n] = 0;
-            for (size_t i = n; i > 0 && uid[i - 1] == ' '; i--)
-                uid[i - 1] = 0;
+            cts_element_text(&e, uid, sizeof uid);
             if (wanted && (!series  ? uid[0] && (of_image || !slices)
                            : slices ? names_slice(uid, series)
                                     : uid[0] && !strcmp(uid, series->uid)))

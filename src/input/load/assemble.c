@@ -225,14 +225,6 @@ static void find_range(const Assembly *a)
     cts_volume_set_range(a->volume, low, high);
 }
 
-static bool same_table(const CtsSlice *a, const CtsSlice *b)
-{
-    const CtsStored x = cts_slice_stored(a), y = cts_slice_stored(b);
-    return a->slope == b->slope && a->intercept == b->intercept && x.shift == y.shift && x.bits == y.bits &&
-           x.is_signed == y.is_signed && x.padding_low == y.padding_low && x.padding_high == y.padding_high &&
-           x.padding_word == y.padding_word;
-}
-
 static void convert_some(void *context, int worker, size_t first, size_t end)
 {
     const Assembly *const a = context;
@@ -240,7 +232,7 @@ static void convert_some(void *context, int worker, size_t first, size_t end)
     Converter *const mine = &a->converters[worker];
     for (int k = (int)first; k < (int)end; k++) {
         const CtsSlice *s = &a->in->slices[k];
-        if (!mine->made_for || !same_table(mine->made_for, s)) {
+        if (!mine->made_for || !cts_slice_same_values(mine->made_for, s)) {
             const CtsStored stored = cts_slice_stored(s);
             cts_grey_table(mine->table, &stored, s->slope, s->intercept, v->hu_offset, v->hu_step);
             mine->made_for = s;

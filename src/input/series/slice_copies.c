@@ -34,10 +34,7 @@ static uint64_t sample_of(const CtsSlice *s)
 /* Headers that give the same words the same HU. */
 static bool same_encoding(const CtsSlice *a, const CtsSlice *b)
 {
-    return a->syntax == b->syntax && a->bits_allocated == b->bits_allocated && a->bits_stored == b->bits_stored &&
-           a->high_bit == b->high_bit && a->is_signed == b->is_signed && a->slope == b->slope &&
-           a->intercept == b->intercept && a->has_padding == b->has_padding && a->padding_low == b->padding_low &&
-           a->padding_high == b->padding_high && a->padding_word == b->padding_word;
+    return a->syntax == b->syntax && a->bits_allocated == b->bits_allocated && cts_slice_same_values(a, b);
 }
 
 /* Buffers and counts for the comparisons of one set. */
