@@ -26,7 +26,6 @@ extern const char *const cts_severity_names[3];
     row(CONTOURS_OFF, "contours_off", WARNING)                                                                         \
     row(COPIES_DROPPED, "copies_dropped", WARNING)                                                                     \
     row(DIRECTORY_ESCAPES, "directory_escapes", WARNING)                                                               \
-    row(ERROR_BOUND_NEAR, "error_bound", NOTE)                                                                         \
     row(ERROR_BOUND, "error_bound", WARNING)                                                                           \
     row(FILL_CLEARED, "fill_cleared", NOTE)                                                                            \
     row(FILL_MISSING, "fill_cleared", WARNING)                                                                         \

@@ -135,8 +135,9 @@ CtsStatus cts_render_frame(CtsRenderer *renderer, double azimuth_deg, double ele
                            CtsReport *report, CtsError *err);
 
 /* Receiver of a picture's bands. take may change a band and take over its arrays, leaving NULL, but must not keep the
- * band itself. max_rows: the most rows of a band, rounded down to a multiple of CTS_BAND_ROWS (but not below), and
- * never more than fit into 128 MiB, so that memory does not grow with the picture; 0: this limit only. */
+ * band itself. max_rows: the most rows of a band, rounded down to a multiple of CTS_BAND_ROWS, and where errors are
+ * controlled to one that has 2^20 pixels (but not below), and never more than fit into 128 MiB, so that memory does not
+ * grow with the picture; 0: this limit only. */
 typedef struct CtsBandSink {
     CtsStatus (*take)(void *context, CtsPicture *band, CtsError *err);
     void *context;

@@ -5,7 +5,7 @@ Random volumes (noise, plates, wires, dots, a helix, balls, metal and haze, leve
 in every fourth round, with presets of relative scale where it is not in HU), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lighting.
 Every picture by --engine (auto) is compared with the one by engine raycast. Faults are: a picture whose error
 exceeds the limit in its log, rms or largest; one above the requested error, 0.5/255 rms by default, without a
-warning or (by default, up to 1/255) a note; one that is not rendered. Each is printed with the commands that
+warning; one that is not rendered. Each is printed with the commands that
 reproduce it, and its series is kept in soak-failures/. The same --seed repeats the same scenes; --only N runs
 round N alone.
 
@@ -168,8 +168,7 @@ def make_view(r):
 
 
 def read_log(path):
-    """The reported limit, the verified error, and the message for a limit above the requested error: warning, note
-    or none."""
+    """The reported limit, the verified error, and the message for a limit above the requested error, if any."""
     with open(path) as f:
         events = [json.loads(line) for line in f]
     last = {e['event']: e for e in events}
@@ -181,7 +180,7 @@ class Sweep:
     def __init__(self, args):
         self.args = args
         self.ratios, self.errors, self.faults, self.pictures, self.series = [], [], 0, 0, []
-        self.kinds = dict.fromkeys(['kept', 'noted', 'warned', 'false positive', 'silent'], 0)
+        self.kinds = dict.fromkeys(['kept', 'warned', 'false positive', 'silent'], 0)
         self.compared, self.by = 0, {}
         self.modality = {}
         for root, _, files in os.walk(args.data or os.devnull):
@@ -212,10 +211,10 @@ class Sweep:
             faults.append('above its bound')
         if most > largest + ROUNDED_MOST:
             faults.append('a pixel above the reported largest error')
-        if rms > limit + ROUNDED and not said:
+        if rms > limit + ROUNDED and said != 'warning':
             faults.append('above %g/255 without a warning' % (asked or 0.5))
         vain = rms <= limit and said == 'warning'
-        kind = 'false positive' if vain else {'warning': 'warned', 'note': 'noted'}.get(said, 'kept')
+        kind = 'false positive' if vain else 'warned' if said == 'warning' else 'kept'
         self.kinds['silent' if faults else kind] += frames
         if rms < 0.25 * limit and vain and self.args.cautious:
             faults.append('false positive')

@@ -189,7 +189,7 @@ static void bands_and_rotations(void **state)
         for (int lit = 0; lit < 2; lit++) {
             CtsRenderSettings s = settings_for(engines[e], 150, 30, 20);
             s.level = levels[e];
-            s.height = 200;
+            enlarge_to_two_strips(&s);
             s.max_error = levels[e] == CTS_LEVEL_HYBRID ? 0.2 : lit ? 8 : 2;
             s.shade = lit ? CTS_ON : CTS_OFF;
             CtsPicture *whole = render(v, &bone, &s, NULL);

@@ -31,18 +31,15 @@
 #define UNSAMPLED 32.0
 /* Limit of a picture's error, by the requested one, from which a warning is due: more than equal in two digits. */
 #define WARNED_FROM 1.005
-/* Limit up to which a missed default target, which was not requested, is a note: a step of 8 bits. Keeping the target
- * in all pictures would take up to 1.35 times as long (1.04 in the median of five series by bone and skin). */
-#define NOTED_TO (1.0 / 255)
 /* Error of pixels that another engine's march re-renders, rms, as a share of the requested error: small beside it. */
 #define RERENDERED 0.125
 
 /* Likely error of the pixels of marched groups, rms, as a share of the requested error (0.1 to 0.2 measured on heads
  * and a chest). */
 #define MARCHED_ERROR 0.25
-/* Share of the requested squared error at which the groups that are not marched may be estimated. The threshold is
- * chosen for the samples that estimate them, so that the estimate is too low. */
-#define UNMARCHED_SHARE 0.8
+/* Share of the requested squared error that the limit for groups that are not marched may have, in each round by this
+ * factor less. The threshold is chosen for the samples that estimate them, so that the estimate is too low. */
+#define UNMARCHED_SHARE 0.9
 
 /* Bound of the relative error of Squares.sum: a term is a product, and at most 15 additions lead to the sum, each
  * rounded by 2^-24 at most. */
@@ -55,12 +52,11 @@ enum {
     /* Of so many pixels one is re-rendered to estimate the error; more of a small picture. The 512 of 512 x 512 pixels
      * add ln 1000 / 512 of f^2 to the limit (cts_terms_limit()), a ninth of f. */
     ONE_IN = 512,
-    /* Pixels re-rendered of a strip where ONE_IN would be more, in pictures wider than 1024 pixels. Limits are 0.96
-     * to 1.09 times as large then (8 of 255 requested, 2048 x 2048 pixels, mean 1.03) or 1.00 (2 of 255); with 64,
-     * limits of 1024 x 1024 pixels would be 1.00 to 1.13 times as large (measured: means of 8 to 16 samples, heads and
-     * a chest). */
-    IN_STRIP = 128,
-    AT_FIRST = 256, /* of so many pixels of a strip at most one is re-rendered in the first round, */
+    /* Pixels re-rendered of a strip where ONE_IN would be more. Of 1024 x 1024 pixels a half takes 1.0 of the time,
+     * with limits of 8/255 requested that are up to 1.7 times as large, twice as many 1.05 (30 views of five series).
+     */
+    IN_STRIP = 1024,
+    AT_FIRST = 512, /* of so many pixels of a strip at most one is re-rendered in the first round, */
     AT_LAST = 12,   /* and in all rounds */
     ROUNDS = 4,     /* at most; beyond them whole strips are re-rendered where the caller allows it */
     /* Factor of the probability from round to round: from ONE_IN to about AT_LAST in two rounds (512 / 36 = 14). It
@@ -84,7 +80,14 @@ typedef struct Squares {
     float n;   /* number of pixels */
 } Squares;
 
-/* State of one strip of CTS_BAND_ROWS rows. */
+/* Rows of a strip that one thread counts. */
+typedef struct Piece {
+    double sum; /* of b^2, over pixels that may be sampled */
+    size_t n_interpolated;
+    size_t n_visible; /* pixels that are not, where there are interpolated ones */
+} Piece;
+
+/* State of one strip. */
 typedef struct Strip {
     size_t first, end;    /* its pixels */
     bool open;            /* takes part in this round */
@@ -111,6 +114,7 @@ typedef struct Round {
     double small;     /* share of a small picture that may be re-rendered in any case */
     double one_in;    /* one pixel of so many is re-rendered where the indicators equal the requested error */
     Squares *squares; /* of this round, for each DRAWN_TOGETHER pixels of the band */
+    Piece *pieces;    /* of CTS_BAND_ROWS rows each */
     Strip *strips;
     size_t n_strips;
     int number;
@@ -150,8 +154,7 @@ static double error_of_march(const CtsErrorControl *c)
 /* Limit of the picture's error from which a warning is due. */
 static double warned_from(const CtsScene *scene)
 {
-    const double requested = WARNED_FROM * cts_scene_requested_error(scene);
-    return scene->plan.max_error > 0 ? requested : fmax(requested, NOTED_TO);
+    return WARNED_FROM * cts_scene_requested_error(scene);
 }
 
 /* True of a pixel that may be sampled. */
@@ -200,22 +203,58 @@ static Squares sum_squares(const CtsErrorMap *errors, size_t first)
     return (Squares){sum_of_eight(sum), DRAWN_TOGETHER - sum_of_eight(CONVERT(n_odd, f32x8))};
 }
 
-/* Sum of b^2 over a strip's pixels that may be sampled, and r->squares of them. */
-static double sum_strip(const Round *r, const Strip *s)
+/* Squares of the pixels from `first` to end - 1, up to DRAWN_TOGETHER. */
+static Squares sum_some_squares(const CtsErrorMap *errors, size_t first, size_t end)
 {
-    double sum = 0;
-    for (size_t first = s->first; first < s->end; first += DRAWN_TOGETHER) {
-        Squares squares = {0};
-        if (s->end - first >= DRAWN_TOGETHER)
-            squares = sum_squares(r->errors, first);
-        else
-            for (size_t i = first; i < s->end; i++) {
-                const float b = (float)WORTH * r->errors->indicator[i];
-                squares.sum += is_open(r->errors, i) ? b * b : 0;
-                squares.n += is_open(r->errors, i);
-            }
-        r->squares[first / DRAWN_TOGETHER] = squares;
-        sum += (double)squares.sum;
+    Squares squares = {0};
+    if (end - first >= DRAWN_TOGETHER)
+        return sum_squares(errors, first);
+    for (size_t i = first; i < end; i++) {
+        const float b = (float)WORTH * errors->indicator[i];
+        squares.sum += is_open(errors, i) ? b * b : 0;
+        squares.n += is_open(errors, i);
+    }
+    return squares;
+}
+
+static void count_interpolated(const Round *r, size_t first, size_t end, Piece *piece)
+{
+    const uint8_t *const origin = r->errors->origin;
+    if (!memchr(origin + first, CTS_PIXEL_INTERPOLATED, end - first))
+        return;
+    for (size_t i = first; i < end; i++) {
+        piece->n_interpolated += origin[i] == CTS_PIXEL_INTERPOLATED;
+        piece->n_visible += origin[i] != CTS_PIXEL_INTERPOLATED && r->band->pixels[4 * i + 3] > 0;
+    }
+}
+
+/* r->squares and r->pieces. */
+static void count_pieces(void *context, int worker, size_t first, size_t end)
+{
+    const Round *const r = context;
+    const size_t n = (size_t)r->band->width * CTS_BAND_ROWS, all = (size_t)r->band->width * (size_t)r->band->height;
+    (void)worker;
+    for (size_t piece = first; piece < end; piece++) {
+        const size_t last = (piece + 1) * n < all ? (piece + 1) * n : all;
+        Piece counted = {0};
+        for (size_t i = piece * n; i < last; i += DRAWN_TOGETHER) {
+            const Squares squares = r->squares[i / DRAWN_TOGETHER] = sum_some_squares(r->errors, i, last);
+            counted.sum += (double)squares.sum;
+        }
+        if (r->number == 0)
+            count_interpolated(r, piece * n, last, &counted);
+        r->pieces[piece] = counted;
+    }
+}
+
+static Piece sum_pieces(const Round *r, const Strip *s)
+{
+    const size_t n = (size_t)r->band->width * CTS_BAND_ROWS;
+    Piece sum = {0};
+    for (size_t i = s->first / n; i * n < s->end; i++) {
+        sum.sum += r->pieces[i].sum;
+        sum.n_interpolated += r->pieces[i].n_interpolated;
+        sum.n_visible += r->pieces[i].n_visible;
     }
     return sum;
 }
@@ -226,19 +265,6 @@ static double rough_probability(const Round *r, const Strip *s, size_t first)
 {
     const Squares squares = r->squares[first / DRAWN_TOGETHER];
     return s->probability * ((double)squares.sum + (double)squares.n * s->floor);
-}
-
-static double share_of(const Round *r, Strip *s)
-{
-    const uint8_t *const origin = r->errors->origin;
-    size_t n_visible = 0;
-    if (!memchr(origin + s->first, CTS_PIXEL_INTERPOLATED, s->end - s->first))
-        return 1;
-    for (size_t i = s->first; i < s->end; i++) {
-        s->n_interpolated += origin[i] == CTS_PIXEL_INTERPOLATED;
-        n_visible += origin[i] != CTS_PIXEL_INTERPOLATED && r->band->pixels[4 * i + 3] > 0;
-    }
-    return n_visible > 0 ? 1 + (double)s->n_interpolated / (double)n_visible : 1;
 }
 
 /* A number that is uniform over 0 to 1, another for each pixel of the view and each round. */
@@ -296,13 +322,15 @@ static void sample_strip(const Round *r, Strip *s)
     const double requested = cts_scene_requested_error(&r->control->scene), n = (double)(s->end - s->first);
     const bool first = r->number == 0 || s->marched;
     double most = n * at_most_1(r->small + 1.0 / (first ? AT_FIRST : AT_LAST));
-    const double sum = sum_strip(r, s);
-    if (r->number == 0)
-        s->share = share_of(r, s);
+    const Piece all = sum_pieces(r, s);
+    if (r->number == 0) {
+        s->n_interpolated = all.n_interpolated;
+        s->share = all.n_visible > 0 ? 1 + (double)all.n_interpolated / (double)all.n_visible : 1;
+    }
     if (first) {
         s->excess = 0;
         s->floor = has_bounds(r->control) ? FLOOR_OF_BOUNDS * FLOOR_OF_BOUNDS * requested * requested
-                                          : requested * requested + sum / n;
+                                          : requested * requested + all.sum / n;
     }
     s->probability = first ? 1 / (r->one_in * requested * requested) : GROWTH * s->probability;
     if (r->number == ROUNDS) {
@@ -326,17 +354,16 @@ static void sample_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
-/* True where a strip with these terms has no larger error than `share` of the squared requested one, and a whole
- * picture like it would meet the request without a warning. */
+/* True where a picture of strips with these terms would meet `share` of the squared requested error, without a
+ * warning. */
 static bool is_met(const Round *r, const Strip *s, const CtsTerms *terms, double share)
 {
     const CtsErrorControl *const c = r->control;
-    const double requested = cts_scene_requested_error(&c->scene), warned = warned_from(&c->scene);
+    const double warned = warned_from(&c->scene);
     const double pixels = (double)c->scene.view.width * c->scene.view.height, n = (double)(s->end - s->first);
     const CtsTerms all = {terms->sum * pixels / n, terms->squares * pixels / n, terms->largest};
-    return terms->sum <= share * n * requested * requested &&
-           cts_terms_limit(&all, term_range(c, s), pixels, c->scene.plan.n_tried) <=
-               warned * warned - r->error * r->error;
+    return cts_terms_limit(&all, term_range(c, s), pixels, c->scene.plan.n_tried) <=
+           share * warned * warned - r->error * r->error;
 }
 
 /* Part of a strip that rounds may re-render. */
@@ -363,25 +390,19 @@ typedef struct StripOfRound {
 static bool would_meet(void *context, const CtsTerms *terms)
 {
     const StripOfRound *const c = context;
-    return is_met(c->round, c->strip, terms, UNMARCHED_SHARE);
+    return is_met(c->round, c->strip, terms, pow(UNMARCHED_SHARE, c->round->number + 1));
 }
 
-/* Chooses the groups of a missed strip to be marched. Where only its estimate is not good enough, and more samples may
- * be had, none. */
+/* Chooses the groups of a missed strip to be marched. */
 static bool choose_groups(const Round *r, Strip *s)
 {
-    const double requested = cts_scene_requested_error(&r->control->scene);
     StripOfRound context = {r, s};
-    if (!r->samples || s->last_from == 0 ||
-        (s->terms.sum <= UNMARCHED_SHARE * (double)(s->end - s->first) * requested * requested && r->number == 0 &&
-         has_more(r, s)))
+    if (!r->samples || s->last_from == 0)
         return false;
     for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++)
         r->samples[i].group = group_at(r, s, r->place[i]);
     const float from = cts_group_threshold(r->samples + s->first_sampled, s->n_sampled, would_meet, &context);
-    /* The samples of a first choice flatter it, those of a second seldom do. */
-    s->marched_from = r->number > 1 ? 0 : from < s->last_from ? from : s->last_from / 2;
-    s->last_from = s->marched_from;
+    s->marched_from = s->last_from = from < s->last_from ? from : s->last_from / 2;
     return true;
 }
 
@@ -477,6 +498,8 @@ static CtsStatus run_round(Round *r, CtsError *err)
     const CtsErrorControl *const c = r->control;
     const int n_threads = c->scene.settings->n_threads;
     CtsStatus st;
+    const size_t n_pieces = ((size_t)r->band->height + CTS_BAND_ROWS - 1) / CTS_BAND_ROWS;
+    cts_parallel(n_threads, n_pieces, 1, count_pieces, r);
     cts_parallel(n_threads, r->n_strips, 1, sample_some, r);
     r->n_sampled = 0;
     for (size_t i = 0; i < r->n_strips; i++) {
@@ -555,6 +578,13 @@ CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsError
     return CTS_OK;
 }
 
+int cts_strip_rows(int width)
+{
+    enum { PIXELS = 1 << 20 };
+    const int rows = PIXELS / width / CTS_BAND_ROWS * CTS_BAND_ROWS;
+    return rows > CTS_BAND_ROWS ? rows : CTS_BAND_ROWS;
+}
+
 static void find_some_largest(void *context, int worker, size_t first, size_t end)
 {
     const Round *const r = context;
@@ -580,7 +610,8 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
     const CtsScene *const scene = &control->scene;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const double pixels = (double)scene->view.width * scene->view.height;
-    const size_t n = (size_t)band->width * (size_t)band->height, strip = (size_t)band->width * CTS_BAND_ROWS;
+    const size_t width = (size_t)band->width, n = width * (size_t)band->height;
+    const size_t strip = width * (size_t)cts_strip_rows(band->width);
     Round r = {.control = control,
                .band = band,
                .errors = errors,
@@ -590,6 +621,7 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
                .one_in = fmax(fmin(pixels / ONE_IN, fmax(ONE_IN, (double)strip / IN_STRIP)), 1)};
     CtsStatus st;
     if ((st = cts_alloc_zeroed(&r.strips, r.n_strips, err)) || (st = cts_alloc_array(&r.place, n, err)) ||
+        (st = cts_alloc_array(&r.pieces, n / (width * CTS_BAND_ROWS) + 1, err)) ||
         (st = cts_alloc_array(&r.squares, (n + DRAWN_TOGETHER - 1) / DRAWN_TOGETHER, err)))
         goto end;
     for (size_t i = 0; i < r.n_strips; i++)
@@ -627,6 +659,7 @@ end:
     control->wall_ms += cts_wall_ms() - wall;
     control->cpu_ms += cts_cpu_ms() - cpu;
     cts_free(&r.squares);
+    cts_free(&r.pieces);
     cts_free(&r.strips);
     cts_free(&r.place);
     cts_free(&r.rgba);
@@ -678,13 +711,10 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
         cts_report_plan(report,
                         "%llu pixels rendered by the exact march, in groups of %d x %d with large error indicators",
                         (unsigned long long)c->n_marched, CTS_GROUP_SIDE, CTS_GROUP_SIDE);
-    const bool kept = rmse <= WARNED_FROM * requested, by_default = !(c->scene.plan.max_error > 0);
+    const bool kept = rmse <= warned_from(&c->scene), by_default = !(c->scene.plan.max_error > 0);
     char list[CTS_ENGINE_LIST_MAX];
     if (!kept || !by_default)
-        cts_report_diagnostic(report,
-                              kept                             ? CTS_DIAGNOSTIC_MAX_ERROR
-                              : rmse <= warned_from(&c->scene) ? CTS_DIAGNOSTIC_ERROR_BOUND_NEAR
-                                                               : CTS_DIAGNOSTIC_ERROR_BOUND,
+        cts_report_diagnostic(report, kept ? CTS_DIAGNOSTIC_MAX_ERROR : CTS_DIAGNOSTIC_ERROR_BOUND,
                               "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
                               by_default ? "default target" : "requested", 255 * requested, kept ? "" : " (reference: ",
                               kept ? "" : cts_engines_with(offsetof(CtsEngine, is_reference), CTS_ENGINE_FLAG, list),

@@ -13,9 +13,11 @@
  * Interpolated pixels are not sampled. The engine itself samples their errors, in addition to the errors of the pixels
  * that they were interpolated from.
  *
- * Strips of CTS_BAND_ROWS rows are processed one by one, so that a picture is the same in bands of any size. Where a
- * strip's error is larger than requested, more of its pixels are re-rendered, round by round; and all of them where the
- * level was not the caller's choice.
+ * Strips of cts_strip_rows() rows are processed one by one, and bands are whole strips, so that a picture is the same
+ * in bands of any size. Where a strip's error is larger than requested, more of its pixels are re-rendered, round by
+ * round; and all of them where the level was not the caller's choice. Large strips leave the correction to the groups
+ * with the largest errors: strips of 64 rows would make default pictures of 1024 x 1024 pixels take 1.13 times as long
+ * (mean of 30 views of five series, up to 1.7).
  *
  * 999 of 1000 holds for one limit of one sample; interpolated pixels have one of their own: with both it is 998. Each
  * round draws a sample of its own, whose estimate stands in for the last one's, and a strip's rounds end when the
@@ -48,6 +50,9 @@ typedef struct CtsErrorControl {
     double wall_ms, cpu_ms;
 } CtsErrorControl;
 
+/* Rows of pixels, this wide, whose error is controlled together: so many that they have 2^20 pixels, which bounds the
+ * memory of a band; a multiple of CTS_BAND_ROWS. */
+int cts_strip_rows(int width);
 /* Takes a band with what its engine indicated, and corrects its worst pixels. On return the origin of re-rendered
  * pixels is CTS_PIXEL_REFERENCE, and their indicator 0. */
 CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, CtsErrorMap *errors, CtsError *err);

@@ -535,6 +535,17 @@ CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
     return cts_engine(frame->engine_id)->render(&frame->store.scene, NULL, NULL, report, err);
 }
 
+/* True where the frame's engine indicates errors, which error control corrects. */
+static bool is_controlled(const CtsFrame *frame)
+{
+    return cts_engine(frame->engine_id)->indicator && frame->store.scene.preset->mode == CTS_MODE_COMPOSITE;
+}
+
+int cts_frame_strip_rows(const CtsFrame *frame)
+{
+    return is_controlled(frame) ? cts_strip_rows(frame->store.scene.view.width) : CTS_BAND_ROWS;
+}
+
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
                          CtsError *err)
 {
@@ -543,7 +554,7 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     CtsErrorMap errors = {0};
     *band = NULL;
     CtsStatus st = new_band(frame, first_row, n_rows, band, err);
-    if (!st && engine->indicator && scene->preset->mode == CTS_MODE_COMPOSITE)
+    if (!st && is_controlled(frame))
         st = new_error_map(&errors, *band, err);
     if (!st)
         st = engine->render(scene, *band, errors.indicator ? &errors : NULL, report, err);

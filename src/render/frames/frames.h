@@ -53,6 +53,8 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *frames, const CtsFrameTask
                           CtsError *err);
 /* Reports the engine's plan without rendering. */
 CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err);
+/* Bands are whole strips of so many rows; the last may have fewer. */
+int cts_frame_strip_rows(const CtsFrame *frame);
 /* Rows first_row to first_row + n_rows - 1; free with cts_picture_free(). */
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
                          CtsError *err);

@@ -41,7 +41,7 @@ typedef struct Probe {
     const CtsScene *scene;
     size_t n_tiles, n;
     int corner[PROBES * PROBES][2];
-    uint8_t row[PROBES * PROBES * IN_TILE];    /* of tiles that a pixel lies in */
+    int strip[PROBES * PROBES * IN_TILE];      /* whose error the pixel stands for */
     uint32_t at[PROBES * PROBES * IN_TILE];    /* place of a pixel within the tiles */
     uint32_t place[PROBES * PROBES * IN_TILE]; /* and within the picture */
     float (*truth)[4], *off, (*rgba)[4], *indicator;
@@ -54,7 +54,7 @@ static int random_below(uint64_t number, int n)
     return (int)((cts_random_bits(number) >> 32) * (uint64_t)n >> 32);
 }
 
-static void add_tile(Probe *p, int row, int x0, int y0)
+static void add_tile(Probe *p, int strip, int x0, int y0)
 {
     const CtsView *const v = &p->scene->view;
     for (int group = 0; group < IN_TILE; group++) {
@@ -63,7 +63,7 @@ static void add_tile(Probe *p, int row, int x0, int y0)
         const int i = group * SIDE % CTS_PROBE_X + pixel % SIDE, j = group * SIDE / CTS_PROBE_X * SIDE + pixel / SIDE;
         if (x0 + i >= v->width || y0 + j >= v->height)
             continue;
-        p->row[p->n] = (uint8_t)row;
+        p->strip[p->n] = strip;
         p->at[p->n] = (uint32_t)(p->n_tiles * TILE + (size_t)(j * CTS_PROBE_X + i));
         p->place[p->n++] = (uint32_t)(y0 + j) * (uint32_t)v->width + (uint32_t)(x0 + i);
     }
@@ -82,7 +82,8 @@ static void place_probe(Probe *p)
         const int x0 = i * across / PROBES, nx = (i + 1) * across / PROBES - x0;
         const int y0 = j * down / rows, ny = (j + 1) * down / rows - y0;
         if (nx > 0 && ny > 0)
-            add_tile(p, j, (x0 + random_below((uint64_t)cell * 2 + 1, nx)) * CTS_PROBE_X,
+            add_tile(p, y0 * CTS_PROBE_Y / cts_strip_rows(v->width),
+                     (x0 + random_below((uint64_t)cell * 2 + 1, nx)) * CTS_PROBE_X,
                      (y0 + random_below((uint64_t)cell * 2 + 2, ny)) * CTS_PROBE_Y);
     }
 }
@@ -106,30 +107,29 @@ static void find_groups(Probe *p)
     }
 }
 
-/* Predicts row by row of tiles, since error control meets the requested error in every strip of the picture. *limit:
- * the largest of them. For level hybrid, *n_marched: groups of the probe that have to be marched to meet the request.
- */
+/* Predicts strip by strip, since error control meets the requested error in each. *limit: the largest of them. For
+ * level hybrid, *n_marched: groups of the probe that have to be marched to meet the request. */
 static CtsStatus predict(const Probe *p, int n_tried, bool hybrid, double *limit, size_t *n_marched, CtsError *err)
 {
-    float indicator[PROBES * IN_TILE], group[PROBES * IN_TILE];
-    double square[PROBES * IN_TILE];
+    float indicator[PROBES * PROBES * IN_TILE], group[PROBES * PROBES * IN_TILE];
+    double square[PROBES * PROBES * IN_TILE];
     *limit = 0;
     *n_marched = 0;
     for (size_t first = 0, n; first < p->n; first += n) {
-        for (n = 0; first + n < p->n && p->row[first + n] == p->row[first]; n++) {
+        for (n = 0; first + n < p->n && p->strip[first + n] == p->strip[first]; n++) {
             const uint32_t at = p->at[first + n];
             indicator[n] = p->indicator[at];
             group[n] = p->group[group_of_pixel(at)];
             square[n] = cts_scene_square_of_error(p->scene, p->rgba[at], p->truth[first + n]);
         }
-        CtsErrorPrediction row = {.n = n, .indicator = indicator, .group = hybrid ? group : NULL, .square = square};
-        const CtsStatus st = cts_error_control_predict(p->scene, n_tried, &row, err);
+        CtsErrorPrediction strip = {.n = n, .indicator = indicator, .group = hybrid ? group : NULL, .square = square};
+        const CtsStatus st = cts_error_control_predict(p->scene, n_tried, &strip, err);
         if (st)
             return st;
-        *limit = fmax(*limit, row.limit);
+        *limit = fmax(*limit, strip.limit);
         const size_t first_tile = p->at[first] / TILE, last_tile = p->at[first + n - 1] / TILE;
         for (size_t i = first_tile * GROUPS; i < (last_tile + 1) * GROUPS; i++)
-            *n_marched += p->group[i] > row.marched_from;
+            *n_marched += p->group[i] > strip.marched_from;
     }
     return CTS_OK;
 }

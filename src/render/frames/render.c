@@ -77,15 +77,15 @@ CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_
     return st;
 }
 
-static int choose_rows(const CtsRenderSettings *s, int max_rows)
+static int choose_rows(const CtsRenderSettings *s, int strip_rows, int max_rows)
 {
     enum { BAND_BYTES = 128 << 20 };
     const size_t row_bytes = (size_t)s->width * (s->want_depth ? 5 : 4) * sizeof(float);
     size_t n = BAND_BYTES / row_bytes;
     if (max_rows > 0 && (size_t)max_rows < n)
         n = (size_t)max_rows;
-    n = n / CTS_BAND_ROWS * CTS_BAND_ROWS;
-    n = n > 0 ? n : CTS_BAND_ROWS;
+    n = n / (size_t)strip_rows * (size_t)strip_rows;
+    n = n > 0 ? n : (size_t)strip_rows;
     return n < (size_t)s->height ? (int)n : s->height;
 }
 
@@ -113,7 +113,8 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
     CtsStatus st = begin_frame(r, (double[]){azimuth_deg, elevation_deg}, KEY_PIXELS, &frame, report, err);
     if (!st && s->explain)
         st = cts_frame_explain(&frame, report, err);
-    const int height = s->explain ? 0 : s->height, n_rows = choose_rows(s, sink->max_rows);
+    const int height = s->explain ? 0 : s->height;
+    const int n_rows = choose_rows(s, cts_frame_strip_rows(&frame), sink->max_rows);
     if (n_rows < height)
         cts_report_skip(report, "whole picture",
                         "rendered and written in bands of %d rows, to limit memory or to report progress%s", n_rows,
