@@ -14,7 +14,7 @@ static CtsStatus read_dicom(const CtsLabelReading *reading, const CtsFile *file,
 {
     CtsLabelDicom object;
     CtsStatus st = cts_label_dicom_open(&object, file, err);
-    if (!st && !object.head.facts.encapsulated && !(st = cts_label_check_patient(reading, &object, err)))
+    if (!st && !object.head.facts.pixels.encapsulated && !(st = cts_label_check_patient(reading, &object, err)))
         st = strstr(object.class_uid, ".481.") ? cts_label_read_rtstruct(reading, &object, err)
                                                : cts_label_read_seg(reading, &object, err);
     cts_label_dicom_close(&object);

@@ -103,7 +103,7 @@ static void test_header(void **state)
         if (more)
             assert_non_null(strstr(found.why, "64 MiB"));
         else
-            assert_true(found.has_pixels && found.header_end == LIMIT);
+            assert_true(found.pixels.found && found.header_end == LIMIT);
     }
     free(bytes);
 }

@@ -31,27 +31,27 @@ static void test_whole_file(void **state)
     assert_string_equal(meta.sop_class_uid, "1.2.840.10008.5.1.4.1.1.2");
     assert_int_equal(cts_scan_data(b.data, b.n, b.n, meta.data_offset, explicit_le(), CTS_MAX_HEADER_BYTES, &data),
                      CTS_SCAN_DONE);
-    assert_true(data.has_pixels && !data.encapsulated && data.pixel_words);
-    assert_int_equal(data.pixel_bytes, pixel_bytes);
-    assert_int_equal(data.pixel_offset, b.n - pixel_bytes);
-    assert_int_equal(data.header_end, data.pixel_offset - 12);
+    assert_true(data.pixels.found && !data.pixels.encapsulated && data.pixels.are_words);
+    assert_int_equal(data.pixels.n_bytes, pixel_bytes);
+    assert_int_equal(data.pixels.offset, b.n - pixel_bytes);
+    assert_int_equal(data.header_end, data.pixels.offset - 12);
     /* However few bytes are at hand, the answer is the same or a wish for more, and the wish can be met. */
     for (size_t n = meta.data_offset; n < b.n; n++) {
         CtsDataScan part;
         const CtsScanResult result =
             cts_scan_data(b.data, n, b.n, meta.data_offset, explicit_le(), CTS_MAX_HEADER_BYTES, &part);
         assert_true(result == CTS_SCAN_MORE ? part.need > n && part.need <= b.n + 12
-                                            : part.pixel_offset == data.pixel_offset);
+                                            : part.pixels.offset == data.pixels.offset);
     }
     /* A truncated file is never accepted as complete. */
-    for (size_t n = 0; n < data.pixel_offset; n++) {
+    for (size_t n = 0; n < data.pixels.offset; n++) {
         CtsDataScan part;
         CtsMetaScan first;
         uint8_t *copy = malloc(n ? n : 1);
         memcpy(copy, b.data, n);
         if (cts_scan_meta(copy, n, n, &first) == CTS_SCAN_DONE &&
             cts_scan_data(copy, n, n, first.data_offset, explicit_le(), CTS_MAX_HEADER_BYTES, &part) == CTS_SCAN_DONE)
-            assert_false(part.has_pixels);
+            assert_false(part.pixels.found);
         free(copy);
     }
     free(b.data);
@@ -141,7 +141,7 @@ static void test_nesting(void **state)
             const Bytes b = nested(depth, defined);
             assert_int_equal(scan(&b, explicit_le(), &found), depth <= CTS_MAX_NESTING ? CTS_SCAN_DONE : CTS_SCAN_BAD);
             if (depth <= CTS_MAX_NESTING)
-                assert_true(found.has_pixels && found.pixel_offset == b.n - 4);
+                assert_true(found.pixels.found && found.pixels.offset == b.n - 4);
             else
                 assert_non_null(strstr(found.why, "64 deep"));
             free(b.data);
@@ -178,7 +178,7 @@ static void test_implicit(void **state)
     put32(&b, 4);
     put(&b, "\1\2\3\4", 4);
     assert_int_equal(scan(&b, implicit, &found), CTS_SCAN_DONE);
-    assert_true(found.has_pixels && found.pixel_offset == b.n - 4);
+    assert_true(found.pixels.found && found.pixels.offset == b.n - 4);
     free(b.data);
 }
 
@@ -202,7 +202,7 @@ static void test_unknown_vr(void **state)
     put_pixel_tag(&b);
     CtsDataScan found;
     assert_int_equal(scan(&b, explicit_le(), &found), CTS_SCAN_DONE);
-    assert_true(found.has_pixels && found.pixel_offset == b.n - 4);
+    assert_true(found.pixels.found && found.pixels.offset == b.n - 4);
     free(b.data);
 }
 
@@ -233,7 +233,7 @@ static void test_icon(void **state)
     put_pixel_tag(&b);
     CtsDataScan found;
     assert_int_equal(scan(&b, explicit_le(), &found), CTS_SCAN_DONE);
-    assert_true(found.has_pixels && !found.encapsulated && found.pixel_offset == b.n - 4);
+    assert_true(found.pixels.found && !found.pixels.encapsulated && found.pixels.offset == b.n - 4);
     free(b.data);
 }
 
@@ -296,8 +296,8 @@ static void test_wrong_bytes(void **state)
             memcpy(copy, b.data, b.n);
             copy[i] = (uint8_t)(bit < 8 ? copy[i] ^ 1 << bit : 0xFF);
             if (cts_scan_data(copy, b.n, b.n, 0, explicit_le(), CTS_MAX_HEADER_BYTES, &found) == CTS_SCAN_DONE &&
-                found.has_pixels)
-                assert_true(found.pixel_offset <= b.n && found.header_end < found.pixel_offset);
+                found.pixels.found)
+                assert_true(found.pixels.offset <= b.n && found.header_end < found.pixels.offset);
             cts_scan_data(copy, b.n, b.n, 0, cts_syntax_native(false, false), CTS_MAX_HEADER_BYTES, &found);
             cts_scan_data(copy, b.n, b.n, 0, cts_syntax_native(true, true), CTS_MAX_HEADER_BYTES, &found);
             free(copy);

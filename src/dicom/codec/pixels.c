@@ -89,6 +89,26 @@ static CtsStatus decode(const CtsSlice *s, CtsSandbox **decoder, const void **pi
     return st ? st : cts_sandbox_take(*decoder, pixels, err);
 }
 
+static void swap_pairs(uint8_t *bytes, size_t n)
+{
+    for (size_t i = 0; i + 1 < n; i += 2) {
+        const uint8_t first = bytes[i];
+        bytes[i] = bytes[i + 1];
+        bytes[i + 1] = first;
+    }
+}
+
+/* Bytes first <= i < end of its frame, in the file's byte order, become 16-bit words in native order; first is even.
+ * bytes and words may be the same memory. */
+static void widen(const CtsSlice *s, uint8_t *bytes, uint16_t *words, size_t first, size_t end)
+{
+    if (s->syntax->big_endian && (s->bits_allocated == 16 || s->pixel_words))
+        swap_pairs(bytes + first, end - first);
+    if (s->bits_allocated == 8)
+        for (size_t i = first; i < end; i++)
+            words[i] = bytes[i];
+}
+
 CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsSandbox **decoder, uint16_t *words, cts_words_ready_fn ready,
                                 void *context, CtsError *err)
 {
@@ -111,7 +131,7 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsSandbox **decoder, uint16_
             st = cts_file_bytes_read(&file, bytes + first, end - first, s->pixel_offset + first, err);
         if (st)
             break;
-        cts_slice_widen(s, bytes, words, first, end);
+        widen(s, bytes, words, first, end);
         ready(context, words + first / word_bytes, first / word_bytes, end / word_bytes);
     }
     cts_file_bytes_close(&file);

@@ -208,11 +208,11 @@ static bool is_plain_text(const char *text, size_t size)
 
 bool cts_header_facts_hold(const CtsHeaderFacts *f, uint64_t n_file)
 {
-    return is_flag((const uint8_t *)&f->has_pixels) && is_flag((const uint8_t *)&f->pixel_words) &&
-           is_flag((const uint8_t *)&f->encapsulated) && memchr(f->syntax_uid, 0, sizeof f->syntax_uid) &&
+    return is_flag((const uint8_t *)&f->pixels.found) && is_flag((const uint8_t *)&f->pixels.are_words) &&
+           is_flag((const uint8_t *)&f->pixels.encapsulated) && memchr(f->syntax_uid, 0, sizeof f->syntax_uid) &&
            is_plain_text(f->class_name, sizeof f->class_name) && f->deviations < 2 * CTS_DEVIATION_MAY_NAME &&
-           f->data_offset <= n_file && f->header_bytes < MAX_OFFSET && f->pixel_offset < MAX_OFFSET &&
-           f->pixel_bytes < MAX_OFFSET;
+           f->data_offset <= n_file && f->header_bytes < MAX_OFFSET && f->pixels.offset < MAX_OFFSET &&
+           f->pixels.n_bytes < MAX_OFFSET;
 }
 
 static bool is_sound_answer(const CtsHeaderAnswer *a, const uint8_t *bytes, size_t n)

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "dicom/header/slice.h"
+#include "dicom/protocol/dicom_begin.h"
 
 CTS_C_BEGIN
 
@@ -54,9 +55,7 @@ typedef struct CtsHeaderFacts {
     unsigned deviations;   /* CTS_DEVIATION_... of the file */
     uint64_t data_offset;  /* offset of the data set */
     uint64_t header_bytes; /* of the data set up to its pixels, inflated when deflated */
-    bool has_pixels, pixel_words, encapsulated;
-    uint64_t pixel_offset, pixel_bytes; /* of the value, in the inflated data set when deflated; 0 when encapsulated */
-    uint32_t float_pixels;              /* the tag of Float or Double Float Pixel Data, where used instead; else 0 */
+    CtsPixelFraming pixels;
 } CtsHeaderFacts;
 
 /* The answer for one file; slices and texts are at `at` bytes behind the answer's start, which begins with one of these

@@ -2,6 +2,7 @@
 
 #include "base/bytes.h"
 #include "base/mem.h"
+#include "dicom/header/header_reader.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -135,7 +136,7 @@ CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames,
     return st == CTS_ERR_MEMORY ? cts_fail(err, st, "%s", why.text) : CTS_OK;
 }
 
-void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
+static void place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
 {
     const CtsSlice *s = frames[0];
     const uint64_t frame = (uint64_t)s->columns * (uint64_t)(s->bits_allocated / 8) * (uint64_t)s->rows;
@@ -161,4 +162,80 @@ void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
         frames[k]->pixel_offset = start + frame * (uint64_t)k;
         frames[k]->pixel_bytes = frame;
     }
+}
+
+static void check_pixels(const CtsHeaderFacts *f, CtsSlice *slice)
+{
+    const CtsSyntax *syntax = slice->syntax;
+    slice->data_offset = f->data_offset;
+    slice->pixel_offset = f->pixels.offset;
+    slice->pixel_bytes = f->pixels.n_bytes;
+    slice->pixel_words = f->pixels.are_words;
+    if (syntax && (syntax->loss == CTS_LOSSY || (syntax->loss == CTS_MAYBE_LOSSY && !slice->declared_lossless)))
+        slice->deviations |= CTS_DEVIATION_LOSSY;
+    if (!syntax)
+        cts_slice_fault(slice, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with gdcmconv --raw)",
+                        slice->syntax_uid);
+    else if (syntax->codec >= CTS_CODEC_NONE)
+        cts_slice_fault(
+            slice, CTS_ERR_SYNTAX,
+            "transfer syntax %s (%s): %s (fetch the series again as Explicit VR Little Endian, or export it so "
+            "where it can be displayed)",
+            syntax->uid, syntax->name,
+            syntax->codec == CTS_CODEC_NONE ? "cannot be decoded by this build"
+                                            : "its pixels are on a server, not in the file");
+    if (slice->fault)
+        return;
+    if (f->pixels.float_tag)
+        cts_slice_fault(slice, CTS_ERR_PIXELS, "%sFloat Pixel Data (7FE0,%04X) is no pixel data of slices",
+                        f->pixels.float_tag == 0x7FE00009 ? "Double " : "", f->pixels.float_tag & 0xFFFF);
+    else if (!f->pixels.found)
+        cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData (7FE0,0010) is missing");
+    else if (f->pixels.encapsulated != cts_syntax_encapsulated(syntax))
+        cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData is %scompressed, but its transfer syntax is %s",
+                        f->pixels.encapsulated ? "" : "not ", syntax->name);
+}
+
+static CtsStatus place_frames(const CtsHeaderFacts *f, const CtsPendingHeader *pending, const CtsObject *object,
+                              CtsError *err)
+{
+    CtsFileBytes file = {.n_bytes = pending->n_file};
+    if (!f->pixels.encapsulated) {
+        place_native(&file, object->slices, object->n_slices);
+        return CTS_OK;
+    }
+    CtsStatus st = cts_slice_open(object->slices[0], &file, err);
+    if (!st)
+        st = cts_place_fragments(&file, object->slices, object->n_slices, err);
+    cts_file_bytes_close(&file);
+    return st;
+}
+
+CtsStatus cts_header_complete(const CtsHeaderFacts *f, const CtsPendingHeader *file, CtsStringPool *texts,
+                              CtsObject *object, CtsError *err)
+{
+    bool usable = object->n_slices > 0;
+    const char *syntax_uid = cts_string_pool_share(texts, f->syntax_uid, 64);
+    const CtsSyntax *const syntax = cts_syntax_find(f->syntax_uid);
+    object->class_name = cts_string_pool_share(texts, f->class_name, sizeof f->class_name);
+    if (!syntax_uid || !object->class_name)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 0; i < object->n_slices; i++) {
+        CtsSlice *s = object->slices[i];
+        s->syntax = syntax;
+        s->syntax_uid = syntax_uid;
+        s->class_uid = object->class_uid;
+        s->deviations |= f->deviations;
+        s->memory = file->source->memory;
+        s->path = file->source->path;
+        s->file_bytes = file->n_file;
+        s->mtime_ns = file->mtime_ns;
+        /* Faults of a frame are its own; but without a size no frame's offset is known. */
+        const bool sized = s->rows > 0 && s->columns > 0 && (s->bits_allocated == 8 || s->bits_allocated == 16);
+        const bool sound = !s->fault || (s->n_frames && sized);
+        check_pixels(f, s);
+        usable &= sound && s->syntax && s->syntax->codec < CTS_CODEC_NONE && f->pixels.found &&
+                  f->pixels.encapsulated == cts_syntax_encapsulated(s->syntax);
+    }
+    return usable ? place_frames(f, file, object, err) : CTS_OK;
 }

@@ -14,6 +14,5 @@ CtsStatus cts_find_frames(const CtsFileBytes *file, uint64_t pixel_offset, int n
  * PixelData: sets them to each frame's own. Sets a fault where the bytes do not contain the frames, or the first
  * fragment of each frame is unknown. */
 CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n, CtsError *err);
-void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n);
 
 CTS_C_END

@@ -203,10 +203,6 @@ CtsStored cts_slice_stored(const CtsSlice *slice);
 /* True if the same words have the same values in both. */
 bool cts_slice_same_values(const CtsSlice *a, const CtsSlice *b);
 
-/* Bytes first <= i < end of its frame, in the file's byte order, become 16-bit words in native order; first is even.
- * bytes and words may be the same memory. */
-void cts_slice_widen(const CtsSlice *slice, const uint8_t *bytes, uint16_t *words, size_t first, size_t end);
-
 /* Samples of grey levels of 1 HU (0: padding, and -1024 HU or less) at the centres of a grid over the slice, from its
  * stored words or, where are_grey, from such grey levels. The grid's 1024 samples are one in 256 of 512 x 512 pixels.
  */

@@ -71,18 +71,14 @@ class TlsLayer final : public DcmTLSTransportLayer, public LastSocket
 
 constexpr DcmTLSSecurityProfile PROFILE = TSP_Profile_BCP195;
 
-/* Newer versions of DCMTK (3.6.9) check the length of the certificate's key by the profile; the int prefers them. */
-template <class Layer>
-auto set_certificate(Layer &tls, const char *file, int)
-    -> decltype(tls.setCertificateFile(file, DCF_Filetype_PEM, PROFILE))
+/* DCMTK 3.6.9 checks the length of the certificate's key by the profile. */
+OFCondition set_certificate(DcmTLSTransportLayer &tls, const char *file)
 {
+#if PACKAGE_VERSION_NUMBER >= 369
     return tls.setCertificateFile(file, DCF_Filetype_PEM, PROFILE);
-}
-
-template <class Layer>
-auto set_certificate(Layer &tls, const char *file, long) -> decltype(tls.setCertificateFile(file, DCF_Filetype_PEM))
-{
+#else
     return tls.setCertificateFile(file, DCF_Filetype_PEM);
+#endif
 }
 
 CtsStatus take_files(DcmTLSTransportLayer &tls, const CtsNet &net, CtsError *err)
@@ -91,7 +87,7 @@ CtsStatus take_files(DcmTLSTransportLayer &tls, const CtsNet &net, CtsError *err
     if (net.tls_key && (state = tls.setPrivateKeyFile(net.tls_key, DCF_Filetype_PEM)).bad())
         return cts_fail(err, CTS_ERR_READ, "%s: is no private key in PEM: %s", net.tls_key,
                         cts_one_line(state).c_str());
-    if (net.tls_certificate && (state = set_certificate(tls, net.tls_certificate, 0)).bad())
+    if (net.tls_certificate && (state = set_certificate(tls, net.tls_certificate)).bad())
         return cts_fail(err, CTS_ERR_READ, "%s: is no certificate in PEM: %s", net.tls_certificate,
                         cts_one_line(state).c_str());
     if (net.tls_key && !tls.checkPrivateKeyMatchesCertificate())

@@ -29,7 +29,7 @@ static CtsStatus open_object(const char *path, ScFile *f, CtsError *err)
     if (!syntax || syntax->codec >= CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
         return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not one pictures are read from (try dcmconv +te)",
                         f->head.facts.syntax_uid);
-    if (!f->head.facts.has_pixels || f->head.facts.encapsulated != cts_syntax_encapsulated(syntax))
+    if (!f->head.facts.pixels.found || f->head.facts.pixels.encapsulated != cts_syntax_encapsulated(syntax))
         return cts_fail(err, CTS_ERR_READ, "holds no pixels as its transfer syntax has them");
     return CTS_OK;
 }
@@ -83,7 +83,7 @@ static CtsStatus decode_object(ScFile *f, CtsError *err)
     CtsSandbox decoder = cts_codec_make();
     uint64_t *offset = NULL;
     const void *pixels;
-    CtsStatus st = cts_find_frames(&f->head.file, f->head.facts.pixel_offset, f->n_frames, &offset, err);
+    CtsStatus st = cts_find_frames(&f->head.file, f->head.facts.pixels.offset, f->n_frames, &offset, err);
     if (!st && !(st = cts_codec_submit(&decoder, &f->format, &f->head.file, offset[0], offset[1], err)) &&
         !(st = cts_sandbox_take(&decoder, &pixels, err)))
         memcpy(f->frame, pixels, f->frame_bytes);
@@ -96,15 +96,15 @@ static CtsStatus decode_object(ScFile *f, CtsError *err)
 static CtsStatus read_frame(ScFile *f, CtsError *err)
 {
     const CtsHeaderFacts *const scan = &f->head.facts;
-    const uint64_t left = f->head.file.n_bytes - scan->pixel_offset;
+    const uint64_t left = f->head.file.n_bytes - scan->pixels.offset;
     f->frame_bytes = cts_frame_bytes(&f->format);
-    if (!scan->encapsulated && (scan->pixel_bytes < f->frame_bytes || left < f->frame_bytes))
+    if (!scan->pixels.encapsulated && (scan->pixels.n_bytes < f->frame_bytes || left < f->frame_bytes))
         return cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu", f->frame_bytes,
-                        (unsigned long long)(left < scan->pixel_bytes ? left : scan->pixel_bytes));
+                        (unsigned long long)(left < scan->pixels.n_bytes ? left : scan->pixels.n_bytes));
     const CtsStatus st = cts_alloc_array(&f->frame, f->frame_bytes, err);
-    if (st || scan->encapsulated)
+    if (st || scan->pixels.encapsulated)
         return st ? st : decode_object(f, err);
-    return cts_file_bytes_read(&f->head.file, f->frame, f->frame_bytes, scan->pixel_offset, err);
+    return cts_file_bytes_read(&f->head.file, f->frame, f->frame_bytes, scan->pixels.offset, err);
 }
 
 static CtsStatus widen_pixels(const ScFile *f, CtsScPixels *pixels, CtsError *err)

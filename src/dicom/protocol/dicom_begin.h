@@ -31,6 +31,15 @@ bool cts_scan_begins_dicom(const uint8_t *bytes, size_t n);
 
 CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan);
 
+/* The pixels of a data set by its framing. */
+typedef struct CtsPixelFraming {
+    bool found;     /* PixelData (7FE0,0010) */
+    bool are_words; /* VR OW */
+    bool encapsulated;
+    uint64_t offset, n_bytes; /* of the value, in the inflated data set when deflated; n_bytes 0 when encapsulated */
+    uint32_t float_tag;       /* the tag of Float or Double Float Pixel Data, where used instead; else 0 */
+} CtsPixelFraming;
+
 /* An element's own 8 or 12 bytes. */
 typedef struct CtsRawElement {
     uint32_t tag;

@@ -135,12 +135,7 @@ void put_facts(Header &h)
     CtsHeaderFacts &facts = h.answer.facts;
     facts.data_offset = h.meta.data_offset;
     facts.header_bytes = h.scan.header_end - (h.inflated.empty() ? h.meta.data_offset : 0);
-    facts.has_pixels = h.scan.has_pixels;
-    facts.pixel_words = h.scan.pixel_words;
-    facts.encapsulated = h.scan.encapsulated;
-    facts.pixel_offset = h.scan.pixel_offset;
-    facts.pixel_bytes = h.scan.pixel_bytes;
-    facts.float_pixels = h.scan.float_pixels;
+    facts.pixels = h.scan.pixels;
 }
 
 CtsHeaderResult read_header(Header &h, DcmDataset &data)

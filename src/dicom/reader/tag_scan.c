@@ -171,12 +171,12 @@ static CtsScanResult element_step(TagWalk *w, const CtsRawElement *e, bool impli
 
 static void found_pixels(TagWalk *w, const CtsRawElement *e)
 {
-    CtsDataScan *scan = w->scan;
-    scan->has_pixels = true;
-    scan->pixel_words = memcmp(e->vr, "OB", 2) != 0;
-    scan->encapsulated = e->length == UINT32_MAX;
-    scan->pixel_offset = w->pos + e->n_bytes;
-    scan->pixel_bytes = scan->encapsulated ? 0 : e->length;
+    const bool encapsulated = e->length == UINT32_MAX;
+    w->scan->pixels = (CtsPixelFraming){.found = true,
+                                        .are_words = memcmp(e->vr, "OB", 2) != 0,
+                                        .encapsulated = encapsulated,
+                                        .offset = w->pos + e->n_bytes,
+                                        .n_bytes = encapsulated ? 0 : e->length};
 }
 
 /* The top level: stops at the pixels. *stop: the walk is over. */
@@ -190,7 +190,7 @@ static CtsScanResult top_step(TagWalk *w, const CtsRawElement *e, bool *stop)
         return CTS_SCAN_DONE;
     }
     if (e->tag == 0x7FE00008 || e->tag == 0x7FE00009) {
-        w->scan->float_pixels = e->tag;
+        w->scan->pixels.float_tag = e->tag;
         *stop = true;
         return CTS_SCAN_DONE;
     }

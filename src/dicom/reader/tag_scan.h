@@ -27,9 +27,7 @@ typedef struct CtsDataScan {
     char why[112];
     CtsScannedValue checked[CTS_N_CHECKED_TAGS];
     size_t header_end; /* offset of PixelData's tag, or the end of the data set */
-    bool has_pixels, pixel_words, encapsulated;
-    uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */
-    uint32_t float_pixels;              /* the tag of Float or Double Float Pixel Data, where used instead; else 0 */
+    CtsPixelFraming pixels;
 } CtsDataScan;
 
 /* The data set from `start` on. `total`: the number of bytes in the file (n or more), `most`: the limit of bytes before

@@ -26,22 +26,23 @@ bool cts_label_is_dicom(const uint8_t *head, size_t n, char class_uid[65])
 static CtsStatus inflate_pixels(CtsLabelDicom *o, CtsError *err)
 {
     const CtsFrameFormat all = {.syntax = o->head.syntax,
-                                .columns = (int)o->pixel_bytes,
+                                .columns = (int)o->pixels.n_bytes,
                                 .rows = 1,
                                 .bits_allocated = 8,
-                                .n_before = o->pixel_offset};
+                                .n_before = o->pixels.offset};
     const CtsFileBytes *const file = &o->head.file;
     CtsSandbox inflater = cts_codec_make();
     const void *pixels;
-    if (o->head.facts.encapsulated || o->pixel_bytes > MAX_BYTES)
+    if (o->pixels.encapsulated || o->pixels.n_bytes > MAX_BYTES)
         return cts_fail(err, CTS_ERR_READ, "its deflated data set is too large (store it uncompressed)");
     CtsStatus st = cts_codec_submit(&inflater, &all, file, o->head.facts.data_offset, file->n_bytes, err);
-    if (!st && !(st = cts_sandbox_take(&inflater, &pixels, err)) && !(o->inflated = malloc((size_t)o->pixel_bytes + 1)))
+    if (!st && !(st = cts_sandbox_take(&inflater, &pixels, err)) &&
+        !(o->inflated = malloc((size_t)o->pixels.n_bytes + 1)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st) {
-        memcpy(o->inflated, pixels, (size_t)o->pixel_bytes);
-        o->source = cts_file_bytes_in_memory(o->inflated, o->pixel_bytes);
-        o->pixel_offset = 0;
+        memcpy(o->inflated, pixels, (size_t)o->pixels.n_bytes);
+        o->source = cts_file_bytes_in_memory(o->inflated, o->pixels.n_bytes);
+        o->pixels.offset = 0;
     }
     cts_sandbox_stop(&inflater);
     return st;
@@ -50,28 +51,28 @@ static CtsStatus inflate_pixels(CtsLabelDicom *o, CtsError *err)
 CtsStatus cts_label_dicom_open(CtsLabelDicom *o, const CtsFile *file, CtsError *err)
 {
     const CtsHeaderFacts *const facts = &o->head.facts;
-    *o = (CtsLabelDicom){.pixel_bytes = 0};
+    *o = (CtsLabelDicom){.inflated = NULL};
     CtsStatus st = cts_dicom_object_open(&o->head, file, MAX_BYTES, err);
     if (!st && !o->head.syntax)
         st =
             cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with dcmconv)", facts->syntax_uid);
     if (st)
         return st;
-    o->pixel_offset = facts->pixel_offset;
-    o->pixel_bytes = facts->pixel_bytes;
+    o->pixels = facts->pixels;
     o->source = o->head.file;
     if (!cts_elements_text(o->head.elements, CLASS, o->class_uid, sizeof o->class_uid))
         cts_elements_text(o->head.elements, CTS_TAG_META_CLASS, o->class_uid, sizeof o->class_uid);
     cts_elements_text(o->head.elements, CHARSET, o->charset, sizeof o->charset);
-    if (o->head.syntax->deflated && o->pixel_bytes && (st = inflate_pixels(o, err)))
+    if (o->head.syntax->deflated && o->pixels.n_bytes && (st = inflate_pixels(o, err)))
         return st;
     const uint64_t left =
-        facts->has_pixels && o->pixel_offset < o->source.n_bytes ? o->source.n_bytes - o->pixel_offset : 0;
-    if (facts->encapsulated)
-        o->pixel_bytes = left;
-    return o->pixel_bytes <= left ? CTS_OK
-                                  : cts_fail(err, CTS_ERR_READ, "cut short: its pixels need %llu bytes, %llu are left",
-                                             (unsigned long long)o->pixel_bytes, (unsigned long long)left);
+        o->pixels.found && o->pixels.offset < o->source.n_bytes ? o->source.n_bytes - o->pixels.offset : 0;
+    if (o->pixels.encapsulated)
+        o->pixels.n_bytes = left;
+    return o->pixels.n_bytes <= left
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_READ, "cut short: its pixels need %llu bytes, %llu are left",
+                          (unsigned long long)o->pixels.n_bytes, (unsigned long long)left);
 }
 
 void cts_label_dicom_close(CtsLabelDicom *o)

@@ -44,9 +44,9 @@ const CtsLabelName *cts_label_names_find(const CtsLabelNames *names, int number)
 typedef struct CtsLabelDicom {
     CtsDicomObject head;
     char class_uid[65], charset[65];
-    CtsFileBytes source;                /* of the pixels: the file, or a deflated data set */
-    uint8_t *inflated;                  /* owned: that data set; else NULL */
-    uint64_t pixel_offset, pixel_bytes; /* of the value; where encapsulated all that is left of the source */
+    CtsFileBytes source;    /* of the pixels: the file, or the pixels of a deflated data set */
+    uint8_t *inflated;      /* owned: these; else NULL */
+    CtsPixelFraming pixels; /* in the source; where encapsulated, n_bytes are all that is left of it */
 } CtsLabelDicom;
 
 /* True if a file that begins so is DICOM; class_uid may then be "" (no meta header, or deflated). */

@@ -236,12 +236,12 @@ static size_t frame_bytes(const Seg *s)
 static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
-    const bool swapped = o->head.syntax->big_endian && (s->bits_allocated == 16 || o->head.facts.pixel_words);
+    const bool swapped = o->head.syntax->big_endian && (s->bits_allocated == 16 || o->pixels.are_words);
     const uint64_t first = s->first_bit[frame], from = first / 8 - (swapped ? first / 8 % 2 : 0);
     uint64_t end = (first + frame_bits(s) + 7) / 8;
-    end += swapped && end % 2 && end < o->pixel_bytes;
+    end += swapped && end % 2 && end < o->pixels.n_bytes;
     *shift = (int)(first - 8 * from);
-    const CtsStatus st = cts_file_bytes_read(&o->source, s->bytes, (size_t)(end - from), o->pixel_offset + from, err);
+    const CtsStatus st = cts_file_bytes_read(&o->source, s->bytes, (size_t)(end - from), o->pixels.offset + from, err);
     for (uint64_t i = 0; !st && swapped && i + 1 < end - from; i += 2) {
         const uint8_t low = s->bytes[i + 1];
         s->bytes[i + 1] = s->bytes[i];
@@ -258,7 +258,7 @@ typedef enum Layout { PACKED, BY_FRAME, BY_SEGMENT } Layout;
  * an even number, or if the layouts are one. */
 static bool lay_out(const Seg *s, Layout layout, uint64_t *first_bit)
 {
-    const uint64_t bits = frame_bits(s), there = s->object->pixel_bytes;
+    const uint64_t bits = frame_bits(s), there = s->object->pixels.n_bytes;
     uint64_t at = 0;
     for (int f = 0; f < s->n_frames; f++) {
         if (f && (layout == BY_FRAME || (layout == BY_SEGMENT && s->segment[f] != s->segment[f - 1])))
@@ -283,7 +283,7 @@ static CtsStatus find_layout(Seg *s, CtsError *err)
             err, CTS_ERR_READ,
             "the starts of its frames are ambiguous: %d frames of %llu bits in %llu bytes of pixel data (store "
             "them without gaps, PS3.5 8.1.1)",
-            s->n_frames, (unsigned long long)frame_bits(s), (unsigned long long)s->object->pixel_bytes);
+            s->n_frames, (unsigned long long)frame_bits(s), (unsigned long long)s->object->pixels.n_bytes);
     if (segments)
         memcpy(s->first_bit, by_segment, n * sizeof *by_segment);
     cts_free(&by_segment);
@@ -440,15 +440,16 @@ static CtsStatus check_seg_pixels(Seg *s, CtsError *err)
 {
     const CtsLabelDicom *const o = s->object;
     const uint64_t need = (frame_bits(s) * (uint64_t)s->n_frames + 7) / 8;
-    if (!o->head.facts.has_pixels)
+    if (!o->pixels.found)
         return cts_fail(err, CTS_ERR_READ, "has no pixels");
-    if (o->head.facts.encapsulated != cts_syntax_encapsulated(o->head.syntax))
+    if (o->pixels.encapsulated != cts_syntax_encapsulated(o->head.syntax))
         return cts_fail(err, CTS_ERR_READ, "its pixels are not stored as its transfer syntax says");
-    if (o->head.facts.encapsulated)
-        return cts_find_frames(&o->source, o->pixel_offset, s->n_frames, &s->offset, err);
-    return need <= o->pixel_bytes ? CTS_OK
-                                  : cts_fail(err, CTS_ERR_READ, "cut short: %d frames need %llu bytes, %llu are there",
-                                             s->n_frames, (unsigned long long)need, (unsigned long long)o->pixel_bytes);
+    if (o->pixels.encapsulated)
+        return cts_find_frames(&o->source, o->pixels.offset, s->n_frames, &s->offset, err);
+    return need <= o->pixels.n_bytes
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_READ, "cut short: %d frames need %llu bytes, %llu are there", s->n_frames,
+                          (unsigned long long)need, (unsigned long long)o->pixels.n_bytes);
 }
 
 static CtsStatus read_seg(Seg *s, CtsError *err)

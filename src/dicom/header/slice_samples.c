@@ -1,25 +1,7 @@
-/* Conversion of a slice's bytes to words, and their range. */
+/* Samples of a slice. */
 #include "dicom/header/slice.h"
 
 #include <math.h>
-
-static void swap_pairs(uint8_t *bytes, size_t n)
-{
-    for (size_t i = 0; i + 1 < n; i += 2) {
-        const uint8_t first = bytes[i];
-        bytes[i] = bytes[i + 1];
-        bytes[i + 1] = first;
-    }
-}
-
-void cts_slice_widen(const CtsSlice *s, const uint8_t *bytes, uint16_t *words, size_t first, size_t end)
-{
-    if (s->syntax->big_endian && (s->bits_allocated == 16 || s->pixel_words))
-        swap_pairs((uint8_t *)(uintptr_t)bytes + first, end - first);
-    if (s->bits_allocated == 8)
-        for (size_t i = first; i < end; i++)
-            words[i] = bytes[i];
-}
 
 static uint16_t grey_of_word(const CtsSlice *s, const CtsStored *stored, uint16_t word)
 {
