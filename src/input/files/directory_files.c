@@ -15,7 +15,7 @@ enum { RECORDS = 0x00041220, FILE_ID = 0x00041500 };
 typedef struct DirectoryFiles {
     const char *folder; /* its path, with the last / */
     size_t n_folder;    /* letters of it */
-    cts_named_file_fn found;
+    cts_file_fn found;
     void *context;
     CtsFileList list; /* of all files below the folder, once one was not found by its name */
     json_t *by_key;   /* their numbers in the list by the keys of their paths below the folder (name_key()) */
@@ -85,7 +85,7 @@ static CtsStatus add_as_present(DirectoryFiles *d, const char *path, CtsError *e
 {
     CtsStatus st = CTS_OK;
     if (!access(path, F_OK))
-        return d->found(d->context, path, err);
+        return d->found(d->context, &(CtsFile){.path = path}, NULL, err);
     if (!d->by_key && (st = list_folder(d, err)))
         return st;
     char *const key = name_key(path + d->n_folder);
@@ -94,7 +94,7 @@ static CtsStatus add_as_present(DirectoryFiles *d, const char *path, CtsError *e
     const char *const is = find_known(d, path, key);
     free(key);
     d->counts->n_missing += !is;
-    return is ? d->found(d->context, is, err) : CTS_OK;
+    return is ? d->found(d->context, &(CtsFile){.path = is}, NULL, err) : CTS_OK;
 }
 
 /* A file ID is untrusted: it must name a file below the DICOMDIR's own folder. Its components are joined in place. */
@@ -149,7 +149,7 @@ static CtsStatus read_records(DirectoryFiles *d, const char *path, CtsError *err
     return st;
 }
 
-CtsStatus cts_directory_files(const char *path, cts_named_file_fn found, void *context, CtsDirectoryCounts *counts,
+CtsStatus cts_directory_files(const char *path, cts_file_fn found, void *context, CtsDirectoryCounts *counts,
                               CtsError *err)
 {
     const char *const slash = strrchr(path, '/');

@@ -21,8 +21,10 @@ void cts_file_list_free(CtsFileList *list)
     *list = (CtsFileList){0};
 }
 
-CtsStatus cts_file_list_add(CtsFileList *list, const CtsFile *file, CtsError *err)
+CtsStatus cts_file_list_add(void *context, const CtsFile *file, const char *archive, CtsError *err)
 {
+    CtsFileList *const list = context;
+    (void)archive;
     const char *const path = cts_string_pool_add(&list->texts, file->path, strlen(file->path));
     if (!path || cts_grow(&list->items, list->n, NULL))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -163,17 +165,11 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
     return st;
 }
 
-static CtsStatus add_to_list(void *context, const CtsFile *file, const char *archive, CtsError *err)
-{
-    (void)archive;
-    return cts_file_list_add(context, file, err);
-}
-
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
                          CtsError *err)
 {
     *list = (CtsFileList){0};
-    CtsScan scan = {.found = add_to_list, .context = list, .kept = &list->archives, .archives = archives};
+    CtsScan scan = {.found = cts_file_list_add, .context = list, .kept = &list->archives, .archives = archives};
     const CtsStatus st = cts_scan_each(&scan, paths, n_paths, err);
     list->diagnostics = scan.diagnostics;
     list->n_special = scan.n_special;

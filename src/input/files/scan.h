@@ -21,11 +21,13 @@ typedef struct CtsFileList {
     CtsDiagnostics diagnostics;
 } CtsFileList;
 
+/* Called with a file, which is there for as long as the call; archive is the path of the zip file that it is a member
+ * of, or NULL. */
+typedef CtsStatus (*cts_file_fn)(void *context, const CtsFile *file, const char *archive, CtsError *err);
+
 /* Callback and counters of a search. Zero-initialise; free the findings. */
 typedef struct CtsScan {
-    /* The file is there for as long as the call; archive is the path of the zip file that it is a member of, or NULL.
-     */
-    CtsStatus (*found)(void *context, const CtsFile *file, const char *archive, CtsError *err);
+    cts_file_fn found;
     void *context;
     struct CtsArchives **kept;          /* receives the named archives, which own the bytes of their members */
     const struct CtsArchives *archives; /* unpacked before, whose members may be named; or NULL */
@@ -44,15 +46,14 @@ CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *
 
 /* Calls found with the files that a DICOMDIR names, in its order, for as long as that succeeds: by their names or,
  * where these changed on the way to this disk, by names that differ in case and ending alone. */
-typedef CtsStatus (*cts_named_file_fn)(void *context, const char *path, CtsError *err);
 typedef struct CtsDirectoryCounts {
     size_t n_refused; /* names that lead out of its folder */
     size_t n_missing;
 } CtsDirectoryCounts;
-CtsStatus cts_directory_files(const char *path, cts_named_file_fn found, void *context, CtsDirectoryCounts *counts,
+CtsStatus cts_directory_files(const char *path, cts_file_fn found, void *context, CtsDirectoryCounts *counts,
                               CtsError *err);
 #define CTS_DIRECTORY_MISSING_TEXT "%s: %zu of its files are not there (name their folder instead of the DICOMDIR)"
 
-/* Adds one file, whose path is copied. */
-CtsStatus cts_file_list_add(CtsFileList *list, const CtsFile *file, CtsError *err);
+/* Adds one file, whose path is copied, to a CtsFileList (cts_file_fn). */
+CtsStatus cts_file_list_add(void *list, const CtsFile *file, const char *archive, CtsError *err);
 void cts_file_list_free(CtsFileList *list);

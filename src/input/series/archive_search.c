@@ -53,11 +53,6 @@ static void report_archive(const char *archive, CtsArchiveFile *file)
         file->mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
 }
 
-static CtsStatus add_named_file(void *context, const char *path, CtsError *err)
-{
-    return add_file(context, &(CtsFile){.path = path}, NULL, err);
-}
-
 /* A folder that cannot be listed, or a DICOMDIR that names too much, counts like a file that cannot be read. */
 static CtsStatus report_fault(const ArchiveSearch *s, const char *why, CtsError *err)
 {
@@ -71,7 +66,7 @@ static CtsStatus follow_dicomdir(ArchiveSearch *s, const char *path, CtsError *e
     CtsDirectoryCounts counts;
     char why[PATH_MAX + 100];
     s->in_directory = true;
-    const CtsStatus st = cts_directory_files(path, add_named_file, s, &counts, err);
+    const CtsStatus st = cts_directory_files(path, add_file, s, &counts, err);
     s->in_directory = false;
     if (st || !counts.n_missing)
         return st;

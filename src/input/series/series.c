@@ -80,11 +80,6 @@ static CtsStatus read_new_headers(HeaderSearch *s, int n_threads, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus add_named(void *context, const char *path, CtsError *err)
-{
-    return cts_file_list_add(context, &(CtsFile){.path = path}, err);
-}
-
 /* Adds the files that DICOMDIRs name. */
 static CtsStatus follow_directories(HeaderSearch *s, int n_threads, CtsError *err)
 {
@@ -95,7 +90,7 @@ static CtsStatus follow_directories(HeaderSearch *s, int n_threads, CtsError *er
         CtsDirectoryCounts counts;
         if (!s->files.items[i].named || s->headers[i].object.kind != CTS_OBJECT_DIRECTORY)
             continue;
-        st = cts_directory_files(path, add_named, &s->files, &counts, err);
+        st = cts_directory_files(path, cts_file_list_add, &s->files, &counts, err);
         if (counts.n_missing)
             cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, CTS_DIRECTORY_MISSING_TEXT, path,
                                 counts.n_missing);
