@@ -4,68 +4,39 @@
 #include "base/bytes.h"
 #include "base/file.h"
 #include "output/export/sc_texts.h"
-#include <dirent.h>
-#include <fcntl.h>
+#include <fts.h>
 #include <inttypes.h>
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-enum { MAX_DEPTH = 32 }; /* of folders, as in input/files/scan.c */
-
-static uint64_t hash_name(uint64_t hash, const char *name)
-{
-    return cts_fnv(hash, name, strlen(name) + 1);
-}
-
-static uint64_t hash_stat(uint64_t hash, const struct stat *info)
-{
-    const int64_t facts[] = {info->st_size, info->st_mtim.tv_sec, info->st_mtim.tv_nsec, info->st_ctim.tv_sec,
-                             info->st_ctim.tv_nsec};
-    return cts_fnv(hash, facts, sizeof facts);
-}
-
-static uint64_t sum_folder(int fd, uint64_t seed, int depth, bool hidden);
-
-/* A link counts with its own number, which a new link has not, and the times of its target. */
-static uint64_t hash_entry(int folder_fd, const struct dirent *entry, uint64_t seed, int depth)
-{
-    const uint64_t hash = hash_name(seed, entry->d_name);
-    struct stat info;
-    if (entry->d_type == DT_DIR && depth < MAX_DEPTH)
-        return sum_folder(openat(folder_fd, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), hash,
-                          depth + 1, true);
-    return fstatat(folder_fd, entry->d_name, &info, 0)
-               ? hash
-               : hash_stat(cts_fnv(hash, &entry->d_ino, sizeof entry->d_ino), &info);
-}
-
-/* Sum over the entries, so that their order does not matter. Closes fd. hidden: with names that begin with a point. */
-static uint64_t sum_folder(int fd, uint64_t seed, int depth, bool hidden)
-{
-    DIR *dir = fd < 0 ? NULL : fdopendir(fd);
-    const struct dirent *entry;
-    uint64_t sum = seed + (dir != NULL);
-    if (fd >= 0 && !dir)
-        close(fd);
-    while (dir && (entry = readdir(dir)))
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 && (hidden || entry->d_name[0] != '.'))
-            sum += hash_entry(fd, entry, seed, depth);
-    if (dir)
-        closedir(dir);
-    return sum;
-}
-
+/* Sum over a path and all below it, so that their order does not matter: names, and of files sizes and times. A link
+ * counts with its own number, which a new link has not, and the times of its target. hidden: with names directly below
+ * it that begin with a point. */
 static uint64_t sum_path(const char *path, bool hidden)
 {
-    const uint64_t hash = hash_name(CTS_FNV, path);
-    struct stat info;
-    if (stat(path, &info))
-        return hash;
-    return S_ISDIR(info.st_mode) ? sum_folder(open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC), hash, 0, hidden)
-                                 : hash_stat(hash, &info);
+    char *const paths[] = {(char *)(uintptr_t)path, NULL};
+    FTS *const walk = fts_open(paths, FTS_PHYSICAL | FTS_COMFOLLOW | FTS_NOCHDIR, NULL);
+    uint64_t sum = 0;
+    for (FTSENT *e; walk && (e = fts_read(walk));) {
+        struct stat info = *e->fts_statp;
+        uint64_t hash = cts_fnv(CTS_FNV, e->fts_path, strlen(e->fts_path) + 1);
+        hash = cts_fnv(hash, &e->fts_info, sizeof e->fts_info);
+        if (!hidden && e->fts_level == 1 && e->fts_name[0] == '.') {
+            fts_set(walk, e, FTS_SKIP);
+            continue;
+        }
+        if (!S_ISDIR(info.st_mode) && (!S_ISLNK(info.st_mode) || !stat(e->fts_accpath, &info))) {
+            const int64_t facts[] = {(int64_t)e->fts_statp->st_ino, info.st_size,        info.st_mtim.tv_sec,
+                                     info.st_mtim.tv_nsec,          info.st_ctim.tv_sec, info.st_ctim.tv_nsec};
+            hash = cts_fnv(hash, facts, sizeof facts);
+        }
+        sum += hash;
+    }
+    if (walk)
+        fts_close(walk);
+    return sum;
 }
 
 /* Label files may lie anywhere, and depend on the series. */
@@ -119,7 +90,7 @@ bool cts_idle_begin(CtsIdle *idle, const CtsBatchSettings *settings, const CtsKe
     return true;
 }
 
-void cts_idle_end(const CtsIdle *idle, const CtsBatchSettings *settings, const CtsLater *later, const CtsBatchResult *r)
+void cts_idle_end(const CtsIdle *idle, const CtsBatchSettings *settings, const CtsUtc *due, const CtsBatchResult *r)
 {
     char path[PATH_MAX], text[400];
     CtsTempFile *temp = NULL;
@@ -127,8 +98,8 @@ void cts_idle_end(const CtsIdle *idle, const CtsBatchSettings *settings, const C
         return;
     state_path(settings->options, path);
     snprintf(text, sizeof text, "%s %" PRIx64 " %" PRIx64 " %s %zu %zu\n", idle->settings, idle->inputs,
-             sum_path(settings->options->output_dir, false), later->due.text[0] ? later->due.text : "never",
-             r->n_series, r->n_done + r->n_thumbnails + r->n_skipped + r->n_waiting);
+             sum_path(settings->options->output_dir, false), due->text[0] ? due->text : "never", r->n_series,
+             r->n_done + r->n_thumbnails + r->n_skipped + r->n_waiting);
     if (!cts_temp_open(&temp, path, NULL) && !cts_temp_write(temp, text, strlen(text), NULL))
         cts_temp_commit(&temp, true, NULL, NULL);
     cts_temp_discard(&temp);

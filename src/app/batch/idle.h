@@ -3,7 +3,7 @@
 #pragma once
 
 #include "app/batch/batch.h"
-#include "app/batch/later.h"
+#include "base/clock.h"
 #include "base/hash.h"
 
 typedef struct CtsIdle {
@@ -16,5 +16,5 @@ typedef struct CtsIdle {
 bool cts_idle_begin(CtsIdle *idle, const CtsBatchSettings *settings, const CtsKey *key, CtsBatchResult *result);
 /* Keeps the state for the next run, after one that has ended. Without it the next run searches, so failures do not
  * matter. */
-void cts_idle_end(const CtsIdle *idle, const CtsBatchSettings *settings, const CtsLater *later,
+void cts_idle_end(const CtsIdle *idle, const CtsBatchSettings *settings, const CtsUtc *due,
                   const CtsBatchResult *result);

@@ -11,20 +11,20 @@ enum { MAX_DOUBLINGS = 6 };
 /* Status and text of a series to which files still come. */
 static const char WAITING[] = "waiting";
 
-static void note_due(CtsLater *later, const char *due)
+static void note_due(CtsUtc *due, const char *at)
 {
-    if (!later->due.text[0] || strcmp(due, later->due.text) < 0)
-        snprintf(later->due.text, sizeof later->due.text, "%s", due);
+    if (!due->text[0] || strcmp(at, due->text) < 0)
+        snprintf(due->text, sizeof due->text, "%s", at);
 }
 
-bool cts_later_waits(CtsLater *later, const CtsBatchSettings *settings, const CtsPlanSeries *series, json_t **record,
+bool cts_later_waits(CtsUtc *due, const CtsBatchSettings *settings, const CtsPlanSeries *series, json_t **record,
                      bool *changed)
 {
     const int64_t settled_s = settings->options->settled_s, due_s = series->newest_ns / 1000000000 + settled_s + 1;
     char reason[80];
     if (!settled_s || due_s <= (int64_t)time(NULL))
         return false;
-    note_due(later, cts_utc_at(due_s).text);
+    note_due(due, cts_utc_at(due_s).text);
     *changed = !*record || strcmp(cts_json_text_of(*record, "status"), WAITING);
     if (!*record)
         *record = cts_worker_new_record(settings, series, series->uid, series->folder);
@@ -42,21 +42,20 @@ static bool may_succeed(const json_t *record)
            (!strcmp(status, "refused") && json_integer_value(json_object_get(record, "exit_code")) != 4);
 }
 
-bool cts_later_is_held(CtsLater *later, const CtsBatchSettings *settings, const json_t *record,
-                       const char *input_sha256)
+bool cts_later_is_held(CtsUtc *due, const CtsBatchSettings *settings, const json_t *record, const char *input_sha256)
 {
     char hex[65];
-    const char *due = cts_json_text_of(record, "try_again");
-    if (!settings->options->settled_s || !due[0] || !may_succeed(record) ||
+    const char *at = cts_json_text_of(record, "try_again");
+    if (!settings->options->settled_s || !at[0] || !may_succeed(record) ||
         strcmp(cts_json_text_of(record, "input_sha256"), input_sha256) ||
         cts_journal_record_hash(settings, NULL, true, hex, NULL) ||
-        strcmp(cts_json_text_of(record, "options_sha256"), hex) || strcmp(due, cts_utc_now().text) <= 0)
+        strcmp(cts_json_text_of(record, "options_sha256"), hex) || strcmp(at, cts_utc_now().text) <= 0)
         return false;
-    note_due(later, due);
+    note_due(due, at);
     return true;
 }
 
-void cts_later_set_try(CtsLater *later, const CtsBatchSettings *settings, json_t *record)
+void cts_later_set_try(CtsUtc *due, const CtsBatchSettings *settings, json_t *record)
 {
     const int n = (int)json_integer_value(json_object_get(record, "tries"));
     json_object_del(record, "tries");
@@ -64,8 +63,8 @@ void cts_later_set_try(CtsLater *later, const CtsBatchSettings *settings, json_t
     if (!settings->options->settled_s || !may_succeed(record))
         return;
     const int64_t pause_s = (int64_t)settings->options->settled_s << (n < MAX_DOUBLINGS ? n : MAX_DOUBLINGS);
-    const CtsUtc due = cts_utc_at((int64_t)time(NULL) + pause_s);
+    const CtsUtc at = cts_utc_at((int64_t)time(NULL) + pause_s);
     json_object_set_new(record, "tries", json_integer(n + 1));
-    json_object_set_new(record, "try_again", json_string(due.text));
-    note_due(later, due.text);
+    json_object_set_new(record, "try_again", json_string(at.text));
+    note_due(due, at.text);
 }

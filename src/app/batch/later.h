@@ -6,17 +6,14 @@
 #include "app/batch/journal.h"
 #include "base/clock.h"
 
-/* Earliest time at which a later run has something to do although no file changes; "" for never. */
-typedef struct CtsLater {
-    CtsUtc due;
-} CtsLater;
+/* due: the earliest time at which a later run has something to do although no file changes; "" for never. Each of these
+ * functions makes it earlier where it has to be. */
 
 /* True if a file of the series came less than `settled` seconds ago. *record (NULL: none yet) becomes one of status
  * "waiting" that keeps its outputs; *changed: it was none before. */
-bool cts_later_waits(CtsLater *later, const CtsBatchSettings *settings, const CtsPlanSeries *series, json_t **record,
+bool cts_later_waits(CtsUtc *due, const CtsBatchSettings *settings, const CtsPlanSeries *series, json_t **record,
                      bool *changed);
 /* True if the same series failed under the same options, and its next try is not due. */
-bool cts_later_is_held(CtsLater *later, const CtsBatchSettings *settings, const json_t *record,
-                       const char *input_sha256);
+bool cts_later_is_held(CtsUtc *due, const CtsBatchSettings *settings, const json_t *record, const char *input_sha256);
 /* Sets the time of the next try in the final record of a series that may succeed then; removes it from others. */
-void cts_later_set_try(CtsLater *later, const CtsBatchSettings *settings, json_t *record);
+void cts_later_set_try(CtsUtc *due, const CtsBatchSettings *settings, json_t *record);

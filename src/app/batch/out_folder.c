@@ -1,10 +1,10 @@
 #include "app/batch/batch.h"
 
 #include "base/file.h"
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <fnmatch.h>
+#include <fts.h>
 #include <limits.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -47,42 +47,36 @@ CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
     return st;
 }
 
-/* Removes files whose names begin with prefix. */
-static void sweep(const char *folder, const char *prefix)
+/* Removes temporary files whose names begin with prefix, in a folder and in those so many levels below it, of the last
+ * level those of thumbnails alone. */
+static void sweep(const char *folder, int depth, const char *prefix)
 {
-    const struct dirent *entry;
-    DIR *dir = opendir(folder);
-    while (dir && (entry = readdir(dir)))
-        if (!fnmatch(".*.[0-9]*.??????.tmp", entry->d_name, 0) && /* .NAME.PID.XXXXXX.tmp (base/file.c) */
-            !strncmp(entry->d_name, prefix, strlen(prefix)))
-            unlinkat(dirfd(dir), entry->d_name, 0);
-    if (dir)
-        closedir(dir);
+    static const char temporary[] = ".*.[0-9]*.??????.tmp"; /* .NAME.PID.XXXXXX.tmp (base/file.c) */
+    char *const paths[] = {(char *)(uintptr_t)folder, NULL};
+    FTS *const walk = fts_open(paths, FTS_PHYSICAL | FTS_NOCHDIR, NULL);
+    for (FTSENT *e; walk && (e = fts_read(walk));) {
+        const bool is_last = e->fts_level == depth && strcmp(e->fts_name, "thumbs");
+        if (e->fts_info == FTS_D && e->fts_level && (is_last || e->fts_level > depth || e->fts_name[0] == '.'))
+            fts_set(walk, e, FTS_SKIP);
+        else if (e->fts_info == FTS_F && !fnmatch(temporary, e->fts_name, 0) &&
+                 !strncmp(e->fts_name, prefix, strlen(prefix)))
+            unlink(e->fts_accpath);
+    }
+    if (walk)
+        fts_close(walk);
 }
 
 void cts_sweep_series(const char *output_dir, const char *folder)
 {
     char path[PATH_MAX + 300];
-    for (int deep = 0; deep < 2; deep++) {
-        snprintf(path, sizeof path, "%s/%s%s", output_dir, folder, deep ? "/thumbs" : "");
-        sweep(path, "");
-    }
+    snprintf(path, sizeof path, "%s/%s", output_dir, folder);
+    sweep(path, 1, "");
 }
 
 void cts_sweep_all(const char *folder, int shard, int n_shards)
 {
-    char prefix[64];
-    const struct dirent *entry;
-    if (n_shards > 1) {
+    char prefix[64] = "";
+    if (n_shards > 1)
         snprintf(prefix, sizeof prefix, ".batch-%d-of-%d.", shard, n_shards);
-        sweep(folder, prefix);
-        return;
-    }
-    DIR *dir = opendir(folder);
-    sweep(folder, ".");
-    while (dir && (entry = readdir(dir)))
-        if (entry->d_name[0] != '.')
-            cts_sweep_series(folder, entry->d_name);
-    if (dir)
-        closedir(dir);
+    sweep(folder, n_shards > 1 ? 0 : 2, prefix);
 }

@@ -46,7 +46,7 @@ typedef struct Run {
     size_t n_pictures, n_uids_ended; /* pictures rendered; series that have ended */
     double sheet_ms, sheet_took_ms;
     bool sheet_stale;
-    CtsLater later;
+    CtsUtc due;       /* earliest time at which a later run has something to do; "" for never */
     json_t *planned;  /* keys: UIDs of the series below the paths, for `forget` */
     CtsStatus status; /* why no more series are started */
     CtsError *err;
@@ -183,7 +183,7 @@ static void end_series(Run *r, json_t *record, bool up_to_date)
         queue_to_send(r, record);
     }
     if (n_waiting == 0 && !up_to_date)
-        cts_later_set_try(&r->later, r->settings, record);
+        cts_later_set_try(&r->due, r->settings, record);
     add_record(r, record);
     if (n_waiting == 0)
         count_record(r, record, up_to_date);
@@ -191,7 +191,7 @@ static void end_series(Run *r, json_t *record, bool up_to_date)
 
 static void end_sending(Run *r, json_t *record)
 {
-    cts_later_set_try(&r->later, r->settings, record);
+    cts_later_set_try(&r->due, r->settings, record);
     r->n_unsent = strcmp(cts_json_text_of(record, "status"), "done") ? r->n_unsent + 1 : 0;
     add_record(r, record);
     count_record(r, record, false);
@@ -326,10 +326,10 @@ static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
     bool is_own, changed = false;
     json_t *record = cts_journal_find(r->journal, series->uid, &is_own);
     json_t *const images = cts_journal_find(r->journal, second, NULL);
-    const bool held = record && cts_later_is_held(&r->later, r->settings, record, series->input_sha256);
+    const bool held = record && cts_later_is_held(&r->due, r->settings, record, series->input_sha256);
     const bool images_done = !images || cts_journal_record_is_settled(r->settings, images, series->input_sha256);
     const bool is_done = held || (record && images_done && is_up_to_date(r, series, record, is_own));
-    const bool waits = !is_done && cts_later_waits(&r->later, r->settings, series, &record, &changed);
+    const bool waits = !is_done && cts_later_waits(&r->due, r->settings, series, &record, &changed);
     if (held)
         count_record(r, record, true);
     if (is_done && images) {
@@ -428,7 +428,7 @@ static void leave_unsent(Run *r)
     if (n == 0 || r->status || interrupted(r))
         return;
     r->result->n_failed += n;
-    r->later.due.text[0] = '0'; /* before any time: the next run begins with them */
+    r->due.text[0] = '0'; /* before any time: the next run begins with them */
     snprintf(text, sizeof text, "%zu more series are not sent, as %d before them could not be (run the batch again)", n,
              MAX_UNSENT);
     r->settings->listener.message(r->settings->listener.context, true, text);
@@ -588,7 +588,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
         st = finished;
     }
     if (!st)
-        cts_idle_end(&idle, settings, &r.later, result);
+        cts_idle_end(&idle, settings, &r.due, result);
 end:
     json_decref(r.to_send);
     json_decref(r.planned);

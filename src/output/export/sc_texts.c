@@ -41,11 +41,7 @@ CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid,
 static CtsStatus uid_random(char uid[65], CtsError *err)
 {
     uint8_t bytes[UUID_BYTES];
-    ssize_t n;
-    do
-        n = getrandom(bytes, sizeof bytes, 0);
-    while (n < 0 && errno == EINTR);
-    if (n != UUID_BYTES)
+    if (TEMP_FAILURE_RETRY(getrandom(bytes, sizeof bytes, 0)) != UUID_BYTES)
         return cts_fail(err, CTS_ERR_INTERNAL, "the system gave no random numbers for a UID");
     format_uuid(bytes, 4, uid);
     return CTS_OK;
