@@ -5,6 +5,7 @@
 #include "app/batch/worker.h"
 #include "app/contact/contact_sheet.h"
 #include "base/clock.h"
+#include "base/compare.h"
 #include "base/cpu.h"
 #include "base/json.h"
 #include "base/mem.h"
@@ -345,13 +346,6 @@ static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
     return is_done || waits;
 }
 
-/* One thread more than an equal share, to use the time in which other workers wait for the disk. */
-static int threads_of_one(const Run *r, int at_once)
-{
-    const int share = (r->n_threads + at_once - 1) / at_once + 1;
-    return share < r->n_threads ? share : r->n_threads;
-}
-
 /* Starts the next series with missing outputs, if a worker is free: n_jobs render, and one reads ahead. */
 static bool start_next(Run *r)
 {
@@ -379,11 +373,13 @@ static bool start_next(Run *r)
         }
         const size_t left = r->found.n_series - r->next + (size_t)n_at_work;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
+        /* One thread more than an equal share, to use the time in which other workers wait for the disk. */
+        const int share = (r->n_threads + at_once - 1) / at_once + 1;
         CtsWorkerProcess process = {.settings = r->settings,
                                     .journal = r->journal,
                                     .archives = r->found.archives,
                                     .series = &w->series,
-                                    .n_threads = threads_of_one(r, at_once)};
+                                    .n_threads = cts_smaller_int(share, r->n_threads)};
         if (cts_worker_fork(&process, cts_worker_render, w, &err)) {
             cts_plan_series_free(&w->series);
             give_up_batch(r, &err);

@@ -23,14 +23,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static const char *status_word(int exit_code)
-{
-    return !exit_code ? "done" : exit_code == 3 || exit_code == 4 ? "refused" : "failed";
-}
-
 void cts_worker_set_status(json_t *record, int exit_code, const char *reason)
 {
-    json_object_set_new(record, "status", json_string(status_word(exit_code)));
+    const char *const status = !exit_code ? "done" : exit_code == 3 || exit_code == 4 ? "refused" : "failed";
+    json_object_set_new(record, "status", json_string(status));
     json_object_set_new(record, "reason", cts_json_new_text(reason));
     json_object_set_new(record, "exit_code", json_integer(exit_code));
     json_object_set_new(record, "ended", json_string(cts_utc_now().text));

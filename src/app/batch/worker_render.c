@@ -18,12 +18,10 @@ static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
 {
     CtsJob job = cts_options_job(s->options);
     job.export.force = true;
-    job.preset = &s->lists->presets[picture->preset];
     job.montage = s->lists->views[picture->view].is_montage ? &s->options->montage : NULL;
     job.render.azimuth_deg = s->lists->views[picture->view].azimuth_deg;
     job.render.elevation_deg = s->lists->views[picture->view].elevation_deg;
-    job.source.remove_table = job.preset->remove_table;
-    job.source.crops_air = cts_render_ignores_air(job.preset, &job.render);
+    cts_job_set_preset(&job, &s->lists->presets[picture->preset]);
     job.source.labels_unnamed = true; /* in journal and sheet */
     job.source.choice.show_present = true;
     job.outputs.paths = (const char *const *)picture->paths;

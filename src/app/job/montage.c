@@ -288,14 +288,6 @@ static CtsStatus write_montage(MontageWork *a, CtsFiles *files, CtsError *err)
     return st;
 }
 
-static void report_errors(MontageWork *a)
-{
-    a->bound.rmse = sqrt(a->bound.rmse / fmax(a->n_bounds, 1));
-    a->bound.rms_estimate = sqrt(a->bound.rms_estimate / fmax(a->n_bounds, 1));
-    a->report->bound = a->bound;
-    a->report->verified = a->verified;
-}
-
 CtsStatus cts_job_montage(const CtsJob *job, bool last, CtsLoaded *loaded, CtsPrepared *prepared, const CtsWatch *watch,
                           CtsReport *report, CtsError *err)
 {
@@ -313,7 +305,10 @@ CtsStatus cts_job_montage(const CtsJob *job, bool last, CtsLoaded *loaded, CtsPr
     CtsStatus st = cts_alloc_zeroed(&a.tiles, (size_t)job->montage->n, err);
     if (!st)
         st = render_montage_tiles(&a, last, err);
-    report_errors(&a);
+    a.bound.rmse = sqrt(a.bound.rmse / fmax(a.n_bounds, 1));
+    a.bound.rms_estimate = sqrt(a.bound.rms_estimate / fmax(a.n_bounds, 1));
+    report->bound = a.bound;
+    report->verified = a.verified;
     if (!st && !job->render.explain && !(st = cts_files_begin(&files, err)))
         st = write_montage(&a, &files, err);
     cts_files_end(&files);

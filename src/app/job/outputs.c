@@ -68,12 +68,6 @@ static CtsStatus refuse_ct_slice(const char *path, CtsError *err)
                     path);
 }
 
-static CtsStatus check_output(const char *path, const CtsExportSettings *settings, CtsError *err)
-{
-    const CtsStatus st = cts_export_check(path, settings, err);
-    return st || !settings->force ? st : refuse_ct_slice(path, err);
-}
-
 /* Two names of one file: the same name in the same folder, however that is written. */
 static bool same_file(const char *a, const char *b)
 {
@@ -112,9 +106,12 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
         if (strlen(path) >= PATH_MAX)
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: the path is too long", path);
         const int n_files = outputs->rotation && !holds_frames(path) ? outputs->rotation : 1;
-        for (int frame = 0; frame < n_files; frame++)
-            if ((st = check_output(name_of_frame(outputs, i, frame).text, settings, err)))
+        for (int frame = 0; frame < n_files; frame++) {
+            const OutputName name = name_of_frame(outputs, i, frame);
+            if ((st = cts_export_check(name.text, settings, err)) ||
+                (settings->force && (st = refuse_ct_slice(name.text, err))))
                 return st;
+        }
     }
     if (outputs->state) {
         if (settings->deidentify)

@@ -146,14 +146,6 @@ static CtsStatus interpolate_slices(const CtsSource *source, bool shows_air, Cts
     return CTS_OK;
 }
 
-static void report_volume(const CtsVolume *volume, CtsReport *report)
-{
-    double low[3], high[3];
-    cts_volume_box_lps(volume, low, high);
-    cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
-                    high[1], low[2], high[2]);
-}
-
 /* After table removal, which needs the whole volume to distinguish table and patient. */
 static CtsStatus process_model(const CtsSource *source, bool shows_air, CtsModel *model, CtsInterpolationCounts *made,
                                CtsReport *report, CtsError *err)
@@ -233,16 +225,12 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
     return st;
 }
 
-/* If the rescale intercept is lost, air has the value of a filling. */
-static bool is_shifted(const CtsReport *report)
-{
-    return report && cts_diagnostics_find(&report->diagnostics, CTS_DIAGNOSTIC_HU_IMPLAUSIBLE);
-}
-
 void cts_source_report_fill(const CtsSource *source, const CtsScanned *scanned, CtsReport *report)
 {
     double hu;
-    if (!source->fill.given && !is_shifted(report) && cts_scanned_find_fill(scanned, &hu))
+    /* If the rescale intercept is lost, air has the value of a filling. */
+    const bool is_shifted = report && cts_diagnostics_find(&report->diagnostics, CTS_DIAGNOSTIC_HU_IMPLAUSIBLE);
+    if (!source->fill.given && !is_shifted && cts_scanned_find_fill(scanned, &hu))
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_CONSTANT_FILL,
             "voxels at the border of the volume have exactly %g HU, a usual filling value outside the "
@@ -325,11 +313,14 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
                       CtsError *err)
 {
     CtsStatus st;
+    double low[3], high[3];
     CtsInterpolationCounts made = {0};
     CtsModel *const model = &loaded->model;
     const bool shows_air = loaded->labels && cts_labels_show_air(&source->choice);
     const bool crops = crops_with_table(source, scanned, shows_air);
-    report_volume(scanned->even, report);
+    cts_volume_box_lps(scanned->even, low, high);
+    cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
+                    high[1], low[2], high[2]);
     if (!source->remove_table) {
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
         st = make_volume(source, scanned, last, &model->volume, &made, err);

@@ -85,22 +85,18 @@ static bool brings_token(const CtsServer *server, const CtsHttpRequest *request,
     return true;
 }
 
-static bool is_address(const char *host)
-{
-    unsigned char address[sizeof(struct in6_addr)];
-    return inet_pton(AF_INET, host, address) == 1 || inet_pton(AF_INET6, host, address) == 1;
-}
-
 static bool host_is_ours(const CtsServer *server, const char *given)
 {
     char host[256];
+    unsigned char address[sizeof(struct in6_addr)];
     const bool bracketed = given[0] == '[';
     const size_t n = strcspn(given + bracketed, bracketed ? "]" : ":");
     const char *after = given + bracketed + n + bracketed;
     if (n == 0 || n >= sizeof host || (*after && *after != ':'))
         return false;
     snprintf(host, sizeof host, "%.*s", (int)n, given + bracketed);
-    bool ours = is_address(host) || !strcasecmp(host, "localhost");
+    bool ours = inet_pton(AF_INET, host, address) == 1 || inet_pton(AF_INET6, host, address) == 1 ||
+                !strcasecmp(host, "localhost");
     for (int i = 0; i < server->options->hosts.n; i++)
         ours |= !strcasecmp(host, server->options->hosts.items[i]);
     return ours;

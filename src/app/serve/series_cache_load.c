@@ -65,11 +65,6 @@ static uint64_t bytes_of(const CtsVolume *v)
     return n * sizeof *v->grey + n / 4; /* macro-cells, and data of renderers */
 }
 
-static bool is_idle(const CtsCachedSeries *s)
-{
-    return !s->busy && s->n_running == 0 && (s->bytes || s->processed_volumes);
-}
-
 /* Frees the least recently used volume of a series. */
 static bool drop_one_processed(CtsSeriesCache *cache, CtsCachedSeries *s)
 {
@@ -87,7 +82,8 @@ static bool make_room(CtsSeriesCache *cache, CtsCachedSeries *own, uint64_t byte
     while (cache->bytes + bytes > cache->max_bytes) {
         CtsCachedSeries *oldest = NULL;
         for (CtsCachedSeries *s = cache->first; s; s = s->next)
-            if (s != own && is_idle(s) && (!oldest || s->used_ms < oldest->used_ms))
+            if (s != own && !s->busy && !s->n_running && (s->bytes || s->processed_volumes) &&
+                (!oldest || s->used_ms < oldest->used_ms))
                 oldest = s;
         if (oldest)
             cts_series_cache_drop(cache, oldest);

@@ -274,11 +274,6 @@ static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId e
     return CTS_OK;
 }
 
-static bool is_requested(const char *only, bool alone, const char *name)
-{
-    return !only || (alone ? !strcmp(name, only) : strstr(name, only) != NULL);
-}
-
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
 {
     const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff,  &cts_check_shapes,
@@ -294,7 +289,7 @@ CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_f
     for (size_t t = 0; t < n_tables; t++)
         for (size_t i = 0; i < tables[t]->n; i++) {
             const CtsCheckCase *c = &tables[t]->cases[i];
-            if (!is_requested(settings->only, alone, c->name))
+            if (settings->only && (alone ? strcmp(c->name, settings->only) : !strstr(c->name, settings->only)))
                 continue;
             any = true;
             for (int engine = 0; engine < CTS_N_ENGINES && !st; engine++) {

@@ -266,49 +266,43 @@ end:
     return end_text(f, good, html, err);
 }
 
-/* The remaining contents of a file or pipe, 0-terminated. */
-static char *read_rest(FILE *file)
+/* The contents of a file, 0-terminated. */
+static char *read_whole(FILE *file)
 {
     char *text = NULL;
     size_t room = 0;
+    rewind(file);
     if (getdelim(&text, &room, 0, file) >= 0)
         return text;
     free(text);
     return ferror(file) ? NULL : strdup("");
 }
 
-/* Files replace two of the pipes, so that neither side can block the other. */
-static CtsStatus run_plotter(FILE *in, FILE *complaints, char **svg, CtsError *err)
-{
-    char command[80];
-    snprintf(command, sizeof command, "gnuplot /proc/self/fd/%d 2>&%d", fileno(in), fileno(complaints));
-    FILE *const out = popen(command, "re");
-    if (!out)
-        return cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run: %s", strerror(errno));
-    *svg = read_rest(out);
-    const int status = pclose(out);
-    if (status == 0)
-        return *svg ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    rewind(complaints);
-    char *why = read_rest(complaints);
-    cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run, or fails (it is in the package gnuplot-nox): %.300s",
-             why ? why : "");
-    free(why);
-    free(*svg);
-    *svg = NULL;
-    return CTS_ERR_OUTPUT;
-}
-
 CtsStatus cts_gnuplot(const char *script, char **svg, CtsError *err)
 {
-    FILE *in = tmpfile(), *complaints = tmpfile();
+    FILE *const in = tmpfile(), *const out = tmpfile(), *const complaints = tmpfile();
+    CtsStatus st = CTS_OK;
+    char command[80];
     *svg = NULL;
-    const CtsStatus st = !in || !complaints || fputs(script, in) < 0 || fflush(in)
-                             ? cts_fail(err, CTS_ERR_OUTPUT, "no temporary file for gnuplot: %s", strerror(errno))
-                             : run_plotter(in, complaints, svg, err);
-    if (in)
-        fclose(in);
-    if (complaints)
-        fclose(complaints);
+    if (!in || !out || !complaints || fputs(script, in) < 0 || fflush(in))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "no temporary file for gnuplot: %s", strerror(errno));
+    else {
+        snprintf(command, sizeof command, "gnuplot /proc/self/fd/%d >&%d 2>&%d", fileno(in), fileno(out),
+                 fileno(complaints));
+        const int status = system(command);
+        char *const text = read_whole(status ? complaints : out);
+        if (status)
+            st = cts_fail(err, CTS_ERR_OUTPUT,
+                          "gnuplot cannot be run, or fails (it is in the package gnuplot-nox): %.300s",
+                          text ? text : "");
+        else if (!(*svg = text))
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        if (status)
+            free(text);
+    }
+    FILE *const files[] = {in, out, complaints};
+    for (int i = 0; i < 3; i++)
+        if (files[i])
+            fclose(files[i]);
     return st;
 }
