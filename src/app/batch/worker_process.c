@@ -123,11 +123,10 @@ static void limit_worker(double mib)
     /* A sanitizer's own memory counts as data. */
     if (bytes && !CTS_SANITIZED)
         setrlimit(RLIMIT_DATA, &data);
-    const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
-    if (fd >= 0) {
-        const ssize_t n = write(fd, "1000", 4); /* the largest score */
-        (void)n;
-        close(fd);
+    FILE *const score = fopen("/proc/self/oom_score_adj", "we");
+    if (score) {
+        fputs("1000", score); /* the largest */
+        fclose(score);
     }
 }
 

@@ -282,18 +282,11 @@ function prepare() {
     link.dataset.ending = ending;
     id('downloads').append(link);
   }
-  id('colours').onchange = () => {
-    look.colours = id('colours').checked;
-    preview();
-  };
-  id('occlusion').oninput = () => {
-    look.occlusion = id('occlusion').value;
-    preview();
-  };
-  id('smooth').onchange = () => {
-    look.smooth = id('smooth').checked;
-    preview();
-  };
+  for (const [name, value] of [['colours', 'checked'], ['smooth', 'checked'], ['occlusion', 'value']])
+    id(name).oninput = () => {
+      look[name] = id(name)[value];
+      preview();
+    };
   id('low').onchange = id('high').onchange = changeWindow;
   listen(id('stage'), {turn, move, zoom, all, side, scale: () => Number(look.size.split('x')[0]) / id('stage').clientWidth});
   new ResizeObserver(() => {
