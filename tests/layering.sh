@@ -66,7 +66,7 @@ cli | | base core dicom input render output app
 include | | base core dicom input render output app
 '
 
-everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw glob inttypes libgen limits locale math
+everywhere=' assert ctype dirent endian errno fcntl float fnmatch fts ftw glob inttypes libgen limits locale math
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
  strings sys/auxv sys/file sys/mman sys/pidfd sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/sysinfo sys/time sys/types
  sys/wait time unistd wchar '
