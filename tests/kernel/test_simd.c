@@ -173,10 +173,7 @@ static void pixels(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uin
         const CtsRowMarks marks = {to->marks, first, past};
         uint64_t *const closed = track ? to->closed : NULL;
         k->sample(&pair, &places, &entries, &marks, to->grey);
-        if (lit)
-            k->light(to->rgbt[0], to->grey, &marks, &entries, &places, &light, closed);
-        else
-            k->blend(to->rgbt[0], n, to->grey, &marks, &entries, closed);
+        k->blend(to->rgbt[0], to->grey, &marks, &entries, &places, lit ? &light : NULL, closed);
     }
     for (int axis = 0; axis < 2; axis++) {
         same("place, cells", p[0].cell[axis], p[1].cell[axis], (size_t)n * sizeof(int32_t), mask, seed, 0, n);

@@ -42,7 +42,6 @@ CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPa
     if ((st = cts_raster_row_init(&c->row, raster, simd, err)) ||
         (st = cts_alloc_zeroed(&c->grey, (size_t)raster->width + 64, err)) ||
         (st = cts_alloc_array(&c->shown, (size_t)raster->width / 64 + 1, err)) ||
-        (st = cts_alloc_array(&c->border, (size_t)patches->n_cells[0] + 1, err)) ||
         (st = cts_alloc_array(&c->marks.bits, (size_t)raster->width / 64 + 1, err)))
         return st;
     /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
@@ -61,7 +60,6 @@ void cts_compositor_free(CtsCompositor *c)
     cts_raster_row_free(&c->row);
     cts_free(&c->grey);
     cts_free(&c->shown);
-    cts_free(&c->border);
     cts_free(&c->marks.bits);
 }
 
@@ -112,28 +110,6 @@ static int find_border(const CtsCompositor *c, int axis, int t, int xa, int xb)
     return cts_raster_passes(&c->row, axis, (double)(t << cell_shift(c, axis)), xa, xb);
 }
 
-/* All rows of all planes pass cells at the same pixels where the picture's rows run along the lattice's, and rays along
- * u do not move. */
-static bool has_borders(const CtsCompositor *c)
-{
-    return c->row.raster->filled && c->row.raster->by_layer[0] == 0;
-}
-
-static void set_borders(CtsCompositor *c)
-{
-    c->row.base[0] = c->row.layer_base[0];
-    for (int t = 0; t <= c->patches.n_cells[0]; t++)
-        c->border[t] = find_border(c, 0, t, c->row.columns[0].first, c->row.columns[0].past);
-    c->borders_known = true;
-}
-
-static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
-{
-    if (axis == 1 || !c->borders_known)
-        return find_border(c, axis, t, xa, xb);
-    return c->border[t] < xa ? xa : c->border[t] > xb ? xb : c->border[t];
-}
-
 /* Marks those of pixels xa..xb-1, all within one row of cells, that are potentially visible. */
 static void mark_cell_row(const CtsCompositor *c, const CtsPlane *plane, int row, int xa, int xb)
 {
@@ -141,8 +117,8 @@ static void mark_cell_row(const CtsCompositor *c, const CtsPlane *plane, int row
     const bool moves = c->row.raster->moves[0], rising = c->row.raster->by_x[0] > 0;
     const int only = moves ? 0 : cell_of_pixel(c, 0, xa), n = moves ? c->patches.n_cells[0] : only + 1;
     for (int t = only, past; xa < xb && cts_next_run(shown, n, &t, &past); t = past) {
-        const int from = moves ? border(c, 0, rising ? t : past, xa, xb) : xa;
-        const int to = moves ? border(c, 0, rising ? past : t, from, xb) : xb;
+        const int from = moves ? find_border(c, 0, rising ? t : past, xa, xb) : xa;
+        const int to = moves ? find_border(c, 0, rising ? past : t, from, xb) : xb;
         cts_bits_fill(c->shown, from, to);
         *(rising ? &xa : &xb) = rising ? to : from;
     }
@@ -159,7 +135,7 @@ static void mark_row(const CtsCompositor *c, const CtsPlane *plane)
         mark_cell_row(c, plane, cell_of_pixel(c, 1, 0), c->row.x0, x1);
     for (int x = c->row.x0; plane->shown && moves && x < x1;) {
         const int cell_row = cell_of_pixel(c, 1, x);
-        const int past = border(c, 1, rising ? cell_row + 1 : cell_row, x, x1);
+        const int past = find_border(c, 1, rising ? cell_row + 1 : cell_row, x, x1);
         mark_cell_row(c, plane, cell_row, x, past);
         x = past;
     }
@@ -208,18 +184,13 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
     c->samples += 8 * c->simd->sample(&plane->sheets, &places, plane->entries, &c->marks, c->grey);
     if (c->picture->depth_mm)
         find_depth(c, plane, y);
-    if (plane->light)
-        c->simd->light(pixels, c->grey, &c->marks, plane->entries, &places, plane->light, closed);
-    else
-        c->simd->blend(pixels, c->picture->width, c->grey, &c->marks, plane->entries, closed);
+    c->simd->blend(pixels, c->grey, &c->marks, plane->entries, &places, plane->light, closed);
 }
 
 void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
 {
     cts_raster_begin_plane(&c->row, plane->layer);
     c->shown_row = -1;
-    if (plane->shown && has_borders(c) && !c->borders_known)
-        set_borders(c);
     for (int y = y0; y < y1; y++)
         if (cts_raster_begin_row(&c->row, y))
             composite_row(c, plane, y);

@@ -31,8 +31,6 @@ typedef struct CtsCompositor {
     uint64_t *shown;   /* potentially visible pixels of a row */
     int shown_row;     /* the row of cells that they sample, reused if the next row has the same; or -1 */
     CtsRowMarks marks; /* open ones among those; then the visible ones */
-    int *border;       /* cached for all planes: the first pixel past the border below a cell */
-    bool borders_known;
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;
 } CtsCompositor;

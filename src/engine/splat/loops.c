@@ -265,8 +265,8 @@ static uint64_t sample(const CtsSheetPair *sheets, const CtsPlaces *places, cons
     return n;
 }
 
-/* Adds transmittance times entry, and sets a negligible transmittance to 0. Returns whether the pixel is opaque
- * then. */
+/* Adds transmittance, which is above 0, times entry, and sets a negligible transmittance to 0. Returns true if the
+ * pixel is opaque then. */
 INLINE bool blend_one(float *pixel, f32x4 entry)
 {
     const f32x4 old = *(const f32x4 *)pixel;
@@ -275,73 +275,7 @@ INLINE bool blend_one(float *pixel, f32x4 entry)
     *(f32x4 *)pixel = new;
     if (closes)
         pixel[3] = 0;
-    return closes & (old[3] > 0);
-}
-
-/* The same for two adjacent pixels, subject to masks; only lanes 3 and 7 of the result are meaningful. */
-INLINE i32x8 blend_two(float *pixels, const float first[4], const float second[4], i32x8 mask)
-{
-    static const i32x8 transmittance = {0, 0, 0, -1, 0, 0, 0, -1};
-    const f32x8 old = *(const f32x8 *)pixels, left = SHUFFLE(old, old, 3, 3, 3, 3, 7, 7, 7, 7);
-    const f32x8 both = SHUFFLE(*(const f32x4 *)first, *(const f32x4 *)second, 0, 1, 2, 3, 4, 5, 6, 7);
-    const f32x8 new = old + left *(f32x8)((i32x8)both & mask);
-    const i32x8 closes = (new < CTS_OPAQUE_BELOW) & transmittance;
-    *(f32x8 *)pixels = (f32x8)((i32x8) new & ~closes);
-    return closes & (old > 0);
-}
-
-/* Eight pixels of which any is marked. The result marks those now opaque, as in blend_two(). */
-INLINE i32x8 blend_8(float *pixels, const uint16_t *grey, unsigned marks, const float (*entry)[4])
-{
-    static const i32x8 masks[4] = {
-        {0}, {-1, -1, -1, -1}, {0, 0, 0, 0, -1, -1, -1, -1}, {-1, -1, -1, -1, -1, -1, -1, -1}};
-    i32x8 closed = {0};
-    if (marks == 255)
-        for (int k = 0; k < 8; k += 2)
-            closed |= blend_two(pixels + 4 * k, entry[grey[k]], entry[grey[k + 1]], masks[3]);
-    else
-        for (int k = 0; k < 8; k += 2)
-            closed |= blend_two(pixels + 4 * k, entry[grey[k]], entry[grey[k + 1]], masks[marks >> k & 3]);
-    return closed;
-}
-
-INLINE unsigned opaque_8(const float *pixels, int n)
-{
-    unsigned bits = 0;
-    for (int k = 0; k < 8 && k < n; k++)
-        bits |= (unsigned)!(pixels[4 * k + 3] > 0) << k;
-    return bits;
-}
-
-/* True if the transmittance of eight pixels is 0, so that nothing can be added. */
-INLINE bool all_opaque(const float *pixels)
-{
-    const i32x8 *two = (const i32x8 *)pixels, any = two[0] | two[1] | two[2] | two[3];
-    return !(any[3] | any[7]);
-}
-
-static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
-                  uint64_t *closed)
-{
-    const float(*const entry)[4] = (const float(*)[4])entries->entry;
-    for (int w = marks->first; w < marks->past; w++)
-        for (uint64_t left = marks->bits[w]; left;) {
-            const int at = first_eight(left), i = 64 * w + at;
-            const unsigned eight = left >> at & 255;
-            i32x8 closes = {0};
-            left &= ~(UINT64_C(255) << at);
-            if (i + 8 <= width && !closed && all_opaque(pixels + 4 * (size_t)i))
-                continue;
-            if (i + 8 <= width)
-                closes = blend_8(pixels + 4 * (size_t)i, grey + i, eight, entry);
-            else /* the remainder belongs to the next row */
-                for (unsigned one = eight; one; one &= one - 1) {
-                    const int k = i + __builtin_ctz(one);
-                    closes[3] |= blend_one(pixels + 4 * (size_t)k, *(const f32x4 *)entry[grey[k]]);
-                }
-            if (closed && (closes[3] | closes[7]))
-                closed[w] |= (uint64_t)opaque_8(pixels + 4 * (size_t)i, width - i) << at;
-        }
+    return closes;
 }
 
 /* |n.v| in 0..1; 0 without a gradient. */
@@ -387,7 +321,8 @@ INLINE f32x4 layer_gradient_at(const float (*field)[4], size_t stride, float fu,
     return top + (bottom - top) * fv;
 }
 
-INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *places, const CtsLight *light, int at)
+/* The entry of a pixel, lit. */
+INLINE f32x4 light_entry(f32x4 entry, const CtsPlaces *places, const CtsLight *light, int at)
 {
     float frac[2], colour, white;
     size_t voxel[2];
@@ -412,17 +347,22 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
     }
     const float lift = -entry[3] * white;
     const f32x4 factor = {colour, colour, colour, 1}, whites = {lift, lift, lift, 0};
-    return blend_one(pixel, *(const f32x4 *)entry * factor + whites);
+    return entry * factor + whites;
 }
 
-static void light(float *pixels, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
+static void blend(float *pixels, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
                   const CtsPlaces *places, const CtsLight *light, uint64_t *closed)
 {
     for (int w = marks->first; w < marks->past; w++)
         for (uint64_t left = marks->bits[w]; left; left &= left - 1) {
             const int at = 64 * w + __builtin_ctzll(left);
             float *const pixel = pixels + 4 * (size_t)at;
-            if (pixel[3] > 0 && light_one(pixel, entries->entry[grey[at]], places, light, at) && closed)
+            f32x4 entry = *(const f32x4 *)entries->entry[grey[at]];
+            if (!(pixel[3] > 0))
+                continue;
+            if (light)
+                entry = light_entry(entry, places, light, at);
+            if (blend_one(pixel, entry) && closed)
                 closed[w] |= left & -left;
         }
 }
@@ -480,5 +420,5 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
 
 void CTS_ON_PATH(cts_simd_init)(CtsSimd *simd)
 {
-    *simd = (CtsSimd){scatter, differ, reach, place_samples, sample, blend, light, gradient};
+    *simd = (CtsSimd){scatter, differ, reach, place_samples, sample, blend, gradient};
 }

@@ -91,12 +91,9 @@ typedef struct CtsSimd {
      * potentially visible ones stay marked. Returns the approximate number of groups. */
     uint64_t (*sample)(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsEntries *entries,
                        const CtsRowMarks *marks, uint16_t *grey);
-    /* Blends marked samples, unlit, under a row of pixels of red, green, blue and transmittance. Sets bits in closed
-     * (unless NULL), in the same words, for pixels that become opaque. */
-    void (*blend)(float *pixels, int width, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
-                  uint64_t *closed);
-    /* The same, lit. */
-    void (*light)(float *pixels, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
+    /* Blends marked samples, lit unless light is NULL, under a row of pixels of red, green, blue and transmittance.
+     * Sets bits in closed (unless NULL), in the same words, for pixels that become opaque. */
+    void (*blend)(float *pixels, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
                   const CtsPlaces *places, const CtsLight *light, uint64_t *closed);
     /* Gradients of voxels i0..i1-1: differences along the row, along v and across the layers, and 0. */
     void (*gradient)(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4]);

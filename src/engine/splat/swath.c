@@ -82,18 +82,6 @@ static void cells_of(const CtsPatches *patches, const uint64_t *row, uint64_t *c
     }
 }
 
-/* Prefetches the next layer's potentially visible voxels: too few voxels of a row are read for the hardware
- * prefetcher. */
-static void prefetch_next(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int patch_v, const uint64_t *shown)
-{
-    for (int v = patch_v * CTS_PATCH; v < (patch_v + 1) * CTS_PATCH && v < p->stack.n[1]; v++) {
-        const uint16_t *row = cts_paper_row(p, w->store, s + 1, v);
-        for (int t = 0, past; cts_next_run(shown, p->patches.n[0], &t, &past); t = past)
-            for (int u = t * CTS_PATCH; u < past * CTS_PATCH && u < p->stack.n[0]; u += 32)
-                __builtin_prefetch(row + u);
-    }
-}
-
 static uint64_t *cell_row(const CtsPaperPlan *p, const CtsSwathWork *w, int v)
 {
     return w->cells + (size_t)(v + 1) * (size_t)p->patches.n_cell_words;
@@ -113,8 +101,6 @@ static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
         }
         cts_paper_needed(p, s, patch_v, w->row);
         cells_of(&p->patches, w->row, cell_row(p, w, v));
-        if (v >= 0 && s + 1 < p->stack.n_layers)
-            prefetch_next(p, w, s, patch_v, w->row);
     }
     return find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1);
 }
