@@ -265,48 +265,18 @@ typedef struct Rerendering {
     cts_tiled_march_fn march;
 } Rerendering;
 
-/* AT_ONCE: rays that are marched together. Empty squares of SQUARE x SQUARE pixels are recognised where a list has more
- * than a row of them in sequence: the test costs about as much as a ray. */
-enum { AT_ONCE = 64, SQUARE = 8 };
-
-/* Pixels of a list from `first` on that lie in one square. */
-static size_t n_in_square(const Rerendering *a, size_t first, size_t end, int *x, int *y)
-{
-    const uint32_t width = (uint32_t)a->band->width, at = a->place[first];
-    size_t n = 1;
-    *x = (int)(at % width) / SQUARE * SQUARE;
-    *y = (int)(at / width) / SQUARE * SQUARE;
-    while (first + n < end && (int)(a->place[first + n] % width) / SQUARE * SQUARE == *x &&
-           (int)(a->place[first + n] / width) / SQUARE * SQUARE == *y)
-        n++;
-    return n;
-}
-
-static bool is_empty(const Rerendering *a, int x, int y)
-{
-    y += a->band->first_row;
-    return isinf(
-        cts_tiled_reach_mm(a->job, (const int[]){x, x + SQUARE - 1}, (const int[]){y, y + SQUARE - 1}, -INFINITY));
-}
+enum { AT_ONCE = 64 }; /* rays that are marched together */
 
 static void march_some(const Rerendering *a, TiledScratch *scratch, size_t first, size_t end)
 {
     TiledRays *const rays = &scratch->rays;
     const size_t width = (size_t)a->band->width;
-    size_t which[AT_ONCE], square_end = first;
-    bool empty = false;
+    size_t which[AT_ONCE];
     rays->n = 0;
     for (; first < end; first++) {
         const uint32_t at = a->place[first];
-        int x, y;
         memset(a->rgba[first], 0, sizeof a->rgba[first]);
         a->off[first] = 0;
-        if (first == square_end) {
-            square_end += n_in_square(a, first, end, &x, &y);
-            empty = square_end - first > SQUARE && is_empty(a, x, y);
-        }
-        if (empty)
-            continue;
         which[rays->n] = first; /* stays only where the ray does not miss the box */
         cts_tiled_add_ray(a->job, rays, (int)(at % width), a->band->first_row + (int)(at / width), -INFINITY);
     }
