@@ -36,7 +36,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
         uint8_t *const bytes = (uint8_t *)answer + answer->at;
         assert(!cts_header_unpack(answer, bytes, answer->n, &texts, &object, &err));
         for (int i = 0; i < object.n_slices; i++)
-            assert(!object.slices[i]->fault == !object.slices[i]->fault_text);
+            assert(!object.slices[i]->fault == !object.slices[i]->fault_text[0]);
         cts_object_free(&object);
         /* An answer of a reader that was taken over. */
         for (size_t i = 0; i < n && i < 64; i++)

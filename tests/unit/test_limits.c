@@ -133,8 +133,8 @@ static void test_deflated(void **state)
         CtsHeaderReader reader = {0};
         CtsObject object = {0};
         CtsError err = {0};
-        const CtsFileKind kind = cts_slice_read_header(&source, &reader, &object, &err);
-        assert_int_equal(kind, n <= LIMIT ? CTS_FILE_DICOM : CTS_FILE_UNREADABLE);
+        const CtsStatus st = cts_slice_read_header(&source, &reader, &object, &err);
+        assert_int_equal(st, n <= LIMIT ? CTS_OK : CTS_ERR_READ);
         if (n <= LIMIT)
             assert_true(object.n_slices == 1 && !object.slices[0]->fault);
         else
@@ -154,7 +154,7 @@ static CtsStatus read_header(Bytes bytes, char why[200])
     CtsHeaderReader reader = {0};
     CtsObject object = {0};
     CtsError err = {0};
-    assert_int_equal(cts_slice_read_header(&source, &reader, &object, &err), CTS_FILE_DICOM);
+    assert_int_equal(cts_slice_read_header(&source, &reader, &object, &err), CTS_OK);
     assert_true(object.n_slices >= 1);
     const CtsStatus st = object.slices[0]->fault;
     snprintf(why, 200, "%.199s", object.slices[0]->fault_text);

@@ -41,12 +41,6 @@ CtsStatus cts_header_begin(CtsHeaderReader *r, const CtsFile *source, CtsFileByt
     return CTS_OK;
 }
 
-static void refuse_file(const CtsPendingHeader *file)
-{
-    cts_object_free(&file->result->object);
-    file->result->kind = CTS_FILE_UNREADABLE;
-}
-
 /* A complete answer that a sound reader gives, for a file of n_file bytes. */
 static CtsStatus check_answer(const CtsHeaderAnswer *a, size_t n_answer, uint64_t n_file, CtsError *err)
 {
@@ -122,7 +116,6 @@ static CtsStatus take_object(CtsHeaderReader *r, const CtsPendingHeader *file, c
         return st;
     memcpy(r->copy, bytes, (size_t)a->n);
     st = cts_header_unpack(a, r->copy, (size_t)a->n, &r->texts, &file->result->object, err);
-    file->result->kind = CTS_FILE_DICOM;
     return st ? st : cts_header_complete(&a->facts, file, &r->texts, &file->result->object, err);
 }
 
@@ -163,7 +156,7 @@ static void take_oldest(CtsHeaderReader *r)
                                     ? put_off(r, file, err)
                                     : cts_fail(err, st == CTS_ERR_PIXELS ? CTS_ERR_READ : st, "%s", why.text);
         if (taken)
-            refuse_file(file);
+            cts_object_free(&file->result->object);
     }
     r->n_sent--;
     memmove(r->messages, r->messages + 1, (size_t)(r->n_sent + 1) * sizeof *r->messages);
@@ -200,15 +193,12 @@ bool cts_header_add(CtsHeaderReader *r, const CtsFile *source, const CtsFileByte
 {
     const CtsPendingHeader pending = {source, result, file->n_bytes, file->mtime_ns};
     CtsHeaderMessage *m = &r->messages[r->n_sent];
-    result->kind = CTS_FILE_NOT_DICOM;
     if (!cts_scan_begins_dicom(r->first_bytes, n))
         return false;
     if (m->n_files == CTS_HEADERS_A_MESSAGE || (m->n_files && m->n + n > MESSAGE_BYTES))
         send_message(r);
-    if (!r->messages[r->n_sent].n_files && begin_message(r, &result->why)) {
-        refuse_file(&pending);
+    if (!r->messages[r->n_sent].n_files && begin_message(r, &result->why))
         return true;
-    }
     m = &r->messages[r->n_sent];
     const CtsHeaderItem item = {m->n, n, file->n_bytes};
     memcpy(r->stream + (size_t)m->n_files * sizeof item, &item, sizeof item);
@@ -246,23 +236,18 @@ void cts_header_finish(CtsHeaderReader *r)
     while (r->n_alone) {
         const CtsPendingHeader *const file = &r->alone[--r->n_alone];
         if (read_alone(r, file, &file->result->why))
-            refuse_file(file);
+            cts_object_free(&file->result->object);
     }
 }
 
-CtsFileKind cts_slice_read_header(const CtsFile *source, CtsHeaderReader *r, CtsObject *object, CtsError *err)
+CtsStatus cts_slice_read_header(const CtsFile *source, CtsHeaderReader *r, CtsObject *object, CtsError *err)
 {
     CtsFileBytes file;
     size_t n;
-    CtsHeaderRead result = {.kind = CTS_FILE_NOT_DICOM};
-    const CtsStatus st = cts_header_begin(r, source, &file, &n, &result.why);
-    if (st)
-        result.kind = CTS_FILE_UNREADABLE;
-    else if (n && cts_header_add(r, source, &file, n, &result))
+    CtsHeaderRead result = {0};
+    if (!cts_header_begin(r, source, &file, &n, &result.why) && n && cts_header_add(r, source, &file, n, &result))
         cts_header_finish(r);
     cts_file_bytes_close(&file);
     *object = result.object;
-    if (err && result.kind == CTS_FILE_UNREADABLE)
-        *err = result.why;
-    return result.kind;
+    return result.why.status ? cts_fail(err, result.why.status, "%s", result.why.text) : CTS_OK;
 }

@@ -8,12 +8,10 @@ CTS_C_BEGIN
 
 enum { CTS_HEADER_FIRST_READ = 16 << 10 /* measured: holds 376 of the headers of 379 files whole */ };
 
-/* Contents of one file. CTS_FILE_NOT_DICOM: clearly another format, or not a regular file. CTS_FILE_UNREADABLE: why has
- * the reason, without the path. */
+/* Contents of one file. */
 typedef struct CtsHeaderRead {
-    CtsFileKind kind;
     CtsObject object; /* must not outlive the path of its file, and the reader's texts */
-    CtsError why;
+    CtsError why;     /* of a file that cannot be read; without the path */
 } CtsHeaderRead;
 
 /* A file whose answer is outstanding. */
@@ -73,8 +71,7 @@ bool cts_header_add(CtsHeaderReader *reader, const CtsFile *source, const CtsFil
 void cts_header_finish(CtsHeaderReader *reader);
 
 /* Reads the header of one DICOM file into a zeroed object, which must not outlive source's path and the reader's texts.
- * CTS_FILE_NOT_DICOM: clearly another format, or not a regular file. CTS_FILE_UNREADABLE: err has the reason, without
- * the path. Files of any format: input/files/file_header.h. */
-CtsFileKind cts_slice_read_header(const CtsFile *source, CtsHeaderReader *reader, CtsObject *object, CtsError *err);
+ * CTS_ERR_READ, without the path, for one that cannot be read. Files of any format: input/files/file_header.h. */
+CtsStatus cts_slice_read_header(const CtsFile *source, CtsHeaderReader *reader, CtsObject *object, CtsError *err);
 
 CTS_C_END

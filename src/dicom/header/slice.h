@@ -175,14 +175,12 @@ typedef struct CtsSliceLabel {
 } CtsSliceLabel;
 CtsSliceLabel cts_slice_label(const CtsSlice *slice);
 
-typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, CTS_FILE_UNREADABLE } CtsFileKind;
-
 /* Contents of one file: a slice, or the frames of an object with many. */
 typedef struct CtsObject {
     CtsObjectKind kind;
     CtsModality modality_id; /* of slices and frames */
     const char *class_uid;   /* of DICOM; "" if missing */
-    const char *class_name;  /* readable, of DICOM without slices or with an image */
+    const char *class_name;  /* readable, of DICOM without slices or with an image; NULL: no DICOM */
     const char *study_uid;   /* of DICOM; "" if missing */
     bool has_number;
     int instance_number; /* (0020,0013) of DICOM */

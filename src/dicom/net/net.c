@@ -138,12 +138,12 @@ static CtsStatus check_fetch_folder(const CtsFetchFolder *folder, const CtsSerie
         char path[4200];
         CtsObject object = {0};
         snprintf(path, sizeof path, "%s/%06d.dcm", folder->folder, i);
-        const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &reader, &object, NULL);
+        cts_slice_read_header(&(CtsFile){.path = path}, &reader, &object, NULL);
         st = check_received(&object, wanted, err);
         if (object.n_slices && *object.slices[0]->sop_uid)
             uids[n++] = object.slices[0]->sop_uid;
         else
-            n_came += kind == CTS_FILE_DICOM;
+            n_came += object.class_name != NULL;
         cts_object_free(&object);
     }
     if (!st)

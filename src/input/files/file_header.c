@@ -133,11 +133,9 @@ static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsN
 {
     CtsFileBytes file;
     size_t n;
-    *result = (CtsHeaderRead){.kind = CTS_FILE_NOT_DICOM};
+    *result = (CtsHeaderRead){0};
     CtsStatus st = cts_header_begin(reader, source, &file, &n, &result->why);
     const bool nifti = !st && n && is_nifti(source->path, reader->first_bytes, n);
-    if (nifti)
-        result->kind = CTS_FILE_NIFTI;
     if (nifti && source->named)
         st = add_nifti(source, &file, form, &result->object, &result->why);
     else if (nifti) /* in a folder it may be a mask or a picture of anything */
@@ -145,10 +143,8 @@ static void add_file_header(CtsHeaderReader *reader, const CtsFile *source, CtsN
     else if (!st && n && !cts_header_add(reader, source, &file, n, result))
         result->object.packed = packer_of(reader->first_bytes, n);
     cts_file_bytes_close(&file);
-    if (!st)
-        return;
-    cts_object_free(&result->object);
-    result->kind = CTS_FILE_UNREADABLE;
+    if (st)
+        cts_object_free(&result->object);
 }
 
 typedef struct HeaderReading {

@@ -5,7 +5,7 @@
 #include "dicom/header/header_reader.h"
 #include "input/files/nifti.h"
 
-/* Reads the headers of n files by at most n_threads of the readers; also NIfTI: CTS_FILE_NIFTI, with slices placed by
+/* Reads the headers of n files by at most n_threads of the readers; also NIfTI, with slices placed by
  * this form where the file was named itself. The objects must not outlive the readers' texts. */
 void cts_file_headers_read(const CtsFile *files, size_t n, CtsNiftiForm form, CtsHeaderReader *readers, int n_threads,
                            CtsHeaderRead *results);

@@ -90,7 +90,7 @@ static CtsStatus hand_on(ArchiveSearch *s, size_t i, char **directory, CtsError 
         file.has_number = slice->has_instance && !slice->n_frames;
         file.instance_number = slice->instance_number;
         file.place = object->n_slices == 1 && cts_slice_place(slice, &place) ? &place : NULL;
-        file.is_alone = header->kind == CTS_FILE_NIFTI;
+        file.is_alone = object->kind == CTS_OBJECT_NIFTI;
         file.bytes = slice->file_bytes;
         file.mtime_ns = slice->mtime_ns;
         report_archive(s->archives[i], &file);
@@ -99,14 +99,14 @@ static CtsStatus hand_on(ArchiveSearch *s, size_t i, char **directory, CtsError 
     }
     if (header->why.status == CTS_ERR_MEMORY || header->why.status == CTS_ERR_INTERNAL)
         return cts_fail(err, header->why.status, "%s", header->why.text);
-    if (header->kind == CTS_FILE_UNREADABLE) {
+    if (header->why.status) {
         file.why = header->why.text;
         report_archive(s->archives[i], &file);
         s->counts->n_unreadable++;
         return s->asked->found(s->asked->context, &file, err);
     }
     s->counts->n_not_ct++;
-    s->counts->n_objects += header->kind == CTS_FILE_DICOM && object->kind != CTS_OBJECT_DIRECTORY;
+    s->counts->n_objects += object->class_name && object->kind != CTS_OBJECT_DIRECTORY;
     s->counts->n_packed += object->packed != NULL;
     if (object->kind == CTS_OBJECT_LABELS) {
         file.labels_of = object->study_uid;

@@ -185,7 +185,7 @@ void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size)
 static CtsStatus count_other(const HeaderSearch *s, size_t i, CtsError *err)
 {
     const CtsHeaderRead *const h = &s->headers[i];
-    if (h->kind == CTS_FILE_UNREADABLE) {
+    if (h->why.status) {
         s->list->n_unreadable++;
         cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, "%s: %s", s->files.items[i].path,
                             h->why.text);
@@ -194,7 +194,7 @@ static CtsStatus count_other(const HeaderSearch *s, size_t i, CtsError *err)
     s->list->n_not_ct++;
     if (h->object.packed)
         return add_packed(s->list, h->object.packed, err);
-    return add_other(s->list, h->kind == CTS_FILE_DICOM ? h->object.class_name : NOT_DICOM, 1, err);
+    return add_other(s->list, h->object.class_name ? h->object.class_name : NOT_DICOM, 1, err);
 }
 
 /* The slices of all objects move to *slices; other files are counted, images that are not asked for among them. */
