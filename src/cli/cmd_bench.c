@@ -4,7 +4,6 @@
 #include "cli/commands.h"
 #include "cli/terminal.h"
 #include "lab/bench/bench.h"
-#include "lab/bench/paper_table.h"
 #include "output/report/text_table.h"
 #include <errno.h>
 #include <stdio.h>

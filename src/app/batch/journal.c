@@ -185,7 +185,7 @@ static CtsStatus append_to_journal(CtsJournal *j, const char *text, size_t n, Ct
 /* The record without the details that the settings exclude, as a line of the journal; NULL without memory. */
 static char *new_line(const CtsJournal *j, json_t *record)
 {
-    cts_journal_record_redact(record, j->settings);
+    cts_journal_record_redact(j->settings, record);
     char *object = json_dumps(record, JSON_COMPACT | JSON_REAL_PRECISION(12)), *line = NULL;
     if (object && asprintf(&line, "%s\n", object) < 0)
         line = NULL;

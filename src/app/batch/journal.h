@@ -61,8 +61,8 @@ bool cts_journal_record_is_up_to_date(const CtsBatchSettings *settings, const js
  * good; and the record has all details that the settings request. */
 bool cts_journal_record_is_settled(const CtsBatchSettings *settings, const json_t *record, const char *input_sha256);
 
-/* Removes details that the settings exclude: paths, and data that may identify the patient. */
-void cts_journal_record_redact(json_t *record, const CtsBatchSettings *settings);
+/* Removes details that the settings, a CtsBatchSettings, exclude: paths, and data that may identify the patient. */
+void cts_journal_record_redact(const void *settings, json_t *record);
 
 /* True if a series with this record has pictures of the preset, by its modality and quantity. */
 bool cts_journal_record_takes(const CtsBatchSettings *settings, const json_t *record, int preset, int view);

@@ -150,8 +150,9 @@ static void redact_keys(json_t *object, const char *const *keys)
         json_object_del(object, *keys);
 }
 
-void cts_journal_record_redact(json_t *record, const CtsBatchSettings *s)
+void cts_journal_record_redact(const void *settings, json_t *record)
 {
+    const CtsBatchSettings *const s = settings;
     static const char *const patient[] = {"study_date", "series_number", "description", NULL};
     static const char *const paths[] = {"sources", "reason_file", NULL};
     static const char *const files[] = {"files", NULL};

@@ -83,11 +83,6 @@ static void report_batch_progress(Run *r)
     listener->progress(listener->context, &progress);
 }
 
-static void redact(void *context, json_t *record)
-{
-    cts_journal_record_redact(record, context);
-}
-
 /* Pause between two contact sheets: 50 times as long as writing the last one took, at least 0.5 s, at most 10 s or that
  * time again, so that a slow disk leaves no stale sheet and half of the time to the series. */
 static double pause_ms(double sheet_took_ms)
@@ -105,8 +100,8 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
                                      .n_series = whole ? 0 : r->found.n_series,
                                      .goes_on = !ends,
                                      .n_objects = r->found.counts.n_objects,
-                                     .change = redact,
-                                     .context = (void *)s};
+                                     .change = cts_journal_record_redact,
+                                     .context = s};
     const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < pause_ms(r->sheet_took_ms);
     if (s->options->shard.n > 1 || (!ends && wait))
         return CTS_OK;

@@ -11,11 +11,11 @@
 #include <stdint.h>
 
 typedef struct CtsContactWanted {
-    size_t n_ended, n_series;                    /* of a batch that has not ended all of them; 0: all is over */
-    bool goes_on;                                /* it is running */
-    uint64_t n_objects;                          /* of the archive, without an image */
-    void (*change)(void *context, json_t *line); /* of the journal, before it is shown; or NULL */
-    void *context;
+    size_t n_ended, n_series;                          /* of a batch that has not ended all of them; 0: all is over */
+    bool goes_on;                                      /* it is running */
+    uint64_t n_objects;                                /* of the archive, without an image */
+    void (*change)(const void *context, json_t *line); /* of the journal, before it is shown; or NULL */
+    const void *context;
 } CtsContactWanted;
 
 /* Writes dir/index.html, whole or not at all, from dir/batch.jsonl and dir/batch-I-of-N.jsonl, and from

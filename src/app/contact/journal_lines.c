@@ -142,11 +142,6 @@ static CtsStatus add_journal(CtsJournalLines *j, const char *dir, const char *fo
     return st;
 }
 
-static int is_visible(const struct dirent *entry)
-{
-    return entry->d_name[0] != '.';
-}
-
 CtsStatus cts_journal_lines_read_folder(CtsJournalLines *j, const char *dir, const char *folder, bool deep,
                                         const char *except, CtsError *err)
 {
@@ -155,17 +150,18 @@ CtsStatus cts_journal_lines_read_folder(CtsJournalLines *j, const char *dir, con
     CtsStatus st = CTS_OK;
     if (asprintf(&path, "%s/%s", dir, folder) < 0)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-    const int n = scandir(path, &entries, is_visible, versionsort);
+    const int n = scandir(path, &entries, NULL, versionsort);
     if (n < 0 && (deep || errno != ENOTDIR))
         st = cts_fail(err, CTS_ERR_READ, "%s: cannot be listed: %s", path, strerror(errno));
     for (int i = 0; i < n; i++) {
         char *below = NULL;
         const char *const name = entries[i]->d_name;
+        const bool into = deep && name[0] != '.';
         if (!st && is_journal(name) && (!except || strcmp(name, except)))
             st = add_journal(j, dir, folder, name, err);
-        else if (!st && deep && asprintf(&below, "%s/", name) < 0)
+        else if (!st && into && asprintf(&below, "%s/", name) < 0)
             st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-        else if (!st && deep)
+        else if (!st && into)
             st = cts_journal_lines_read_folder(j, dir, below, false, NULL, err);
         free(below);
         free(entries[i]);

@@ -107,28 +107,23 @@ CtsStatus cts_fit_preset(const CtsModel *model, const CtsRenderSettings *setting
     return st ? st : auto_window(model, settings, preset, report, err);
 }
 
-static CtsStatus find_contrast(const CtsVolume *volume, int n_threads, bool *found, CtsError *err)
-{
-    uint64_t *count = NULL;
-    CtsMixture mixture;
-    CtsStatus st = cts_volume_histogram(volume, n_threads, &count, err);
-    if (!st && !(st = cts_mixture_fit(count, volume->hu_offset, volume->hu_step, &mixture, err)))
-        *found = cts_mixture_has_contrast(&mixture);
-    cts_volume_histogram_free(&count);
-    return st;
-}
-
 CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, bool *missing, CtsError *err)
 {
-    bool found = true;
-    const CtsStatus st = preset->needs_contrast ? find_contrast(volume, n_threads, &found, err) : CTS_OK;
-    *missing = !st && !found;
-    if (!*missing)
-        return st;
-    const CtsPreset *bone = cts_preset_builtin(0);
-    preset->n_colour = bone->n_colour;
-    memcpy(preset->colour, bone->colour, sizeof bone->colour);
-    return CTS_OK;
+    const CtsPreset *const bone = cts_preset_builtin(0);
+    uint64_t *count = NULL;
+    CtsMixture mixture;
+    *missing = false;
+    if (!preset->needs_contrast)
+        return CTS_OK;
+    CtsStatus st = cts_volume_histogram(volume, n_threads, &count, err);
+    if (!st && !(st = cts_mixture_fit(count, volume->hu_offset, volume->hu_step, &mixture, err)))
+        *missing = !cts_mixture_has_contrast(&mixture);
+    cts_volume_histogram_free(&count);
+    if (*missing) {
+        preset->n_colour = bone->n_colour;
+        memcpy(preset->colour, bone->colour, sizeof bone->colour);
+    }
+    return st;
 }
 
 void cts_contrast_report(const CtsPreset *preset, CtsReport *report)

@@ -27,6 +27,7 @@
     .size = sizeof(OF(name)) + 0 * sizeof(_Generic(OF(name), int : 1, unsigned : 1, bool : 1)), .choices = (names),    \
     .n_choices = sizeof(names) / sizeof *(names)
 #define SWITCH(name) CHOICE(name, switches), .first = CTS_ON
+#define PEER(name) .kind = CTS_PEER, FIELD(name, struct CtsGivenPeer)
 #define PARSED(name) .kind = CTS_PARSED, .parse = cts_parse_##name
 /* Shown by --help without "all". */
 #define BASIC .is_basic = true
@@ -230,10 +231,10 @@ const CtsOption cts_options[] = {
     SECTION("PACS and listening"),
     {0, "send", "PEER", RENDERING, REMAKES(NOTHING),
      "store the DICOM outputs to a PACS: AET@HOST:PORT (C-STORE) or the URL of a DICOMweb service (STOW-RS)", NULL,
-     PARSED(send), BASIC},
+     PEER(send), BASIC},
     {0, "from", "PEER", ONE | FINDING | ON(SERVE), REMAKES(NOTHING),
      "fetch the series from a PACS instead of PATH: AET@HOST:PORT (C-GET) or the URL of a DICOMweb service (WADO-RS)",
-     NULL, PARSED(from), BASIC},
+     NULL, PEER(from), BASIC},
     {0, "study-uid", "UID", ONE | FINDING, REMAKES(NOTHING), "the study to fetch", NULL, TEXT(find.study_uid)},
     {0, "series-uid", "UID", ONE | FINDING, REMAKES(NOTHING), "the one series of it to fetch", "all",
      TEXT(find.series_uid)},

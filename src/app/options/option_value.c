@@ -297,15 +297,3 @@ CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *er
             return CTS_OK;
     }
 }
-
-CtsStatus cts_parse_send(CtsOptions *options, const char *text, CtsError *err)
-{
-    options->send.given = true;
-    return cts_peer_parse(text, &options->send.peer, err) ? cts_context(err, "`send`") : CTS_OK;
-}
-
-CtsStatus cts_parse_from(CtsOptions *options, const char *text, CtsError *err)
-{
-    options->from.given = true;
-    return cts_peer_parse(text, &options->from.peer, err) ? cts_context(err, "`from`") : CTS_OK;
-}

@@ -55,7 +55,7 @@ static CtsStatus put_value(CtsOptions *options, const CtsOption *o, const char *
     const CtsBounds *b = cts_option_bounds(o);
     int n;
     double x;
-    if (!*text && o->kind != CTS_FLAG && o->kind != CTS_PARSED)
+    if (!*text && o->kind != CTS_FLAG && o->kind != CTS_PEER && o->kind != CTS_PARSED)
         return cts_fail(err, CTS_ERR_USAGE, "`%s`: an empty argument (%s)", o->name, o->argument);
     switch (o->kind) {
     case CTS_FLAG:
@@ -79,6 +79,10 @@ static CtsStatus put_value(CtsOptions *options, const CtsOption *o, const char *
         return CTS_OK;
     case CTS_CHOICE:
         return set_choice(o, field, text, err);
+    case CTS_PEER:
+        ((struct CtsGivenPeer *)field)->given = true;
+        return cts_peer_parse(text, &((struct CtsGivenPeer *)field)->peer, err) ? cts_context(err, "`%s`", o->name)
+                                                                                : CTS_OK;
     case CTS_PARSED:
         return o->parse(options, text, err);
     }

@@ -110,6 +110,7 @@ typedef enum CtsOptionKind {
     CTS_INT,    /* int within the bounds */
     CTS_NUMBER, /* double within the bounds */
     CTS_CHOICE, /* place among choices: int or enum from first on, or bool */
+    CTS_PEER,   /* struct CtsGivenPeer */
     CTS_PARSED  /* parse() */
 } CtsOptionKind;
 
@@ -205,8 +206,8 @@ CtsStatus cts_format_of(const char *text, const CtsFormatInfo **format, CtsError
 CtsStatus cts_options_montage(CtsOptions *options, CtsCommand command, CtsError *err);
 
 CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_fill,
-    cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard, cts_parse_size, cts_parse_slab,
-    cts_parse_smooth, cts_parse_swivel, cts_parse_window;
+    cts_parse_kernel, cts_parse_memory, cts_parse_shard, cts_parse_size, cts_parse_slab, cts_parse_smooth,
+    cts_parse_swivel, cts_parse_window;
 
 /* The caller sets remove_table, from the preset (cts_options_preset()). */
 CtsSource cts_options_source(const CtsOptions *options);

@@ -43,3 +43,9 @@ CtsStatus cts_bench_plan(bool full, CtsBenchRow **rows, int *n, CtsError *err);
  * rendered is recorded with the reason, which is no failure. */
 CtsStatus cts_bench_measure(const CtsBenchSettings *settings, CtsReference *const own[CTS_N_KERNELS], CtsBenchRow *row,
                             CtsError *err);
+
+/* `ctsplat bench --paper`: the paper's engines, configured as in the paper (cones from a table, 8 bits, unlit, one
+ * picture of each in turn), and their times in per cent of plain splatting beside the published ones. Times are wall,
+ * or with one thread CPU time, which others disturb less. Free with cts_table_free(). */
+enum { CTS_PAPER_ROUNDS = 15, CTS_PAPER_BITS = 8 };
+CtsStatus cts_paper_table(const CtsBenchSettings *settings, CtsTable **table, CtsError *err);

@@ -1,5 +1,5 @@
 /* The paper's tables on one series: each of its engines, and each without ctsplat's additions. */
-#include "lab/bench/paper_table.h"
+#include "lab/bench/bench.h"
 
 #include "base/clock.h"
 #include "base/compare.h"

@@ -61,11 +61,6 @@ static CTS_ENUM_TABLE(
 
 static const ModeTerms section_terms = {"MPR", "MPR", "Multiplanar reformatting", "113072", "Multiplanar reformatting"};
 
-static const ModeTerms *terms_of(const CtsPictureInfo *info)
-{
-    return info->is_section ? &section_terms : &mode_terms[info->mode];
-}
-
 /* The side that faces the camera, in SNOMED CT, in the order of a preset's views in its series; the last row for all
  * others. */
 static const struct {
@@ -121,7 +116,7 @@ static void describe_errors(const CtsExportJob *job, char *text, size_t size)
 void cts_sc_texts(const CtsExportJob *job, CtsScTexts *texts)
 {
     const CtsPictureInfo *info = &job->head.info;
-    const ModeTerms *const terms = terms_of(info);
+    const ModeTerms *const terms = info->is_section ? &section_terms : &mode_terms[info->mode];
     const int n_frames = job->head.n_frames;
     char preset[sizeof info->preset], engine[sizeof info->engine], tiles[sizeof info->tiles];
     char step[128] = "", error[160];

@@ -143,16 +143,6 @@ static CtsStatus fill_labels(const CtsStateScene *scene, CtsDcmState *s, CtsLabe
     return CTS_OK;
 }
 
-static void report_occlusion(const CtsStateScene *scene)
-{
-    if (scene->shaded && scene->preset->occlusion > 0)
-        cts_report_diagnostic(
-            scene->report, CTS_DIAGNOSTIC_STATE_LEFT_OUT,
-            "the presentation state has no information for other programs on `ambient-occlusion` %g: the standard "
-            "has no place for it",
-            scene->preset->occlusion);
-}
-
 /* Everything but the names and the private texts. */
 static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *texts, CtsDcmState *s, CtsError *err)
 {
@@ -164,7 +154,12 @@ static CtsStatus fill_state(const CtsStateScene *scene, CtsScTexts *texts, CtsDc
     s->view = texts->view;
     s->method = methods[scene->info->mode];
     s->shaded = scene->shaded;
-    report_occlusion(scene);
+    if (scene->shaded && p->occlusion > 0)
+        cts_report_diagnostic(
+            scene->report, CTS_DIAGNOSTIC_STATE_LEFT_OUT,
+            "the presentation state has no information for other programs on `ambient-occlusion` %g: the standard "
+            "has no place for it",
+            p->occlusion);
     s->ambient = cts_clamp01(p->ambient);
     s->diffuse = cts_clamp01(p->diffuse);
     s->specular = cts_clamp01(p->specular);
