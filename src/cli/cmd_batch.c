@@ -22,26 +22,22 @@ static void on_series(void *context, const char *text, bool failed)
         cli_note("%s", text);
 }
 
-/* On a terminal at once, else a line a minute. */
-static void show_progress(double *reported_ms, double done, int all, const char *text)
-{
-    if (cli_progress_shows()) {
-        cli_progress(done, all, text);
-    } else if (cts_wall_ms() - *reported_ms >= 60000) {
-        *reported_ms = cts_wall_ms();
-        cli_note("%s", text);
-    }
-}
-
 static void on_progress(void *context, const CtsBatchProgress *p)
 {
+    double *const reported_ms = context;
     char text[160];
     if (p->n_files)
         snprintf(text, sizeof text, "searching: %llu files so far, still counting", (unsigned long long)p->n_files);
     else
         snprintf(text, sizeof text, "%zu of %zu series, %zu pictures%s", p->n_ended, p->n_series, p->n_pictures,
                  cli_time_left(p->seconds_left).text);
-    show_progress(context, (double)p->n_ended, p->n_files ? 1 : (int)p->n_series, text);
+    /* On a terminal at once, else a line a minute. */
+    if (cli_progress_shows()) {
+        cli_progress((double)p->n_ended, p->n_files ? 1 : (int)p->n_series, text);
+    } else if (cts_wall_ms() - *reported_ms >= 60000) {
+        *reported_ms = cts_wall_ms();
+        cli_note("%s", text);
+    }
 }
 
 static CtsStatus run_batch(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsBatchResult *result,

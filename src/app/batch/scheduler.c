@@ -36,7 +36,7 @@ typedef struct Run {
     CtsBatchPlan *plan;
     CtsPlanFound found;
     CtsJournal *journal;
-    CtsWorker *workers; /* the first one sends */
+    CtsWorker workers[N_WORKERS(CTS_BATCH_MAX_JOBS)]; /* n_workers; the first one sends */
     int n_workers, n_jobs, n_threads;
     CtsKey key; /* of the names of series, where they are de-identified */
     size_t next;
@@ -277,7 +277,7 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
 }
 
 /* A worker without a process, or NULL. *n_at_work: those with one. */
-static CtsWorker *free_worker(const Run *r, int *n_at_work)
+static CtsWorker *free_worker(Run *r, int *n_at_work)
 {
     CtsWorker *found = NULL;
     *n_at_work = 0;
@@ -546,8 +546,6 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     r.n_jobs = o->jobs ? o->jobs : r.n_threads + 1; /* one job more, since one of them may wait for the disk */
     r.n_jobs = r.n_jobs < CTS_BATCH_MAX_JOBS ? r.n_jobs : CTS_BATCH_MAX_JOBS;
     r.n_workers = N_WORKERS(r.n_jobs);
-    if (!(r.workers = calloc((size_t)r.n_workers, sizeof *r.workers)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     const CtsExportSettings *e = &o->export;
     if (e->deidentify && (st = cts_key_load(e->key, o->shard.n == 1, &r.key, err)))
         goto end;
@@ -585,6 +583,5 @@ end:
     json_decref(r.planned);
     cts_plan_free(&r.plan);
     cts_journal_close(&r.journal);
-    free(r.workers);
     return st;
 }

@@ -109,24 +109,15 @@ static CtsStatus take_lines(CtsJournalLines *j, FILE *stream, uint64_t *end, Cts
 
 CtsStatus cts_journal_lines_read(CtsJournalLines *lines, int fd, const char *folder, uint64_t *end, CtsError *err)
 {
-    const CtsJournalFile file = {fd, strdup(folder)};
+    const CtsJournalFile file = {fdopen(fd, "r"), strdup(folder)};
     *end = 0;
-    if (!file.folder || cts_grow(&lines->files, lines->n_files, err)) {
+    if (!file.stream || !file.folder || cts_grow(&lines->files, lines->n_files, err)) {
         free(file.folder);
-        close(fd);
+        file.stream ? fclose(file.stream) : close(fd);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the journal");
     }
     lines->files[lines->n_files++] = file;
-    const int own = dup(fd);
-    FILE *stream = own < 0 ? NULL : fdopen(own, "r");
-    if (!stream) {
-        if (own >= 0)
-            close(own);
-        return cts_fail(err, CTS_ERR_READ, "a journal cannot be read: %s", strerror(errno));
-    }
-    const CtsStatus st = take_lines(lines, stream, end, err);
-    fclose(stream);
-    return st;
+    return take_lines(lines, file.stream, end, err);
 }
 
 static CtsStatus add_journal(CtsJournalLines *j, const char *dir, const char *folder, const char *name, CtsError *err)
@@ -175,7 +166,8 @@ json_t *cts_journal_lines_load(const CtsJournalLines *lines, const CtsJournalLin
 {
     char *text = malloc(line->size);
     json_t *json = NULL;
-    if (text && pread(lines->files[line->file].fd, text, line->size, (off_t)line->offset) == (ssize_t)line->size)
+    if (text &&
+        pread(fileno(lines->files[line->file].stream), text, line->size, (off_t)line->offset) == (ssize_t)line->size)
         json = parse_line(text, line->size);
     free(text);
     return json;
@@ -197,7 +189,7 @@ void cts_journal_lines_sort(CtsJournalLines *lines)
 void cts_journal_lines_free(CtsJournalLines *lines)
 {
     for (int i = 0; i < lines->n_files; i++) {
-        close(lines->files[i].fd);
+        fclose(lines->files[i].stream);
         free(lines->files[i].folder);
     }
     for (size_t i = 0; i < lines->n; i++)

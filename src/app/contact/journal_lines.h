@@ -5,9 +5,10 @@
 #include <jansson.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <stdio.h>
 
 typedef struct CtsJournalFile {
-    int fd;
+    FILE *stream;
     char *folder; /* of the batch, relative to the folder of the sheet: "" or "NAME/" */
 } CtsJournalFile;
 

@@ -102,18 +102,6 @@ static int n_steps_of(const CtsJob *job)
     return 2 + (job->montage ? job->montage->n : n_frames_of(job));
 }
 
-/* The frames of a file must fit its format. */
-static CtsStatus check_sizes(const CtsJob *job, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    const CtsPreset *p = job->preset;
-    const bool grey = cts_preset_is_grey(p, p->mode); /* labels may have colours: each file decides when it begins */
-    for (int i = 0; i < job->outputs.n && !st; i++)
-        st = cts_export_check_size(job->outputs.paths[i], job->render.width, job->render.height,
-                                   cts_output_n_frames(&job->outputs, i), grey, &job->export, err);
-    return st;
-}
-
 CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -125,9 +113,13 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
                               job->preset->note);
     if ((st = cts_render_check(job->preset, &job->render, err)) || job->render.explain)
         return st;
-    if ((st = cts_outputs_check(&job->outputs, &job->export, err)))
-        return st;
-    return check_sizes(job, err);
+    st = cts_outputs_check(&job->outputs, &job->export, err);
+    /* The frames of a file must fit its format; labels may have colours: each file decides when it begins. */
+    const bool grey = cts_preset_is_grey(job->preset, job->preset->mode);
+    for (int i = 0; i < job->outputs.n && !st; i++)
+        st = cts_export_check_size(job->outputs.paths[i], job->render.width, job->render.height,
+                                   cts_output_n_frames(&job->outputs, i), grey, &job->export, err);
+    return st;
 }
 
 /* The frame being rendered. */

@@ -15,19 +15,14 @@ static char *dumped(json_t *json, size_t flags)
     return text;
 }
 
-static json_t *label_json(const CtsLabel *label)
-{
-    const CtsLabelFact *const f = &label->fact;
-    return json_pack("{s:i, s:i, s:o, s:f, s:f, s:o*}", "file", f->file, "number", f->number, "name",
-                     cts_json_new_text(f->name), "ml", f->ml, "voxels", (double)f->voxels, "rgb",
-                     label->coloured ? json_pack("[fff]", label->rgb[0], label->rgb[1], label->rgb[2]) : NULL);
-}
-
 static json_t *labels_json(const CtsLabels *labels)
 {
     json_t *const list = json_array();
-    for (size_t i = 0; labels && i < labels->n; i++)
-        json_array_append_new(list, label_json(&labels->items[i]));
+    for (const CtsLabel *l = labels ? labels->items : NULL; l && l < labels->items + labels->n; l++)
+        json_array_append_new(
+            list, json_pack("{s:i, s:i, s:o, s:f, s:f, s:o*}", "file", l->fact.file, "number", l->fact.number, "name",
+                            cts_json_new_text(l->fact.name), "ml", l->fact.ml, "voxels", (double)l->fact.voxels, "rgb",
+                            l->coloured ? json_pack("[fff]", l->rgb[0], l->rgb[1], l->rgb[2]) : NULL));
     return list;
 }
 

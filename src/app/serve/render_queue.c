@@ -241,7 +241,7 @@ void cts_render_queue_watch(CtsServer *server, int ms)
     /* Under the lock no request ends, so that each socket is still its own. */
     pthread_mutex_lock(&server->lock);
     for (const CtsRenderRequest *r = server->first; r; r = r->next)
-        sockets[n++] = (struct pollfd){.fd = r->socket, .events = POLLRDHUP};
+        sockets[n++] = (struct pollfd){.fd = r->request->socket, .events = POLLRDHUP};
     if (n && poll(sockets, (nfds_t)n, 0) > 0)
         drop_gone(server, sockets, n);
     pthread_mutex_unlock(&server->lock);

@@ -87,7 +87,6 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, Target *
         return;
     }
     r->request = request;
-    r->socket = request->socket;
     cts_http_query(request, &r->render_query.query);
     r->render_query.thumbnail = target->thumbnail;
     /* An object is a presentation state, or should be a whole series where it is not a thumbnail's. */

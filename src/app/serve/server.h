@@ -76,7 +76,6 @@ enum { CTS_SERVE_WORKERS = 4, CTS_SERVE_WAITING = 64, CTS_SERVE_RETRY_S = 1 };
 /* One request for a picture. */
 typedef struct CtsRenderRequest {
     CtsHttpRequest *request;
-    int socket;
     CtsRenderQuery render_query;
     CtsCachedSeries *cached;
     CtsReport report;

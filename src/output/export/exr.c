@@ -243,16 +243,6 @@ typedef struct ExrChunk {
     exr_result_t code;
 } ExrChunk;
 
-static void keep_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *band, int y, ExrChunk *chunk)
-{
-    chunk->code = encode_chunk(w, e, band, y);
-    chunk->n_bytes = e->pipe.compressed_bytes;
-    if (!chunk->code && cts_alloc_bytes(&chunk->bytes, chunk->n_bytes, 1, NULL))
-        chunk->code = EXR_ERR_OUT_OF_MEMORY;
-    if (!chunk->code)
-        memcpy(chunk->bytes, e->pipe.compressed_buffer, chunk->n_bytes);
-}
-
 typedef struct Keeping {
     ExrWriter *writer;
     const CtsPicture *band;
@@ -264,8 +254,15 @@ static void keep_some(void *context, int worker, size_t first, size_t end)
 {
     const Keeping *const k = context;
     ExrWriter *const w = k->writer;
-    for (size_t i = first; i < end; i++)
-        keep_chunk(w, &w->encoders[worker], k->band, (k->first + (int)i) * w->lines_per_chunk, &k->chunks[i]);
+    ExrEncoder *const e = &w->encoders[worker];
+    for (ExrChunk *chunk = k->chunks + first; chunk < k->chunks + end; chunk++) {
+        chunk->code = encode_chunk(w, e, k->band, (k->first + (int)(chunk - k->chunks)) * w->lines_per_chunk);
+        chunk->n_bytes = e->pipe.compressed_bytes;
+        if (!chunk->code && cts_alloc_bytes(&chunk->bytes, chunk->n_bytes, 1, NULL))
+            chunk->code = EXR_ERR_OUT_OF_MEMORY;
+        if (!chunk->code)
+            memcpy(chunk->bytes, e->pipe.compressed_buffer, chunk->n_bytes);
+    }
 }
 
 /* Compresses up to BATCH chunks in parallel, then writes them in order, so that memory is bounded. */
