@@ -66,9 +66,9 @@ static double expectation_limit(double sum, double odds)
 /* Of all terms x of mean m and mean square v, E exp(-tx) is largest for the two values 0 and v / m: the parabola that
  * equals exp(-tx) at 0 and touches it at v / m is nowhere below it. So the limit for terms of 0 to v / m holds for sums
  * with this ratio of expectations, too. SPREAD stands for that ratio's being an estimate. */
-double cts_terms_limit(const CtsTerms *t, CtsTermRange range, double n, int n_limits)
+double cts_terms_limit(const CtsTerms *t, CtsTermRange range, double n)
 {
     const double ratio = t->sum > 0 ? (t->squares + range.assumed * t->largest * t->largest) / t->sum : 0,
                  unit = fmin(fmax(SPREAD * ratio, range.least), range.most);
-    return unit > 0 ? unit * expectation_limit(t->sum / unit, log(1000 * fmax(n_limits, 1))) / n : 0;
+    return unit > 0 ? unit * expectation_limit(t->sum / unit, log(1000)) / n : 0;
 }

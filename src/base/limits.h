@@ -32,7 +32,5 @@ typedef struct CtsTermRange {
     double most;    /* size that no term exceeds */
 } CtsTermRange;
 
-/* Upper limit of the mean of the n numbers, which holds with a probability of 99.9 %. n_limits limits (0 counts as 1)
- * that are computed so hold all together with that probability: each has its part of the chance to fail (union
- * bound). */
-double cts_terms_limit(const CtsTerms *terms, CtsTermRange range, double n, int n_limits);
+/* Upper limit of the mean of the n numbers, which holds with a probability of 99.9 %. */
+double cts_terms_limit(const CtsTerms *terms, CtsTermRange range, double n);

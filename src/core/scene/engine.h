@@ -19,8 +19,6 @@ typedef struct CtsPlan {
     bool few_rays; /* so few that testing single cells does not pay: probe renderings, the sample that chooses a level,
                       and the sample of another engine's pixels that error control re-renders; not at level hybrid,
                       whose marched groups need the test. Rounding of a ray may depend on it */
-    int n_tried; /* levels that were tried before this one was chosen, itself among them, which share the chance that a
-                    limit of the error is too low; 0 counts as 1 */
 } CtsPlan;
 
 /* Origin of a pixel. */

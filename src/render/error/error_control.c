@@ -362,8 +362,7 @@ static bool is_met(const Round *r, const Strip *s, const CtsTerms *terms, double
     const double warned = warned_from(&c->scene);
     const double pixels = (double)c->scene.view.width * c->scene.view.height, n = (double)(s->end - s->first);
     const CtsTerms all = {terms->sum * pixels / n, terms->squares * pixels / n, terms->largest};
-    return cts_terms_limit(&all, term_range(c, s), pixels, c->scene.plan.n_tried) <=
-           share * warned * warned - r->error * r->error;
+    return cts_terms_limit(&all, term_range(c, s), pixels) <= share * warned * warned - r->error * r->error;
 }
 
 /* Part of a strip that rounds may re-render. */
@@ -528,7 +527,6 @@ typedef struct Predicting {
     const CtsErrorPrediction *of;
     double pixels;
     double probability;
-    int n_tried;
 } Predicting;
 
 /* Upper limit of a frame's error, rms, that has these terms. */
@@ -536,7 +534,7 @@ static double predicted_limit(const Predicting *p, const CtsTerms *terms)
 {
     const double march = RERENDERED * cts_scene_requested_error(p->scene);
     const CtsTermRange range = {ASSUMED, UNSAMPLED / fmax((double)p->of->n, UNSAMPLED) / p->probability, INFINITY};
-    return sqrt(march * march + cts_terms_limit(terms, range, p->pixels, p->n_tried));
+    return sqrt(march * march + cts_terms_limit(terms, range, p->pixels));
 }
 
 static bool predicts_enough(void *context, const CtsTerms *terms)
@@ -547,7 +545,7 @@ static bool predicts_enough(void *context, const CtsTerms *terms)
     return predicted_limit(p, &all) <= requested;
 }
 
-CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsErrorPrediction *of, CtsError *err)
+CtsStatus cts_error_control_predict(const CtsScene *scene, CtsErrorPrediction *of, CtsError *err)
 {
     const double requested = cts_scene_requested_error(scene), n = (double)of->n;
     const double pixels = (double)scene->view.width * scene->view.height;
@@ -560,7 +558,7 @@ CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsError
     for (size_t i = 0; i < of->n; i++)
         squares += WORTH * WORTH * (double)of->indicator[i] * (double)of->indicator[i] / n;
     const double floor = requested * requested + squares;
-    Predicting p = {scene, of, pixels, 1 / (PREDICTED * (squares + floor)), n_tried};
+    Predicting p = {scene, of, pixels, 1 / (PREDICTED * (squares + floor))};
     for (size_t i = 0; i < of->n; i++) {
         const double b = WORTH * (double)of->indicator[i], probability = fmin(p.probability * (b * b + floor), 1),
                      term = of->square[i] * (1 - probability) / probability, number = pixels / n * probability;
@@ -672,9 +670,8 @@ double cts_error_control_rmse(const CtsErrorControl *c)
 {
     const double march = error_of_march(c);
     const CtsTermRange any = {ASSUMED, 0, INFINITY};
-    return ROUNDING +
-           sqrt(march * march + cts_terms_limit(&c->terms, c->range, (double)c->n_pixels, c->scene.plan.n_tried) +
-                cts_terms_limit(&c->interpolation, any, (double)c->n_pixels, c->scene.plan.n_tried));
+    return ROUNDING + sqrt(march * march + cts_terms_limit(&c->terms, c->range, (double)c->n_pixels) +
+                           cts_terms_limit(&c->interpolation, any, (double)c->n_pixels));
 }
 
 /* Largest error of a pixel; negative where nothing bounds it. Re-rendered pixels show how far errors exceed the bounds,

@@ -19,12 +19,12 @@
  * with the largest errors: strips of 64 rows would make default pictures of 1024 x 1024 pixels take 1.13 times as long
  * (mean of 30 views of five series, up to 1.7).
  *
- * 999 of 1000 holds for one limit of one sample; interpolated pixels have one of their own: with both it is 998. Each
- * round draws a sample of its own, whose estimate stands in for the last one's, and a strip's rounds end when the
- * estimate is small (optional stopping), so that low estimates are a little likelier to stay. For a picture of one
- * strip the union bound over its at most five limits still gives 995 of 1000; for more strips, which stop by
- * themselves, no bound is derived. Measured: 1 of 4800 such sequences ended with a limit below the error (75 views of
- * six series, 512 x 512 pixels, 0.5 and 2 of 255 requested). */
+ * 999 of 1000 holds for one limit of one sample (the probe that chose a level has other pixels); interpolated pixels
+ * have one of their own: with both it is 998. Each round draws a sample of its own, whose estimate stands in for the
+ * last one's, and a strip's rounds end when the estimate is small (optional stopping), so that low estimates are a
+ * little likelier to stay. For a picture of one strip the union bound over its at most five limits still gives 995 of
+ * 1000; for more strips, which stop by themselves, no bound is derived. Measured: 1 of 4800 such sequences ended with a
+ * limit below the error (75 views of six series, 512 x 512 pixels, 0.5 and 2 of 255 requested). */
 #pragma once
 
 #include "core/scene/engine.h"
@@ -66,8 +66,7 @@ typedef struct CtsErrorPrediction {
     float marched_from;     /* result: indicator of groups above which they have to be marched to meet the request */
 } CtsErrorPrediction;
 
-/* n_tried: as in CtsPlan. */
-CtsStatus cts_error_control_predict(const CtsScene *scene, int n_tried, CtsErrorPrediction *prediction, CtsError *err);
+CtsStatus cts_error_control_predict(const CtsScene *scene, CtsErrorPrediction *prediction, CtsError *err);
 /* Upper limit of the frame's error, rms. */
 double cts_error_control_rmse(const CtsErrorControl *control);
 /* Fills report->bound, and adds a warning where the error may be larger than requested. Nothing for a frame that

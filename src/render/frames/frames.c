@@ -458,7 +458,6 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
         else if (choice.level == CTS_LEVEL_AUTO)
             choice.level = finest_level(f->engine);
         scene->plan.level = choice.level;
-        scene->plan.n_tried = frame->engine_id == march ? 0 : choice.n_tried;
     } else if (is_auto && f->why_march) {
         cts_report_plan(report, "engine auto: %s, as %s", f->engine->name, f->why_march);
     }

@@ -109,7 +109,7 @@ static void find_groups(Probe *p)
 
 /* Predicts strip by strip, since error control meets the requested error in each. *limit: the largest of them. For
  * level hybrid, *n_marched: groups of the probe that have to be marched to meet the request. */
-static CtsStatus predict(const Probe *p, int n_tried, bool hybrid, double *limit, size_t *n_marched, CtsError *err)
+static CtsStatus predict(const Probe *p, bool hybrid, double *limit, size_t *n_marched, CtsError *err)
 {
     float indicator[PROBES * PROBES * IN_TILE], group[PROBES * PROBES * IN_TILE];
     double square[PROBES * PROBES * IN_TILE];
@@ -123,7 +123,7 @@ static CtsStatus predict(const Probe *p, int n_tried, bool hybrid, double *limit
             square[n] = cts_scene_square_of_error(p->scene, p->rgba[at], p->truth[first + n]);
         }
         CtsErrorPrediction strip = {.n = n, .indicator = indicator, .group = hybrid ? group : NULL, .square = square};
-        const CtsStatus st = cts_error_control_predict(p->scene, n_tried, &strip, err);
+        const CtsStatus st = cts_error_control_predict(p->scene, &strip, err);
         if (st)
             return st;
         *limit = fmax(*limit, strip.limit);
@@ -151,7 +151,7 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
             return st;
         find_groups(p);
         choice->n_tried++;
-        if ((st = predict(p, choice->n_tried, hybrid, &choice->limit, &n_marched, err)))
+        if ((st = predict(p, hybrid, &choice->limit, &n_marched, err)))
             return st;
         if (hybrid ? n_marched * MARCHED_ONE_IN <= p->n_visible
                    : choice->limit <= cts_scene_requested_error(p->scene)) {
