@@ -46,7 +46,7 @@ static const Field fields[] = {
     {FIELD(concatenation), TEXT, 0, 64},
     {FIELDS(part_number, n_parts), INTEGER, 0, UINT16_MAX},
     {FIELDS(rows, high_bit), INTEGER, 0, UINT16_MAX},
-    {FIELDS(is_signed, has_padding), FLAG, 0, 1},
+    {FIELD(is_signed), FLAG, 0, 1},
     {FIELDS(padding_low, padding_high), INTEGER, INT16_MIN, UINT16_MAX},
     {FIELD(padding_word), INTEGER, -1, UINT16_MAX},
     {FIELDS(slope, intercept), REAL, -INFINITY, INFINITY},

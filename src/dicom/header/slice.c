@@ -27,6 +27,7 @@ CtsSlice cts_slice_unknown(void)
                   .stack_id = "",
                   .concatenation = "",
                   .first_frame = -1,
+                  .padding_low = 1,
                   .padding_word = -1,
                   .rescale_type = ""};
     for (int i = 0; i < CTS_N_IDENTITY; i++)
@@ -69,8 +70,8 @@ CtsStored cts_slice_stored(const CtsSlice *s)
     return (CtsStored){.shift = s->high_bit + 1 - s->bits_stored,
                        .bits = s->bits_stored,
                        .is_signed = s->is_signed,
-                       .padding_low = s->has_padding ? s->padding_low : 1,
-                       .padding_high = s->has_padding ? s->padding_high : 0,
+                       .padding_low = s->padding_low,
+                       .padding_high = s->padding_high,
                        .padding_word = s->padding_word};
 }
 
@@ -126,4 +127,25 @@ CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
     if (!st && !s->memory && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))
         st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
     return st;
+}
+
+static uint16_t grey_of_word(const CtsSlice *s, const CtsStored *stored, uint16_t word)
+{
+    const int32_t value = cts_stored_value(word, stored);
+    if (cts_stored_is_padding(word, value, stored))
+        return 0;
+    return (uint16_t)fmin(fmax(floor(s->slope * value + s->intercept + 1024.5), 0), UINT16_MAX);
+}
+
+void cts_slice_sample(const CtsSlice *s, const uint16_t *words, bool are_grey, uint16_t sample[CTS_SAMPLES])
+{
+    const CtsStored stored = cts_slice_stored(s);
+    int column[CTS_SAMPLE_SIDE];
+    for (int i = 0; i < CTS_SAMPLE_SIDE; i++)
+        column[i] = (2 * i + 1) * s->columns / (2 * CTS_SAMPLE_SIDE);
+    for (int j = 0; j < CTS_SAMPLE_SIDE; j++) {
+        const uint16_t *row = words + (size_t)((2 * j + 1) * s->rows / (2 * CTS_SAMPLE_SIDE)) * (size_t)s->columns;
+        for (int i = 0; i < CTS_SAMPLE_SIDE; i++)
+            *sample++ = are_grey ? row[column[i]] : grey_of_word(s, &stored, row[column[i]]);
+    }
 }

@@ -12,7 +12,7 @@ namespace
 const CtsPrivateTag b_values[] = {
     {0x0019, "SIEMENS MR HEADER", 0x0C}, {0x0043, "GEMS_PARM_01", 0x39}, {0x2001, "Philips Imaging DD 001", 0x03}};
 /* Of three numbers in one element, and of three elements. */
-const CtsPrivateTag directions[] = {{0x0019, "SIEMENS MR HEADER", 0x0E}};
+const CtsPrivateTag whole_direction = {0x0019, "SIEMENS MR HEADER", 0x0E};
 const CtsPrivateTag direction_parts[][3] = {
     {{0x0019, "GEMS_ACQU_01", 0xBB}, {0x0019, "GEMS_ACQU_01", 0xBC}, {0x0019, "GEMS_ACQU_01", 0xBD}},
     {{0x2005, "Philips MR Imaging DD 001", 0xB0},
@@ -37,9 +37,8 @@ bool direction(CtsAttributes &item, double d[3])
     for (const CtsAttributes *from : {&nested, static_cast<const CtsAttributes *>(&item)})
         if (cts_attribute_numbers(*from, DCM_DiffusionGradientOrientation, d, 3) == 3)
             return true;
-    for (const CtsPrivateTag &of : directions)
-        if (cts_private_numbers(item, of, d, 3) == 3)
-            return true;
+    if (cts_private_numbers(item, whole_direction, d, 3) == 3)
+        return true;
     for (const auto &of : direction_parts)
         if (cts_private_numbers(item, of[0], d, 1) && cts_private_numbers(item, of[1], d + 1, 1) &&
             cts_private_numbers(item, of[2], d + 2, 1))

@@ -343,7 +343,6 @@ void read_padding(CtsAttributes &item, CtsSlice *s)
         limit = value;
     int a = 0, b = 0;
     if (stored_value(value, s, &a) && stored_value(limit, s, &b)) {
-        s->has_padding = true;
         s->padding_low = a < b ? a : b;
         s->padding_high = a < b ? b : a;
     } else {

@@ -87,7 +87,6 @@ static void report_slices(CtsSlice *slices, int n, double step, double low, cons
         s->file_bytes = (uint64_t)s->n_frames * s->pixel_bytes;
         s->slope = step;
         s->intercept = low;
-        s->has_padding = true;
         s->padding_low = s->padding_high = PADDING;
     }
 }

@@ -21,9 +21,6 @@ void cts_slice_set_filter(CtsSliceSet *set, const bool *keep);
 CtsStatus cts_series_check(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
                            CtsSeriesList *list, CtsError *err);
 
-/* Fills traits of a series that has its slices. */
-void cts_series_describe(CtsSeries *series);
-
 /* True if both have one size, orientation and pixel spacing. */
 bool cts_slice_same_grid(const CtsSlice *a, const CtsSlice *b);
 
