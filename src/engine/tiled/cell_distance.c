@@ -1,100 +1,50 @@
-/* The set of macro-cells within distance n + 1 is the set within n dilated by one macro-cell to all 26 neighbours:
- * along one axis after the other, on rows of bits. */
+/* A chamfer transform: each macro-cell from those visited before it, forwards and then backwards, which is exact for
+ * Chebyshev distances (Borgefors 1986). */
 #include "engine/tiled/cell_distance.h"
 
-#include "base/mem.h"
 #include <stdbool.h>
-#include <string.h>
+#include <stddef.h>
 
-typedef struct Grid {
-    int nu, nv, nk;
-    size_t words;  /* of a row of nu bits */
-    uint64_t last; /* mask of a row's last word */
-} Grid;
-
-static size_t n_grid_words(const Grid *g)
+/* The distance d, unless the neighbour's and a step are less. */
+static inline uint8_t by_neighbour(uint8_t d, uint8_t neighbour)
 {
-    return (size_t)g->nk * (size_t)g->nv * g->words;
+    return neighbour < d ? (uint8_t)(neighbour + 1) : d;
 }
 
-static void set_bits(const Grid *g, const uint8_t *distance, uint64_t *bits)
+/* Distances of a row by those of a row beside it. */
+static void reach_from_row(uint8_t *restrict d, const uint8_t *restrict beside, int n)
 {
-    for (size_t row = 0; row < (size_t)g->nk * (size_t)g->nv; row++) {
-        const uint8_t *d = distance + row * (size_t)g->nu;
-        for (size_t w = 0; w < g->words; w++) {
-            uint64_t word = 0;
-            for (size_t u = 64 * w; u < 64 * (w + 1) && u < (size_t)g->nu; u++)
-                word |= (uint64_t)(d[u] == 0) << (u - 64 * w);
-            bits[row * g->words + w] = word;
-        }
-    }
+    for (int i = 0; i < n; i++)
+        d[i] = by_neighbour(d[i], beside[i]);
+    for (int i = 1; i < n; i++)
+        d[i] = by_neighbour(d[i], beside[i - 1]);
+    for (int i = 1; i < n; i++)
+        d[i - 1] = by_neighbour(d[i - 1], beside[i]);
 }
 
-static void spread_u(const Grid *g, const uint64_t *from, uint64_t *to)
+static void reach_along_row(uint8_t *d, int n, bool backwards)
 {
-    for (size_t row = 0; row < n_grid_words(g); row += g->words)
-        for (size_t w = 0; w < g->words; w++) {
-            const uint64_t here = from[row + w];
-            uint64_t all = here | here << 1 | here >> 1;
-            if (w > 0)
-                all |= from[row + w - 1] >> 63;
-            if (w + 1 < g->words)
-                all |= from[row + w + 1] << 63;
-            else
-                all &= g->last;
-            to[row + w] = all;
-        }
+    for (int i = 1; i < n && !backwards; i++)
+        d[i] = by_neighbour(d[i], d[i - 1]);
+    for (int i = n - 1; i > 0 && backwards; i--)
+        d[i - 1] = by_neighbour(d[i - 1], d[i]);
 }
 
-/* Dilation along an axis of n steps of `stride` words, in each of n_outer groups of n * stride. */
-static void spread_rows(const uint64_t *from, uint64_t *to, int n_outer, int n, size_t stride)
+void cts_cell_distance(uint8_t *distance, int nu, int nv, int nk)
 {
-    for (int outer = 0; outer < n_outer; outer++)
-        for (int i = 0; i < n; i++) {
-            const uint64_t *here = from + ((size_t)outer * (size_t)n + (size_t)i) * stride;
-            const uint64_t *back = i > 0 ? here - stride : here, *on = i + 1 < n ? here + stride : here;
-            uint64_t *out = to + (here - from);
-            for (size_t w = 0; w < stride; w++)
-                out[w] = here[w] | back[w] | on[w];
-        }
-}
-
-/* Stores `level` for new bits; false when there are none. */
-static bool note_new(const Grid *g, const uint64_t *before, const uint64_t *after, uint8_t level, uint8_t *distance)
-{
-    uint64_t any = 0;
-    for (size_t i = 0; i < n_grid_words(g); i++) {
-        uint64_t after_split = after[i] & ~before[i];
-        any |= after_split;
-        uint8_t *d = distance + i / g->words * (size_t)g->nu + 64 * (i % g->words);
-        for (; after_split; after_split &= after_split - 1)
-            d[__builtin_ctzll(after_split)] = level;
-    }
-    return any != 0;
-}
-
-CtsStatus cts_cell_distance(uint8_t *distance, int nu, int nv, int nk, CtsError *err)
-{
-    const Grid g = {nu, nv, nk, ((size_t)nu + 63) / 64, nu % 64 ? (UINT64_C(1) << nu % 64) - 1 : ~UINT64_C(0)};
-    const size_t n = n_grid_words(&g);
-    CtsStatus st;
-    uint64_t *bits = NULL;
-    if ((st = cts_alloc_array(&bits, 3 * n, err)))
-        return st;
-    uint64_t *now = bits, *next = bits + n, *between = bits + 2 * n;
-    set_bits(&g, distance, now);
-    for (size_t i = 0; i < (size_t)nu * (size_t)nv * (size_t)nk; i++)
+    const int n_rows = nv * nk;
+    for (size_t i = 0; i < (size_t)nu * (size_t)n_rows; i++)
         distance[i] = distance[i] ? CTS_CELL_FAR : 0;
-    for (int level = 1; level < CTS_CELL_FAR; level++) {
-        spread_u(&g, now, next);
-        spread_rows(next, between, nk, nv, g.words);
-        spread_rows(between, next, 1, nk, g.words * (size_t)nv);
-        if (!note_new(&g, now, next, (uint8_t)level, distance))
-            break;
-        uint64_t *const old = now;
-        now = next;
-        next = old;
-    }
-    cts_free(&bits);
-    return CTS_OK;
+    for (int pass = 0; pass < 2; pass++)
+        for (int n = 0; n < n_rows; n++) {
+            const int row = pass ? n_rows - 1 - n : n, v = row % nv, sign = pass ? 1 : -1;
+            uint8_t *const d = distance + (size_t)row * (size_t)nu;
+            const ptrdiff_t next = (ptrdiff_t)sign * nu, layer = next * nv;
+            for (int dv = -1; dv <= 1; dv++)
+                if (n >= nv && v + dv >= 0 && v + dv < nv)
+                    reach_from_row(d, d + layer + (ptrdiff_t)dv * nu, nu);
+            if (v + sign >= 0 && v + sign < nv)
+                reach_from_row(d, d + next, nu);
+            reach_along_row(d, nu, pass);
+        }
 }
