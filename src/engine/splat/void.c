@@ -37,76 +37,42 @@ uint16_t cts_range_least(const CtsRangeRule *rule)
     return (uint16_t)least;
 }
 
-/* The volume's fine macro-cells as the stack has them: a line of them runs along the volume's x axis, which is along u,
- * or where the layers lie across x from layer to layer. */
-typedef struct MacrocellLines {
-    const CtsRange *fine;
-    const CtsRangeRule *rule;
-    int n;       /* macro-cells in a line */
-    bool across; /* lines run from layer to layer */
-    size_t u_step, v_step, k_step;
-    CtsRange *wide, *row; /* scratch: lines of n + 2 macro-cells for each thread */
-} MacrocellLines;
-
-static void widen_line(CtsRange *line, const CtsRange *other, int n)
-{
-    for (int i = 0; i < n; i++)
-        line[i] = cts_range_union(line[i], other[i]);
-}
-
 /* True if voxels outside the volume reach into a patch. */
 static bool reached_from_outside(const CtsPatches *patches, const CtsRangeRule *rule, int axis, int patch)
 {
     return patch * CTS_PATCH - rule->apron < 0 || (patch + 1) * CTS_PATCH + rule->apron > patches->last_voxel[axis];
 }
 
-/* Ranges of a line's macro-cells and of those around them that reach in. */
-static const CtsRange *line_ranges(const CtsVoidMap *map, const MacrocellLines *l, int k, int patch_v, int patch_u,
-                                   CtsRange *row, CtsRange *wide)
+/* The volume's fine macro-cells as the stack has them, by their distances along u, v and the layers. */
+typedef struct VoidMapping {
+    const CtsVoidMap *map;
+    const CtsRange *fine;
+    const CtsRangeRule *rule;
+    size_t u_step, v_step, k_step;
+    _Atomic uint64_t n_shown;
+} VoidMapping;
+
+/* The range of a macro-cell, and of those around it that reach in. */
+static CtsRange reaching_range(const VoidMapping *m, int k, int patch_v, int patch_u)
 {
-    const CtsPatches *patches = &map->patches;
-    const CtsRange *line = l->fine + (size_t)k * l->k_step + (size_t)patch_v * l->v_step + (size_t)patch_u * l->u_step;
-    if (l->rule->apron == 0)
-        return line;
-    memcpy(row, line, (size_t)l->n * sizeof *row);
-    for (int dv = -1; dv <= 1; dv++)
-        for (int du = l->across ? -1 : 0; du <= l->across; du++)
-            if (patch_v + dv >= 0 && patch_v + dv < patches->n[1] && patch_u + du >= 0 && patch_u + du < patches->n[0])
-                widen_line(row, line + (ptrdiff_t)l->v_step * dv + (ptrdiff_t)l->u_step * du, l->n);
-    const bool out = reached_from_outside(patches, l->rule, 1, patch_v) ||
-                     (l->across && reached_from_outside(patches, l->rule, 0, patch_u));
-    for (int i = 0; i < l->n; i++) {
-        wide[i] = row[i];
-        if (!l->across) {
-            wide[i] = cts_range_union(wide[i], row[i > 0 ? i - 1 : i]);
-            wide[i] = cts_range_union(wide[i], row[i < l->n - 1 ? i + 1 : i]);
-        }
-        if (out || (!l->across && reached_from_outside(patches, l->rule, 0, i)))
-            wide[i].low = 0;
-    }
-    return wide;
+    const CtsPatches *const patches = &m->map->patches;
+    const CtsRange *const own =
+        m->fine + (size_t)k * m->k_step + (size_t)patch_v * m->v_step + (size_t)patch_u * m->u_step;
+    CtsRange range = *own;
+    if (m->rule->apron == 0)
+        return range;
+    for (int dv = patch_v > 0 ? -1 : 0; dv <= (patch_v + 1 < patches->n[1]); dv++)
+        for (int du = patch_u > 0 ? -1 : 0; du <= (patch_u + 1 < patches->n[0]); du++)
+            range = cts_range_union(range, own[(ptrdiff_t)m->v_step * dv + (ptrdiff_t)m->u_step * du]);
+    if (reached_from_outside(patches, m->rule, 0, patch_u) || reached_from_outside(patches, m->rule, 1, patch_v))
+        range.low = 0;
+    return range;
 }
 
 static uint64_t *shows_row(const CtsVoidMap *map, int macrocell, int patch_v)
 {
     return map->shows +
            ((size_t)macrocell * (size_t)map->patches.n[1] + (size_t)patch_v) * (size_t)map->patches.n_words;
-}
-
-/* Set the bits of one line; returns how many. */
-static uint64_t map_line(const CtsVoidMap *map, const MacrocellLines *l, int worker, int k, int patch_v, int patch_u)
-{
-    const size_t scratch = (size_t)worker * (size_t)l->n;
-    const CtsRange *range = line_ranges(map, l, k, patch_v, patch_u, l->row + scratch, l->wide + scratch);
-    uint64_t n_shown = 0;
-    for (int i = 0; i < l->n; i++) {
-        if (!is_range_visible(l->rule, range[i]))
-            continue;
-        const int u = l->across ? patch_u : i;
-        shows_row(map, l->across ? i : k, patch_v)[u / 64] |= UINT64_C(1) << (u & 63);
-        n_shown++;
-    }
-    return n_shown;
 }
 
 void cts_void_add_row(const CtsVoidMap *map, int a, int b, int patch_v, uint64_t *row)
@@ -135,21 +101,20 @@ static void find_active(CtsVoidMap *map)
     }
 }
 
-typedef struct VoidMapping {
-    const CtsVoidMap *map;
-    const MacrocellLines *lines;
-    int n_other;
-    _Atomic uint64_t n_shown;
-} VoidMapping;
-
-/* Lines of one row of patches share words of bits, so they belong to one thread. */
+/* A row of patches of all layers; patches of a row share words of bits. */
 static void map_rows(void *context, int worker, size_t first, size_t end)
 {
     VoidMapping *const m = context;
-    const bool across = m->lines->across;
-    for (size_t v = first; v < end; v++)
-        for (int i = 0; i < m->n_other; i++)
-            atomic_fetch_add(&m->n_shown, map_line(m->map, m->lines, worker, across ? 0 : i, (int)v, across ? i : 0));
+    uint64_t n_shown = 0;
+    (void)worker;
+    for (int v = (int)first; v < (int)end; v++)
+        for (int k = 0; k < m->map->n_macrocells; k++)
+            for (int u = 0; u < m->map->patches.n[0]; u++)
+                if (is_range_visible(m->rule, reaching_range(m, k, v, u))) {
+                    shows_row(m->map, k, v)[u / 64] |= UINT64_C(1) << (u & 63);
+                    n_shown++;
+                }
+    atomic_fetch_add(&m->n_shown, n_shown);
 }
 
 CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatches *patches, const CtsRangeRule *rule,
@@ -157,31 +122,24 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatc
 {
     const size_t step[3] = {1, (size_t)macrocells->n_fine[0],
                             (size_t)macrocells->n_fine[0] * (size_t)macrocells->n_fine[1]};
-    const int n_macrocells = macrocells->n_fine[stack->axis], n_v = patches->n[1];
-    const size_t n_rows = (size_t)n_macrocells * (size_t)n_v;
-    MacrocellLines lines = {.fine = macrocells->fine,
-                            .rule = rule,
-                            .n = macrocells->n_fine[0],
-                            .across = stack->axis == 0,
-                            .u_step = step[stack->u_axis],
-                            .v_step = step[stack->v_axis],
-                            .k_step = step[stack->axis]};
+    const int n_macrocells = macrocells->n_fine[stack->axis];
+    const size_t n_rows = (size_t)n_macrocells * (size_t)patches->n[1];
+    VoidMapping mapping = {.map = map,
+                           .fine = macrocells->fine,
+                           .rule = rule,
+                           .u_step = step[stack->u_axis],
+                           .v_step = step[stack->v_axis],
+                           .k_step = step[stack->axis]};
     CtsStatus st;
     *map = (CtsVoidMap){.patches = *patches, .n_layers = stack->n_layers, .n_macrocells = n_macrocells};
     if ((st = cts_alloc_zeroed(&map->shows, n_rows * (size_t)patches->n_words, err)) ||
-        (st = cts_alloc_zeroed(&map->active, (size_t)stack->n_layers, err)) ||
-        (st = cts_alloc_array(&lines.row, (size_t)lines.n * (size_t)n_threads, err)) ||
-        (st = cts_alloc_array(&lines.wide, (size_t)lines.n * (size_t)n_threads, err)))
-        goto end;
-    VoidMapping mapping = {.map = map, .lines = &lines, .n_other = lines.across ? patches->n[0] : n_macrocells};
-    cts_parallel(n_threads, (size_t)n_v, 1, map_rows, &mapping);
+        (st = cts_alloc_zeroed(&map->active, (size_t)stack->n_layers, err)))
+        return st;
+    cts_parallel(n_threads, (size_t)patches->n[1], 1, map_rows, &mapping);
     map->n_shown = atomic_load(&mapping.n_shown);
     map->n_patches = n_rows * (size_t)patches->n[0];
     find_active(map);
-end:
-    cts_free(&lines.row);
-    cts_free(&lines.wide);
-    return st;
+    return CTS_OK;
 }
 
 void cts_void_map_free(CtsVoidMap *map)
