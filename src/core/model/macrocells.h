@@ -17,6 +17,18 @@ static inline CtsRange cts_range_union(CtsRange a, CtsRange b)
     return (CtsRange){a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high};
 }
 
+/* The cells between a volume's voxels along each axis, at least 1, and the distance to the next voxel, 0 along an axis
+ * of one. */
+static inline void cts_volume_cells(const CtsVolume *v, int n_cells[3], ptrdiff_t stride[3])
+{
+    ptrdiff_t step = 1;
+    for (int a = 0; a < 3; a++) {
+        n_cells[a] = v->dims[a] > 1 ? v->dims[a] - 1 : 1;
+        stride[a] = v->dims[a] > 1 ? step : 0;
+        step *= v->dims[a];
+    }
+}
+
 /* Macro-cell (bi, bj, bk) is fine[(bk * n_fine[1] + bj) * n_fine[0] + bi] and covers voxels 4 b to 4 b + 4 of each
  * axis. */
 typedef struct CtsMacrocells {

@@ -245,11 +245,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
             .voxel_labels = cts_model_shown(scene->model) != scene->model ? scene->model->voxel_labels : NULL,
         }};
     const CtsMode mode = scene->preset->mode;
-    ptrdiff_t stride = 1;
-    for (int a = 0; a < 3; a++) {
-        pr.projection.projector.stride[a] = v->dims[a] > 1 ? stride : 0;
-        stride *= v->dims[a];
-    }
+    cts_volume_cells(v, pr.projection.projector.n_cells, pr.projection.projector.stride);
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
                     cts_mode_names[mode]);
     cts_report_plan(report, mode == CTS_MODE_AVERAGE

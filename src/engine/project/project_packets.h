@@ -17,7 +17,8 @@ typedef struct CtsProjector {
     CtsMode mode;
     const CtsBodyMask *body;            /* the visible part; NULL: all */
     const CtsVoxelLabels *voxel_labels; /* with hidden labels; NULL: none are hidden */
-    ptrdiff_t stride[3];                /* of voxels; 0 along an axis of one */
+    int n_cells[3];
+    ptrdiff_t stride[3]; /* of voxels; 0 along an axis of one */
 } CtsProjector;
 
 /* A ray in voxel coordinates: start + t * step, t in mm, inside the box from t0 to t1. */

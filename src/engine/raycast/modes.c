@@ -58,35 +58,25 @@ static void add_segment(const CtsRaycaster *caster, const CtsRayWalk *walk, cons
         }
 }
 
-static bool mean(const CtsRaycaster *caster, const CtsRay *ray, double *hu)
+bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *hu)
 {
+    const CtsMode mode = caster->preset->mode;
+    const bool is_mean = mode == CTS_MODE_AVERAGE && ray->t1_mm > ray->t0_mm, largest = mode == CTS_MODE_MIP;
     CtsHuRanges wanted = {.n = 1, .range = {{-INFINITY, INFINITY}}};
     CtsRayWalk walk = {.ray = ray, .wanted = &wanted, .t_mm = ray->t0_mm};
     CtsRaySegment segment;
-    double sum = 0, length = 0;
+    double sum = 0, length = 0, best = largest ? -INFINITY : INFINITY;
     while (caster->field->next(caster->field, &walk, &segment)) {
         VisibleParts visible;
         add_segment(caster, &walk, &segment, &visible);
         for (int i = 0; i < visible.n; i++) {
-            sum += visible.share[i] * (segment.t1_mm - segment.t0_mm) * cts_cubic_mean(visible.hu[i]);
-            length += visible.share[i] * (segment.t1_mm - segment.t0_mm);
-        }
-    }
-    *hu = sum / length;
-    return length > 0;
-}
-
-static bool extreme(const CtsRaycaster *caster, const CtsRay *ray, bool largest, double *hu)
-{
-    CtsHuRanges wanted = {.n = 1, .range = {{-INFINITY, INFINITY}}};
-    CtsRayWalk walk = {.ray = ray, .wanted = &wanted, .t_mm = ray->t0_mm};
-    CtsRaySegment segment;
-    double best = largest ? -INFINITY : INFINITY;
-    while (caster->field->next(caster->field, &walk, &segment)) {
-        VisibleParts visible;
-        add_segment(caster, &walk, &segment, &visible);
-        for (int i = 0; i < visible.n; i++) {
+            const double part = visible.share[i] * (segment.t1_mm - segment.t0_mm);
             double low, high;
+            length += part;
+            if (is_mean) {
+                sum += part * cts_cubic_mean(visible.hu[i]);
+                continue;
+            }
             cts_cubic_range(visible.hu[i], &low, &high);
             if (CTS_MUTATED(MODE_EXTREMES))
                 low = high = visible.hu[i][0];
@@ -94,16 +84,9 @@ static bool extreme(const CtsRaycaster *caster, const CtsRay *ray, bool largest,
         }
         if (largest)
             wanted.range[0].low = nextafter(best, INFINITY);
-        else
+        else if (!is_mean)
             wanted.range[0].high = best;
     }
-    *hu = best;
-    return isfinite(best);
-}
-
-bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *hu)
-{
-    const CtsMode mode = caster->preset->mode;
-    const bool average = mode == CTS_MODE_AVERAGE && ray->t1_mm > ray->t0_mm;
-    return average ? mean(caster, ray, hu) : extreme(caster, ray, mode == CTS_MODE_MIP, hu);
+    *hu = is_mean ? sum / length : best;
+    return is_mean ? length > 0 : isfinite(best);
 }

@@ -1,17 +1,12 @@
 /* Labels along a ray within one cell: labels' fields are cubics along it, and so are their differences. */
 #include "engine/raycast/raycaster.h"
 
+#include "base/compare.h"
 #include "base/mutation.h"
 #include "engine/raycast/cubic.h"
 #include <stdlib.h>
 
 enum { MAX_BOUNDARIES = 3 * CTS_MAX_CELL_LABELS * CTS_MAX_CELL_LABELS / 2 };
-
-static int by_place(const void *a, const void *b)
-{
-    const double p = *(const double *)a, q = *(const double *)b;
-    return (p > q) - (p < q);
-}
 
 /* Positions where the largest field changes between two labels of different appearance, and the ends. */
 static int find_boundaries(const CtsVoxelLabels *voxel_labels, const CtsCellLabels *in_cell, const double (*field)[4],
@@ -30,7 +25,7 @@ static int find_boundaries(const CtsVoxelLabels *voxel_labels, const CtsCellLabe
                 apart[m] = field[i][m] - field[k][m];
             n += cts_cubic_sign_changes(apart, boundary + n);
         }
-    qsort(boundary, (size_t)n, sizeof *boundary, by_place);
+    qsort(boundary, (size_t)n, sizeof *boundary, cts_compare_double);
     boundary[n] = 1;
     return n;
 }

@@ -1,18 +1,13 @@
 #include "engine/raycast/raycaster.h"
 
+#include "base/compare.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static int sort_unique(double *x, int n)
 {
-    qsort(x, (size_t)n, sizeof *x, by_value);
+    qsort(x, (size_t)n, sizeof *x, cts_compare_double);
     int kept = 0;
     for (int i = 0; i < n; i++)
         if (kept == 0 || x[i] > x[kept - 1])

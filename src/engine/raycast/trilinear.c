@@ -15,7 +15,7 @@ typedef struct Trilinear {
     const CtsVolume *volume;
     const CtsVolume *shown; /* volume for gradients: air where labels are hidden */
     int n_cells[3];         /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
-    size_t stride[3];       /* to the next voxel; 0 along an axis of one voxel */
+    ptrdiff_t stride[3];    /* to the next voxel; 0 along an axis of one voxel */
     bool air_beyond;
 } Trilinear;
 
@@ -31,8 +31,7 @@ static bool wanted(const Trilinear *t, const CtsHuRanges *ranges, CtsRange grey)
 
 static const uint16_t *cell_voxel(const Trilinear *t, const int cell[3])
 {
-    return t->volume->grey + (size_t)cell[0] * t->stride[0] + (size_t)cell[1] * t->stride[1] +
-           (size_t)cell[2] * t->stride[2];
+    return t->volume->grey + cell[0] * t->stride[0] + cell[1] * t->stride[1] + cell[2] * t->stride[2];
 }
 
 static CtsRange load_cell(const Trilinear *t, const int cell[3], uint16_t corner[8])
@@ -138,13 +137,7 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsModel *model, const Cts
     t->volume = model->volume;
     t->shown = cts_model_shown(model)->volume;
     t->air_beyond = cts_shade_air_beyond(preset, model->volume) && !CTS_MUTATED(BORDER_DIFFERENCE);
-    size_t stride = 1;
-    for (int axis = 0; axis < 3; axis++) {
-        const int dim = t->volume->dims[axis];
-        t->n_cells[axis] = dim > 1 ? dim - 1 : 1;
-        t->stride[axis] = dim > 1 ? stride : 0;
-        stride *= (size_t)dim;
-    }
+    cts_volume_cells(t->volume, t->n_cells, t->stride);
     *field = &t->field;
     return CTS_OK;
 }

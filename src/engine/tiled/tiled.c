@@ -131,7 +131,6 @@ static void init_tiled_job(TiledJob *j, const CtsScene *scene, const TiledCache 
                            double requested)
 {
     const CtsVolume *const v = scene->volume;
-    ptrdiff_t stride = 1;
     *j = (TiledJob){.grey = v->grey,
                     .shown = cts_model_shown(scene->model)->volume->grey,
                     .view = scene->view,
@@ -139,11 +138,9 @@ static void init_tiled_job(TiledJob *j, const CtsScene *scene, const TiledCache 
                     .whole_blocks = scene->plan.few_rays};
     for (int a = 0; a < 3; a++) {
         j->dims[a] = v->dims[a];
-        j->n_cells[a] = v->dims[a] > 1 ? v->dims[a] - 1 : 1;
-        j->stride[a] = v->dims[a] > 1 ? stride : 0;
         j->step[a] = scene->view.forward_vox[a];
-        stride *= v->dims[a];
     }
+    cts_volume_cells(v, j->n_cells, j->stride);
     cts_tiled_transfer_init(&j->transfer, scene);
     j->appearances = scene->model->voxel_labels ? &cache->appearances : NULL;
     j->max_colour_difference =

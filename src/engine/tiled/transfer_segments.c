@@ -1,5 +1,6 @@
 #include "engine/tiled/transfer_segments.h"
 
+#include "base/compare.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,12 +10,6 @@ typedef struct ControlPoints {
     double hu[TILED_CONTROL_POINTS];
     int n;
 } ControlPoints;
-
-static int by_hu(const void *a, const void *b)
-{
-    const double p = *(const double *)a, q = *(const double *)b;
-    return (p > q) - (p < q);
-}
 
 /* The opacity from which the extinction has its maximum. */
 static double opacity_at_most(const CtsPreset *p)
@@ -34,7 +29,7 @@ static void list_control_points(const CtsPreset *p, ControlPoints *k)
     }
     for (int i = 0; i < p->n_colour; i++)
         k->hu[k->n++] = p->colour[i].hu;
-    qsort(k->hu, (size_t)k->n, sizeof *k->hu, by_hu);
+    qsort(k->hu, (size_t)k->n, sizeof *k->hu, cts_compare_double);
     int n = 0;
     for (int i = 0; i < k->n; i++)
         if (n == 0 || k->hu[i] > k->hu[n - 1])

@@ -278,16 +278,10 @@ static CtsStatus block_test_new(BlockTest *t, TiledMask *mask, const CtsScene *s
                                 const TiledAppearances *appearances, const CtsMacrocells *macrocells, CtsError *err)
 {
     CtsStatus st;
-    ptrdiff_t stride = 1;
     *t = (BlockTest){
         .mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .appearances = appearances};
-    for (int a = 0; a < 3; a++) {
-        const int dim = scene->volume->dims[a];
-        t->n_cells[a] = dim > 1 ? dim - 1 : 1;
-        t->stride[a] = dim > 1 ? stride : 0;
-        stride *= dim;
-    }
-    t->n_voxels = stride;
+    cts_volume_cells(scene->volume, t->n_cells, t->stride);
+    t->n_voxels = (ptrdiff_t)cts_volume_n_voxels(scene->volume);
     t->bracket = bracket_of(scene->lut);
     if (appearances && (st = cts_alloc_array(&t->brackets, (size_t)appearances->n, err)))
         return st;
