@@ -33,14 +33,6 @@ int cts_cpu_cores(void)
     return 1;
 }
 
-/* OMP_NUM_THREADS as programs with OpenMP read it: the first number of a list; 0 if unset. */
-static int environment_limit(void)
-{
-    const char *text = getenv("OMP_NUM_THREADS");
-    const long n = text ? strtol(text, NULL, 10) : 0;
-    return n > 0 ? (int)(n < MAX_THREADS ? n : MAX_THREADS) : 0;
-}
-
 int cts_threads_why(int n, const char **why)
 {
     *why = "as asked for";
@@ -52,10 +44,12 @@ int cts_threads_why(int n, const char **why)
             *why = "processor quota of the control group";
             n = (int)quota;
         }
-        const int limit = environment_limit();
+        /* As programs with OpenMP read it: the first number of a list. */
+        const char *const text = getenv("OMP_NUM_THREADS");
+        const long limit = text ? strtol(text, NULL, 10) : 0;
         if (limit > 0 && limit < n) {
             *why = "OMP_NUM_THREADS";
-            n = limit;
+            n = (int)limit;
         }
     }
     return n > MAX_THREADS ? MAX_THREADS : n;

@@ -13,6 +13,7 @@
 #include <limits.h>
 #include <math.h>
 #include <poll.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -168,11 +169,13 @@ static void queue_to_send(Run *r, const json_t *record)
     }
 }
 
-/* Adds the last record of a series: its pictures are rendered, or cannot be. */
-static void end_series(Run *r, json_t *record, bool up_to_date)
+/* Adds the last record of a series: its pictures are rendered, or cannot be; is_sent: they are sent, or cannot be. */
+static void end_series(Run *r, json_t *record, bool up_to_date, bool is_sent)
 {
-    const int n_waiting =
-        strcmp(cts_json_text_of(record, "status"), "done") ? 0 : cts_journal_record_n_unsent(r->settings, record);
+    const bool is_done = !strcmp(cts_json_text_of(record, "status"), "done");
+    const int n_waiting = is_done && !is_sent ? cts_journal_record_n_unsent(r->settings, record) : 0;
+    if (is_sent)
+        r->n_unsent = is_done ? 0 : r->n_unsent + 1;
     if (n_waiting > 0) {
         json_object_set_new(record, "unsent", json_integer(n_waiting));
         cts_worker_set_status(record, 5, "not sent yet");
@@ -185,24 +188,13 @@ static void end_series(Run *r, json_t *record, bool up_to_date)
         count_record(r, record, up_to_date);
 }
 
-static void end_sending(Run *r, json_t *record)
-{
-    cts_later_set_try(&r->due, r->settings, record);
-    r->n_unsent = strcmp(cts_json_text_of(record, "status"), "done") ? r->n_unsent + 1 : 0;
-    add_record(r, record);
-    count_record(r, record, false);
-}
-
 static void take_last(Run *r, CtsWorker *w, bool up_to_date)
 {
     CtsError err;
     w->n_ended++;
     if (w->n_ended > 1)
         r->result->n_series++;
-    if (w->phase == CTS_WORKER_SENDS)
-        end_sending(r, w->record);
-    else
-        end_series(r, w->record, up_to_date);
+    end_series(r, w->record, up_to_date, w->phase == CTS_WORKER_SENDS);
     if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->record, "exit_code")) == 5 &&
         !json_object_get(w->record, "unsent") && cts_folder_probe(r->settings, &err))
         give_up_batch(r, &err);
@@ -215,15 +207,6 @@ static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
     const double limit_ms = 1000 * r->settings->options->series_timeout_s;
     w->phase = phase;
     w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
-}
-
-/* The first message of a worker contains the number of pictures that its series lacks. */
-static void count_pictures(Run *r, CtsWorker *w, bool begun, int n_left)
-{
-    if (!begun)
-        r->n_pictures += (size_t)(w->n_left > n_left ? w->n_left - n_left : 0);
-    w->counted = true;
-    w->n_left = n_left;
 }
 
 static void take_message(void *context, CtsWorker *w, const char *message)
@@ -241,8 +224,14 @@ static void take_message(void *context, CtsWorker *w, const char *message)
     }
     json_decref(w->record);
     w->record = record;
-    if (w->phase != CTS_WORKER_SENDS)
-        count_pictures(r, w, kind == CTS_WORKER_BEGUN, (int)json_integer_value(json_object_get(record, "unfinished")));
+    if (w->phase != CTS_WORKER_SENDS) {
+        /* The first message has the number of pictures that the series lacks. */
+        const int n_left = (int)json_integer_value(json_object_get(record, "unfinished"));
+        if (kind != CTS_WORKER_BEGUN && w->n_left > n_left)
+            r->n_pictures += (size_t)(w->n_left - n_left);
+        w->counted = true;
+        w->n_left = n_left;
+    }
     if (kind == CTS_WORKER_RECORD)
         add_record(r, record);
     else if (kind != CTS_WORKER_BEGUN)
@@ -307,7 +296,7 @@ static bool is_up_to_date(Run *r, const CtsPlanSeries *series, json_t *record, b
     if (was_unsent)
         cts_worker_set_status(record, 0, "");
     if (was_unsent || cts_journal_record_n_unsent(r->settings, record) || !is_own)
-        end_series(r, record, true);
+        end_series(r, record, true, false);
     else
         count_record(r, record, true);
     return true;
@@ -453,8 +442,10 @@ static void watch_clock(Run *r)
             continue;
         if (all)
             cts_worker_stop(w, now_ms);
-        else if (!w->killed && now_ms > w->deadline_ms)
-            cts_worker_kill(w, "it took longer than --series-timeout allows");
+        else if (!w->killed && now_ms > w->deadline_ms) {
+            w->killed = "it took longer than --series-timeout allows";
+            kill(w->pid, SIGKILL);
+        }
     }
     if (now_ms - r->reported_ms > 1000) /* progress for readers: once a second */
         report_batch_progress(r);

@@ -63,12 +63,6 @@ void cts_worker_stop(CtsWorker *w, double now_ms)
     }
 }
 
-void cts_worker_kill(CtsWorker *w, const char *why)
-{
-    w->killed = why;
-    kill(w->pid, SIGKILL);
-}
-
 void cts_worker_free(CtsWorker *w)
 {
     close(w->socket);

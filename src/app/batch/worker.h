@@ -128,6 +128,5 @@ bool cts_worker_read(CtsWorker *worker, void (*take)(void *context, CtsWorker *w
 void cts_worker_reason(const CtsWorker *worker, int how, char *reason, size_t size);
 /* Asks it to end, and kills it after a while. */
 void cts_worker_stop(CtsWorker *worker, double now_ms);
-void cts_worker_kill(CtsWorker *worker, const char *why);
 /* After its process has ended. */
 void cts_worker_free(CtsWorker *worker);

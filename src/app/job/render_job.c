@@ -492,19 +492,14 @@ bool cts_job_finds_body(const CtsJob *job)
     return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE;
 }
 
-/* An input that does not exist comes before an output that does. */
-static CtsStatus check_inputs_exist(const CtsSource *source, CtsStatus st, CtsError *err)
-{
-    for (int i = 0; st == CTS_ERR_OUTPUT && !source->from && i < source->n_paths; i++)
-        if (access(source->paths[i], F_OK))
-            return cts_fail(err, CTS_ERR_READ, "%s: %s", source->paths[i], strerror(errno));
-    return st;
-}
-
 CtsStatus cts_job_find(const CtsJob *job, const CtsWatch *watch, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     const CtsStageTimer meter = cts_stage_timer_start(report);
-    CtsStatus st = check_inputs_exist(&job->source, cts_job_check(job, report, err), err);
+    CtsStatus st = cts_job_check(job, report, err);
+    /* An input that does not exist comes before an output that does. */
+    for (int i = 0; st == CTS_ERR_OUTPUT && !job->source.from && i < job->source.n_paths; i++)
+        if (access(job->source.paths[i], F_OK))
+            st = cts_fail(err, CTS_ERR_READ, "%s: %s", job->source.paths[i], strerror(errno));
     cts_watch_diagnostics(watch, report);
     if (!st)
         st = cts_source_find(&job->source, watch, n_steps_of(job), loaded, report, err);

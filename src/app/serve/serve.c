@@ -64,14 +64,6 @@ static CtsStatus search_served(CtsServer *server, void (*note)(const char *text)
     return st;
 }
 
-static void report_ready(const CtsServer *server, void (*ready)(const char *url), const char *url)
-{
-    char text[8192];
-    const bool made = server->token[0] && !server->options->token_file;
-    snprintf(text, sizeof text, "%s%s%s", url, made ? "?token=" : "", made ? server->token : "");
-    ready(text);
-}
-
 /* The server's threads block signals, which the main thread waits for. */
 static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, int socket, const char *certificate,
                                const char *key, CtsError *err)
@@ -105,8 +97,12 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         cts_thumbnails_begin(server, note);
         st = begin_threads(server, &http, socket, certificate, key, err);
     }
-    if (!st)
-        report_ready(server, ready, url);
+    if (!st) {
+        const bool made = server->token[0] && !server->options->token_file;
+        char text[8192];
+        snprintf(text, sizeof text, "%s%s%s", url, made ? "?token=" : "", made ? server->token : "");
+        ready(text);
+    }
     while (!st && !*server->options->net.stop)
         cts_render_queue_watch(server, WATCH_MS);
     cts_render_queue_end(server);

@@ -10,31 +10,21 @@
 enum { BLOCK = 3, WIDE = 9, DEEP = 15, BACK = 10, FRONT = 4, MARGIN = 2, HALF = 2 };
 #define REACH_MM 35.0
 
-static bool is_plane(const int block[3])
-{
-    return block[1] >= BACK;
-}
-
-static bool is_slit(const int block[3])
-{
-    return block[1] >= BACK || block[1] <= FRONT;
-}
-
-static bool is_bowl(const int block[3])
-{
-    const int x = abs(block[0] - WIDE / 2), z = abs(block[2] - WIDE / 2);
-    return block[1] >= BACK || (block[1] >= MARGIN && (x > HALF || z > HALF));
-}
-
 /* hu[0] of a scene; in front of the slit's back wall a crop leaves out everything. hu[1]: the occlusion. */
 enum { PLANE, SLIT, BOWL };
-static bool (*const is_wall[])(const int block[3]) = {is_plane, is_slit, is_bowl};
+
+static bool is_wall(int kind, const int block[3])
+{
+    const int x = abs(block[0] - WIDE / 2), z = abs(block[2] - WIDE / 2);
+    return block[1] >= BACK || (kind == SLIT && block[1] <= FRONT) ||
+           (kind == BOWL && block[1] >= MARGIN && (x > HALF || z > HALF));
+}
 
 static double wall_hu(const double vox[3], const void *data)
 {
     const double *const hu = data;
     const int block[3] = {(int)vox[0] / BLOCK, (int)vox[1] / BLOCK, (int)vox[2] / BLOCK};
-    return is_wall[(int)hu[0]](block) ? 1000 : -1000;
+    return is_wall((int)hu[0], block) ? 1000 : -1000;
 }
 
 /* Mean over the directions of the share of the way that is free. */
@@ -51,7 +41,7 @@ static double openness_of(int wall, int y)
         for (; free < all; free++) {
             const int at[3] = {WIDE / 2 + free * way[0], y + free * way[1], WIDE / 2 + free * way[2]};
             const bool inside = at[0] >= 0 && at[0] < WIDE && at[1] >= 0 && at[1] < DEEP && at[2] >= 0 && at[2] < WIDE;
-            if (inside && is_wall[wall](at))
+            if (inside && is_wall(wall, at))
                 break;
         }
         sum += (double)free / all;

@@ -52,14 +52,6 @@ typedef struct PngWriter {
     uint32_t adler;  /* of all rows so far */
 } PngWriter;
 
-static bool is_ascii(const char *text)
-{
-    for (; *text; text++)
-        if ((unsigned char)*text > 126)
-            return false;
-    return true;
-}
-
 /* Length, name, bytes and their CRC, of the name too. */
 static CtsStatus write_chunk(const CtsExportJob *job, const char name[4], const void *bytes, size_t n, CtsError *err)
 {
@@ -80,7 +72,10 @@ static CtsStatus write_text(const CtsExportJob *job, const char *key, const char
 {
     enum { NO_LANGUAGE = 4 }; /* zeros of iTXt: flag and method of compression, the ends of language and key in it */
     char bytes[80 + NO_LANGUAGE + sizeof job->head.info.tiles] = {0};
-    const size_t n_key = strlen(key) + 1, at = n_key + (is_ascii(text) ? 0 : NO_LANGUAGE);
+    bool is_ascii = true;
+    for (const char *c = text; *c; c++)
+        is_ascii &= (unsigned char)*c <= 126;
+    const size_t n_key = strlen(key) + 1, at = n_key + (is_ascii ? 0 : NO_LANGUAGE);
     snprintf(bytes, sizeof bytes, "%s", key);
     snprintf(bytes + at, sizeof bytes - at, "%s", text);
     return write_chunk(job, at == n_key ? "tEXt" : "iTXt", bytes, at + strlen(bytes + at), err);
