@@ -84,13 +84,6 @@ static void report_batch_progress(Run *r)
     listener->progress(listener->context, &progress);
 }
 
-/* Pause between two contact sheets: 50 times as long as writing the last one took, at least 0.5 s, at most 10 s or that
- * time again, so that a slow disk leaves no stale sheet and half of the time to the series. */
-static double pause_ms(double sheet_took_ms)
-{
-    return fmax(500, fmin(50 * sheet_took_ms, fmax(10000, sheet_took_ms)));
-}
-
 /* Writes the sheet where that is due. ends: the batch does. */
 static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
 {
@@ -103,7 +96,10 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
                                      .n_objects = r->found.counts.n_objects,
                                      .change = cts_journal_record_redact,
                                      .context = s};
-    const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < pause_ms(r->sheet_took_ms);
+    /* Pause between two contact sheets: 50 times as long as writing the last one took, at least 0.5 s, at most 10 s or
+     * that time again, so that a slow disk leaves no stale sheet and half of the time to the series. */
+    const double pause_ms = fmax(500, fmin(50 * r->sheet_took_ms, fmax(10000, r->sheet_took_ms)));
+    const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < pause_ms;
     if (s->options->shard.n > 1 || (!ends && wait))
         return CTS_OK;
     const CtsStatus st = cts_contact_sheet_write(s->options->output_dir, &wanted, err);

@@ -265,14 +265,6 @@ static CtsStatus make_volume(const CtsSource *source, CtsScanned *scanned, bool 
     return st;
 }
 
-/* True if crop_air() sees the volume as it is after table removal, so that both may be one step. Smoothing and another
- * crop first see the whole volume. */
-static bool crops_with_table(const CtsSource *source, const CtsScanned *scanned, bool shows_air)
-{
-    return source->crops_air && !shows_air && !source->crop.given && !(source->smooth_mm > 0) &&
-           scanned->even->quantity == CTS_QUANTITY_HU;
-}
-
 /* Layers that are made only where crop_air() keeps them. */
 static CtsStatus make_layers(const CtsSource *source, CtsScanned *scanned, const CtsTableSearch *found, bool last,
                              bool crops, CtsVolume **volume, CtsInterpolationCounts *made, CtsError *err)
@@ -317,7 +309,10 @@ static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, C
     CtsInterpolationCounts made = {0};
     CtsModel *const model = &loaded->model;
     const bool shows_air = loaded->labels && cts_labels_show_air(&source->choice);
-    const bool crops = crops_with_table(source, scanned, shows_air);
+    /* One step with table removal, after which crop_air() sees the volume as it is. Smoothing and another crop
+     * first see the whole volume. */
+    const bool crops = source->crops_air && !shows_air && !source->crop.given && !(source->smooth_mm > 0) &&
+                       scanned->even->quantity == CTS_QUANTITY_HU;
     cts_volume_box_lps(scanned->even, low, high);
     cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
                     high[1], low[2], high[2]);

@@ -6,6 +6,7 @@
 A picture has the bytes that `ctsplat render` writes for the same options, which are written with underscores.
 """
 import hashlib
+import itertools
 import json
 import os
 import re
@@ -276,11 +277,8 @@ class Preset:
 
 def presets() -> List[str]:
     """The names of the built-in presets."""
-    names, i = [], 0
-    while lib.cts_preset_builtin(i):
-        names.append(_text(lib.cts_preset_builtin(i).name))
-        i += 1
-    return names
+    rows = iter(map(lib.cts_preset_builtin, itertools.count()).__next__, ffi.NULL)
+    return [_text(row.name) for row in rows]
 
 
 class Picture:
