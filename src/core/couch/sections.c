@@ -2,23 +2,18 @@
 
 #include "base/parallel.h"
 #include "base/vec3.h"
+#include "core/volume/box.h"
 #include <math.h>
 #include <string.h>
 
 bool cts_section_plan(const CtsVolume *v, double thickness_mm, CtsSectionPlan *plan)
 {
-    double inverse[3][3], area[3], best = -1;
-    int head = 2;
+    double inverse[3][3], area[3];
     if (!cts_volume_inverse(v, inverse))
         return false;
-    for (int axis = 0; axis < 3; axis++) {
-        const double along_z = fabs(v->step_lps[axis][2]) / cts_volume_spacing_mm(v, axis);
-        if (along_z > best) {
-            best = along_z;
-            head = axis;
-        }
-    }
-    *plan = (CtsSectionPlan){.axis = {head == 0, head == 2 ? 1 : 2, head}};
+    *plan = (CtsSectionPlan){0};
+    cts_volume_section_axes(v, plan->axis);
+    const int head = plan->axis[2];
     const double slice_mm = cts_volume_spacing_mm(v, head);
     plan->n_slices = (int)fmin(fmax(round(thickness_mm / slice_mm), 1), v->dims[head]);
     cts_cross3(v->step_lps[0], v->step_lps[1], area);

@@ -4,6 +4,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/model/voxel_labels.h"
+#include "core/volume/box.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <string.h>
@@ -67,23 +68,6 @@ static void search_layers(void *context, int worker, size_t begin, size_t end)
             }
 }
 
-/* The volume's axis nearest to the one from feet to head, last. */
-static void find_axes(const CtsVolume *v, int axis[3])
-{
-    int along = 0;
-    double most = -1;
-    for (int a = 0; a < 3; a++) {
-        const double part = fabs(v->step_lps[a][2]) / cts_volume_spacing_mm(v, a);
-        if (part > most) {
-            most = part;
-            along = a;
-        }
-    }
-    axis[2] = along;
-    axis[0] = along == 0 ? 1 : 0;
-    axis[1] = along == 2 ? 1 : 2;
-}
-
 CtsStatus cts_voxel_labels_find_skin(CtsVoxelLabels *l, const CtsVolume *v, int n_threads, CtsError *err)
 {
     const int n_workers = cts_threads(n_threads);
@@ -91,7 +75,7 @@ CtsStatus cts_voxel_labels_find_skin(CtsVoxelLabels *l, const CtsVolume *v, int 
     const double tissue = ceil((tissue_hu - v->hu_offset) / v->hu_step);
     s.tissue = v->quantity == CTS_QUANTITY_HU ? (uint16_t)fmin(fmax(tissue, 1), UINT16_MAX) /* 0 is air or padding */
                                               : cts_dense_grey(v);
-    find_axes(v, s.axis);
+    cts_volume_section_axes(v, s.axis);
     CtsStatus st = cts_alloc_zeroed(&s.on_skin, (size_t)n_workers * (size_t)l->n, err);
     if (!st && !(st = cts_alloc_zeroed(&l->on_skin, (size_t)l->n, err))) {
         cts_parallel(n_workers, ((size_t)v->dims[s.axis[2]] + EVERY - 1) / EVERY, 1, search_layers, &s);

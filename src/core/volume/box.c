@@ -65,3 +65,17 @@ CtsBox cts_box_as_scanned(const CtsBox *box, int slice_axis)
         flip(&b, 2);
     return b;
 }
+
+void cts_volume_section_axes(const CtsVolume *v, int axis[3])
+{
+    double most = -1;
+    for (int a = 0; a < 3; a++) {
+        const double along_z = fabs(v->step_lps[a][2]) / cts_volume_spacing_mm(v, a);
+        if (along_z > most) {
+            most = along_z;
+            axis[2] = a;
+        }
+    }
+    axis[0] = axis[2] == 0 ? 1 : 0;
+    axis[1] = axis[2] == 2 ? 1 : 2;
+}

@@ -1,6 +1,7 @@
 /* Voxels in memory, in any order of their axes. */
 #pragma once
 
+#include "ctsplat/volume.h"
 #include <stddef.h>
 
 /* Voxel (a, b, c) is the number at byte first + a * stride[0] + b * stride[1] + c * stride[2], and its centre lies at
@@ -17,3 +18,6 @@ enum { CTS_BOX_ANY = -1 }; /* no axis: see cts_box_as_scanned() */
  * rows to the left or the back, columns to the back or the feet. slice_axis is the box's axis from slice to slice;
  * CTS_BOX_ANY: the one with the longest step. No voxel moves. */
 CtsBox cts_box_as_scanned(const CtsBox *box, int slice_axis);
+/* The volume's axes along the columns and rows of a section across the body, and last the one nearest to the axis from
+ * feet to head. */
+void cts_volume_section_axes(const CtsVolume *volume, int axis[3]);
