@@ -88,7 +88,7 @@ static void saturation_report(const Saturation *s, const CtsJob *job, const CtsV
             is_black ? "black" : "white", info->window_low_hu, info->window_high_hu, *unit ? " " : "", unit);
 }
 
-/* Band height while a watch is set: few bands cost little, and enough of them show the progress. */
+/* Band height while a watch is set, in whole strips: few bands cost little, and enough of them show the progress. */
 enum { WATCHED_ROWS = 4 * CTS_BAND_ROWS };
 
 static int n_frames_of(const CtsJob *job)
