@@ -19,8 +19,8 @@ static CtsSlice *invent(const uint8_t *b, int k)
     if (!s)
         abort();
     snprintf(paths[k], sizeof paths[k], "IM%d", k);
+    *s = cts_slice_unknown();
     s->path = paths[k];
-    s->syntax_uid = s->sop_uid = s->series_uid = s->modality = s->stack_id = "";
     s->kind = CTS_OBJECT_SLICE;
     s->syntax = cts_syntax_native(true, false);
     s->rows = 4 + (b[0] == 255);

@@ -114,7 +114,7 @@ static void release(CtsExportJob *job)
 }
 
 const CtsFormat cts_format_jpg = {
-    .info = {"jpg", "JPEG, 8 bits a channel", "image/jpeg"},
+    .info = {.name = "jpg", .about = "JPEG, 8 bits a channel", .media_type = "image/jpeg"},
     .max_side = MAX_SIDE,
     CTS_FORMAT_STEPS(JpgWriter),
 };
