@@ -7,7 +7,7 @@
 
 typedef struct CtsMarks {
     bool orientation, scale, labels;
-    bool captions; /* what the picture shows, above the labels; in formats with depth the pixels stay without it */
+    bool captions; /* captions above the labels; in formats with depth the pixels stay without them */
     bool captioned_later; /* the labels leave its line free */
 } CtsMarks;
 
