@@ -84,7 +84,7 @@ typedef struct Squares {
 typedef struct Piece {
     double sum; /* of b^2, over pixels that may be sampled */
     size_t n_interpolated;
-    size_t n_visible; /* pixels that are not, where there are interpolated ones */
+    size_t n_visible; /* pixels rendered and not empty; counted where there are interpolated ones */
 } Piece;
 
 /* State of one strip. */
