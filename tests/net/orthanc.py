@@ -71,14 +71,15 @@ try:
         done = subprocess.run([ctsplat, *words], capture_output=True, text=True,
                               env=dict(os.environ, TMPDIR=os.path.abspath('tmp')))
         assert done.returncode == code and not os.listdir('tmp'), (words, done.returncode, done.stderr)
-        return done.stdout + done.stderr
+        print(words, done.stderr) # shown where the test fails
+        return done
 
     patient, date = source.PatientID, source.StudyDate
     for peer in (dimse, web):
         for query in (['--study-uid', study], ['--patient-id', patient[:3] + '*', '--study-date', date + '-' + date]):
-            found = json.loads(ask('info', '--from', peer, '--json', *query))['series']
+            found = json.loads(ask('info', '--from', peer, '--json', *query).stdout)['series']
             assert found == [{'series_uid': series, 'study_uid': study, 'modality': 'CT', 'objects': len(slices)}], found
-        said = ask('info', '--from', peer, '--patient-id', patient, '--show-patient')
+        said = ask('info', '--from', peer, '--patient-id', patient, '--show-patient').stdout
         assert date in said and series in said, said
         for query in (['--patient-id', 'unknown'], ['--patient-id', patient, '--modality', 'MR'],
                       ['--accession', '../x&y=z#']):
@@ -86,9 +87,9 @@ try:
         for query in ([], ['--modality', 'CT'], ['--patient-id', 'a\\b'], ['--study-uid', '1..2']):
             ask('info', '--from', peer, *query, code=2)
         words = ['batch', '--from', peer, '--patient-id', patient, '-O', 'batch-' + peer[:4], *look]
-        assert '1 of 1 series done:' in ask(*words)
+        assert '1 of 1 series done:' in ask(*words).stderr
         assert open(glob.glob('batch-' + peer[:4] + '/*/*.png')[0], 'rb').read() == truth
-        assert '(1 of them in earlier runs)' in ask(*words)
+        assert '(1 of them in earlier runs)' in ask(*words).stderr
 
     # Sent back in each way, they are in the same study, once.
     run(data, *look, '--compress', 'rle', '-o', 'still.dcm', '--send', dimse)
