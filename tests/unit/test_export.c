@@ -43,9 +43,9 @@ static void assert_samples_equal(const CtsPicture *a, const CtsPicture *b, int n
     }
 }
 
-/* The IDAT chunks together are one zlib stream of this length with a valid checksum: readers differ in whether they
- * check it. */
-static void check_zlib_stream(const char *path, size_t n_expected)
+/* The filtered rows. The IDAT chunks together are one zlib stream of this length with a valid checksum: readers differ
+ * in whether they check it. */
+static uint8_t *inflated_rows(const char *path, size_t n_expected)
 {
     size_t n, n_idat = 0;
     uint8_t *bytes = slurp(path, &n), *idat = malloc(n), *rows = malloc(n_expected + 1);
@@ -64,7 +64,7 @@ static void check_zlib_stream(const char *path, size_t n_expected)
     assert_int_equal(n_rows, n_expected);
     free(bytes);
     free(idat);
-    free(rows);
+    return rows;
 }
 
 /* Grey, RGB and RGBA, of sizes that are no multiple of anything, come back to the last of 16 bits, and twice the same
@@ -93,7 +93,7 @@ static void test_png_round_trip(void **state)
             assert_int_equal(cts_export(&(const CtsPicture *){p}, 1, b, &again, NULL, NULL, &err), CTS_OK);
             assert_same_bytes(a, b);
         }
-        check_zlib_stream(a, (size_t)(p->width * cases[i].n_samples * 2 + 1) * p->height);
+        free(inflated_rows(a, (size_t)(p->width * cases[i].n_samples * 2 + 1) * p->height));
         assert_int_equal(cts_picture_read(a, &q, &err), CTS_OK);
         assert_int_equal(q->has_alpha, cases[i].has_alpha);
         assert_int_equal(q->n_channels, cases[i].n_channels);
@@ -165,10 +165,11 @@ static void test_bands(void **state)
     remove_folder(folder);
 }
 
-/* Bytes of PNG files that depend on no version of a library: a stored hash of all but the text that names ctsplat's. */
+/* A stored hash of PNG files: their chunks before the rows, except the text that names ctsplat's version, and the
+ * inflated rows, since each version of zlib may pack them in its own way. */
 static void test_png_bytes(void **state)
 {
-    static const char expected[] = "483691c00fe78e8b744dd20261d73026e3d05f472eeaa40496c8412465a825a1";
+    static const char expected[] = "d871f348b357960abccb92f0bd5fec64f55a28f371d0045ef58998eaeef22114";
     static const int channels[] = {1, 4, 4, 4}; /* grey, RGB, RGBA, RGB of 8 bits */
     char folder[64], path[100], hex[2 * CTS_DIGEST_BYTES + 1];
     CtsHash *hash;
@@ -192,7 +193,12 @@ static void test_png_bytes(void **state)
         assert_non_null(text);
         const size_t begin = (size_t)(text - bytes) - 4, end = begin + 12 + bytes[begin + 3];
         cts_hash_bytes(hash, bytes, begin);
-        cts_hash_bytes(hash, bytes + end, n - end);
+        const uint8_t *const idat = memmem(bytes, n, "IDAT", 4);
+        const size_t n_rows = 83 * (61 * (size_t)(i == 0 ? 1 : i == 2 ? 4 : 3) * (i == 3 ? 1 : 2) + 1);
+        uint8_t *const rows = inflated_rows(path, n_rows);
+        cts_hash_bytes(hash, bytes + end, (size_t)(idat - bytes) - end);
+        cts_hash_bytes(hash, rows, n_rows);
+        free(rows);
         free(bytes);
         cts_picture_free(&p);
     }

@@ -1,10 +1,9 @@
-/* PNG, 16 or 8 bits a sample, and any kind read back. Chunks are written here and deflate.c packs the rows, so that
- * files do not depend on the version of libpng, which reads them.
+/* PNG, 16 or 8 bits a sample, and any kind read back.
  *
- * libpng compresses on one thread, and at its default level takes many times longer than a render. So rows are cut into
- * strips that are filtered and packed side by side, the same ones for any number of threads. Rows of 16 bits are
- * filtered by Up, whose low bytes are noise by any filter; at 8 bits Paeth takes 2 to 17 % less room. */
-#include "output/export/deflate.h"
+ * libpng writes the chunks, but not the rows: it compresses on one thread, and at its default level takes many times
+ * longer than a render. So rows are cut into strips that are filtered and packed side by side, the same ones for any
+ * number of threads. Paeth is the filter: measured, Up makes 4 to 5 % more bytes of 16-bit renders, 2 to 17 % of 8-bit
+ * ones. */
 #include "output/export/format.h"
 
 #include "base/cpu.h"
@@ -17,174 +16,137 @@
 #include <errno.h>
 #include <math.h>
 #include <png.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <zlib.h>
 
-enum { STRIP_BYTES = 512 << 10, FILTER_SUB = 1, FILTER_UP = 2, FILTER_PAETH = 4 };
+enum { STRIP_BYTES = 512 << 10, FILTER_SUB = 1, FILTER_PAETH = 4 };
 
-/* Working memory of one thread. */
-typedef struct Packer {
-    uint16_t *words;  /* a row's samples of 16 bits */
-    uint8_t *rows;    /* a row and the one above it, each behind a pixel of zeros */
-    uint8_t *strip;   /* filtered rows, each behind its filter's number */
-    CtsByteRun *runs; /* of the strip */
-    uint8_t *packed;
-} Packer;
+/* Errors of libpng's calls, each of which is made behind a setjmp(). */
+typedef struct PngErrors {
+    const char *path, *subject; /* of messages */
+    CtsStatus kind;
+    CtsError *err;
+    CtsStatus status; /* of the first error */
+} PngErrors;
 
-/* A compressed strip that is not yet written. */
+static void on_png_warning(png_structp png, png_const_charp message)
+{
+    (void)png;
+    (void)message;
+}
+
+static void on_png_error(png_structp png, png_const_charp message)
+{
+    PngErrors *const e = png_get_error_ptr(png);
+    e->status = cts_fail(e->err, e->kind, "%s: %s: %s", e->path, e->subject, message);
+    png_longjmp(png, 1);
+}
+
+/* A compressed strip of rows. */
 typedef struct PngStrip {
     uint8_t *bytes; /* owned */
     size_t n_bytes;
-    uint32_t adler; /* of its n_rows filtered rows */
+    uint32_t adler; /* of its n_filtered bytes */
     size_t n_filtered;
     CtsStatus status;
 } PngStrip;
 
 typedef struct PngWriter {
+    PngErrors errors;
     const CtsExportJob *job;
+    png_structp png;
+    png_infop info;
     int n_samples, sample_bytes; /* of a pixel, of a sample */
     size_t row_bytes;
     int rows_per_strip; /* a power of two: bands are whole strips */
-    int n_threads;
-    Packer *packers; /* one per thread, created at first use */
-    uint32_t adler;  /* of all rows so far */
+    uint32_t adler;     /* of all rows so far */
+    const CtsPicture *band;
+    PngStrip *strips; /* of the band, n_strips */
+    size_t n_strips;
 } PngWriter;
 
-/* Length, name, bytes and their CRC, of the name too. */
-static CtsStatus write_chunk(const CtsExportJob *job, const char name[4], const void *bytes, size_t n, CtsError *err)
+static void write_bytes(png_structp png, png_bytep bytes, size_t n)
 {
-    const uint32_t length = htobe32((uint32_t)n);
-    uLong crc = crc32(0, (const Bytef *)name, 4);
-    crc = n ? crc32(crc, bytes, (uInt)n) : crc;
-    const uint32_t check = htobe32((uint32_t)crc);
-    CtsStatus st = cts_temp_write(job->temp, &length, sizeof length, err);
-    if (!st)
-        st = cts_temp_write(job->temp, name, 4, err);
-    if (!st && n)
-        st = cts_temp_write(job->temp, bytes, n, err);
-    return st ? st : cts_temp_write(job->temp, &check, sizeof check, err);
+    PngWriter *const w = png_get_io_ptr(png);
+    if ((w->errors.status = cts_temp_write(w->job->temp, bytes, n, w->errors.err)))
+        png_longjmp(png, 1);
 }
 
-/* tEXt, or in other letters than ASCII iTXt: not compressed, of no language. */
-static CtsStatus write_text(const CtsExportJob *job, const char *key, const char *text, CtsError *err)
+/* Calls a function that writes by libpng. */
+static CtsStatus write_by(PngWriter *w, void (*function)(PngWriter *w), CtsError *err)
 {
-    enum { NO_LANGUAGE = 4 }; /* zeros of iTXt: flag and method of compression, the ends of language and key in it */
-    char bytes[80 + NO_LANGUAGE + sizeof job->head.info.tiles] = {0};
-    bool is_ascii = true;
+    w->errors.err = err;
+    if (!setjmp(png_jmpbuf(w->png)))
+        function(w);
+    return w->errors.status;
+}
+
+static void write_chunk(PngWriter *w, const char name[5], const void *bytes, size_t n)
+{
+    png_write_chunk(w->png, (png_const_bytep)name, bytes, n);
+}
+
+/* tEXt, or in other letters than ASCII iTXt. */
+static void set_png_text(PngWriter *w, const char *key, const char *text)
+{
+    png_text line = {.compression = PNG_TEXT_COMPRESSION_NONE, .key = (char *)key, .text = (char *)text};
     for (const char *c = text; *c; c++)
-        is_ascii &= (unsigned char)*c <= 126;
-    const size_t n_key = strlen(key) + 1, at = n_key + (is_ascii ? 0 : NO_LANGUAGE);
-    snprintf(bytes, sizeof bytes, "%s", key);
-    snprintf(bytes + at, sizeof bytes - at, "%s", text);
-    return write_chunk(job, at == n_key ? "tEXt" : "iTXt", bytes, at + strlen(bytes + at), err);
+        if ((unsigned char)*c > 126)
+            line.compression = PNG_ITXT_COMPRESSION_NONE;
+    if (text[0])
+        png_set_text(w->png, w->info, &line, 1);
 }
 
 /* Software, source and disclaimer. No dates: the same picture gives the same bytes. */
-static CtsStatus write_texts(const CtsExportJob *job, CtsError *err)
+static void set_png_texts(PngWriter *w)
 {
-    const CtsPictureInfo *const about = &job->head.info;
-    const CtsPhrase view = cts_describe_view(about), window = cts_describe_window(about);
-    const CtsPhrase scale = cts_describe_number(about->mm_per_pixel, 9);
-    const CtsPhrase occlusion = cts_describe_number(about->occlusion, 6);
-    const struct {
-        const char *key, *text;
-        bool present;
-    } lines[] = {
-        {"Software", "ctsplat " CTS_VERSION, true},
-        {"Disclaimer", "not for diagnostic use", true},
-        {"ctsplat:preset", about->preset, about->preset[0] != 0},
-        {"ctsplat:view", view.text, true},
-        {"ctsplat:tiles", about->tiles, about->tiles[0] != 0},
-        {"ctsplat:mm_per_pixel", scale.text, about->mm_per_pixel > 0},
-        {"ctsplat:window", window.text, window.text[0] != 0},
-        {"ctsplat:occlusion", occlusion.text, about->occlusion > 0},
-    };
-    CtsStatus st = CTS_OK;
-    for (size_t i = 0; i < sizeof lines / sizeof *lines && !st; i++)
-        if (lines[i].present)
-            st = write_text(job, lines[i].key, lines[i].text, err);
-    return st;
+    const CtsPictureInfo *const about = &w->job->head.info;
+    set_png_text(w, "Software", "ctsplat " CTS_VERSION);
+    set_png_text(w, "Disclaimer", "not for diagnostic use");
+    set_png_text(w, "ctsplat:preset", about->preset);
+    set_png_text(w, "ctsplat:view", cts_describe_view(about).text);
+    set_png_text(w, "ctsplat:tiles", about->tiles);
+    if (about->mm_per_pixel > 0)
+        set_png_text(w, "ctsplat:mm_per_pixel", cts_describe_number(about->mm_per_pixel, 9).text);
+    set_png_text(w, "ctsplat:window", cts_describe_window(about).text);
+    if (about->occlusion > 0)
+        set_png_text(w, "ctsplat:occlusion", cts_describe_number(about->occlusion, 6).text);
 }
 
-/* Size and kind of pixels; colours as sRGB, and by gamma and chromaticities (times 100,000) for readers that do not
- * know it; pixels a metre, where they fit; black as background for viewers, as in DICOM. */
-static CtsStatus write_png_head(const PngWriter *w, CtsError *err)
+/* Size and kind of pixels; colours as sRGB, and by gamma and chromaticities for readers that do not know it; pixels a
+ * metre, where they fit; black as background for viewers, as in DICOM. */
+static void write_head(PngWriter *w)
 {
-    static const uint8_t colour_types[] = {
-        [1] = PNG_COLOR_TYPE_GRAY, [3] = PNG_COLOR_TYPE_RGB, [4] = PNG_COLOR_TYPE_RGBA};
-    static const uint32_t white_red_green_blue[] = {31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000};
-    const CtsExportJob *const job = w->job;
-    const uint32_t size[] = {htobe32((uint32_t)job->head.width), htobe32((uint32_t)job->head.height)};
-    const uint32_t gamma = htobe32(45455);
-    const double mm_per_pixel = job->head.info.mm_per_pixel;
+    static const int colour_types[] = {[1] = PNG_COLOR_TYPE_GRAY, [3] = PNG_COLOR_TYPE_RGB, [4] = PNG_COLOR_TYPE_RGBA};
+    const CtsExportHead *const head = &w->job->head;
+    const double mm_per_pixel = head->info.mm_per_pixel;
     const double pixels_per_m = mm_per_pixel > 0 ? floor(1000 / mm_per_pixel + 0.5) : 0;
-    uint8_t header[13] = {[8] = (uint8_t)(8 * w->sample_bytes), [9] = colour_types[w->n_samples]}, scale[9] = {[8] = 1};
-    uint32_t chromaticities[8];
-    memcpy(header, size, sizeof size);
-    for (int i = 0; i < 8; i++)
-        chromaticities[i] = htobe32(white_red_green_blue[i]);
-    CtsStatus st = cts_temp_write(job->temp, "\x89PNG\r\n\x1a\n", 8, err);
-    if (st || (st = write_chunk(job, "IHDR", header, sizeof header, err)) ||
-        (st = write_chunk(job, "gAMA", &gamma, sizeof gamma, err)) || (st = write_chunk(job, "sRGB", "", 1, err)) ||
-        (st = write_chunk(job, "cHRM", chromaticities, sizeof chromaticities, err)) ||
-        (job->head.has_alpha && (st = write_chunk(job, "bKGD", (uint8_t[6]){0}, 6, err))))
-        return st;
-    if (pixels_per_m >= 1 && pixels_per_m <= PNG_UINT_31_MAX) {
-        const uint32_t each = htobe32((uint32_t)pixels_per_m);
-        memcpy(scale, &each, sizeof each);
-        memcpy(scale + 4, &each, sizeof each);
-        st = write_chunk(job, "pHYs", scale, sizeof scale, err);
-    }
-    return st ? st : write_texts(job, err);
+    png_set_IHDR(w->png, w->info, (png_uint_32)head->width, (png_uint_32)head->height, 8 * w->sample_bytes,
+                 colour_types[w->n_samples], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_sRGB_gAMA_and_cHRM(w->png, w->info, PNG_sRGB_INTENT_PERCEPTUAL);
+    if (head->has_alpha)
+        png_set_bKGD(w->png, w->info, &(png_color_16){0});
+    if (pixels_per_m >= 1 && pixels_per_m <= PNG_UINT_31_MAX)
+        png_set_pHYs(w->png, w->info, (png_uint_32)pixels_per_m, (png_uint_32)pixels_per_m, PNG_RESOLUTION_METER);
+    set_png_texts(w);
+    png_write_info(w->png, w->info);
+    write_chunk(w, "IDAT", "\x78\x01", 2); /* the stream begins: deflate, window of 32 KiB, fastest */
 }
 
-static size_t pixel_bytes(const PngWriter *w)
+/* Row y as bytes, the high one of a sample first. */
+static void convert_row(const PngWriter *w, int y, void *row)
 {
-    return (size_t)(w->n_samples * w->sample_bytes);
-}
-
-static void free_packer(Packer *p)
-{
-    cts_free(&p->words);
-    cts_free(&p->rows);
-    cts_free(&p->runs);
-    cts_free(&p->packed);
-    cts_free(&p->strip);
-}
-
-static CtsStatus make_packer(const PngWriter *w, Packer *p)
-{
-    const size_t n = (w->row_bytes + 1) * (size_t)w->rows_per_strip;
-    CtsStatus st;
-    if ((st = cts_alloc_bytes((void **)&p->words, 1, w->row_bytes, NULL)) ||
-        (st = cts_alloc_zeroed(&p->rows, 2 * (pixel_bytes(w) + w->row_bytes), NULL)) ||
-        (st = cts_alloc_array(&p->runs, cts_deflate_max_runs(n), NULL)) ||
-        (st = cts_alloc_array(&p->packed, cts_deflate_max_bytes(n), NULL)) ||
-        (st = cts_alloc_array(&p->strip, n, NULL)))
-        free_packer(p);
-    return st;
-}
-
-/* Converts row y to bytes. words has room for its samples. */
-static void convert_row(const PngWriter *w, const CtsPicture *band, int y, uint16_t *words, uint8_t *to)
-{
+    uint16_t *const samples = row;
     if (w->sample_bytes == 1) {
-        cts_samples_row8(band, y, w->n_samples, to);
+        cts_samples_row8(w->band, y, w->n_samples, row);
         return;
     }
-    cts_samples_row16(band, y, w->n_samples, words);
-    for (size_t k = 0; k < w->row_bytes / 2; k++) {
-        to[2 * k] = (uint8_t)(words[k] >> 8);
-        to[2 * k + 1] = (uint8_t)words[k];
-    }
-}
-
-static void filter_up(const uint8_t *restrict row, const uint8_t *restrict above, size_t n, uint8_t *restrict to)
-{
-    for (size_t i = 0; i < n; i++)
-        to[i] = (uint8_t)(row[i] - above[i]);
+    cts_samples_row16(w->band, y, w->n_samples, samples);
+    for (size_t k = 0; k < w->row_bytes / 2; k++)
+        samples[k] = htobe16(samples[k]);
 }
 
 /* Each byte minus its Paeth prediction: the one of left, above and above left (step bytes before) nearest to left +
@@ -205,144 +167,147 @@ static void filter_paeth(const uint8_t *restrict row, const uint8_t *restrict ab
     }
 }
 
-/* Rows y <= r < end of a band. The first is filtered as if the row above were zeros, where Paeth equals Sub, so that
- * strips are independent. */
-static CtsStatus pack_strip(const PngWriter *w, Packer *p, const CtsPicture *band, int y, int end, bool last,
-                            PngStrip *strip)
+/* Rows y <= r < y + n of the band, each behind its filter's number. The first is filtered as if the row above were
+ * zeros, where Paeth equals Sub, so that strips are independent. */
+static CtsStatus filter_strip(const PngWriter *w, int y, int n, uint8_t **filtered)
 {
-    const size_t n = w->row_bytes, bpp = pixel_bytes(w);
-    const CtsStatus st = p->strip ? CTS_OK : make_packer(w, p);
-    uint8_t *row = p->rows + bpp, *above = row + n + bpp, *to = p->strip;
-    if (st)
-        return st;
-    memset(above, 0, n);
-    for (int r = y; r < end; r++) {
-        *to = r == y ? FILTER_SUB : w->sample_bytes == 2 ? FILTER_UP : FILTER_PAETH;
-        convert_row(w, band, r, p->words, row);
-        if (*to++ == FILTER_UP)
-            filter_up(row, above, n, to);
-        else
-            filter_paeth(row, above, n, bpp, to);
-        to += n;
-        uint8_t *const swap = row;
-        row = above;
-        above = swap;
+    const size_t bpp = (size_t)(w->n_samples * w->sample_bytes), stride = bpp + w->row_bytes;
+    uint8_t *rows; /* the one above and the strip's, each behind a pixel of zeros */
+    CtsStatus st = cts_alloc_zeroed(&rows, (size_t)(n + 1) * stride, NULL);
+    if (!st)
+        st = cts_alloc_array(filtered, (size_t)n * (1 + w->row_bytes), NULL);
+    for (int r = 0; r < n && !st; r++) {
+        const uint8_t *const above = rows + (size_t)r * stride + bpp;
+        uint8_t *const row = rows + (size_t)(r + 1) * stride + bpp;
+        uint8_t *const to = *filtered + (size_t)r * (1 + w->row_bytes);
+        *to = r == 0 ? FILTER_SUB : FILTER_PAETH;
+        convert_row(w, y + r, row);
+        filter_paeth(row, above, w->row_bytes, bpp, to + 1);
     }
-    strip->n_filtered = (size_t)(to - p->strip);
-    strip->adler = (uint32_t)adler32(1, p->strip, (uInt)strip->n_filtered);
-    strip->n_bytes = cts_deflate(p->strip, strip->n_filtered, last, p->runs, p->packed);
-    if (!(strip->bytes = malloc(strip->n_bytes)))
-        return CTS_ERR_MEMORY;
-    memcpy(strip->bytes, p->packed, strip->n_bytes);
-    return CTS_OK;
+    cts_free(&rows);
+    return st;
 }
 
-typedef struct Packing {
-    const PngWriter *writer;
-    const CtsPicture *band;
-    PngStrip *strips;
-} Packing;
+/* Z_RLE finds runs of one byte: the high bytes of filtered rows are zeros, the low bytes of a render noise, and other
+ * matches hardly save anything. A strip that is not the last ends on a byte, so that the next one can follow. */
+static CtsStatus deflate_strip(const uint8_t *filtered, bool last, PngStrip *strip)
+{
+    enum { FASTEST = 1, RAW = -15, MOST_MEMORY = 9, END_OF_FLUSH = 16 };
+    z_stream z = {.next_in = (Bytef *)filtered, .avail_in = (uInt)strip->n_filtered};
+    if (deflateInit2(&z, FASTEST, Z_DEFLATED, RAW, MOST_MEMORY, Z_RLE) != Z_OK)
+        return CTS_ERR_MEMORY;
+    z.avail_out = (uInt)deflateBound(&z, strip->n_filtered) + END_OF_FLUSH;
+    CtsStatus st = cts_alloc_array(&strip->bytes, z.avail_out, NULL);
+    if (!st) {
+        z.next_out = strip->bytes;
+        deflate(&z, last ? Z_FINISH : Z_FULL_FLUSH);
+        st = z.avail_in || !z.avail_out ? CTS_ERR_INTERNAL : CTS_OK;
+        strip->n_bytes = z.total_out;
+        strip->adler = (uint32_t)adler32(1, filtered, (uInt)strip->n_filtered);
+    }
+    deflateEnd(&z);
+    return st;
+}
 
 static void pack_strips(void *context, int worker, size_t first, size_t end)
 {
-    const Packing *const p = context;
-    const int per_strip = p->writer->rows_per_strip, height = p->band->height;
-    const bool last_band = p->band->first_row + height == p->band->whole_height;
+    const PngWriter *const w = context;
+    const bool last_band = w->band->first_row + w->band->height == w->band->whole_height;
+    (void)worker;
     for (size_t i = first; i < end; i++) {
-        const int y = (int)i * per_strip, y_end = y + per_strip < height ? y + per_strip : height;
-        PngStrip *const strip = &p->strips[i];
-        strip->status =
-            pack_strip(p->writer, &p->writer->packers[worker], p->band, y, y_end, last_band && y_end == height, strip);
+        const int y = (int)i * w->rows_per_strip, left = w->band->height - y;
+        const int n = left < w->rows_per_strip ? left : w->rows_per_strip;
+        PngStrip *const strip = &w->strips[i];
+        uint8_t *filtered = NULL;
+        strip->n_filtered = (size_t)n * (1 + w->row_bytes);
+        strip->status = filter_strip(w, y, n, &filtered);
+        if (!strip->status)
+            strip->status = deflate_strip(filtered, last_band && n == left, strip);
+        cts_free(&filtered);
+    }
+}
+
+static void write_strips(PngWriter *w)
+{
+    for (size_t i = 0; i < w->n_strips; i++) {
+        const PngStrip *const strip = &w->strips[i];
+        if ((w->errors.status = strip->status)) {
+            cts_fail(w->errors.err, strip->status, "%s: the picture's rows could not be packed", w->job->path);
+            return;
+        }
+        write_chunk(w, "IDAT", strip->bytes, strip->n_bytes);
+        w->adler = (uint32_t)adler32_combine(w->adler, strip->adler, (z_off_t)strip->n_filtered);
     }
 }
 
 static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
-    PngWriter *w = job->state;
-    const size_t n = (size_t)((band->height + w->rows_per_strip - 1) / w->rows_per_strip);
-    PngStrip *strips;
-    CtsStatus st = cts_alloc_zeroed(&strips, n, err);
+    PngWriter *const w = job->state;
+    w->band = band;
+    w->n_strips = (size_t)((band->height + w->rows_per_strip - 1) / w->rows_per_strip);
+    CtsStatus st = cts_alloc_zeroed(&w->strips, w->n_strips, err);
     if (st)
         return st;
-    Packing packing = {w, band, strips};
-    cts_parallel(w->n_threads, n, 1, pack_strips, &packing);
-    for (size_t i = 0; i < n; i++) {
-        if (!st && (st = strips[i].status))
-            cts_fail(err, st, "%s: the picture's rows could not be packed", job->path);
-        if (!st)
-            st = write_chunk(job, "IDAT", strips[i].bytes, strips[i].n_bytes, err);
-        w->adler = (uint32_t)adler32_combine(w->adler, strips[i].adler, (z_off_t)strips[i].n_filtered);
-        free(strips[i].bytes);
-    }
-    cts_free(&strips);
+    cts_parallel(cts_threads(job->settings.n_threads), w->n_strips, 1, pack_strips, w);
+    st = write_by(w, write_strips, err);
+    for (size_t i = 0; i < w->n_strips; i++)
+        cts_free(&w->strips[i].bytes);
+    cts_free(&w->strips);
     return st;
 }
 
 static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     const CtsExportHead *head = &job->head;
-    CtsStatus st;
     PngWriter *w = job->state;
-    *w = (PngWriter){.job = job, .adler = 1, .rows_per_strip = CTS_BAND_ROWS};
+    *w = (PngWriter){.errors = {job->path, "libpng", CTS_ERR_OUTPUT}, .job = job, .adler = 1};
     w->n_samples = head->has_alpha ? 4 : head->grey ? 1 : 3;
     w->sample_bytes = job->settings.png_8_bits ? 1 : 2;
     w->row_bytes = (size_t)head->width * (size_t)(w->n_samples * w->sample_bytes);
+    w->rows_per_strip = CTS_BAND_ROWS;
     while (w->rows_per_strip > 1 && w->row_bytes * (size_t)w->rows_per_strip > STRIP_BYTES)
         w->rows_per_strip /= 2;
-    w->n_threads = cts_threads(job->settings.n_threads);
-    if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)))
-        return st;
-    /* The stream begins: deflate, window of 32 KiB, fastest. */
-    return (st = write_png_head(w, err)) ? st : write_chunk(job, "IDAT", "\x78\x01", 2, err);
+    w->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &w->errors, on_png_error, on_png_warning);
+    if (!w->png || !(w->info = png_create_info_struct(w->png)))
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    png_set_write_fn(w->png, w, write_bytes, NULL);
+    return write_by(w, write_head, err);
+}
+
+static void write_end(PngWriter *w)
+{
+    const uint32_t adler = htobe32(w->adler);
+    char error[CTS_ERROR_TEXT], text[2 * CTS_ERROR_TEXT];
+    write_chunk(w, "IDAT", &adler, sizeof adler);
+    if (w->job->rmse >= 0) {
+        cts_describe_error(w->job->rmse, error);
+        write_chunk(w, "tEXt", text, (size_t)snprintf(text, sizeof text, "ctsplat:error%c%s", 0, error));
+    }
+    write_chunk(w, "IEND", NULL, 0);
 }
 
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
-    const PngWriter *const w = job->state;
-    const uint32_t adler = htobe32(w->adler);
-    char error[CTS_ERROR_TEXT];
-    CtsStatus st = write_chunk(job, "IDAT", &adler, sizeof adler, err);
-    if (!st && job->rmse >= 0) {
-        cts_describe_error(job->rmse, error);
-        st = write_text(job, "ctsplat:error", error, err);
-    }
-    return st ? st : write_chunk(job, "IEND", NULL, 0, err);
+    return write_by(job->state, write_end, err);
 }
 
 static void release(CtsExportJob *job)
 {
-    PngWriter *w = job->state;
-    for (int t = 0; w->packers && t < w->n_threads; t++)
-        free_packer(&w->packers[t]);
-    cts_free(&w->packers);
+    PngWriter *const w = job->state;
+    png_destroy_write_struct(&w->png, &w->info);
 }
 
 /* Deflate cannot compress by more than 1032: a file that claims more is truncated or malicious. */
 enum { MAX_CHUNK_BYTES = 16 << 20, MAX_RATIO = 1040 };
 
 typedef struct PngReader {
-    const char *path;
+    PngErrors errors;
     FILE *file;
     uint64_t file_bytes;
-    CtsError *err;
-    CtsStatus status;
     CtsPicture *picture;
     uint8_t *samples; /* the whole picture, as interlaced files need it */
     png_bytep *rows;
 } PngReader;
-
-static void on_warning(png_structp png, png_const_charp message)
-{
-    (void)png;
-    (void)message;
-}
-
-static void on_read_error(png_structp png, png_const_charp message)
-{
-    PngReader *r = png_get_error_ptr(png);
-    r->status = cts_fail(r->err, CTS_ERR_READ, "%s: not a sound PNG file: %s", r->path, message);
-    png_longjmp(png, 1);
-}
 
 /* Ask libpng for 16-bit samples, grey, RGB or RGBA. */
 static void set_transforms(png_structp png, png_infop info)
@@ -386,9 +351,9 @@ static void read_png_file(png_structp png, png_infop info, PngReader *r)
     const size_t row_bytes = png_get_rowbytes(png, info);
     if (png_get_bit_depth(png, info) != 16 || row_bytes != (size_t)width * n_samples * 2 || n_samples == 2)
         png_error(png, "its samples cannot be widened to 16 bits");
-    if ((r->status = cts_picture_new(&r->picture, width, height, n_samples == 1 ? 1 : 4, r->err)) ||
-        (r->status = cts_alloc_array(&r->samples, (size_t)height * row_bytes, r->err)) ||
-        (r->status = cts_alloc_array(&r->rows, (size_t)height, r->err)))
+    if ((r->errors.status = cts_picture_new(&r->picture, width, height, n_samples == 1 ? 1 : 4, r->errors.err)) ||
+        (r->errors.status = cts_alloc_array(&r->samples, (size_t)height * row_bytes, r->errors.err)) ||
+        (r->errors.status = cts_alloc_array(&r->rows, (size_t)height, r->errors.err)))
         return;
     for (int y = 0; y < height; y++)
         r->rows[y] = r->samples + (size_t)y * row_bytes;
@@ -401,14 +366,14 @@ static void read_png_file(png_structp png, png_infop info, PngReader *r)
 
 static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
 {
-    PngReader r = {.path = path, .err = err};
+    PngReader r = {.errors = {path, "not a sound PNG file", CTS_ERR_READ, err}};
     struct stat about;
     png_infop info = NULL;
-    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r, on_read_error, on_warning);
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r.errors, on_png_error, on_png_warning);
     if (!png || !(info = png_create_info_struct(png)))
-        r.status = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+        r.errors.status = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     else if (!(r.file = fopen(path, "rbe")) || fstat(fileno(r.file), &about))
-        r.status = cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
+        r.errors.status = cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
     else {
         r.file_bytes = (uint64_t)about.st_size;
         read_png_file(png, info, &r);
@@ -418,10 +383,10 @@ static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
         fclose(r.file);
     cts_free(&r.samples);
     cts_free(&r.rows);
-    if (r.status)
+    if (r.errors.status)
         cts_picture_free(&r.picture);
     *picture = r.picture;
-    return r.status;
+    return r.errors.status;
 }
 
 const CtsFormat cts_format_png = {
