@@ -1,6 +1,9 @@
 #include "ctsplat/export.h"
 
+#include "base/cpu.h"
 #include "base/enum_table.h"
+#include "base/mem.h"
+#include "base/parallel.h"
 #include "base/stage_timer.h"
 #include "output/export/format.h"
 #include "output/image/samples.h"
@@ -189,6 +192,45 @@ CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
     e->frame += last;
     const CtsStatus st = e->format->rows(&e->job, band, err);
     cts_stage_timer_stop(timer, e->job.report, CTS_STAGE_EXPORT);
+    return st;
+}
+
+typedef struct BandPacking {
+    CtsExportJob *job;
+    const CtsPicture *band;
+    const CtsRowPacking *packing;
+    CtsPackedRows *parts;
+} BandPacking;
+
+static void pack_parts(void *context, int worker, size_t first, size_t end)
+{
+    const BandPacking *const b = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        CtsPackedRows *const rows = &b->parts[i];
+        const int y = (int)i * b->packing->n_rows, left = b->band->height - y;
+        rows->y = y;
+        rows->n_rows = left < b->packing->n_rows ? left : b->packing->n_rows;
+        rows->status = b->packing->pack(b->job, b->band, rows);
+    }
+}
+
+CtsStatus cts_export_packed(CtsExportJob *job, const CtsPicture *band, const CtsRowPacking *packing, CtsError *err)
+{
+    const size_t n = (size_t)((band->height + packing->n_rows - 1) / packing->n_rows);
+    BandPacking b = {job, band, packing, NULL};
+    CtsStatus st = cts_alloc_zeroed(&b.parts, n, err);
+    if (st)
+        return st;
+    cts_parallel(cts_threads(job->settings.n_threads), n, 1, pack_parts, &b);
+    for (size_t i = 0; i < n; i++) {
+        if (!st && (st = b.parts[i].status))
+            cts_fail(err, st, "%s: the picture's rows could not be packed", job->path);
+        if (!st)
+            st = packing->write(job, band, &b.parts[i], err);
+        cts_free(&b.parts[i].bytes);
+    }
+    cts_free(&b.parts);
     return st;
 }
 

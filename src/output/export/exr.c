@@ -2,9 +2,7 @@
  * float. Read back: one scanline part with R G B, A and Z if there, or Y. */
 #include "output/export/format.h"
 
-#include "base/cpu.h"
 #include "base/mem.h"
-#include "base/parallel.h"
 #include "base/vec3.h"
 #include "ctsplat/bounds.h"
 #include "output/image/describe.h"
@@ -16,25 +14,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* 1 to 2 % more bytes than OpenEXR 3.1's level of 6, in about half the time. */
-enum { BATCH = 64, ZIP_LEVEL = 4 };
+enum { ZIP_LEVEL = 4 }; /* 1 to 2 % more bytes than OpenEXR 3.1's level of 6, in about half the time */
 
 typedef struct ExrWriter {
     const CtsExportJob *job;
     exr_context_t file;
     int lines_per_chunk;
-    int n_threads;
-    struct ExrEncoder *encoders; /* one a thread */
-    CtsError *err;               /* of the current call */
-    CtsStatus status;            /* the first failure */
+    CtsError *err;    /* of the current call */
+    CtsStatus status; /* the first failure */
 } ExrWriter;
-
-/* One thread's share: a chunk of pixels made linear, and the library's buffers. */
-typedef struct ExrEncoder {
-    exr_encode_pipeline_t pipe;
-    bool started;
-    float *rgba;
-} ExrEncoder;
 
 /* Keeps the library from printing. It is called with the file's lock held, so calling the library here would deadlock;
  * the code returned by the failing call is used instead. */
@@ -200,12 +188,12 @@ static void linear_rows(const CtsPicture *p, int y, int n_rows, float *rgba)
     }
 }
 
-static void point_channels(const CtsPicture *p, ExrEncoder *e, int y)
+static void point_channels(const CtsPicture *p, int y, const float *rgba, exr_encode_pipeline_t *pipe)
 {
-    for (int c = 0; c < e->pipe.channel_count; c++) {
-        exr_coding_channel_info_t *channel = &e->pipe.channels[c];
+    for (int c = 0; c < pipe->channel_count; c++) {
+        exr_coding_channel_info_t *channel = &pipe->channels[c];
         const char *place = strchr("RGBA", channel->channel_name[0]);
-        const float *from = place ? e->rgba + (place - "RGBA") : p->depth_mm + (size_t)y * p->width;
+        const float *from = place ? rgba + (place - "RGBA") : p->depth_mm + (size_t)y * p->width;
         const int step = place ? 4 : 1;
         channel->encode_from_ptr = (const uint8_t *)from;
         channel->user_data_type = EXR_PIXEL_FLOAT;
@@ -215,79 +203,52 @@ static void point_channels(const CtsPicture *p, ExrEncoder *e, int y)
     }
 }
 
-/* Convert and compress the chunk from the band's row y on; it stays in the pipeline until its turn to be written. */
-static exr_result_t encode_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *band, int y)
+static exr_result_t compress_chunk(exr_context_t file, const CtsPicture *band, int y, const float *rgba,
+                                   exr_encode_pipeline_t *pipe)
 {
     exr_chunk_info_t chunk;
-    exr_result_t rv = exr_write_scanline_chunk_info(w->file, 0, band->first_row + y, &chunk);
-    if (rv)
+    exr_result_t rv = exr_write_scanline_chunk_info(file, 0, band->first_row + y, &chunk);
+    if (rv || (rv = exr_encoding_initialize(file, 0, &chunk, pipe)))
         return rv;
-    rv = e->started ? exr_encoding_update(w->file, 0, &chunk, &e->pipe)
-                    : exr_encoding_initialize(w->file, 0, &chunk, &e->pipe);
-    if (rv)
+    point_channels(band, y, rgba, pipe);
+    if ((rv = exr_encoding_choose_default_routines(file, 0, pipe)))
         return rv;
-    linear_rows(band, y, chunk.height, e->rgba);
-    point_channels(band, e, y);
-    if (!e->started && (rv = exr_encoding_choose_default_routines(w->file, 0, &e->pipe)))
-        return rv;
-    e->started = true;
-    e->pipe.yield_until_ready_fn = NULL;
-    e->pipe.write_fn = NULL;
-    return exr_encoding_run(w->file, 0, &e->pipe);
+    pipe->yield_until_ready_fn = NULL;
+    pipe->write_fn = NULL;
+    return exr_encoding_run(file, 0, pipe);
 }
 
-/* A compressed chunk that is not yet written. */
-typedef struct ExrChunk {
-    void *bytes;
-    size_t n_bytes;
-    exr_result_t code;
-} ExrChunk;
-
-typedef struct Keeping {
-    ExrWriter *writer;
-    const CtsPicture *band;
-    int first; /* chunk of the band */
-    ExrChunk *chunks;
-} Keeping;
-
-static void keep_some(void *context, int worker, size_t first, size_t end)
+static CtsStatus pack_chunk(const CtsExportJob *job, const CtsPicture *band, CtsPackedRows *rows)
 {
-    const Keeping *const k = context;
-    ExrWriter *const w = k->writer;
-    ExrEncoder *const e = &w->encoders[worker];
-    for (ExrChunk *chunk = k->chunks + first; chunk < k->chunks + end; chunk++) {
-        chunk->code = encode_chunk(w, e, k->band, (k->first + (int)(chunk - k->chunks)) * w->lines_per_chunk);
-        chunk->n_bytes = e->pipe.compressed_bytes;
-        if (!chunk->code && cts_alloc_bytes(&chunk->bytes, chunk->n_bytes, 1, NULL))
-            chunk->code = EXR_ERR_OUT_OF_MEMORY;
-        if (!chunk->code)
-            memcpy(chunk->bytes, e->pipe.compressed_buffer, chunk->n_bytes);
+    const ExrWriter *const w = job->state;
+    exr_encode_pipeline_t pipe = EXR_ENCODE_PIPELINE_INITIALIZER;
+    float *rgba;
+    CtsStatus st = cts_alloc_array(&rgba, (size_t)rows->n_rows * (size_t)band->width * 4, NULL);
+    if (st)
+        return st;
+    linear_rows(band, rows->y, rows->n_rows, rgba);
+    st = compress_chunk(w->file, band, rows->y, rgba, &pipe) ? CTS_ERR_OUTPUT : CTS_OK;
+    if (!st && !(st = cts_alloc_bytes(&rows->bytes, pipe.compressed_bytes, 1, NULL))) {
+        rows->n_bytes = pipe.compressed_bytes;
+        memcpy(rows->bytes, pipe.compressed_buffer, rows->n_bytes);
     }
+    exr_encoding_destroy(w->file, &pipe);
+    cts_free(&rgba);
+    return st;
 }
 
-/* Compresses up to BATCH chunks in parallel, then writes them in order, so that memory is bounded. */
-static void write_chunks(ExrWriter *w, const CtsPicture *band)
+static CtsStatus write_packed_chunk(CtsExportJob *job, const CtsPicture *band, const CtsPackedRows *rows, CtsError *err)
 {
-    const int lines = w->lines_per_chunk, n_chunks = (band->height + lines - 1) / lines;
-    for (int first = 0; first < n_chunks && !w->status; first += BATCH) {
-        ExrChunk chunks[BATCH] = {0};
-        const int n = n_chunks - first < BATCH ? n_chunks - first : BATCH;
-        Keeping keeping = {w, band, first, chunks};
-        cts_parallel(w->n_threads, (size_t)n, 1, keep_some, &keeping);
-        for (int k = 0; k < n; k++) {
-            const int y = band->first_row + (first + k) * lines;
-            if (!w->status && !failed(w, chunks[k].code))
-                failed(w, exr_write_scanline_chunk(w->file, 0, y, chunks[k].bytes, chunks[k].n_bytes));
-            cts_free_bytes(chunks[k].bytes);
-        }
-    }
+    ExrWriter *const w = job->state;
+    w->err = err;
+    failed(w, exr_write_scanline_chunk(w->file, 0, band->first_row + rows->y, rows->bytes, rows->n_bytes));
+    return w->status;
 }
 
 static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
-    CtsStatus st;
     ExrWriter *w = job->state;
-    *w = (ExrWriter){.job = job, .err = err, .n_threads = cts_threads(job->settings.n_threads)};
+    *w = (ExrWriter){.job = job, .err = err};
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = say_nothing;
     setup.user_data = w;
@@ -295,37 +256,21 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     setup.zip_level = ZIP_LEVEL;
     if (failed(w, exr_start_write(&w->file, job->path, EXR_WRITE_FILE_DIRECTLY, &setup)) || failed(w, write_header(w)))
         return w->status;
-    if (CTS_BAND_ROWS % w->lines_per_chunk)
-        return cts_fail(err, CTS_ERR_INTERNAL, "%s: chunks of %d lines", job->path, w->lines_per_chunk);
-    if ((st = cts_alloc_zeroed(&w->encoders, (size_t)w->n_threads, err)))
-        return st;
-    for (int t = 0; t < w->n_threads && !st; t++)
-        st = cts_alloc_array(&w->encoders[t].rgba, (size_t)w->lines_per_chunk * job->head.width * 4, err);
-    return st;
+    return CTS_BAND_ROWS % w->lines_per_chunk
+               ? cts_fail(err, CTS_ERR_INTERNAL, "%s: chunks of %d lines", job->path, w->lines_per_chunk)
+               : CTS_OK;
 }
 
 static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
-    ExrWriter *w = job->state;
-    w->err = err;
-    write_chunks(w, band);
-    return w->status;
-}
-
-static void end_encoders(ExrWriter *w)
-{
-    for (int t = 0; t < w->n_threads && w->encoders; t++) {
-        exr_encoding_destroy(w->file, &w->encoders[t].pipe);
-        cts_free(&w->encoders[t].rgba);
-    }
-    cts_free(&w->encoders);
+    const ExrWriter *const w = job->state;
+    return cts_export_packed(job, band, &(CtsRowPacking){w->lines_per_chunk, pack_chunk, write_packed_chunk}, err);
 }
 
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     ExrWriter *w = job->state;
     w->err = err;
-    end_encoders(w);
     failed(w, exr_finish(&w->file)); /* the table of chunks is written here */
     return w->status || job->rmse < 0 ? w->status : patch_error(job, err);
 }
@@ -334,7 +279,6 @@ static void release(CtsExportJob *job)
 {
     ExrWriter *w = job->state;
     w->err = NULL;
-    end_encoders(w);
     if (w->file)
         exr_finish(&w->file);
 }

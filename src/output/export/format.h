@@ -47,6 +47,25 @@ typedef struct CtsFormat {
     CtsStatus (*read)(const char *path, CtsPicture **picture, CtsError *err); /* NULL: not read_back */
 } CtsFormat;
 
+/* Rows of a band that are packed by themselves, at the same time as others. */
+typedef struct CtsPackedRows {
+    int y, n_rows; /* of the band */
+    void *bytes;   /* of cts_alloc_bytes(), freed once they are written */
+    size_t n_bytes;
+    uint32_t adler; /* the format's own */
+    CtsStatus status;
+} CtsPackedRows;
+
+typedef struct CtsRowPacking {
+    int n_rows; /* at a time, the fewer at the end of a picture; bands are multiples of it */
+    CtsStatus (*pack)(const CtsExportJob *job, const CtsPicture *band, CtsPackedRows *rows);
+    /* Called in the order of rows. */
+    CtsStatus (*write)(CtsExportJob *job, const CtsPicture *band, const CtsPackedRows *rows, CtsError *err);
+} CtsRowPacking;
+
+/* Packs and writes a band; the bytes do not depend on the number of threads. */
+CtsStatus cts_export_packed(CtsExportJob *job, const CtsPicture *band, const CtsRowPacking *packing, CtsError *err);
+
 /* A row's state and steps: the static functions of a format's file that have these names. */
 #define CTS_FORMAT_STEPS(state)                                                                                        \
     .state_bytes = sizeof(state), .begin = begin, .rows = add_rows, .finish = finish, .close = release

@@ -6,9 +6,7 @@
  * ones. */
 #include "output/export/format.h"
 
-#include "base/cpu.h"
 #include "base/mem.h"
-#include "base/parallel.h"
 #include "ctsplat/bounds.h"
 #include "output/image/describe.h"
 #include "output/image/samples.h"
@@ -28,8 +26,8 @@ enum { STRIP_BYTES = 512 << 10, FILTER_SUB = 1, FILTER_PAETH = 4 };
 typedef struct PngErrors {
     const char *path, *subject; /* of messages */
     CtsStatus kind;
-    CtsError *err;
-    CtsStatus status; /* of the first error */
+    CtsError *err;    /* of the current call */
+    CtsStatus status; /* of the error */
 } PngErrors;
 
 static void on_png_warning(png_structp png, png_const_charp message)
@@ -45,15 +43,6 @@ static void on_png_error(png_structp png, png_const_charp message)
     png_longjmp(png, 1);
 }
 
-/* A compressed strip of rows. */
-typedef struct PngStrip {
-    uint8_t *bytes; /* owned */
-    size_t n_bytes;
-    uint32_t adler; /* of its n_filtered bytes */
-    size_t n_filtered;
-    CtsStatus status;
-} PngStrip;
-
 typedef struct PngWriter {
     PngErrors errors;
     const CtsExportJob *job;
@@ -63,9 +52,6 @@ typedef struct PngWriter {
     size_t row_bytes;
     int rows_per_strip; /* a power of two: bands are whole strips */
     uint32_t adler;     /* of all rows so far */
-    const CtsPicture *band;
-    PngStrip *strips; /* of the band, n_strips */
-    size_t n_strips;
 } PngWriter;
 
 static void write_bytes(png_structp png, png_bytep bytes, size_t n)
@@ -73,15 +59,6 @@ static void write_bytes(png_structp png, png_bytep bytes, size_t n)
     PngWriter *const w = png_get_io_ptr(png);
     if ((w->errors.status = cts_temp_write(w->job->temp, bytes, n, w->errors.err)))
         png_longjmp(png, 1);
-}
-
-/* Calls a function that writes by libpng. */
-static CtsStatus write_by(PngWriter *w, void (*function)(PngWriter *w), CtsError *err)
-{
-    w->errors.err = err;
-    if (!setjmp(png_jmpbuf(w->png)))
-        function(w);
-    return w->errors.status;
 }
 
 static void write_chunk(PngWriter *w, const char name[5], const void *bytes, size_t n)
@@ -137,14 +114,14 @@ static void write_head(PngWriter *w)
 }
 
 /* Row y as bytes, the high one of a sample first. */
-static void convert_row(const PngWriter *w, int y, void *row)
+static void convert_row(const PngWriter *w, const CtsPicture *band, int y, void *row)
 {
     uint16_t *const samples = row;
     if (w->sample_bytes == 1) {
-        cts_samples_row8(w->band, y, w->n_samples, row);
+        cts_samples_row8(band, y, w->n_samples, row);
         return;
     }
-    cts_samples_row16(w->band, y, w->n_samples, samples);
+    cts_samples_row16(band, y, w->n_samples, samples);
     for (size_t k = 0; k < w->row_bytes / 2; k++)
         samples[k] = htobe16(samples[k]);
 }
@@ -167,21 +144,22 @@ static void filter_paeth(const uint8_t *restrict row, const uint8_t *restrict ab
     }
 }
 
-/* Rows y <= r < y + n of the band, each behind its filter's number. The first is filtered as if the row above were
- * zeros, where Paeth equals Sub, so that strips are independent. */
-static CtsStatus filter_strip(const PngWriter *w, int y, int n, uint8_t **filtered)
+/* Filters a strip, each row behind its filter's number. The first is filtered as if the row above were zeros, where
+ * Paeth equals Sub, so that strips are independent. */
+static CtsStatus filter_strip(const PngWriter *w, const CtsPicture *band, const CtsPackedRows *strip,
+                              uint8_t **filtered)
 {
     const size_t bpp = (size_t)(w->n_samples * w->sample_bytes), stride = bpp + w->row_bytes;
+    const size_t n = (size_t)strip->n_rows;
     uint8_t *rows; /* the one above and the strip's, each behind a pixel of zeros */
-    CtsStatus st = cts_alloc_zeroed(&rows, (size_t)(n + 1) * stride, NULL);
+    CtsStatus st = cts_alloc_zeroed(&rows, (n + 1) * stride, NULL);
     if (!st)
-        st = cts_alloc_array(filtered, (size_t)n * (1 + w->row_bytes), NULL);
-    for (int r = 0; r < n && !st; r++) {
-        const uint8_t *const above = rows + (size_t)r * stride + bpp;
-        uint8_t *const row = rows + (size_t)(r + 1) * stride + bpp;
-        uint8_t *const to = *filtered + (size_t)r * (1 + w->row_bytes);
+        st = cts_alloc_array(filtered, n * (1 + w->row_bytes), NULL);
+    for (size_t r = 0; r < n && !st; r++) {
+        uint8_t *const above = rows + r * stride + bpp, *const row = above + stride;
+        uint8_t *const to = *filtered + r * (1 + w->row_bytes);
         *to = r == 0 ? FILTER_SUB : FILTER_PAETH;
-        convert_row(w, y + r, row);
+        convert_row(w, band, strip->y + (int)r, row);
         filter_paeth(row, above, w->row_bytes, bpp, to + 1);
     }
     cts_free(&rows);
@@ -190,77 +168,64 @@ static CtsStatus filter_strip(const PngWriter *w, int y, int n, uint8_t **filter
 
 /* Z_RLE finds runs of one byte: the high bytes of filtered rows are zeros, the low bytes of a render noise, and other
  * matches hardly save anything. A strip that is not the last ends on a byte, so that the next one can follow. */
-static CtsStatus deflate_strip(const uint8_t *filtered, bool last, PngStrip *strip)
+static CtsStatus deflate_strip(uint8_t *filtered, size_t n, bool last, CtsPackedRows *strip)
 {
     enum { FASTEST = 1, RAW = -15, MOST_MEMORY = 9, END_OF_FLUSH = 16 };
-    z_stream z = {.next_in = (Bytef *)filtered, .avail_in = (uInt)strip->n_filtered};
+    z_stream z = {.next_in = filtered, .avail_in = (uInt)n};
     if (deflateInit2(&z, FASTEST, Z_DEFLATED, RAW, MOST_MEMORY, Z_RLE) != Z_OK)
         return CTS_ERR_MEMORY;
-    z.avail_out = (uInt)deflateBound(&z, strip->n_filtered) + END_OF_FLUSH;
-    CtsStatus st = cts_alloc_array(&strip->bytes, z.avail_out, NULL);
+    z.avail_out = (uInt)deflateBound(&z, n) + END_OF_FLUSH;
+    CtsStatus st = cts_alloc_bytes(&strip->bytes, z.avail_out, 1, NULL);
     if (!st) {
         z.next_out = strip->bytes;
         deflate(&z, last ? Z_FINISH : Z_FULL_FLUSH);
         st = z.avail_in || !z.avail_out ? CTS_ERR_INTERNAL : CTS_OK;
         strip->n_bytes = z.total_out;
-        strip->adler = (uint32_t)adler32(1, filtered, (uInt)strip->n_filtered);
+        strip->adler = (uint32_t)adler32(1, filtered, (uInt)n);
     }
     deflateEnd(&z);
     return st;
 }
 
-static void pack_strips(void *context, int worker, size_t first, size_t end)
+static size_t filtered_bytes(const PngWriter *w, const CtsPackedRows *strip)
 {
-    const PngWriter *const w = context;
-    const bool last_band = w->band->first_row + w->band->height == w->band->whole_height;
-    (void)worker;
-    for (size_t i = first; i < end; i++) {
-        const int y = (int)i * w->rows_per_strip, left = w->band->height - y;
-        const int n = left < w->rows_per_strip ? left : w->rows_per_strip;
-        PngStrip *const strip = &w->strips[i];
-        uint8_t *filtered = NULL;
-        strip->n_filtered = (size_t)n * (1 + w->row_bytes);
-        strip->status = filter_strip(w, y, n, &filtered);
-        if (!strip->status)
-            strip->status = deflate_strip(filtered, last_band && n == left, strip);
-        cts_free(&filtered);
-    }
+    return (size_t)strip->n_rows * (1 + w->row_bytes);
 }
 
-static void write_strips(PngWriter *w)
+static CtsStatus pack_strip(const CtsExportJob *job, const CtsPicture *band, CtsPackedRows *strip)
 {
-    for (size_t i = 0; i < w->n_strips; i++) {
-        const PngStrip *const strip = &w->strips[i];
-        if ((w->errors.status = strip->status)) {
-            cts_fail(w->errors.err, strip->status, "%s: the picture's rows could not be packed", w->job->path);
-            return;
-        }
+    const PngWriter *const w = job->state;
+    uint8_t *filtered = NULL;
+    CtsStatus st = filter_strip(w, band, strip, &filtered);
+    const bool last = band->first_row + strip->y + strip->n_rows == band->whole_height;
+    if (!st)
+        st = deflate_strip(filtered, filtered_bytes(w, strip), last, strip);
+    cts_free(&filtered);
+    return st;
+}
+
+static CtsStatus write_strip(CtsExportJob *job, const CtsPicture *band, const CtsPackedRows *strip, CtsError *err)
+{
+    PngWriter *const w = job->state;
+    (void)band;
+    w->adler = (uint32_t)adler32_combine(w->adler, strip->adler, (z_off_t)filtered_bytes(w, strip));
+    w->errors.err = err;
+    if (!setjmp(png_jmpbuf(w->png)))
         write_chunk(w, "IDAT", strip->bytes, strip->n_bytes);
-        w->adler = (uint32_t)adler32_combine(w->adler, strip->adler, (z_off_t)strip->n_filtered);
-    }
+    return w->errors.status;
 }
 
 static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
-    PngWriter *const w = job->state;
-    w->band = band;
-    w->n_strips = (size_t)((band->height + w->rows_per_strip - 1) / w->rows_per_strip);
-    CtsStatus st = cts_alloc_zeroed(&w->strips, w->n_strips, err);
-    if (st)
-        return st;
-    cts_parallel(cts_threads(job->settings.n_threads), w->n_strips, 1, pack_strips, w);
-    st = write_by(w, write_strips, err);
-    for (size_t i = 0; i < w->n_strips; i++)
-        cts_free(&w->strips[i].bytes);
-    cts_free(&w->strips);
-    return st;
+    const PngWriter *const w = job->state;
+    return cts_export_packed(job, band, &(CtsRowPacking){w->rows_per_strip, pack_strip, write_strip}, err);
 }
 
 static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     const CtsExportHead *head = &job->head;
     PngWriter *w = job->state;
-    *w = (PngWriter){.errors = {job->path, "libpng", CTS_ERR_OUTPUT}, .job = job, .adler = 1};
+    *w = (PngWriter){.errors = {job->path, "libpng", CTS_ERR_OUTPUT, err}, .job = job, .adler = 1};
     w->n_samples = head->has_alpha ? 4 : head->grey ? 1 : 3;
     w->sample_bytes = job->settings.png_8_bits ? 1 : 2;
     w->row_bytes = (size_t)head->width * (size_t)(w->n_samples * w->sample_bytes);
@@ -271,24 +236,26 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     if (!w->png || !(w->info = png_create_info_struct(w->png)))
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     png_set_write_fn(w->png, w, write_bytes, NULL);
-    return write_by(w, write_head, err);
-}
-
-static void write_end(PngWriter *w)
-{
-    const uint32_t adler = htobe32(w->adler);
-    char error[CTS_ERROR_TEXT], text[2 * CTS_ERROR_TEXT];
-    write_chunk(w, "IDAT", &adler, sizeof adler);
-    if (w->job->rmse >= 0) {
-        cts_describe_error(w->job->rmse, error);
-        write_chunk(w, "tEXt", text, (size_t)snprintf(text, sizeof text, "ctsplat:error%c%s", 0, error));
-    }
-    write_chunk(w, "IEND", NULL, 0);
+    if (!setjmp(png_jmpbuf(w->png)))
+        write_head(w);
+    return w->errors.status;
 }
 
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
-    return write_by(job->state, write_end, err);
+    PngWriter *const w = job->state;
+    const uint32_t adler = htobe32(w->adler);
+    char error[CTS_ERROR_TEXT], text[2 * CTS_ERROR_TEXT];
+    w->errors.err = err;
+    if (setjmp(png_jmpbuf(w->png)))
+        return w->errors.status;
+    write_chunk(w, "IDAT", &adler, sizeof adler);
+    if (job->rmse >= 0) {
+        cts_describe_error(job->rmse, error);
+        write_chunk(w, "tEXt", text, (size_t)snprintf(text, sizeof text, "ctsplat:error%c%s", 0, error));
+    }
+    write_chunk(w, "IEND", NULL, 0);
+    return w->errors.status;
 }
 
 static void release(CtsExportJob *job)
