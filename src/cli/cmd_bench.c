@@ -66,29 +66,27 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsLoaded loaded = {.list = NULL};
     CtsReport report = {0};
     CtsBenchRows rows = {.n = 0};
-    CtsPreset *preset = malloc(sizeof *preset);
-    if (!preset)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsPreset preset;
     CtsJob job;
-    if ((st = cts_options_one_job(options, preset, &job, &report, err)) ||
+    if ((st = cts_options_one_job(options, &preset, &job, &report, err)) ||
         (!options->paper && (st = make_folder(options, err))))
         goto end;
     CliWatch cli = {0};
     const CtsWatch watch = cli_watch(&cli);
     st = cts_source_find(&job.source, &watch, 2, &loaded, &report, err);
     if (!st && loaded.series->renderable)
-        st = cts_options_settle(options, loaded.series->modality_id, loaded.series->quantity, preset, &job, &report,
+        st = cts_options_settle(options, loaded.series->modality_id, loaded.series->quantity, &preset, &job, &report,
                                 err);
     job.source.crops_air = false;
     job.source.interpolation = CTS_INTERPOLATION_LINEAR; /* engines are measured on the slices without interpolation */
     if (!st && !(st = cts_source_scan(&job.source, &watch, 2, &loaded, &report, err)) &&
         !(st = cts_source_view(&job.source, true, &loaded, &report, err)))
-        st = cts_preset_resolve(preset, loaded.model.volume, err);
+        st = cts_preset_resolve(&preset, loaded.model.volume, err);
     cli_interrupt_sets_stop();
     if (st)
         goto end;
     CtsBenchSettings settings = {.model = &loaded.model,
-                                 .preset = preset,
+                                 .preset = &preset,
                                  .render = options->render,
                                  .full = options->full,
                                  .progress = cli_progress,
@@ -115,6 +113,5 @@ end:
     cts_bench_free(&rows);
     cts_loaded_free(&loaded);
     cts_report_free(&report);
-    free(preset);
     return st;
 }

@@ -28,15 +28,16 @@ static CtsStatus add_preset(CtsTable *table, json_t *list, const CtsPreset *p, b
 }
 
 /* All presets. One of the user's that is broken, or that a built-in one hides, is a warning: the others can be used. */
-static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
+static CtsStatus list_all(json_t *list, CtsError *err)
 {
+    CtsTable *table = list ? NULL : cts_table_new("preset\tmode\tfor\tscale\t>black\t>white\tlight\ttable\t");
     CtsStatus st = CTS_OK;
     const CtsPreset *preset;
     for (size_t i = 0; (preset = cts_preset_builtin(i)) && !st; i++)
         st = add_preset(table, list, preset, false, err);
     char **names = cts_preset_user_names();
-    CtsPreset *own = malloc(sizeof *own);
-    for (size_t i = 0; own && names && names[i] && !st; i++) {
+    for (size_t i = 0; names && names[i] && !st; i++) {
+        CtsPreset own;
         CtsError why;
         if (cts_preset_number(names[i])) {
             cli_warning("your preset %s.json: a built-in preset has its name and comes first (give the file another "
@@ -44,15 +45,16 @@ static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
                         names[i]);
             continue;
         }
-        if (cts_preset_load(names[i], own, &why)) {
+        if (cts_preset_load(names[i], &own, &why)) {
             cli_warning("%s", why.text);
             continue;
         }
-        snprintf(own->name, sizeof own->name, "%s", names[i]);
-        st = add_preset(table, list, own, true, err);
+        snprintf(own.name, sizeof own.name, "%s", names[i]);
+        st = add_preset(table, list, &own, true, err);
     }
-    free(own);
     free(names);
+    cts_table_print(table, stdout);
+    cts_table_free(&table);
     return st;
 }
 
@@ -89,37 +91,27 @@ static void print_one(const CtsPreset *p)
     cts_table_free(&colour);
 }
 
+static CtsStatus show_one(const char *name, json_t *list, CtsError *err)
+{
+    CtsPreset preset;
+    const CtsStatus st = cts_preset_load(name, &preset, err);
+    if (st)
+        return st;
+    if (preset.note[0])
+        cli_warning("preset %s: left out: %s", preset.name, preset.note);
+    if (list)
+        return append_preset(list, &preset, err);
+    print_one(&preset);
+    return CTS_OK;
+}
+
 CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
-    CtsStatus st = CTS_OK;
-    CtsTable *table = NULL;
-    json_t *list = options->json ? json_array() : NULL;
-    CtsPreset *preset = malloc(sizeof *preset);
-    if (!preset || (options->json && !list)) {
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        goto end;
-    }
-    if (options->paths.n) {
-        if ((st = cts_preset_load(options->paths.items[0], preset, err)))
-            goto end;
-        if (preset->note[0])
-            cli_warning("preset %s: left out: %s", preset->name, preset->note);
-        if (list)
-            st = append_preset(list, preset, err);
-        else
-            print_one(preset);
-    } else {
-        if (!list)
-            table = cts_table_new("preset\tmode\tfor\tscale\t>black\t>white\tlight\ttable\t");
-        st = list_all(table, list, err);
-        cts_table_print(table, stdout);
-    }
-    if (list && !st)
+    json_t *const list = options->json ? json_array() : NULL;
+    CtsStatus st = options->paths.n ? show_one(options->paths.items[0], list, err) : list_all(list, err);
+    if (options->json && !st)
         st = cli_print_json(json_pack("{s:O}", "presets", list), err);
-end:
-    free(preset);
     json_decref(list);
-    cts_table_free(&table);
     return st;
 }

@@ -130,9 +130,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsLog *log = NULL;
     CtsNames names = {0}; /* names that the log must not contain */
     CliStandardOutput standard_output = {0};
-    CtsPreset *preset = malloc(sizeof *preset);
-    if (!preset)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsPreset preset;
     /* The meter covers the whole run: time outside any stage is added to the last one. */
     const CtsStageTimer whole = {.wall_ms = cts_wall_ms()};
     CtsStatus st = cts_log_open(&log, options->log, options->export.key, true, whole.wall_ms, err);
@@ -140,7 +138,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
         cts_names_add(&names, options->paths.items[i]);
     cts_log_without_names(log, &names);
     if (!st)
-        st = begin_render(options, log, preset, &job, &standard_output, &report, err);
+        st = begin_render(options, log, &preset, &job, &standard_output, &report, err);
     cts_stage_timer_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
         CliWatch cli = {.log = log,
@@ -150,7 +148,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
                         .summed_up = options->summary || isatty(STDERR_FILENO),
                         .picture_start_ms = whole.wall_ms};
         const CtsWatch watch = cli_watch(&cli);
-        st = cts_options_run_job(options, preset, &job, &watch, &report, err);
+        st = cts_options_run_job(options, &preset, &job, &watch, &report, err);
         cli_progress_clear();
     }
     if (!st)
@@ -162,6 +160,5 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     st = end_log(options, log, &report, st, err);
     cts_report_free(&report);
     cts_names_free(&names);
-    free(preset);
     return st;
 }

@@ -49,12 +49,8 @@ static CtsStatus take_list(const CtsJsonAt *root, const char *key, const char *o
 static CtsStatus check_preset(const CtsJsonAt *at, const char *text, CtsError *err)
 {
     CtsError why;
-    CtsPreset *const preset = malloc(sizeof *preset);
-    if (!preset)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const bool wrong = cts_preset_load(text, preset, &why);
-    free(preset);
-    return wrong ? cts_json_fail(at, err, "%s", why.text) : CTS_OK;
+    CtsPreset preset;
+    return cts_preset_load(text, &preset, &why) ? cts_json_fail(at, err, "%s", why.text) : CTS_OK;
 }
 
 static CtsStatus take_label(const CtsJsonAt *at, CtsAppearanceFile *look, CtsError *err)

@@ -105,17 +105,16 @@ char *cts_list_presets(CtsServer *server, const char *id)
     json_t *const list = json_array();
     char **const own = cts_preset_user_names();
     const CtsPreset *p;
+    CtsPreset mine;
     pthread_mutex_lock(&server->lock);
     const CtsCachedSeries *const cached = id ? cts_series_cache_by_id(&server->cache, id) : NULL;
     const CtsSeries *const series = cached ? cached->series : NULL;
     for (size_t i = 0; (p = cts_preset_builtin(i)); i++)
         list_preset(list, p, false, series);
-    CtsPreset *const mine = malloc(sizeof *mine);
-    for (size_t i = 0; mine && own && own[i]; i++)
-        if (!cts_preset_load(own[i], mine, NULL))
-            list_preset(list, mine, true, series);
+    for (size_t i = 0; own && own[i]; i++)
+        if (!cts_preset_load(own[i], &mine, NULL))
+            list_preset(list, &mine, true, series);
     pthread_mutex_unlock(&server->lock);
-    free(mine);
     free(own);
     return dumped(list, JSON_COMPACT);
 }
