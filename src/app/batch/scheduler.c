@@ -18,15 +18,14 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
-#include <sys/socket.h>
 #include <sys/wait.h>
 
 /* TICK_MS: interval of timeout checks; timeouts are given in seconds. SYNC_MS: interval of writing the journal to the
  * disk: a machine that fails loses the records of 2 s. MAX_UNSENT: failures to send in a row after which the PACS is
  * given up; each has several attempts of its own (dicom/net/net.c). */
 enum { TICK_MS = 200, SYNC_MS = 2000, MAX_UNSENT = 3 };
-/* Rendering workers, one that reads ahead, and the sender. */
-#define N_WORKERS(n_jobs) ((n_jobs) + 2)
+/* Rendering workers, and the sender. */
+#define N_WORKERS(n_jobs) ((n_jobs) + 1)
 /* Memory estimate of a series: 16-bit voxels and their copies during processing, and the buffers of pictures. Measured:
  * previews of four series of 5 to 37 million voxels take 0.2 to 0.8 of it. */
 static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
@@ -190,29 +189,24 @@ static void take_last(Run *r, CtsWorker *w, bool up_to_date)
     w->n_ended++;
     if (w->n_ended > 1)
         r->result->n_series++;
-    end_series(r, w->record, up_to_date, w->phase == CTS_WORKER_SENDS);
-    if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->record, "exit_code")) == 5 &&
+    end_series(r, w->record, up_to_date, w->sends);
+    if (!w->sends && json_integer_value(json_object_get(w->record, "exit_code")) == 5 &&
         !json_object_get(w->record, "unsent") && cts_folder_probe(r->settings, &err))
         give_up_batch(r, &err);
     json_decref(w->record);
     w->record = NULL;
 }
 
-static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
+static double new_deadline_ms(const Run *r)
 {
     const double limit_ms = 1000 * r->settings->options->series_timeout_s;
-    w->phase = phase;
-    w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
+    return limit_ms > 0 ? cts_wall_ms() + limit_ms : INFINITY;
 }
 
 static void take_message(void *context, CtsWorker *w, const char *message)
 {
     Run *const r = context;
     const char kind = *message;
-    if (kind == CTS_WORKER_LOADED) {
-        set_phase(r, w, CTS_WORKER_WAITS);
-        return;
-    }
     json_t *record = kind ? json_loads(message + 1, 0, NULL) : NULL;
     if (!record || !cts_json_text_of(record, "series_uid")[0]) {
         json_decref(record);
@@ -220,7 +214,7 @@ static void take_message(void *context, CtsWorker *w, const char *message)
     }
     json_decref(w->record);
     w->record = record;
-    if (w->phase != CTS_WORKER_SENDS) {
+    if (!w->sends) {
         /* The first message has the number of pictures that the series lacks. */
         const int n_left = (int)json_integer_value(json_object_get(record, "unfinished"));
         if (kind != CTS_WORKER_BEGUN && w->n_left > n_left)
@@ -242,7 +236,7 @@ static void record_death(Run *r, CtsWorker *w, int how, const struct rusage *usa
     if (!w->record)
         w->record = cts_worker_new_record(r->settings, &w->series, w->series.uid, w->series.folder);
     cts_worker_set_status(w->record, 1, reason);
-    if (w->phase != CTS_WORKER_SENDS)
+    if (!w->sends)
         json_object_set_new(w->record, "peak_rss_bytes", json_integer((json_int_t)usage->ru_maxrss * 1024));
     take_last(r, w, false);
 }
@@ -253,10 +247,10 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     const bool stopped = w->stop_ms > 0 && !w->killed;
     if (!stopped && (w->record || !w->n_ended))
         record_death(r, w, how, usage);
-    if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
+    if (!w->sends && (WIFSIGNALED(how) || WEXITSTATUS(how)))
         cts_sweep_series(r->settings->options->output_dir, w->series.folder);
     r->free_bytes += w->bytes;
-    r->n_uids_ended += w->phase != CTS_WORKER_SENDS && !stopped;
+    r->n_uids_ended += !w->sends && !stopped;
     cts_worker_free(w);
     report_batch_progress(r);
 }
@@ -326,13 +320,13 @@ static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
     return is_done || waits;
 }
 
-/* Starts the next series with missing outputs, if a worker is free: n_jobs render, and one reads ahead. */
+/* Starts the next series with missing outputs, if a worker is free. */
 static bool start_next(Run *r)
 {
     int n_at_work;
     CtsError err = {0};
     CtsWorker *w = free_worker(r, &n_at_work);
-    while (w && n_at_work <= r->n_jobs && r->next < r->found.n_series && !r->status && !interrupted(r)) {
+    while (w && r->next < r->found.n_series && !r->status && !interrupted(r)) {
         if (cts_plan_series(r->plan, r->next, &w->series, &err)) {
             give_up_batch(r, &err);
             return false;
@@ -367,7 +361,7 @@ static bool start_next(Run *r)
         }
         w->bytes = bytes;
         r->free_bytes -= bytes;
-        set_phase(r, w, CTS_WORKER_READS);
+        w->deadline_ms = new_deadline_ms(r);
         r->next++;
         return true;
     }
@@ -393,7 +387,8 @@ static void start_sender(Run *r)
         give_up_batch(r, &err);
         return;
     }
-    set_phase(r, w, CTS_WORKER_SENDS);
+    w->sends = true;
+    w->deadline_ms = new_deadline_ms(r);
 }
 
 /* Records series that are still unsent at the end. */
@@ -408,22 +403,6 @@ static void leave_unsent(Run *r)
     snprintf(text, sizeof text, "%zu more series are not sent, as %d before them could not be (run the batch again)", n,
              MAX_UNSENT);
     r->settings->listener.message(r->settings->listener.context, true, text);
-}
-
-/* Permits up to n_jobs workers to render. */
-static void grant(Run *r)
-{
-    int n_render = 0;
-    for (int i = 1; i < r->n_workers; i++)
-        n_render += r->workers[i].pid && r->workers[i].phase == CTS_WORKER_RENDERS;
-    for (int i = 1; i < r->n_workers && n_render < r->n_jobs; i++) {
-        CtsWorker *w = &r->workers[i];
-        if (!w->pid || w->phase != CTS_WORKER_WAITS)
-            continue;
-        n_render++;
-        set_phase(r, w, CTS_WORKER_RENDERS);
-        send(w->socket, "g", 1, MSG_NOSIGNAL); /* a closed connection is handled when the worker is reaped */
-    }
 }
 
 static void watch_clock(Run *r)
@@ -491,7 +470,6 @@ static CtsStatus run_all_series(Run *r)
         start_sender(r);
         if (!any_worker(r))
             break;
-        grant(r);
         wait_for_any(r);
         watch_clock(r);
     }
@@ -530,7 +508,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     const CtsOptions *o = settings->options;
     Run r = {.settings = settings, .result = result, .start_ms = cts_wall_ms(), .err = err};
     r.n_threads = cts_threads(o->render.n_threads);
-    r.n_jobs = o->jobs ? o->jobs : r.n_threads + 1; /* one job more, since one of them may wait for the disk */
+    r.n_jobs = o->jobs ? o->jobs : r.n_threads + 2; /* two more, since some read while others render */
     r.n_jobs = r.n_jobs < CTS_BATCH_MAX_JOBS ? r.n_jobs : CTS_BATCH_MAX_JOBS;
     r.n_workers = N_WORKERS(r.n_jobs);
     const CtsExportSettings *e = &o->export;

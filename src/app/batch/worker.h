@@ -15,10 +15,9 @@
 /* Exit code when memory ran out, even for a message. */
 enum { CTS_WORKER_NO_MEMORY = 3 };
 
-/* Messages to the parent, one per line, by their first byte. The last four are followed by a journal record, with all
- * details that cts_journal_record_redact() may remove: */
+/* Messages to the parent, one per line, by their first byte, which a journal record follows, with all details that
+ * cts_journal_record_redact() may remove: */
 enum {
-    CTS_WORKER_LOADED = 'v',      /* the volume is read; the worker waits for a byte */
     CTS_WORKER_BEGUN = 'b',       /* data of the series so far; not for the journal */
     CTS_WORKER_RECORD = 'r',      /* not final: more records of this series follow */
     CTS_WORKER_LAST_RECORD = 'l', /* final */
@@ -44,8 +43,7 @@ typedef struct CtsWorkerProcess {
     const char **label_paths; /* of its study; n_label_paths, owned */
     int n_label_paths;
     CtsLoaded loaded;
-    bool is_loaded, skipped; /* the batch was notified that the volume is read; the series has nothing to show */
-    double waited_ms;        /* for the permission to render */
+    bool is_loaded, skipped; /* the volume is read; the series has nothing to show */
     CtsReport report;
     size_t n_diagnostics; /* of the report that the record has */
     CtsLog *log;
@@ -56,23 +54,16 @@ typedef struct CtsWorkerProcess {
     double error; /* the picture's rms limit, of its frames the largest; negative: not estimated */
 } CtsWorkerProcess;
 
-typedef enum CtsWorkerPhase {
-    CTS_WORKER_READS,
-    CTS_WORKER_WAITS, /* to render */
-    CTS_WORKER_RENDERS,
-    CTS_WORKER_SENDS /* and nothing else, in all its life */
-} CtsWorkerPhase;
-
 typedef struct CtsWorker {
     pid_t pid; /* 0: none */
     int socket;
-    CtsWorkerPhase phase;
+    bool sends;           /* and nothing else */
     CtsPlanSeries series; /* empty where it sends */
     int n_ended;          /* series with a final record: the files of one UID may contain several */
     int n_left;           /* pictures still to be rendered of the current series, if counted */
     bool counted;         /* n_left is known */
     json_t *record;       /* last record of the current series; NULL: none yet */
-    double deadline_ms;   /* INFINITY while it is queued */
+    double deadline_ms;   /* INFINITY: none */
     double stop_ms;       /* time of the request to end; 0: none */
     const char *killed;   /* why, or NULL */
     double bytes;         /* estimated memory */
@@ -107,8 +98,8 @@ void cts_worker_report_status(CtsWorkerProcess *worker_process, CtsStatus status
 CtsStatus cts_worker_begin_series(CtsWorkerProcess *worker_process, CtsError *err);
 /* True for a series that is no volume, whose image shows no patient's name, or may show it. */
 bool cts_worker_shows_image(const CtsWorkerProcess *worker_process);
-/* The volume is in memory: waits for the batch's permission to render. */
-CtsStatus cts_worker_loaded(CtsWorkerProcess *worker_process, const CtsPixelFacts *facts, CtsError *err);
+/* The volume is in memory. */
+void cts_worker_loaded(CtsWorkerProcess *worker_process, const CtsPixelFacts *facts);
 /* A file of the picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
 CtsStatus cts_worker_output(CtsWorkerProcess *worker_process, const char *path, int frame, CtsError *err);
 CtsStatus cts_worker_thumbnail(CtsWorkerProcess *worker_process, const CtsThumbnailFile *file, CtsError *err);

@@ -283,7 +283,7 @@ void cts_worker_add_diagnostic(CtsWorkerProcess *c, const CtsDiagnostic *diagnos
     free(text);
 }
 
-static void record_geometry(CtsWorkerProcess *c, const CtsPixelFacts *facts)
+void cts_worker_loaded(CtsWorkerProcess *c, const CtsPixelFacts *facts)
 {
     json_t *geometry = cts_info_json(c->now, facts, true);
     CtsKey key;
@@ -338,7 +338,7 @@ CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, CtsError *err)
     snprintf(uid, sizeof uid, series->part ? "%s#%d" : "%s", c->series->uid, series->part);
     snprintf(c->folder, sizeof c->folder, series->part ? "%s-%d" : "%s", c->series->folder, series->part);
     take_record(c, uid);
-    record_geometry(c, &(CtsPixelFacts){0});
+    cts_worker_loaded(c, &(CtsPixelFacts){0});
     json_object_set(c->record, "modality", json_object_get(json_object_get(c->record, "geometry"), "modality"));
     if (series->passed) {
         cts_journal_record_drop(c->record, "thumbnails", c->settings, NULL, NULL);
@@ -350,23 +350,6 @@ CtsStatus cts_worker_begin_series(CtsWorkerProcess *c, CtsError *err)
         return st;
     json_object_set_new(c->record, "unfinished", json_integer(c->n_left));
     return cts_worker_send_record(c, CTS_WORKER_BEGUN, err);
-}
-
-CtsStatus cts_worker_loaded(CtsWorkerProcess *c, const CtsPixelFacts *facts, CtsError *err)
-{
-    char go;
-    const double start_ms = cts_wall_ms();
-    record_geometry(c, facts);
-    CtsStatus st = send_text(c, (const char[]){CTS_WORKER_LOADED, '\n', 0}, err);
-    while (!st) {
-        const ssize_t n = recv(c->socket, &go, 1, 0);
-        if (n == 1)
-            break;
-        if (n == 0 || errno != EINTR || *c->settings->options->render.stop)
-            st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-    }
-    c->waited_ms += cts_wall_ms() - start_ms;
-    return st;
 }
 
 /* Of the file PATH, or of PATH with a suffix behind it. */
@@ -481,11 +464,10 @@ static void record_times(CtsWorkerProcess *c)
             json_object_set_new(stages, cts_stage_names[s],
                                 json_pack("{s:f,s:f}", "wall_ms", round(c->report.stages[s].wall_ms * 1000) / 1000,
                                           "cpu_ms", round(c->report.stages[s].cpu_ms * 1000) / 1000));
-    json_object_update_new(c->record,
-                           json_pack("{s:o,s:f,s:f,s:f,s:I,s:i}", "stages", stages, "wall_ms",
-                                     round(cts_wall_ms() - c->start_wall_ms - c->waited_ms), "waited_ms",
-                                     round(c->waited_ms), "cpu_ms", round(cts_cpu_ms() - c->start_cpu_ms),
-                                     "peak_rss_bytes", (json_int_t)cts_peak_rss_bytes(), "threads", c->n_threads));
+    json_object_update_new(c->record, json_pack("{s:o,s:f,s:f,s:I,s:i}", "stages", stages, "wall_ms",
+                                                round(cts_wall_ms() - c->start_wall_ms), "cpu_ms",
+                                                round(cts_cpu_ms() - c->start_cpu_ms), "peak_rss_bytes",
+                                                (json_int_t)cts_peak_rss_bytes(), "threads", c->n_threads));
 }
 
 /* Keeps an earlier run's findings for presets that this run does not render. */
@@ -507,8 +489,8 @@ static void keep_diagnostics(CtsWorkerProcess *c)
 /* Keeps the times of the run that rendered, when nothing is rendered now. */
 static void keep_times(CtsWorkerProcess *c)
 {
-    static const char *const kept[] = {"geometry",  "findings", "labels",         "stages", "wall_ms",
-                                       "waited_ms", "cpu_ms",   "peak_rss_bytes", "threads"};
+    static const char *const kept[] = {"geometry", "findings", "labels",         "stages",
+                                       "wall_ms",  "cpu_ms",   "peak_rss_bytes", "threads"};
     json_t *geometry = json_incref(json_object_get(c->record, "geometry"));
     for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
         if (json_object_get(c->known, kept[i]))

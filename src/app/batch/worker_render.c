@@ -167,8 +167,8 @@ static CtsStatus load_series_slices(CtsWorkerProcess *c, const CtsSource *source
     CtsPixelFacts facts = {0};
     cts_pixel_facts(&facts, c->loaded.scanned->even);
     c->is_loaded = true;
-    st = cts_worker_loaded(c, &facts, err);
-    return st || c->settings->options->no_sections ? st : draw_sections(c, err);
+    cts_worker_loaded(c, &facts);
+    return c->settings->options->no_sections ? CTS_OK : draw_sections(c, err);
 }
 
 /* last: no other volume is needed. */
