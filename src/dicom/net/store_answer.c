@@ -72,59 +72,18 @@ static bool read_items(const json_t *data_set, const char *sequence, const char 
     return false;
 }
 
-static void read_json(const char *text, size_t n_bytes, const char *sop_uid, CtsStoreAnswer *answer)
+CtsStoreAnswer cts_store_answer_read(const char *text, size_t n_bytes, const char *sop_uid)
 {
+    CtsStoreAnswer answer = {0};
     json_t *const whole = json_loadb(text, n_bytes, JSON_ALLOW_NUL, NULL);
     const size_t n = json_is_array(whole) ? json_array_size(whole) : json_is_object(whole);
     for (size_t i = 0; i < n; i++) {
         const json_t *const one = json_is_array(whole) ? json_array_get(whole, i) : whole;
-        answer->stored |= read_items(one, "00081199", "00081196", sop_uid, true, &answer->warning);
-        answer->failed |= read_items(one, "00081198", "00081197", sop_uid, false, &answer->failure) ||
-                          read_items(one, "0008119A", "00081197", sop_uid, false, &answer->failure);
+        answer.stored |= read_items(one, "00081199", "00081196", sop_uid, true, &answer.warning);
+        answer.failed |= read_items(one, "00081198", "00081197", sop_uid, false, &answer.failure) ||
+                         read_items(one, "0008119A", "00081197", sop_uid, false, &answer.failure);
     }
     json_decref(whole);
-}
-
-/* The number in the first such attribute between at and end; 0: none. */
-static unsigned xml_number(const char *at, const char *end, const char *tag)
-{
-    const char *const attribute = strstr(at, tag), *value = attribute ? strstr(attribute, "<Value") : NULL;
-    value = value ? strchr(value, '>') : NULL;
-    return value && (!end || value < end) ? (unsigned)strtoul(value + 1, NULL, 10) : 0;
-}
-
-/* A UID belongs to the last sequence that began before it; its item's reason stands behind it. */
-static void read_xml(const char *text, const char *sop_uid, CtsStoreAnswer *answer)
-{
-    const size_t n = strlen(sop_uid);
-    for (const char *at = text; (at = strstr(at, sop_uid)); at++) {
-        const char *referenced = NULL, *other = NULL, *const end = strstr(at, "</Item>");
-        if (at == text || at[-1] != '>' || at[n + strspn(at + n, " ")] != '<')
-            continue;
-        for (const char *tag = text; (tag = strstr(tag, "\"0008119")) && tag < at; tag++)
-            if (strchr("89A", tag[8]))
-                *(tag[8] == '9' ? &referenced : &other) = tag;
-        if (referenced && (!other || other < referenced)) {
-            answer->stored = true;
-            answer->warning = xml_number(at, end, "\"00081196\"");
-        } else if (other) {
-            answer->failed = true;
-            answer->failure = xml_number(at, end, "\"00081197\"");
-        }
-    }
-    if (!answer->stored && !answer->failed && !strstr(text, "\"00081155\"")) {
-        answer->failure = xml_number(text, NULL, "\"00081197\"");
-        answer->failed = answer->failure != 0;
-    }
-}
-
-CtsStoreAnswer cts_store_answer_read(const char *text, size_t n, bool is_xml, const char *sop_uid)
-{
-    CtsStoreAnswer answer = {0};
-    if (is_xml)
-        read_xml(text, sop_uid, &answer);
-    else
-        read_json(text, n, sop_uid, &answer);
     return answer;
 }
 

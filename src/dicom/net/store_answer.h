@@ -15,8 +15,8 @@ typedef struct CtsStoreAnswer {
     bool stored, failed;       /* it is in ReferencedSOPSequence (0008,1199), in FailedSOPSequence (0008,1198) */
     unsigned failure, warning; /* FailureReason (0008,1197), WarningReason (0008,1196); 0: none */
 } CtsStoreAnswer;
-/* text: DICOM's JSON model, or its native XML model (PS3.19 A.1); 0-terminated behind n bytes. */
-CtsStoreAnswer cts_store_answer_read(const char *text, size_t n, bool is_xml, const char *sop_uid);
+/* text: DICOM's JSON model. */
+CtsStoreAnswer cts_store_answer_read(const char *text, size_t n, const char *sop_uid);
 
 /* Marks the object as sent: the peer has stored it, `failed` false, maybe with a warning's status, or has it already.
  * Otherwise *result gets the failure: `how` is the peer's answer, as "refuses it with status". */

@@ -24,8 +24,7 @@ static void check_upload(const CtsWeb *web, CURLcode code, long status, CtsOutgo
     CtsStoreAnswer answer = {0};
     char how[80];
     if (!code && !web->too_long)
-        answer = cts_store_answer_read(web->answer, web->n_answer, strcasestr(cts_web_content_type(web), "xml"),
-                                       outgoing->ids.sop_uid);
+        answer = cts_store_answer_read(web->answer, web->n_answer, outgoing->ids.sop_uid);
     snprintf(how, sizeof how, "answers with status %ld and FailureReason", status);
     if (answer.failure || (good && answer.stored && !answer.failed)) {
         cts_outgoing_file_answered(outgoing, web->net, answer.failed, answer.failed ? answer.failure : answer.warning,

@@ -18,7 +18,7 @@ typedef struct CtsWeb {
     const CtsNet *net;
     char credentials[CTS_MAX_CREDENTIALS];
     char why[CURL_ERROR_SIZE];
-    char *answer; /* the answer, 0-terminated; ignored where it is too long */
+    char *answer; /* ignored where it is too long */
     size_t n_answer;
     bool too_long;
     bool redirected; /* to another host, or too often */

@@ -40,7 +40,6 @@ static size_t keep_answer(char *bytes, size_t size, size_t n, void *context)
     const size_t room = CTS_MAX_WEB_ANSWER - web->n_answer, part = size * n < room ? size * n : room;
     memcpy(web->answer + web->n_answer, bytes, part);
     web->n_answer += part;
-    web->answer[web->n_answer] = 0;
     web->too_long |= part < size * n;
     return size * n;
 }
@@ -56,7 +55,7 @@ CtsStatus cts_web_open(CtsWeb *web, const CtsPeer *peer, const CtsNet *net, cons
                        CtsError *err)
 {
     char url[CTS_MAX_QUERY + sizeof peer->url];
-    *web = (CtsWeb){.net = net, .answer = malloc(CTS_MAX_WEB_ANSWER + 1)};
+    *web = (CtsWeb){.net = net, .answer = malloc(CTS_MAX_WEB_ANSWER)};
     CtsStatus st = read_credentials(net, web->credentials, err);
     if (st)
         return st;
@@ -65,7 +64,6 @@ CtsStatus cts_web_open(CtsWeb *web, const CtsPeer *peer, const CtsNet *net, cons
     if (!web->answer || !cts_web_add_header(web, accept))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CURL *c = web->curl;
-    web->answer[0] = 0;
     snprintf(url, sizeof url, "%s/%s", peer->url, what);
     curl_easy_setopt(c, CURLOPT_URL, url);
     curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "http,https");
@@ -149,7 +147,6 @@ CURLcode cts_web_perform(CtsWeb *web, long *status)
     for (int i = 0; i <= CTS_MAX_REDIRECTS; i++) {
         const char *from = NULL;
         web->n_answer = 0;
-        web->answer[0] = 0;
         web->too_long = false;
         const CURLcode code = curl_easy_perform(web->curl);
         *status = 0;
