@@ -2,7 +2,6 @@
 #include "dicom/dcmtk/start_dcmtk.h"
 #include "dicom/net/wire.h"
 #include <pthread.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,13 +10,8 @@
 static volatile sig_atomic_t stop;
 static int library; /* the socket */
 
-static void on_signal(int number)
-{
-    (void)number;
-    stop = 1;
-}
-
-/* A byte from the library is its request to stop; the end of its socket is its death. */
+/* A byte from the library is its request to stop; the end of its socket is its death. Signals, which reach the library
+ * too, stay blocked as they are at the start. */
 static void *watch(void *unused)
 {
     char byte;
@@ -84,25 +78,12 @@ static CtsNetAnswer run_task(const CtsNetRequest *r)
     return answer;
 }
 
-/* Started with all signals blocked. SIGPIPE stays so: it is an error of the write. */
-static bool take_signals(void)
-{
-    pthread_t watcher;
-    sigset_t taken;
-    const struct sigaction action = {.sa_handler = on_signal};
-    sigemptyset(&taken);
-    sigaddset(&taken, SIGINT);
-    sigaddset(&taken, SIGTERM);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-    return !pthread_create(&watcher, NULL, watch, NULL) && !pthread_sigmask(SIG_UNBLOCK, &taken, NULL);
-}
-
 int main(int argc, char **argv)
 {
     CtsNetRequest request;
     CtsNetAnswer answer = {.kind = CTS_NET_END};
     CtsError *const err = &answer.result.error;
+    pthread_t watcher;
     if (argc != 2) {
         fputs("ctsplat-net is started by ctsplat\n", stderr);
         return 2;
@@ -110,7 +91,7 @@ int main(int argc, char **argv)
     library = atoi(argv[1]);
     if (!cts_wire_read_request(library, &request))
         return 1;
-    if (!take_signals())
+    if (pthread_create(&watcher, NULL, watch, NULL))
         cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     else if (!cts_dcm_start(err))
         answer = run_task(&request);
