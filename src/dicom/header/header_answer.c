@@ -62,6 +62,24 @@ static size_t field_size(FieldKind kind)
     return kind == FLAG ? sizeof(bool) : kind == INTEGER ? sizeof(int) : kind == TEXT ? sizeof(char *) : 8;
 }
 
+CtsSlice cts_slice_unknown(void)
+{
+    CtsSlice s = {.syntax_uid = "",
+                  .class_uid = "",
+                  .series_number = -1,
+                  .thickness_mm = -1,
+                  .first_frame = -1,
+                  .padding_low = 1,
+                  .padding_word = -1};
+    const char *const none = "";
+    for (int i = 0; i < N_FIELDS; i++)
+        for (size_t at = fields[i].at; fields[i].kind == TEXT && at < fields[i].end; at += sizeof none)
+            memcpy((char *)&s + at, &none, sizeof none);
+    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++)
+        s.volume_number[i] = NAN;
+    return s;
+}
+
 /* Texts are stored behind the slices, as their offset there. */
 typedef struct PackedTexts {
     uint8_t *bytes;

@@ -7,38 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-CtsSlice cts_slice_unknown(void)
-{
-    CtsSlice s = {.syntax_uid = "",
-                  .sop_uid = "",
-                  .series_uid = "",
-                  .class_uid = "",
-                  .modality = "",
-                  .scanner = "",
-                  .description = "",
-                  .charset = "",
-                  .study_date = "",
-                  .series_number = -1,
-                  .kernel = "",
-                  .thickness_mm = -1,
-                  .lossy_ratio = "",
-                  .lossy_method = "",
-                  .image_type = "",
-                  .stack_id = "",
-                  .concatenation = "",
-                  .first_frame = -1,
-                  .padding_low = 1,
-                  .padding_word = -1,
-                  .rescale_type = ""};
-    for (int i = 0; i < CTS_N_IDENTITY; i++)
-        s.identity[i] = "";
-    for (int i = 0; i < CTS_N_VOLUME_NUMBERS; i++)
-        s.volume_number[i] = NAN;
-    for (int i = 0; i < CTS_N_VOLUME_WORDS; i++)
-        s.volume_word[i] = "";
-    return s;
-}
-
 bool cts_slice_has_scale(const CtsSlice *s)
 {
     const bool is_ct = s->modality_id == CTS_MODALITY_CT;
