@@ -1,10 +1,10 @@
 #include "app/serve/series_cache.h"
 
-#include "base/compare.h"
 #include "base/mem.h"
 #include "base/text.h"
 #include "dicom/header/slice.h"
 #include "output/report/redact.h"
+#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,43 +46,22 @@ static CtsStatus find_site_key(CtsSeriesCache *cache, CtsError *err)
                : cts_fail(err, CTS_ERR_READ, "no random numbers are available");
 }
 
-/* The files of all slices, in order; *n of them. */
-static const char **slice_paths(const CtsSeriesList *list, size_t *n)
-{
-    size_t k = 0;
-    *n = 0;
-    for (size_t i = 0; i < list->n; i++)
-        *n += (size_t)list->items[i].n_slices;
-    const char **paths = calloc(*n + 1, sizeof *paths);
-    for (size_t i = 0; paths && i < list->n; i++)
-        for (int s = 0; s < list->items[i].n_slices; s++)
-            paths[k++] = list->items[i].slices[s]->path;
-    if (paths)
-        qsort(paths, *n, sizeof *paths, cts_compare_text);
-    return paths;
-}
-
 /* Presentation states are among the files that the search skips. */
 static CtsStatus find_states(CtsSeriesCache *cache, CtsError *err)
 {
     const CtsSeriesList *const list = cache->list;
-    size_t n_slices;
-    const char **slices = slice_paths(list, &n_slices);
+    json_t *const slices = json_object(); /* paths of files with slices */
+    for (size_t i = 0; i < list->n; i++)
+        for (int s = 0; s < list->items[i].n_slices; s++)
+            json_object_set_new_nocheck(slices, list->items[i].slices[s]->path, json_true());
     cache->states = calloc((size_t)list->n_not_ct + 1, sizeof *cache->states);
-    if (!slices || !cache->states) {
-        free(slices);
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
-    for (size_t i = 0; i < list->n_paths && cache->n_states < (size_t)list->n_not_ct; i++) {
+    for (size_t i = 0; cache->states && i < list->n_paths && cache->n_states < (size_t)list->n_not_ct; i++) {
         CtsCachedState *const state = &cache->states[cache->n_states];
-        if (!bsearch(&list->paths[i], slices, n_slices, sizeof *slices, cts_compare_text) &&
-            !cts_state_uid(list->paths[i], state->sop_uid, NULL)) {
-            state->path = list->paths[i];
-            cache->n_states++;
-        }
+        state->path = list->paths[i];
+        cache->n_states += !json_object_get(slices, state->path) && !cts_state_uid(state->path, state->sop_uid, NULL);
     }
-    free(slices);
-    return CTS_OK;
+    json_decref(slices);
+    return cache->states ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
 char *cts_series_cache_path(const char *pattern, const char *uid, const char *more)
