@@ -225,7 +225,8 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     const CtsExportHead *head = &job->head;
     PngWriter *w = job->state;
-    *w = (PngWriter){.errors = {job->path, "libpng", CTS_ERR_OUTPUT, err}, .job = job, .adler = 1};
+    *w = (PngWriter){
+        .errors = {.path = job->path, .subject = "libpng", .kind = CTS_ERR_OUTPUT, .err = err}, .job = job, .adler = 1};
     w->n_samples = head->has_alpha ? 4 : head->grey ? 1 : 3;
     w->sample_bytes = job->settings.png_8_bits ? 1 : 2;
     w->row_bytes = (size_t)head->width * (size_t)(w->n_samples * w->sample_bytes);
@@ -273,11 +274,10 @@ typedef struct PngReader {
     uint64_t file_bytes;
     CtsPicture *picture;
     uint8_t *samples; /* the whole picture, as interlaced files need it */
-    png_bytep *rows;
 } PngReader;
 
-/* Ask libpng for 16-bit samples, grey, RGB or RGBA. */
-static void set_transforms(png_structp png, png_infop info)
+/* Asks libpng for 16-bit samples, grey, RGB or RGBA. Returns the number of passes over the rows. */
+static int set_transforms(png_structp png, png_infop info)
 {
     const int type = png_get_color_type(png, info);
     const bool transparent = png_get_valid(png, info, PNG_INFO_tRNS);
@@ -286,8 +286,9 @@ static void set_transforms(png_structp png, png_infop info)
         png_set_gray_to_rgb(png);
     if (transparent)
         png_set_tRNS_to_alpha(png);
-    png_set_interlace_handling(png);
+    const int n_passes = png_set_interlace_handling(png);
     png_read_update_info(png, info);
+    return n_passes;
 }
 
 static void fill_png_row(CtsPicture *picture, int y, int n_samples, const uint8_t *bytes)
@@ -313,27 +314,24 @@ static void read_png_file(png_structp png, png_infop info, PngReader *r)
     const int width = (int)png_get_image_width(png, info), height = (int)png_get_image_height(png, info);
     if (png_get_rowbytes(png, info) * (uint64_t)height > r->file_bytes * MAX_RATIO)
         png_error(png, "it is too short for its size in pixels");
-    set_transforms(png, info);
-    const int n_samples = png_get_channels(png, info);
+    const int n_passes = set_transforms(png, info), n_samples = png_get_channels(png, info);
     const size_t row_bytes = png_get_rowbytes(png, info);
     if (png_get_bit_depth(png, info) != 16 || row_bytes != (size_t)width * n_samples * 2 || n_samples == 2)
         png_error(png, "its samples cannot be widened to 16 bits");
     if ((r->errors.status = cts_picture_new(&r->picture, width, height, n_samples == 1 ? 1 : 4, r->errors.err)) ||
-        (r->errors.status = cts_alloc_array(&r->samples, (size_t)height * row_bytes, r->errors.err)) ||
-        (r->errors.status = cts_alloc_array(&r->rows, (size_t)height, r->errors.err)))
+        (r->errors.status = cts_alloc_array(&r->samples, (size_t)height * row_bytes, r->errors.err)))
         return;
-    for (int y = 0; y < height; y++)
-        r->rows[y] = r->samples + (size_t)y * row_bytes;
-    png_read_image(png, r->rows);
+    for (int i = 0; i < n_passes * height; i++)
+        png_read_row(png, r->samples + (size_t)(i % height) * row_bytes, NULL);
     png_read_end(png, NULL);
     r->picture->has_alpha = n_samples == 4;
     for (int y = 0; y < height; y++)
-        fill_png_row(r->picture, y, n_samples, r->rows[y]);
+        fill_png_row(r->picture, y, n_samples, r->samples + (size_t)y * row_bytes);
 }
 
 static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
 {
-    PngReader r = {.errors = {path, "not a sound PNG file", CTS_ERR_READ, err}};
+    PngReader r = {.errors = {.path = path, .subject = "not a sound PNG file", .kind = CTS_ERR_READ, .err = err}};
     struct stat about;
     png_infop info = NULL;
     png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r.errors, on_png_error, on_png_warning);
@@ -349,7 +347,6 @@ static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
     if (r.file)
         fclose(r.file);
     cts_free(&r.samples);
-    cts_free(&r.rows);
     if (r.errors.status)
         cts_picture_free(&r.picture);
     *picture = r.picture;
