@@ -3,14 +3,15 @@
 #include "ctsplat/picture.h"
 
 #include "base/clamp.h"
+#include "base/compare.h"
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
-#include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
-enum { RADIUS = 5, N_MOMENTS = 5, KEY_BITS = 15, N_KEYS = 1 << KEY_BITS };
+enum { RADIUS = 5, N_MOMENTS = 5 };
 
 /* Channel c of pixel i of a grey or colour picture. */
 static float value(const CtsPicture *p, size_t i, int c)
@@ -46,16 +47,21 @@ static bool same_pictures(const CtsPicture *a, const CtsPicture *b)
     return true;
 }
 
-static void errors_of(const CtsPicture *a, const CtsPicture *b, CtsDifference *d)
+static CtsStatus errors_of(const CtsPicture *a, const CtsPicture *b, CtsDifference *d, CtsError *err)
 {
-    const size_t n = (size_t)a->width * a->height;
-    double sum = 0;
-    size_t n_above = 0;
+    const size_t n = (size_t)a->width * a->height,
+                 n_passed = 3 * n / 1000; /* of the samples by the 99.9th percentile */
+    double *gaps, sum = 0;                /* above 0, as most are not */
+    size_t n_gaps = 0, n_above = 0;
+    const CtsStatus st = cts_alloc_array(&gaps, 3 * n, err);
+    if (st)
+        return st;
     for (size_t i = 0; i < n; i++) {
-        float worst = 0;
+        double worst = 0;
         for (int c = 0; c < 3; c++) {
-            const float e = gap(value(a, i, c), value(b, i, c));
-            sum += (double)e * e;
+            const double e = gaps[n_gaps] = gap(value(a, i, c), value(b, i, c));
+            n_gaps += e > 0;
+            sum += e * e;
             worst = e > worst ? e : worst;
         }
         n_above += worst > 1.0f / 255;
@@ -64,45 +70,9 @@ static void errors_of(const CtsPicture *a, const CtsPicture *b, CtsDifference *d
     d->rmse = sqrt(sum / (3.0 * (double)n));
     d->psnr_db = d->rmse > 0 ? -20 * log10(d->rmse) : INFINITY;
     d->share = (double)n_above / (double)n;
-}
-
-/* Floats from 0 to 1 sort like their bits: count by the high ones, then by the low ones within the bin that holds the
- * rank. *rank becomes the rank within the bin found. */
-static uint32_t select_key(const CtsPicture *a, const CtsPicture *b, uint64_t *counts, int64_t high, uint64_t *rank)
-{
-    const size_t n = (size_t)a->width * a->height;
-    memset(counts, 0, N_KEYS * sizeof *counts);
-    for (size_t i = 0; i < n; i++)
-        for (int c = 0; c < 3; c++) {
-            const float e = gap(value(a, i, c), value(b, i, c));
-            uint32_t bits;
-            memcpy(&bits, &e, sizeof bits);
-            if (high < 0)
-                counts[bits >> KEY_BITS]++;
-            else if (bits >> KEY_BITS == (uint32_t)high)
-                counts[bits & (N_KEYS - 1)]++;
-        }
-    uint32_t key = 0;
-    while (*rank > counts[key])
-        *rank -= counts[key++];
-    return key;
-}
-
-/* The smallest difference that 99.9 % of all samples do not pass. */
-static CtsStatus percentile(const CtsPicture *a, const CtsPicture *b, double *p999, CtsError *err)
-{
-    uint64_t *counts = NULL;
-    const CtsStatus st = cts_alloc_array(&counts, N_KEYS, err);
-    if (st)
-        return st;
-    const uint64_t n = 3 * (uint64_t)a->width * (uint64_t)a->height;
-    uint64_t rank = n - n / 1000;
-    const uint32_t high = select_key(a, b, counts, -1, &rank);
-    const uint32_t bits = high << KEY_BITS | select_key(a, b, counts, high, &rank);
-    float found;
-    memcpy(&found, &bits, sizeof found);
-    *p999 = found;
-    cts_free(&counts);
+    qsort(gaps, n_gaps, sizeof *gaps, cts_compare_double);
+    d->p999 = n_gaps > n_passed ? gaps[n_gaps - 1 - n_passed] : 0;
+    cts_free(&gaps);
     return CTS_OK;
 }
 
@@ -229,8 +199,7 @@ CtsStatus cts_picture_compare(const CtsPicture *a, const CtsPicture *b, CtsDiffe
     if (a->width != b->width || a->height != b->height)
         return cts_fail(err, CTS_ERR_USAGE, "the pictures differ in size: %dx%d and %dx%d", a->width, a->height,
                         b->width, b->height);
-    errors_of(a, b, difference);
     difference->equal = same_pictures(a, b);
-    const CtsStatus st = percentile(a, b, &difference->p999, err);
+    const CtsStatus st = errors_of(a, b, difference, err);
     return st ? st : structural_similarity(a, b, &difference->ssim, err);
 }
