@@ -24,6 +24,7 @@ struct CtsLog {
     double parallel_before_ms;
     double start_ms, end_ms, cpu_ms,
         parallel_ms; /* the end: when the report was given, as writing it is not the run's */
+    FILE *lines;     /* in memory: text, size once it is flushed */
     char *text;
     size_t size;
     json_t *run; /* the first line, whose fields are known only at the end */
@@ -60,6 +61,15 @@ CtsStatus cts_log_check(const char *path, CtsError *err)
     return st;
 }
 
+static void free_log(CtsLog *l)
+{
+    fclose(l->lines);
+    free(l->text);
+    json_decref(l->run);
+    free(l->last_words);
+    free(l);
+}
+
 CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may_make_key, double start_ms,
                        CtsError *err)
 {
@@ -67,8 +77,12 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may
     if (!path)
         return CTS_OK;
     CtsLog *l = calloc(1, sizeof *l);
-    if (!l)
+    if (l)
+        l->lines = open_memstream(&l->text, &l->size);
+    if (!l || !l->lines) {
+        free(l);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
     l->path = path;
     l->start_ms = start_ms;
     l->parallel_before_ms = cts_parallel_ms();
@@ -78,8 +92,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may
     if (!key) /* without a key the log has no hashes */
         st = CTS_OK;
     if (st || (st = open_log(path, &l->fd, err))) {
-        json_decref(l->run);
-        free(l);
+        free_log(l);
         return st;
     }
     *log = l;
@@ -97,14 +110,8 @@ static char *new_log_line(json_t *object)
 static void add_log_line(CtsLog *log, json_t *object)
 {
     char *line = new_log_line(object);
-    const size_t n = line ? strlen(line) : 0;
-    char *text = line ? realloc(log->text, log->size + n + 1) : NULL;
-    if (text) {
-        memcpy(text + log->size, line, n);
-        text[log->size + n] = '\n';
-        log->text = text;
-        log->size += n + 1;
-    }
+    if (line)
+        fprintf(log->lines, "%s\n", line);
     free(line);
 }
 
@@ -131,7 +138,7 @@ static void add_event(CtsLog *log, const char *event, json_t *fields)
 static void add_once(CtsLog *log, const char *event, json_t *fields)
 {
     char *text = new_log_line(json_incref(fields));
-    if (text && log->text && memmem(log->text, log->size, text + 1, strlen(text) - 1))
+    if (text && !fflush(log->lines) && memmem(log->text, log->size, text + 1, strlen(text) - 1))
         json_decref(fields);
     else
         add_event(log, event, fields);
@@ -284,33 +291,18 @@ void cts_log_done(CtsLog *log, int n_threads)
                         (json_int_t)cts_peak_rss_bytes(), "threads", threads, "threads_why", why));
 }
 
-/* Writes the first line, whose fields are known only at the end. */
-static void put_run_first(CtsLog *log)
-{
-    char *run = new_log_line(json_incref(log->run)), *text = NULL;
-    if (run && asprintf(&text, "%s\n%.*s", run, (int)log->size, log->text ? log->text : "") > 0) {
-        free(log->text);
-        log->text = text;
-        log->size = strlen(text);
-    }
-    free(run);
-}
-
 CtsStatus cts_log_close(CtsLog **log, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
     CtsLog *l = *log;
     if (!l)
         return CTS_OK;
-    put_run_first(l);
-    if (!cts_write_all(l->fd, l->text, l->size))
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
-    if (l->fd != STDERR_FILENO && close(l->fd) && !st)
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
-    free(l->text);
-    json_decref(l->run);
-    free(l->last_words);
-    free(l);
+    char *run = new_log_line(json_incref(l->run)), *text = NULL;
+    const int n = run && !fflush(l->lines) ? asprintf(&text, "%s\n%s", run, l->text) : -1;
+    const bool good = n >= 0 && cts_write_all(l->fd, text, (size_t)n) && (l->fd == STDERR_FILENO || !close(l->fd));
+    const CtsStatus st = good ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
+    free(run);
+    free(n >= 0 ? text : NULL);
+    free_log(l);
     *log = NULL;
     return st;
 }
