@@ -18,12 +18,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
             const CtsMember m = archive->members[i];
             assert(m.name[0] && m.n_bytes > 0 && m.bytes >= room && m.n_bytes <= (uint64_t)(room + ROOM - m.bytes));
         }
-    cts_archive_free(&archive);
+    cts_archives_free(&archive);
     /* The list alone: a compromised unpacker may write anything. */
     if (room && n <= ROOM && (archive = calloc(1, sizeof *archive))) {
         memcpy(room, data, n);
         cts_archive_list(archive, room, ROOM, &err);
-        cts_archive_free(&archive);
+        cts_archives_free(&archive);
     }
     free(room);
     return 0;

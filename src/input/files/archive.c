@@ -105,42 +105,24 @@ CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err
     cts_file_bytes_close(&file);
     if (!st)
         return CTS_OK;
-    cts_archive_free(archive);
+    cts_archives_free(archive);
     return cts_fail(err, st, "%s: %s", path, why.text);
 }
 
-void cts_archive_free(CtsArchive **archive)
-{
-    if (!*archive)
-        return;
-    cts_sandbox_stop(&(*archive)->unpacker);
-    free((*archive)->members);
-    free((*archive)->path);
-    free(*archive);
-    *archive = NULL;
-}
-
-struct CtsArchives {
-    CtsArchive **items; /* n */
-    size_t n;
-};
-
 CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive *archive, CtsError *err)
 {
-    CtsArchives *all = *archives ? *archives : calloc(1, sizeof *all);
-    *archives = all;
-    if (!all || !(archive->path = strdup(path)) || cts_grow(&all->items, all->n, NULL)) {
-        cts_archive_free(&archive);
+    if (!(archive->path = strdup(path))) {
+        cts_archives_free(&archive);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    all->items[all->n++] = archive;
+    archive->next = *archives;
+    *archives = archive;
     return CTS_OK;
 }
 
 bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *file)
 {
-    for (size_t i = 0; archives && i < archives->n; i++) {
-        const CtsArchive *const kept = archives->items[i];
+    for (const CtsArchive *kept = archives; kept; kept = kept->next) {
         const size_t n = strlen(kept->path);
         if (strncmp(path, kept->path, n) || path[n] != '/')
             continue;
@@ -156,12 +138,12 @@ bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *f
 
 void cts_archives_free(CtsArchives **archives)
 {
-    CtsArchives *all = *archives;
-    if (!all)
-        return;
-    for (size_t i = 0; i < all->n; i++)
-        cts_archive_free(&all->items[i]);
-    free(all->items);
-    free(all);
+    for (CtsArchive *a = *archives, *next; a; a = next) {
+        next = a->next;
+        cts_sandbox_stop(&a->unpacker);
+        free(a->members);
+        free(a->path);
+        free(a);
+    }
     *archives = NULL;
 }

@@ -17,7 +17,7 @@ void cts_file_list_free(CtsFileList *list)
     free(list->items);
     cts_string_pool_free(&list->texts);
     cts_archives_free(&list->archives);
-    cts_diagnostics_free(&list->diagnostics);
+    cts_diagnostics_free(&list->scan.diagnostics);
     *list = (CtsFileList){0};
 }
 
@@ -168,13 +168,9 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
                          CtsError *err)
 {
-    *list = (CtsFileList){0};
-    CtsScan scan = {.found = cts_file_list_add, .context = list, .kept = &list->archives, .archives = archives};
-    const CtsStatus st = cts_scan_each(&scan, paths, n_paths, err);
-    list->diagnostics = scan.diagnostics;
-    list->n_special = scan.n_special;
-    list->n_unreadable = scan.n_unreadable;
-    list->n_other = scan.n_other;
+    *list = (CtsFileList){
+        .scan = {.found = cts_file_list_add, .context = list, .kept = &list->archives, .archives = archives}};
+    const CtsStatus st = cts_scan_each(&list->scan, paths, n_paths, err);
     if (st) {
         cts_file_list_free(list);
         return st;

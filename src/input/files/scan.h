@@ -10,17 +10,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-typedef struct CtsFileList {
-    CtsFile *items; /* their paths are among the texts */
-    CtsStringPool texts;
-    size_t n;
-    int n_special;                /* sockets, devices, links to folders and the like: never opened */
-    int n_unreadable;             /* folders that cannot be listed; findings name them */
-    int n_other;                  /* members of archives that are plainly no DICOM */
-    struct CtsArchives *archives; /* zip files named as paths */
-    CtsDiagnostics diagnostics;
-} CtsFileList;
-
 /* Called with a file, which is there for as long as the call; archive is the path of the zip file that it is a member
  * of, or NULL. */
 typedef CtsStatus (*cts_file_fn)(void *context, const CtsFile *file, const char *archive, CtsError *err);
@@ -31,9 +20,19 @@ typedef struct CtsScan {
     void *context;
     struct CtsArchives **kept;          /* receives the named archives, which own the bytes of their members */
     const struct CtsArchives *archives; /* unpacked before, whose members may be named; or NULL */
-    int n_special, n_unreadable, n_other;
+    int n_special;                      /* sockets, devices, links to folders and the like: never opened */
+    int n_unreadable;                   /* folders that cannot be listed; findings name them */
+    int n_other;                        /* members of archives that are plainly no DICOM */
     CtsDiagnostics diagnostics;
 } CtsScan;
+
+typedef struct CtsFileList {
+    CtsFile *items; /* their paths are among the texts */
+    CtsStringPool texts;
+    size_t n;
+    struct CtsArchives *archives; /* zip files named as paths */
+    CtsScan scan;                 /* the search that found them, for its counts and findings */
+} CtsFileList;
 
 /* Calls found for each file when it is met, in the folders' own order; a path may occur twice. Needs memory for one
  * folder's list of subfolders. Otherwise as cts_scan_paths(). */

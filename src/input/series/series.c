@@ -94,7 +94,7 @@ static CtsStatus follow_directories(HeaderSearch *s, int n_threads, CtsError *er
         if (counts.n_missing)
             cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_UNREADABLE_FILE, CTS_DIRECTORY_MISSING_TEXT, path,
                                 counts.n_missing);
-        s->files.n_unreadable += (int)counts.n_missing;
+        s->files.scan.n_unreadable += (int)counts.n_missing;
         if (counts.n_refused)
             cts_diagnostics_add(&s->list->diagnostics, CTS_DIAGNOSTIC_DIRECTORY_ESCAPES,
                                 "%s: %zu of its files do not lie in its folder; left out", path, counts.n_refused);
@@ -201,12 +201,12 @@ static CtsStatus count_other(const HeaderSearch *s, size_t i, CtsError *err)
 static CtsStatus collect(HeaderSearch *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
     CtsSeriesList *const list = s->list;
-    list->n_not_ct = s->files.n_special + s->files.n_other;
+    list->n_not_ct = s->files.scan.n_special + s->files.scan.n_other;
     list->n_files = (int)s->n_headers + list->n_not_ct;
-    list->n_unreadable = s->files.n_unreadable;
-    CtsStatus st = add_other(list, "links to folders or devices (name them)", s->files.n_special, err);
+    list->n_unreadable = s->files.scan.n_unreadable;
+    CtsStatus st = add_other(list, "links to folders or devices (name them)", s->files.scan.n_special, err);
     if (!st)
-        st = add_other(list, NOT_DICOM, s->files.n_other, err);
+        st = add_other(list, NOT_DICOM, s->files.scan.n_other, err);
     for (size_t i = 0; !st && i < s->n_headers; i++) {
         CtsObject *const object = &s->headers[i].object;
         if (object->kind == CTS_OBJECT_IMAGE && object->n_slices && !s->asked->images)
@@ -313,8 +313,8 @@ static CtsStatus find_slices(HeaderSearch *s, CtsSlice ***slices, size_t *n_slic
         return st;
     s->list->archives = s->files.archives;
     s->files.archives = NULL;
-    s->list->diagnostics = s->files.diagnostics;
-    s->files.diagnostics = (CtsDiagnostics){0};
+    s->list->diagnostics = s->files.scan.diagnostics;
+    s->files.scan.diagnostics = (CtsDiagnostics){0};
     if (!(st = read_new_headers(s, n_threads, err)) && !(st = follow_directories(s, n_threads, err)) &&
         !(st = list_paths(s, err)))
         st = collect(s, slices, n_slices, err);
