@@ -13,14 +13,10 @@
 /* Lengths are 32 bits in DICOM, and the largest value means "undefined". */
 static const uint64_t max_pixel_bytes = 0xfffffffe;
 
-static const struct {
-    const char *syntax_uid; /* NULL: Explicit VR Little Endian, pixels as they are */
-    int memory;             /* memory to compress a frame, in bytes per byte of the frame */
-} compressions[] = {
-    [CTS_SC_NONE] = {NULL, 0},
-    [CTS_SC_RLE] = {"1.2.840.10008.1.2.5", 4},
-    [CTS_SC_JPEG_LOSSLESS] = {"1.2.840.10008.1.2.4.70", 4},
-};
+/* NULL: Explicit VR Little Endian, pixels as they are. */
+static const char *const syntax_uids[] = {
+    [CTS_SC_NONE] = NULL, [CTS_SC_RLE] = "1.2.840.10008.1.2.5", [CTS_SC_JPEG_LOSSLESS] = "1.2.840.10008.1.2.4.70"};
+enum { COMPRESSION_MEMORY = 4 }; /* to compress a frame, in bytes per byte of it */
 static const char native_uid[] = "1.2.840.10008.1.2.1";
 
 typedef struct ScWriter {
@@ -91,13 +87,14 @@ static CtsStatus check_size(const char *path, int width, int height, int n_frame
                             const CtsExportSettings *settings, CtsError *err)
 {
     const uint64_t frame_bytes = (uint64_t)row_bytes_of(width, grey) * (uint64_t)height;
-    const uint64_t memory = cts_memory_available(), needed = frame_bytes * compressions[settings->compression].memory;
-    if (settings->compression == CTS_SC_NONE && frame_bytes * (uint64_t)n_frames > max_pixel_bytes)
+    const uint64_t memory = cts_memory_available(), needed = frame_bytes * COMPRESSION_MEMORY;
+    const bool is_compressed = settings->compression != CTS_SC_NONE;
+    if (!is_compressed && frame_bytes * (uint64_t)n_frames > max_pixel_bytes)
         return cts_fail(err, CTS_ERR_USAGE,
                         "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views, a smaller "
                         "picture, or `compress`)",
                         path, n_frames, width, height);
-    if (memory > 0 && needed > memory)
+    if (is_compressed && memory > 0 && needed > memory)
         return cts_fail(err, CTS_ERR_USAGE,
                         "%s: to compress a picture of %dx%d takes %.1f GB of memory, more than there is (`compress` "
                         "none needs little)",
@@ -118,8 +115,7 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
         (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)))
         return st;
     w->hash = cts_hash_start(NULL);
-    return cts_sc_spool_open(&w->spool, job->path, compressions[job->settings.compression].syntax_uid, &frame,
-                             head->n_frames, err);
+    return cts_sc_spool_open(&w->spool, job->path, syntax_uids[job->settings.compression], &frame, head->n_frames, err);
 }
 
 static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
