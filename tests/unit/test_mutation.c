@@ -120,17 +120,18 @@ static double uncovered(size_t part, int fault)
     static double truth[N][4];
     CtsSceneStore store;
     CtsError err = {0};
-    CtsVolume *v = parts[part].volume();
+    CtsModel model = {.volume = parts[part].volume()};
     const CtsPreset preset = preset_named(parts[part].preset);
     CtsRenderSettings s = settings_for(CTS_ENGINE_SHEETS, SIDE, parts[part].azimuth_deg, parts[part].elevation_deg);
     s.level = parts[part].level;
     s.shade = parts[part].lit ? CTS_ON : CTS_OFF;
     s.occlusion = 0;
     cts_cpu_set_mask(0);
-    assert_int_equal(cts_framing_settle(MODEL_OF(v), &preset, &s, &err), CTS_OK);
-    assert_int_equal(cts_scene_init(&store, MODEL_OF(v), &preset, &s, &err), CTS_OK);
+    assert_int_equal(cts_model_prepare(&model, 1, &err), CTS_OK);
+    assert_int_equal(cts_framing_settle(&model, &preset, &s, &err), CTS_OK);
+    assert_int_equal(cts_scene_init(&store, &model, &preset, &s, &err), CTS_OK);
     CtsLut *lut = NULL;
-    assert_int_equal(cts_lut_new(&lut, &store.preset, v, NULL, store.scene.extinction_scale, &err), CTS_OK);
+    assert_int_equal(cts_lut_new(&lut, &store.preset, model.volume, NULL, store.scene.extinction_scale, &err), CTS_OK);
     store.scene.lut = lut;
     void *cache = NULL;
     store.scene.cache = &cache;
@@ -158,7 +159,7 @@ static double uncovered(size_t part, int fault)
     }
     engine->free_cache(cache);
     cts_lut_free(&lut);
-    cts_volume_free(&v);
+    cts_model_free(&model);
     return rest / all;
 }
 

@@ -255,7 +255,6 @@ static void test_report(void **state)
         assert_int_equal(cts_render_frame(renderer, frames[n].azimuth_deg, 0, &frame, &report, &err), CTS_OK);
         assert_int_equal(has_skip(&report, "transfer function table", earlier), frames[n].made);
         assert_int_equal(has_skip(&report, "mask of what is visible", earlier), frames[n].made);
-        assert_int_equal(has_skip(&report, "macro-cells", earlier), frames[n].made);
         cts_report_free(&report);
         cts_picture_free(&frame);
     }

@@ -164,7 +164,7 @@ static CtsStatus make_shown(const CtsModel *model, int n_threads, CtsError *err)
     if (st)
         return st;
     cts_parallel(n_threads, (size_t)l->dims[2], 1, show_layers, (void *)&f);
-    return model->macrocells ? show_macrocells(l, model->macrocells, err) : CTS_OK;
+    return show_macrocells(l, model->macrocells, err);
 }
 
 static CtsStatus mark_shared(CtsVoxelLabels *l, CtsError *err)
@@ -188,7 +188,8 @@ CtsStatus cts_voxel_labels_finish(CtsModel *model, int n_threads, CtsError *err)
     Finishing f = {l, model->volume};
     bool hides = false;
     CtsStatus st = mark_shared(l, err);
-    if (st || (st = cts_voxel_labels_find_skin(l, model->volume, n_threads, err)))
+    if (st || (st = cts_model_prepare(model, n_threads, err)) ||
+        (st = cts_voxel_labels_find_skin(l, model->volume, n_threads, err)))
         return st;
     cts_parallel(cts_threads(n_threads), (size_t)l->n_block[1] * (size_t)l->n_block[2], 16, find_label_blocks, &f);
     for (int i = 0; i < l->n; i++)

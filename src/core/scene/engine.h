@@ -45,7 +45,7 @@ typedef enum CtsIndicator {
 } CtsIndicator;
 
 typedef struct CtsScene {
-    const CtsModel *model;
+    const CtsModel *model;              /* its macro-cells are made */
     const CtsVolume *volume;            /* the model's */
     const CtsPreset *preset;            /* mode, shade and occlusion are those of the settings */
     const CtsRenderSettings *settings;  /* n_threads and kernel_radius already resolved */

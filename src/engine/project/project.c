@@ -228,8 +228,8 @@ static void free_scratch(Projecting *pr, int n_threads)
     cts_free(&pr->scratch);
 }
 
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **blocks,
-                      CtsPicture *picture, CtsReport *report, CtsError *err)
+CtsStatus cts_project(const CtsScene *scene, CtsVisibleBlocks **blocks, CtsPicture *picture, CtsReport *report,
+                      CtsError *err)
 {
     const CtsVolume *v = scene->volume;
     const int n_threads = scene->settings->n_threads;
@@ -238,7 +238,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
         .picture = picture,
         .projection.projector = {
             .volume = v,
-            .macrocells = macrocells,
+            .macrocells = scene->model->macrocells,
             .view = &scene->view,
             .mode = scene->preset->mode,
             .body = cts_scene_body(scene),

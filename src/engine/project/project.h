@@ -2,7 +2,6 @@
  * that cannot change them passed over. */
 #pragma once
 
-#include "core/model/macrocells.h"
 #include "core/scene/engine.h"
 
 /* Visible cells of a volume, where not all are. */
@@ -10,5 +9,5 @@ typedef struct CtsVisibleBlocks CtsVisibleBlocks;
 void cts_visible_blocks_free(CtsVisibleBlocks **blocks);
 
 /* *blocks: NULL, or the cache of an earlier picture of the volume; the caller frees it. picture NULL: only the plan. */
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsVisibleBlocks **blocks,
-                      CtsPicture *picture, CtsReport *report, CtsError *err);
+CtsStatus cts_project(const CtsScene *scene, CtsVisibleBlocks **blocks, CtsPicture *picture, CtsReport *report,
+                      CtsError *err);

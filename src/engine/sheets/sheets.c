@@ -4,13 +4,11 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "core/model/transposed.h"
-#include "core/scene/scene_macrocells.h"
 #include <math.h>
 #include <stdlib.h>
 
 /* Data that depend on volume and preset only: computed for the first frame that needs them, and cached. */
 typedef struct SheetsCache {
-    CtsMacrocells *own_macrocells; /* where the volume has none */
     SheetsTransfer transfer;
     SheetsOpacity opacity[3]; /* of half a slab, a slab, two slabs */
     SheetsVoid blocks[3];     /* by principal axis */
@@ -22,7 +20,6 @@ static void free_cache(void *cache)
     SheetsCache *const k = cache;
     if (!k)
         return;
-    cts_macrocells_free(&k->own_macrocells);
     cts_sheets_transfer_free(&k->transfer);
     for (int i = 0; i < 3; i++) {
         cts_sheets_opacity_free(&k->opacity[i]);
@@ -39,14 +36,15 @@ static int finest_of(CtsEngineLevel level)
 
 /* The coarser table and near misses are what the errors of slabs are estimated by. */
 static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, CtsEngineLevel level, const SheetsKernels *kernels,
-                             const CtsMacrocells *m, CtsReport *report, CtsError *err)
+                             CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const int finest = finest_of(level), n = level == CTS_LEVEL_LATTICE ? 1 : 2;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if (k->transfer.mean && k->transfer.extinction_scale != scene->extinction_scale)
         cts_sheets_transfer_free(&k->transfer);
-    if (!k->transfer.mean && (st = cts_sheets_transfer_init(&k->transfer, scene, m->all.high, err)))
+    if (!k->transfer.mean &&
+        (st = cts_sheets_transfer_init(&k->transfer, scene, scene->model->macrocells->all.high, err)))
         return st;
     for (int i = finest; i < finest + n; i++)
         if ((st = cts_sheets_opacity_find(&k->opacity[i], &k->transfer, scene->view.layer_mm * ldexp(1, i - 1),
@@ -59,10 +57,11 @@ static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, CtsEngineLev
 }
 
 /* *grey: voxels as the view needs them. */
-static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const CtsMacrocells *m, const uint16_t **grey,
-                             CtsReport *report, CtsError *err)
+static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const uint16_t **grey, CtsReport *report,
+                             CtsError *err)
 {
     const int p = scene->view.axis;
+    const CtsMacrocells *const m = scene->model->macrocells;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     CtsStatus st = CTS_OK;
     if (!k->blocks[p].bits) {
@@ -150,7 +149,6 @@ typedef struct Session {
 static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    const CtsMacrocells *macrocells;
     const uint16_t *grey;
     *s = (Session){.kernels = CTS_CPU_CHOICE(cts_cpu_flags(), &cts_sheets),
                    .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
@@ -158,9 +156,8 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
         return st;
     if (!(s->cache = cts_scene_cache(scene, sizeof *s->cache, err)))
         return CTS_ERR_MEMORY;
-    if ((st = cts_scene_macrocells(scene, &s->cache->own_macrocells, &macrocells, report, err)) ||
-        (st = find_blocks(s->cache, scene, macrocells, &grey, report, err)) ||
-        (st = find_tables(s->cache, scene, s->level, s->kernels, macrocells, report, err)))
+    if ((st = find_blocks(s->cache, scene, &grey, report, err)) ||
+        (st = find_tables(s->cache, scene, s->level, s->kernels, report, err)))
         return st;
     const int p = scene->view.axis, axes[3] = {p == 0 ? 1 : 0, p == 2 ? 1 : 2, p};
     if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))

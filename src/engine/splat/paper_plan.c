@@ -4,7 +4,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "core/model/transposed.h"
-#include "core/scene/scene_macrocells.h"
 #include "engine/splat/layers.h"
 #include <math.h>
 #include <string.h>
@@ -68,9 +67,10 @@ static CtsStatus plan_shading(CtsPaperPlan *p, CtsError *err)
     return cts_alloc_zeroed(&p->air, (size_t)p->stack.n[0], err);
 }
 
-static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
+static CtsStatus plan_void(CtsPaperPlan *p, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
+    const CtsMacrocells *const macrocells = p->scene->model->macrocells;
     if (!p->skip_void)
         return CTS_OK;
     if ((st = cts_void_map_new(&p->map, &p->stack, &p->patches, &p->rule, macrocells, p->n_threads, err)))
@@ -106,7 +106,7 @@ static void plan_reuse(CtsPaperPlan *p, CtsReport *report)
                         p->skip_void ? "void voxels are skipped, and " : "", percent);
 }
 
-static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
+static CtsStatus plan_savings(CtsPaperPlan *p, CtsReport *report, CtsError *err)
 {
     const CtsScene *scene = p->scene;
     CtsStatus st;
@@ -120,7 +120,7 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, 
                              .sum_low = p->footprint.sum_low,
                              .sum_high = p->footprint.sum_high};
     p->least = cts_range_least(&p->rule);
-    if ((st = plan_void(p, macrocells, report, err)))
+    if ((st = plan_void(p, report, err)))
         return st;
     plan_reuse(p, report);
     return CTS_OK;
@@ -231,16 +231,12 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, bool reuse
     if ((st = plan_geometry(p, report, err)))
         return st;
     explain(p, report);
-    const CtsMacrocells *macrocells = NULL;
-    const bool across_x = p->stack.axis == 0 && (picture || reuse);
-    if ((skip_void || across_x) &&
-        (st = cts_scene_macrocells(scene, &p->own_macrocells, &macrocells, skip_void ? report : NULL, err)))
-        return st;
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
-    if (across_x &&
-        (st = cts_transposed_find(macrocells->transposed, scene->volume, p->n_threads, &p->stack.grey, err)))
+    if (p->stack.axis == 0 && (picture || reuse) &&
+        (st = cts_transposed_find(scene->model->macrocells->transposed, scene->volume, p->n_threads, &p->stack.grey,
+                                  err)))
         return st;
-    if ((st = plan_shading(p, err)) || (st = plan_savings(p, macrocells, report, err)))
+    if ((st = plan_shading(p, err)) || (st = plan_savings(p, report, err)))
         return st;
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
     return picture ? plan_memory(p, err) : CTS_OK;
@@ -256,7 +252,6 @@ void cts_paper_plan_free(CtsPaperPlan *p)
     cts_free(&p->swath_row);
     cts_culling_free(&p->culling);
     cts_free(&p->open);
-    cts_macrocells_free(&p->own_macrocells);
     cts_free(&p->shown);
     cts_void_map_free(&p->map);
     cts_free(&p->air);

@@ -38,7 +38,6 @@ typedef struct CtsPaperPlan {
     bool skip_void, reuse; /* the paper's two savings */
     CtsRangeRule rule;
     CtsVoidMap map;                /* with skip_void */
-    CtsMacrocells *own_macrocells; /* if the volume has none */
     CtsCulling culling;            /* with skip_void */
     uint64_t *open;                /* with skip_void: by swath, patches that open pixels sample within some steps */
     uint16_t least;                /* mixtures of smaller levels are invisible */

@@ -7,7 +7,7 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "core/scene/scene_macrocells.h"
+#include "core/model/macrocells.h"
 #include "core/scene/visible.h"
 #include "engine/project/project.h"
 #include "engine/tiled/tiled_march.h"
@@ -17,8 +17,6 @@
 
 /* Data that depend on volume and preset only: computed for the first frame, and cached for the following ones. */
 typedef struct TiledCache {
-    CtsMacrocells *own_macrocells; /* if the volume has none */
-    int macrocells_frame;
     TiledMask mask;
     int mask_frame;
     TiledAppearances appearances; /* of the scale that they were made for */
@@ -31,31 +29,10 @@ static void free_cache(void *cache)
     TiledCache *const k = cache;
     if (!k)
         return;
-    cts_macrocells_free(&k->own_macrocells);
     cts_tiled_mask_free(&k->mask);
     cts_tiled_appearances_free(&k->appearances);
     cts_visible_blocks_free(&k->visible);
     free(k);
-}
-
-static void report_cached(const CtsScene *scene, const char *what, int made_for, CtsReport *report)
-{
-    if (made_for != scene->frame)
-        cts_report_skip(report, what, "made for an earlier frame");
-}
-
-/* Sets *cache too. */
-static CtsStatus find_macrocells(const CtsScene *scene, TiledCache **cache, const CtsMacrocells **macrocells,
-                                 CtsReport *report, CtsError *err)
-{
-    TiledCache *const k = *cache = cts_scene_cache(scene, sizeof *k, err);
-    if (!k)
-        return CTS_ERR_MEMORY;
-    if (k->own_macrocells)
-        report_cached(scene, "macro-cells", k->macrocells_frame, report);
-    else
-        k->macrocells_frame = scene->frame;
-    return cts_scene_macrocells(scene, &k->own_macrocells, macrocells, report, err);
 }
 
 /* For a volume with labels; they depend on the view only with opacity per voxel. */
@@ -71,22 +48,25 @@ static CtsStatus make_appearances(TiledCache *k, const CtsScene *scene, CtsError
 /* Cells of visible blocks are tested for many rays alone (CtsPlan.few_rays): one ray loses the time in which 1.5 to 5
  * blocks are tested (measured on heads and a chest). The purpose of the rays decides, not whether an earlier frame
  * tested cells: a ray's rounding depends on it, and a picture must not depend on the frames before it. */
-static CtsStatus find_mask(TiledCache *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
-                           CtsError *err)
+static CtsStatus find_mask(const CtsScene *scene, TiledCache **cache, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    TiledCache *const k = *cache = cts_scene_cache(scene, sizeof *k, err);
+    if (!k)
+        return CTS_ERR_MEMORY;
     const bool is_made = k->mask.words;
     if ((st = make_appearances(k, scene, err)))
         return st;
     const TiledAppearances *const appearances = scene->model->voxel_labels ? &k->appearances : NULL;
-    if (!is_made && (st = cts_tiled_mask_init(&k->mask, scene, appearances, macrocells, err)))
+    if (!is_made && (st = cts_tiled_mask_init(&k->mask, scene, appearances, err)))
         return st;
     const bool refines = !k->mask.refined && !scene->plan.few_rays;
-    if (refines && (st = cts_tiled_mask_refine(&k->mask, scene, appearances, macrocells, err)))
+    if (refines && (st = cts_tiled_mask_refine(&k->mask, scene, appearances, err)))
         return st;
     if (is_made && !refines) {
-        report_cached(scene, "mask of what is visible", k->mask_frame, report);
+        if (k->mask_frame != scene->frame)
+            cts_report_skip(report, "mask of what is visible", "made for an earlier frame");
         return CTS_OK;
     }
     k->mask_frame = scene->frame;
@@ -221,14 +201,15 @@ static void report_march_counts(const TiledCounts *c, const CtsScene *scene, con
     }
 }
 
-static CtsStatus render_composite(const CtsScene *scene, TiledCache *cache, const CtsMacrocells *macrocells,
-                                  CtsPicture *picture, CtsErrorMap *errors, CtsReport *report, CtsError *err)
+static CtsStatus render_composite(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
+                                  CtsError *err)
 {
     CtsStatus st;
     CtsShade shade = {0};
     TiledJob job;
     TiledCounts counts = {0};
-    if ((st = find_mask(cache, scene, macrocells, report, err)) ||
+    TiledCache *cache;
+    if ((st = find_mask(scene, &cache, report, err)) ||
         (st = begin_march(&job, &shade, scene, cache, &for_pictures, cts_scene_requested_error(scene), err)))
         goto end;
     cts_scene_report_region(scene, report);
@@ -299,10 +280,8 @@ static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, co
     CtsShade shade = {0};
     TiledJob job;
     TiledCache *cache;
-    const CtsMacrocells *macrocells;
     Rerendering a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
-    if ((st = find_macrocells(scene, &cache, &macrocells, NULL, err)) ||
-        (st = find_mask(cache, scene, macrocells, NULL, err)) ||
+    if ((st = find_mask(scene, &cache, NULL, err)) ||
         (st = begin_march(&job, &shade, scene, cache, error > 0 ? &for_pictures : &for_reference,
                           error > 0 ? error : cts_scene_requested_error(scene), err)))
         goto end;
@@ -321,14 +300,10 @@ end:
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                               CtsError *err)
 {
-    TiledCache *cache;
-    const CtsMacrocells *macrocells;
-    const CtsStatus st = find_macrocells(scene, &cache, &macrocells, report, err);
-    if (st)
-        return st;
-    return scene->preset->mode == CTS_MODE_COMPOSITE
-               ? render_composite(scene, cache, macrocells, picture, errors, report, err)
-               : cts_project(scene, macrocells, &cache->visible, picture, report, err);
+    if (scene->preset->mode == CTS_MODE_COMPOSITE)
+        return render_composite(scene, picture, errors, report, err);
+    TiledCache *const cache = cts_scene_cache(scene, sizeof *cache, err);
+    return cache ? cts_project(scene, &cache->visible, picture, report, err) : CTS_ERR_MEMORY;
 }
 
 const CtsEngine cts_engine_tiled = {

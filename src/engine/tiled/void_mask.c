@@ -19,7 +19,6 @@ typedef struct BlockTest {
     const CtsMacrocells *macrocells;
     const CtsLut *lut;
     const TiledAppearances *appearances; /* NULL: one appearance for all */
-    Bracket bracket;                     /* of lut */
     Bracket *brackets;                   /* of each appearance */
     int n_cells[3];
     ptrdiff_t stride[3]; /* to the next voxel; 0 along an axis of one */
@@ -108,16 +107,25 @@ INLINE void any_block_bits(const BlockTest *t, const Bracket *b, const int block
 CTS_CPU_VARIANTS(void, block_bits, (const BlockTest *t, const Bracket *b, const int block[3], uint32_t cells[2]),
                  any_block_bits(t, b, block, cells))
 
-/* True if a block of one appearance is potentially visible. */
-static bool block_shows(const CtsLut *lut, const Bracket *b, CtsRange r)
+/* NULL: the appearance is invisible. */
+static const CtsLut *lut_of(const BlockTest *t, int appearance)
 {
+    return t->appearances ? cts_tiled_appearance_lut(t->appearances, t->lut, appearance) : t->lut;
+}
+
+/* True if a block of one appearance is potentially visible. */
+static bool block_shows(const BlockTest *t, int appearance, CtsRange r)
+{
+    const CtsLut *const lut = lut_of(t, appearance);
+    const Bracket *const b = &t->brackets[appearance];
     return lut && r.high > b->low && r.low < b->high &&
            cts_lut_visible(lut, r.low, CTS_MUTATED(SKIP_RANGE) ? r.low : r.high);
 }
 
 /* Tests the cells of a potentially visible block of one appearance. */
-static void test_block_cells(const BlockTest *t, const Bracket *b, const int block[3], CtsRange r, uint32_t cells[2])
+static void test_block_cells(const BlockTest *t, int appearance, const int block[3], CtsRange r, uint32_t cells[2])
 {
+    const Bracket *const b = &t->brackets[appearance];
     cells[0] = cells[1] = UINT32_MAX;
     if (r.low <= b->low || r.high >= b->high)
         CTS_CPU_CHOICE(cts_cpu_flags(), block_bits)(t, b, block, cells);
@@ -142,9 +150,9 @@ static void mark_appearances(const CtsVoxelLabels *voxel_labels, const int cell[
 /* True if these levels are visible in any appearance. */
 static bool any_appearance_shows(const BlockTest *t, CtsRange r)
 {
-    bool shows = cts_lut_visible(t->lut, r.low, r.high);
-    for (int appearance = CTS_APPEARANCE_OWN; appearance < t->appearances->n && !shows; appearance++)
-        shows = t->appearances->own[appearance] && cts_lut_visible(t->appearances->own[appearance], r.low, r.high);
+    bool shows = false;
+    for (int appearance = CTS_APPEARANCE_PRESET; appearance < t->appearances->n && !shows; appearance++)
+        shows = cts_lut_visible(lut_of(t, appearance), r.low, r.high);
     return shows;
 }
 
@@ -167,10 +175,9 @@ static bool test_mixed_block(const BlockTest *t, const int block[3], CtsRange r,
     }
     for (int appearance = CTS_APPEARANCE_PRESET; appearance < t->appearances->n; appearance++) {
         uint32_t own[2], of_appearance[2] = {0, 0};
-        if (!(all[appearance / 64] >> appearance % 64 & 1) ||
-            !block_shows(cts_tiled_appearance_lut(t->appearances, t->lut, appearance), &t->brackets[appearance], r))
+        if (!(all[appearance / 64] >> appearance % 64 & 1) || !block_shows(t, appearance, r))
             continue;
-        test_block_cells(t, &t->brackets[appearance], block, r, own);
+        test_block_cells(t, appearance, block, r, own);
         for (int n = 0; n < 64; n++)
             of_appearance[n / 32] |= (uint32_t)(of_cell[n][appearance / 64] >> appearance % 64 & 1) << n % 32;
         for (int w = 0; w < 2; w++)
@@ -191,11 +198,7 @@ static bool test_block(const BlockTest *t, size_t at, const int block[3], uint32
     const CtsRange r = t->macrocells->fine[at];
     const int appearance = appearance_of_block(t, at);
     cells[0] = cells[1] = UINT32_MAX;
-    if (appearance == CTS_APPEARANCES_DIFFER)
-        return test_mixed_block(t, block, r, cells);
-    return t->appearances
-               ? block_shows(cts_tiled_appearance_lut(t->appearances, t->lut, appearance), &t->brackets[appearance], r)
-               : block_shows(t->lut, &t->bracket, r);
+    return appearance == CTS_APPEARANCES_DIFFER ? test_mixed_block(t, block, r, cells) : block_shows(t, appearance, r);
 }
 
 static uint32_t distinct_from_distance(uint32_t bits)
@@ -249,8 +252,7 @@ static void test_cells_of_rows(void *context, int worker, size_t first, size_t e
             uint32_t *const words = m->words + 2 * at, cells[2];
             if (words[0] != UINT32_MAX || words[1] != UINT32_MAX || appearance == CTS_APPEARANCES_DIFFER)
                 continue;
-            test_block_cells(t, t->appearances ? &t->brackets[appearance] : &t->bracket, block, t->macrocells->fine[at],
-                             cells);
+            test_block_cells(t, appearance, block, t->macrocells->fine[at], cells);
             for (int half = 0; half < 2; half++)
                 words[half] = distinct_from_distance(cells[half]);
         }
@@ -275,29 +277,30 @@ static void block_test_free(BlockTest *t)
 }
 
 static CtsStatus block_test_new(BlockTest *t, TiledMask *mask, const CtsScene *scene,
-                                const TiledAppearances *appearances, const CtsMacrocells *macrocells, CtsError *err)
+                                const TiledAppearances *appearances, CtsError *err)
 {
-    CtsStatus st;
-    *t = (BlockTest){
-        .mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .appearances = appearances};
+    const int n = appearances ? appearances->n : CTS_APPEARANCE_PRESET + 1;
+    *t = (BlockTest){.mask = mask,
+                     .volume = scene->volume,
+                     .macrocells = scene->model->macrocells,
+                     .lut = scene->lut,
+                     .appearances = appearances};
     cts_volume_cells(scene->volume, t->n_cells, t->stride);
     t->n_voxels = (ptrdiff_t)cts_volume_n_voxels(scene->volume);
-    t->bracket = bracket_of(scene->lut);
-    if (appearances && (st = cts_alloc_array(&t->brackets, (size_t)appearances->n, err)))
-        return st;
-    for (int appearance = 0; appearances && appearance < appearances->n; appearance++)
-        t->brackets[appearance] = bracket_of(cts_tiled_appearance_lut(appearances, scene->lut, appearance));
-    return CTS_OK;
+    const CtsStatus st = cts_alloc_array(&t->brackets, (size_t)n, err);
+    for (int appearance = 0; !st && appearance < n; appearance++)
+        t->brackets[appearance] = bracket_of(lut_of(t, appearance));
+    return st;
 }
 
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
-                              const CtsMacrocells *macrocells, CtsError *err)
+                              CtsError *err)
 {
     BlockTest l;
-    const int *const n = macrocells->n_fine;
+    const int *const n = scene->model->macrocells->n_fine;
     const size_t rows = (size_t)n[1] * (size_t)n[2], n_blocks = rows * (size_t)n[0];
     *mask = (TiledMask){.n = {n[0], n[1], n[2]}};
-    CtsStatus st = block_test_new(&l, mask, scene, appearances, macrocells, err);
+    CtsStatus st = block_test_new(&l, mask, scene, appearances, err);
     if (st || (st = cts_alloc_array(&mask->words, 2 * n_blocks, err)) ||
         (st = cts_alloc_array(&l.distance, n_blocks, err)))
         goto end;
@@ -313,10 +316,10 @@ end:
 }
 
 CtsStatus cts_tiled_mask_refine(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
-                                const CtsMacrocells *macrocells, CtsError *err)
+                                CtsError *err)
 {
     BlockTest l;
-    const CtsStatus st = block_test_new(&l, mask, scene, appearances, macrocells, err);
+    const CtsStatus st = block_test_new(&l, mask, scene, appearances, err);
     if (!st)
         cts_parallel(scene->settings->n_threads, (size_t)mask->n[1] * (size_t)mask->n[2], 16, test_cells_of_rows, &l);
     block_test_free(&l);

@@ -29,8 +29,8 @@ static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
 
 /* A mask by the blocks' ranges of grey levels. appearances: NULL: one appearance for all. */
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
-                              const CtsMacrocells *macrocells, CtsError *err);
+                              CtsError *err);
 /* Tests the cells of visible blocks by their voxels. */
 CtsStatus cts_tiled_mask_refine(TiledMask *mask, const CtsScene *scene, const TiledAppearances *appearances,
-                                const CtsMacrocells *macrocells, CtsError *err);
+                                CtsError *err);
 void cts_tiled_mask_free(TiledMask *mask);

@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/invariant.h"
 #include "base/mem.h"
+#include "core/model/macrocells.h"
 #include "core/model/voxel_labels.h"
 #include "core/scene/openness.h"
 #include "core/scene/settings.h"
@@ -17,10 +18,11 @@
 #include <string.h>
 
 struct CtsFrames {
-    CtsModel given;           /* copy of the caller's, who owns its parts */
-    const CtsModel *original; /* given; for engines without label boundaries the one with air for hidden voxels */
-    const CtsModel *model;    /* original, or quantised: for the engine */
-    CtsModel quantised;       /* its body mask is original's */
+    CtsModel given;                /* copy of the caller's, who owns its parts */
+    const CtsModel *original;      /* given; for engines without label boundaries the one with air for hidden voxels */
+    const CtsModel *model;         /* original, or quantised: for the engine */
+    CtsModel quantised;            /* its body mask is original's */
+    CtsMacrocells *own_macrocells; /* given's, if the caller's model has none */
     CtsPreset preset;
     CtsRenderSettings settings;
     const CtsEngine *engine;
@@ -160,12 +162,15 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsModel *model, const CtsPre
                      .settings = *settings,
                      .engine = cts_engine(id)};
     f->preset.occlusion = preset->occlusion; /* the settings may change from frame to frame */
-    st = choose_model(&f->given, &store, f->engine, &f->original, err);
+    st = cts_model_prepare(&f->given, settings->n_threads, err);
+    f->own_macrocells = model->macrocells ? NULL : f->given.macrocells;
+    if (!st)
+        st = choose_model(&f->given, &store, f->engine, &f->original, err);
     f->model = f->original;
     if (!st && settings->grey_bits < 16) {
         st = cts_volume_quantise(f->original->volume, settings->grey_bits, f->preset.window_low_hu,
                                  f->preset.window_high_hu, settings->n_threads, &f->quantised.volume, err);
-        if (!st && f->original->macrocells)
+        if (!st)
             st = cts_model_prepare(&f->quantised, settings->n_threads, err);
         f->quantised.body = f->original->body;
         f->model = &f->quantised;
@@ -189,6 +194,7 @@ void cts_frames_free(CtsFrames **frames)
     cts_engine(cts_engine_for_probes())->free_cache(f->original_cache);
     f->quantised.body = NULL;
     cts_model_free(&f->quantised);
+    cts_macrocells_free(&f->own_macrocells);
     free(f);
     *frames = NULL;
 }

@@ -448,10 +448,15 @@ CtsStatus cts_framing_settle(const CtsModel *model, const CtsPreset *preset, Cts
 {
     void *kept = NULL;
     const CtsPreset effective = cts_scene_preset(preset, settings);
-    const CtsFramed what = {model, &effective, &kept, 0};
+    CtsModel prepared = *model;
+    const CtsFramed what = {&prepared, &effective, &kept, 0};
     if (settings->fit != CTS_FIT_VISIBLE || settings->mm_per_pixel != 0)
         return CTS_OK;
-    const CtsStatus st = cts_framing_find(&what, settings, err);
+    CtsStatus st = cts_model_prepare(&prepared, settings->n_threads, err);
+    if (!st)
+        st = cts_framing_find(&what, settings, err);
     cts_engine(cts_engine_for_probes())->free_cache(kept);
+    if (!model->macrocells) /* nor labels, which are made behind them */
+        cts_model_changed(&prepared);
     return st;
 }
