@@ -33,6 +33,6 @@ typedef struct CtsCheckSettings {
     void *context;
 } CtsCheckSettings;
 
-/* Counts may be NULL. A case that cannot be rendered is a failure of the case (found NAN), not of the suite;
+/* A case that cannot be rendered is a failure of the case (found NAN), not of the suite;
  * CTS_ERR_USAGE when no case has such a name; CTS_ERR_INTERRUPTED when a stop is requested. */
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err);

@@ -303,9 +303,7 @@ CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_f
     if (!st && !any)
         st = cts_fail(err, CTS_ERR_USAGE, "no case has a name with \"%s\" in it (ctsplat check lists them)",
                       settings->only);
-    if (n_cases)
-        *n_cases = run.n_cases;
-    if (n_failed)
-        *n_failed = run.n_failed;
+    *n_cases = run.n_cases;
+    *n_failed = run.n_failed;
     return st;
 }
