@@ -4,9 +4,7 @@
 
 #include "base/clamp.h"
 #include "base/compare.h"
-#include "base/cpu.h"
 #include "base/mem.h"
-#include "base/parallel.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -154,42 +152,22 @@ static double row_similarity(const ComparedWindows *across, const double *column
     return sum;
 }
 
-typedef struct ComparedRows {
-    const CtsPicture *a, *b;
-    const ComparedWindows *across, *rows;
-    int n_channels;
-    double *columns, *sums; /* of each worker; of each row */
-} ComparedRows;
-
-static void compare_rows(void *context, int worker, size_t first, size_t end)
-{
-    const ComparedRows *const r = context;
-    double *mine = r->columns + (size_t)worker * r->a->width * N_MOMENTS;
-    for (size_t k = first; k < end; k++)
-        for (int c = 0; c < r->n_channels; c++) {
-            column_moments(r->a, r->b, c, r->rows, r->rows->first + (int)k, mine);
-            r->sums[k] += row_similarity(r->across, mine);
-        }
-}
-
 static CtsStatus structural_similarity(const CtsPicture *a, const CtsPicture *b, double *ssim, CtsError *err)
 {
     const ComparedWindows across = compared_windows(a->width), rows = compared_windows(a->height);
     const int n_channels = a->n_channels == 1 && b->n_channels == 1 ? 1 : 3;
-    const int n_rows = rows.last - rows.first + 1, n_threads = cts_threads(0);
-    double *columns = NULL, *row_sums = NULL;
-    CtsStatus st = cts_alloc_array(&columns, (size_t)n_threads * a->width * N_MOMENTS, err);
-    if (st || (st = cts_alloc_zeroed(&row_sums, (size_t)n_rows, err)))
-        goto end;
-    ComparedRows job = {a, b, &across, &rows, n_channels, columns, row_sums};
-    cts_parallel(n_threads, (size_t)n_rows, 0, compare_rows, &job);
-    double sum = 0; /* in the order of the rows, for any number of threads */
-    for (int k = 0; k < n_rows; k++)
-        sum += row_sums[k];
-    *ssim = sum / ((double)n_channels * n_rows * (across.last - across.first + 1));
-end:
+    double *columns = NULL, sum = 0;
+    const CtsStatus st = cts_alloc_array(&columns, (size_t)a->width * N_MOMENTS, err);
+    for (int y = rows.first; y <= rows.last && !st; y++) {
+        double of_row = 0;
+        for (int c = 0; c < n_channels; c++) {
+            column_moments(a, b, c, &rows, y, columns);
+            of_row += row_similarity(&across, columns);
+        }
+        sum += of_row;
+    }
+    *ssim = sum / ((double)n_channels * (rows.last - rows.first + 1) * (across.last - across.first + 1));
     cts_free(&columns);
-    cts_free(&row_sums);
     return st;
 }
 
