@@ -1,4 +1,4 @@
-#include "engine/sheets/contrast.h"
+#include "engine/sheets/lattice.h"
 
 #include "base/mutation.h"
 

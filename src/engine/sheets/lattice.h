@@ -13,10 +13,9 @@ typedef struct SheetsPatch {
     int x0, y0, width, height;
     float *rgba;      /* premultiplied, zeroed before */
     float *indicator; /* zeroed before */
-    float
-        *depth_mm; /* from the plane through the view's centre, SHEETS_FAR where nothing is visible; NULL: not wanted */
+    float *depth_mm;  /* from the plane through the view's centre; infinite before, and where nothing is visible; NULL:
+                         not wanted */
 } SheetsPatch;
-#define SHEETS_FAR 1e30F
 
 /* The largest channel of each of four pixels: they are transposed, half by half. */
 static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)
@@ -26,19 +25,20 @@ static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)
     return f32x4_max(SHUFFLE(ab, cd, 0, 1, 4, 5), SHUFFLE(ab, cd, 2, 3, 6, 7));
 }
 
-/* Points of a lattice that hold n pixels between them, with one point beyond the last pixel. */
-#define SHEETS_POINTS(n) ((n) / 2 + 1)
-/* The lattice of a patch, without memory and with it; its points are functions of their place alone, so that no band or
- * tile shows its borders. Indicators of three points are loaded as four. */
-SheetsPatch cts_sheets_lattice_of(const SheetsJob *job, const SheetsPatch *pixels);
+/* The lattice of a patch; its points are functions of their place alone, so that no band or tile shows its borders.
+ * Indicators of three points are loaded as four. */
 CtsStatus cts_sheets_lattice_init(SheetsPatch *lattice, const SheetsJob *job, const SheetsPatch *pixels, CtsError *err);
 void cts_sheets_lattice_free(SheetsPatch *lattice);
 
-/* Difference of neighbours from which a scene's pixels between them are marched. */
-float cts_sheets_refined_from(const CtsScene *scene);
+/* Stores those pixels of the group at (x0, y0) that lie in a patch. */
+void cts_sheets_store(SheetsPatch *to, int x0, int y0, const f32x4 rgba[SHEETS_LANES],
+                      const float indicator[SHEETS_LANES]);
 
 /* Interpolates the group at (x0, y0) of a patch. False where it has to be marched: points around it differ too much, or
  * are next to invisible, since bodies smaller than a pixel may lie between them (rays through empty space are cheap).
  */
-bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0, float refined_from,
-                            double slab_mm);
+bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0, const SheetsJob *job);
+
+/* Adds to the indicators of pixels x0 to x1 - 1 of rows y0 to y1 - 1 of a patch a share of their contrast to their
+ * neighbours. Rows beyond these are not looked at. */
+void cts_sheets_add_contrast(const SheetsPatch *patch, int x0, int x1, int y0, int y1);

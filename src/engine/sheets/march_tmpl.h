@@ -13,12 +13,10 @@
 typedef struct State {
     wf rgb[3], left;               /* left: transmittance */
     wf coarse_rgb[3], coarse_left; /* the same by slabs of twice the length */
-    wf depth_mm, first_mm;         /* where half of the light is gone; where anything is visible */
+    wf depth_mm, first_mm;         /* where half of the light is gone; where anything is visible; else infinite */
     wmask alive;
     wf missed, near[2]; /* sum of near misses by their weights; those of the last slab and of the one before it */
 } State;
-
-#define FAR_MM 1e30f
 
 INLINE void blend(wf rgb[3], wf *left, const Slab *s, wmask lanes)
 {
@@ -112,7 +110,7 @@ INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf bef
     const wf per = wf_of((float)v->slab_mm);
     const wf first = wf_mul_add(wf_mul_add(from, length, t->from), per, start);
     const wf at_half = wf_mul_add(wf_mul_add(wf_lerp(from, to, half), length, t->from), per, start);
-    const wf unset = wf_of(FAR_MM);
+    const wf unset = wf_of(INFINITY);
     const wmask begins = wmask_and(lanes, wmask_and(wf_lt(s->left, before), wf_le(unset, s->first_mm)));
     const wmask passes = wmask_and(lanes, wmask_and(wf_gt(before, wf_of(0.5f)), wf_le(s->left, wf_of(0.5f))));
     s->first_mm = wf_select(begins, first, s->first_mm);
@@ -464,7 +462,7 @@ INLINE void finish(const March *m, const State *s, const SlabShading *light, con
         off = wf_add(off, wf_times(s->missed, NEAR_MISS_WEIGHT));
     CTS_INVARIANT(!wmask_any(wf_lt(off, wf_of(0))));
     wf_store(out->indicator, wf_min(off, wf_of(1)));
-    wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(FAR_MM)), s->depth_mm, s->first_mm));
+    wf_store(out->depth_mm, wf_select(wf_lt(s->depth_mm, wf_of(INFINITY)), s->depth_mm, s->first_mm));
 }
 
 /* Blocks from the first visible layer to the last, as if they were one. */
@@ -509,7 +507,7 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
         m.shear[c] = v->step * along[c];
     }
     const wf none = wf_of(0), all = wf_of(1);
-    State s = {{none, none, none},    all,  {none, none, none}, all, wf_of(FAR_MM), wf_of(FAR_MM),
+    State s = {{none, none, none},    all,  {none, none, none}, all, wf_of(INFINITY), wf_of(INFINITY),
                wmask_of_bits(0xffff), none, {none, none}};
     SlabShading light;
     SheetSamples samples;

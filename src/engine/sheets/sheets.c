@@ -91,12 +91,14 @@ static double at_least(double least, const CtsScene *scene)
     return fmax(least, fmin(cts_scene_requested_error(scene) / 2, 1.0 / 64));
 }
 
-static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, const uint16_t *grey,
-                     CtsEngineLevel level, const CtsShade *shade)
+static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, const SheetsKernels *kernels,
+                     const uint16_t *grey, CtsEngineLevel level, const CtsShade *shade)
 {
     const SheetsOpacity *const finest = &k->opacity[finest_of(level)];
     const bool half = level >= CTS_LEVEL_HALF_SHEETS, lattice = level == CTS_LEVEL_LATTICE;
-    *j = (SheetsJob){.bins = k->transfer.bins,
+    *j = (SheetsJob){.scene = scene,
+                     .kernels = kernels,
+                     .bins = k->transfer.bins,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
                      .light = finest->light,
                      .near = lattice ? NULL : finest->near,
@@ -142,7 +144,6 @@ typedef struct Session {
     SheetsCache *cache;
     CtsShade shade;
     SheetsJob job;
-    const SheetsKernels *kernels;
     CtsEngineLevel level;
 } Session;
 
@@ -150,19 +151,19 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
 {
     CtsStatus st;
     const uint16_t *grey;
-    *s = (Session){.kernels = CTS_CPU_CHOICE(cts_cpu_flags(), &cts_sheets),
-                   .level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
+    const SheetsKernels *const kernels = CTS_CPU_CHOICE(cts_cpu_flags(), &cts_sheets);
+    *s = (Session){.level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
     if ((st = refuse(scene, err)))
         return st;
     if (!(s->cache = cts_scene_cache(scene, sizeof *s->cache, err)))
         return CTS_ERR_MEMORY;
     if ((st = find_blocks(s->cache, scene, &grey, report, err)) ||
-        (st = find_tables(s->cache, scene, s->level, s->kernels, report, err)))
+        (st = find_tables(s->cache, scene, s->level, kernels, report, err)))
         return st;
     const int p = scene->view.axis, axes[3] = {p == 0 ? 1 : 0, p == 2 ? 1 : 2, p};
     if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))
         return st;
-    init_job(&s->job, scene, s->cache, grey, s->level, scene->preset->shade ? &s->shade : NULL);
+    init_job(&s->job, scene, s->cache, kernels, grey, s->level, scene->preset->shade ? &s->shade : NULL);
     return CTS_OK;
 }
 
@@ -212,8 +213,7 @@ static CtsStatus render_sheets(const CtsScene *scene, CtsPicture *picture, CtsEr
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if (!errors && (st = cts_alloc_zeroed(&own_indicator, (size_t)picture->width * (size_t)picture->height, err)))
         goto end;
-    if (!(st = cts_sheets_run(&s.job, s.kernels, scene, picture, errors ? errors->indicator : own_indicator, &counts,
-                              err)))
+    if (!(st = cts_sheets_run(&s.job, picture, errors ? errors->indicator : own_indicator, &counts, err)))
         report_counts(&counts, s.job.blocks, scene, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_free(&own_indicator);
@@ -227,7 +227,7 @@ static CtsStatus render_tiles(const CtsScene *scene, const int (*corner)[2], siz
     Session s;
     CtsStatus st = begin(&s, scene, NULL, err);
     if (!st)
-        st = cts_sheets_probe(&s.job, s.kernels, scene, corner, n, rgba, indicator, err);
+        st = cts_sheets_probe(&s.job, corner, n, rgba, indicator, err);
     cts_shade_free(&s.shade);
     return st;
 }

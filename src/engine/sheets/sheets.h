@@ -104,6 +104,8 @@ typedef struct SheetsCounts {
 
 /* Everything a thread needs, read-only. */
 typedef struct SheetsJob {
+    const CtsScene *scene;
+    const struct SheetsKernels *kernels;
     SheetsView view;
     SheetsGrid grid[2]; /* every pixel; every second */
     SheetsBins bins;
@@ -168,10 +170,10 @@ static inline int cts_sheets_words(int n_layers)
     return (n_layers + 63) / 64;
 }
 
-/* Fills the zeroed picture, and the indicators, one a pixel. */
-CtsStatus cts_sheets_run(const SheetsJob *job, const SheetsKernels *kernels, const CtsScene *scene, CtsPicture *picture,
-                         float *indicator, SheetsCounts *total, CtsError *err);
+/* Fills the zeroed picture, whose depths are infinite, and the indicators, one a pixel. */
+CtsStatus cts_sheets_run(const SheetsJob *job, CtsPicture *picture, float *indicator, SheetsCounts *total,
+                         CtsError *err);
 /* As CtsEngine.render_tiles. */
-CtsStatus cts_sheets_probe(const SheetsJob *job, const SheetsKernels *kernels, const CtsScene *scene,
-                           const int (*corner)[2], size_t n, float (*rgba)[4], float *indicator, CtsError *err);
+CtsStatus cts_sheets_probe(const SheetsJob *job, const int (*corner)[2], size_t n, float (*rgba)[4], float *indicator,
+                           CtsError *err);
 _Static_assert((int)SHEETS_TILE_X == (int)CTS_PROBE_X && (int)SHEETS_TILE_Y == (int)CTS_PROBE_Y, "tiles are probes");
