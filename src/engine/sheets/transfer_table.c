@@ -87,17 +87,26 @@ static void fill_integrals(Integrals *in)
             in->to[g][c] = in->to[g - 1][c] + (value_at(in->lut, g - 1, c) + value_at(in->lut, g, c)) / 2;
 }
 
-/* If both bins are equal, the slab's grey levels lie anywhere within the bin's width. */
-static void mean_between(const Integrals *in, const SheetsBins *l, int front, int back, float mean[4])
+/* Means between two bins; if both are equal, the slab's grey levels lie anywhere within the bin's width. at_bin:
+ * integrals to the bins' middles. */
+static void mean_between(const Integrals *in, const SheetsBins *l, double (*at_bin)[4], int front, int back,
+                         float mean[4], float quarter[SHEETS_LIT])
 {
-    const bool same = front == back;
-    double from = same ? l->edge[front] : l->grey[front], to = same ? l->edge[front + 1] : l->grey[back], sum[4];
+    const bool same = front == back || l->grey[front] == l->grey[back];
+    const double from = same ? l->edge[front] : l->grey[front], to = same ? l->edge[front + 1] : l->grey[back];
+    double sum[4], at = at_bin[front][0];
     for (int c = 0; c < 4; c++)
-        sum[c] = to != from ? (integral_to(in, to, c) - integral_to(in, from, c)) / (to - from)
-                            : value_at(in->lut, (int)from, c);
+        sum[c] = to == from ? value_at(in->lut, (int)from, c)
+                 : same     ? (integral_to(in, to, c) - integral_to(in, from, c)) / (to - from)
+                            : (at_bin[back][c] - at_bin[front][c]) / (to - from);
     mean[0] = sum[0] > 0 ? (float)sum[0] : 0;
-    for (int c = 1; c < 4; c++)
-        mean[c] = sum[0] > 0 ? (float)fmin(fmax(sum[c] / sum[0], 0), 1) : 0;
+    for (int c = 1; c < 4; c++) /* never -0, whose sign would be packed into opacity */
+        mean[c] = sum[0] > 0 ? (float)cts_clamp01(sum[c] / sum[0]) : 0;
+    for (int q = 1; q <= SHEETS_LIT; q++) {
+        const double before = at;
+        at = same || q == SHEETS_LIT ? at_bin[back][0] : integral_to(in, from + q * (to - from) / SHEETS_LIT, 0);
+        quarter[q - 1] = same ? mean[0] : (float)fmax((at - before) * SHEETS_LIT / (to - from), 0);
+    }
 }
 
 CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int largest_grey, CtsError *err)
@@ -117,29 +126,8 @@ CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int
         for (int c = 0; c < 4; c++)
             at_bin[i][c] = integral_to(&in, l->grey[i], c);
     for (int i = 0; i < SHEETS_BINS; i++)
-        for (int j = 0; j < SHEETS_BINS; j++) {
-            float *const mean = t->mean[i * SHEETS_BINS + j];
-            const double width = l->grey[j] - l->grey[i];
-            float *const quarter = t->quarter[i * SHEETS_BINS + j];
-            if (i == j || width == 0) {
-                mean_between(&in, l, i, i, mean);
-                for (int q = 0; q < SHEETS_LIT; q++)
-                    quarter[q] = mean[0];
-                continue;
-            }
-            double to = at_bin[i][0];
-            for (int q = 0; q < SHEETS_LIT; q++) {
-                const double from = to;
-                to =
-                    q + 1 == SHEETS_LIT ? at_bin[j][0] : integral_to(&in, l->grey[i] + (q + 1) * width / SHEETS_LIT, 0);
-                quarter[q] = (float)fmax((to - from) * SHEETS_LIT / width, 0);
-            }
-            const double extinction = (at_bin[j][0] - at_bin[i][0]) / width;
-            mean[0] = extinction > 0 ? (float)extinction : 0;
-            for (int c = 1; c < 4; c++)
-                mean[c] =
-                    extinction > 0 ? (float)cts_clamp((at_bin[j][c] - at_bin[i][c]) / width / extinction, 0, 1) : 0;
-        }
+        for (int j = 0; j < SHEETS_BINS; j++)
+            mean_between(&in, l, at_bin, i, j, t->mean[i * SHEETS_BINS + j], t->quarter[i * SHEETS_BINS + j]);
 end:
     cts_free(&in.to);
     if (st)
