@@ -3,8 +3,6 @@
 #include "base/mem.h"
 #include <math.h>
 
-#define INLINE static inline __attribute__((always_inline))
-
 /* Difference of neighbours, in requested errors, from which the pixels between them are marched: bilinear interpolation
  * is off by an eighth of the change of slope, so that a difference of eight requested errors is off by about one; such
  * pixels are few. */
@@ -71,27 +69,8 @@ INLINE void prefetch_group(const SheetsPatch *to, size_t at, const SheetsPatch *
     }
 }
 
-/* Pixels of a row as they are or, where the patch ends, the first n. */
-INLINE void store_row(SheetsPatch *to, size_t at, int n, const f32x4 rgba[], const float indicator[])
-{
-    for (int i = 0; i < n; i++) {
-        ((f32x4 *)to->rgba)[at + (size_t)i] = rgba[i];
-        to->indicator[at + (size_t)i] = indicator[i];
-    }
-}
-
-void cts_sheets_store(SheetsPatch *to, int x0, int y0, const f32x4 rgba[SHEETS_LANES],
-                      const float indicator[SHEETS_LANES])
-{
-    const int n = cts_smaller_int(SHEETS_SIDE, to->width - x0);
-    for (int j = 0; j < SHEETS_SIDE && y0 + j < to->height; j++) {
-        const size_t at = (size_t)(y0 + j) * (size_t)to->width + (size_t)x0;
-        store_row(to, at, n == SHEETS_SIDE ? SHEETS_SIDE : n, rgba + SHEETS_SIDE * j, indicator + SHEETS_SIDE * j);
-    }
-}
-
 /* Means of the depths of the same points. Where one of them is invisible, the first one's depth stands for them. */
-static void interpolate_depth(SheetsPatch *to, const SheetsPatch *from, int x0, int y0)
+static void interpolate_depths(SheetsPatch *to, const SheetsPatch *from, int x0, int y0)
 {
     for (int y = y0; y < y0 + SHEETS_SIDE && y < to->height; y++)
         for (int x = x0; x < x0 + SHEETS_SIDE && x < to->width; x++) {
@@ -174,8 +153,8 @@ bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, in
         return false;
     for (int j = 0; j < 2; j++)
         interpolate_rows(rgba + 8 * j, of_pixels + 2 * j, point + j, pair + j, indicator[j], indicator[j + 1]);
-    cts_sheets_store(to, x0, y0, rgba, (const float *)of_pixels);
+    sheets_store(to, x0, y0, rgba, (const float *)of_pixels);
     if (to->depth_mm)
-        interpolate_depth(to, from, x0, y0);
+        interpolate_depths(to, from, x0, y0);
     return true;
 }

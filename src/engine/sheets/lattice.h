@@ -30,9 +30,31 @@ static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)
 CtsStatus cts_sheets_lattice_init(SheetsPatch *lattice, const SheetsJob *job, const SheetsPatch *pixels, CtsError *err);
 void cts_sheets_lattice_free(SheetsPatch *lattice);
 
+#define INLINE static inline __attribute__((always_inline))
+
+/* Stores n rows of a group, and so many pixels of each. */
+INLINE void sheets_store_rows(SheetsPatch *to, size_t at, int across, int down, const f32x4 rgba[SHEETS_LANES],
+                              const float indicator[SHEETS_LANES])
+{
+    for (int j = 0; j < down; j++, at += (size_t)to->width)
+        for (int i = 0; i < across; i++) {
+            ((f32x4 *)to->rgba)[at + (size_t)i] = rgba[SHEETS_SIDE * j + i];
+            to->indicator[at + (size_t)i] = indicator[SHEETS_SIDE * j + i];
+        }
+}
+
 /* Stores those pixels of the group at (x0, y0) that lie in a patch. */
-void cts_sheets_store(SheetsPatch *to, int x0, int y0, const f32x4 rgba[SHEETS_LANES],
-                      const float indicator[SHEETS_LANES]);
+INLINE void sheets_store(SheetsPatch *to, int x0, int y0, const f32x4 rgba[SHEETS_LANES],
+                         const float indicator[SHEETS_LANES])
+{
+    const size_t at = (size_t)y0 * (size_t)to->width + (size_t)x0;
+    const int across = cts_smaller_int(SHEETS_SIDE, to->width - x0),
+              down = cts_smaller_int(SHEETS_SIDE, to->height - y0);
+    if (across == SHEETS_SIDE && down == SHEETS_SIDE)
+        sheets_store_rows(to, at, SHEETS_SIDE, SHEETS_SIDE, rgba, indicator);
+    else
+        sheets_store_rows(to, at, across, down, rgba, indicator);
+}
 
 /* Interpolates the group at (x0, y0) of a patch. False where it has to be marched: points around it differ too much, or
  * are next to invisible, since bodies smaller than a pixel may lie between them (rays through empty space are cheap).

@@ -10,13 +10,10 @@ SHEETS_MARCH(march_4_rows, 4)
 SHEETS_MARCH(march_6_rows, 6)
 SHEETS_MARCH(march_8_rows, 8)
 
-static void march_by_rows(SHEETS_MARCH_ARGUMENTS)
+static void march_by_rows(const SheetsGroup *g, SheetsPixels *out)
 {
-    const int rows = g->reach[0] <= 8 ? g->reach[1] : 9;
-    (rows <= 4   ? march_4_rows
-     : rows <= 6 ? march_6_rows
-     : rows <= 8 ? march_8_rows
-                 : march_gathered)(j, g, x, y, visible, out, counts);
+    const int rows = g->grid->reach[0] <= 8 ? g->grid->reach[1] : 9;
+    (rows <= 4 ? march_4_rows : rows <= 6 ? march_6_rows : rows <= 8 ? march_8_rows : march_gathered)(g, out);
 }
 #else
 #define march_by_rows march_gathered

@@ -66,9 +66,6 @@ typedef struct SlabPart {
     wf from, to; /* shares of the way between both sheets */
     wf share;    /* of its length that lies in the volume */
     SlabPartKind kind;
-    float length_mm;
-    const uint64_t *opacity;
-    const uint32_t *light;
 } SlabPart;
 
 /* Gradients at both ends of a slab part; those of sheets are kept for the next slab. */
@@ -96,13 +93,12 @@ INLINE void find_gradients(const March *m, const Block *b, const SlabPart *t, Sl
     end[1] = t->kind == FRONT_HALF ? &light->middle : &light->back;
 }
 
-INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf before, wmask lanes, int x, int y,
-                       State *s)
+INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf before, wmask lanes, State *s)
 {
     const SheetsView *const v = &m->job->view;
     wf from, to;
     visible_part(m->job, t->front, t->back, &from, &to);
-    const wf start = mm_at(v, m->grid, x, y, b->sheet + t->slab * v->step), length = wf_sub(t->to, t->from);
+    const wf start = mm_at(m, b->sheet + t->slab * v->step), length = wf_sub(t->to, t->from);
     /* Transmittance decays exponentially within the visible part. */
     const wf least = wf_of(1e-30f), optical_depth = wf_log2(wf_div(wf_max(before, least), wf_max(s->left, least)));
     const wf until_half = wf_log2(wf_max(wf_times(before, 2), least));
@@ -118,8 +114,8 @@ INLINE void note_depth(const March *m, const Block *b, const SlabPart *t, wf bef
 }
 
 /* Result: the visible lanes. */
-INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart *t, const bool lit, int x, int y,
-                                 State *s, SlabShading *light, SheetsCounts *counts)
+INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart *t, const bool half, const bool lit,
+                                 State *s, SlabShading *light)
 {
     const SheetsJob *const j = m->job;
     wmask visible = wmask_and(s->alive, visible_between(&j->bins, t->front_bin, t->back_bin));
@@ -127,10 +123,10 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
         visible = wmask_and(visible, wf_gt(t->share, wf_of(0)));
     if (!wmask_any(visible))
         return visible;
-    Slab slab = look_up_slab(t->opacity, t->front_bin, t->back_bin);
+    Slab slab = look_up_slab(j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1], t->front_bin, t->back_bin);
     if (t->kind == CLIPPED)
-        take_share(j, t->front_bin, t->back_bin, t->length_mm, t->share, visible, &slab);
-    counts->slabs++;
+        take_share(j, t->front_bin, t->back_bin, (float)j->view.slab_mm / (half ? 2 : 1), t->share, visible, &slab);
+    m->group->counts->slabs++;
     if (lit) {
         const wf weight = wf_mul(s->left, slab.alpha);
         const wmask significant = wmask_and(visible, wf_gt(weight, wf_of(j->min_shaded_weight)));
@@ -139,7 +135,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
         if (wmask_any(significant)) {
             const Gradient *end[2];
             find_gradients(m, b, t, light, end);
-            const LitShares shares = lit_shares(t->light, t->front_bin, t->back_bin);
+            const LitShares shares = lit_shares(j->light, t->front_bin, t->back_bin);
             find_openness(m, b, t->slab, false, light);
             const wf open[2] = {wf_lerp(light->open[0], light->open[1], t->from),
                                 wf_lerp(light->open[0], light->open[1], t->to)};
@@ -147,7 +143,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
             shade_slab(j, end, &shares, open, significant, &slab, &second_difference);
             const wf weighted = wf_select(significant, wf_mul(weight, second_difference), wf_of(0));
             light->light_changes = wf_mul_add(weighted, weighted, light->light_changes);
-            counts->lit++;
+            m->group->counts->lit++;
         } else {
             wf colour, none;
             find_openness(m, b, t->slab, true, light);
@@ -162,9 +158,36 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
     CTS_INVARIANT(!wmask_any(wf_lt(s->left, wf_of(0))) &&
                   !wmask_any(wf_gt(s->left, before))); /* transmittance never rises */
     if (j->want_depth)
-        note_depth(m, b, t, before, visible, x, y, s);
+        note_depth(m, b, t, before, visible, s);
     s->alive = wmask_and(s->alive, wf_gt(s->left, wf_of(j->min_transmittance)));
     return wmask_and(visible, wf_gt(alpha, sheets_unpack(wi_of(0)))); /* a table's 0 is not quite 0 */
+}
+
+/* Composites a slab as a whole or its halves, by samples from number `first` on. clip: the part of it that lies in the
+ * volume; NULL: all of it. Result: the visible lanes. */
+INLINE wmask composite_slab(const March *m, const Block *b, int slab, const SheetSamples *k, int first,
+                            const Clip *clip, const bool half, const bool lit, State *s, SlabShading *light)
+{
+    wmask visible = wmask_of_bits(0);
+    for (int part = 0; part <= half; part++) {
+        const int front = first + part, back = half ? front + 1 : front + 2;
+        const wf share = clip ? clip->share : wf_of(1), length = wf_times(share, half ? 0.5f : 1);
+        const wf from = clip ? wf_mul_add(length, wf_of((float)part), clip->from) : wf_of(0.5f * (float)part);
+        const SlabPart t = {slab,
+                            k->value[front],
+                            k->value[back],
+                            k->bin[front],
+                            k->bin[back],
+                            from,
+                            wf_add(from, length),
+                            share,
+                            clip    ? CLIPPED
+                            : !half ? WHOLE
+                            : part  ? BACK_HALF
+                                    : FRONT_HALF};
+        visible = wmask_or(visible, composite_slab_part(m, b, &t, half, lit, s, light));
+    }
+    return visible;
 }
 
 /* Compositing by slabs of twice the length, for the indicator. */
@@ -254,38 +277,19 @@ INLINE wf near_miss_of_sheets(const SheetsJob *j, const SheetSamples *k, int sla
 }
 
 INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, const bool half, const bool lit,
-                     const bool window, int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
+                     const bool window, State *s, SlabShading *light)
 {
     const SheetsJob *const j = m->job;
-    const float slab_mm = (float)j->view.slab_mm;
     const wmask before = s->alive;
     const wmask may = wmask_and(before, may_show(&j->bins, ws_max(k->highest[slab], k->highest[slab + 1]),
                                                  ws_min(k->lowest[slab], k->lowest[slab + 1])));
     wf near = wf_of(0);
     if (wmask_any(may)) {
-        wmask visible = wmask_of_bits(0);
         if (half) {
             sample_middle(m, b, slab, window, k);
-            counts->sheets += 2;
+            m->group->counts->sheets += 2;
         }
-        for (int part = 0; part <= half; part++) {
-            const int front = 2 * slab + part, back = half ? front + 1 : front + 2;
-            const SlabPart t = {slab,
-                                k->value[front],
-                                k->value[back],
-                                k->bin[front],
-                                k->bin[back],
-                                wf_of(0.5f * (float)part),
-                                wf_of(half ? 0.5f * (float)(part + 1) : 1),
-                                wf_of(1),
-                                !half  ? WHOLE
-                                : part ? BACK_HALF
-                                       : FRONT_HALF,
-                                half ? slab_mm / 2 : slab_mm,
-                                j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1],
-                                j->light};
-            visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
-        }
+        const wmask visible = composite_slab(m, b, slab, k, 2 * slab, NULL, half, lit, s, light);
         const wmask invisible = wmask_and(may, wmask_not(visible));
         if (j->near)
             near = half ? near_miss_of_three(j, k, 2 * slab, invisible) : near_miss_of_sheets(j, k, slab, invisible);
@@ -298,7 +302,7 @@ INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, 
 }
 
 INLINE void run_inside(const March *m, const Block *b, SheetSamples *k, const bool half, const bool lit,
-                       const bool window, int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
+                       const bool window, State *s, SlabShading *light)
 {
     const SheetsJob *const j = m->job;
     ws highest = k->highest[0], lowest = k->lowest[0];
@@ -317,49 +321,29 @@ INLINE void run_inside(const March *m, const Block *b, SheetSamples *k, const bo
     if (lit) {
 #pragma GCC unroll 1
         for (int i = 0; i < SHEETS_BLOCK; i++)
-            run_slab(m, b, k, i, half, lit, window, x, y, s, light, counts);
+            run_slab(m, b, k, i, half, lit, window, s, light);
     } else {
 #pragma GCC unroll 4
         for (int i = 0; i < SHEETS_BLOCK; i++)
-            run_slab(m, b, k, i, half, lit, window, x, y, s, light, counts);
+            run_slab(m, b, k, i, half, lit, window, s, light);
     }
 }
 
-OUTLINE void run_partial(const March *m, const Block *b, const bool half, const bool lit, int x, int y, State *s,
-                         SlabShading *light, SheetsCounts *counts)
+OUTLINE void run_partial(const March *m, const Block *b, const bool half, const bool lit, State *s, SlabShading *light)
 {
     const SheetsJob *const j = m->job;
-    const float slab_mm = (float)j->view.slab_mm;
     for (int i = 0; i < b->n && wmask_any(s->alive); i++) {
-        const Clip clip = clip_slab(m, b, i, x, y);
+        const Clip clip = clip_slab(m, b, i);
         const wmask lanes = wmask_and(s->alive, wf_gt(clip.share, wf_of(0)));
         if (!wmask_any(lanes))
             continue;
         const SheetSamples p = sample_partial(m, b, i, &clip);
-        wmask visible = wmask_of_bits(0);
-        counts->sheets += 3;
-        for (int k = 0; k <= half; k++) {
-            const int front = k, back = half ? k + 1 : 2;
-            const wf length = wf_times(clip.share, half ? 0.5f : 1);
-            const wf from = wf_mul_add(length, wf_of((float)k), clip.from);
-            const SlabPart t = {i,
-                                p.value[front],
-                                p.value[back],
-                                p.bin[front],
-                                p.bin[back],
-                                from,
-                                wf_add(from, length),
-                                clip.share,
-                                CLIPPED,
-                                half ? slab_mm / 2 : slab_mm,
-                                j->opacity[half ? 0 : 1],
-                                j->light};
-            visible = wmask_or(visible, composite_slab_part(m, b, &t, lit, x, y, s, light, counts));
-        }
+        m->group->counts->sheets += 3;
+        const wmask visible = composite_slab(m, b, i, &p, 0, &clip, half, lit, s, light);
         if (!j->near)
             continue;
         Slab coarse = look_up_slab(j->opacity[1], p.bin[0], p.bin[2]);
-        take_share(j, p.bin[0], p.bin[2], slab_mm, clip.share, lanes, &coarse);
+        take_share(j, p.bin[0], p.bin[2], (float)j->view.slab_mm, clip.share, lanes, &coarse);
         blend(s->coarse_rgb, &s->coarse_left, &coarse, wmask_and(lanes, visible_between(&j->bins, p.bin[0], p.bin[2])));
         advance_missed(s, near_miss_of_three(j, &p, 0, wmask_and(lanes, wmask_not(visible))));
     }
@@ -396,7 +380,7 @@ OUTLINE void place_block(const March *m, Block *b)
 }
 
 INLINE void run_block(const March *m, const Block *b, SheetSamples *k, const bool half, const bool lit,
-                      const bool window, int x, int y, State *s, SlabShading *light, SheetsCounts *counts)
+                      const bool window, State *s, SlabShading *light)
 {
     if (k->last_sheet == b->sheet) {
         k->value[0] = k->value[2 * SHEETS_BLOCK];
@@ -405,24 +389,23 @@ INLINE void run_block(const March *m, const Block *b, SheetSamples *k, const boo
         k->lowest[0] = k->lowest[SHEETS_BLOCK];
     } else {
         sample_sheet(m, b, 0, window, k);
-        counts->sheets++;
+        m->group->counts->sheets++;
     }
 #pragma GCC unroll 4
     for (int i = 1; i <= SHEETS_BLOCK; i++)
         sample_sheet(m, b, i, window, k);
-    counts->sheets += SHEETS_BLOCK;
+    m->group->counts->sheets += SHEETS_BLOCK;
     k->last_sheet = b->sheet + SHEETS_BLOCK * m->job->view.step;
-    run_inside(m, b, k, half, lit, window, x, y, s, light, counts);
+    run_inside(m, b, k, half, lit, window, s, light);
 }
 
 /* A block in which voxels are gathered though windows are loaded elsewhere, near the end of the volume: it is compiled
  * once, with samples and a state of its own, so that those of the others can be in registers. */
-OUTLINE void run_last_block(const March *m, const Block *b, int x, int y, State *s, SlabShading *light,
-                            SheetsCounts *counts)
+OUTLINE void run_last_block(const March *m, const Block *b, State *s, SlabShading *light)
 {
     SheetSamples samples;
     start_samples(&samples);
-    run_block(m, b, &samples, m->job->half, m->job->shade, false, x, y, s, light, counts);
+    run_block(m, b, &samples, m->job->half, m->job->shade, false, s, light);
 }
 
 /* Prefetch of a block's windows while another is rendered: its rows lie a row or a layer of voxels apart, further than
@@ -495,14 +478,14 @@ INLINE int front_bit(unsigned bits, int step)
     return step > 0 ? __builtin_ctz(bits) : 31 - __builtin_clz(bits);
 }
 
-INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, const uint64_t *visible, const bool half,
-                  const bool lit, const int window_rows, SheetsPixels *out, SheetsCounts *counts)
+INLINE void march(const SheetsGroup *g, const bool half, const bool lit, const int window_rows, SheetsPixels *out)
 {
+    const SheetsJob *const j = g->job;
     const SheetsView *const v = &j->view;
-    March m = {.job = j, .grid = grid, .window_rows = window_rows};
+    March m = {.job = j, .grid = g->grid, .group = g, .window_rows = window_rows};
     int64_t first[2], along[2];
     for (int c = 0; c < 2; c++) {
-        first[c] = llrint((v->origin[c] + x * v->right[c] + y * v->down[c]) * 0x1p32) + grid->corner[c];
+        first[c] = llrint((v->origin[c] + g->x * v->right[c] + g->y * v->down[c]) * 0x1p32) + g->grid->corner[c];
         along[c] = llrint(v->shear[c] * 0x1p32);
         m.shear[c] = v->step * along[c];
     }
@@ -514,14 +497,14 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
     start_shading(&light);
     start_samples(&samples);
     const int n_chunks = (j->blocks->n_layers + SHEETS_LANES - 1) / SHEETS_LANES;
-    const int side = (SHEETS_SIDE - 1) * grid->pitch;
-    const Shaft shaft = shaft_of(v, (const int[]){x, x + side}, (const int[]){y, y + side});
-    const Block span = span_of(&m, visible, first, along);
+    const int side = (SHEETS_SIDE - 1) * g->grid->pitch;
+    const Shaft shaft = shaft_of(v, (const int[]){g->x, g->x + side}, (const int[]){g->y, g->y + side});
+    const Block span = span_of(&m, g->visible, first, along);
     const bool all_inside = span.inside && span.window && (span.lit_inside || !j->shade);
-    counts->groups++;
+    g->counts->groups++;
     for (int i = 0; i < n_chunks && wmask_any(s.alive); i++) {
         const int first_layer = SHEETS_LANES * (v->step > 0 ? i : n_chunks - 1 - i);
-        unsigned bits = (unsigned)(visible[first_layer / 64] >> first_layer % 64) & ((1U << SHEETS_LANES) - 1);
+        unsigned bits = (unsigned)(g->visible[first_layer / 64] >> first_layer % 64) & ((1U << SHEETS_LANES) - 1);
         if (bits)
             bits = visible_layers(j, &shaft, first_layer, bits);
         while (bits && wmask_any(s.alive)) {
@@ -544,15 +527,15 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
             }
             if (!b.inside) {
                 State partial = s; /* a copy, so that the march's own state can be in registers */
-                run_partial(&m, &b, half, lit, x, y, &partial, &light, counts);
+                run_partial(&m, &b, half, lit, &partial, &light);
                 s = partial;
             } else if (window_rows > 0 && !b.window) {
                 State last = s;
-                run_last_block(&m, &b, x, y, &last, &light, counts);
+                run_last_block(&m, &b, &last, &light);
                 s = last;
                 samples.last_sheet = NO_SHEET;
             } else {
-                run_block(&m, &b, &samples, half, lit, window_rows > 0, x, y, &s, &light, counts);
+                run_block(&m, &b, &samples, half, lit, window_rows > 0, &s, &light);
             }
         }
     }
@@ -563,29 +546,20 @@ INLINE void march(const SheetsJob *j, const SheetsGrid *grid, int x, int y, cons
 
 /* A march for windows of so many rows (0: voxels are gathered), compiled four times: with and without half-sheets and
  * light. */
-#define SHEETS_MARCH_ARGUMENTS                                                                                         \
-    const SheetsJob *j, const SheetsGrid *g, int x, int y, const uint64_t *visible, SheetsPixels *out,                 \
-        SheetsCounts *counts
+#define SHEETS_MARCH_OF(name, half, lit, rows)                                                                         \
+    OUTLINE void name(const SheetsGroup *g, SheetsPixels *out)                                                         \
+    {                                                                                                                  \
+        march(g, half, lit, rows, out);                                                                                \
+    }
 #define SHEETS_MARCH(name, rows)                                                                                       \
-    OUTLINE void name##_whole(SHEETS_MARCH_ARGUMENTS)                                                                  \
+    SHEETS_MARCH_OF(name##_whole, false, false, rows)                                                                  \
+    SHEETS_MARCH_OF(name##_half, true, false, rows)                                                                    \
+    SHEETS_MARCH_OF(name##_lit, false, true, rows)                                                                     \
+    SHEETS_MARCH_OF(name##_half_lit, true, true, rows)                                                                 \
+    static void name(const SheetsGroup *g, SheetsPixels *out)                                                          \
     {                                                                                                                  \
-        march(j, g, x, y, visible, false, false, rows, out, counts);                                                   \
-    }                                                                                                                  \
-    OUTLINE void name##_half(SHEETS_MARCH_ARGUMENTS)                                                                   \
-    {                                                                                                                  \
-        march(j, g, x, y, visible, true, false, rows, out, counts);                                                    \
-    }                                                                                                                  \
-    OUTLINE void name##_lit(SHEETS_MARCH_ARGUMENTS)                                                                    \
-    {                                                                                                                  \
-        march(j, g, x, y, visible, false, true, rows, out, counts);                                                    \
-    }                                                                                                                  \
-    OUTLINE void name##_half_lit(SHEETS_MARCH_ARGUMENTS)                                                               \
-    {                                                                                                                  \
-        march(j, g, x, y, visible, true, true, rows, out, counts);                                                     \
-    }                                                                                                                  \
-    static void name(SHEETS_MARCH_ARGUMENTS)                                                                           \
-    {                                                                                                                  \
-        (j->half    ? j->shade ? name##_half_lit : name##_half                                                         \
-         : j->shade ? name##_lit                                                                                       \
-                    : name##_whole)(j, g, x, y, visible, out, counts);                                                 \
+        if (g->job->half)                                                                                              \
+            (g->job->shade ? name##_half_lit : name##_half)(g, out);                                                   \
+        else                                                                                                           \
+            (g->job->shade ? name##_lit : name##_whole)(g, out);                                                       \
     }

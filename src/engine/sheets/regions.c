@@ -40,11 +40,12 @@ static void march_group(const Picturing *p, SheetsWorker *w, SheetsPatch *patch,
 {
     SheetsPixels pixels;
     f32x4 rgba[SHEETS_LANES];
-    p->job->kernels->march(p->job, patch->grid, patch->x0 + i * patch->grid->pitch, patch->y0 + j * patch->grid->pitch,
-                           visible, &pixels, &w->counts);
+    const int pitch = patch->grid->pitch;
+    const SheetsGroup group = {p->job, patch->grid, patch->x0 + i * pitch, patch->y0 + j * pitch, visible, &w->counts};
+    p->job->kernels->march(&group, &pixels);
     for (int l = 0; l < SHEETS_LANES; l += SHEETS_SIDE)
         take_row(&pixels, l, rgba + l);
-    cts_sheets_store(patch, i, j, rgba, pixels.indicator);
+    sheets_store(patch, i, j, rgba, pixels.indicator);
     for (int l = 0; patch->depth_mm && l < SHEETS_LANES; l++) {
         const int x = i + l % SHEETS_SIDE, y = j + l / SHEETS_SIDE;
         if (x < patch->width && y < patch->height)

@@ -44,6 +44,7 @@ typedef struct Rows {
 typedef struct March {
     const SheetsJob *job;
     const SheetsGrid *grid;
+    const SheetsGroup *group;
     int window_rows;  /* rows of a window that are loaded whole, 4 to 8; 0: voxels are gathered */
     int64_t shear[2]; /* of the corner, from sheet to sheet, front to back; 32 bits of fraction */
 } March;
@@ -273,12 +274,14 @@ INLINE wf sample_at(const March *m, const Lanes *front, const Lanes *back, wf sh
 }
 
 /* Millimetres along the rays where they meet a sheet, from the plane through the view's centre. */
-INLINE wf mm_at(const SheetsView *v, const SheetsGrid *g, int x, int y, int sheet)
+INLINE wf mm_at(const March *m, int sheet)
 {
+    const SheetsView *const v = &m->job->view;
+    const int x = m->group->x, y = m->group->y, pitch = m->grid->pitch;
     float lane[SHEETS_LANES];
     for (int l = 0; l < SHEETS_LANES; l++)
-        lane[l] = (float)(v->start_mm + (x + g->pitch * (l % SHEETS_SIDE)) * v->start_right_mm +
-                          (y + g->pitch * (l / SHEETS_SIDE)) * v->start_down_mm + sheet * v->start_sheet_mm);
+        lane[l] = (float)(v->start_mm + (x + pitch * (l % SHEETS_SIDE)) * v->start_right_mm +
+                          (y + pitch * (l / SHEETS_SIDE)) * v->start_down_mm + sheet * v->start_sheet_mm);
     return wf_load(lane);
 }
 
@@ -287,18 +290,16 @@ typedef struct Clip {
     wf from, share;
 } Clip;
 
-OUTLINE Clip clip_slab(const March *m, const Block *b, int slab, int x, int y)
+OUTLINE Clip clip_slab(const March *m, const Block *b, int slab)
 {
     const SheetsView *const v = &m->job->view;
     const Lanes front = lanes_at(m, corner_at(m, b, slab)), back = lanes_at(m, corner_at(m, b, slab + 1));
     wf from = wf_of(0), to = wf_of(1);
     for (int c = 0; c < 2; c++)
         clip(front.at[c], back.at[c], 0, (float)(v->n[c] - 1), &from, &to);
-    if (v->near_mm > -INFINITY || v->far_mm < INFINITY) {
-        const int sheet = b->sheet + slab * v->step;
-        clip(mm_at(v, m->grid, x, y, sheet), mm_at(v, m->grid, x, y, sheet + v->step), (float)v->near_mm,
-             (float)v->far_mm, &from, &to);
-    }
+    const int sheet = b->sheet + slab * v->step;
+    if (!m->job->all_depths)
+        clip(mm_at(m, sheet), mm_at(m, sheet + v->step), (float)v->near_mm, (float)v->far_mm, &from, &to);
     return (Clip){from, wf_max(wf_sub(to, from), wf_of(0))};
 }
 

@@ -23,7 +23,7 @@ static void free_cache(void *cache)
     cts_sheets_transfer_free(&k->transfer);
     for (int i = 0; i < 3; i++) {
         cts_sheets_opacity_free(&k->opacity[i]);
-        cts_sheets_void_free(&k->blocks[i]);
+        cts_free(&k->blocks[i].bits);
     }
     free(k);
 }
@@ -56,6 +56,35 @@ static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, CtsEngineLev
     return CTS_OK;
 }
 
+/* The blocks of 4^3 cells that may be visible, across axis p. */
+static CtsStatus void_init(SheetsVoid *v, const CtsMacrocells *m, const CtsLut *lut, int p, CtsError *err)
+{
+    const int a = p == 0, b = p == 2 ? 1 : 2;
+    const size_t stride[3] = {1, (size_t)m->n_fine[0], (size_t)m->n_fine[0] * (size_t)m->n_fine[1]};
+    CtsStatus st;
+    *v = (SheetsVoid){.n = {m->n_fine[a], m->n_fine[b]},
+                      .n_layers = m->n_fine[p],
+                      .row_words = (m->n_fine[a] + SHEETS_WORD_STEP - 1) / SHEETS_WORD_STEP};
+    const size_t rows = (size_t)v->n[1] * (size_t)v->n_layers;
+    if ((st = cts_alloc_zeroed(&v->bits, rows * (size_t)v->row_words, err)))
+        return st;
+    for (size_t layer = 0; layer < (size_t)v->n_layers; layer++)
+        for (size_t j = 0; j < (size_t)v->n[1]; j++) {
+            uint32_t *const row = v->bits + (layer * (size_t)v->n[1] + j) * (size_t)v->row_words;
+            for (size_t i = 0; i < (size_t)v->n[0]; i++) {
+                const CtsRange r = m->fine[layer * stride[p] + j * stride[b] + i * stride[a]];
+                const size_t word = i / SHEETS_WORD_STEP, bit = i % SHEETS_WORD_STEP;
+                if (!cts_lut_visible(lut, r.low, r.high))
+                    continue;
+                v->n_visible++;
+                row[word] |= UINT32_C(1) << bit;
+                if (word > 0)
+                    row[word - 1] |= UINT32_C(1) << (bit + SHEETS_WORD_STEP);
+            }
+        }
+    return CTS_OK;
+}
+
 /* *grey: voxels as the view needs them. */
 static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const uint16_t **grey, CtsReport *report,
                              CtsError *err)
@@ -65,7 +94,7 @@ static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const uint16
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     CtsStatus st = CTS_OK;
     if (!k->blocks[p].bits) {
-        st = cts_sheets_void_init(&k->blocks[p], m, scene->lut, p, err);
+        st = void_init(&k->blocks[p], m, scene->lut, p, err);
         k->blocks_frame[p] = scene->frame;
     } else if (k->blocks_frame[p] != scene->frame) {
         cts_report_skip(report, "blocks that may be visible", "made for an earlier frame");
@@ -188,10 +217,11 @@ static void report_counts(const SheetsCounts *c, const SheetsVoid *blocks, const
                     (unsigned long long)c->lit, (unsigned long long)c->void_tiles, (unsigned long long)c->tiles);
     cts_report_stage(report, CTS_STAGE_SPLAT, wall_ms, cpu_ms, c->sheets, c->sheets * SHEETS_LANES * 8);
     if (report) {
+        const double share = (double)blocks->n_visible / ((double)blocks->n[0] * blocks->n[1] * blocks->n_layers);
         CtsVoxelCounts *const v = &report->voxels;
         v->known = true;
         v->total = cts_volume_n_voxels(scene->volume);
-        v->splatted = (uint64_t)((double)v->total * cts_sheets_visible_share(blocks));
+        v->splatted = (uint64_t)((double)v->total * share);
         v->void_voxels = v->total - v->splatted;
     }
 }

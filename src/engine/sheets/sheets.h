@@ -132,11 +132,18 @@ typedef struct SheetsPixels {
     float indicator[SHEETS_LANES];
 } SheetsPixels;
 
+/* A group to be marched. */
+typedef struct SheetsGroup {
+    const SheetsJob *job;
+    const SheetsGrid *grid;
+    int x, y;                /* its first pixel */
+    const uint64_t *visible; /* a bit a block of slabs that may show something */
+    SheetsCounts *counts;
+} SheetsGroup;
+
 /* The kernels of one SIMD path. */
 typedef struct SheetsKernels {
-    /* March a group whose first pixel is (x, y). visible: a bit a block of slabs that may show something. */
-    void (*march)(const SheetsJob *job, const SheetsGrid *grid, int x, int y, const uint64_t *visible,
-                  SheetsPixels *pixels, SheetsCounts *counts);
+    void (*march)(const SheetsGroup *group, SheetsPixels *pixels);
     /* Bits of the layers of blocks that may be visible to pixels x[0] to x[1], y[0] to y[1]; of those that `of` has
      * (NULL: all). True where there are any. */
     bool (*find_visible)(const SheetsJob *job, const int x[2], const int y[2], const uint64_t *of, uint64_t *bits);
@@ -160,11 +167,6 @@ void cts_sheets_opacity_free(SheetsOpacity *opacity);
 void cts_sheets_view_init(SheetsView *view, const CtsView *camera, const uint16_t *grey);
 void cts_sheets_grid_init(SheetsGrid *grid, const SheetsView *view, int pitch);
 
-CtsStatus cts_sheets_void_init(SheetsVoid *blocks, const CtsMacrocells *macrocells, const CtsLut *lut, int p,
-                               CtsError *err);
-/* Visible blocks as a share of all. */
-double cts_sheets_visible_share(const SheetsVoid *blocks);
-void cts_sheets_void_free(SheetsVoid *blocks);
 static inline int cts_sheets_words(int n_layers)
 {
     return (n_layers + 63) / 64;

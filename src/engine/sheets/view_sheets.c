@@ -15,9 +15,8 @@ static double margin_of(const SheetsView *v, int width, int height)
 
 void cts_sheets_view_init(SheetsView *v, const CtsView *camera, const uint16_t *grey)
 {
-    static const int within[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     const int *const d = camera->dims;
-    const int p = camera->axis, a = within[p][0], b = within[p][1];
+    const int p = camera->axis, a = p == 0, b = p == 2 ? 1 : 2;
     const ptrdiff_t plane = (ptrdiff_t)d[0] * d[1];
     /* Voxels from one to the next along each axis; of the transposed copy, x and y exchanged. */
     const ptrdiff_t stride[3] = {p == 0 ? d[1] : 1, p == 0 ? 1 : d[0], plane};
