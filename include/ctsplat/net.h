@@ -75,14 +75,12 @@ typedef struct CtsFetched {
     int lock;     /* lock that marks the folder as in use */
 } CtsFetched;
 
-/* Fetches the CT images of a study, or of one of its series (series_uid not NULL), as files in a folder that only this
- * user can read, under names independent of the peer. CTS_ERR_READ when nothing arrives, or more than the limits allow.
- * Remove the folder with cts_net_fetched_remove() in any case. */
-CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
-                        CtsFetched *fetched, CtsReport *report, CtsError *err);
-/* The same for a series that a query has found. CTS_ERR_READ when an object's PatientID contradicts the query. */
-CtsStatus cts_net_fetch_found(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query,
-                              const CtsFoundSeries *series, CtsFetched *fetched, CtsReport *report, CtsError *err);
+/* Fetches the CT images of the study wanted, or of one of its series (series_uid not NULL), as files in a folder that
+ * only this user can read, under names independent of the peer. CTS_ERR_READ when nothing arrives, or more than the
+ * limits allow, or when an object's PatientID contradicts patient_id; other keys do not matter. Remove the folder with
+ * cts_net_fetched_remove() in any case. */
+CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted, CtsFetched *fetched,
+                        CtsReport *report, CtsError *err);
 
 /* Removes the folder with its contents; does nothing when there is none. */
 void cts_net_fetched_remove(CtsFetched *fetched);

@@ -66,7 +66,9 @@ static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsB
         const CtsFoundSeries *s = &found->items[i];
         CtsFetched fetched;
         CtsOptions one = *options;
-        st = cts_net_fetch_found(&options->from.peer, &options->net, &options->find, s, &fetched, report, err);
+        const CtsSeriesQuery wanted = {
+            .study_uid = s->study_uid, .series_uid = s->series_uid, .patient_id = options->find.patient_id};
+        st = cts_net_fetch(&options->from.peer, &options->net, &wanted, &fetched, report, err);
         if (!st) {
             one.paths = (CtsTextList){(const char **)&fetched.folder, 1};
             st = run_batch(&one, lists, report, all, err);

@@ -52,8 +52,7 @@ static CtsStatus find_series_of_source(const CtsSource *source, CtsLoaded *loade
     CtsStatus st;
     const char *const *paths = source->from ? (const char *const *)&loaded->fetched.folder : source->paths;
     const int n_paths = source->from ? 1 : source->n_paths;
-    if (source->from && (st = cts_net_fetch(source->from, source->net, source->study_uid, source->peer_series_uid,
-                                            &loaded->fetched, report, err)))
+    if (source->from && (st = cts_net_fetch(source->from, source->net, source->fetched, &loaded->fetched, report, err)))
         return cts_context(err, "`from`");
     const CtsSeriesSearch search = {
         .paths = paths, .n_paths = n_paths, .n_threads = source->n_threads, .rules = source->rules};

@@ -27,11 +27,11 @@ enum { CTS_SMOOTH_AUTO = -1, CTS_SMOOTH_NOISE_MM = 1 };
 typedef struct CtsSource {
     const char *const *paths;
     int n_paths;
-    const CtsPeer *from;                     /* fetch instead of looking at paths; NULL: no */
-    const CtsNet *net;                       /* settings of the connection */
-    const char *study_uid, *peer_series_uid; /* UIDs to fetch; peer_series_uid NULL: all series of the study */
-    const char *series_uid;                  /* NULL: the one with the most slices */
-    const char *const *labels;               /* n_labels label files, folders, or "auto" */
+    const CtsPeer *from;           /* fetch instead of looking at paths; NULL: no */
+    const CtsNet *net;             /* settings of the connection */
+    const CtsSeriesQuery *fetched; /* the study or series to fetch */
+    const char *series_uid;        /* NULL: the one with the most slices */
+    const char *const *labels;     /* n_labels label files, folders, or "auto" */
     int n_labels;
     bool labels_listed;                /* paths contains all label files that "auto" may use */
     const CtsArchives *archives;       /* zip files among the paths; or NULL */

@@ -12,8 +12,7 @@ CtsSource cts_options_source(const CtsOptions *options)
     source.n_paths = options->paths.n;
     source.from = options->from.given ? &options->from.peer : NULL;
     source.net = &options->net;
-    source.study_uid = options->find.study_uid;
-    source.peer_series_uid = options->find.series_uid;
+    source.fetched = &options->find;
     source.labels = options->labels.items;
     source.n_labels = options->labels.n;
     source.choice.appearances = options->label_appearances.items;

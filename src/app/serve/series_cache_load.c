@@ -137,7 +137,8 @@ static CtsStatus find_on_demand(const CtsSeriesCache *cache, const CtsSource *so
         }
     if (st && o->from.given) {
         cts_loaded_free(&s->loaded);
-        st = cts_net_fetch(&o->from.peer, &o->net, s->study_uid, s->uid, &s->loaded.fetched, report, err);
+        const CtsSeriesQuery wanted = {.study_uid = s->study_uid, .series_uid = s->uid};
+        st = cts_net_fetch(&o->from.peer, &o->net, &wanted, &s->loaded.fetched, report, err);
         if (!st)
             st = look_in(s->loaded.fetched.folder, source, s, report, err);
     }

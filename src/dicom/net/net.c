@@ -12,7 +12,8 @@
 #include <strings.h>
 #include <time.h>
 
-CtsNet cts_net_with_defaults(const CtsNet *net)
+/* Replaces 0 and NULL by the defaults of the header. */
+static CtsNet with_defaults(const CtsNet *net)
 {
     CtsNet full = *net;
     full.own_aet = net->own_aet ? net->own_aet : "CTSPLAT";
@@ -32,14 +33,13 @@ static CtsStatus check_credentials(const CtsPeer *peer, const CtsNet *net, CtsEr
                     "%.200s: credentials do not go over plain http (give an https URL, or `insecure-http`)", peer->url);
 }
 
-CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *given, CtsError *err)
+CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *net, CtsError *err)
 {
-    const CtsNet net = cts_net_with_defaults(given);
-    if (!cts_aet_is_valid(net.own_aet, strlen(net.own_aet)))
-        return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net.own_aet);
-    if (!net.tls_key != !net.tls_certificate)
+    if (net->own_aet && !cts_aet_is_valid(net->own_aet, strlen(net->own_aet)))
+        return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net->own_aet);
+    if (!net->tls_key != !net->tls_certificate)
         return cts_fail(err, CTS_ERR_USAGE, "a TLS key and its certificate must be given together");
-    return peer ? check_credentials(peer, &net, err) : CTS_OK;
+    return peer ? check_credentials(peer, net, err) : CTS_OK;
 }
 
 /* Sleeps in intervals of 50 ms, to react at once to a request to stop. */
@@ -73,7 +73,7 @@ static CtsStatus fail_unsent(const CtsPeer *peer, const CtsNet *net, const CtsOu
 CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *const *paths, int n_paths, int *n_sent,
                        CtsError *err)
 {
-    const CtsNet net = cts_net_with_defaults(given);
+    const CtsNet net = with_defaults(given);
     CtsAttempt result = {.again = true};
     CtsOutgoingFile *const files = calloc((size_t)n_paths + 1, sizeof *files);
     CtsStatus st = files ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -166,11 +166,10 @@ static CtsStatus check_uids(const CtsSeriesQuery *q, CtsError *err)
     return CTS_OK;
 }
 
-/* Of the study that is wanted, or its series, if its patient is the wanted one. */
-static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, const CtsSeriesQuery *wanted, CtsFetched *fetched,
-                       CtsReport *report, CtsError *err)
+CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const CtsSeriesQuery *wanted, CtsFetched *fetched,
+                        CtsReport *report, CtsError *err)
 {
-    CtsNet net = cts_net_with_defaults(given);
+    CtsNet net = with_defaults(given);
     const CtsSeriesQuery uids = {.study_uid = wanted->study_uid, .series_uid = wanted->series_uid};
     net.report = report;
     *fetched = (CtsFetched){.lock = -1};
@@ -195,20 +194,6 @@ static CtsStatus fetch(const CtsPeer *peer, const CtsNet *given, const CtsSeries
     if (st)
         cts_net_fetched_remove(fetched);
     return st;
-}
-
-CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
-                        CtsFetched *fetched, CtsReport *report, CtsError *err)
-{
-    return fetch(peer, net, &(CtsSeriesQuery){.study_uid = study_uid, .series_uid = series_uid}, fetched, report, err);
-}
-
-CtsStatus cts_net_fetch_found(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query,
-                              const CtsFoundSeries *series, CtsFetched *fetched, CtsReport *report, CtsError *err)
-{
-    const CtsSeriesQuery wanted = {
-        .study_uid = series->study_uid, .series_uid = series->series_uid, .patient_id = query->patient_id};
-    return fetch(peer, net, &wanted, fetched, report, err);
 }
 
 /* A query value is sent unchanged: one value, within the length limit of all these attributes. */
@@ -250,7 +235,7 @@ static void keep_modalities(CtsFound *found, const char *list)
 CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeriesQuery *query, CtsFound *found,
                        CtsError *err)
 {
-    const CtsNet net = cts_net_with_defaults(given);
+    const CtsNet net = with_defaults(given);
     CtsStatus st;
     *found = (CtsFound){0};
     if ((st = cts_net_check(peer, given, err)) || (st = check_query(query, err)))

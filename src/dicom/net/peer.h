@@ -76,8 +76,6 @@ CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSer
 CtsStatus cts_program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                            CtsError *err);
 
-/* Replaces 0 and NULL by the defaults of the header. */
-CtsNet cts_net_with_defaults(const CtsNet *net);
 bool cts_net_stopped(const CtsNet *net);
 
 CTS_C_END
