@@ -1,6 +1,5 @@
 /* Letters and a scale bar drawn into a picture. */
-#ifndef CTSPLAT_ANNOTATE_H
-#define CTSPLAT_ANNOTATE_H
+#pragma once
 
 #include "ctsplat/picture.h"
 #include "ctsplat/status.h"
@@ -31,4 +30,3 @@ CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries
                               int *n_left_out, CtsError *err);
 
 CTS_API_END
-#endif

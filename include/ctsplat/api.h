@@ -1,6 +1,5 @@
 /* Macros around declarations: C linkage in C++, and export of those between CTS_API_BEGIN and CTS_API_END. */
-#ifndef CTSPLAT_API_H
-#define CTSPLAT_API_H
+#pragma once
 
 #ifdef __cplusplus
 #define CTS_C_BEGIN extern "C" {
@@ -11,5 +10,3 @@
 #endif
 #define CTS_API_BEGIN CTS_C_BEGIN _Pragma("GCC visibility push(default)")
 #define CTS_API_END _Pragma("GCC visibility pop") CTS_C_END
-
-#endif

@@ -1,6 +1,5 @@
 /* Ranges of settings, the single source for callers, options, help and messages. */
-#ifndef CTSPLAT_BOUNDS_H
-#define CTSPLAT_BOUNDS_H
+#pragma once
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -46,4 +45,3 @@ const CtsBounds *cts_setting_bounds(CtsSetting setting);
 CtsStatus cts_setting_check(CtsSetting setting, double value, CtsError *err);
 
 CTS_API_END
-#endif

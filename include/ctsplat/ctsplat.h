@@ -1,7 +1,6 @@
 /* The whole C interface of ctsplat; the shared library exports the declarations of these headers. man/example.c renders
  * a folder in 30 lines. Messages write the names of settings as `max_error`. */
-#ifndef CTSPLAT_CTSPLAT_H
-#define CTSPLAT_CTSPLAT_H
+#pragma once
 
 #include "ctsplat/annotate.h"
 #include "ctsplat/bounds.h"
@@ -22,5 +21,3 @@
 #include "ctsplat/status.h"
 #include "ctsplat/table.h"
 #include "ctsplat/volume.h"
-
-#endif

@@ -1,6 +1,5 @@
 /* Diagnostics: notes, warnings, and reasons of refusals, each a row of one table with its code and its severity. */
-#ifndef CTSPLAT_DIAGNOSTIC_H
-#define CTSPLAT_DIAGNOSTIC_H
+#pragma once
 
 #include "ctsplat/api.h"
 #include <stddef.h>
@@ -141,4 +140,3 @@ const CtsDiagnostic *cts_diagnostics_find(const CtsDiagnostics *diagnostics, Cts
 void cts_diagnostics_free(CtsDiagnostics *diagnostics);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Pictures to and from files. The file name's ending picks the format. */
-#ifndef CTSPLAT_EXPORT_H
-#define CTSPLAT_EXPORT_H
+#pragma once
 
 #include "ctsplat/picture.h"
 #include "ctsplat/report.h"
@@ -94,4 +93,3 @@ CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *
 CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* A render job given by options, and the call that runs it: options of `ctsplat render` give the same picture here. */
-#ifndef CTSPLAT_JOB_H
-#define CTSPLAT_JOB_H
+#pragma once
 
 #include "ctsplat/picture.h"
 #include "ctsplat/report.h"
@@ -55,4 +54,3 @@ const CtsScanned *cts_session_scanned(const CtsSession *session);
 const CtsSeries *cts_session_series(const CtsSession *session);
 
 CTS_API_END
-#endif

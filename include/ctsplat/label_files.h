@@ -1,6 +1,5 @@
 /* Label files of one series: DICOM Segmentations, RT Structure Sets, NIfTI label maps and folders of masks. */
-#ifndef CTSPLAT_LABEL_FILES_H
-#define CTSPLAT_LABEL_FILES_H
+#pragma once
 
 #include "ctsplat/labels.h"
 #include "ctsplat/report.h"
@@ -36,4 +35,3 @@ CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList 
 CtsStatus cts_labels_stamp(const char *path, const char *series_uid, const char *ct, char **stamp, CtsError *err);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Labels: sets of voxels of the scanned slices, and their statistics. */
-#ifndef CTSPLAT_LABELS_H
-#define CTSPLAT_LABELS_H
+#pragma once
 
 #include "ctsplat/model.h"
 #include "ctsplat/report.h"
@@ -135,4 +134,3 @@ CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice,
 const char *cts_model_label_colour(const CtsModel *model, size_t i, double rgb[3], int *number);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Tissue classes of a histogram, and grey levels that probably belong to tissue without visibility in a preset. */
-#ifndef CTSPLAT_MIXTURE_H
-#define CTSPLAT_MIXTURE_H
+#pragma once
 
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
@@ -73,4 +72,3 @@ enum { CTS_KEY_TEXT = 160 };
 void cts_void_key_text(const CtsVoidKey *key, char text[CTS_KEY_TEXT]);
 
 CTS_API_END
-#endif

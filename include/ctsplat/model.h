@@ -1,6 +1,5 @@
 /* A CT volume and what was found out about its voxels: the input of rendering. */
-#ifndef CTSPLAT_MODEL_H
-#define CTSPLAT_MODEL_H
+#pragma once
 
 #include "ctsplat/volume.h"
 
@@ -40,4 +39,3 @@ CtsStatus cts_model_interpolate(CtsModel *model, int n_parts, CtsInterpolation h
                                 CtsInterpolationCounts *made, CtsError *err);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Series from a PACS, pictures to one: DIMSE (C-GET, C-MOVE, C-STORE) or DICOMweb (WADO-RS, STOW-RS). */
-#ifndef CTSPLAT_NET_H
-#define CTSPLAT_NET_H
+#pragma once
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
@@ -86,4 +85,3 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQ
 void cts_net_fetched_remove(CtsFetched *fetched);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* A rendered picture in display values. */
-#ifndef CTSPLAT_PICTURE_H
-#define CTSPLAT_PICTURE_H
+#pragma once
 
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
@@ -69,4 +68,3 @@ typedef struct CtsDifference {
 CtsStatus cts_picture_compare(const CtsPicture *a, const CtsPicture *b, CtsDifference *difference, CtsError *err);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Presets: window, transfer function (values -> colour and opacity), lighting, blend mode, background. */
-#ifndef CTSPLAT_PRESET_H
-#define CTSPLAT_PRESET_H
+#pragma once
 
 #include "ctsplat/quantity.h"
 #include "ctsplat/status.h"
@@ -111,4 +110,3 @@ bool cts_preset_is_grey(const CtsPreset *preset, CtsMode mode);
 char *cts_preset_to_json(const CtsPreset *preset);
 
 CTS_API_END
-#endif

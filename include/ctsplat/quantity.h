@@ -1,6 +1,5 @@
 /* Quantities of volumes: the meaning and unit of their values; and modalities that volumes are of. */
-#ifndef CTSPLAT_QUANTITY_H
-#define CTSPLAT_QUANTITY_H
+#pragma once
 
 #include "ctsplat/status.h"
 
@@ -21,4 +20,3 @@ typedef enum CtsModality { CTS_MODALITY_CT, CTS_MODALITY_MR, CTS_MODALITY_PT, CT
 extern const char *const cts_modality_names[CTS_N_MODALITIES]; /* Modality (0008,0060) */
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Reference values of single pixels: the float64 reference ray caster, converged to 1e-7. */
-#ifndef CTSPLAT_REFERENCE_H
-#define CTSPLAT_REFERENCE_H
+#pragma once
 
 #include "ctsplat/model.h"
 #include "ctsplat/picture.h"
@@ -29,4 +28,3 @@ CtsStatus cts_reference_compare(const CtsReference *reference, const CtsPicture 
                                 CtsError *err);
 
 CTS_API_END
-#endif

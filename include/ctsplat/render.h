@@ -1,6 +1,5 @@
 /* A volume and a preset become a picture. */
-#ifndef CTSPLAT_RENDER_H
-#define CTSPLAT_RENDER_H
+#pragma once
 
 #include "ctsplat/model.h"
 #include "ctsplat/picture.h"
@@ -154,4 +153,3 @@ bool cts_render_change_settings(CtsRenderer *renderer, const CtsRenderSettings *
 void cts_render_end(CtsRenderer **renderer);
 
 CTS_API_END
-#endif

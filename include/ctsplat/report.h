@@ -2,8 +2,7 @@
  *
  * One CtsReport is passed through loading, rendering and export; each adds to it. The cli turns it into the timing log.
  * A report is not thread-safe: stages add to it outside parallel regions. */
-#ifndef CTSPLAT_REPORT_H
-#define CTSPLAT_REPORT_H
+#pragma once
 
 #include "ctsplat/diagnostic.h"
 #include <stdbool.h>
@@ -140,4 +139,3 @@ void cts_report_label(CtsReport *report, const CtsLabelFact *label);
 void cts_report_plan(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 CTS_API_END
-#endif

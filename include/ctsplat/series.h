@@ -1,6 +1,5 @@
 /* Series: found in folders from their headers alone, then loaded as a volume. */
-#ifndef CTSPLAT_SERIES_H
-#define CTSPLAT_SERIES_H
+#pragma once
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
@@ -261,4 +260,3 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile
                           CtsReport *report, CtsError *err);
 
 CTS_API_END
-#endif

@@ -1,7 +1,6 @@
 /* The settings of a picture as a DICOM object beside it: Volume Rendering Volumetric Presentation State (PS3.3
  * A.80.2). */
-#ifndef CTSPLAT_STATE_H
-#define CTSPLAT_STATE_H
+#pragma once
 
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
@@ -56,4 +55,3 @@ CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err);
 void cts_state_free(CtsState **state);
 
 CTS_API_END
-#endif

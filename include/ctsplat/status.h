@@ -1,6 +1,5 @@
 /* Error handling: a status as return value, and one message in a record that the caller owns. */
-#ifndef CTSPLAT_STATUS_H
-#define CTSPLAT_STATUS_H
+#pragma once
 
 #include "ctsplat/api.h"
 
@@ -35,4 +34,3 @@ CtsStatus cts_fail(CtsError *err, CtsStatus status, const char *format, ...) __a
 CtsStatus cts_context(CtsError *err, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Table removal: table, mattress, head holder, blankets and tubes become air, the patient stays whole. */
-#ifndef CTSPLAT_TABLE_H
-#define CTSPLAT_TABLE_H
+#pragma once
 
 #include "ctsplat/model.h"
 #include "ctsplat/report.h"
@@ -62,4 +61,3 @@ void cts_table_clear(CtsTableSearch *found, CtsModel *model, CtsReport *report);
 void cts_table_crop(CtsTableSearch *found, CtsModel *model);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* A volume as grey levels, with its place in the patient. */
-#ifndef CTSPLAT_VOLUME_H
-#define CTSPLAT_VOLUME_H
+#pragma once
 
 #include "ctsplat/quantity.h"
 #include "ctsplat/status.h"
@@ -132,4 +131,3 @@ CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t 
 void cts_volume_histogram_free(uint64_t **count);
 
 CTS_API_END
-#endif

@@ -1,6 +1,5 @@
 /* Failures and exceptions of DCMTK as statuses. */
-#ifndef CTS_DICOM_DCMTK_FAILURES_HPP
-#define CTS_DICOM_DCMTK_FAILURES_HPP
+#pragma once
 
 #include "dicom/dcmtk/start_dcmtk.h"
 
@@ -30,5 +29,3 @@ try {
 } catch (const std::exception &why) {
     return cts_fail(err, otherwise, "%s", why.what());
 }
-
-#endif

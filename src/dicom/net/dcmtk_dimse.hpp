@@ -1,6 +1,5 @@
 /* Transport, associations and presentation contexts of DIMSE, for its C++ files. */
-#ifndef CTS_DICOM_DIMSE_HPP
-#define CTS_DICOM_DIMSE_HPP
+#pragma once
 
 #include "dicom/net/answers.h"
 #include "dicom/net/peer.h"
@@ -154,5 +153,3 @@ inline const char *const cts_ct_syntaxes[] = {UID_LittleEndianExplicitTransferSy
                                               UID_JPEGLSLossyTransferSyntax,
                                               UID_JPEGProcess2_4TransferSyntax,
                                               UID_JPEGProcess1TransferSyntax};
-
-#endif

@@ -1,6 +1,5 @@
 /* A frame's format as attributes, for DCMTK's codecs. */
-#ifndef CTS_PIXELS_DCMTK_FRAME_HPP
-#define CTS_PIXELS_DCMTK_FRAME_HPP
+#pragma once
 
 #include "dicom/dcmtk/dcmtk_failures.hpp"
 #include "dicom/pixels/pixel_tasks.h"
@@ -26,5 +25,3 @@ inline void cts_dcm_describe_frame(DcmItem &data, const CtsFrameFormat &f)
     for (const auto &[tag, value] : numbers)
         cts_dcm_check(data.putAndInsertUint16(DcmTag(tag, EVR_US), static_cast<Uint16>(value)));
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Attributes of a slice or frame by tag, as DCMTK has read them from the data set or, of a frame, from its functional
  * groups (PS3.3 C.7.6.16). */
-#ifndef CTS_READER_DCMTK_ATTRIBUTES_HPP
-#define CTS_READER_DCMTK_ATTRIBUTES_HPP
+#pragma once
 
 #include "dicom/reader/reader.h"
 
@@ -94,5 +93,3 @@ const char *cts_dcm_share(CtsStringPool &texts, std::string_view text, size_t lo
 /* Writes the records of a data set (dicom/header/elements.h), in front of them its SOP class in the meta header, into
  * at most n bytes; returns the number of bytes needed, more than n where they do not fit. */
 size_t cts_elements_pack(DcmItem &data_set, const char *class_uid, uint8_t *bytes, size_t n);
-
-#endif

@@ -1,6 +1,5 @@
 /* Objects encoded by DCMTK, in the program ctsplat-dicom. The functions throw as cts_dcm_check() does. */
-#ifndef CTS_WRITER_DCMTK_WRITE_HPP
-#define CTS_WRITER_DCMTK_WRITE_HPP
+#pragma once
 
 #include "dicom/dcmtk/dcmtk_failures.hpp"
 #include "dicom/header/elements.h"
@@ -19,5 +18,3 @@ void cts_dcm_copy_side(DcmItem &to, DcmItem &source);
 
 /* Copies an element with its value bytes, without private elements in it; filled: nothing where it has no value. */
 void cts_dcm_copy(DcmItem &to, DcmElement &element, bool filled);
-
-#endif
