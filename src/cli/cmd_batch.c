@@ -10,7 +10,7 @@
 static void on_message(void *context, bool is_warning, const char *text)
 {
     (void)context;
-    is_warning ? cli_warning("%s", text) : cli_note("%s", text);
+    cli_message(is_warning ? "warning: " : "", "%s", text);
 }
 
 static void on_series(void *context, const char *text, bool failed)

@@ -121,7 +121,7 @@ int main(int argc, char **argv)
     if (lost && !st)
         st = cts_fail(&err, CTS_ERR_OUTPUT, "standard output: %s", errno ? strerror(errno) : "cannot be written");
     if (st) {
-        cli_error(&err);
+        cli_message("error: ", "%s", err.text);
         exit_code = cts_exit_code(st);
     }
     return exit_code;

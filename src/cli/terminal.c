@@ -72,44 +72,19 @@ void cli_progress_clear(void)
     drawn[0] = 0;
 }
 
-/* One message is one line, whatever a header or a file name contains. */
-static void print_line(const char *prefix, const char *text)
+void cli_message(const char *kind, const char *format, ...)
 {
-    char line[1200];
+    char text[1200], line[1200];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
     cli_with_options(text, line, sizeof line);
     for (char *c = line; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';
     cli_progress_clear();
-    fprintf(stderr, "ctsplat: %s%s\n", prefix, line);
-}
-
-__attribute__((format(printf, 2, 0))) static void print_text(const char *prefix, const char *format, va_list args)
-{
-    char text[1200];
-    vsnprintf(text, sizeof text, format, args);
-    print_line(prefix, text);
-}
-
-void cli_warning(const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    print_text("warning: ", format, args);
-    va_end(args);
-}
-
-void cli_note(const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    print_text("", format, args);
-    va_end(args);
-}
-
-void cli_error(const CtsError *err)
-{
-    print_line("error: ", err->text);
+    fprintf(stderr, "ctsplat: %s%s\n", kind, line);
 }
 
 void cli_print_diagnostics(const CtsDiagnostics *diagnostics, size_t from)

@@ -27,9 +27,10 @@ void cli_progress_clear(void);
 /* Prints value and a newline; takes over the reference. NULL, as from json_pack without memory, is CTS_ERR_MEMORY. */
 CtsStatus cli_print_json(json_t *value, CtsError *err);
 
-void cli_error(const CtsError *err);
-void cli_warning(const char *format, ...) __attribute__((format(printf, 1, 2)));
-void cli_note(const char *format, ...) __attribute__((format(printf, 1, 2)));
+/* Prints a message on one line, whatever a header or a file name contains. kind: "error: ", "warning: " or "". */
+void cli_message(const char *kind, const char *format, ...) __attribute__((format(printf, 2, 3)));
+#define cli_warning(...) cli_message("warning: ", __VA_ARGS__)
+#define cli_note(...) cli_message("", __VA_ARGS__)
 /* Warnings among findings[from..n), each text once. */
 void cli_print_diagnostics(const CtsDiagnostics *diagnostics, size_t from);
 
