@@ -1,5 +1,6 @@
 #include "app/serve/server.h"
 
+#include "base/exit_code.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <microhttpd.h>
@@ -60,21 +61,9 @@ void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status,
 /* The HTTP status of a failure: 400 for a bad request, 503 for a temporary lack of resources, else 500. */
 static int status_of(CtsStatus st)
 {
-    switch (st) {
-    case CTS_ERR_NO_SERIES:
-        return 404;
-    case CTS_ERR_USAGE:
-    case CTS_ERR_PRESET:
-    case CTS_ERR_SYNTAX:
-    case CTS_ERR_GEOMETRY:
-    case CTS_ERR_PIXELS:
-        return 400;
-    case CTS_ERR_MEMORY:
-    case CTS_ERR_INTERRUPTED:
-        return 503;
-    default:
-        return 500;
-    }
+    const bool is_bad = st == CTS_ERR_SYNTAX || cts_exit_code(st) == 2 || cts_exit_code(st) == 4;
+    const bool passes = st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED;
+    return st == CTS_ERR_NO_SERIES ? 404 : is_bad ? 400 : passes ? 503 : 500;
 }
 
 char *cts_server_masked(const CtsServer *server, const CtsCachedSeries *cached, const char *text)
