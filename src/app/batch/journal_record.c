@@ -144,26 +144,19 @@ bool cts_journal_record_is_up_to_date(const CtsBatchSettings *s, const json_t *r
     return n_found == (s->options->rotation && !info->many_frames ? s->options->rotation : 1);
 }
 
-static void redact_keys(json_t *object, const char *const *keys)
-{
-    for (; *keys; keys++)
-        json_object_del(object, *keys);
-}
-
 void cts_journal_record_redact(const void *settings, json_t *record)
 {
     const CtsBatchSettings *const s = settings;
-    static const char *const patient[] = {"study_date", "series_number", "description", NULL};
-    static const char *const paths[] = {"sources", "reason_file", NULL};
-    static const char *const files[] = {"files", NULL};
+    static const char *const patient[] = {"study_date", "series_number", "description"};
     size_t i;
     json_t *diagnostic;
-    if (!s->options->show_patient)
-        redact_keys(json_object_get(record, "geometry"), patient);
+    for (i = 0; i < sizeof patient / sizeof *patient && !s->options->show_patient; i++)
+        json_object_del(json_object_get(record, "geometry"), patient[i]);
     if (s->options->show_paths)
         return;
-    redact_keys(record, paths);
-    json_array_foreach(json_object_get(record, "findings"), i, diagnostic) redact_keys(diagnostic, files);
+    json_object_del(record, "sources");
+    json_object_del(record, "reason_file");
+    json_array_foreach(json_object_get(record, "findings"), i, diagnostic) json_object_del(diagnostic, "files");
 }
 
 /* True if the record has all details that the settings request. */
