@@ -3,42 +3,16 @@
 #include "base/clock.h"
 #include "base/invariant.h"
 #include "base/mem.h"
-#include "core/model/macrocells.h"
 #include "core/model/voxel_labels.h"
-#include "core/scene/openness.h"
 #include "core/scene/settings.h"
 #include "core/scene/visible.h"
 #include "render/engines/engines.h"
 #include "render/frames/level_choice.h"
-#include "render/frames/void_key_report.h"
 #include "render/framing/framing.h"
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
-
-struct CtsFrames {
-    CtsModel given;                /* copy of the caller's, who owns its parts */
-    const CtsModel *original;      /* given; for engines without label boundaries the one with air for hidden voxels */
-    const CtsModel *model;         /* original, or quantised: for the engine */
-    CtsModel quantised;            /* its body mask is original's */
-    CtsMacrocells *own_macrocells; /* given's, if the caller's model has none */
-    CtsPreset preset;
-    CtsRenderSettings settings;
-    const CtsEngine *engine;
-    CtsEngineId engine_id; /* of engine, which may leave frames to the exact march (CTS_ENGINE_AUTO) */
-    const char *why_march; /* reason for the exact march; NULL: none */
-    CtsOpenness *openness; /* of original; NULL until a frame needs it */
-    CtsLut *lut;
-    double lut_scale; /* extinction_scale that lut was made for */
-    CtsFittedVoidKey key;
-    bool key_found, key_reported;
-    void *engine_cache[CTS_N_ENGINES]; /* by each engine that renders from model: the chosen one, and the exact march */
-    void *original_cache;              /* cache of the engine of probe renderings, if model is quantised */
-    int n_begun;                       /* frames */
-    CtsRenderSettings fitted;          /* settings of the last view that was fitted, if is_fitted */
-    bool is_fitted;
-};
 
 /* Reason why CTS_ENGINE_AUTO renders by the exact march, or NULL where an engine with levels may do it. */
 static const char *why_march(const CtsModel *model, const CtsSceneStore *store, const CtsEngine *levels)
@@ -140,63 +114,63 @@ CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *set
     return st ? st : choose_engine(settings, cts_scene_preset(preset, settings).mode, &engine, err);
 }
 
-CtsStatus cts_frames_new(CtsFrames **frames, const CtsModel *model, const CtsPreset *preset,
-                         const CtsRenderSettings *settings, CtsError *err)
+CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsModel *model, const CtsPreset *preset,
+                           const CtsRenderSettings *settings, CtsError *err)
 {
     CtsStatus st;
     CtsSceneStore store;
     const CtsEngine *engine = NULL;
     const char *why;
-    *frames = NULL;
+    *renderer = NULL;
     if ((st = cts_scene_init(&store, model, preset, settings, err)) ||
         (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
         return st;
     const CtsEngineId id = resolve_engine(model, &store, &why);
-    CtsFrames *f = calloc(1, sizeof *f);
-    if (!f)
+    CtsRenderer *r = calloc(1, sizeof *r);
+    if (!r)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *f = (CtsFrames){.engine_id = id,
-                     .why_march = why,
-                     .given = *model,
-                     .preset = store.preset,
-                     .settings = *settings,
-                     .engine = cts_engine(id)};
-    f->preset.occlusion = preset->occlusion; /* the settings may change from frame to frame */
-    st = cts_model_prepare(&f->given, settings->n_threads, err);
-    f->own_macrocells = model->macrocells ? NULL : f->given.macrocells;
+    *r = (CtsRenderer){.engine_id = id,
+                       .why_march = why,
+                       .given = *model,
+                       .preset = store.preset,
+                       .settings = *settings,
+                       .engine = cts_engine(id)};
+    r->preset.occlusion = preset->occlusion; /* the settings may change from frame to frame */
+    st = cts_model_prepare(&r->given, settings->n_threads, err);
+    r->own_macrocells = model->macrocells ? NULL : r->given.macrocells;
     if (!st)
-        st = choose_model(&f->given, &store, f->engine, &f->original, err);
-    f->model = f->original;
+        st = choose_model(&r->given, &store, r->engine, &r->original, err);
+    r->model = r->original;
     if (!st && settings->grey_bits < 16) {
-        st = cts_volume_quantise(f->original->volume, settings->grey_bits, f->preset.window_low_hu,
-                                 f->preset.window_high_hu, settings->n_threads, &f->quantised.volume, err);
+        st = cts_volume_quantise(r->original->volume, settings->grey_bits, r->preset.window_low_hu,
+                                 r->preset.window_high_hu, settings->n_threads, &r->quantised.volume, err);
         if (!st)
-            st = cts_model_prepare(&f->quantised, settings->n_threads, err);
-        f->quantised.body = f->original->body;
-        f->model = &f->quantised;
+            st = cts_model_prepare(&r->quantised, settings->n_threads, err);
+        r->quantised.body = r->original->body;
+        r->model = &r->quantised;
     }
-    *frames = f;
+    *renderer = r;
     if (st)
-        cts_frames_free(frames);
+        cts_render_end(renderer);
     return st;
 }
 
-void cts_frames_free(CtsFrames **frames)
+void cts_render_end(CtsRenderer **renderer)
 {
-    CtsFrames *f = *frames;
-    if (!f)
+    CtsRenderer *r = *renderer;
+    if (!r)
         return;
     for (int i = 0; i < CTS_N_ENGINES; i++)
-        if (f->engine_cache[i])
-            cts_engine((CtsEngineId)i)->free_cache(f->engine_cache[i]);
-    cts_lut_free(&f->lut);
-    cts_openness_free(&f->openness);
-    cts_engine(cts_engine_for_probes())->free_cache(f->original_cache);
-    f->quantised.body = NULL;
-    cts_model_free(&f->quantised);
-    cts_macrocells_free(&f->own_macrocells);
-    free(f);
-    *frames = NULL;
+        if (r->engine_cache[i])
+            cts_engine((CtsEngineId)i)->free_cache(r->engine_cache[i]);
+    cts_lut_free(&r->lut);
+    cts_openness_free(&r->openness);
+    cts_engine(cts_engine_for_probes())->free_cache(r->original_cache);
+    r->quantised.body = NULL;
+    cts_model_free(&r->quantised);
+    cts_macrocells_free(&r->own_macrocells);
+    free(r);
+    *renderer = NULL;
 }
 
 static bool keeps_what_is_made(const CtsRenderSettings *a, const CtsRenderSettings *b)
@@ -208,33 +182,13 @@ static bool keeps_what_is_made(const CtsRenderSettings *a, const CtsRenderSettin
     return same;
 }
 
-bool cts_frames_change_settings(CtsFrames *f, const CtsRenderSettings *settings)
+bool cts_render_change_settings(CtsRenderer *r, const CtsRenderSettings *settings)
 {
-    if (!keeps_what_is_made(&f->settings, settings) || cts_scene_check(settings, NULL))
+    if (!keeps_what_is_made(&r->settings, settings) || cts_scene_check(settings, NULL))
         return false;
-    f->settings = *settings;
-    f->is_fitted = false;
+    r->settings = *settings;
+    r->is_fitted = r->is_planned = false;
     return true;
-}
-
-const CtsEngine *cts_frames_engine(const CtsFrames *frames)
-{
-    return frames->engine;
-}
-
-const CtsRenderSettings *cts_frames_settings(const CtsFrames *frames)
-{
-    return &frames->settings;
-}
-
-const CtsPreset *cts_frames_preset(const CtsFrames *frames)
-{
-    return &frames->preset;
-}
-
-const CtsModel *cts_frames_model(const CtsFrames *frames)
-{
-    return frames->original;
 }
 
 /* True if the background around the visible part is light. In a projection that is the air in the box. */
@@ -261,25 +215,26 @@ static void fill_info(CtsPictureInfo *info, const CtsFrame *frame, const CtsScen
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->light_behind = is_light_behind(scene->preset);
-    info->shows_skin = scene->volume->quantity != CTS_QUANTITY_HU ||
-                       cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->frames->given.voxel_labels);
-    info->grey = cts_scene_is_grey(scene->preset, frame->frames->given.voxel_labels);
+    info->shows_skin =
+        scene->volume->quantity != CTS_QUANTITY_HU ||
+        cts_scene_shows_skin(scene->preset, scene->extinction_scale, frame->renderer->given.voxel_labels);
+    info->grey = cts_scene_is_grey(scene->preset, frame->renderer->given.voxel_labels);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
     info->occlusion = cts_openness_counts(scene->preset) ? scene->preset->occlusion : 0;
 }
 
-static bool is_hu(const CtsFrames *f)
+static bool is_hu(const CtsRenderer *r)
 {
-    return f->original->volume->quantity == CTS_QUANTITY_HU;
+    return r->original->volume->quantity == CTS_QUANTITY_HU;
 }
 
 /* The void key for the transfer function's table; the mixture is that of the volume as loaded. */
-static CtsStatus find_key(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
+static CtsStatus find_key(CtsRenderer *r, const CtsScene *scene, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (f->settings.void_key && f->engine->uses_void_key && !f->key_found && is_hu(f) &&
-        !(st = cts_void_key_find(f->original->volume, scene->preset, scene->settings->n_threads, &f->key, report, err)))
-        f->key_found = true;
+    if (r->settings.void_key && r->engine->uses_void_key && !r->key_found && is_hu(r) &&
+        !(st = cts_void_key_find(r->original->volume, scene->preset, scene->settings->n_threads, &r->key, report, err)))
+        r->key_found = true;
     return st;
 }
 
@@ -294,56 +249,56 @@ static void report_no_key(const CtsEngine *engine, CtsReport *report)
 }
 
 /* Once for all frames, with the first report that there is. */
-static void report_key_once(CtsFrames *f, CtsReport *report)
+static void report_key_once(CtsRenderer *r, CtsReport *report)
 {
-    if (!f->settings.void_key || f->key_reported || !report)
+    if (!r->settings.void_key || r->key_reported || !report)
         return;
-    if (!f->engine->uses_void_key)
-        report_no_key(f->engine, report);
-    else if (!is_hu(f))
+    if (!r->engine->uses_void_key)
+        report_no_key(r->engine, report);
+    else if (!is_hu(r))
         cts_report_diagnostic(
             report, CTS_DIAGNOSTIC_VOID_KEY_UNUSED,
             "`void` key: the mixture model is one of HU, so only what is provably invisible is skipped");
-    else if (f->key_found)
-        cts_void_key_report(&f->key, &f->preset, report);
-    f->key_reported = true;
+    else if (r->key_found)
+        cts_void_key_report(&r->key, &r->preset, report);
+    r->key_reported = true;
 }
 
 /* The transfer function's table for this scene; only with --opacity-unit voxel does it depend on the view. */
-static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsError *err)
+static CtsStatus find_lut(CtsRenderer *r, CtsScene *scene, CtsReport *report, CtsError *err)
 {
     const CtsPreset *p = scene->preset;
     if (p->mode != CTS_MODE_COMPOSITE) {
         cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p->mode]);
         return CTS_OK;
     }
-    if (f->lut && f->lut_scale == scene->extinction_scale) {
+    if (r->lut && r->lut_scale == scene->extinction_scale) {
         cts_report_skip(report, "transfer function table", "made for an earlier frame");
     } else {
-        cts_lut_free(&f->lut);
-        CtsStatus st = find_key(f, scene, report, err);
+        cts_lut_free(&r->lut);
+        CtsStatus st = find_key(r, scene, report, err);
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        if (st || (st = cts_lut_new(&f->lut, p, f->model->volume, f->key_found ? &f->key.key : NULL,
+        if (st || (st = cts_lut_new(&r->lut, p, r->model->volume, r->key_found ? &r->key.key : NULL,
                                     scene->extinction_scale, err)))
             return st;
-        f->lut_scale = scene->extinction_scale;
-        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)f->lut->n, 0);
+        r->lut_scale = scene->extinction_scale;
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)r->lut->n, 0);
     }
-    scene->lut = f->lut;
+    scene->lut = r->lut;
     return CTS_OK;
 }
 
 /* Made once for all frames, as it does not depend on how much of it the preset or the settings want. */
-static CtsStatus make_openness(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsError *err)
+static CtsStatus make_openness(CtsRenderer *r, CtsScene *scene, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!cts_openness_counts(scene->preset))
         return CTS_OK;
-    if (f->openness)
+    if (r->openness)
         cts_report_skip(report, "openness", "made for an earlier frame");
     else
-        st = cts_openness_of_scene(&f->openness, f->original, scene->preset, scene->settings->n_threads, report, err);
-    scene->openness = f->openness;
+        st = cts_openness_of_scene(&r->openness, r->original, scene->preset, scene->settings->n_threads, report, err);
+    scene->openness = r->openness;
     return st;
 }
 
@@ -363,40 +318,40 @@ static void report_framing(const CtsRenderSettings *s, CtsReport *report)
 }
 
 /* A rotation is framed once for all its views, a view by itself each time. */
-static bool framed_already(const CtsFrames *f, const CtsRenderSettings *s)
+static bool framed_already(const CtsRenderer *r, const CtsRenderSettings *s)
 {
-    return f->is_fitted && (s->rotation_frames > 1 ||
-                            (f->fitted.azimuth_deg == s->azimuth_deg && f->fitted.elevation_deg == s->elevation_deg));
+    return r->is_fitted && (s->rotation_frames > 1 ||
+                            (r->fitted.azimuth_deg == s->azimuth_deg && r->fitted.elevation_deg == s->elevation_deg));
 }
 
-CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,
+CtsStatus cts_frames_view(CtsRenderer *r, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,
                           CtsError *err)
 {
     CtsRenderSettings *s = settings;
-    *s = f->settings;
+    *s = r->settings;
     s->azimuth_deg = view_deg[0];
     s->elevation_deg = view_deg[1];
     if (s->fit != CTS_FIT_VISIBLE || s->mm_per_pixel > 0)
         return CTS_OK;
-    if (!framed_already(f, s)) {
+    if (!framed_already(r, s)) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        void **const kept = f->model == f->original ? &f->engine_cache[cts_engine_for_probes()] : &f->original_cache;
-        const CtsFramed what = {f->original, &f->preset, kept, f->n_begun};
+        void **const kept = r->model == r->original ? &r->engine_cache[cts_engine_for_probes()] : &r->original_cache;
+        const CtsFramed what = {r->original, &r->preset, kept, r->n_begun};
         CtsRenderSettings fitted = *s;
         fitted.centre_given = false;
         const CtsStatus st = cts_framing_find(&what, &fitted, err);
         if (st)
             return st;
-        f->fitted = fitted;
-        f->is_fitted = true;
+        r->fitted = fitted;
+        r->is_fitted = true;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
-        report_framing(&f->fitted, report);
+        report_framing(&r->fitted, report);
     }
-    s->mm_per_pixel = f->fitted.mm_per_pixel;
+    s->mm_per_pixel = r->fitted.mm_per_pixel;
     if (s->centre_given)
         return CTS_OK;
-    s->centre_given = f->fitted.centre_given;
-    memcpy(s->centre_lps, f->fitted.centre_lps, sizeof s->centre_lps);
+    s->centre_given = r->fitted.centre_given;
+    memcpy(s->centre_lps, r->fitted.centre_lps, sizeof s->centre_lps);
     return CTS_OK;
 }
 
@@ -406,7 +361,7 @@ static void report_omitted(const CtsFrame *frame, CtsReport *report)
     if (!p->shade)
         cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
                         p->mode != CTS_MODE_COMPOSITE ? "its nature" : "the preset");
-    if (!frame->want_depth)
+    if (!frame->renderer->settings.want_depth)
         cts_report_skip(report, "depth", "not requested");
     else if (p->mode != CTS_MODE_COMPOSITE)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
@@ -443,31 +398,31 @@ static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const
  * march. Error control meets the request where the level was not the caller's choice. */
 static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
 {
-    CtsFrames *const f = frame->frames;
+    CtsRenderer *const r = frame->renderer;
     CtsScene *const scene = &frame->store.scene;
-    const CtsEngineId march = cts_engine_march(f->engine_id);
+    const CtsEngineId march = cts_engine_march(r->engine_id);
     CtsErrorControl *const control = &frame->error_control;
     CtsLevelChoice choice = {.level = scene->plan.level};
-    const bool is_auto = f->settings.engine == CTS_ENGINE_AUTO;
+    const bool is_auto = r->settings.engine == CTS_ENGINE_AUTO;
     CtsStatus st = CTS_OK;
-    frame->engine_id = f->engine_id;
-    scene->cache = &f->engine_cache[f->engine_id];
+    frame->engine_id = r->engine_id;
+    scene->cache = &r->engine_cache[r->engine_id];
     *control = (CtsErrorControl){.scene = *scene, .has_opacity_step = cts_scene_has_step(scene->preset, scene->volume)};
-    control->scene.cache = &f->engine_cache[march];
-    if (f->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
-        if ((st = cts_level_choose(&choice, f->engine, scene, cts_engine(march), &control->scene, is_auto, err)))
+    control->scene.cache = &r->engine_cache[march];
+    if (r->engine->levels && scene->plan.level == CTS_LEVEL_AUTO) {
+        if ((st = cts_level_choose(&choice, r->engine, scene, cts_engine(march), &control->scene, is_auto, err)))
             return st;
-        report_level(f->engine, &choice, scene, report);
+        report_level(r->engine, &choice, scene, report);
         control->whole_strips = true;
         if (choice.level == CTS_LEVEL_AUTO && is_auto)
             frame->engine_id = march;
         else if (choice.level == CTS_LEVEL_AUTO)
-            choice.level = finest_level(f->engine);
+            choice.level = finest_level(r->engine);
         scene->plan.level = choice.level;
-    } else if (is_auto && f->why_march) {
-        cts_report_plan(report, "engine auto: %s, as %s", f->engine->name, f->why_march);
+    } else if (is_auto && r->why_march) {
+        cts_report_plan(report, "engine auto: %s, as %s", r->engine->name, r->why_march);
     }
-    scene->cache = &f->engine_cache[frame->engine_id];
+    scene->cache = &r->engine_cache[frame->engine_id];
     control->scene.plan = scene->plan;
     control->scene.plan.few_rays = frame->engine_id != march && scene->plan.level != CTS_LEVEL_HYBRID;
     control->engine = cts_engine(frame->engine_id);
@@ -477,30 +432,31 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *task, CtsReport *report, CtsError *err)
+CtsStatus cts_frame_begin(CtsFrame *frame, CtsRenderer *r, const double view_deg[2], int least_lossy, CtsReport *report,
+                          CtsError *err)
 {
     CtsStatus st;
     CtsRenderSettings settings;
-    *frame = (CtsFrame){.frames = f, .want_depth = task->want_depth, .explain = task->explain};
-    if ((st = cts_frames_view(f, (const double[]){task->azimuth_deg, task->elevation_deg}, &settings, report, err)) ||
-        (st = cts_scene_init(&frame->store, f->model, &f->preset, &settings, err)))
+    *frame = (CtsFrame){.renderer = r};
+    if ((st = cts_frames_view(r, view_deg, &settings, report, err)) ||
+        (st = cts_scene_init(&frame->store, r->model, &r->preset, &settings, err)))
         return st;
-    frame->store.scene.plan = task->plan;
-    frame->store.scene.frame = f->n_begun++;
-    if ((st = find_lut(f, &frame->store.scene, report, err)) ||
-        (st = make_openness(f, &frame->store.scene, report, err)))
+    frame->store.scene.plan = r->plan;
+    frame->store.scene.frame = r->n_begun++;
+    if ((st = find_lut(r, &frame->store.scene, report, err)) ||
+        (st = make_openness(r, &frame->store.scene, report, err)))
         return st;
-    report_key_once(f, report);
+    report_key_once(r, report);
     report_omitted(frame, report);
     if ((st = choose_level(frame, report, err)))
         return st;
     const bool lossy = report && report->key_loss > 0;
-    const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
-    if (n == 0 || task->explain)
+    const int n = r->settings.verify > 0 ? r->settings.verify : lossy ? least_lossy : 0;
+    if (n == 0 || r->settings.explain)
         return CTS_OK;
     frame->original = frame->store.scene;
-    frame->original.model = f->original;
-    frame->original.volume = f->original->volume;
+    frame->original.model = r->original;
+    frame->original.volume = r->original->volume;
     cts_verify_begin(&frame->verify, &frame->original, (size_t)n);
     return CTS_OK;
 }
@@ -517,9 +473,7 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     (*picture)->whole_height = s->height;
     const size_t n = (size_t)s->width * (size_t)n_rows;
     fill_info(&(*picture)->info, frame, scene);
-    if (scene->preset->mode != CTS_MODE_COMPOSITE)
-        return CTS_OK;
-    if (!frame->want_depth)
+    if (scene->preset->mode != CTS_MODE_COMPOSITE || !s->want_depth)
         return CTS_OK;
     if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
         return st;
@@ -533,11 +487,6 @@ static CtsStatus new_error_map(CtsErrorMap *errors, const CtsPicture *band, CtsE
     const size_t n = (size_t)band->width * (size_t)band->height;
     const CtsStatus st = cts_alloc_zeroed(&errors->origin, n, err);
     return st ? st : cts_alloc_zeroed(&errors->indicator, n, err);
-}
-
-CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
-{
-    return cts_engine(frame->engine_id)->render(&frame->store.scene, NULL, NULL, report, err);
 }
 
 /* True where the frame's engine indicates errors, which error control corrects. */
@@ -583,7 +532,7 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
 
 CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err)
 {
-    if (!st && !frame->explain)
+    if (!st && !frame->renderer->settings.explain)
         st = cts_verify_end(&frame->verify, report, err);
     if (!st)
         cts_error_control_report(&frame->error_control, report);

@@ -1,6 +1,6 @@
-#include "render/frames/quality_search.h"
-
+/* --max-error by trial: the cheapest plan whose error on some rays of the same view stays below it. */
 #include "render/engines/engines.h"
+#include "render/frames/frames.h"
 #include <math.h>
 #include <stdio.h>
 
@@ -26,16 +26,12 @@ static CtsRenderSettings small_picture(const CtsRenderSettings *settings)
 }
 
 /* Renders all of a small picture. */
-static CtsStatus try_samples(const CtsReference *reference, CtsFrames *small, const CtsFrameTask *task, double *rms_255,
-                             CtsError *err)
+static CtsStatus try_samples(const CtsReference *reference, CtsRenderer *small, double *rms_255, CtsError *err)
 {
     CtsPicture *picture = NULL;
-    CtsFrame frame;
     CtsVerified verified;
-    CtsStatus st = cts_frame_begin(&frame, small, task, NULL, err);
-    if (!st)
-        st = cts_frame_rows(&frame, 0, cts_frames_settings(small)->height, &picture, NULL, err);
-    st = cts_frame_end(&frame, st, NULL, err);
+    CtsStatus st =
+        cts_render_frame(small, small->settings.azimuth_deg, small->settings.elevation_deg, &picture, NULL, err);
     if (!st)
         st = cts_reference_compare(reference, picture, &verified, err);
     cts_picture_free(&picture);
@@ -62,50 +58,45 @@ static void report_samples(const CtsRenderSettings *small, double requested, int
 }
 
 /* Chooses the samples per layer: first the engine's own, then 2, 4, 8 and so on. */
-static CtsStatus plan_samples(const CtsFrames *frames, const CtsRenderSettings *requested, CtsPlan *plan,
-                              CtsReport *report, CtsError *err)
+static CtsStatus plan_samples(CtsRenderer *r, const CtsRenderSettings *requested, CtsReport *report, CtsError *err)
 {
     const CtsRenderSettings s = small_picture(requested);
-    const CtsModel *model = cts_frames_model(frames);
-    const CtsPreset *preset = cts_frames_preset(frames);
     CtsReference *reference = NULL;
-    CtsFrames *small = NULL;
-    CtsFrameTask task = {.azimuth_deg = s.azimuth_deg, .elevation_deg = s.elevation_deg};
+    CtsRenderer *small = NULL;
     double best = INFINITY, rms_255 = INFINITY;
-    CtsStatus st = cts_frames_new(&small, model, preset, &s, err);
+    CtsStatus st = cts_render_begin(&small, r->original, &r->preset, &s, err);
     if (!st)
-        st = cts_reference_new(&reference, model, preset, &s, (size_t)s.width * (size_t)s.height, err);
+        st = cts_reference_new(&reference, r->original, &r->preset, &s, (size_t)s.width * (size_t)s.height, err);
     for (int samples = 0; !st && rms_255 > requested->max_error && samples <= MAX_SAMPLES;
          samples = samples ? 2 * samples : 2) {
-        task.plan.samples = samples;
-        st = try_samples(reference, small, &task, &rms_255, err);
+        small->plan.samples = samples;
+        small->is_planned = true;
+        st = try_samples(reference, small, &rms_255, err);
         if (!st && rms_255 < best) {
             best = rms_255;
-            plan->samples = samples;
+            r->plan.samples = samples;
         }
     }
     cts_reference_free(&reference);
-    cts_frames_free(&small);
+    cts_render_end(&small);
     if (!st)
-        report_samples(&s, requested->max_error, plan->samples, best, report);
+        report_samples(&s, requested->max_error, r->plan.samples, best, report);
     return st;
 }
 
-CtsStatus cts_quality_search(CtsFrames *frames, const double view_deg[2], CtsPlan *plan, CtsReport *report,
-                             CtsError *err)
+CtsStatus cts_quality_search(CtsRenderer *r, const double view_deg[2], CtsReport *report, CtsError *err)
 {
-    const CtsEngine *engine = cts_frames_engine(frames);
     CtsRenderSettings requested;
     CtsSceneStore store;
-    CtsStatus st = cts_frames_view(frames, view_deg, &requested, report, err);
+    CtsStatus st = cts_frames_view(r, view_deg, &requested, report, err);
     if (st)
         return st;
-    *plan = (CtsPlan){.samples = requested.samples, .max_error = requested.max_error, .level = requested.level};
-    if (!(requested.max_error > 0) || requested.samples > 0 || engine->is_reference || engine->indicator)
+    r->plan = (CtsPlan){.samples = requested.samples, .max_error = requested.max_error, .level = requested.level};
+    if (!(requested.max_error > 0) || requested.samples > 0 || r->engine->is_reference || r->engine->indicator)
         return CTS_OK;
-    if ((st = cts_scene_init(&store, cts_frames_model(frames), cts_frames_preset(frames), &requested, err)) ||
+    if ((st = cts_scene_init(&store, r->original, &r->preset, &requested, err)) ||
         store.preset.mode != CTS_MODE_COMPOSITE)
         return st;
     requested.mm_per_pixel = store.scene.view.mm_per_pixel;
-    return plan_samples(frames, &requested, plan, report, err);
+    return plan_samples(r, &requested, report, err);
 }

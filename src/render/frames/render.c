@@ -1,77 +1,39 @@
 /* The public rendering functions: settings, a plan for the requested error, frames in bands of rows. */
-#include "ctsplat/render.h"
-
+#include "base/enum_table.h"
+#include "render/engines/engines.h"
 #include "render/frames/frames.h"
-#include "render/frames/quality_search.h"
-#include <stdlib.h>
 
-struct CtsRenderer {
-    CtsFrames *frames;
-    bool planned; /* plan is that of the first frame, used for all frames */
-    CtsPlan plan;
-};
+CTS_ENUM_TABLE(char *const, cts_fit_names, CTS_N_FITS, [CTS_FIT_VOLUME] = "volume", [CTS_FIT_VISIBLE] = "visible");
 
-CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsModel *model, const CtsPreset *preset,
-                           const CtsRenderSettings *settings, CtsError *err)
-{
-    CtsRenderer *r = *renderer = calloc(1, sizeof *r);
-    if (!r)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = cts_frames_new(&r->frames, model, preset, settings, err);
-    if (st)
-        cts_render_end(renderer);
-    return st;
-}
+CTS_ENUM_TABLE(CtsNamedView, cts_views, CTS_N_VIEWS, {"anterior", 0, 0}, {"posterior", 180, 0}, {"left", 90, 0},
+               {"right", -90, 0}, {"head", 0, 90}, {"feet", 0, -90});
 
-bool cts_render_change_settings(CtsRenderer *renderer, const CtsRenderSettings *settings)
-{
-    if (!cts_frames_change_settings(renderer->frames, settings))
-        return false;
-    renderer->planned = false;
-    return true;
-}
-
-void cts_render_end(CtsRenderer **renderer)
-{
-    if (!*renderer)
-        return;
-    cts_frames_free(&(*renderer)->frames);
-    free(*renderer);
-    *renderer = NULL;
-}
-
-/* least_lossy: least number of pixels to verify if --void key loses anything. */
 static CtsStatus begin_frame(CtsRenderer *r, const double view_deg[2], int least_lossy, CtsFrame *frame,
                              CtsReport *report, CtsError *err)
 {
-    const CtsRenderSettings *s = cts_frames_settings(r->frames);
     CtsStatus st;
-    *frame = (CtsFrame){0};
-    if (!r->planned && (st = cts_quality_search(r->frames, view_deg, &r->plan, report, err)))
+    *frame = (CtsFrame){.renderer = r};
+    if (!r->is_planned && (st = cts_quality_search(r, view_deg, report, err)))
         return st;
-    r->planned = true;
-    const CtsFrameTask task = {
-        .azimuth_deg = view_deg[0],
-        .elevation_deg = view_deg[1],
-        .plan = r->plan,
-        .n_verified = s->verify,
-        .least_lossy = least_lossy,
-        .want_depth = s->want_depth,
-        .explain = s->explain,
-    };
-    return cts_frame_begin(frame, r->frames, &task, report, err);
+    r->is_planned = true;
+    return cts_frame_begin(frame, r, view_deg, least_lossy, report, err);
+}
+
+/* Only the engine's plan, for --explain. */
+static CtsStatus explain_frame(const CtsFrame *frame, CtsReport *report, CtsError *err)
+{
+    return cts_engine(frame->engine_id)->render(&frame->store.scene, NULL, NULL, report, err);
 }
 
 CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsPicture **picture,
                            CtsReport *report, CtsError *err)
 {
-    const CtsRenderSettings *s = cts_frames_settings(r->frames);
     CtsFrame frame;
     *picture = NULL;
     CtsStatus st = begin_frame(r, (double[]){azimuth_deg, elevation_deg}, 0, &frame, report, err);
     if (!st)
-        st = s->explain ? cts_frame_explain(&frame, report, err)
-                        : cts_frame_rows(&frame, 0, s->height, picture, report, err);
+        st = r->settings.explain ? explain_frame(&frame, report, err)
+                                 : cts_frame_rows(&frame, 0, r->settings.height, picture, report, err);
     if ((st = cts_frame_end(&frame, st, report, err)))
         cts_picture_free(picture);
     return st;
@@ -108,17 +70,17 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
                            CtsReport *report, CtsError *err)
 {
     enum { KEY_PIXELS = 256 };
-    const CtsRenderSettings *s = cts_frames_settings(r->frames);
+    const CtsRenderSettings *const s = &r->settings;
     CtsFrame frame;
     CtsStatus st = begin_frame(r, (double[]){azimuth_deg, elevation_deg}, KEY_PIXELS, &frame, report, err);
     if (!st && s->explain)
-        st = cts_frame_explain(&frame, report, err);
+        st = explain_frame(&frame, report, err);
     const int height = s->explain ? 0 : s->height;
     const int n_rows = choose_rows(s, cts_frame_strip_rows(&frame), sink->max_rows);
     if (n_rows < height)
         cts_report_skip(report, "whole picture",
                         "rendered and written in bands of %d rows, to limit memory or to report progress%s", n_rows,
-                        cts_frames_engine(r->frames)->is_layered ? "; sheets are computed again for each" : "");
+                        r->engine->is_layered ? "; sheets are computed again for each" : "");
     for (int row = 0; row < height && !st; row += n_rows)
         st = render_band(&frame, row, height - row < n_rows ? height - row : n_rows, sink, report, err);
     return cts_frame_end(&frame, st, report, err);
