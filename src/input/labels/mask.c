@@ -427,12 +427,6 @@ static CtsStatus check_volumes(const MaskPlacing *p, double *held_mm3, CtsError 
     return CTS_OK;
 }
 
-static void end_placing(MaskPlacing *p)
-{
-    cts_free(&p->sorted);
-    cts_free(&p->n_mask);
-}
-
 static CtsStatus begin_placing(MaskPlacing *p, CtsError *err)
 {
     const CtsMask *const m = p->mask;
@@ -485,16 +479,13 @@ CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, bo
     const bool on_grid = !st && is_on_grid(&p);
     if (only_on_grid)
         *only_on_grid = on_grid;
-    if (st || (only_on_grid && !on_grid)) {
-        end_placing(&p);
-        return st;
-    }
-    st = on_grid ? place_on_grid(&p, err) : resample_mask(&p, err);
-    for (size_t i = 0; !st && i < reading->labels->n; i++)
-        cts_label_sort_runs(&reading->labels->items[i]);
-    if (!st)
+    if (!st && (on_grid || !only_on_grid) && !(st = on_grid ? place_on_grid(&p, err) : resample_mask(&p, err))) {
+        for (size_t i = 0; i < reading->labels->n; i++)
+            cts_label_sort_runs(&reading->labels->items[i]);
         st = check_volumes(&p, held_mm3, err);
-    end_placing(&p);
+    }
+    cts_free(&p.sorted);
+    cts_free(&p.n_mask);
     return st;
 }
 

@@ -15,6 +15,7 @@
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -336,6 +337,7 @@ static void report_range(const CtsVolume *v, bool whole_numbers, double coarsest
 static void report_blank(const Assembly *a, CtsReport *report)
 {
     int first = -1, last = -1, blank = -1, n = 0;
+    char others[40] = "";
     for (int k = 0; k < a->in->n_slices; k++)
         if (a->ranges[k].low < a->ranges[k].high) {
             first = first < 0 ? k : first;
@@ -346,14 +348,12 @@ static void report_blank(const Assembly *a, CtsReport *report)
             blank = blank < 0 ? k : blank;
             n++;
         }
-    if (n == 1)
+    if (n > 1)
+        snprintf(others, sizeof others, ", as in %d more", n - 1);
+    if (n)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_BLANK_SLICES,
-                              "%s: one value in all pixels, between slices with more",
-                              cts_slice_label(&a->in->slices[blank]).text);
-    else if (n)
-        cts_report_diagnostic(report, CTS_DIAGNOSTIC_BLANK_SLICES,
-                              "%s: one value in all pixels, as in %d more, between slices with more",
-                              cts_slice_label(&a->in->slices[blank]).text, n - 1);
+                              "%s: one value in all pixels%s, between slices with more",
+                              cts_slice_label(&a->in->slices[blank]).text, others);
 }
 
 /* Origin and steps: rows and columns from the middle slice, layers from the line of positions. */

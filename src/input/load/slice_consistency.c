@@ -32,11 +32,9 @@ typedef struct Beside {
 
 static Beside beside(const Samples *s, int k)
 {
-    if (k == 0)
-        return (Beside){sample_slice(s, 0), sample_slice(s, 1), sample_slice(s, 2), true};
-    if (k == s->n - 1)
-        return (Beside){sample_slice(s, k), sample_slice(s, k - 1), sample_slice(s, k - 2), true};
-    return (Beside){sample_slice(s, k), sample_slice(s, k - 1), sample_slice(s, k + 1), false};
+    const bool at_end = k == 0 || k == s->n - 1;
+    const int near = k == 0 ? 1 : k - 1, other = !at_end ? k + 1 : k == 0 ? 2 : k - 2;
+    return (Beside){sample_slice(s, k), sample_slice(s, near), sample_slice(s, other), at_end};
 }
 
 static int foretold(const Beside *b, int i)
