@@ -149,6 +149,7 @@ static void append_diagnostics(json_t *list, const CtsDiagnostics *diagnostics)
 
 json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
 {
+    const bool is_hu = s->quantity == CTS_QUANTITY_HU;
     char *study = s->study_uid[0] ? cts_uid_hash(NULL, s->study_uid) : NULL;
     json_t *diagnostics = json_array(), *labels = f->has_labels ? json_array() : NULL;
     append_diagnostics(diagnostics, &s->diagnostics);
@@ -156,12 +157,13 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
     for (size_t i = 0; i < f->n_labels; i++)
         json_array_append_new(labels, cts_label_json(&f->labels[i]));
     json_t *object = json_pack(
-        "{s:o,s:o,s:o,s:o,s:i,s:[i,i,i],s:[o,o,o],s:o,s:o,s:o,s:o,s:o,s:o,s:b,s:b,s:o,s:o*}", "series_uid",
+        "{s:o,s:o,s:o,s:o,s:i,s:[i,i,i],s:[o,o,o],s:o,s:o*,s:o*,s:o,s:o,s:o,s:b,s:b,s:o,s:o*}", "series_uid",
         cts_json_new_text(s->uid), "traits", cts_json_new_text(s->traits), "modality", cts_json_new_text(s->modality),
         "study", text_if(study), "slices", s->n_slices, "dims", s->columns, s->rows, s->n_slices, "spacing_mm",
         number_if(s->spacing_mm[0] > 0, s->spacing_mm[0]), number_if(s->spacing_mm[1] > 0, s->spacing_mm[1]),
         number_if(s->spacing_mm[2] > 0, s->spacing_mm[2]), "tilt_deg", cts_json_new_number(s->tilt_deg), "hu_min",
-        number_if(f->known, f->hu_min), "hu_max", number_if(f->known, f->hu_max), "box_mm",
+        is_hu ? number_if(f->known, f->hu_min) : NULL, "hu_max", is_hu ? number_if(f->known, f->hu_max) : NULL,
+        "box_mm",
         f->known ? json_pack("[f,f,f,f,f,f]", f->box_low_lps[0], f->box_high_lps[0], f->box_low_lps[1],
                              f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2])
                  : json_null(),
@@ -171,10 +173,6 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
                            json_pack("{s:s,s:s,s:o,s:o}", "quantity", cts_quantity_names[s->quantity], "unit",
                                      cts_quantity_units[s->quantity], "value_min", number_if(f->known, f->hu_min),
                                      "value_max", number_if(f->known, f->hu_max)));
-    if (s->quantity != CTS_QUANTITY_HU) {
-        json_object_del(object, "hu_min");
-        json_object_del(object, "hu_max");
-    }
     if (show_patient)
         json_object_update_new(object, json_pack("{s:o,s:o,s:o}", "study_date", text_if(s->study_date), "series_number",
                                                  s->series_number < 0 ? json_null() : json_integer(s->series_number),
