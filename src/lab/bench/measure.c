@@ -44,16 +44,6 @@ static CtsStatus evaluate(Child *c, const CtsPicture *picture, const CtsReport *
     return st ? st : cts_reference_compare(c->own[CTS_KERNEL_TENT], picture, &c->row.trilinear, &c->err);
 }
 
-/* Resets the peak memory, which is inherited from the parent; where that is impossible, it stays. */
-static void reset_peak(void)
-{
-    FILE *const file = fopen("/proc/self/clear_refs", "we");
-    if (file) {
-        fputs("5", file);
-        fclose(file);
-    }
-}
-
 static CtsStatus render_runs(Child *c)
 {
     CtsRenderSettings s = c->settings->render;
@@ -67,7 +57,6 @@ static CtsStatus render_runs(Child *c)
     s.max_error = row->max_error;
     s.tolerance_hu = row->tolerance_hu;
     s.void_key = row->void_key;
-    reset_peak();
     for (row->runs = 0; row->runs < MAX_RUNS && !st; row->runs++) {
         if (row->runs >= MIN_RUNS && spent_ms > QUICK_MS)
             break;
