@@ -255,26 +255,13 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     report_batch_progress(r);
 }
 
-/* A worker without a process, or NULL. *n_at_work: those with one. */
-static CtsWorker *free_worker(Run *r, int *n_at_work)
+/* Workers from the first one on that have a process. */
+static int n_at_work(const Run *r, int first)
 {
-    CtsWorker *found = NULL;
-    *n_at_work = 0;
-    for (int i = 1; i < r->n_workers; i++) {
-        if (!r->workers[i].pid)
-            found = &r->workers[i];
-        else
-            ++*n_at_work;
-    }
-    return found;
-}
-
-static bool any_worker(const Run *r)
-{
-    bool any = false;
-    for (int i = 0; i < r->n_workers; i++)
-        any |= r->workers[i].pid;
-    return any;
+    int n = 0;
+    for (int i = first; i < r->n_workers; i++)
+        n += r->workers[i].pid != 0;
+    return n;
 }
 
 /* True if all outputs of a series are up to date; adds its record to this shard's own journal. */
@@ -323,10 +310,12 @@ static bool needs_no_worker(Run *r, const CtsPlanSeries *series)
 /* Starts the next series with missing outputs, if a worker is free. */
 static bool start_next(Run *r)
 {
-    int n_at_work;
     CtsError err = {0};
-    CtsWorker *w = free_worker(r, &n_at_work);
-    while (w && r->next < r->found.n_series && !r->status && !interrupted(r)) {
+    CtsWorker *w = &r->workers[1];
+    const int n_busy = n_at_work(r, 1);
+    while (n_busy < r->n_jobs && w->pid)
+        w++;
+    while (n_busy < r->n_jobs && r->next < r->found.n_series && !r->status && !interrupted(r)) {
         if (cts_plan_series(r->plan, r->next, &w->series, &err)) {
             give_up_batch(r, &err);
             return false;
@@ -341,11 +330,11 @@ static bool start_next(Run *r)
             continue;
         }
         const double bytes = BYTES_PER_SERIES + BYTES_PER_VOXEL * (double)w->series.n_voxels;
-        if (any_worker(r) && bytes > r->free_bytes) {
+        if (n_at_work(r, 0) && bytes > r->free_bytes) {
             cts_plan_series_free(&w->series);
             return false;
         }
-        const size_t left = r->found.n_series - r->next + (size_t)n_at_work;
+        const size_t left = r->found.n_series - r->next + (size_t)n_busy;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
         /* One thread more than an equal share, to use the time in which other workers wait for the disk. */
         const int share = (r->n_threads + at_once - 1) / at_once + 1;
@@ -436,21 +425,21 @@ static void watch_clock(Run *r)
 static void wait_for_any(Run *r)
 {
     struct pollfd fds[N_WORKERS(CTS_BATCH_MAX_JOBS)];
-    CtsWorker *of[N_WORKERS(CTS_BATCH_MAX_JOBS)];
-    int n = 0;
     double wait_ms = TICK_MS;
-    for (int i = 0; i < r->n_workers; i++)
-        if (r->workers[i].pid) {
-            wait_ms = fmin(wait_ms, fmax(1, r->workers[i].deadline_ms - cts_wall_ms()));
-            of[n] = &r->workers[i];
-            fds[n++] = (struct pollfd){.fd = r->workers[i].socket, .events = POLLIN};
-        }
-    if (poll(fds, (nfds_t)n, (int)ceil(wait_ms)) < 0)
+    for (int i = 0; i < r->n_workers; i++) {
+        const CtsWorker *const w = &r->workers[i];
+        fds[i] = (struct pollfd){.fd = w->pid ? w->socket : -1, .events = POLLIN};
+        if (w->pid)
+            wait_ms = fmin(wait_ms, fmax(1, w->deadline_ms - cts_wall_ms()));
+    }
+    if (poll(fds, (nfds_t)r->n_workers, (int)ceil(wait_ms)) < 0)
         return;
-    for (int i = 0; i < n; i++) {
-        CtsWorker *w = of[i];
+    for (int i = 0; i < r->n_workers; i++) {
+        CtsWorker *const w = &r->workers[i];
         struct rusage usage;
         int how;
+        if (!w->pid)
+            continue;
         const bool open = !fds[i].revents || cts_worker_read(w, take_message, r);
         const pid_t pid = wait4(w->pid, &how, open ? WNOHANG : 0, &usage);
         if (pid < 0 && errno != EINTR) { /* already reaped elsewhere: its exit status is unknown */
@@ -468,7 +457,7 @@ static CtsStatus run_all_series(Run *r)
         while (start_next(r))
             ;
         start_sender(r);
-        if (!any_worker(r))
+        if (!n_at_work(r, 0))
             break;
         wait_for_any(r);
         watch_clock(r);
