@@ -114,11 +114,3 @@ CtsStatus cts_render_query_options(CtsRenderQuery *render_query, const CtsFormat
         return st;
     return cts_job_check(&render_query->job, report, err);
 }
-
-void cts_render_query_free(CtsRenderQuery *render_query)
-{
-    cts_options_free(&render_query->options);
-    free(render_query->path);
-    free(render_query->state_path);
-    *render_query = (CtsRenderQuery){.path = NULL};
-}

@@ -10,7 +10,9 @@
 
 void cts_render_request_free(CtsRenderRequest *r)
 {
-    cts_render_query_free(&r->render_query);
+    cts_options_free(&r->render_query.options);
+    free(r->render_query.path);
+    free(r->render_query.state_path);
     cts_report_free(&r->report);
     free(r);
 }

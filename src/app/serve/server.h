@@ -47,10 +47,9 @@ typedef struct CtsRenderQuery {
 } CtsRenderQuery;
 
 /* Translates ctsplat's own options; format: from the URL's ending. CTS_ERR_USAGE for options that a request may not
- * use. folder and serial determine the temporary file. Free with cts_render_query_free(), also after a failure. */
+ * use. folder and serial determine the temporary file. */
 CtsStatus cts_render_query_options(CtsRenderQuery *render_query, const CtsFormatInfo *format, const char *folder,
                                    unsigned long serial, int n_threads, CtsReport *report, CtsError *err);
-void cts_render_query_free(CtsRenderQuery *render_query);
 
 /* Replaces the parameters of PS3.18 8.3.5 in query by options, and chooses a media type that accept (the header; may be
  * NULL) allows; *format is NULL where there is none. */
