@@ -115,13 +115,6 @@ struct Fetch {
     CtsFetchFolder &folder;
 };
 
-void fill_query(DcmDataset &query, const char *study_uid, const char *series_uid)
-{
-    query.putAndInsertString(DCM_QueryRetrieveLevel, "SERIES");
-    query.putAndInsertString(DCM_StudyInstanceUID, study_uid);
-    query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
-}
-
 /* True for a modality of volumes, and where the peer does not say. */
 bool may_be_volume(const CtsFoundSeries &series)
 {
@@ -186,7 +179,9 @@ template <typename Send> CtsStatus each_series(CtsScu &scu, const Fetch &f, Send
         DcmDataset query;
         OFList<RetrieveResponse *> responses;
         CtsError why = {};
-        fill_query(query, f.wanted.study_uid, uid);
+        query.putAndInsertString(DCM_QueryRetrieveLevel, "SERIES");
+        query.putAndInsertString(DCM_StudyInstanceUID, f.wanted.study_uid);
+        query.putAndInsertString(DCM_SeriesInstanceUID, uid);
         const OFCondition state = cts_net_stopped(&f.net) ? OFCondition(EC_IllegalCall) : send(&query, &responses);
         CtsStatus st = evaluate_responses(responses, &n_objects, &why);
         if (cts_net_stopped(&f.net))

@@ -93,10 +93,8 @@ CtsStatus CtsScu::search(CtsSearch &of, CtsError *err)
     failure = {};
     const OFCondition state =
         sendFINDRequest(findPresentationContextID(UID_FINDStudyRootQueryRetrieveInformationModel, ""), &query, nullptr);
-    if (failure.status) {
-        *err = failure;
-        return failure.status;
-    }
+    if (failure.status)
+        return cts_fail(err, failure.status, "%s", failure.text);
     if (state.bad())
         return cts_fail(err, CTS_ERR_READ, "the connection broke: %s", cts_one_line(state).c_str());
     if (query_status != STATUS_Success)
@@ -129,9 +127,5 @@ OFCondition CtsScu::handleFINDResponse(const T_ASC_PresentationContextID, QRResp
 
 CtsStatus cts_dimse_search(void *scu, CtsSearch *search, CtsError *err)
 {
-    CtsError why = {};
-    const CtsStatus st = static_cast<CtsScu *>(scu)->search(*search, &why);
-    if (st && err)
-        *err = why;
-    return st;
+    return static_cast<CtsScu *>(scu)->search(*search, err);
 }

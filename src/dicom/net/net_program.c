@@ -67,14 +67,6 @@ static CtsStatus use_answer(NetCall *c, CtsError *err)
     return CTS_OK;
 }
 
-static void end_call(NetCall *c)
-{
-    if (c->socket >= 0)
-        close(c->socket);
-    while (c->pid > 0 && waitpid(c->pid, NULL, 0) < 0 && errno == EINTR)
-        continue;
-}
-
 static CtsStatus start_call(NetCall *c, CtsError *err)
 {
     int pair[2];
@@ -102,7 +94,10 @@ static CtsStatus run_net_call(NetCall *c, CtsError *err)
         st = cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net ended unexpectedly");
     else if (!st && (st = c->answer.result.error.status) && err)
         *err = c->answer.result.error;
-    end_call(c);
+    if (c->socket >= 0)
+        close(c->socket);
+    while (c->pid > 0 && waitpid(c->pid, NULL, 0) < 0 && errno == EINTR)
+        continue;
     return st;
 }
 

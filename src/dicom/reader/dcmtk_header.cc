@@ -130,14 +130,6 @@ CtsHeaderResult read_data_set(Header &h, DcmDataset &data)
     return CTS_HEADER_DONE;
 }
 
-void put_facts(Header &h)
-{
-    CtsHeaderFacts &facts = h.answer.facts;
-    facts.data_offset = h.meta.data_offset;
-    facts.header_bytes = h.scan.header_end - (h.inflated.empty() ? h.meta.data_offset : 0);
-    facts.pixels = h.scan.pixels;
-}
-
 CtsHeaderResult read_header(Header &h, DcmDataset &data)
 {
     const CtsScanResult meta = cts_scan_meta(h.bytes, h.item.n, h.item.n_file, &h.meta);
@@ -153,7 +145,9 @@ CtsHeaderResult read_header(Header &h, DcmDataset &data)
     /* Apparent damage is in fact an unknown encoding. */
     if (result == CTS_HEADER_BAD && !h.syntax && *h.meta.syntax_uid)
         return refuse(h, "transfer syntax %s is unknown (convert it with gdcmconv --raw)", h.meta.syntax_uid);
-    put_facts(h);
+    h.answer.facts.data_offset = h.meta.data_offset;
+    h.answer.facts.header_bytes = h.scan.header_end - (h.inflated.empty() ? h.meta.data_offset : 0);
+    h.answer.facts.pixels = h.scan.pixels;
     return result == CTS_HEADER_DONE ? read_data_set(h, data) : result;
 }
 
