@@ -673,7 +673,7 @@ static void test_kernel_fields(void **state)
         rays_shoot(&r, 20 + v, 33, fitted);
         assert_rgba(fitted, plain, r.preset.shade ? 2e-5 : 2e-6);
         cts_raycaster_free(&r.caster);
-        cts_field_free(&field);
+        free(field);
     }
     rays_free(&r);
     r.preset.shade = false;
@@ -698,7 +698,7 @@ static void test_kernel_fields(void **state)
                 assert_near(found, linear ? cts_hu_linear(vox, c) : hu, 1e-9);
         }
         cts_raycaster_free(&r.caster);
-        cts_field_free(&field);
+        free(field);
         rays_free(&r);
     }
 }

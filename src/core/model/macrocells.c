@@ -4,7 +4,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/model/transposed.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -78,22 +77,19 @@ static size_t product(const int n[3])
     return (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
 }
 
-static void count_macrocells(CtsMacrocells *m, int axis, int n)
-{
-    const int cells = n > 1 ? n - 1 : 1;
-    m->dims[axis] = n;
-    m->n_fine[axis] = (cells - 1) / CTS_FINE_MACROCELL + 1;
-}
-
 CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3], CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsMacrocells *m = *macrocells = calloc(1, sizeof *m);
     if (!m)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int axis = 0; axis < 3; axis++)
-        count_macrocells(m, axis, dims[axis]);
-    if ((st = cts_alloc_array(&m->fine, product(m->n_fine), err)) || (st = cts_transposed_new(&m->transposed, err)))
+    pthread_mutex_init(&m->lock, NULL); /* never fails without attributes */
+    for (int axis = 0; axis < 3; axis++) {
+        const int n_cells = dims[axis] > 1 ? dims[axis] - 1 : 1;
+        m->dims[axis] = dims[axis];
+        m->n_fine[axis] = (n_cells - 1) / CTS_FINE_MACROCELL + 1;
+    }
+    if ((st = cts_alloc_array(&m->fine, product(m->n_fine), err)))
         cts_macrocells_free(macrocells);
     return st;
 }
@@ -136,7 +132,8 @@ void cts_macrocells_free(CtsMacrocells **macrocells)
     if (!*macrocells)
         return;
     cts_free(&(*macrocells)->fine);
-    cts_transposed_free(&(*macrocells)->transposed);
+    cts_free(&(*macrocells)->transposed);
+    pthread_mutex_destroy(&(*macrocells)->lock);
     free(*macrocells);
     *macrocells = NULL;
 }

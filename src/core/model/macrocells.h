@@ -4,6 +4,7 @@
 
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
+#include <pthread.h>
 #include <stdint.h>
 
 enum { CTS_FINE_MACROCELL = 4 };
@@ -36,7 +37,8 @@ typedef struct CtsMacrocells {
     CtsRange *fine;
     CtsRange all;
     int dims[3];
-    struct CtsTransposed *transposed; /* of the same volume, for all pictures of it, by any preset */
+    uint16_t *transposed; /* copy of the same volume, for all pictures (core/model/transposed.h); NULL: not made */
+    pthread_mutex_t lock; /* of the copy */
 } CtsMacrocells;
 
 /* For a volume of these dimensions; the ranges are the caller's to set. */

@@ -3,29 +3,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/simd_fixed.h"
-#include <pthread.h>
-
-struct CtsTransposed {
-    pthread_mutex_t lock;
-    uint16_t *grey; /* NULL: not made */
-};
-
-CtsStatus cts_transposed_new(CtsTransposed **transposed, CtsError *err)
-{
-    const CtsStatus st = cts_alloc_zeroed(transposed, 1, err);
-    if (!st)
-        pthread_mutex_init(&(*transposed)->lock, NULL); /* never fails without attributes */
-    return st;
-}
-
-void cts_transposed_free(CtsTransposed **transposed)
-{
-    if (!*transposed)
-        return;
-    pthread_mutex_destroy(&(*transposed)->lock);
-    cts_free(&(*transposed)->grey);
-    cts_free(transposed);
-}
+#include "core/model/macrocells.h"
 
 typedef struct Transposing {
     const CtsVolume *volume;
@@ -56,16 +34,17 @@ static void transpose_some(void *context, int worker, size_t first, size_t end)
         transpose_layer(t->volume->grey + k * nx * ny, nx, ny, t->copy + k * nx * ny);
 }
 
-CtsStatus cts_transposed_find(CtsTransposed *transposed, const CtsVolume *volume, int n_threads, const uint16_t **grey,
-                              CtsError *err)
+CtsStatus cts_model_transposed(const CtsModel *model, int n_threads, const uint16_t **grey, CtsError *err)
 {
+    const CtsVolume *const volume = model->volume;
+    CtsMacrocells *const m = model->macrocells;
     CtsStatus st = CTS_OK;
-    pthread_mutex_lock(&transposed->lock);
-    if (!transposed->grey && !(st = cts_alloc_array(&transposed->grey, cts_volume_n_voxels(volume), err))) {
-        Transposing t = {volume, transposed->grey};
+    pthread_mutex_lock(&m->lock);
+    if (!m->transposed && !(st = cts_alloc_array(&m->transposed, cts_volume_n_voxels(volume), err))) {
+        Transposing t = {volume, m->transposed};
         cts_parallel(n_threads, (size_t)volume->dims[2], 1, transpose_some, &t);
     }
-    *grey = transposed->grey;
-    pthread_mutex_unlock(&transposed->lock);
+    *grey = m->transposed;
+    pthread_mutex_unlock(&m->lock);
     return st;
 }

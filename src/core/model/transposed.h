@@ -2,15 +2,9 @@
  * voxels side by side within a layer across x. */
 #pragma once
 
-#include "ctsplat/status.h"
-#include "ctsplat/volume.h"
+#include "ctsplat/model.h"
 #include <stdint.h>
 
-typedef struct CtsTransposed CtsTransposed;
-
-/* The place of the copy, which is not made yet: it takes as much memory as the volume. */
-CtsStatus cts_transposed_new(CtsTransposed **transposed, CtsError *err);
-void cts_transposed_free(CtsTransposed **transposed);
-/* Makes the copy the first time, while other threads that ask for it wait. *grey belongs to transposed. */
-CtsStatus cts_transposed_find(CtsTransposed *transposed, const CtsVolume *volume, int n_threads, const uint16_t **grey,
-                              CtsError *err);
+/* Makes the copy the first time, which takes as much memory as the volume, while other threads that ask for it wait.
+ * *grey belongs to the model's macro-cells. */
+CtsStatus cts_model_transposed(const CtsModel *model, int n_threads, const uint16_t **grey, CtsError *err);

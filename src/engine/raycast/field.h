@@ -50,6 +50,7 @@ typedef struct CtsRayWalk {
     bool started;
 } CtsRayWalk;
 
+/* The begin of one block of memory, to be freed with free(). */
 typedef struct CtsField CtsField;
 struct CtsField {
     /* The next segment, or false at the end of the ray. */
@@ -57,13 +58,7 @@ struct CtsField {
     /* Gradient of HU per voxel along each volume axis, on the last segment returned. */
     void (*gradient)(const CtsField *field, const CtsRayWalk *walk, const CtsRaySegment *segment,
                      double gradient[3][4]);
-    void (*free)(CtsField **field);
 };
-
-/* The ray of pixel (x, y) within the box; false when it misses it. A ray within 1e-9 voxels of the box's side counts
- * as inside, so that a view along an axis does not lose its border to rounding. An axis of one voxel is a box
- * without thickness: rays within its plane see it, others cross it in a point. */
-bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 
 /* Central difference of grey levels at a voxel, per voxel; at the border to air, or one-sided. */
 double cts_field_difference(const CtsVolume *volume, const int voxel[3], int axis, bool air_beyond);
@@ -76,9 +71,3 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsModel *model, const Cts
  * fitted to 1e-3 HU (lit: the gradient's too). radius is in voxels; CTS_ERR_USAGE below 0.75. */
 CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
                            double radius, const CtsPreset *preset, CtsError *err);
-
-static inline void cts_field_free(CtsField **field)
-{
-    if (*field)
-        (*field)->free(field);
-}

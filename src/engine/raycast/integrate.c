@@ -1,10 +1,12 @@
 /* Emission and absorption along one cubic segment of a ray: C = integral of c t exp(-integral of t). */
+#include "base/compare.h"
 #include "base/mutation.h"
 #include "base/vec3.h"
 #include "core/scene/openness.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
 #include <math.h>
+#include <stdlib.h>
 
 /* Largest change by refining an interval, in display values: many intervals add up to 1e-7 at most along a ray, and the
  * finer rule, which is used, has a far smaller error than the difference of the two rules. A ray ends at transmittance
@@ -211,12 +213,7 @@ static int find_interval_splits(const Interval *s, double split[MAX_SPLITS])
     if (s->gradient) {
         n += cts_cubic_sign_changes(s->framed[2], split + n);
         n += split_at_blocks(s, split + n);
-        for (int i = 1; i < n; i++)
-            for (int k = i; k > 1 && split[k] < split[k - 1]; k--) {
-                const double swap = split[k];
-                split[k] = split[k - 1];
-                split[k - 1] = swap;
-            }
+        qsort(split, (size_t)n, sizeof *split, cts_compare_double);
     }
     split[n] = 1;
     return n;

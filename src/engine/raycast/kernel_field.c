@@ -249,12 +249,6 @@ static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRay
         fit_cubic((const KernelField *)field, walk->ray, segment->t0_mm, segment->t1_mm, axis, g[axis]);
 }
 
-static void kernel_field_free(CtsField **field)
-{
-    free(*field);
-    *field = NULL;
-}
-
 CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
                            double radius, const CtsPreset *preset, CtsError *err)
 {
@@ -265,7 +259,7 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
     KernelField *f = calloc(1, sizeof *f);
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *f = (KernelField){.field = {.next = next, .gradient = gradient, .free = kernel_field_free},
+    *f = (KernelField){.field = {.next = next, .gradient = gradient},
                        .volume = volume,
                        .axis = view->axis,
                        .u_axis = view->axis == 0 ? 1 : 0,

@@ -72,7 +72,7 @@ void cts_raycaster_free(CtsRaycaster **caster)
 {
     if (!*caster)
         return;
-    cts_field_free(&(*caster)->own_field);
+    free((*caster)->own_field);
     free((*caster)->appearances);
     free(*caster);
     *caster = NULL;
@@ -140,7 +140,8 @@ void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba
     double surface_mm = INFINITY;
     for (int c = 0; c < 4; c++)
         rgba[c] = 0;
-    if (cts_ray_of_pixel(&caster->view, x, y, &ray)) {
+    memcpy(ray.step_vox, caster->view.forward_vox, sizeof ray.step_vox);
+    if (cts_view_clip(&caster->view, x, y, ray.start_vox, &ray.t0_mm, &ray.t1_mm)) {
         if (caster->preset->mode == CTS_MODE_COMPOSITE)
             composite_ray(caster, &ray, rgba, &surface_mm);
         else
@@ -177,28 +178,6 @@ CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
 
-static void report_raycast_plan(const CtsScene *scene, CtsReport *report)
-{
-    cts_report_plan(report, "each pixel by itself, in float64, split at cell faces%s",
-                    scene->preset->mode == CTS_MODE_COMPOSITE
-                        ? " and at the preset's points, Gauss-Legendre in between until converged to 1e-7"
-                        : ", extremes and means of the cubic in each cell exactly");
-}
-
-static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
-{
-    const bool is_grey = caster->preset->mode != CTS_MODE_COMPOSITE;
-    for (int x = 0; x < picture->width; x++) {
-        const size_t at = (size_t)y * (size_t)picture->width + (size_t)x;
-        double rgba[4], depth_mm;
-        cts_raycast_ray(caster, x, picture->first_row + y, rgba, &depth_mm);
-        for (int c = 0; c < 4; c++)
-            picture->pixels[4 * at + (size_t)c] = is_grey ? cts_clamp_to_level(rgba[c]) : (float)rgba[c];
-        if (picture->depth_mm)
-            picture->depth_mm[at] = (float)depth_mm;
-    }
-}
-
 typedef struct PictureRows {
     const CtsScene *scene;
     const CtsRaycaster *caster;
@@ -208,16 +187,28 @@ typedef struct PictureRows {
 static void render_rows(void *context, int worker, size_t first, size_t end)
 {
     const PictureRows *const r = context;
+    CtsPicture *const p = r->picture;
+    const bool is_grey = r->caster->preset->mode != CTS_MODE_COMPOSITE;
+    const size_t width = (size_t)p->width;
     (void)worker;
-    for (size_t y = first; y < end && !cts_scene_stopped(r->scene); y++)
-        render_row(r->caster, r->picture, (int)y);
+    for (size_t at = first * width; at < end * width && !cts_scene_stopped(r->scene); at++) {
+        double rgba[4], depth_mm;
+        cts_raycast_ray(r->caster, (int)(at % width), p->first_row + (int)(at / width), rgba, &depth_mm);
+        for (size_t c = 0; c < 4; c++)
+            p->pixels[4 * at + c] = is_grey ? cts_clamp_to_level(rgba[c]) : (float)rgba[c];
+        if (p->depth_mm)
+            p->depth_mm[at] = (float)depth_mm;
+    }
 }
 
 static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                         CtsError *err)
 {
     (void)errors;
-    report_raycast_plan(scene, report);
+    cts_report_plan(report, "each pixel by itself, in float64, split at cell faces%s",
+                    scene->preset->mode == CTS_MODE_COMPOSITE
+                        ? " and at the preset's points, Gauss-Legendre in between until converged to 1e-7"
+                        : ", extremes and means of the cubic in each cell exactly");
     cts_scene_report_region(scene, report);
     if (!picture)
         return CTS_OK;

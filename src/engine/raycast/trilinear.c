@@ -10,6 +10,19 @@
 #include <math.h>
 #include <stdlib.h>
 
+double cts_field_difference(const CtsVolume *volume, const int voxel[3], int axis, bool air_beyond)
+{
+    const size_t stride[3] = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]};
+    const int at = voxel[axis], n = volume->dims[axis], step = cts_shade_step(volume, axis);
+    const size_t away = stride[axis] * (size_t)step;
+    const uint16_t *const v =
+        volume->grey + (size_t)voxel[0] + (size_t)voxel[1] * stride[1] + (size_t)voxel[2] * stride[2];
+    const bool before = at >= step, after = at < n - step;
+    const double beyond = air_beyond ? 0 : *v;
+    const double rise = (after ? (double)v[away] : beyond) - (before ? (double)*(v - away) : beyond);
+    return n == 1 ? 0 : rise / ((air_beyond || (before && after) ? 2 : 1) * step);
+}
+
 typedef struct Trilinear {
     CtsField field;
     const CtsVolume *volume;
@@ -121,19 +134,13 @@ static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRay
     }
 }
 
-static void trilinear_free(CtsField **field)
-{
-    free(*field);
-    *field = NULL;
-}
-
 CtsStatus cts_field_trilinear(CtsField **field, const CtsModel *model, const CtsPreset *preset, CtsError *err)
 {
     *field = NULL;
     Trilinear *t = calloc(1, sizeof *t);
     if (!t)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    t->field = (CtsField){.next = next, .gradient = gradient, .free = trilinear_free};
+    t->field = (CtsField){.next = next, .gradient = gradient};
     t->volume = model->volume;
     t->shown = cts_model_shown(model)->volume;
     t->air_beyond = cts_shade_air_beyond(preset, model->volume) && !CTS_MUTATED(BORDER_DIFFERENCE);

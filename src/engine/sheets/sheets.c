@@ -90,18 +90,17 @@ static CtsStatus find_blocks(SheetsCache *k, const CtsScene *scene, const uint16
                              CtsError *err)
 {
     const int p = scene->view.axis;
-    const CtsMacrocells *const m = scene->model->macrocells;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     CtsStatus st = CTS_OK;
     if (!k->blocks[p].bits) {
-        st = void_init(&k->blocks[p], m, scene->lut, p, err);
+        st = void_init(&k->blocks[p], scene->model->macrocells, scene->lut, p, err);
         k->blocks_frame[p] = scene->frame;
     } else if (k->blocks_frame[p] != scene->frame) {
         cts_report_skip(report, "blocks that may be visible", "made for an earlier frame");
     }
     *grey = scene->volume->grey;
     if (!st && p == 0)
-        st = cts_transposed_find(m->transposed, scene->volume, scene->settings->n_threads, grey, err);
+        st = cts_model_transposed(scene->model, scene->settings->n_threads, grey, err);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return st;
 }

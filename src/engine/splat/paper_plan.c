@@ -233,8 +233,7 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, bool reuse
     explain(p, report);
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     if (p->stack.axis == 0 && (picture || reuse) &&
-        (st = cts_transposed_find(scene->model->macrocells->transposed, scene->volume, p->n_threads, &p->stack.grey,
-                                  err)))
+        (st = cts_model_transposed(scene->model, p->n_threads, &p->stack.grey, err)))
         return st;
     if ((st = plan_shading(p, err)) || (st = plan_savings(p, report, err)))
         return st;
