@@ -3,7 +3,6 @@
 
 #include "ctsplat/status.h"
 #include <stdbool.h>
-#include <stddef.h>
 
 struct CtsServer;
 struct CtsQuery;

@@ -3,7 +3,6 @@
 
 #include "base/enum_table.h"
 #include <stdio.h>
-#include <string.h>
 
 CTS_ENUM_TABLE(char *const, cts_scale_names, CTS_N_SCALES, [CTS_SCALE_HU] = "HU", [CTS_SCALE_SUVBW] = "SUVbw",
                [CTS_SCALE_BQML] = "Bq/ml", [CTS_SCALE_STORED] = "stored", [CTS_SCALE_RELATIVE] = "relative");

@@ -5,7 +5,6 @@
 #include "core/volume/shape_interpolation.h"
 #include "ctsplat/volume.h"
 #include <math.h>
-#include <string.h>
 
 CtsInterpolationWeights cts_slice_interpolation_weights(double t, const double distance[3])
 {

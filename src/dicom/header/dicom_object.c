@@ -3,7 +3,6 @@
 #include "base/mem.h"
 #include "base/sandbox.h"
 #include "dicom/header/header_reader.h"
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,7 +2,6 @@
 
 #include "base/vec3.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Fields of a slice that the reader fills: one, or neighbours of one type. */

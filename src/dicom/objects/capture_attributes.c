@@ -2,8 +2,6 @@
 #include "dicom/objects/records.h"
 
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 enum { FRAME_MS = 100 }; /* 36 frames of a rotation last 3.6 s */
 

@@ -4,7 +4,6 @@
 #pragma once
 
 #include "base/sandbox.h"
-#include "ctsplat/status.h"
 #include "dicom/protocol/syntax.h"
 #include <stddef.h>
 #include <stdint.h>

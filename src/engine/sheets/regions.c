@@ -3,7 +3,6 @@
 
 #include "base/mem.h"
 #include "base/parallel.h"
-#include <math.h>
 #include <stdatomic.h>
 #include <string.h>
 

@@ -5,7 +5,6 @@
 #include "ctsplat/series.h"
 #include "input/load/load.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 void cts_scanned_free(CtsScanned **scanned)

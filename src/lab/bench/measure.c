@@ -4,7 +4,6 @@
 #include "base/parallel.h"
 #include "lab/bench/bench.h"
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
