@@ -6,6 +6,7 @@
 #include "dicom/header/header_reader.h"
 #include "dicom/header/utf8.h"
 #include "dicom/net/answers.h"
+#include "dicom/net/wire.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -74,20 +75,21 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
                        CtsError *err)
 {
     const CtsNet net = with_defaults(given);
-    CtsAttempt result = {.again = true};
+    CtsNetAnswer last = {.result.again = true};
     CtsOutgoingFile *const files = calloc((size_t)n_paths + 1, sizeof *files);
+    const CtsNetRequest request = {
+        .task = CTS_NET_SEND, .peer = *peer, .net = net, .outgoing = files, .n_outgoing = n_paths};
     CtsStatus st = files ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     int sent = 0;
     for (int i = 0; !st && i < n_paths; i++) {
         files[i].path = paths[i];
         st = cts_dcm_ids(paths[i], &files[i].ids, err);
     }
-    for (int k = 0; !st && sent < n_paths && k < net.n_tries && result.again; k++) {
+    for (int k = 0; !st && sent < n_paths && k < net.n_tries && last.result.again; k++) {
         wait_ms(&net, k > 0 ? 500 << k : 0); /* 1, 2 and 4 s with the default of 4 tries */
         if (cts_net_stopped(&net))
             break;
-        result = (CtsAttempt){0};
-        cts_program_send(peer, &net, files, n_paths, &result);
+        cts_program_run(&request, NULL, &last);
         sent = 0;
         for (int i = 0; i < n_paths; i++)
             sent += files[i].sent;
@@ -97,7 +99,7 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
     if (!st && sent < n_paths)
         st = cts_net_stopped(&net)
                  ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted; %d of %d files sent, all kept", sent, n_paths)
-                 : fail_unsent(peer, &net, files, &result, err);
+                 : fail_unsent(peer, &net, files, &last.result, err);
     free(files);
     return st;
 }
@@ -182,8 +184,15 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const CtsSerie
                         "its series)");
     if ((st = check_uids(&uids, err)) || (st = cts_fetch_folder_make(fetched, err)))
         return st;
-    CtsFetchFolder folder = {.folder = fetched->folder};
-    st = cts_program_fetch(peer, &net, &uids, &folder, err);
+    const CtsNetRequest request = {
+        .task = CTS_NET_FETCH, .peer = *peer, .net = net, .query = uids, .folder = fetched->folder};
+    CtsNetAnswer last;
+    if ((st = cts_program_run(&request, NULL, &last)) && err)
+        *err = last.result.error;
+    CtsFetchFolder folder = last.fetch_folder;
+    folder.folder = fetched->folder;
+    if (!st && (folder.n_files < 0 || folder.n_files > CTS_FETCH_MAX_FILES + 1))
+        st = cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
     if (cts_net_stopped(&net))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     if (!st && folder.n_bytes == 0)
@@ -243,7 +252,11 @@ CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *given, const CtsSeries
     CtsSeriesQuery asked = *query;
     if (query->modality && strchr(query->modality, ','))
         asked.modality = NULL;
-    if (!(st = cts_program_find(peer, &net, &asked, found, err)) && asked.modality != query->modality)
+    const CtsNetRequest request = {.task = CTS_NET_FIND, .peer = *peer, .net = net, .query = asked};
+    CtsNetAnswer last;
+    if ((st = cts_program_run(&request, found, &last)) && err)
+        *err = last.result.error;
+    else if (!st && asked.modality != query->modality)
         keep_modalities(found, query->modality);
     return cts_net_stopped(&net) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : st;
 }

@@ -18,11 +18,11 @@ enum { TICK_MS = 50, GRACE_MS = 3000 };
 
 /* A run of the program, and where its answers go. */
 typedef struct NetCall {
-    CtsNetRequest request;
+    const CtsNetRequest *request;
     CtsFound *found;
+    CtsNetAnswer *answer; /* the last one */
     int socket;
     pid_t pid;
-    CtsNetAnswer answer; /* the last one */
 } NetCall;
 
 /* Waits for an answer. Once a stop is requested the program is notified, and killed after its grace. */
@@ -30,19 +30,19 @@ static bool await_answer(NetCall *c, int *left_ms)
 {
     struct pollfd ready = {.fd = c->socket, .events = POLLIN};
     while (poll(&ready, 1, TICK_MS) <= 0) {
-        if (*left_ms == GRACE_MS && cts_net_stopped(&c->request.net))
+        if (*left_ms == GRACE_MS && cts_net_stopped(&c->request->net))
             cts_send_all(c->socket, "", 1);
-        if (cts_net_stopped(&c->request.net) && (*left_ms -= TICK_MS) <= 0)
+        if (cts_net_stopped(&c->request->net) && (*left_ms -= TICK_MS) <= 0)
             kill(c->pid, SIGKILL);
     }
-    return cts_wire_read(c->socket, &c->answer, sizeof c->answer);
+    return cts_wire_read(c->socket, c->answer, sizeof *c->answer);
 }
 
 /* The peer's texts end within their fields, and what is counted is there. */
 static CtsStatus use_answer(NetCall *c, CtsError *err)
 {
-    const CtsNetRequest *const r = &c->request;
-    CtsNetAnswer *const a = &c->answer;
+    const CtsNetRequest *const r = c->request;
+    CtsNetAnswer *const a = c->answer;
     CtsFoundSeries *const s = &a->found;
     a->result.error.text[sizeof a->result.error.text - 1] = a->result.remedy[sizeof a->result.remedy - 1] = 0;
     cts_text_clean(a->result.error.text);
@@ -79,53 +79,24 @@ static CtsStatus start_call(NetCall *c, CtsError *err)
     return st;
 }
 
-static CtsStatus run_net_call(NetCall *c, CtsError *err)
+CtsStatus cts_program_run(const CtsNetRequest *request, CtsFound *found, CtsNetAnswer *last)
 {
+    NetCall c = {.request = request, .found = found, .answer = last, .socket = -1};
+    CtsError why = {0};
     int left_ms = GRACE_MS;
-    c->socket = -1;
-    CtsStatus st = start_call(c, err);
-    bool alive = !st && cts_wire_write_request(c->socket, &c->request);
+    CtsStatus st = start_call(&c, &why);
+    bool alive = !st && cts_wire_write_request(c.socket, request);
     do {
-        alive = alive && await_answer(c, &left_ms);
-        st = alive ? use_answer(c, err) : st;
-    } while (alive && !st && c->answer.kind != CTS_NET_END);
+        alive = alive && await_answer(&c, &left_ms);
+        st = alive ? use_answer(&c, &why) : st;
+    } while (alive && !st && last->kind != CTS_NET_END);
     if (!st && !alive)
-        st = cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net ended unexpectedly");
-    else if (!st && (st = c->answer.result.error.status) && err)
-        *err = c->answer.result.error;
-    if (c->socket >= 0)
-        close(c->socket);
-    while (c->pid > 0 && waitpid(c->pid, NULL, 0) < 0 && errno == EINTR)
+        st = cts_fail(&why, CTS_ERR_INTERNAL, "ctsplat-net ended unexpectedly");
+    if (st)
+        *last = (CtsNetAnswer){.result.error = why};
+    if (c.socket >= 0)
+        close(c.socket);
+    while (c.pid > 0 && waitpid(c.pid, NULL, 0) < 0 && errno == EINTR)
         continue;
-    return st;
-}
-
-void cts_program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
-                      CtsAttempt *result)
-{
-    NetCall c = {
-        .request = {
-            .task = CTS_NET_SEND, .peer = *peer, .net = *net, .outgoing = outgoing_files, .n_outgoing = n_outgoing}};
-    if (run_net_call(&c, &result->error) && c.answer.kind == CTS_NET_END)
-        *result = c.answer.result;
-}
-
-CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted,
-                            CtsFetchFolder *folder, CtsError *err)
-{
-    NetCall c = {
-        .request = {.task = CTS_NET_FETCH, .peer = *peer, .net = *net, .query = *wanted, .folder = folder->folder}};
-    const CtsStatus st = run_net_call(&c, err);
-    if (!st && (c.answer.fetch_folder.n_files < 0 || c.answer.fetch_folder.n_files > CTS_FETCH_MAX_FILES + 1))
-        return cts_fail(err, CTS_ERR_INTERNAL, "ctsplat-net gives an invalid answer");
-    c.answer.fetch_folder.folder = folder->folder;
-    *folder = st ? *folder : c.answer.fetch_folder;
-    return st;
-}
-
-CtsStatus cts_program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
-                           CtsError *err)
-{
-    NetCall c = {.request = {.task = CTS_NET_FIND, .peer = *peer, .net = *net, .query = *query}, .found = found};
-    return run_net_call(&c, err);
+    return last->result.error.status;
 }

@@ -68,14 +68,6 @@ typedef struct CtsProtocol {
  * rest of the program's start. */
 extern const CtsProtocol cts_protocol_dimse, cts_protocol_web;
 
-/* The library's way to them, for either kind of peer. */
-void cts_program_send(const CtsPeer *peer, const CtsNet *net, CtsOutgoingFile *outgoing_files, int n_outgoing,
-                      CtsAttempt *result);
-CtsStatus cts_program_fetch(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *wanted,
-                            CtsFetchFolder *folder, CtsError *err);
-CtsStatus cts_program_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
-                           CtsError *err);
-
 bool cts_net_stopped(const CtsNet *net);
 
 CTS_C_END

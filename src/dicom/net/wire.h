@@ -33,3 +33,7 @@ bool cts_wire_read(int socket, void *bytes, size_t n);
 /* A request with its texts and files; the one read owns them. False also without memory, and for a text past 64 KiB. */
 bool cts_wire_write_request(int socket, const CtsNetRequest *request);
 bool cts_wire_read_request(int socket, CtsNetRequest *request);
+
+/* The library's way to the protocols: runs a request by the program. found (NULL: none are asked for) gets what is
+ * found. *last is the last answer; the status is that of its error. */
+CtsStatus cts_program_run(const CtsNetRequest *request, CtsFound *found, CtsNetAnswer *last);
