@@ -1,5 +1,3 @@
-#include <dcmtk/config/osconfig.h>
-
 #include "dicom/dcmtk/dcmtk_failures.hpp"
 
 #include <atomic>

@@ -1,6 +1,4 @@
 /* Decodes one RLE, JPEG or JPEG-LS frame with DCMTK's codecs. */
-#include <dcmtk/config/osconfig.h>
-
 #include "dicom/pixels/dcmtk_frame.hpp"
 
 #include <cstdio>

@@ -1,6 +1,4 @@
 /* One frame compressed without loss by DCMTK. */
-#include <dcmtk/config/osconfig.h>
-
 #include "dicom/pixels/dcmtk_frame.hpp"
 
 #include <cstring>

@@ -1,6 +1,4 @@
 /* A thumbnail of the middle frame of any image, as DCMTK renders it. */
-#include <dcmtk/config/osconfig.h>
-
 #include "dicom/dcmtk/dcmtk_failures.hpp"
 #include "dicom/pixels/pixel_tasks.h"
 #include "dicom/protocol/dicom_begin.h"

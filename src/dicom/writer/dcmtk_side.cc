@@ -1,5 +1,3 @@
-#include <dcmtk/config/osconfig.h>
-
 #include "dicom/writer/dcmtk_write.hpp"
 
 #include <cstring>

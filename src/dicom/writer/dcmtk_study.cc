@@ -1,7 +1,5 @@
 /* The patient and the study that an object joins: all attributes of these two levels (PS3.3 C.7.1.1, C.7.1.3, C.7.2.1
  * to C.7.2.3), as the source has them. */
-#include <dcmtk/config/osconfig.h>
-
 #include "dicom/writer/dcmtk_write.hpp"
 
 #include <algorithm>
