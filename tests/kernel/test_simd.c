@@ -90,16 +90,14 @@ static void mark(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint6
         wanted[i] = below(3) ? (uint64_t)random_u32() << 32 | random_u32() : 0;
     for (int path = 0; path < 2; path++) {
         const CtsSimd *k = path ? fast : plain;
-        if (least)
-            k->reach(value, level, n, wanted, marks[path]);
-        else
-            k->differ(value, old, n, marks[path]);
+        k->mark(value, least ? NULL : old, level, n, least ? wanted : NULL, marks[path]);
     }
     for (int i = 0; i < n; i++)
         if (least ? value[i] >= level && wanted[i / 64] >> (i & 63) & 1 : value[i] != old[i])
             marks[2][i / 64] |= UINT64_C(1) << (i & 63);
-    same(least ? "reach" : "differ", marks[0], marks[1], sizeof marks[0], mask, seed, 0, n);
-    same(least ? "reach, defined" : "differ, defined", marks[2], marks[1], sizeof marks[0], mask, seed, 0, n);
+    same(least ? "mark by level" : "mark changes", marks[0], marks[1], sizeof marks[0], mask, seed, 0, n);
+    same(least ? "mark by level, defined" : "mark changes, defined", marks[2], marks[1], sizeof marks[0], mask, seed, 0,
+         n);
 }
 
 /* Positions on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */

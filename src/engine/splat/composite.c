@@ -28,11 +28,6 @@ CtsStatus cts_entries_init(CtsEntries *entries, const CtsLut *lut, double length
     return st;
 }
 
-void cts_entries_free(CtsEntries *entries)
-{
-    cts_free(&entries->entry);
-}
-
 CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPatches *patches, const CtsRaster *raster,
                               const CtsScene *scene, CtsPicture *picture, CtsError *err)
 {

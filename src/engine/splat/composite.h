@@ -10,7 +10,6 @@
 
 /* The transfer function for a length of ray. */
 CtsStatus cts_entries_init(CtsEntries *entries, const CtsLut *lut, double length_mm, CtsError *err);
-void cts_entries_free(CtsEntries *entries);
 
 typedef struct CtsPlane {
     double layer; /* coordinate across the layers; between two, a fraction */
@@ -28,9 +27,9 @@ typedef struct CtsCompositor {
     CtsCulling *culling; /* NULL: no occlusion culling */
     CtsRasterRow row;
     uint16_t *grey;
-    uint64_t *shown;   /* potentially visible pixels of a row */
-    int shown_row;     /* the row of cells that they sample, reused if the next row has the same; or -1 */
-    CtsRowMarks marks; /* open ones among those; then the visible ones */
+    uint64_t *shown;    /* potentially visible pixels of a row */
+    int shown_row;      /* the row of cells that they sample, reused if the next row has the same; or -1 */
+    CtsRowMarks marks;  /* open ones among those; then the visible ones */
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;
 } CtsCompositor;

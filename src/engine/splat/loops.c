@@ -111,35 +111,30 @@ INLINE uint64_t lane_bits(u16x8 lanes)
     return x ^ swap ^ swap << 28;
 }
 
-static void differ(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks)
+/* Eight lanes of all bits where a voxel is marked. */
+INLINE u16x8 marked_8(const uint16_t *value, const uint16_t *old, uint16_t least)
 {
-    int i = 0;
-    for (; i + 64 <= n; i += 64) {
-        u16x8 lanes = {0};
-        for (int k = 0; k < 8; k++)
-            lanes |=
-                (u16x8)(*(const u16x8 *)(value + i + 8 * k) != *(const u16x8 *)(old + i + 8 * k)) & (uint16_t)(1 << k);
-        marks[i / 64] = lane_bits(lanes);
-    }
-    if (i < n)
-        marks[i / 64] = 0;
-    for (; i < n; i++)
-        marks[i / 64] |= (uint64_t)(value[i] != old[i]) << (i & 63);
+    const u16x8 eight = *(const u16x8 *)value;
+    return old ? (u16x8)(eight != *(const u16x8 *)old) : (u16x8)(eight >= least);
 }
 
-static void reach(const uint16_t *value, uint16_t least, int n, const uint64_t *wanted, uint64_t *marks)
+static void mark(const uint16_t *value, const uint16_t *old, uint16_t least, int n, const uint64_t *wanted,
+                 uint64_t *marks)
 {
     int i = 0;
     for (; i + 64 <= n; i += 64) {
+        const uint64_t of = wanted ? wanted[i / 64] : ~UINT64_C(0);
         u16x8 lanes = {0};
-        for (int k = 0; k < 8 && wanted[i / 64]; k++)
-            lanes |= (u16x8)(*(const u16x8 *)(value + i + 8 * k) >= least) & (uint16_t)(1 << k);
-        marks[i / 64] = lane_bits(lanes) & wanted[i / 64];
+        for (int k = 0; k < 8 && of; k++)
+            lanes |= marked_8(value + i + 8 * k, old ? old + i + 8 * k : NULL, least) & (uint16_t)(1 << k);
+        marks[i / 64] = lane_bits(lanes) & of;
     }
     if (i < n)
         marks[i / 64] = 0;
     for (; i < n; i++)
-        marks[i / 64] |= (uint64_t)(value[i] >= least) << (i & 63) & wanted[i / 64];
+        marks[i / 64] |= (uint64_t)(old ? value[i] != old[i] : value[i] >= least) << (i & 63);
+    if (wanted && n % 64)
+        marks[n / 64] &= wanted[n / 64];
 }
 
 static void place_samples(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac)
@@ -420,5 +415,5 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
 
 void CTS_ON_PATH(cts_simd_init)(CtsSimd *simd)
 {
-    *simd = (CtsSimd){scatter, differ, reach, place_samples, sample, blend, gradient};
+    *simd = (CtsSimd){scatter, mark, place_samples, sample, blend, gradient};
 }

@@ -80,10 +80,10 @@ typedef struct CtsSimd {
     /* Adds the footprints of those of n voxels whose bit in marks is set (bit i & 63 of word i / 64; none past n).
      * Accesses up to CTS_MAX_TAPS columns right of a footprint, without changing them. */
     void (*scatter)(const CtsScatter *job, const uint64_t *marks, int n);
-    /* Sets bit i where value[i] differs from old[i]; whole words, bits past n are 0. */
-    void (*differ)(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks);
-    /* Marks those of the wanted voxels with at least this value. */
-    void (*reach)(const uint16_t *value, uint16_t least, int n, const uint64_t *wanted, uint64_t *marks);
+    /* Marks those of the wanted voxels (NULL: all) that differ from old[i] or, with old NULL, are `least` or more:
+     * whole words, bits past n are 0. */
+    void (*mark)(const uint16_t *value, const uint16_t *old, uint16_t least, int n, const uint64_t *wanted,
+                 uint64_t *marks);
     /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, clamped to 0..last. May write any
      * values up to the next multiple of 8. */
     void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);

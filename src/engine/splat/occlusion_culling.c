@@ -15,11 +15,6 @@ CtsStatus cts_culling_init(CtsCulling *c, const CtsRaster *r, CtsError *err)
     return cts_alloc_zeroed(&c->closed, (size_t)r->height * (size_t)c->n_words, err);
 }
 
-void cts_culling_free(CtsCulling *c)
-{
-    cts_free(&c->closed);
-}
-
 /* True if any of pixels x0..x1 of row y is open. */
 static bool row_open(const CtsCulling *c, int y, int x0, int x1)
 {

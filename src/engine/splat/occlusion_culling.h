@@ -14,7 +14,6 @@ typedef struct CtsCulling {
 } CtsCulling;
 
 CtsStatus cts_culling_init(CtsCulling *culling, const CtsRaster *raster, CtsError *err);
-void cts_culling_free(CtsCulling *culling);
 
 /* Bits of the closed pixels of row y. */
 static inline uint64_t *cts_culling_row(const CtsCulling *culling, int y)

@@ -1,9 +1,9 @@
 /* The paper's engines: sheets of exact integers, layer by layer, with its two savings switched on or off. */
 #include "base/bits.h"
 #include "base/clock.h"
+#include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "engine/splat/layers.h"
 #include "engine/splat/swath.h"
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -50,7 +50,7 @@ static void composite_plane(const CtsPaperPlan *p, PaperWorker *w, int s, int su
         .shade = &p->shade,
         .first = (const float(*)[4])w->work.store->gradient[slot],
         .second = part > 0 ? (const float(*)[4])w->work.store->gradient[behind] : NULL,
-        .stride = p->gradient_stride,
+        .stride = (size_t)p->stack.n[0],
         .weight = (float)part,
         .shift = {__builtin_ctz((unsigned)p->patches.density[0]), __builtin_ctz((unsigned)p->patches.density[1])},
         .open = p->scene->openness,
@@ -71,14 +71,10 @@ static void composite_plane(const CtsPaperPlan *p, PaperWorker *w, int s, int su
 /* The planes that can be sampled once step s has its sheet, front to back, in rows y0 to y1 - 1 of the picture. */
 static void composite_step(const CtsPaperPlan *p, PaperWorker *w, int s, int y0, int y1)
 {
-    const int last = p->stack.n_layers - 1;
-    const int first_sub = p->samples == 1 || s == 0 ? p->samples : 0;
-    for (int sub = first_sub; sub <= p->samples; sub++) {
-        /* This layer itself, unless it will be sub-plane 0 of the next step. */
-        if (sub == p->samples && p->samples > 1 && s < last)
-            continue;
+    /* This layer itself, unless it will be sub-plane 0 of the next step. */
+    const int past = p->samples + (p->samples == 1 || s == p->stack.n_layers - 1);
+    for (int sub = p->samples == 1 || s == 0 ? p->samples : 0; sub < past; sub++)
         composite_plane(p, w, s, sub, y0, y1);
-    }
 }
 
 /* The rows of voxels that a swath's part settles: its own, and with one thread per swath those beside that it reads. */
@@ -100,7 +96,8 @@ static void picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
         cts_paper_picture_rows(p, swath, y0, y1);
 }
 
-/* Rows as splatted under a tolerance: voxels that changed too little since the step before keep their value. */
+/* The dead band of a tolerance: voxels that changed too little since the step before keep the value that was splatted,
+ * which so stays within the tolerance. */
 static void settle(LayerWalk *walk, PaperWorker *w, int swath)
 {
     const CtsPaperPlan *p = walk->plan;
@@ -110,16 +107,26 @@ static void settle(LayerWalk *walk, PaperWorker *w, int swath)
     voxel_rows(p, swath, &first, &past);
     for (int v = first; v < past; v++) {
         const size_t at = (size_t)v * (size_t)p->stack.n[0];
-        cts_layers_settle(cts_stack_row(&p->stack, cts_paper_layer(p, s), v),
-                          s > 0 ? store->settled[(s + 2) % 3] + at : NULL, p->tolerance, p->stack.n[0],
-                          store->settled[s % 3] + at);
+        const uint16_t *const fresh = cts_stack_row(&p->stack, cts_paper_layer(p, s), v);
+        const uint16_t *const before = s > 0 ? store->settled[(s + 2) % 3] + at : NULL;
+        uint16_t *const kept = store->settled[s % 3] + at;
+        for (int i = 0; i < p->stack.n[0]; i++)
+            kept[i] = before && abs(fresh[i] - before[i]) <= p->tolerance - CTS_MUTATED(TOLERANCE_LESS) ? before[i]
+                                                                                                        : fresh[i];
     }
 }
 
 static void find_open(LayerWalk *walk, PaperWorker *w, int swath)
 {
+    const CtsPaperPlan *const p = walk->plan;
+    /* The planes of these steps, of the one before and of the one behind. */
+    const double half = 0.5 * (CTS_PAPER_OPEN_STEPS - 1);
+    CtsOcclusionQuery query = {.layer = cts_paper_layer(p, walk->s) + p->scene->view.axis_sign * half,
+                               .spread = half + 1};
     (void)w;
-    cts_paper_find_open(walk->plan, walk->s, swath);
+    cts_paper_picture_rows(p, swath, &query.y0, &query.y1);
+    cts_culling_open_row(&p->culling, &p->raster, &p->patches, &query, swath,
+                         p->open + (size_t)swath * (size_t)p->patches.n_words);
 }
 
 static void splat(LayerWalk *walk, PaperWorker *w, int swath)
@@ -251,7 +258,7 @@ static CtsStatus worker_init(PaperWorker *w, CtsPaperPlan *p, CtsError *err)
 static void paper_worker_free(PaperWorker *w)
 {
     cts_compositor_free(&w->compositor);
-    cts_swath_work_free(&w->work);
+    cts_free(&w->work.marks);
     cts_paper_store_free(&w->own);
 }
 

@@ -2,10 +2,18 @@
 #pragma once
 
 #include "engine/splat/composite.h"
-#include "engine/splat/sheet.h"
 #include "engine/splat/void.h"
 
 enum { CTS_SWATH_VOXELS = CTS_SWATH_CELLS + 1 + 2 * CTS_PATCH }; /* rows of voxels that reach into a swath, at most */
+
+/* A sheet: one layer reconstructed on its lattice in 32-bit integers, CTS_WEIGHT_ONE times the grey level. */
+typedef struct CtsSheet {
+    uint32_t *memory;
+    uint32_t *origin; /* lattice point (0, 0) */
+    size_t stride;
+    int last[2];
+    int *step; /* by swath, in the order of rays: of the layer whose values it holds, or -1 */
+} CtsSheet;
 
 /* The sheets of the layers that can be sampled at the moment: one store for all threads, or one for each. */
 typedef struct CtsPaperStore {
@@ -37,10 +45,10 @@ typedef struct CtsPaperPlan {
 
     bool skip_void, reuse; /* the paper's two savings */
     CtsRangeRule rule;
-    CtsVoidMap map;                /* with skip_void */
-    CtsCulling culling;            /* with skip_void */
-    uint64_t *open;                /* with skip_void: by swath, patches that open pixels sample within some steps */
-    uint16_t least;                /* mixtures of smaller levels are invisible */
+    CtsVoidMap map;     /* with skip_void */
+    CtsCulling culling; /* with skip_void */
+    uint64_t *open;     /* with skip_void: by swath, patches that open pixels sample within some steps */
+    uint16_t least;     /* mixtures of smaller levels are invisible */
     /* reuse without skip_void: of each sheet, by swath and row of voxels that reach in, the voxels of that grey level
      * and above; not evaluated again for unchanged voxels */
     uint64_t *visible[2];
@@ -51,8 +59,7 @@ typedef struct CtsPaperPlan {
     bool by_swaths;
     int *swath_row;      /* by_swaths: the first picture row of each swath, from the top down, and the end */
     CtsPaperStore store; /* unless by_swaths */
-    size_t gradient_stride;
-    uint16_t *air; /* a row of air, if lighting uses it beyond the border; else NULL */
+    uint16_t *air;       /* a row of air, if lighting uses it beyond the border; else NULL */
 } CtsPaperPlan;
 
 /* Derives all but memory for pixels; with picture NULL only the data for --explain. */
@@ -86,14 +93,12 @@ static inline const uint16_t *cts_paper_row(const CtsPaperPlan *p, const CtsPape
     return cts_stack_row(&p->stack, cts_paper_layer(p, step), v);
 }
 
-/* The patches of a row that the sheet of a step must contain, and with skip_void those that the planes completed by the
- * step sample, by macro-cells. Rows outside the layer have none. */
-void cts_paper_needed(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
-void cts_paper_shown(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
+/* With skip_void: adds the patches of a row that open pixels sample on a step's plane by macro-cells, and where there
+ * are planes between, on those up to another's. */
+void cts_paper_add_open(const CtsPaperPlan *plan, int step, int other_step, int patch_v, uint64_t *row);
 
-/* With skip_void: open pixels' patches are determined every CTS_PAPER_OPEN_STEPS steps, one swath at a time. */
+/* With skip_void: open pixels' patches are determined every so many steps, one swath at a time. */
 enum { CTS_PAPER_OPEN_STEPS = 8 };
-void cts_paper_find_open(const CtsPaperPlan *plan, int step, int swath);
 
 /* False: no sheet of this step is needed at all. */
 static inline bool cts_paper_step_needed(const CtsPaperPlan *p, int step)

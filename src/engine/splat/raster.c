@@ -28,16 +28,13 @@ void cts_raster_init(CtsRaster *r, const CtsView *view, const CtsStack *stack, c
     r->filled = r->column_tables && r->moves[0];
 }
 
+/* Cells, and behind them fractions. */
 static CtsStatus table_init(CtsRasterTable *table, int n, CtsError *err)
 {
-    const CtsStatus st = cts_alloc_zeroed(&table->cell, (size_t)n + 16, err);
-    return st ? st : cts_alloc_zeroed(&table->frac, (size_t)n + 16, err);
-}
-
-static void table_free(CtsRasterTable *table)
-{
-    cts_free(&table->cell);
-    cts_free(&table->frac);
+    const CtsStatus st = cts_alloc_zeroed(&table->cell, 2 * ((size_t)n + 16), err);
+    if (!st)
+        table->frac = (float *)table->cell + n + 16;
+    return st;
 }
 
 CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsSimd *simd, CtsError *err)
@@ -54,8 +51,8 @@ CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const 
 void cts_raster_row_free(CtsRasterRow *row)
 {
     for (int c = 0; c < 2; c++) {
-        table_free(&row->columns[c]);
-        table_free(&row->rows[c]);
+        cts_free(&row->columns[c].cell);
+        cts_free(&row->rows[c].cell);
     }
 }
 

@@ -8,20 +8,14 @@
 CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *err)
 {
     const size_t n = (size_t)p->patches.n_cell_words;
-    CtsStatus st;
-    if ((st = cts_alloc_array(&w->marks, n, err)) || (st = cts_alloc_zeroed(&w->selected, n, err)) ||
-        (st = cts_alloc_array(&w->row, n, err)) || (st = cts_alloc_array(&w->cells, n * (CTS_SWATH_CELLS + 1), err)))
+    const CtsStatus st = cts_alloc_zeroed(&w->marks, n * (3 + CTS_SWATH_CELLS + 1 + CTS_SWATH_VOXELS), err);
+    if (st)
         return st;
-    return cts_alloc_zeroed(&w->visible, n * CTS_SWATH_VOXELS, err);
-}
-
-void cts_swath_work_free(CtsSwathWork *w)
-{
-    cts_free(&w->marks);
-    cts_free(&w->selected);
-    cts_free(&w->row);
-    cts_free(&w->cells);
-    cts_free(&w->visible);
+    w->selected = w->marks + n;
+    w->row = w->selected + n;
+    w->cells = w->row + n;
+    w->visible = w->cells + n * (CTS_SWATH_CELLS + 1);
+    return CTS_OK;
 }
 
 /* The words of rows of bits that are not 0, and one more on either side; false when all are 0. */
@@ -99,7 +93,11 @@ static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
             memcpy(cell_row(p, w, v), cell_row(p, w, v - 1), (size_t)n_words * sizeof *w->cells);
             continue;
         }
-        cts_paper_needed(p, s, patch_v, w->row);
+        memset(w->row, 0, (size_t)p->patches.n_words * sizeof *w->row);
+        if (patch_v >= 0 && patch_v < p->patches.n[1])
+            cts_paper_add_open(p, s, s - 1, patch_v, w->row);
+        if (patch_v >= 0 && patch_v < p->patches.n[1] && p->samples > 1)
+            cts_paper_add_open(p, s, s + 1, patch_v, w->row);
         cells_of(&p->patches, w->row, cell_row(p, w, v));
     }
     return find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1);
@@ -138,9 +136,9 @@ static uint64_t select_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int
     if (j < 0 || j >= p->stack.n[1] || !needed_rows(p, w, swath, j - 1 - apron, j + apron))
         return 0;
     spread_columns(w, w->row, -1 - apron, apron, w->marks);
-    p->simd.reach(cts_paper_row(p, w->store, s, j) + from, least,
-                  (64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0]) - from, w->marks + w->first,
-                  selected + w->first);
+    p->simd.mark(cts_paper_row(p, w->store, s, j) + from, NULL, least,
+                 (64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0]) - from, w->marks + w->first,
+                 selected + w->first);
     for (int i = w->first; i < w->past; i++)
         n += (uint64_t)cts_popcount(selected[i]);
     return n;
@@ -200,13 +198,6 @@ static void clear_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     }
 }
 
-/* Adds the changes since the sheet was computed; returns their number of voxels. */
-static uint64_t select_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
-{
-    p->simd.differ(job->value, job->old, p->stack.n[0], w->selected);
-    return cts_bits_count_run(w->selected, 0, p->stack.n[0]);
-}
-
 /* Row j of the layer's visible voxels in a swath, or NULL: it does not reach in. */
 static uint64_t *visible_row(const CtsPaperPlan *p, int s, int swath, int j)
 {
@@ -220,7 +211,7 @@ static uint64_t *visible_row(const CtsPaperPlan *p, int s, int swath, int j)
 /* Bring it up to date where voxels changed. */
 static void note_visible(const CtsPaperPlan *p, const CtsSwathWork *w, const uint16_t *value, uint64_t *visible)
 {
-    p->simd.reach(value, (uint16_t)(p->least + CTS_MUTATED(QUIET_RANGE)), p->stack.n[0], w->selected, w->marks);
+    p->simd.mark(value, NULL, (uint16_t)(p->least + CTS_MUTATED(QUIET_RANGE)), p->stack.n[0], w->selected, w->marks);
     for (int i = 0; 64 * i < p->stack.n[0]; i++)
         visible[i] = (visible[i] & ~w->selected[i]) | w->marks[i];
 }
@@ -267,7 +258,8 @@ static void splat_swath(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
         CtsScatter job = scatter_row(p, w->store, s, j, v0, v1);
         if (held) {
             job.old = cts_paper_row(p, w->store, s - p->n_sheets, j);
-            n_selected = select_changes(p, w, &job);
+            p->simd.mark(job.value, job.old, 0, n, NULL, w->selected);
+            n_selected = cts_bits_count_run(w->selected, 0, n);
         } else if (p->skip_void && job.tap0 < job.tap1) {
             n_selected = select_needed(p, w, s, swath, j, 1, w->selected);
         }
@@ -299,7 +291,7 @@ static void gradient_row(const CtsPaperPlan *p, int k, int v, int u0, int u1, fl
         rows.after[i] = ends[i][1] ? beyond : cts_stack_row(s, k + q, v + u);
         rows.scale[i] = !p->air && (ends[i][0] || ends[i][1]) ? 2 : 1;
     }
-    p->simd.gradient(&rows, u0, u1, field + (size_t)v * p->gradient_stride);
+    p->simd.gradient(&rows, u0, u1, field + (size_t)v * (size_t)s->n[0]);
 }
 
 /* The swath's rows of cells to composite, and their number. */
@@ -348,7 +340,8 @@ static void find_shown(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
         if (p->skip_void && p->samples == 1) {
             memcpy(row, cell_row(p, w, v), (size_t)n_words * sizeof *row);
         } else if (p->skip_void) {
-            cts_paper_shown(p, s, swath * CTS_SWATH + v / CTS_PATCH, w->row);
+            memset(w->row, 0, (size_t)p->patches.n_words * sizeof *w->row);
+            cts_paper_add_open(p, s, s - 1, swath * CTS_SWATH + v / CTS_PATCH, w->row);
             cells_of(&p->patches, w->row, row);
         } else {
             const int j0 = swath * CTS_SWATH_CELLS - apron, past = v + 2 + 2 * apron;

@@ -141,9 +141,3 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatc
     find_active(map);
     return CTS_OK;
 }
-
-void cts_void_map_free(CtsVoidMap *map)
-{
-    cts_free(&map->shows);
-    cts_free(&map->active);
-}

@@ -30,7 +30,6 @@ typedef struct CtsVoidMap {
 
 CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatches *patches, const CtsRangeRule *rule,
                            const CtsMacrocells *macrocells, int n_threads, CtsError *err);
-void cts_void_map_free(CtsVoidMap *map);
 
 /* Sets bits, leaving others unchanged, for the patches of a row where the planes from layer a to its neighbour b (a ==
  * b: that layer alone) are potentially visible. */
