@@ -13,7 +13,8 @@ typedef struct Projecting {
     const CtsScene *scene;
     CtsProjection projection;
     cts_project_tile_fn tile;
-    CtsProjectScratch *scratch;
+    CtsProjectedLayer *layers; /* of each thread, n_layers */
+    size_t n_layers;
     CtsPicture *picture;
 } Projecting;
 
@@ -30,11 +31,6 @@ static void write_pixel(const Projecting *pr, double grey, float out[4])
     out[3] = 1;
 }
 
-static float *pixel_of(const CtsPicture *picture, int x, int y)
-{
-    return picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
-}
-
 static void project_tiles(const Projecting *pr, int worker, int y)
 {
     const CtsPicture *picture = pr->picture;
@@ -42,10 +38,12 @@ static void project_tiles(const Projecting *pr, int worker, int y)
     for (int x = 0; x < picture->width; x += CTS_PROJECT_TILE) {
         const int n = picture->width - x, width = n < CTS_PROJECT_TILE ? n : CTS_PROJECT_TILE;
         double grey[CTS_PROJECT_TILE * CTS_PROJECT_TILE];
-        pr->tile(&pr->projection, &pr->scratch[worker], x, picture->first_row + y, width, height, grey);
+        pr->tile(&pr->projection, pr->layers + (size_t)worker * pr->n_layers, x, picture->first_row + y, width, height,
+                 grey);
         for (int j = 0; j < height; j++)
             for (int i = 0; i < width; i++)
-                write_pixel(pr, grey[CTS_PROJECT_TILE * j + i], pixel_of(picture, x + i, y + j));
+                write_pixel(pr, grey[CTS_PROJECT_TILE * j + i],
+                            picture->pixels + 4 * ((size_t)(y + j) * (size_t)picture->width + (size_t)(x + i)));
     }
 }
 
@@ -135,7 +133,7 @@ static CtsVisibleCells visible_cells(const CtsProjector *p, const int block[3])
         int n_inside = p->body ? 0 : 8;
         bool inside = true;
         for (int a = 0; a < 3; a++)
-            inside &= cell[a] == 0 || cell[a] <= p->view->dims[a] - 2;
+            inside &= cell[a] < p->n_cells[a];
         if (!inside)
             continue;
         for (int m = 0; p->body && m < 8; m++)
@@ -202,13 +200,9 @@ static CtsStatus prepare_projection(Projecting *pr, int n_threads, CtsVisibleBlo
         p->axes[2] = fabs(forward[a]) > fabs(forward[p->axes[2]]) ? a : p->axes[2];
     p->axes[0] = p->axes[2] == 0;
     p->axes[1] = 3 - p->axes[0] - p->axes[2];
-    const size_t n_layers = (size_t)n[p->axes[2]];
-    if ((st = cts_alloc_zeroed(&pr->scratch, (size_t)n_threads, err)))
+    pr->n_layers = (size_t)n[p->axes[2]];
+    if ((st = cts_alloc_array(&pr->layers, (size_t)n_threads * pr->n_layers, err)))
         return st;
-    for (int t = 0; t < n_threads; t++)
-        if ((st = cts_alloc_array(&pr->scratch[t].bound, n_layers, err)) ||
-            (st = cts_alloc_array(&pr->scratch[t].order, n_layers, err)))
-            return st;
     if (projector->body || projector->voxel_labels) {
         if ((st = find_visible_blocks(projector, n_threads, blocks, err)))
             return st;
@@ -217,15 +211,6 @@ static CtsStatus prepare_projection(Projecting *pr, int n_threads, CtsVisibleBlo
     }
     pr->tile = CTS_CPU_CHOICE(cpu, cts_project_tile);
     return CTS_OK;
-}
-
-static void free_scratch(Projecting *pr, int n_threads)
-{
-    for (int t = 0; pr->scratch && t < n_threads; t++) {
-        cts_free(&pr->scratch[t].bound);
-        cts_free(&pr->scratch[t].order);
-    }
-    cts_free(&pr->scratch);
 }
 
 CtsStatus cts_project(const CtsScene *scene, CtsVisibleBlocks **blocks, CtsPicture *picture, CtsReport *report,
@@ -261,7 +246,7 @@ CtsStatus cts_project(const CtsScene *scene, CtsVisibleBlocks **blocks, CtsPictu
     if (!st)
         cts_parallel(n_threads, (size_t)((picture->height + CTS_PROJECT_TILE - 1) / CTS_PROJECT_TILE), 1, project_some,
                      &pr);
-    free_scratch(&pr, n_threads);
+    cts_free(&pr.layers);
     if (st)
         return st;
     if (cts_scene_stopped(scene))

@@ -82,38 +82,29 @@ static PacketRow rays_of_row(const CtsProjection *p, const RaySlopes *w, int x, 
     return r;
 }
 
-/* The macro-cells of one layer that rays may cross: from low to high along axes[0] and [1]. */
-typedef struct LayerBox {
-    int low[2], high[2];
-} LayerBox;
-
-static LayerBox box_of(const CtsProjection *p, const RaySlopes *w, const double low[2], const double high[2], int layer)
-{
-    LayerBox box;
-    for (int n = 0; n < 2; n++) {
-        const double near = layer * CTS_FINE_MACROCELL * w->slope[n];
-        const double far = (layer + 1) * CTS_FINE_MACROCELL * w->slope[n];
-        const int n_fine = p->projector.macrocells->n_fine[p->axes[n]];
-        box.low[n] = clamp_macrocell(low[n] + (near < far ? near : far) - 1e-6, n_fine);
-        box.high[n] = clamp_macrocell(high[n] + (near > far ? near : far) + 1e-6, n_fine);
-    }
-    return box;
-}
-
-/* Properties common to the macro-cells of a box. */
+/* Properties common to the macro-cells of a layer that rays may cross. */
 typedef struct BoxContents {
     CtsRange range;
     bool some_visible, all_visible;
 } BoxContents;
 
-INLINE BoxContents common_of(const CtsProjection *p, const LayerBox *box, int layer)
+/* low, high: as in PacketRow. */
+INLINE BoxContents contents_of(const CtsProjection *p, const RaySlopes *w, const double low[2], const double high[2],
+                               int layer)
 {
     const CtsMacrocells *m = p->projector.macrocells;
     const size_t stride[3] = {1, (size_t)m->n_fine[0], (size_t)m->n_fine[0] * (size_t)m->n_fine[1]};
     const size_t su = stride[p->axes[0]], sv = stride[p->axes[1]], at = (size_t)layer * stride[p->axes[2]];
     BoxContents c = {{65535, 0}, false, true};
-    for (int v = box->low[1]; v <= box->high[1]; v++)
-        for (int u = box->low[0]; u <= box->high[0]; u++) {
+    int from[2], to[2];
+    for (int n = 0; n < 2; n++) {
+        const double near = layer * CTS_FINE_MACROCELL * w->slope[n];
+        const double far = (layer + 1) * CTS_FINE_MACROCELL * w->slope[n];
+        from[n] = clamp_macrocell(low[n] + (near < far ? near : far) - 1e-6, m->n_fine[p->axes[n]]);
+        to[n] = clamp_macrocell(high[n] + (near > far ? near : far) + 1e-6, m->n_fine[p->axes[n]]);
+    }
+    for (int v = from[1]; v <= to[1]; v++)
+        for (int u = from[0]; u <= to[0]; u++) {
             const size_t i = at + (size_t)u * su + (size_t)v * sv;
             const int visibility = p->visibility ? p->visibility[i] : CTS_ALL_CELLS;
             c.all_visible &= visibility == CTS_ALL_CELLS;
@@ -129,8 +120,7 @@ INLINE BoxContents common_of(const CtsProjection *p, const LayerBox *box, int la
 /* The cell of axis a that holds this place, the nearest one for places outside. */
 INLINE vn cell_at(const CtsProjection *p, int a, vf place)
 {
-    const vf last = vf_of(p->projector.view->dims[a] > 1 ? p->projector.view->dims[a] - 2 : 0);
-    return __builtin_convertvector(vf_min(vf_max(place, vf_of(0)), last), vn);
+    return __builtin_convertvector(vf_min(vf_max(place, vf_of(0)), vf_of(p->projector.n_cells[a] - 1)), vn);
 }
 
 /* Splits the rays within layer k of cells where they cross from cell to cell: t[0] to t[1] in the first, to t[2] in the
@@ -202,16 +192,6 @@ INLINE vf field_at(const RaySlopes *w, const ProjectionPacket *r, const vn cell[
     return y0 + f[2] * (y1 - y0);
 }
 
-static CtsProjectedRay ray_of(const RaySlopes *w, const ProjectionPacket *r, int lane)
-{
-    CtsProjectedRay ray = {.t0 = r->t0[lane], .t1 = r->t1[lane]};
-    for (int a = 0; a < 3; a++) {
-        ray.start[a] = r->start[a][lane];
-        ray.step[a] = w->step[a];
-    }
-    return ray;
-}
-
 /* Visible intervals of the rays through their cells, as many as the ray with most intervals has; from first to last,
  * empty where a ray has fewer. */
 typedef struct VisibleInterval {
@@ -251,7 +231,8 @@ static void find_visible_values(const CtsProjection *p, const RaySlopes *w, cons
             continue;
         visible->last[0][l] = t[0][l];
         if (cells.some >> bit & 1) {
-            const CtsProjectedRay ray = ray_of(w, r, l);
+            CtsProjectedRay ray = {.start = {r->start[0][l], r->start[1][l], r->start[2][l]}};
+            memcpy(ray.step, w->step, sizeof ray.step);
             n = cts_project_stretches(&p->projector, &ray, at, t[0][l], t[1][l], first, last);
         }
         for (; visible->n < n; visible->n++)
@@ -361,23 +342,21 @@ INLINE double least_found(const CtsProjection *p, const PacketRow *r, const Pack
 
 /* The layers of macro-cells that the tile's rays cross, in falling order of their bounds, as far as requested. */
 typedef struct Layers {
-    const CtsProjectScratch *scratch;
-    int first, last, n_sorted;
+    CtsProjectedLayer *ranked;
+    int n, n_sorted;
 } Layers;
 
-static int layer_of_rank(Layers *layers, int rank)
+static CtsProjectedLayer layer_of_rank(Layers *l, int rank)
 {
-    int *const order = layers->scratch->order;
-    const int32_t *bound = layers->scratch->bound;
-    for (; layers->n_sorted <= rank; layers->n_sorted++) {
-        int at = layers->n_sorted;
-        for (int i = at + 1; i <= layers->last - layers->first; i++)
-            at = bound[order[i]] > bound[order[at]] ? i : at;
-        const int best = order[at];
-        order[at] = order[layers->n_sorted];
-        order[layers->n_sorted] = best;
+    for (; l->n_sorted <= rank; l->n_sorted++) {
+        CtsProjectedLayer *const next = &l->ranked[l->n_sorted], *most = next;
+        for (int i = l->n_sorted + 1; i < l->n; i++)
+            most = l->ranked[i].bound > most->bound ? &l->ranked[i] : most;
+        const CtsProjectedLayer found = *most;
+        *most = *next;
+        *next = found;
     }
-    return order[rank];
+    return l->ranked[rank];
 }
 
 /* True where each ray has a visible interval, or misses the box. */
@@ -394,22 +373,21 @@ static void find_extremes(const CtsProjection *p, const RaySlopes *w, const Pack
     PacketResult found[ROW_PARTS];
     for (int i = 0; i < ROW_PARTS; i++)
         found[i] = (PacketResult){vf_of(p->least), p->visibility ? mask_of_bits(0) : r->part[i].inside};
-    for (int rank = 0; rank <= layers->last - layers->first; rank++) {
-        const int layer = layer_of_rank(layers, rank);
+    for (int rank = 0; rank < layers->n; rank++) {
+        const CtsProjectedLayer ranked = layer_of_rank(layers, rank);
+        const int layer = ranked.layer;
         const double least = least_found(p, r, found);
-        if (!(layers->scratch->bound[layer] > least))
+        if (!(ranked.bound > least))
             break;
         if (layer < r->first || layer > r->last)
             continue;
-        const LayerBox box = box_of(p, w, r->low, r->high, layer);
-        const BoxContents c = common_of(p, &box, layer);
+        const BoxContents c = contents_of(p, w, r->low, r->high, layer);
         if (c.some_visible && bound_of(p, &c) > least)
             march_macrocells(p, w, r, layer, c.all_visible, found);
     }
     /* Rays whose result does not show whether they have one. */
     for (int layer = r->first; layer <= r->last && !all_rays_visible(r, found); layer++) {
-        const LayerBox box = box_of(p, w, r->low, r->high, layer);
-        const BoxContents c = common_of(p, &box, layer);
+        const BoxContents c = contents_of(p, w, r->low, r->high, layer);
         if (c.some_visible)
             march_macrocells(p, w, r, layer, c.all_visible, found);
     }
@@ -468,8 +446,7 @@ static void find_means(const CtsProjection *p, const RaySlopes *w, const PacketR
     for (int i = 0; i < ROW_PARTS; i++)
         s[i] = (Summed){vf_of(0), vf_of(0)};
     for (int layer = r->first; layer <= r->last; layer++) {
-        const LayerBox box = box_of(p, w, r->low, r->high, layer);
-        const BoxContents c = common_of(p, &box, layer);
+        const BoxContents c = contents_of(p, w, r->low, r->high, layer);
         if (!c.some_visible)
             continue;
         for (int i = 0; i < ROW_PARTS; i++)
@@ -486,28 +463,26 @@ static void find_means(const CtsProjection *p, const RaySlopes *w, const PacketR
 
 /* Upper limits of the tile's rays in each layer. */
 static Layers bound_layers(const CtsProjection *p, const RaySlopes *w, const PacketRow *rows, int n,
-                           const CtsProjectScratch *scratch)
+                           CtsProjectedLayer *ranked)
 {
-    Layers layers = {.scratch = scratch, .first = INT32_MAX, .last = -1};
+    int first = INT32_MAX, last = -1;
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     for (int i = 0; i < n; i++) {
         for (int a = 0; a < 2; a++) {
             low[a] = fmin(low[a], rows[i].low[a]);
             high[a] = fmax(high[a], rows[i].high[a]);
         }
-        layers.first = rows[i].first < layers.first ? rows[i].first : layers.first;
-        layers.last = rows[i].last > layers.last ? rows[i].last : layers.last;
+        first = rows[i].first < first ? rows[i].first : first;
+        last = rows[i].last > last ? rows[i].last : last;
     }
-    for (int layer = layers.first; layer <= layers.last; layer++) {
-        const LayerBox box = box_of(p, w, low, high, layer);
-        const BoxContents c = common_of(p, &box, layer);
-        scratch->bound[layer] = bound_of(p, &c);
-        scratch->order[layer - layers.first] = layer;
+    for (int layer = first; layer <= last; layer++) {
+        const BoxContents c = contents_of(p, w, low, high, layer);
+        ranked[layer - first] = (CtsProjectedLayer){bound_of(p, &c), layer};
     }
-    return layers;
+    return (Layers){ranked, last - first + 1, 0};
 }
 
-void CTS_ON_PATH(cts_project_tile)(const CtsProjection *p, const CtsProjectScratch *scratch, int x, int y, int width,
+void CTS_ON_PATH(cts_project_tile)(const CtsProjection *p, CtsProjectedLayer *ranked, int x, int y, int width,
                                    int height, double *grey)
 {
     const RaySlopes w = way_of(p);
@@ -519,7 +494,7 @@ void CTS_ON_PATH(cts_project_tile)(const CtsProjection *p, const CtsProjectScrat
             find_means(p, &w, &rows[row], grey + CTS_PROJECT_TILE * row);
         return;
     }
-    Layers layers = bound_layers(p, &w, rows, height, scratch);
+    Layers layers = bound_layers(p, &w, rows, height, ranked);
     for (int row = 0; row < height; row++)
         find_extremes(p, &w, &rows[row], &layers, grey + CTS_PROJECT_TILE * row);
 }

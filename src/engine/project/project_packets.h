@@ -57,19 +57,18 @@ typedef struct CtsProjection {
     double least, enough;
 } CtsProjection;
 
-/* Of one thread, n_fine[axes[2]] each: levels times sign that no ray of the tile exceeds there, and layers in falling
- * order of them. */
-typedef struct CtsProjectScratch {
-    int32_t *bound;
-    int *order;
-} CtsProjectScratch;
+/* A layer of macro-cells, and a level times sign that no ray of the tile exceeds there. */
+typedef struct CtsProjectedLayer {
+    int32_t bound;
+    int layer;
+} CtsProjectedLayer;
 
 /* grey[8 * row + column] of the tile that begins at (x, y) of the view, with this width and height in pixels: the
  * largest, smallest or mean level, infinite where nothing is visible; exact between `least` and `enough`. The same
- * numbers on every SIMD path. */
-typedef void (*cts_project_tile_fn)(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,
-                                    int width, int height, double *grey);
+ * numbers on every SIMD path. ranked: memory for n_fine[axes[2]] layers. */
+typedef void (*cts_project_tile_fn)(const CtsProjection *projection, CtsProjectedLayer *ranked, int x, int y, int width,
+                                    int height, double *grey);
 #define PROJECT_TILE(path)                                                                                             \
-    void cts_project_tile_##path(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,      \
-                                 int width, int height, double *grey);
+    void cts_project_tile_##path(const CtsProjection *projection, CtsProjectedLayer *ranked, int x, int y, int width,  \
+                                 int height, double *grey);
 CTS_EACH_PATH(PROJECT_TILE)

@@ -59,8 +59,7 @@ double cts_project_point(const CtsProjector *p, const CtsProjectedRay *ray)
     double at[3], first[CTS_MAX_CELL_INTERVALS], last[CTS_MAX_CELL_INTERVALS], corner[8];
     int cell[3];
     for (int a = 0; a < 3; a++)
-        cell[a] =
-            (int)fmin(fmax(ray->start[a] + ray->t0 * ray->step[a], 0), p->view->dims[a] > 1 ? p->view->dims[a] - 2 : 0);
+        cell[a] = (int)fmin(fmax(ray->start[a] + ray->t0 * ray->step[a], 0), p->n_cells[a] - 1);
     if (cts_project_stretches(p, ray, cell, ray->t0, ray->t0, first, last) == 0)
         return INFINITY;
     place_in_cell(ray, cell, ray->t0, at);
