@@ -58,6 +58,19 @@ refused 2 'two different values' render "$data/phantom" --window 7,7 -o x.png
 refused 2 'preset mr: is of scale relative, and the series, CT, of HU .presets that fit: bone' render "$data/phantom" -p mr -o x.png
 ok batch "$data/phantom" $small --mode minip -O archive
 cmp alone.png archive/*/bone-anterior.png || fail "a batch has another window"
+# Modes minip and average look at the body alone, whatever the preset of another mode says about the table.
+printf '{"name": "kept", "points": [{"hu": -200, "rgb": [1, 1, 1], "opacity": 0}, {"hu": 900, "rgb": [1, 1, 1], "opacity": 1}]}' >kept.json
+for mode in minip average; do
+    for table in on off; do
+        ok render "$data/phantom" $small -p kept.json --mode $mode --remove-table $table -o table-$table.png --force
+    done
+    ok render "$data/phantom" $small -p kept.json --mode $mode -o body.png --force
+    cmp body.png table-on.png || fail "mode $mode looks at the air around the body"
+    ! cmp -s body.png table-off.png || fail "mode $mode: --remove-table off changes nothing"
+    sed "s/\"kept\"/&, \"mode\": \"$mode\"/" kept.json >own.json
+    ok render "$data/phantom" $small -p own.json -o own.png --force
+    cmp own.png table-off.png || fail "remove_table of a preset of mode $mode does not hold"
+done
 # Little but black, little but white.
 ok render "$data/phantom" $small -p bone --mode minip --window 2800,12000 -o black.png
 has err 'warning: the picture is nearly all black: .*--window'

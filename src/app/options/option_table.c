@@ -196,7 +196,7 @@ const CtsOption cts_options[] = {
     {0, "crop", "X0,X1,Y0,Y1,Z0,Z1", PICTURES | ON(REQUEST), REMAKES(VOLUME),
      "keep this box, millimetres in patient coordinates (LPS)", "all", PARSED(crop), BASIC},
     {0, "remove-table", "on or off", LOOKS, REMAKES(TRANSFER), "remove the table and all else that is not the patient",
-     "as the preset says", SWITCH(remove_table), BASIC},
+     "as the preset says; on for a --mode minip or average", SWITCH(remove_table), BASIC},
     {0, "annotate", "LIST", LOOKS, REMAKES(PICTURE),
      "orientation,scale,labels,captions drawn on the picture; labels: names of the labels that have a colour, in that "
      "colour; captions: what the picture, or each tile of a montage, shows",

@@ -59,8 +59,11 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
     } else if (options->render.mode > CTS_MODE_COMPOSITE && !options->preset) {
         preset->window_low_hu = preset->window_high_hu = 0; /* empty: one that fits (app/job/auto_window.h) */
     }
-    if (options->render.mode >= 0)
+    if (options->render.mode >= 0) {
         preset->mode = (CtsMode)options->render.mode;
+        /* The air around the body would be all that they show. */
+        preset->remove_table |= preset->mode == CTS_MODE_MINIP || preset->mode == CTS_MODE_AVERAGE;
+    }
     if (options->render.shade != CTS_AS_PRESET)
         preset->shade = options->render.shade == CTS_ON;
     if (options->render.occlusion != CTS_OCCLUSION_AS_PRESET)
