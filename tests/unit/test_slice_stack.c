@@ -150,6 +150,52 @@ static void test_missing(void **state)
     done(f);
 }
 
+/* A gap that is no multiple of the spacing lacks slices all the same, whatever the other gaps are. */
+static void test_wide_gaps(void **state)
+{
+    static const struct {
+        const char *what;
+        double spacing, gap, shift; /* up to the gap; shift of slice 5 */
+        int n_before, n_after;
+        double after; /* spacing behind the gap */
+        CtsStatus status;
+        int n_missing;
+    } cases[] = {
+        {"two scans", 3, 73, 0, 10, 10, 3, CTS_ERR_GEOMETRY, 23},
+        {"two scans far apart", 3, 3e6, 0, 10, 10, 3, CTS_ERR_GEOMETRY, 20000},
+        {"a slice off its place", 3, 33, 0.3, 20, 18, 3, CTS_ERR_GEOMETRY, 10},
+        {"the same, less than a tenth", 3, 9.4, 0.3, 20, 18, 3, CTS_OK, 2},
+        {"too narrow for a slice", 3, 5.6, 0, 20, 18, 3, CTS_OK, 0},
+        {"parts of two spacings", 1.25, 2.5, 0, 20, 10, 2.5, CTS_OK, 0},
+        {"parts that are no multiples", 2, 4.7, 0, 20, 10, 4.7, CTS_OK, 0},
+        {"parts, and a slice missing between thick ones", 2, 4.7, 0, 30, -10, 4.7, CTS_OK, 1},
+        {"parts far apart", 1.25, 100, 0, 20, 10, 5, CTS_ERR_GEOMETRY, 19},
+    };
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        Fake *f = fake_new();
+        double z = 0;
+        for (int i = 0; i < cases[c].n_before; i++)
+            add(f, 0, 0, z = i * cases[c].spacing + (i == 5 ? cases[c].shift : 0));
+        for (int i = 0; i < abs(cases[c].n_after); i++)
+            if (cases[c].n_after > 0 || i != 5)
+                add(f, 0, 0, z + cases[c].gap + i * cases[c].after);
+        const CtsStatus st = plan(f);
+        if (st != cases[c].status || f->stack.n_missing != cases[c].n_missing)
+            fail_msg("%s: status %d, expected %d; %d slices missing, expected %d", cases[c].what, st, cases[c].status,
+                     f->stack.n_missing, cases[c].n_missing);
+        assert_true(st == CTS_OK || strstr(f->err.text, "slices missing"));
+        if (!st && f->stack.n_missing) {
+            CtsDiagnostics diagnostics = {0};
+            cts_slice_stack_diagnostics(&f->stack, f->order, f->n, &diagnostics);
+            assert_int_equal(diagnostics.n, 2);
+            assert_string_equal(diagnostics.items[0].code, "missing_slices");
+            assert_string_equal(diagnostics.items[1].code, "unequal_spacing");
+            cts_diagnostics_free(&diagnostics);
+        }
+        done(f);
+    }
+}
+
 /* Thin slices, then thick ones: a protocol, not accidents. */
 static void test_unequal(void **state)
 {
@@ -164,6 +210,11 @@ static void test_unequal(void **state)
     for (int i = 0; i < 20; i++)
         assert_true(fabs(f->stack.layer[i] * f->stack.step_lps[2] - f->slices[i].position_lps[2]) < 1e-9);
     expect_diagnostics(f, "unequal_spacing");
+    done(f);
+    f = fake_new(); /* a spacing that grows from slice to slice, to ten times the first one */
+    for (double gap = 1, at = 0; gap < 10; gap *= 1.06, at += gap)
+        add(f, 0, 0, at);
+    assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_UNEQUAL && f->stack.n_missing == 0);
     done(f);
     /* One tiny gap does not make a giant of the volume. */
     const double z2[] = {0, 5, 10, 10.1, 15, 20};
@@ -249,9 +300,10 @@ static void test_two_and_none(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_even),     cmocka_unit_test(test_jitter),       cmocka_unit_test(test_drift),
-        cmocka_unit_test(test_missing),  cmocka_unit_test(test_unequal),      cmocka_unit_test(test_tilt),
-        cmocka_unit_test(test_sideways), cmocka_unit_test(test_two_and_none), cmocka_unit_test(test_written_jitter),
+        cmocka_unit_test(test_even),      cmocka_unit_test(test_jitter),       cmocka_unit_test(test_drift),
+        cmocka_unit_test(test_missing),   cmocka_unit_test(test_unequal),      cmocka_unit_test(test_tilt),
+        cmocka_unit_test(test_sideways),  cmocka_unit_test(test_two_and_none), cmocka_unit_test(test_written_jitter),
+        cmocka_unit_test(test_wide_gaps),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -413,14 +413,14 @@ static CtsStatus check_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
             "write; taken for one, as one scanner made them and they lie evenly",
             set->n);
     const char *lacks = check_parts(set, series);
+    if (are_single_cuts(set, &stack, numbers))
+        refuse_series(series, NO_VOLUME, "holds %d single cuts of %.3g mm that lie %.3g mm apart, and no volume",
+                      set->n, set->items[0]->thickness_mm, stack.spacing_mm);
     if (st) {
         refuse_series(series, st, "%s%s%s", lacks ? lacks : "", lacks ? "; " : "", why.text);
         return CTS_OK;
     }
-    if (are_single_cuts(set, &stack, numbers))
-        refuse_series(series, NO_VOLUME, "holds %d single cuts of %.3g mm that lie %.3g mm apart, and no volume",
-                      set->n, set->items[0]->thickness_mm, stack.spacing_mm);
-    else if (set->n == 2)
+    if (set->n == 2 && !series->refusal)
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_TWO_SLICES, "only 2 slices: a very thin volume");
     cts_slice_stack_diagnostics(&stack, slices, set->n, &series->diagnostics);
     check_numbers(set, numbers, stack.n_missing, series);

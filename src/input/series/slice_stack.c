@@ -24,60 +24,56 @@ void cts_slice_stack_free(CtsSliceStack *stack)
     *stack = (CtsSliceStack){0};
 }
 
-/* The multiple of the median that a gap is, within 5 % (but at least 0.02 mm); else 0. A multiple above the largest
- * number of slices, 20000, counts as none. */
-static int multiple_of(double gap_mm, double median_mm)
+/* Largest deviation of a gap that is a multiple of the spacing. */
+static double multiple_slack_mm(double spacing_mm)
 {
-    const double k = floor(gap_mm / median_mm + 0.5);
-    if (k < 1 || k > 20000 ||
-        fabs(gap_mm - k * median_mm) > fmax(cts_slice_stack_tolerance_mm(median_mm), 0.05 * median_mm))
-        return 0;
-    return (int)k;
+    return fmax(cts_slice_stack_tolerance_mm(spacing_mm), 0.05 * spacing_mm);
 }
 
-/* True for three equal wide gaps in a row: a change of protocol, not three accidents. Wide: nearer to two gaps than to
- * one. */
-static bool changes_protocol(const double *gaps, int n_gaps, double median_mm)
+/* Spacing about gap i: the median, or that of a part with wider slices, which three gaps in a row show that would lack
+ * equally many slices: a protocol, not three accidents. */
+static double spacing_about(const double *gaps, int n_gaps, int i, double median_mm)
 {
-    const double tolerance = cts_slice_stack_tolerance_mm(median_mm);
-    int run = 0;
-    for (int i = 0; i < n_gaps; i++) {
-        if (gaps[i] < 1.5 * median_mm)
-            run = 0;
-        else
-            run = run > 0 && fabs(gaps[i] - gaps[i - 1]) <= tolerance ? run + 1 : 1;
-        if (run >= 3)
-            return true;
+    double spacing_mm = median_mm;
+    for (int k = i < 3 ? 0 : i - 3; k <= i + 1 && k + 2 < n_gaps; k++) {
+        const double *const g = gaps + k, least_mm = fmin(fmin(g[0], g[1]), g[2]);
+        if (fmax(fmax(g[0], g[1]), g[2]) - least_mm < 0.5 * median_mm)
+            spacing_mm = fmax(spacing_mm, least_mm);
     }
-    return false;
+    return spacing_mm;
+}
+
+/* The number of slices that gap i lacks: none where it is too narrow for two spacings; at most the largest number of
+ * slices, 20000. */
+static int missing_in(const double *gaps, int n_gaps, int i, double median_mm)
+{
+    const double spacing_mm = spacing_about(gaps, n_gaps, i, median_mm);
+    return gaps[i] < 2 * spacing_mm - multiple_slack_mm(spacing_mm)
+               ? 0
+               : (int)fmin(floor(gaps[i] / spacing_mm + 0.5) - 1, 20000);
 }
 
 static void classify(CtsSliceStack *s, const double *gaps, int n)
 {
     const int n_gaps = n - 1;
-    const double tolerance = cts_slice_stack_tolerance_mm(s->spacing_mm);
+    const double tolerance = cts_slice_stack_tolerance_mm(s->spacing_mm), slack = multiple_slack_mm(s->spacing_mm);
     const double even_mm = (s->layer[n - 1] - s->layer[0]) / n_gaps;
     double drift = 0;
     bool is_even = true, whole = true;
-    s->first_gap = -1;
     for (int i = 0; i < n_gaps; i++) {
         is_even &= fabs(gaps[i] - even_mm) <= tolerance;
         drift = fmax(drift, fabs(s->layer[i] - s->layer[0] - i * even_mm));
-        const int k = multiple_of(gaps[i], s->spacing_mm);
-        whole &= k > 0;
-        s->n_missing += k > 1 ? k - 1 : 0;
-        if (k > 1 && s->first_gap < 0)
+        const int n_missing = missing_in(gaps, n_gaps, i, s->spacing_mm);
+        whole &= fabs(gaps[i] - (n_missing + 1) * s->spacing_mm) <= slack;
+        if (n_missing && !s->n_missing)
             s->first_gap = i;
+        s->n_missing += n_missing;
     }
     /* Gaps within the tolerance may still add up to a drift; a tenth of a layer is visible. */
     if (is_even && drift <= 0.1 * s->spacing_mm)
         s->kind = CTS_STACK_EVEN;
-    else if (whole && s->n_missing > 0 && !changes_protocol(gaps, n_gaps, s->spacing_mm))
-        s->kind = CTS_STACK_MISSING;
     else
-        s->kind = CTS_STACK_UNEQUAL;
-    if (s->kind != CTS_STACK_MISSING)
-        s->n_missing = 0;
+        s->kind = whole && s->n_missing ? CTS_STACK_MISSING : CTS_STACK_UNEQUAL;
 }
 
 /* Positions in mm become layer numbers. */
@@ -94,7 +90,7 @@ static void number_layers(CtsSliceStack *s, const double *gaps, int n)
     int layer = 0;
     for (int i = 0; i < n; i++) {
         if (i > 0)
-            layer += s->kind == CTS_STACK_EVEN ? 1 : multiple_of(gaps[i - 1], s->spacing_mm);
+            layer += s->kind == CTS_STACK_EVEN ? 1 : (int)floor(gaps[i - 1] / s->spacing_mm + 0.5);
         s->layer[i] = layer;
     }
     s->n_layers = layer + 1;
@@ -199,22 +195,22 @@ void cts_slice_stack_diagnostics(const CtsSliceStack *s, const CtsSlice *const *
                                  CtsDiagnostics *diagnostics)
 {
     const CtsSlice *middle = slices[n / 2];
-    if (s->kind == CTS_STACK_MISSING) {
+    if (s->n_missing) {
         const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
         const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
         cts_diagnostics_add(
             diagnostics, CTS_DIAGNOSTIC_MISSING_SLICES,
             "%d of %d slices missing and interpolated: the first gap is %.3f mm, from position %.3f to %.3f "
             "mm along the slice normal, elsewhere %.3f mm",
-            s->n_missing, s->n_layers, next - at, at, next, s->spacing_mm);
-    } else if (s->kind == CTS_STACK_UNEQUAL) {
+            s->n_missing, n + s->n_missing, next - at, at, next, s->spacing_mm);
+    }
+    if (s->kind == CTS_STACK_UNEQUAL)
         cts_diagnostics_add(
             diagnostics, CTS_DIAGNOSTIC_UNEQUAL_SPACING,
             "slice spacing varies from %.3f to %.3f mm (median %.3f): %d slices resampled to %d layers of "
             "%.3f mm",
             s->smallest_gap_mm, s->largest_gap_mm, s->spacing_mm, n, s->n_layers,
             cts_dot3(s->step_lps, middle->normal_lps));
-    }
     const double height_mm = fabs(cts_dot3(s->step_lps, middle->normal_lps)) * (s->n_layers - 1);
     if (s->tilt_deg > 0.1 && height_mm * tan(s->tilt_deg * (3.14159265358979323846 / 180)) > JITTER_MM)
         cts_diagnostics_add(diagnostics, CTS_DIAGNOSTIC_GANTRY_TILT,

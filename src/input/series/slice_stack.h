@@ -11,7 +11,7 @@ CTS_C_BEGIN
 typedef enum CtsStackKind {
     CTS_STACK_EVEN,    /* slice k is layer k */
     CTS_STACK_MISSING, /* slices lie on whole layers, and some layers are empty */
-    CTS_STACK_UNEQUAL  /* slices lie between layers */
+    CTS_STACK_UNEQUAL  /* slices lie between layers, and some may be missing */
 } CtsStackKind;
 
 typedef struct CtsSliceStack {
