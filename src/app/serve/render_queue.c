@@ -6,7 +6,6 @@
 #include "base/thread.h"
 #include <poll.h>
 #include <stdlib.h>
-#include <string.h>
 
 void cts_render_request_free(CtsRenderRequest *r)
 {
@@ -211,55 +210,39 @@ CtsStatus cts_render_queue_begin(CtsServer *server, CtsError *err)
     return CTS_OK;
 }
 
-/* The lock is the caller's. */
-static void drop_waiting(CtsServer *server, CtsRenderRequest *r, const char *why)
+/* Stops the requests of clients that have disconnected, or all. Under the lock, which is the caller's, no request ends,
+ * so that each socket is still its own. */
+static void stop_requests(CtsServer *server, bool all)
 {
     CtsHttpAnswer answer;
-    cts_answer_text(&answer, server, 503, why);
-    cts_http_answer(r->request, &answer);
-    unlink_request(server, r);
-    cts_render_request_free(r);
-}
-
-static void drop_gone(CtsServer *server, const struct pollfd *sockets, int n)
-{
-    CtsRenderRequest *r = server->first;
-    for (int i = 0; i < n && r; i++) {
-        CtsRenderRequest *const next = r->next;
-        if (sockets[i].revents & (POLLRDHUP | POLLHUP | POLLERR)) {
-            r->stop = 1;
-            if (!r->running)
-                drop_waiting(server, r, "the client has disconnected");
-        }
-        r = next;
+    for (CtsRenderRequest *r = server->first, *next; r; r = next) {
+        struct pollfd client = {.fd = r->request->socket, .events = POLLRDHUP};
+        next = r->next;
+        if (!all && poll(&client, 1, 0) <= 0)
+            continue;
+        r->stop = 1;
+        if (r->running)
+            continue;
+        cts_answer_text(&answer, server, 503, all ? "the server is stopping" : "the client has disconnected");
+        cts_http_answer(r->request, &answer);
+        unlink_request(server, r);
+        cts_render_request_free(r);
     }
 }
 
 void cts_render_queue_watch(CtsServer *server, int ms)
 {
-    struct pollfd sockets[CTS_SERVE_WAITING + CTS_SERVE_WORKERS];
-    int n = 0;
     poll(NULL, 0, ms);
-    /* Under the lock no request ends, so that each socket is still its own. */
     pthread_mutex_lock(&server->lock);
-    for (const CtsRenderRequest *r = server->first; r; r = r->next)
-        sockets[n++] = (struct pollfd){.fd = r->request->socket, .events = POLLRDHUP};
-    if (n && poll(sockets, (nfds_t)n, 0) > 0)
-        drop_gone(server, sockets, n);
+    stop_requests(server, false);
     pthread_mutex_unlock(&server->lock);
 }
 
 void cts_render_queue_end(CtsServer *server)
 {
-    static const char why[] = "the server is stopping";
     pthread_mutex_lock(&server->lock);
     server->stopping = true;
-    for (CtsRenderRequest *r = server->first, *next; r; r = next) {
-        next = r->next;
-        r->stop = 1;
-        if (!r->running)
-            drop_waiting(server, r, why);
-    }
+    stop_requests(server, true);
     pthread_cond_broadcast(&server->work);
     pthread_mutex_unlock(&server->lock);
     for (int i = 0; i < server->n_workers; i++)
