@@ -46,24 +46,25 @@ CtsStatus cts_access_token(CtsServer *server, CtsError *err)
                : cts_fail(err, CTS_ERR_READ, "%s: a token has %d characters or more", path, MIN_CHARACTERS);
 }
 
-/* Compares in constant time. */
-static bool same_token(const char *given, size_t n, const char *token)
+/* Compares in constant time for a length. */
+static bool is_token(const CtsServer *server, const char *given)
 {
-    unsigned char differs = n != strlen(token);
-    for (size_t i = 0; token[i]; i++)
-        differs |= (unsigned char)(token[i] ^ (i < n ? given[i] : 0));
+    const size_t n = strlen(server->token);
+    unsigned char differs = 0;
+    if (!given || strlen(given) != n)
+        return false;
+    for (size_t i = 0; i < n; i++)
+        differs |= (unsigned char)(server->token[i] ^ given[i]);
     return !differs;
 }
 
 static bool has_token(const CtsServer *server, const CtsHttpRequest *request)
 {
     static const char scheme[] = "Bearer ";
-    const char *authorization = cts_http_header(request, "Authorization");
-    if (authorization && !strncasecmp(authorization, scheme, sizeof scheme - 1)) {
-        const char *given = authorization + sizeof scheme - 1;
-        return same_token(given, strlen(given), server->token);
-    }
-    return request->cookie && same_token(request->cookie, strlen(request->cookie), server->token);
+    const char *const authorization = cts_http_header(request, "Authorization");
+    if (authorization && !strncasecmp(authorization, scheme, sizeof scheme - 1))
+        return is_token(server, authorization + sizeof scheme - 1);
+    return is_token(server, request->cookie);
 }
 
 /* The address that was printed at the start leads to the page, and does not stay in the browser's history. */
@@ -74,8 +75,7 @@ static bool brings_token(const CtsServer *server, const CtsHttpRequest *request,
     if (strcmp(request->path, "/"))
         return false;
     cts_http_query(request, &query);
-    const char *const given = cts_query_value(&query, "token");
-    if (!given || !same_token(given, strlen(given), server->token))
+    if (!is_token(server, cts_query_value(&query, "token")))
         return false;
     snprintf(cookie, sizeof cookie, "ctsplat=%s; HttpOnly; SameSite=Strict; Path=/%s", server->token,
              server->tls ? "; Secure" : "");
