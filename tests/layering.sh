@@ -24,7 +24,7 @@ src/dicom/codec   | dicom/protocol/ dicom/header/ |
 src/dicom/pixels  | dicom/dcmtk/ dicom/protocol/ | openjpeg.h zip.h zlib.h
 src/dicom/writer  | dicom/dcmtk/ dicom/header/ |
 src/dicom/reader  | dicom/dcmtk/ dicom/protocol/ dicom/header/ dicom/writer/ |
-src/dicom/objects | dicom/protocol/ dicom/header/ dicom/codec/ | dicom_names.inc
+src/dicom/objects | dicom/protocol/ dicom/header/ dicom/codec/ | dicom_names.inc srgb.inc
 src/dicom/net     | dicom/dcmtk/ dicom/header/ | curl/ jansson.h netdb.h netinet/ openssl/
 src/input/files   | core/volume/box.h dicom/protocol/ dicom/header/ | jansson.h
 src/input/series  | dicom/header/ dicom/codec/ input/files/ |
