@@ -1,6 +1,6 @@
 /* DIMSE with DCMTK: C-STORE out, C-GET or C-MOVE in (PS3.4 B and C). */
-#include "dicom/dcmtk/dcmtk_failures.hpp"
 #include "dicom/net/dcmtk_dimse.hpp"
+#include "dicom/dcmtk/dcmtk_failures.hpp"
 #include "dicom/net/peer.h"
 #include "dicom/net/store_answer.h"
 
