@@ -108,9 +108,11 @@ typedef struct CtsLabelChoice {
     bool own_colours;  /* labels without an appearance get their files' colours, or one of a table */
 } CtsLabelChoice;
 
-/* The names in a list `show` that these labels lack, separated by commas, to be freed with free(); *any: some names
+/* The names in a list `show` that these labels lack, separated by commas, as many as a message holds; *any: some names
  * exist. */
-CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **lacking, bool *any, CtsError *err);
+enum { CTS_LACKING_TEXT = 400 };
+CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char lacking[CTS_LACKING_TEXT], bool *any,
+                             CtsError *err);
 
 /* True if an appearance of the choice may show air: a body whose opacity is the same for all HU, or a preset that has
  * one there. */

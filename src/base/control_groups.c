@@ -6,7 +6,6 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* The remainder of a resource by a group's files; INFINITY without a limit. */
@@ -78,49 +77,30 @@ static bool find_group(const char *groups_path, char group[PATH_MAX])
     return found;
 }
 
-/* The least limit of the group and its ancestors in a mount. One line of mountinfo: ID PARENT DEVICE ROOT FOLDER
- * OPTIONS
- * ... - TYPE SOURCE OPTIONS. */
-static double least_of_mount(char *line, const char *group, ReadLimit read)
+/* The least limit of the group and its ancestors. The mount may be of a group itself, as in a container without a
+ * cgroup namespace: then the folders below it are missing, and have no limit. */
+static double least_limit(const char *groups_path, const char *mount, ReadLimit read)
 {
-    char root[PATH_MAX], mount[PATH_MAX], folder[2 * PATH_MAX];
-    const char *tail = strstr(line, " - cgroup2 ");
-    if (!tail || sscanf(line, "%*s %*s %*s %4095s %4095s", root, mount) != 2)
+    char group[PATH_MAX], folder[2 * PATH_MAX], *slash;
+    double least = INFINITY;
+    if (!find_group(groups_path, group))
         return INFINITY;
-    /* The mount may be of a group itself, as in a container without a cgroup namespace. */
-    const size_t n_root = strcmp(root, "/") ? strlen(root) : 0;
-    const bool below = !strncmp(group, root, n_root) && (!group[n_root] || group[n_root] == '/');
-    snprintf(folder, sizeof folder, "%s%s", mount, below && strcmp(group, "/") ? group + n_root : "");
-    double least = INFINITY;
-    for (char *end = folder; end; *end = 0) {
+    snprintf(folder, sizeof folder, "%s%s", mount, group);
+    do {
         least = fmin(least, read(folder));
-        end = strrchr(folder, '/');
-        if (!end || (size_t)(end - folder) < strlen(mount))
-            break;
-    }
+        slash = strrchr(folder + strlen(mount), '/');
+        if (slash)
+            *slash = 0;
+    } while (slash);
     return least;
 }
 
-static double least_limit(const char *groups_path, const char *mounts_path, ReadLimit read)
+double cts_cpu_quota(const char *groups_path, const char *mount)
 {
-    char *line = NULL, group[PATH_MAX];
-    size_t size = 0;
-    double least = INFINITY;
-    FILE *file = find_group(groups_path, group) ? fopen(mounts_path, "re") : NULL;
-    while (file && getline(&line, &size, file) > 0)
-        least = fmin(least, least_of_mount(line, group, read));
-    free(line);
-    if (file)
-        fclose(file);
-    return least;
+    return least_limit(groups_path, mount, read_cpus);
 }
 
-double cts_cpu_quota(const char *groups_path, const char *mounts_path)
+double cts_memory_quota(const char *groups_path, const char *mount)
 {
-    return least_limit(groups_path, mounts_path, read_cpus);
-}
-
-double cts_memory_quota(const char *groups_path, const char *mounts_path)
-{
-    return least_limit(groups_path, mounts_path, read_memory);
+    return least_limit(groups_path, mount, read_memory);
 }

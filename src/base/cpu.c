@@ -39,7 +39,7 @@ int cts_threads_why(int n, const char **why)
     if (n <= 0) {
         *why = "cores this process may run on";
         n = cts_cpu_cores();
-        const double quota = ceil(cts_cpu_quota("/proc/self/cgroup", "/proc/self/mountinfo"));
+        const double quota = ceil(cts_cpu_quota("/proc/self/cgroup", "/sys/fs/cgroup"));
         if (quota < n) {
             *why = "processor quota of the control group";
             n = (int)quota;

@@ -58,8 +58,8 @@ void cts_cpu_set_mask(unsigned mask);
 /* Cores in this process's affinity mask, at least 1. */
 int cts_cpu_cores(void);
 /* Processors' worth of time that control groups leave to this process, not always a whole number; INFINITY without a
- * quota. The paths are /proc/self/cgroup and /proc/self/mountinfo. */
-double cts_cpu_quota(const char *groups_path, const char *mounts_path);
+ * quota. The paths are /proc/self/cgroup and the hierarchy, /sys/fs/cgroup. */
+double cts_cpu_quota(const char *groups_path, const char *mount);
 /* n when n > 0, else the number of cores this process may use: of its affinity mask, at most its quota rounded up and
  * at most OMP_NUM_THREADS; at most 1024. *why: a static text on the deciding limit. */
 int cts_threads_why(int n, const char **why);

@@ -1,5 +1,6 @@
 #include "base/json.h"
 
+#include "base/text.h"
 #include <ctype.h>
 #include <math.h>
 #include <stdarg.h>
@@ -135,11 +136,9 @@ CtsStatus cts_json_check_keys(const CtsJsonAt *at, const char *const *keys, size
             known++;
         if (known < n_keys)
             continue;
-        int n = snprintf(text, sizeof text, "unknown key \"%.60s\" (known:", key);
-        for (size_t k = 0; k < n_keys && n < (int)sizeof text; k++)
-            n += snprintf(text + n, sizeof text - (size_t)n, " %s", keys[k]);
-        if (n < (int)sizeof text)
-            snprintf(text + n, sizeof text - (size_t)n, ")");
+        snprintf(text, sizeof text, "unknown key \"%.60s\" (known:", key);
+        for (size_t k = 0; k < n_keys; k++)
+            cts_text_append(text, sizeof text, " ", "%s%s", keys[k], k + 1 < n_keys ? "" : ")");
         CtsJsonAt member;
         cts_json_member(at, key, &member);
         return fail_at(&member, true, err, text);

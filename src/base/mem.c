@@ -135,7 +135,7 @@ static uint64_t machine_available(void)
 uint64_t cts_memory_available(void)
 {
     const uint64_t machine = machine_available();
-    const double quota = cts_memory_quota("/proc/self/cgroup", "/proc/self/mountinfo");
+    const double quota = cts_memory_quota("/proc/self/cgroup", "/sys/fs/cgroup");
     if (isinf(quota) || (machine > 0 && quota > (double)machine))
         return machine;
     return quota > 1 ? (uint64_t)quota : 1; /* 0 would mean unknown */

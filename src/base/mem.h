@@ -33,8 +33,8 @@ CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err);
 /* Memory available without swapping: of the machine, or of its control groups where that is less; 0 when unknown. */
 uint64_t cts_memory_available(void);
 /* Memory that control groups leave to this process, including reclaimable page cache; INFINITY without a limit. The
- * paths are /proc/self/cgroup and /proc/self/mountinfo. */
-double cts_memory_quota(const char *groups_path, const char *mounts_path);
+ * paths are /proc/self/cgroup and the hierarchy, /sys/fs/cgroup. */
+double cts_memory_quota(const char *groups_path, const char *mount);
 /* True if a volume may use so many bytes: 60 % of the free memory (0: unknown), so that a batch does not cause
  * swapping. */
 int cts_memory_allows(double n_bytes, uint64_t free_bytes);

@@ -185,29 +185,25 @@ static void write_text(const char *folder, const char *name, const char *text, c
     fclose(file);
 }
 
-/* A hierarchy mounted at `mount`, where the group's own files have the expected value. */
-typedef double (*Quota)(const char *groups_path, const char *mounts_path);
+/* A hierarchy whose own files have the expected value. */
+typedef double (*Quota)(const char *groups_path, const char *mount);
 
-static void check_limit(Quota quota, const char *groups, const char *mount_line, const char *const files[][2],
-                        double expected)
+static void check_limit(Quota quota, const char *groups, const char *const files[][2], double expected)
 {
-    char folder[64], path[400], groups_path[400], mounts[400], line[600];
+    char folder[64], path[400], groups_path[400];
     make_folder(folder);
     for (int i = 0; files[i][0]; i++)
         write_text(folder, files[i][0], files[i][1], path);
-    snprintf(line, sizeof line, mount_line, folder);
     write_text(folder, "groups", groups, groups_path);
-    write_text(folder, "mounts", line, mounts);
-    const double found = quota(groups_path, mounts);
+    const double found = quota(groups_path, folder);
     if (isinf(expected) ? !isinf(found) : !(fabs(found - expected) < 1e-12))
-        fail_msg("groups %s, mount %s, file %s: expected %g, found %g", groups, mount_line, files[0][0], expected,
-                 found);
+        fail_msg("groups %s, file %s: expected %g, found %g", groups, files[0][0], expected, found);
     remove_folder(folder);
 }
 
-static void check_quota(const char *groups, const char *mount_line, const char *const files[][2], double expected)
+static void check_quota(const char *groups, const char *const files[][2], double expected)
 {
-    check_limit(cts_cpu_quota, groups, mount_line, files, expected);
+    check_limit(cts_cpu_quota, groups, files, expected);
 }
 
 /* A helper forks in its last items, when the loop has nothing left for others and its caller waits. */
@@ -238,26 +234,23 @@ static void test_fork_by_helper(void **state)
 
 static void test_quota(void **state)
 {
-    const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
     const char *const none[][2] = {{NULL, NULL}};
     const char *const max[][2] = {{"cpu.max", "max 100000\n"}, {NULL, NULL}};
     const char *const half[][2] = {{"cpu.max", "150000 100000\n"}, {NULL, NULL}};
     const char *const bad[][2] = {{"cpu.max", "0 0"}, {NULL, NULL}};
-    check_quota("0::/\n", v2, none, INFINITY);
-    check_quota("0::/\n", v2, max, INFINITY);
-    check_quota("0::/\n", v2, half, 1.5);
+    check_quota("0::/\n", none, INFINITY);
+    check_quota("0::/\n", max, INFINITY);
+    check_quota("0::/\n", half, 1.5);
     /* The group lies deeper than the one with the quota; or the folder shown is the group itself. */
-    check_quota("4:memory:/x\n0::/a/b\n", v2, half, 1.5);
-    check_quota("0::/pod/a\n", "35 24 0:30 /pod/a %s rw - cgroup2 cgroup2 rw\n", half, 1.5);
-    check_quota("0::/\n", v2, bad, INFINITY);
-    check_quota("0::/\n", "nonsense %s\n", half, INFINITY);
+    check_quota("4:memory:/x\n0::/a/b\n", half, 1.5);
+    check_quota("0::/\n", bad, INFINITY);
+    check_quota("nonsense\n", half, INFINITY);
     assert_true(isinf(cts_cpu_quota("absent", "absent")));
 }
 
 /* A limit less what is in use, files in memory aside; groups around the process's own count too. */
 static void test_memory_quota(void **state)
 {
-    const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
     const char *const none[][2] = {{"memory.current", "1000\n"}, {NULL, NULL}};
     const char *const max[][2] = {{"memory.max", "max\n"}, {"memory.current", "1000\n"}, {NULL, NULL}};
     const char *const limit[][2] = {{"memory.max", "536870912\n"},
@@ -268,19 +261,15 @@ static void test_memory_quota(void **state)
     const char *const high[][2] = {
         {"memory.max", "536870912\n"}, {"memory.high", "300000000\n"}, {"memory.current", "400000000\n"}, {NULL, NULL}};
     const struct {
-        const char *groups, *mount;
+        const char *groups;
         const char *const (*files)[2];
         double expected;
     } cases[] = {
-        {"0::/\n", v2, none, INFINITY},
-        {"0::/\n", v2, max, INFINITY},
-        {"0::/\n", v2, limit, 436870912},
-        {"0::/a/b\n", v2, limit, 436870912},
-        {"0::/pod/a\n", "35 24 0:30 /pod/a %s rw - cgroup2 cgroup2 rw\n", limit, 436870912},
-        {"0::/\n", v2, high, 0},
+        {"0::/\n", none, INFINITY},      {"0::/\n", max, INFINITY}, {"0::/\n", limit, 436870912},
+        {"0::/a/b\n", limit, 436870912}, {"0::/\n", high, 0},
     };
     for (size_t n = 0; n < sizeof cases / sizeof *cases; n++)
-        check_limit(cts_memory_quota, cases[n].groups, cases[n].mount, cases[n].files, cases[n].expected);
+        check_limit(cts_memory_quota, cases[n].groups, cases[n].files, cases[n].expected);
     assert_true(isinf(cts_memory_quota("absent", "absent")));
     assert_true(cts_memory_available() > 0);
 }

@@ -136,11 +136,11 @@ static CtsStatus draw_image(CtsWorkerProcess *c, CtsError *err)
 static CtsStatus check_shown(CtsWorkerProcess *c, const CtsSource *source, CtsError *err)
 {
     const char *const show = source->choice.show;
-    char *lacking = NULL;
+    char lacking[CTS_LACKING_TEXT];
     bool any;
     if (!show || !c->loaded.labels)
         return CTS_OK;
-    CtsStatus st = cts_labels_lacking(c->loaded.labels, show, &lacking, &any, err);
+    CtsStatus st = cts_labels_lacking(c->loaded.labels, show, lacking, &any, err);
     if (!st && !any) {
         c->skipped = true;
         st = cts_fail(err, CTS_ERR_PIXELS, "`show`: it has no label %s", lacking);
@@ -148,7 +148,6 @@ static CtsStatus check_shown(CtsWorkerProcess *c, const CtsSource *source, CtsEr
         cts_report_diagnostic(&c->report, CTS_DIAGNOSTIC_LABELS_LACKING,
                               "`show`: no label is called %s; the others are shown", lacking);
     }
-    free(lacking);
     return st;
 }
 

@@ -101,9 +101,9 @@ bool cts_labels_show_air(const CtsLabelChoice *choice)
 static CtsStatus choose_shown(Deciding *d, CtsReport *report, CtsError *err)
 {
     const CtsLabelChoice *const c = d->choice;
-    char *lacking = NULL;
+    char lacking[CTS_LACKING_TEXT];
     bool any = c->show_present;
-    CtsStatus st = cts_label_find_list(d->labels, "show", c->show, d->shown, &lacking, err);
+    CtsStatus st = cts_label_find_list(d->labels, "show", c->show, d->shown, lacking, err);
     for (size_t i = 0; i <= d->labels->n; i++)
         any |= d->shown[i];
     if (!st && !any)
@@ -113,7 +113,6 @@ static CtsStatus choose_shown(Deciding *d, CtsReport *report, CtsError *err)
                               "`show`: no label is called %s; the others are shown (ctsplat info with `labels` lists "
                               "them)",
                               lacking);
-    free(lacking);
     return st ? st : cts_label_check_shown(d->labels, d->shown, err);
 }
 

@@ -5,7 +5,6 @@
 #include "base/mem.h"
 #include "base/text.h"
 #include <ctype.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -149,18 +148,18 @@ CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char
     return any || without || is_word(&item, "all") ? CTS_OK : fail_unknown_label(labels, option, text, length, err);
 }
 
-/* One item of a list; with `lacking` (a stream) an unknown name is written there instead of refused. */
+/* One item of a list; with `lacking` an unknown name is written there instead of refused. */
 static CtsStatus take_item(const CtsLabels *labels, const char *option, const char *item, size_t length, uint32_t value,
-                           uint32_t *hit, FILE *lacking, CtsError *err)
+                           uint32_t *hit, char *lacking, CtsError *err)
 {
     if (!lacking || is_item_known(labels, item, length))
         return cts_label_find(labels, option, item, length, value, hit, err);
-    fprintf(lacking, "%s%.*s", ftell(lacking) ? ", " : "", (int)length, item);
+    cts_text_append(lacking, CTS_LACKING_TEXT, ", ", "%.*s", (int)length, item);
     return CTS_OK;
 }
 
 static CtsStatus find_json_names(const CtsLabels *labels, const char *option, const json_t *names, uint32_t *hit,
-                                 FILE *lacking, CtsError *err)
+                                 char *lacking, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (size_t i = 0; !st && i < json_array_size(names); i++) {
@@ -171,10 +170,12 @@ static CtsStatus find_json_names(const CtsLabels *labels, const char *option, co
     return st;
 }
 
-static CtsStatus find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit, FILE *lacking,
-                           CtsError *err)
+CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit,
+                              char *lacking, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    if (lacking)
+        *lacking = 0;
     json_t *const names = *list == '[' ? json_loads(list, 0, NULL) : NULL;
     if (json_is_array(names))
         st = find_json_names(labels, option, names, hit, lacking, err);
@@ -202,27 +203,10 @@ CtsStatus cts_label_check_shown(const CtsLabels *labels, const uint32_t *hit, Ct
     return cts_fail(err, CTS_ERR_GEOMETRY, "`show`: %s cannot be drawn: %s", one->fact.name, one->reason);
 }
 
-CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit,
-                              char **lacking, CtsError *err)
-{
-    size_t size;
-    if (!lacking)
-        return find_list(labels, option, list, hit, NULL, err);
-    FILE *const out = open_memstream(lacking, &size);
-    CtsStatus st = out ? find_list(labels, option, list, hit, out, err) : CTS_OK;
-    if (!cts_text_end(out, lacking) && !st)
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (st) {
-        free(*lacking);
-        *lacking = NULL;
-    }
-    return st;
-}
-
-CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **lacking, bool *any, CtsError *err)
+CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char lacking[CTS_LACKING_TEXT], bool *any,
+                             CtsError *err)
 {
     uint32_t *hit = NULL;
-    *lacking = NULL;
     *any = false;
     CtsStatus st = cts_alloc_zeroed(&hit, labels->n + 2, err);
     if (!st && !(st = cts_label_find_list(labels, "show", show, hit, lacking, err)))

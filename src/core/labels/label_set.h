@@ -56,10 +56,10 @@ CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char
  * the end of the text matches too. 0: none. */
 size_t cts_label_name_length(const CtsLabels *labels, const char *text, char separator);
 /* The same for all items of a list, a JSON array or names separated by commas: values rise from 1 on, and labels
- * already hit keep their value. lacking: items that no label has, separated by commas, to be freed; NULL: they are
- * refused. */
+ * already hit keep their value. lacking: items that no label has, separated by commas, in CTS_LACKING_TEXT bytes; NULL:
+ * they are refused. */
 CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit,
-                              char **lacking, CtsError *err);
+                              char *lacking, CtsError *err);
 /* CTS_ERR_GEOMETRY where nothing was hit but a label that was left out. */
 CtsStatus cts_label_check_shown(const CtsLabels *labels, const uint32_t *hit, CtsError *err);
 

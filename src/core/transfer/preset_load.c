@@ -3,6 +3,7 @@
 
 #include "base/did_you_mean.h"
 #include "base/file.h"
+#include "base/text.h"
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -62,18 +63,17 @@ char **cts_preset_user_names(void)
 static CtsStatus fail_unknown_preset(const char *name, CtsError *err)
 {
     char list[800] = "";
-    size_t n = 0;
     CtsDidYouMean nearest_word = {.written = name, .length = strlen(name)};
     char **names = cts_preset_user_names();
-    for (size_t i = 0; cts_preset_builtin(i) && n < sizeof list; i++) {
-        n += (size_t)snprintf(list + n, sizeof list - n, " %s", cts_preset_builtin(i)->name);
+    for (size_t i = 0; cts_preset_builtin(i); i++) {
+        cts_text_append(list, sizeof list, " ", "%s", cts_preset_builtin(i)->name);
         cts_did_you_mean_try(&nearest_word, cts_preset_builtin(i)->name);
     }
-    for (size_t i = 0; names && names[i] && n < sizeof list; i++) {
-        n += (size_t)snprintf(list + n, sizeof list - n, " %s", names[i]);
+    for (size_t i = 0; names && names[i]; i++) {
+        cts_text_append(list, sizeof list, " ", "%s", names[i]);
         cts_did_you_mean_try(&nearest_word, names[i]);
     }
-    cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset%s; there are:%s", name,
+    cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset%s; there are: %s", name,
              cts_did_you_mean_hint(&nearest_word).text, list);
     free(names);
     return CTS_ERR_PRESET;

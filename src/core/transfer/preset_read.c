@@ -1,6 +1,7 @@
 /* Parts of a preset, as the readers of all formats set them. */
 #include "core/transfer/preset_read.h"
 
+#include "base/text.h"
 #include <math.h>
 #include <string.h>
 
@@ -51,10 +52,7 @@ bool cts_preset_set_name(CtsPreset *preset, const char *text)
 
 void cts_preset_note(CtsPreset *preset, const char *text)
 {
-    const size_t room = sizeof preset->note - strlen(preset->note);
-    if (preset->note[0] && room > 3)
-        strcat(preset->note, ", ");
-    strncat(preset->note, text, sizeof preset->note - strlen(preset->note) - 1);
+    cts_text_append(preset->note, sizeof preset->note, ", ", "%s", text);
 }
 
 /* The HU of a point, not below the previous one's, and the member for its value. */

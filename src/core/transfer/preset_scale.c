@@ -2,7 +2,7 @@
 #include "ctsplat/preset.h"
 
 #include "base/enum_table.h"
-#include <stdio.h>
+#include "base/text.h"
 
 CTS_ENUM_TABLE(char *const, cts_scale_names, CTS_N_SCALES, [CTS_SCALE_HU] = "HU", [CTS_SCALE_SUVBW] = "SUVbw",
                [CTS_SCALE_BQML] = "Bq/ml", [CTS_SCALE_STORED] = "stored", [CTS_SCALE_RELATIVE] = "relative");
@@ -39,13 +39,12 @@ const char *cts_preset_default(CtsModality modality, CtsQuantity quantity, bool 
 CtsStatus cts_preset_check(const CtsPreset *preset, CtsModality modality, CtsQuantity quantity, CtsError *err)
 {
     char list[800] = "";
-    size_t n = 0;
     if (cts_preset_fits(preset, quantity))
         return CTS_OK;
-    for (size_t i = 0; cts_preset_builtin(i) && n < sizeof list; i++)
+    for (size_t i = 0; cts_preset_builtin(i); i++)
         if (cts_preset_suits(cts_preset_builtin(i), modality, quantity))
-            n += (size_t)snprintf(list + n, sizeof list - n, " %s", cts_preset_builtin(i)->name);
-    return cts_fail(err, CTS_ERR_PRESET, "preset %s: is of scale %s, and the series, %s, of %s (presets that fit:%s)",
+            cts_text_append(list, sizeof list, " ", "%s", cts_preset_builtin(i)->name);
+    return cts_fail(err, CTS_ERR_PRESET, "preset %s: is of scale %s, and the series, %s, of %s (presets that fit: %s)",
                     preset->name, cts_scale_names[preset->scale], cts_modality_names[modality],
                     cts_quantity_names[quantity], list);
 }

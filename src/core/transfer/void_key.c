@@ -2,8 +2,8 @@
 #include "ctsplat/mixture.h"
 
 #include "base/mem.h"
+#include "base/text.h"
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 enum { N_GREY = 65536 };
@@ -131,18 +131,14 @@ bool cts_void_key_drops(const CtsVoidKey *key, double hu)
 
 void cts_void_key_text(const CtsVoidKey *key, char text[CTS_KEY_TEXT])
 {
-    size_t n = 0;
     strcpy(text, key->n_ranges ? "" : "no HU");
-    for (int i = 0; i < key->n_ranges && n < CTS_KEY_TEXT; i++) {
-        const CtsKeyRange *r = &key->range[i];
-        const char *joint = i > 0 ? ", " : "";
+    for (const CtsKeyRange *r = key->range; r < key->range + key->n_ranges; r++)
         if (isinf(r->from_hu) && isinf(r->below_hu))
-            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%sall HU", joint);
+            cts_text_append(text, CTS_KEY_TEXT, ", ", "all HU");
         else if (isinf(r->from_hu))
-            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%sbelow %g HU", joint, r->below_hu);
+            cts_text_append(text, CTS_KEY_TEXT, ", ", "below %g HU", r->below_hu);
         else if (isinf(r->below_hu))
-            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%sfrom %g HU on", joint, r->from_hu);
+            cts_text_append(text, CTS_KEY_TEXT, ", ", "from %g HU on", r->from_hu);
         else
-            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%s%g to %g HU", joint, r->from_hu, r->below_hu);
-    }
+            cts_text_append(text, CTS_KEY_TEXT, ", ", "%g to %g HU", r->from_hu, r->below_hu);
 }
