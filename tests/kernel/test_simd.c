@@ -206,16 +206,14 @@ static void gradient(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, u
 static void each_path(Loop loop)
 {
     const unsigned all = cts_cpu_flags();
-    CtsSimd plain, fast;
-    cts_simd_init(&plain, 0);
     for (unsigned mask = 0; mask <= all; mask++) {
         if (mask & ~all)
             continue;
         cts_cpu_set_mask(mask);
-        cts_simd_init(&fast, cts_cpu_flags());
+        const CtsSimd *const fast = cts_simd_choice(cts_cpu_flags());
         for (uint64_t trial = 0; trial < TRIALS; trial++) {
             state = trial;
-            loop(&plain, &fast, mask, trial);
+            loop(cts_simd_choice(0), fast, mask, trial);
         }
     }
     cts_cpu_set_mask(~0u);

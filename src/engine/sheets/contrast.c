@@ -37,25 +37,6 @@ static bool any_visible(const float *rgba, int n)
     return any[0] | any[1] | any[2] | any[3];
 }
 
-/* Pixels of a row: the first, and one past the last. */
-typedef struct Extent {
-    int from, to;
-} Extent;
-
-/* Part of an extent of row y outside of which nothing is visible, in whole steps: they cost less than a branch for each
- * pixel. */
-static Extent visible_extent(const SheetsPatch *p, int y, Extent e)
-{
-    enum { STEP = 16 };
-    const float *const row = p->rgba + 4 * (size_t)p->width * (size_t)y;
-    while (e.from < e.to && !any_visible(row + 4 * (size_t)e.from, cts_smaller_int(STEP, e.to - e.from)))
-        e.from += STEP;
-    while (e.from < e.to &&
-           !any_visible(row + 4 * (size_t)cts_larger_int(e.to - STEP, e.from), cts_smaller_int(STEP, e.to - e.from)))
-        e.to -= STEP;
-    return e.from < e.to ? e : (Extent){p->width, 0};
-}
-
 /* Adds the largest difference of each pixel of row[1] to one of its eight neighbours, over channels; row[0] is the one
  * above, row[2] the one below. Columns of three pixels are joined once and used by three pixels. */
 static void add_row_contrast(const float *const row[3], int from, int to, int width, float *indicator)
@@ -82,19 +63,20 @@ static void add_row_contrast(const float *const row[3], int from, int to, int wi
 
 void cts_sheets_add_contrast(const SheetsPatch *p, int x0, int x1, int y0, int y1)
 {
-    const size_t width = (size_t)p->width;
-    const Extent all = {cts_larger_int(x0 - 1, 0), cts_smaller_int(x1 + 1, p->width)}, none = {p->width, 0};
-    Extent above, here = none, below = visible_extent(p, y0, all);
-    for (int y = y0; y < y1 && !CTS_MUTATED(INDICATOR_CONTRAST); y++) {
-        above = here;
-        here = below;
-        below = y + 1 < y1 ? visible_extent(p, y + 1, all) : none;
-        const int from = cts_smaller_int(cts_smaller_int(above.from, below.from), here.from),
-                  to = cts_larger_int(cts_larger_int(above.to, below.to), here.to);
-        const float *const row = p->rgba + 4 * width * (size_t)y;
-        if (from < to)
-            add_row_contrast(
-                (const float *const[]){y > y0 ? row - 4 * width : row, row, y + 1 < y1 ? row + 4 * width : row},
-                cts_larger_int(from - 1, x0), cts_smaller_int(to + 1, x1), p->width, p->indicator + width * (size_t)y);
+    enum { STEP = 32 }; /* pixels that are left out together if they and their neighbours are invisible */
+    const size_t row = 4 * (size_t)p->width;
+    for (int x = x0; x < x1 && !CTS_MUTATED(INDICATOR_CONTRAST); x += STEP) {
+        const int end = cts_smaller_int(x + STEP, x1), first = cts_larger_int(x - 1, 0),
+                  n = cts_smaller_int(end + 1, p->width) - first;
+        bool above, here = false, below = any_visible(p->rgba + row * (size_t)y0 + 4 * (size_t)first, n);
+        for (int y = y0; y < y1; y++) {
+            const float *const at = p->rgba + row * (size_t)y;
+            above = here;
+            here = below;
+            below = y + 1 < y1 && any_visible(at + row + 4 * (size_t)first, n);
+            if (above || here || below)
+                add_row_contrast((const float *const[]){y > y0 ? at - row : at, at, y + 1 < y1 ? at + row : at}, x, end,
+                                 p->width, p->indicator + row / 4 * (size_t)y);
+        }
     }
 }

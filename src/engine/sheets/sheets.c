@@ -22,7 +22,9 @@ static void free_cache(void *cache)
         return;
     cts_sheets_transfer_free(&k->transfer);
     for (int i = 0; i < 3; i++) {
-        cts_sheets_opacity_free(&k->opacity[i]);
+        cts_free(&k->opacity[i].rgba);
+        cts_free(&k->opacity[i].light);
+        cts_free(&k->opacity[i].near);
         cts_free(&k->blocks[i].bits);
     }
     free(k);

@@ -161,7 +161,6 @@ void cts_sheets_transfer_free(SheetsTransfer *transfer);
  * `near` and `light`. */
 CtsStatus cts_sheets_opacity_find(SheetsOpacity *opacity, const SheetsTransfer *transfer, double length_mm,
                                   bool with_near, bool lit, const SheetsKernels *kernels, int n_threads, CtsError *err);
-void cts_sheets_opacity_free(SheetsOpacity *opacity);
 
 /* grey: the volume's, or for p = 0 its transposed copy. */
 void cts_sheets_view_init(SheetsView *view, const CtsView *camera, const uint16_t *grey);

@@ -191,10 +191,3 @@ CtsStatus cts_sheets_opacity_find(SheetsOpacity *o, const SheetsTransfer *transf
         fill_near(o);
     return CTS_OK;
 }
-
-void cts_sheets_opacity_free(SheetsOpacity *o)
-{
-    cts_free(&o->rgba);
-    cts_free(&o->light);
-    cts_free(&o->near);
-}

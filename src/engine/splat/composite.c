@@ -32,13 +32,14 @@ CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPa
                               const CtsScene *scene, CtsPicture *picture, CtsError *err)
 {
     const CtsView *view = &scene->view;
+    const size_t n_words = (size_t)raster->width / 64 + 1;
     CtsStatus st;
     *c = (CtsCompositor){.simd = simd, .patches = *patches, .picture = picture};
     if ((st = cts_raster_row_init(&c->row, raster, simd, err)) ||
         (st = cts_alloc_zeroed(&c->grey, (size_t)raster->width + 64, err)) ||
-        (st = cts_alloc_array(&c->shown, (size_t)raster->width / 64 + 1, err)) ||
-        (st = cts_alloc_array(&c->marks.bits, (size_t)raster->width / 64 + 1, err)))
+        (st = cts_alloc_array(&c->shown, 2 * n_words, err)))
         return st;
+    c->marks.bits = c->shown + n_words;
     /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
     const double mm_per_layer = 1 / view->forward_vox[view->axis], mm = view->mm_per_pixel;
     double start[3];
@@ -55,7 +56,6 @@ void cts_compositor_free(CtsCompositor *c)
     cts_raster_row_free(&c->row);
     cts_free(&c->grey);
     cts_free(&c->shown);
-    cts_free(&c->marks.bits);
 }
 
 /* Sets depth_mm: the first sample that absorbs, and from then on the first by which half of the light is absorbed. */

@@ -27,7 +27,7 @@ typedef struct CtsCompositor {
     CtsCulling *culling; /* NULL: no occlusion culling */
     CtsRasterRow row;
     uint16_t *grey;
-    uint64_t *shown;    /* potentially visible pixels of a row */
+    uint64_t *shown;    /* potentially visible pixels of a row; behind them the marks' bits */
     int shown_row;      /* the row of cells that they sample, reused if the next row has the same; or -1 */
     CtsRowMarks marks;  /* open ones among those; then the visible ones */
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */

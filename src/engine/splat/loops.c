@@ -413,7 +413,4 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
         one_gradient(rows, i, gradient[i]);
 }
 
-void CTS_ON_PATH(cts_simd_init)(CtsSimd *simd)
-{
-    *simd = (CtsSimd){scatter, mark, place_samples, sample, blend, gradient};
-}
+const CtsSimd CTS_ON_PATH(cts_simd) = {scatter, mark, place_samples, sample, blend, gradient};

@@ -99,11 +99,10 @@ typedef struct CtsSimd {
     void (*gradient)(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4]);
 } CtsSimd;
 
-void cts_simd_init_plain(CtsSimd *simd);
-void cts_simd_init_avx2(CtsSimd *simd);
+extern const CtsSimd cts_simd_plain, cts_simd_avx2;
 
 /* cpu: CPU flags that may be used. */
-static inline void cts_simd_init(CtsSimd *simd, unsigned cpu)
+static inline const CtsSimd *cts_simd_choice(unsigned cpu)
 {
-    (cpu & CTS_CPU_AVX2 ? cts_simd_init_avx2 : cts_simd_init_plain)(simd);
+    return cpu & CTS_CPU_AVX2 ? &cts_simd_avx2 : &cts_simd_plain;
 }

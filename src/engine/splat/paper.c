@@ -247,7 +247,7 @@ static void report_run(const CtsPaperPlan *p, const PaperWorker *workers, double
 static CtsStatus worker_init(PaperWorker *w, CtsPaperPlan *p, CtsError *err)
 {
     CtsStatus st;
-    if ((st = cts_compositor_init(&w->compositor, &p->simd, &p->patches, &p->raster, p->scene, p->picture, err)) ||
+    if ((st = cts_compositor_init(&w->compositor, p->simd, &p->patches, &p->raster, p->scene, p->picture, err)) ||
         (p->by_swaths && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
     w->work.store = p->by_swaths ? &w->own : &p->store;

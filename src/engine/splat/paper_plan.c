@@ -41,7 +41,7 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     p->n_threads = settings->n_threads;
     p->by_swaths =
         p->raster.filled && p->raster.by_layer[1] == 0 && p->patches.n_swaths >= SWATHS_A_THREAD * p->n_threads;
-    cts_simd_init(&p->simd, cts_cpu_flags());
+    p->simd = cts_simd_choice(cts_cpu_flags());
     if ((st = cts_footprint_init(&p->footprint, settings->kernel, settings->kernel_radius, density, err)))
         return st;
     const uint64_t n_taps = (uint64_t)(2 * p->footprint.reach[0] + 1) * (uint64_t)(2 * p->footprint.reach[1] + 1);

@@ -30,7 +30,7 @@ typedef struct CtsPaperStore {
 typedef struct CtsPaperPlan {
     const CtsScene *scene;
     CtsPicture *picture;
-    CtsSimd simd;
+    const CtsSimd *simd;
     CtsFootprint footprint;
     CtsStack stack;
     CtsPatches patches;

@@ -136,9 +136,9 @@ static uint64_t select_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int
     if (j < 0 || j >= p->stack.n[1] || !needed_rows(p, w, swath, j - 1 - apron, j + apron))
         return 0;
     spread_columns(w, w->row, -1 - apron, apron, w->marks);
-    p->simd.mark(cts_paper_row(p, w->store, s, j) + from, NULL, least,
-                 (64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0]) - from, w->marks + w->first,
-                 selected + w->first);
+    p->simd->mark(cts_paper_row(p, w->store, s, j) + from, NULL, least,
+                  (64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0]) - from, w->marks + w->first,
+                  selected + w->first);
     for (int i = w->first; i < w->past; i++)
         n += (uint64_t)cts_popcount(selected[i]);
     return n;
@@ -211,7 +211,7 @@ static uint64_t *visible_row(const CtsPaperPlan *p, int s, int swath, int j)
 /* Bring it up to date where voxels changed. */
 static void note_visible(const CtsPaperPlan *p, const CtsSwathWork *w, const uint16_t *value, uint64_t *visible)
 {
-    p->simd.mark(value, NULL, (uint16_t)(p->least + CTS_MUTATED(QUIET_RANGE)), p->stack.n[0], w->selected, w->marks);
+    p->simd->mark(value, NULL, (uint16_t)(p->least + CTS_MUTATED(QUIET_RANGE)), p->stack.n[0], w->selected, w->marks);
     for (int i = 0; 64 * i < p->stack.n[0]; i++)
         visible[i] = (visible[i] & ~w->selected[i]) | w->marks[i];
 }
@@ -232,7 +232,7 @@ static void scatter_words(const CtsPaperPlan *p, const CtsSwathWork *w, CtsScatt
     job.value += from;
     if (job.old)
         job.old += from;
-    p->simd.scatter(&job, w->selected + w->first, past - from);
+    p->simd->scatter(&job, w->selected + w->first, past - from);
 }
 
 /* Complete footprints of every voxel that reaches into a needed cell: contributions beside needed points are harmless,
@@ -258,7 +258,7 @@ static void splat_swath(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath
         CtsScatter job = scatter_row(p, w->store, s, j, v0, v1);
         if (held) {
             job.old = cts_paper_row(p, w->store, s - p->n_sheets, j);
-            p->simd.mark(job.value, job.old, 0, n, NULL, w->selected);
+            p->simd->mark(job.value, job.old, 0, n, NULL, w->selected);
             n_selected = cts_bits_count_run(w->selected, 0, n);
         } else if (p->skip_void && job.tap0 < job.tap1) {
             n_selected = select_needed(p, w, s, swath, j, 1, w->selected);
@@ -291,7 +291,7 @@ static void gradient_row(const CtsPaperPlan *p, int k, int v, int u0, int u1, fl
         rows.after[i] = ends[i][1] ? beyond : cts_stack_row(s, k + q, v + u);
         rows.scale[i] = !p->air && (ends[i][0] || ends[i][1]) ? 2 : 1;
     }
-    p->simd.gradient(&rows, u0, u1, field + (size_t)v * (size_t)s->n[0]);
+    p->simd->gradient(&rows, u0, u1, field + (size_t)v * (size_t)s->n[0]);
 }
 
 /* The swath's rows of cells to composite, and their number. */

@@ -1,9 +1,9 @@
 #include "engine/splat/void.h"
 
+#include "base/bits.h"
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include <stdatomic.h>
 #include <string.h>
 
 static uint16_t sample_low(const CtsRangeRule *rule, uint16_t low)
@@ -49,7 +49,6 @@ typedef struct VoidMapping {
     const CtsRange *fine;
     const CtsRangeRule *rule;
     size_t u_step, v_step, k_step;
-    _Atomic uint64_t n_shown;
 } VoidMapping;
 
 /* The range of a macro-cell, and of those around it that reach in. */
@@ -92,10 +91,11 @@ static void find_active(CtsVoidMap *map)
 {
     const size_t n_words = (size_t)map->patches.n[1] * (size_t)map->patches.n_words;
     for (int macrocell = 0; macrocell < map->n_macrocells; macrocell++) {
-        bool any = false;
+        uint64_t n_shown = 0;
         for (size_t w = 0; w < n_words; w++)
-            any |= map->shows[(size_t)macrocell * n_words + w] != 0;
-        if (any)
+            n_shown += (uint64_t)cts_popcount(map->shows[(size_t)macrocell * n_words + w]);
+        map->n_shown += n_shown;
+        if (n_shown > 0)
             for (int k = macrocell * CTS_PATCH; k <= (macrocell + 1) * CTS_PATCH && k < map->n_layers; k++)
                 map->active[k] = 1;
     }
@@ -104,17 +104,13 @@ static void find_active(CtsVoidMap *map)
 /* A row of patches of all layers; patches of a row share words of bits. */
 static void map_rows(void *context, int worker, size_t first, size_t end)
 {
-    VoidMapping *const m = context;
-    uint64_t n_shown = 0;
+    const VoidMapping *const m = context;
     (void)worker;
     for (int v = (int)first; v < (int)end; v++)
         for (int k = 0; k < m->map->n_macrocells; k++)
             for (int u = 0; u < m->map->patches.n[0]; u++)
-                if (is_range_visible(m->rule, reaching_range(m, k, v, u))) {
+                if (is_range_visible(m->rule, reaching_range(m, k, v, u)))
                     shows_row(m->map, k, v)[u / 64] |= UINT64_C(1) << (u & 63);
-                    n_shown++;
-                }
-    atomic_fetch_add(&m->n_shown, n_shown);
 }
 
 CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatches *patches, const CtsRangeRule *rule,
@@ -136,7 +132,6 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatc
         (st = cts_alloc_zeroed(&map->active, (size_t)stack->n_layers, err)))
         return st;
     cts_parallel(n_threads, (size_t)patches->n[1], 1, map_rows, &mapping);
-    map->n_shown = atomic_load(&mapping.n_shown);
     map->n_patches = n_rows * (size_t)patches->n[0];
     find_active(map);
     return CTS_OK;
