@@ -1,6 +1,7 @@
 #include "cli/terminal.h"
 
 #include "base/clock.h"
+#include "output/report/info.h"
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -22,7 +23,8 @@ const char *cli_with_options(const char *text, char *out, size_t size)
     return out;
 }
 
-enum { BAR_WIDTH = 24 };
+static const char full_bar[] = "########################";
+enum { BAR_WIDTH = sizeof full_bar - 1 };
 
 /* The bar on the terminal, "" for none: it is drawn again only when it changes. */
 static char drawn[200];
@@ -38,12 +40,8 @@ void cli_progress(double done, int all, const char *what)
     if (!cli_progress_shows())
         return;
     const int filled = all > 0 ? (int)(BAR_WIDTH * done / all) : 0;
-    char bar[BAR_WIDTH + 1];
-    memset(bar, ' ', BAR_WIDTH);
-    memset(bar, '#', (size_t)filled);
-    bar[BAR_WIDTH] = 0;
     char line[sizeof drawn];
-    snprintf(line, sizeof line, "[%s] %s", bar, what);
+    snprintf(line, sizeof line, "[%-*.*s] %s", BAR_WIDTH, filled, full_bar, what);
     if (!strcmp(line, drawn))
         return;
     fprintf(stderr, "\r\033[K%s", line);
@@ -90,12 +88,8 @@ void cli_message(const char *kind, const char *format, ...)
 void cli_print_diagnostics(const CtsDiagnostics *diagnostics, size_t from)
 {
     for (size_t i = from; i < diagnostics->n; i++) {
-        const CtsDiagnostic *d = &diagnostics->items[i];
-        bool reported = d->severity != CTS_WARNING;
-        for (size_t before = 0; before < i && !reported; before++)
-            reported =
-                diagnostics->items[before].severity == CTS_WARNING && !strcmp(diagnostics->items[before].text, d->text);
-        if (!reported)
+        const CtsDiagnostic *const d = &diagnostics->items[i];
+        if (d->severity == CTS_WARNING && !cts_diagnostics_have(&(CtsDiagnostics){diagnostics->items, i}, d))
             cli_warning("%s", d->text);
     }
 }
