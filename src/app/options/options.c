@@ -37,6 +37,14 @@ static CtsStatus add_text(CtsTextList *list, const char *text, CtsError *err)
     return st;
 }
 
+static CtsStatus add_given(CtsOptions *options, const CtsJobOption *given, CtsError *err)
+{
+    const CtsStatus st = cts_grow(&options->given, options->n_given, err);
+    if (!st)
+        options->given[options->n_given++] = *given;
+    return st;
+}
+
 static CtsStatus set_choice(const CtsOption *o, void *field, const char *text, CtsError *err)
 {
     const int i = cts_name_find(o->name, text, strlen(text), o->choices, o->n_choices, "", err);
@@ -119,9 +127,7 @@ CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsJob
                         o->name, word->value, cts_options_given(options, o->name), o->name);
     if ((st = put_value(options, o, word->value, err)))
         return word->from ? cts_context(err, "%s", word->from) : st;
-    if (!(st = cts_grow(&options->given, options->n_given, err)))
-        options->given[options->n_given++] = (CtsJobOption){o->name, word->value, word->from};
-    return st;
+    return add_given(options, &(CtsJobOption){o->name, word->value, word->from}, err);
 }
 
 /* The index of the valid (last) occurrence of an option, -1 for none. */
@@ -169,37 +175,27 @@ static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *e
     return st;
 }
 
-/* Moves the last n items to the front. */
-static CtsStatus lead(void *items, int n_items, int n, size_t size, CtsError *err)
-{
-    const size_t last = (size_t)n * size, others = (size_t)(n_items - n) * size;
-    char *const moved = malloc(last + 1);
-    if (!moved)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (last) {
-        memcpy(moved, (char *)items + others, last);
-        memmove((char *)items + last, items, others);
-        memcpy(items, moved, last);
-    }
-    free(moved);
-    return CTS_OK;
-}
-
 /* Takes the options of the appearance file before those given, so that the last appearance of a label applies. */
 static CtsStatus take_appearance_file(CtsOptions *options, CtsCommand command, CtsError *err)
 {
-    const int n_own = options->n_given, n_appearances = options->label_appearances.n;
+    const CtsOptions own = *options;
+    const CtsTextList *const looks = &own.label_appearances;
+    options->given = NULL;
+    options->n_given = 0;
+    options->label_appearances = (CtsTextList){0};
     CtsStatus st = cts_appearance_file_read(options->appearance_path, &options->appearance_file, err);
     for (int i = 0; !st && i < options->appearance_file.n; i++) {
         const CtsJobOption *const said = &options->appearance_file.options[i];
-        if (!strcmp(said->name, "label") || !cts_options_given(options, said->name))
+        if (!strcmp(said->name, "label") || !cts_options_given(&own, said->name))
             st = cts_options_take(options, command, said, err);
     }
-    if (!st)
-        st = lead(options->given, options->n_given, options->n_given - n_own, sizeof *options->given, err);
-    return st ? st
-              : lead(options->label_appearances.items, options->label_appearances.n,
-                     options->label_appearances.n - n_appearances, sizeof *options->label_appearances.items, err);
+    for (int i = 0; !st && i < own.n_given; i++)
+        st = add_given(options, &own.given[i], err);
+    for (int i = 0; !st && i < looks->n; i++)
+        st = add_text(&options->label_appearances, looks->items[i], err);
+    free(own.given);
+    free(looks->items);
+    return st;
 }
 
 /* In the table's order; of an option that holds one value the last. */
