@@ -222,6 +222,11 @@ def test_volumes(work):
 
     def siemens(b):
         return lambda d: d.private_block(0x0019, 'SIEMENS MR HEADER', create=True).add_new(0x0C, 'IS', str(b))
+
+    def beside(sop_class, offset_mm, **values):
+        """Two stacks, the second one offset; values of both."""
+        return several(folder, sop_class, [dict(each=lambda k, p=p: dict(
+            ImagePositionPatient=[0, 0, 2 * k + p * offset_mm], **{name: both[p] for name, both in values.items()})) for p in range(2)])
     cases = {
         'echo numbers': (several(folder, MR, [dict(EchoNumbers=e) for e in (1, 2, 3)]), 3),
         'echo times': (several(folder, MR, [dict(EchoTime=e) for e in (4.6, 9.2)]), 2),
@@ -249,7 +254,14 @@ def test_volumes(work):
         'stacks of a spine': (several(folder, MR, [
             dict(orientation=[1, 0, 0, 0, math.cos(a), math.sin(a)]) for a in (0, 0.05, 0.1)]), 3),
         'attributes that vary within one volume': (several(folder, MR, [dict(each=lambda k: dict(
-            EchoTime=k, TriggerTime=100 - k, ImageType=['ORIGINAL', 'PRIMARY', 'MP'[k % 2]]))]), 1),
+            EchoTime=k, TriggerTime=100 - k % 2, AcquisitionNumber=k % 2, ImageType=['ORIGINAL', 'PRIMARY', 'MP'[k // 2]]))]), 1),
+        'echoes within the jitter': (beside(MR, 0.01, EchoTime=(5, 80)), 2),
+        'echoes beside each other': (beside(MR, 0.3, EchoTime=(5, 80)), 2),
+        'echoes in turn': (beside(MR, 1, EchoTime=(5, 80)), 2),
+        'types in turn': (beside(MR, 1, ImageType=(['ORIGINAL', 'PRIMARY', 'M'], ['ORIGINAL', 'PRIMARY', 'P'])), 2),
+        'times in turn': (beside(MR, 1, TemporalPositionIdentifier=(1, 2)), 2),
+        'static in turn': (beside(PET, 1, SeriesType=[['STATIC', 'IMAGE']] * 2, FrameReferenceTime=(0, 600000), **{name: (value, value) for name, value in pet.items()}), 2),
+        'echoes in no turn': (several(folder, MR, [dict(n=8, each=lambda k: dict(EchoTime=5 + 75 * (k in (1, 3, 4, 6))))]), 0),
         'dynamic': (several(folder, PET, [
             dict(SeriesType=['DYNAMIC', 'IMAGE'], FrameReferenceTime=t * 1e4) for t in range(3)], **pet), 3),
         'gated': (several(folder, PET, [dict(SeriesType=['GATED', 'IMAGE'], FrameReferenceTime=5, NumberOfSlices=N, each=lambda k, p=p: dict(

@@ -122,10 +122,21 @@ def test_phases(scan, work):
     expect('phases of frames', os.path.join(work, 'frames'), [8] * 3, by='NominalPercentageOfCardiacPhase')
 
 
+def test_kernels(scan, work):
+    """Two kernels at nearly the same positions, and in turn."""
+    for offset_mm in 0.01, 2.25:
+        def change(d, k):
+            d.ConvolutionKernel = 'SHARP' if k < 24 else 'SOFT'
+            d.RescaleIntercept, d.ImagePositionPatient = -1024 + k // 24, [-100, -100, 4.5 * (k % 24) + offset_mm * (k // 24)]
+        folder = os.path.join(work, f'kernel{offset_mm}')
+        write(folder, scan.files[:24] * 2, change)
+        expect(f'kernels {offset_mm} mm beside each other', folder, [24, 24], by='ConvolutionKernel')
+
+
 def main():
     scan = Scan(os.path.join(ROOT, 'testdata', 'phantom'))
     with tempfile.TemporaryDirectory() as work:
-        for test in test_thickness, test_many, test_phases:
+        for test in test_thickness, test_many, test_phases, test_kernels:
             test(scan, work)
     sys.exit(1 if failures else 0)
 

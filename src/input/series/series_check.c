@@ -245,23 +245,16 @@ static void check_modality(const CtsSliceSet *set, CtsSeries *series)
     }
 }
 
-/* Positions nearer than *same_mm are one position; negative when all are. Gaps up to 1e-3 mm are rounding. */
-static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError *err)
+/* Positions nearer than this are one position; negative when all are. Gaps up to 1e-3 mm are rounding. The mean counts,
+ * since most gaps are narrow where several volumes lie a little beside each other. */
+static double same_position(const CtsSliceSet *set)
 {
-    double *gaps = NULL;
     int n = 0;
-    const CtsStatus st = cts_alloc_array(&gaps, (size_t)set->n, err);
-    for (int i = 1; !st && i < set->n; i++) {
-        const double gap = cts_slice_stack_position_mm(set->items[0], set->items[i]) -
-                           cts_slice_stack_position_mm(set->items[0], set->items[i - 1]);
-        if (gap > 1e-3)
-            gaps[n++] = gap;
-    }
-    if (n)
-        qsort(gaps, (size_t)n, sizeof *gaps, cts_compare_double);
-    *same_mm = n ? cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]) : -1;
-    cts_free(&gaps);
-    return st;
+    for (int i = 1; i < set->n; i++)
+        n += !cts_slice_same_place(set->items[i - 1], set->items[i], 1e-3);
+    const double span_mm = cts_slice_stack_position_mm(set->items[0], set->items[set->n - 1]) -
+                           cts_slice_stack_position_mm(set->items[0], set->items[0]);
+    return n ? cts_slice_stack_tolerance_mm(span_mm / n) : -1;
 }
 
 static void describe_deviation(CtsSeries *series)
@@ -612,12 +605,12 @@ static const char *const separators[CTS_N_MODALITIES] = {
 static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **parts, int *n_parts, CtsError *err)
 {
     int n_dropped = 0;
-    double same_mm = -1;
     const char *by = NULL;
     const CtsModality modality = set->items[0]->modality_id;
     cts_slice_set_sort(set, set->items[0]);
-    CtsStatus st = same_position(set, &same_mm, err);
-    if (st || (st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err)))
+    const double same_mm = same_position(set);
+    CtsStatus st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err);
+    if (st)
         return st;
     if (n_dropped)
         cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_COPIES_DROPPED,

@@ -46,12 +46,13 @@ void cts_slice_set_take_jittering(const CtsSliceSet *set, const CtsSlice *one, C
 /* True if two neighbours of a sorted set lie at one position. */
 bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
 
-/* Splits a set into complete parts where several slices share positions, or slices of two acquisitions alternate along
- * the stack: of CT by one of acquisition number, tube voltage, temporal position, trigger time, cardiac phase, kernel
- * and time, and into slices of different thickness that share a range of positions, complete or not. Where positions
- * repeat, of MR by echo, inversion time, flip angle, diffusion, time, image type and component, and of dynamic and
- * gated PET by time, also by several of these within each other. *n_parts is 0, and the set unchanged, when no split is
- * needed or none gives complete parts. *by: the criterion that separates, or would separate, them; NULL: none does. */
+/* Splits a set into complete parts where several slices share positions, or slices of two volumes alternate along the
+ * stack: of CT by one of acquisition number, tube voltage, temporal position, trigger time, cardiac phase, kernel and
+ * time, and into slices of different thickness that share a range of positions, complete or not; of MR by echo,
+ * inversion time, flip angle, diffusion, time, image type and component, and of PET by time, also by several of these
+ * within each other where positions repeat, as they do of dynamic and gated PET alone. *n_parts is 0, and the set
+ * unchanged, when no split is needed or none gives complete parts. *by: the criterion that separates, or would
+ * separate, them; NULL: none does. */
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet **parts, int *n_parts, const char **by,
                               CtsError *err);
 

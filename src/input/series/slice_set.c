@@ -100,36 +100,38 @@ enum {
     N_WAYS
 };
 
+enum { IN_CT = 1 << CTS_MODALITY_CT, IN_MR = 1 << CTS_MODALITY_MR, IN_PET = 1 << CTS_MODALITY_PT };
+
 static const struct {
     const char *name;
-    bool takes_turns;      /* the slices of two acquisitions may lie between each other */
+    unsigned turns;        /* bits of the modalities where slices of two values may lie between each other */
     bool must_overlap;     /* its values may also change within one scan, so parts must overlap */
     CtsVolumeNumber ranks; /* of an order: the time by which the slices at one position rank */
 } ways[N_WAYS] = {
-    [CTS_ACQUISITION_NUMBER] = {"AcquisitionNumber (0020,0012)", true, false, 0},
-    [CTS_VOLTAGE] = {"KVP (0018,0060)", true, false, 0},
-    [CTS_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true, false, 0},
-    [CTS_TRIGGER_TIME] = {"TriggerTime (0018,1060)", true, false, 0},
-    [BY_TRIGGER_ORDER] = {"TriggerTime (0018,1060)", false, true, CTS_TRIGGER_TIME},
-    [CTS_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true, 0},
-    [CTS_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true, 0},
-    [BY_THICKNESS] = {"SliceThickness (0018,0050)", true, false, 0},
-    [BY_KERNEL] = {"ConvolutionKernel (0018,1210)", false, true, 0},
-    [CTS_CONTENT_TIME] = {"ContentTime (0008,0033)", false, true, 0},
-    [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true, CTS_CONTENT_TIME},
-    [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false, false, 0},
-    [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false, CTS_ACQUISITION_TIME},
-    [BY_NUMBER] = {"InstanceNumber (0020,0013)", false, false, 0},
-    [CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", false, false, 0},
-    [CTS_ECHO_TIME] = {"EchoTime (0018,0081)", false, false, 0},
-    [CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", false, false, 0},
-    [CTS_FLIP_ANGLE] = {"FlipAngle (0018,1314)", false, false, 0},
-    [CTS_B_VALUE] = {"DiffusionBValue (0018,9087)", false, false, 0},
-    [CTS_FRAME_REFERENCE_TIME] = {"FrameReferenceTime (0054,1300)", false, false, 0},
-    [CTS_TIME_SLICE] = {"ImageIndex (0054,1330)", false, false, 0},
-    [BY_WORD + CTS_GRADIENT_DIRECTION] = {"DiffusionGradientOrientation (0018,9089)", false, false, 0},
-    [BY_WORD + CTS_IMAGE_TYPE] = {"ImageType (0008,0008)", false, false, 0},
-    [BY_WORD + CTS_COMPLEX_COMPONENT] = {"ComplexImageComponent (0008,9208)", false, false, 0},
+    [CTS_ACQUISITION_NUMBER] = {"AcquisitionNumber (0020,0012)", IN_CT, false, 0},
+    [CTS_VOLTAGE] = {"KVP (0018,0060)", IN_CT, false, 0},
+    [CTS_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", IN_CT | IN_MR | IN_PET, false, 0},
+    [CTS_TRIGGER_TIME] = {"TriggerTime (0018,1060)", IN_CT, false, 0},
+    [BY_TRIGGER_ORDER] = {"TriggerTime (0018,1060)", 0, true, CTS_TRIGGER_TIME},
+    [CTS_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", 0, true, 0},
+    [CTS_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", 0, true, 0},
+    [BY_THICKNESS] = {"SliceThickness (0018,0050)", IN_CT, false, 0},
+    [BY_KERNEL] = {"ConvolutionKernel (0018,1210)", IN_CT, true, 0},
+    [CTS_CONTENT_TIME] = {"ContentTime (0008,0033)", 0, true, 0},
+    [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", 0, true, CTS_CONTENT_TIME},
+    [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", 0, false, 0},
+    [BY_TIME] = {"AcquisitionTime (0008,0032)", 0, false, CTS_ACQUISITION_TIME},
+    [BY_NUMBER] = {"InstanceNumber (0020,0013)", 0, false, 0},
+    [CTS_ECHO_NUMBER] = {"EchoNumbers (0018,0086)", IN_MR, false, 0},
+    [CTS_ECHO_TIME] = {"EchoTime (0018,0081)", IN_MR, false, 0},
+    [CTS_INVERSION_TIME] = {"InversionTime (0018,0082)", 0, false, 0},
+    [CTS_FLIP_ANGLE] = {"FlipAngle (0018,1314)", 0, false, 0},
+    [CTS_B_VALUE] = {"DiffusionBValue (0018,9087)", IN_MR, false, 0},
+    [CTS_FRAME_REFERENCE_TIME] = {"FrameReferenceTime (0054,1300)", IN_PET, false, 0},
+    [CTS_TIME_SLICE] = {"ImageIndex (0054,1330)", 0, false, 0},
+    [BY_WORD + CTS_GRADIENT_DIRECTION] = {"DiffusionGradientOrientation (0018,9089)", 0, false, 0},
+    [BY_WORD + CTS_IMAGE_TYPE] = {"ImageType (0008,0008)", IN_MR, false, 0},
+    [BY_WORD + CTS_COMPLEX_COMPONENT] = {"ComplexImageComponent (0008,9208)", IN_MR, false, 0},
 };
 
 /* The criteria of a modality in order; an MR or PET series may need several of them, one within the other. */
@@ -436,7 +438,7 @@ static CtsStatus split_volumes(Split *to, const CtsSliceSet *set, int first_way,
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int k = first_way; !st && k < orders[modality].n && to->n_parts == before; k++) {
         const int way = orders[modality].ways[k];
-        const bool tried = repeats ? way != BY_THICKNESS : ways[way].takes_turns;
+        const bool tried = repeats ? way != BY_THICKNESS : ways[way].turns & 1 << modality;
         CtsSliceSet *parts = NULL;
         int n_parts = 0;
         if (!tried || !label(set, way, to->same_mm, part) ||
@@ -463,7 +465,7 @@ CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet **pa
     const CtsModality modality = set->items[0]->modality_id;
     const bool is_static = modality == CTS_MODALITY_PT && !set->items[0]->pet.is_dynamic;
     CtsStatus st = CTS_OK;
-    if (modality == CTS_MODALITY_CT || (!is_static && cts_slice_set_repeats(set, same_mm)))
+    if (!is_static || !cts_slice_set_repeats(set, same_mm))
         st = split_volumes(&to, set, 0, err);
     if (st)
         free_parts(&to.parts, &to.n_parts);

@@ -139,7 +139,8 @@ static CtsStatus check_positions(const CtsSliceStack *s, const CtsSlice *const *
         return cts_fail(
             err, CTS_ERR_GEOMETRY,
             "%d of %d slices missing: a gap of %.3f mm from position %.3f to %.3f mm along the slice normal, "
-            "elsewhere %.3f mm (fetch the whole series, or give `allow-missing-slices`)",
+            "elsewhere %.3f mm (fetch the whole series, split it if it holds several scans, or give "
+            "`allow-missing-slices`)",
             s->n_missing, n + s->n_missing, next - at, at, next, s->spacing_mm);
     }
     if (s->tilt_deg > 60) /* gantries tilt by 30 degrees at most */
