@@ -51,7 +51,7 @@ typedef struct CtsVoxelCounts {
 typedef struct CtsTableFact {
     bool known;
     double body_mm3, removed_mm3;
-    double thick_mm3; /* removed parts thicker than tables, possibly body */
+    double thick_mm3; /* removed parts thicker or denser than tables, possibly body */
 } CtsTableFact;
 
 typedef struct CtsVerified {

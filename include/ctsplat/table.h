@@ -12,8 +12,9 @@ CTS_API_BEGIN
  * sections across the scanner's axis:
  *
  * - Tables, mattresses and head holders are extruded along the scanner's axis: parts thinner than about 12 mm that keep
- *   their position over 60 mm of it are removed, even in contact with the patient. Where an ear or a back lies against
- *   such a plate, it is followed along its far face.
+ *   their position over 60 mm of it are removed, even in contact with the patient, unless at least half of their voxels
+ *   are above 600 HU, like bone and metal. Where an ear or a back lies against such a plate, it is followed along
+ *   its far face.
  * - Of the remaining connected parts, the largest is the patient; others are kept if at least half of them is thicker
  *   than 6 mm, like limbs and fingers, unlike blankets, tubes and plates. Protrusions thinner than that and longer than
  *   100 mm that are not bone are masks, straps or blankets: they are removed, unless they are more than a tenth of the
@@ -37,9 +38,9 @@ CTS_API_BEGIN
  * The report gets one of: a skip "table removal" with the reason when nothing lies outside the body, and the volume is
  * unchanged; a note `table_removed` with the number of voxels. Thin parts attached to the body that make up more than 5
  * % of it are kept, with the warning `table_removal_uncertain`; the same warning is given where more than 0.1 % of the
- * body was removed in parts thicker than 20 mm, and where a table stands in air as dense as lungs without a peak. The
- * time counts as stage classify. Memory: about an eighth of the volume. n_threads 0: all cores; threads never change
- * the result. Fails with CTS_ERR_MEMORY only. */
+ * body was removed in parts thicker than 20 mm or above 600 HU, and where a table stands in air as dense as lungs
+ * without a peak. The time counts as stage classify. Memory: about an eighth of the volume. n_threads 0: all cores;
+ * threads never change the result. Fails with CTS_ERR_MEMORY only. */
 CtsStatus cts_model_remove_table(CtsModel *model, bool finds_inside, int n_threads, CtsReport *report, CtsError *err);
 
 /* Its two steps, for layers that are made after the search: interpolated along shapes, plates would not keep their

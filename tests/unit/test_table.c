@@ -370,6 +370,45 @@ static void test_thick_gone(void **state)
     cts_volume_free(&v);
 }
 
+/* A dry bone, and the rod of a fixator on its pins, as straight along the scanner's axis as a table. */
+static void test_bone_and_metal(void **state)
+{
+    const Solid bone[] = {{pipe, {0, 0, 13, 7.5, -100, 100}, 1300, true},
+                          {ellipsoid, {0, 0, -95, 25, 25, 20}, 700, true},
+                          {ellipsoid, {0, 0, 95, 20, 20, 15}, 700, true},
+                          {box, {0, 45, 0, 70, 2, 999}, 100, false}};
+    const Solid leg[] = {{pipe, {0, 0, 35, 0, -999, 999}, 40, true},
+                         {pipe, {0, -50, 5, 0, -90, 90}, 3000, true},
+                         {box, {0, -30, -60, 2.5, 20, 3}, 3000, true},
+                         {box, {0, -30, 60, 2.5, 20, 3}, 3000, true},
+                         {box, {0, 45, 0, 70, 2, 999}, 100, false}};
+    const Scene scenes[] = {{bone, N(bone), {100, 80, 120}, AXIAL, {0, 0, 0}, 0},
+                            {leg, N(leg), {100, 100, 120}, AXIAL, {0, -10, 0}, 0}};
+    check_removal(&scenes[0]);
+    check_removal(&scenes[1]);
+    const Scene no_table = {bone, N(bone) - 1, {100, 80, 120}, AXIAL, {0, 0, 0}, 0};
+    check_untouched(&no_table);
+}
+
+/* Thin fingers are as straight, and mostly flesh: they go, with a warning about their bones. */
+static void test_bone_gone(void **state)
+{
+    const Solid hand[] = {{box, {-9, 0, -30, 36, 12, 35}, 40, true},
+                          {pipe, {-27, 0, 5.5, 0, 0, 80}, 40, true},
+                          {pipe, {-27, 0, 3.5, 0, 0, 76}, 900, true},
+                          {pipe, {9, 0, 5.5, 0, 0, 80}, 40, true},
+                          {pipe, {9, 0, 3.5, 0, 0, 76}, 900, true}};
+    const Scene scene = {hand, N(hand), {80, 60, 100}, AXIAL, {0, 0, 0}, 0};
+    Removed r = removed(&scene, 2, 0.5);
+    size_t n = 0;
+    while (n < r.report.diagnostics.n && !strstr(r.report.diagnostics.items[n].text, "as dense as bone or metal"))
+        n++;
+    assert_true(n < r.report.diagnostics.n);
+    assert_int_equal(r.report.diagnostics.items[n].severity, CTS_WARNING);
+    assert_true(r.report.table.thick_mm3 > 2000);
+    free_removed(&r);
+}
+
 static void test_uncertain(void **state)
 {
     const Solid thick_slab[] = {
@@ -604,6 +643,8 @@ int main(void)
         cmocka_unit_test(test_broad_contact),
         cmocka_unit_test(test_mask),
         cmocka_unit_test(test_thick_gone),
+        cmocka_unit_test(test_bone_and_metal),
+        cmocka_unit_test(test_bone_gone),
         cmocka_unit_test(test_uncertain),
         cmocka_unit_test(test_shares),
         cmocka_unit_test(test_orientations),

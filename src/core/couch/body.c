@@ -166,59 +166,54 @@ static void find_thin(void *context, int worker, size_t first, size_t end)
     atomic_fetch_add(&s->n_thin, n_thin);
 }
 
-static bool is_long(const CtsSectionPlan *plan, const CtsComponent *part)
+static bool is_longer(const CtsSectionPlan *plan, const CtsComponent *part, double length_mm)
 {
     double square = 0;
     for (int axis = 0; axis < 3; axis++)
         square += pow((part->box.hi[axis] - part->box.lo[axis] + 1) * plan->spacing_mm[axis], 2);
-    return square > SHELL_MM * SHELL_MM;
+    return square > length_mm * length_mm;
 }
 
-/* flags[]: long parts that are not mostly bone; their volume. */
-static CtsStatus choose_shells(const CtsTableSearch *r, const CtsComponents *p, uint8_t *flags, double *mm3,
-                               CtsError *err)
+/* Of the connected parts longer than this, the bits become those that are not mostly denser than so many HU. */
+static CtsStatus keep_light(const CtsTableSearch *r, CtsBits *bits, double length_mm, double hu, CtsError *err)
 {
-    uint64_t *n_bone, n = 0;
-    const CtsStatus st = cts_alloc_zeroed(&n_bone, p->n_parts, err);
-    if (st)
-        return st;
-    for (uint32_t part = 0; part < p->n_parts; part++)
-        flags[part] = is_long(&r->plan, &p->parts[part]);
-    for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
-        for (const CtsRun *run = p->runs + p->row_start[row]; run < p->runs + p->row_start[row + 1]; run++)
+    CtsStatus st;
+    CtsComponents p = {0};
+    uint8_t *flags = NULL;
+    uint64_t *n_denser = NULL;
+    if ((st = cts_components_find(&p, bits, CTS_CONNECTED_BY_FACES, err)) ||
+        (st = cts_alloc_array(&flags, p.n_parts, err)) || (st = cts_alloc_zeroed(&n_denser, p.n_parts, err)))
+        goto end;
+    for (uint32_t part = 0; part < p.n_parts; part++)
+        flags[part] = is_longer(&r->plan, &p.parts[part], length_mm);
+    for (int row = 0; row < p.dims[1] * p.dims[2]; row++)
+        for (const CtsRun *run = p.runs + p.row_start[row]; run < p.runs + p.row_start[row + 1]; run++)
             for (uint32_t i = run->first; i < run->end && flags[run->part]; i++)
-                n_bone[run->part] += cts_section_hu(r, (int)i, row % p->dims[1], row / p->dims[1]) > BONE_HU;
-    for (uint32_t part = 0; part < p->n_parts; part++) {
-        flags[part] = flags[part] && 2 * n_bone[part] < p->parts[part].n_voxels;
-        n += flags[part] ? p->parts[part].n_voxels : 0;
-    }
-    cts_free(&n_bone);
-    *mm3 = (double)n * r->plan.voxel_mm3;
-    return CTS_OK;
+                n_denser[run->part] += cts_section_hu(r, (int)i, row % p.dims[1], row / p.dims[1]) > hu;
+    for (uint32_t part = 0; part < p.n_parts; part++)
+        flags[part] = flags[part] && 2 * n_denser[part] < p.parts[part].n_voxels;
+    cts_components_paint(&p, flags, bits);
+end:
+    cts_components_free(&p);
+    cts_free(&flags);
+    cts_free(&n_denser);
+    return st;
 }
 
 /* Marks masks and straps on the body as not part of the patient. */
-static CtsStatus drop_shells(BodySearch *s, bool has_table, CtsError *err)
+static CtsStatus drop_shells(CtsTableSearch *r, bool has_table, CtsError *err)
 {
-    CtsStatus st;
-    CtsBody *const body = &s->table->body;
-    CtsBits *const thin = &s->table->plates;
-    uint8_t *flags = NULL;
-    double mm3 = 0;
-    if ((st = cts_components_find(&s->parts, thin, CTS_CONNECTED_BY_FACES, err)) ||
-        (st = cts_alloc_array(&flags, s->parts.n_parts, err)) ||
-        (st = choose_shells(s->table, &s->parts, flags, &mm3, err)) || mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
-        goto end;
-    cts_components_paint(&s->parts, flags, thin);
-    cts_components_free(&s->parts); /* as large as those of the air */
+    CtsBody *const body = &r->body;
+    CtsBits *const thin = &r->plates;
+    const CtsStatus st = keep_light(r, thin, SHELL_MM, BONE_HU, err);
+    const double mm3 = st ? 0 : (double)cts_bits_count(thin) * r->plan.voxel_mm3;
+    if (mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
+        return st;
     cts_bits_combine(&body->foreign, CTS_BITS_OR, thin);
     cts_bits_combine(&body->dense, CTS_BITS_AND_NOT, thin);
     body->mm3 -= mm3;
     body->thin_mm3 -= mm3;
-    st = cts_body_enclose(s->table, &body->dense, has_table, err);
-end:
-    cts_free(&flags);
-    return st;
+    return cts_body_enclose(r, &body->dense, has_table, err);
 }
 
 CtsStatus cts_body_find(CtsTableSearch *r, CtsError *err)
@@ -226,16 +221,17 @@ CtsStatus cts_body_find(CtsTableSearch *r, CtsError *err)
     CtsStatus st;
     BodySearch s = {.table = r};
     CtsBody *const body = &r->body;
+    if ((st = keep_light(r, &r->plates, 0, CTS_TABLE_HU, err)) ||
+        (st = keep_light(r, &r->doubtful, 0, CTS_TABLE_HU, err)) ||
+        (st = cts_bits_new_unset(&body->dense, r->plan.dims, err)) ||
+        (st = cts_bits_new_unset(&body->foreign, r->plan.dims, err)))
+        return st;
     const bool has_table = cts_bits_any(&r->plates);
-    if (!(st = cts_bits_new_unset(&body->dense, r->plan.dims, err)) &&
-        !(st = cts_bits_new_unset(&body->foreign, r->plan.dims, err)) && !(st = find_dense(&s, err)) &&
-        !(st = cts_body_enclose(r, &body->dense, has_table, err))) {
-        each_section(&s, find_thin);
-        body->thin_mm3 = (double)atomic_load(&s.n_thin) * r->plan.voxel_mm3;
-        st = drop_shells(&s, has_table, err);
-    }
-    cts_components_free(&s.parts);
-    return st;
+    if ((st = find_dense(&s, err)) || (st = cts_body_enclose(r, &body->dense, has_table, err)))
+        return st;
+    each_section(&s, find_thin);
+    body->thin_mm3 = (double)atomic_load(&s.n_thin) * r->plan.voxel_mm3;
+    return drop_shells(r, has_table, err);
 }
 
 /* A section where it and both its neighbours are body, eroded: the complement is dilated and inverted. */

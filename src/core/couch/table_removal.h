@@ -114,7 +114,12 @@ double cts_section_hu(const CtsTableSearch *r, int i, int j, int k);
  * plates were found. */
 CtsStatus cts_air_outside(CtsTableSearch *r, const CtsComponents *air, bool has_table, uint8_t *outside, CtsError *err);
 
-/* Finds the body, for which sections without the plates are the candidates. Overwrites the plates' bits. */
+/* HU that tables do not reach: shells of solid carbon fibre are the densest. Compact bone and metal do. Measured: of
+ * five tables and holders 0 to 4 in 10,000 voxels are denser, and 0 to 22 in 100 denser than 500 HU. */
+enum { CTS_TABLE_HU = 600 };
+
+/* Finds the body, for which sections without the plates are the candidates, of which those that are mostly denser than
+ * tables are none. Overwrites the plates' bits. */
 CtsStatus cts_body_find(CtsTableSearch *r, CtsError *err);
 /* Finds the whole of the body: these bits, and what they enclose within a section. */
 CtsStatus cts_body_enclose(CtsTableSearch *r, const CtsBits *dense, bool has_table, CtsError *err);
