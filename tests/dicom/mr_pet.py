@@ -121,7 +121,7 @@ def made_header():
         start=pick(scan - datetime.timedelta(seconds=int(random.integers(60, 6000))), None, p=[.95, .05]),
         dated=pick('both', 'date', 'time'), series=scan + datetime.timedelta(days=late), acquired=scan, late=late,
         ge_scan=pick(scan - datetime.timedelta(seconds=31), None), reference=pick(150.25, 0),
-        duration=pick(240.0, 1800.0), philips_suv=pick(0.00031, None), philips_bqml=pick(7.5, None))
+        duration=pick(240.0, 1800.0), philips_suv=pick(0.00031, None), philips_bqml=pick(7.5, None), clock=None, drugs=1)
 
 
 def write_header(folder, uid, h):
@@ -129,9 +129,8 @@ def write_header(folder, uid, h):
     if h['start'] and h['dated'] != 'time':
         drug.RadiopharmaceuticalStartDateTime = h['start'].strftime('%Y%m%d%H%M%S.%f')
     if h['start'] and h['dated'] != 'date':
-        # The second one must not be used.
-        other = h['start'] - datetime.timedelta(seconds=1000 if h['dated'] == 'both' else 0)
-        drug.RadiopharmaceuticalStartTime = clock(other)
+        # Written to the minute beside the other one, which is used.
+        drug.RadiopharmaceuticalStartTime = clock(h['clock'] or (h['start'].replace(second=0) if h['dated'] == 'both' else h['start']))
     drug.RadionuclideTotalDose, drug.RadionuclideHalfLife = h['dose'], h['half_life']
 
     def private(d):
@@ -144,7 +143,7 @@ def write_header(folder, uid, h):
     slices(folder, PET, uid, Units=h['units'], SUVType=h['suv_type'], CorrectedImage=h['corrected'],
            DecayCorrection=h['decay'], PatientWeight=h['weight'], SeriesDate=h['series'].strftime('%Y%m%d'),
            SeriesTime=clock(h['series']), AcquisitionDate=h['acquired'].strftime('%Y%m%d'),
-           RadiopharmaceuticalInformationSequence=Sequence([drug]), ActualFrameDuration=int(h['duration'] * 1000),
+           RadiopharmaceuticalInformationSequence=Sequence([drug] * h['drugs']), ActualFrameDuration=int(h['duration'] * 1000),
            FrameReferenceTime=h['reference'] * 1000, private=private, SeriesType=['STATIC', 'IMAGE'], RescaleIntercept=0,
            each=lambda k: dict(RescaleSlope=round(10.5 + k / 7, 6), AcquisitionTime=clock(h['acquired'] + datetime.timedelta(seconds=k))))
 
@@ -169,13 +168,14 @@ def test_suv(work):
 
 
 def test_refused_doses(work):
-    """A dose in MBq, a weight in g, an injection after the scan, slices that differ: Bq/ml and a reason."""
+    """A dose in MBq, a weight in g, an injection after the scan, two readings of the header: Bq/ml and a reason."""
     good = dict(made_header(), units='BQML', corrected=['ATTN', 'DECY'], decay='START', weight=70, dose=3.7e8, half_life=6586,
                 start=datetime.datetime(2020, 1, 1, 11), series=datetime.datetime(2020, 1, 1, 12), ge_scan=None,
                 acquired=datetime.datetime(2020, 1, 1, 12), dated='both')
     noon = datetime.datetime(2020, 1, 1, 12)
     cases = {'dose': dict(dose=370), 'weight': dict(weight=70000), 'after': dict(start=noon + datetime.timedelta(minutes=5)),
-             'days before': dict(start=noon - datetime.timedelta(days=3), dated='date'), 'minutes': dict(half_life=1.8)}
+             'days before': dict(start=noon - datetime.timedelta(days=3), dated='date'), 'minutes': dict(half_life=1.8),
+             'two times': dict(clock=noon - datetime.timedelta(hours=2)), 'two drugs': dict(drugs=2)}
     for name, change in cases.items():
         uid, folder = generate_uid(), os.path.join(work, 'dose', name)
         write_header(folder, uid, {**good, **change})

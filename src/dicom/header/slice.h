@@ -95,6 +95,7 @@ typedef enum CtsPetValue {
     CTS_PET_HALF_LIFE_S,                             /* (0018,1075) */
     CTS_PET_INJECTION_S,                             /* (0018,1078) */
     CTS_PET_INJECTION_CLOCK_S,                       /* (0018,1072), or the time of (0018,1078): of the day */
+    CTS_PET_N_DRUGS,                                 /* items of (0054,0016) */
     CTS_PET_SERIES_S,                                /* (0008,0021), (0008,0031) */
     CTS_PET_GE_SCAN_S,                               /* (0009,xx0D) of GEMS_PETD_01 */
     CTS_PET_REFERENCE_S,                             /* (0018,9701) */

@@ -81,9 +81,10 @@ void read_dose(CtsAttributes &item, CtsPet *p)
     v[CTS_PET_DOSE_BQ] = cts_attribute_number_or_nan(drug, DCM_RadionuclideTotalDose);
     v[CTS_PET_HALF_LIFE_S] = cts_attribute_number_or_nan(drug, DCM_RadionuclideHalfLife);
     v[CTS_PET_INJECTION_S] = date_time_of(item, moment);
-    v[CTS_PET_INJECTION_CLOCK_S] = std::isnan(v[CTS_PET_INJECTION_S])
-                                       ? cts_seconds_of_day(cts_attribute_text(drug, DCM_RadiopharmaceuticalStartTime))
-                                       : std::fmod(v[CTS_PET_INJECTION_S], day_s);
+    v[CTS_PET_INJECTION_CLOCK_S] = cts_seconds_of_day(cts_attribute_text(drug, DCM_RadiopharmaceuticalStartTime));
+    if (std::isnan(v[CTS_PET_INJECTION_CLOCK_S]))
+        v[CTS_PET_INJECTION_CLOCK_S] = std::fmod(v[CTS_PET_INJECTION_S], day_s);
+    v[CTS_PET_N_DRUGS] = drug.groups[0] ? drug.groups[0]->getParent()->getNumberOfValues() : 0;
     v[CTS_PET_PHILIPS_SUV] = v[CTS_PET_PHILIPS_BQML] = NAN;
     cts_private_numbers(item, {0x7053, "Philips PET Private Group", 0x00}, v + CTS_PET_PHILIPS_SUV, 1);
     cts_private_numbers(item, {0x7053, "Philips PET Private Group", 0x09}, v + CTS_PET_PHILIPS_BQML, 1);

@@ -3,7 +3,7 @@
 #include "base/text.h"
 #include <math.h>
 
-static const double DAY_S = 86400, HOUR_S = 3600;
+static const double DAY_S = 86400, HOUR_S = 3600, MINUTE_S = 60;
 /* Half-lives after which a thousandth of the dose is left, too little for a picture. */
 static const double MAX_HALF_LIVES = 10;
 /* Least dose in Bq; below, it is in MBq, of which patients get up to a few thousand. */
@@ -17,6 +17,7 @@ static const char *const value_names[CTS_PET_N_SERIES_VALUES] = {
     [CTS_PET_HALF_LIFE_S] = "RadionuclideHalfLife (0018,1075)",
     [CTS_PET_INJECTION_S] = "RadiopharmaceuticalStartDateTime (0018,1078)",
     [CTS_PET_INJECTION_CLOCK_S] = "RadiopharmaceuticalStartTime (0018,1072)",
+    [CTS_PET_N_DRUGS] = "RadiopharmaceuticalInformationSequence (0054,0016)",
     [CTS_PET_SERIES_S] = "SeriesTime (0008,0031)",
     [CTS_PET_GE_SCAN_S] = "the scan's time (0009,xx0D)",
     [CTS_PET_REFERENCE_S] = "DecayCorrectionDateTime (0018,9701)",
@@ -112,6 +113,9 @@ static double decay_time(const CtsSlice *const *slices, int n, CtsValueScale *sc
     const double scan_s = scan_time(slices, n, scale), decay_s = scan_s - injection_time(p, scan_s);
     if (isnan(p->value[CTS_PET_INJECTION_CLOCK_S]))
         cts_text_append(scale->why, sizeof scale->why, ", ", "RadiopharmaceuticalStartDateTime (0018,1078)");
+    else if (fabs(remainder(p->value[CTS_PET_INJECTION_S] - p->value[CTS_PET_INJECTION_CLOCK_S], DAY_S)) > MINUTE_S)
+        cts_text_append(scale->why, sizeof scale->why, ", ", "one value, to the minute, of %s and %s",
+                        value_names[CTS_PET_INJECTION_S], value_names[CTS_PET_INJECTION_CLOCK_S]);
     else if (decay_s < 0)
         cts_text_append(scale->why, sizeof scale->why, ", ", "an injection (0018,1078) before the scan");
     else if (decay_s > MAX_HALF_LIVES * half_life_s)
@@ -134,6 +138,8 @@ static void find_suv(const CtsSlice *const *slices, int n, CtsValueScale *scale)
         cts_text_append(scale->why, sizeof scale->why, ", ", "%s", value_names[CTS_PET_WEIGHT_KG]);
     if (!(dose_bq >= MIN_DOSE_BQ))
         cts_text_append(scale->why, sizeof scale->why, ", ", "%s in Bq", value_names[CTS_PET_DOSE_BQ]);
+    if (p->value[CTS_PET_N_DRUGS] > 1)
+        cts_text_append(scale->why, sizeof scale->why, ", ", "a single item of %s", value_names[CTS_PET_N_DRUGS]);
     const double decay_s = decay_time(slices, n, scale);
     if (scale->why[0])
         return;
