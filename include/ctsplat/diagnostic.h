@@ -101,6 +101,7 @@ extern const char *const cts_severity_names[3];
     row(SLICES_WITHOUT_CONTOUR, "slices_without_contour", WARNING)                                                     \
     row(SPACING_IMPLAUSIBLE, "spacing_implausible", WARNING)                                                           \
     row(STATE_LEFT_OUT, "state_left_out", WARNING)                                                                     \
+    row(STATE_OF_ANOTHER, "state_of_another", WARNING)                                                                 \
     row(TABLE_REMOVAL_UNCERTAIN, "table_removal_uncertain", WARNING)                                                   \
     row(TABLE_REMOVED, "table_removed", NOTE)                                                                          \
     row(TWO_SLICES, "two_slices", WARNING)                                                                             \

@@ -46,10 +46,14 @@ typedef struct CtsState {
     int n_options;
     char *text;          /* memory of the words' strings */
     char source_uid[65]; /* UID of its series; "" if missing */
+    char slice_uid[65];  /* SOPInstanceUID of the first slice of its volume; "" if missing */
+    int slice_frame;     /* of this object, from 1, if the volume is a part of it; else 0 */
 } CtsState;
 
 /* CTS_ERR_READ for another object, or one that ctsplat did not write. */
 CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err);
+/* True if the volume of the state, or any if it names none, is this one. */
+bool cts_state_is_of(const CtsState *state, const CtsSeries *series);
 /* The SOPInstanceUID of a presentation state, of any writer; CTS_ERR_READ for another object. */
 CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err);
 void cts_state_free(CtsState **state);

@@ -6,10 +6,11 @@ headers. Exit 77 where numpy or pydicom is missing."""
 import datetime
 import math
 import os
+import subprocess
 import sys
 import tempfile
 
-from labels_numpy import SHARED, Dataset, FileDataset, FileMetaDataset, Sequence, check, failures, generate_uid, info, np
+from labels_numpy import CTSPLAT, SHARED, Dataset, FileDataset, FileMetaDataset, Sequence, check, failures, generate_uid, info, np
 
 MR, PET, ENHANCED_MR, ENHANCED_PET, LEGACY_PET = ('1.2.840.10008.5.1.4.1.1.' + n for n in ('4', '128', '4.1', '130', '128.1'))
 AXIAL, CORONAL, SAGITTAL = [1, 0, 0, 0, 1, 0], [1, 0, 0, 0, 0, -1], [0, 1, 0, 0, 0, -1]
@@ -410,6 +411,23 @@ def test_mutated(work):
     check('mutated: all are there', all(uid in seen or uid for uid in cases))
 
 
+def test_states(work):
+    """A presentation state chooses its volume of a series, and of an enhanced object."""
+    def render(folder, *options):
+        run = subprocess.run([CTSPLAT, 'render', folder, '-o', f'{work}/state.png', '--force', *options], capture_output=True, text=True)
+        check(f'render {options}', run.returncode == 0, run.stderr)
+        with open(f'{work}/state.png', 'rb') as f:
+            return f.read()
+    classic, whole = os.path.join(work, 'state'), os.path.join(work, 'enhanced state')
+    several(classic, MR, [dict(EchoTime=e) for e in (4.6, 9.2)])
+    enhanced(whole, ENHANCED_MR, [lambda k, e=e: dict(MREchoSequence=[item(EffectiveEchoTime=e)]) for e in (5.0, 10.0)])
+    for folder in classic, whole:
+        own = [render(folder, '--series', n, '--mode', 'mip', '--window', '0,2000', '--size', '16x16', '--write-state',
+                      f'{work}/{n}.dcm') for n in '12']
+        check('two volumes', own[0] != own[1])
+        check('of its state', own == [render(folder, '--state', f'{work}/{n}.dcm') for n in '12'], folder)
+
+
 def main():
     with tempfile.TemporaryDirectory() as work:
         test_suv(work)
@@ -418,6 +436,7 @@ def main():
         test_volumes(work)
         test_enhanced(work)
         test_mutated(work)
+        test_states(work)
     print(f'{len(failures)} failures')
     sys.exit(len(failures) > 0)
 

@@ -34,6 +34,16 @@ ok render "$data/phantom" --size 61x47 --view -30,20 --preset bone -o c.png --fo
 ok render "$data/phantom" --preset bone --state state-1.dcm -o d.png --force
 cmp c.png d.png || fail "--preset beside --state does not win"
 
+# The state chooses its own series; another one is refused, or rendered with a warning where it is requested.
+for series in 1 2; do
+    ok render "$root/testdata/series/two" --series $series --size 20x20 -o own.png --write-state own.dcm --force
+    ok render "$root/testdata/series/two" --state own.dcm -o chosen.png --force
+    cmp own.png chosen.png || fail "--state does not choose series $series"
+done
+refused 4 'volume that the presentation state lists is not among the 1 found' render "$data/phantom" --state own.dcm -o e.png
+ok render "$data/phantom" --series 1 --state own.dcm -o other.png
+has err 'warning: --state: the presentation state lists another volume'
+
 refused 3 'no Volume Rendering' render "$data/phantom" --state a.dcm -o e.png
 refused 3 'no DICOM' render "$data/phantom" --state a.png -o e.png
 refused 3 'none\.dcm' render "$data/phantom" --state none.dcm -o e.png

@@ -159,6 +159,10 @@ def states(study, uid, slices):
     for element in [e.tag for e in stranger if e.tag.is_private]:
         del stranger[element]
     stranger.save_as('archive/stranger.dcm')
+    other = pydicom.dcmread('archive/state.dcm')
+    other.SOPInstanceUID = other.file_meta.MediaStorageSOPInstanceUID = '1.2.3.5'
+    other.VolumetricPresentationInputSetSequence[0].ReferencedImageSequence[0].ReferencedSOPInstanceUID = '1.2.3.6'
+    other.save_as('archive/other.dcm')
     with Server(ctsplat, 'archive') as server:
         png = {'Accept': 'image/png'}
         with open('state.png', 'rb') as f:
@@ -168,6 +172,7 @@ def states(study, uid, slices):
         server.refused(400, 'preset: cannot be combined', base + '?preset=bone')
         server.refused(400, 'cannot be combined', base + '?renderedvolumetricmetadata=yes')
         server.refused(400, '^[^/]*private attributes', base.replace(state.SOPInstanceUID, '1.2.3.4'))
+        server.refused(404, 'volume of the presentation state', base.replace(state.SOPInstanceUID, '1.2.3.5'))
         one = f'/studies/{study}/series/{uid}/instances/%s/rendered3D'
         server.refused(400, '1 of the 48 slices', one % slices)
         server.refused(404, 'no such object', one % '1.2.3')

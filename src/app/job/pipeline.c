@@ -47,6 +47,22 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
     }
 }
 
+/* Without a name the series whose slices the presentation state lists. */
+static CtsStatus choose_series(const CtsSource *source, const CtsSeriesList *list, const CtsSeries **series,
+                               CtsError *err)
+{
+    if (source->series_uid || !source->state || !source->state->slice_uid[0])
+        return cts_series_choose(list, source->series_uid, series, err);
+    for (size_t i = 0; i < list->n; i++)
+        if (cts_state_is_of(source->state, *series = &list->items[i]))
+            return CTS_OK;
+    return cts_fail(
+        err, CTS_ERR_GEOMETRY,
+        "`state`: the volume that the presentation state lists is not among the %zu found (`series` renders "
+        "another one)",
+        list->n);
+}
+
 static CtsStatus find_series_of_source(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -58,14 +74,14 @@ static CtsStatus find_series_of_source(const CtsSource *source, CtsLoaded *loade
         .paths = paths, .n_paths = n_paths, .n_threads = source->n_threads, .rules = source->rules};
     if ((st = cts_series_search(&search, &loaded->list, report, err)))
         return st;
-    if ((st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
+    if ((st = choose_series(source, loaded->list, &loaded->series, err)))
         return n_paths == 1 ? cts_context(err, "%s", paths[0]) : st;
     if (report)
         memcpy(report->series_uid, loaded->series->uid, sizeof report->series_uid);
     const CtsDiagnostics *found = &loaded->list->diagnostics;
     for (size_t i = 0; i < found->n; i++)
         cts_report_diagnostic(report, found->items[i].id, "%s", found->items[i].text);
-    if (!source->series_uid)
+    if (!source->series_uid && !source->state)
         report_choice(loaded, report);
     return CTS_OK;
 }

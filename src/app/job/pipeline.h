@@ -6,6 +6,7 @@
 #include "ctsplat/model.h"
 #include "ctsplat/net.h"
 #include "ctsplat/series.h"
+#include "ctsplat/state.h"
 #include <stdbool.h>
 
 /* A box of patient coordinates, mm. */
@@ -30,7 +31,8 @@ typedef struct CtsSource {
     const CtsPeer *from;           /* fetch instead of looking at paths; NULL: no */
     const CtsNet *net;             /* settings of the connection */
     const CtsSeriesQuery *fetched; /* the study or series to fetch */
-    const char *series_uid;        /* NULL: the one with the most slices */
+    const char *series_uid;        /* NULL: that of the state, or the one with the most slices */
+    const CtsState *state;         /* the presentation state to be rendered; NULL: none */
     const char *const *labels;     /* n_labels label files, folders, or "auto" */
     int n_labels;
     bool labels_listed;                /* paths contains all label files that "auto" may use */

@@ -467,6 +467,9 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
     if (loaded->series && loaded->series->frames_differ && job->outputs.state)
         return cts_fail(err, CTS_ERR_GEOMETRY,
                         "`write-state`: a presentation state names one frame of reference, and each slice has its own");
+    if (loaded->series && job->source.state && !cts_state_is_of(job->source.state, loaded->series))
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_STATE_OF_ANOTHER,
+                              "`state`: the presentation state lists another volume than this one");
     if (prepared->no_contrast)
         cts_contrast_report(&prepared->preset, report);
     if (loaded->noise_hu > CTS_NOISY_HU && job->preset->mode == CTS_MODE_COMPOSITE && job->source.smooth_mm == 0)

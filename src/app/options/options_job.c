@@ -12,6 +12,7 @@ CtsSource cts_options_source(const CtsOptions *options)
     source.n_paths = options->paths.n;
     source.from = options->from.given ? &options->from.peer : NULL;
     source.net = &options->net;
+    source.state = options->state;
     source.fetched = &options->find;
     source.labels = options->labels.items;
     source.n_labels = options->labels.n;

@@ -80,6 +80,9 @@ static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *r, CtsProcess
 static CtsStatus check_instance(const CtsRenderRequest *r, CtsError *err)
 {
     const char *uid = r->render_query.instance_uid;
+    const CtsState *const state = r->render_query.options.state;
+    if (state && !cts_state_is_of(state, r->cached->series))
+        return cts_fail(err, CTS_ERR_NO_SERIES, "the volume of the presentation state is not here");
     const int n = uid[0] ? cts_cached_series_count(r->cached, uid) : r->cached->series->n_slices;
     if (n == r->cached->series->n_slices)
         return CTS_OK;

@@ -32,6 +32,7 @@ static bool answer_asset(const CtsServer *server, CtsHttpAnswer *answer, const c
 /* The series, study or object that a URL names. */
 typedef struct Target {
     char id[17], study_uid[65], uid[65], instance_uid[65]; /* id, or the UIDs; "": not given */
+    int frame;                                             /* of the object; 0: any */
     bool thumbnail;
 } Target;
 
@@ -41,8 +42,9 @@ static CtsStatus find_target(CtsServer *server, const Target *t, CtsCachedSeries
         *found = cts_series_cache_by_id(&server->cache, t->id);
         return *found ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
     }
-    return t->uid[0] ? cts_series_cache_by_uid(&server->cache, t->study_uid, t->uid, t->instance_uid, found, err)
-                     : cts_series_cache_of_study(&server->cache, t->study_uid, t->thumbnail, found, err);
+    return t->uid[0]
+               ? cts_series_cache_by_uid(&server->cache, t->study_uid, t->uid, t->instance_uid, t->frame, found, err)
+               : cts_series_cache_of_study(&server->cache, t->study_uid, t->thumbnail, found, err);
 }
 
 /* Queues the render request, which is the queue's then, or fails with the reason. *is_kept: it is a thumbnail's that
@@ -98,8 +100,12 @@ static void request_picture(CtsServer *server, CtsHttpRequest *request, Target *
         format ? CTS_OK
                : cts_render_query_rendered3d(&r->render_query, cts_http_header(request, "Accept"), &format, &err);
     if (!st && format && !(st = prepare_request(server, r, format, &err))) {
-        if (r->render_query.state_path) /* its picture is of the series that it names */
-            snprintf(target->uid, sizeof target->uid, "%s", r->render_query.options.state->source_uid);
+        const CtsState *const state = r->render_query.options.state;
+        if (state) { /* its picture is of the volume that it names */
+            strcpy(target->uid, state->source_uid);
+            strcpy(target->instance_uid, state->slice_uid);
+            target->frame = state->slice_frame;
+        }
         st = queue(server, r, target, &is_kept, &err);
     }
     if (!st && is_kept)

@@ -180,21 +180,21 @@ static bool can_be_had(const CtsSeriesCache *cache)
 
 /* Of several volumes under one UID the one with the object, or the first that can be rendered. */
 static CtsCachedSeries *find_uid(const CtsSeriesCache *cache, const char *study_uid, const char *uid,
-                                 const char *sop_uid)
+                                 const char *sop_uid, int frame)
 {
     CtsCachedSeries *found = NULL;
     for (CtsCachedSeries *s = cache->first; s; s = s->next)
         if (!strcmp(s->uid, uid) && !strcmp(s->study_uid, study_uid) &&
-            (!found || (sop_uid[0] && s->series && cts_cached_series_count(s, sop_uid)) ||
+            (!found || (sop_uid[0] && s->series && cts_series_has(s->series, sop_uid, frame)) ||
              (found->series && !found->series->renderable && s->series && s->series->renderable)))
             found = s;
     return found;
 }
 
 CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid, const char *sop_uid,
-                                  CtsCachedSeries **found, CtsError *err)
+                                  int frame, CtsCachedSeries **found, CtsError *err)
 {
-    *found = find_uid(cache, study_uid, uid, sop_uid);
+    *found = find_uid(cache, study_uid, uid, sop_uid, frame);
     if (*found)
         return CTS_OK;
     if (!cts_uid_is_valid(study_uid) || !cts_uid_is_valid(uid) || !can_be_had(cache))

@@ -68,10 +68,10 @@ void cts_series_cache_free(CtsSeriesCache *cache);
 
 /* NULL if there is none. */
 CtsCachedSeries *cts_series_cache_by_id(CtsSeriesCache *cache, const char *id);
-/* Finds by UIDs, that of an object may be ""; adds a series known only to a peer, or to a path with {series_uid} in
- * it. */
+/* Finds by UIDs, that of an object may be "", its frame, from 1, 0; adds a series known only to a peer, or to a path
+ * with {series_uid} in it. */
 CtsStatus cts_series_cache_by_uid(CtsSeriesCache *cache, const char *study_uid, const char *uid, const char *sop_uid,
-                                  CtsCachedSeries **found, CtsError *err);
+                                  int frame, CtsCachedSeries **found, CtsError *err);
 /* PATH with a series' UID in place of {series_uid}, and more behind it; NULL where it has no such place, or without
  * memory. */
 char *cts_series_cache_path(const char *pattern, const char *uid, const char *more);

@@ -116,8 +116,13 @@ typedef struct CtsDcmState {
 
 CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsTempFile *file, CtsError *err);
 
-/* The private texts of a state that ctsplat wrote, to be freed with free(), and the UID of its series ("" if
- * missing). */
-CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err);
+/* The contents of a state that ctsplat wrote. */
+typedef struct CtsDcmStateRead {
+    char *preset, *options;             /* the private texts, to be freed with free() */
+    char series_uid[65], slice_uid[65]; /* of its volume's first slice; "": missing */
+    int slice_frame;                    /* of this object, from 1; 0: any */
+} CtsDcmStateRead;
+
+CtsStatus cts_dcm_state_read(const char *path, CtsDcmStateRead *state, CtsError *err);
 
 CTS_C_END

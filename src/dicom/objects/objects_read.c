@@ -6,6 +6,7 @@
 #include "ctsplat/bounds.h"
 #include "dicom/codec/pixels.h"
 #include "dicom/header/pixel_places.h"
+#include <limits.h>
 #include <string.h>
 
 typedef struct ScFile {
@@ -136,7 +137,15 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     return st ? cts_context(err, "%s", path) : st;
 }
 
-enum { CLASS = 0x00080016, REFERENCED_SERIES = 0x00081115, SERIES_UID = 0x0020000E };
+enum {
+    CLASS = 0x00080016,
+    REFERENCED_SERIES = 0x00081115,
+    REFERENCED_IMAGE = 0x00081140,
+    REFERENCED_SOP = 0x00081155,
+    REFERENCED_FRAME = 0x00081160,
+    SERIES_UID = 0x0020000E,
+    INPUT_SET = 0x0070120A
+};
 
 static char *text_of(CtsElements all, uint16_t element)
 {
@@ -144,7 +153,20 @@ static char *text_of(CtsElements all, uint16_t element)
     return value.at < value.end ? strndup((const char *)value.at, (size_t)(value.end - value.at)) : NULL;
 }
 
-static CtsStatus read_texts(CtsElements all, char **preset, char **options, char source_uid[65], CtsError *err)
+static void read_volume(CtsElements all, CtsDcmStateRead *state)
+{
+    const CtsElements image = cts_elements_item(cts_elements_item(all, INPUT_SET), REFERENCED_IMAGE);
+    CtsElement frames;
+    double first = 0;
+    cts_elements_text(cts_elements_item(all, REFERENCED_SERIES), SERIES_UID, state->series_uid, 65);
+    cts_elements_text(image, REFERENCED_SOP, state->slice_uid, 65);
+    if (cts_elements_get(image, REFERENCED_FRAME, &frames) && frames.kind == CTS_VALUE_NUMBERS &&
+        frames.value.end - frames.value.at >= (ptrdiff_t)sizeof first)
+        memcpy(&first, frames.value.at, sizeof first);
+    state->slice_frame = first >= 1 && first <= INT_MAX ? (int)first : 0;
+}
+
+static CtsStatus read_state(CtsElements all, CtsDcmStateRead *state, CtsError *err)
 {
     char class_uid[65], creator[65];
     cts_elements_text(all, CLASS, class_uid, sizeof class_uid);
@@ -152,23 +174,22 @@ static CtsStatus read_texts(CtsElements all, char **preset, char **options, char
         return cts_fail(err, CTS_ERR_READ, "is no Volume Rendering Volumetric Presentation State");
     cts_elements_text(all, (uint32_t)CTS_STATE_GROUP << 16 | CTS_STATE_CREATOR, creator, sizeof creator);
     if (strcmp(creator, CTS_STATE_BLOCK) == 0) {
-        *preset = text_of(all, CTS_STATE_PRESET);
-        *options = text_of(all, CTS_STATE_OPTIONS);
-        cts_elements_text(cts_elements_item(all, REFERENCED_SERIES), SERIES_UID, source_uid, 65);
+        state->preset = text_of(all, CTS_STATE_PRESET);
+        state->options = text_of(all, CTS_STATE_OPTIONS);
+        read_volume(all, state);
     }
-    return *preset && *options
+    return state->preset && state->options
                ? CTS_OK
                : cts_fail(err, CTS_ERR_READ, "was not written by ctsplat: its private attributes are missing");
 }
 
-CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)
+CtsStatus cts_dcm_state_read(const char *path, CtsDcmStateRead *state, CtsError *err)
 {
     CtsDicomObject head;
-    *preset = *options = NULL;
-    source_uid[0] = 0;
+    *state = (CtsDcmStateRead){0};
     CtsStatus st = cts_dicom_object_open(&head, &(CtsFile){.path = path}, CTS_MAX_HEADER_BYTES, err);
     if (!st)
-        st = read_texts(head.elements, preset, options, source_uid, err);
+        st = read_state(head.elements, state, err);
     cts_dicom_object_close(&head);
     return st ? cts_context(err, "%s", path) : st;
 }

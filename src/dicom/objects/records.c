@@ -1,5 +1,6 @@
 #include "dicom/objects/records.h"
 
+#include "dicom/header/slice.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -47,18 +48,29 @@ size_t cts_put_reference(CtsRecords *to, uint32_t sequence, const char *class_ui
     return item;
 }
 
+/* The frames of an object that the series is a part of. */
+static void put_frame_numbers(CtsRecords *to, CtsSlice *const *slices, int n)
+{
+    const size_t numbers = cts_put_begin(to, DCM_ReferencedFrameNumber, CTS_VALUE_NUMBERS);
+    for (int i = 0; i < n; i++)
+        cts_put_more(to, &(double){slices[i]->frame + 1}, sizeof(double));
+    cts_put_end(to, numbers);
+}
+
 void cts_put_sources(CtsRecords *to, uint32_t sequence, const CtsSeries *source, void (*complete)(CtsRecords *to))
 {
-    const char *last = "";
-    for (int i = 0; i < source->n_slices; i++) {
-        const char *const uid = source->slices[i]->sop_uid;
-        if (*uid && strcmp(uid, last) != 0) {
-            const size_t item = cts_put_reference(to, sequence, source->slices[0]->class_uid, uid);
-            if (complete)
-                complete(to);
-            cts_put_item_end(to, item);
-        }
-        last = uid;
+    for (int i = 0, end; i < source->n_slices; i = end) {
+        const CtsSlice *const first = source->slices[i];
+        for (end = i + 1; end < source->n_slices && !strcmp(source->slices[end]->sop_uid, first->sop_uid);)
+            end++;
+        if (!*first->sop_uid)
+            continue;
+        const size_t item = cts_put_reference(to, sequence, source->slices[0]->class_uid, first->sop_uid);
+        if (end - i < first->n_frames && sequence != DCM_ReferencedInstanceSequence)
+            put_frame_numbers(to, source->slices + i, end - i);
+        if (complete)
+            complete(to);
+        cts_put_item_end(to, item);
     }
 }
 

@@ -438,3 +438,11 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
         return cts_fail(err, CTS_ERR_NO_SERIES, "no series");
     return uid || !(*series)->renderable ? CTS_OK : check_choice(list, *series, err);
 }
+
+bool cts_series_has(const CtsSeries *series, const char *sop_uid, int frame)
+{
+    for (int i = 0; i < series->n_slices; i++)
+        if (!strcmp(series->slices[i]->sop_uid, sop_uid) && (!frame || series->slices[i]->frame + 1 == frame))
+            return true;
+    return false;
+}

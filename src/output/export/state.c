@@ -227,19 +227,28 @@ static CtsStatus split_options(CtsState *state, CtsError *err)
 
 CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
 {
-    char *preset = NULL;
+    CtsDcmStateRead read;
     CtsState *s = *state = calloc(1, sizeof *s);
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-    CtsStatus st = cts_dcm_state_read(path, &preset, &s->text, s->source_uid, err);
+    CtsStatus st = cts_dcm_state_read(path, &read, err);
+    s->text = read.options;
+    s->slice_frame = read.slice_frame;
+    memcpy(s->source_uid, read.series_uid, sizeof s->source_uid);
+    memcpy(s->slice_uid, read.slice_uid, sizeof s->slice_uid);
     if (!st && (st = split_options(s, err)))
         cts_context(err, "%s", path);
     if (!st)
-        st = cts_preset_parse(preset, strlen(preset), path, NULL, &s->preset, err);
-    free(preset);
+        st = cts_preset_parse(read.preset, strlen(read.preset), path, NULL, &s->preset, err);
+    free(read.preset);
     if (st)
         cts_state_free(state);
     return st;
+}
+
+bool cts_state_is_of(const CtsState *state, const CtsSeries *series)
+{
+    return !state->slice_uid[0] || cts_series_has(series, state->slice_uid, state->slice_frame);
 }
 
 CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err)
