@@ -140,7 +140,26 @@ def test_batch(work):
           all(s['passed'] and not s['renderable'] and 'no volume' in s['findings'][0]['text'] for s in series[1:]), series)
 
 
-for test in test_pixels, test_samples, test_batch:
+def test_not_shown(work):
+    """An image that cannot be shown is refused, in journal and sheet, and again; a file is no folder for outputs."""
+    archive, out = f'{work}/archive', f'{work}/out'
+    os.mkdir(archive)
+    write(f'{archive}/tall', CR, np.full((8, 8), 7, np.uint8), Rows=60000)
+    write(f'{archive}/colours', CR, np.full((8, 8), 7, np.uint8), PhotometricInterpretation='ARGB')
+    write(f'{archive}/good', CR, np.full((8, 8), 7, np.uint8))
+    for _ in range(2):
+        done = subprocess.run([CTSPLAT, 'batch', archive, '-O', out], capture_output=True, text=True)
+        with open(f'{out}/batch.jsonl') as f:
+            found = sorted((r['status'], r['reason'][:12], len(r['thumbnails'])) for r in map(json.loads, f))
+        check('refused', done.returncode == 8 and '1 thumbnail' in done.stderr and '2 refused' in done.stderr and found[:2] == [
+            ('refused', 'no thumbnail', 0)] * 2 and found[2][::2] == ('thumbnail', 1), (found, done.stderr))
+    with open(f'{out}/index.html') as f:
+        check('the sheet says why', f.read().count('no thumbnail: ') == 2)
+    done = subprocess.run([CTSPLAT, 'batch', archive, '-O', f'{archive}/good'], capture_output=True, text=True)
+    check('a file for a folder', done.returncode == 5 and 'good: Not a directory' in done.stderr, done.stderr)
+
+
+for test in test_pixels, test_samples, test_batch, test_not_shown:
     with tempfile.TemporaryDirectory() as folder:
         test(folder)
 sys.exit(bool(failures))

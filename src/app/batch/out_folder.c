@@ -19,8 +19,9 @@ CtsStatus cts_batch_open_folder(const CtsBatchSettings *settings, CtsError *err)
     char folder[PATH_MAX], path[PATH_MAX];
     if (mkdir(o->output_dir, 0777) && errno != EEXIST)
         return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", o->output_dir, strerror(errno));
-    if (!realpath(o->output_dir, folder))
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", o->output_dir, strerror(errno));
+    snprintf(path, sizeof path, "%.4000s/.", o->output_dir);
+    if (!realpath(path, folder))
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (-O names a folder)", o->output_dir, strerror(errno));
     for (int i = 0; i < o->paths.n; i++)
         if (realpath(o->paths.items[i], path) && !strcmp(path, folder))
             return cts_fail(err, CTS_ERR_USAGE,

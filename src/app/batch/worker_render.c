@@ -116,7 +116,7 @@ static CtsStatus draw_sections(CtsWorkerProcess *c, CtsError *err)
     return st;
 }
 
-/* The image of a series that is no volume. One that cannot be shown is a finding, since nothing was asked of it. */
+/* The image of a series that is no volume. */
 static CtsStatus draw_image(CtsWorkerProcess *c, CtsError *err)
 {
     CtsPicture *picture = NULL;
@@ -125,10 +125,7 @@ static CtsStatus draw_image(CtsWorkerProcess *c, CtsError *err)
     if (!st)
         st = save_card_picture(c, picture, "image", err);
     cts_picture_free(&picture);
-    if (st != CTS_ERR_PIXELS && st != CTS_ERR_READ)
-        return st;
-    cts_report_diagnostic(&c->report, CTS_DIAGNOSTIC_PIXELS_REFUSED, "no thumbnail: %s", err->text);
-    return CTS_OK;
+    return st ? cts_context(err, "no thumbnail") : CTS_OK;
 }
 
 /* Some series of an archive lack an organ: they show the labels that they have, and are skipped where they have none.
