@@ -68,6 +68,7 @@ def expect(name, folder, expected, warning=None, by=None):
     check(f'{name}: volumes', sorted((s['slices'] for s in found), reverse=True) == sorted(expected, reverse=True) and
           all(s['renderable'] for s in found), json.dumps(found))
     check(f'{name}: warnings', codes - {'unequal_spacing', 'slice_off_neighbours', 'order_conflict'} == several | ({warning} if warning else set()), str(codes))
+    check(f'{name}: numbers of slices', ('of unequal numbers of slices' in json.dumps(found)) == (len(set(expected)) > 1), json.dumps(found))
     check(f'{name}: attribute', not by or all(by in json.dumps(s) for s in found), json.dumps(found))
 
 
@@ -131,6 +132,9 @@ def test_kernels(scan, work):
         folder = os.path.join(work, f'kernel{offset_mm}')
         write(folder, scan.files[:24] * 2, change)
         expect(f'kernels {offset_mm} mm beside each other', folder, [24, 24], by='ConvolutionKernel')
+    done = run('render', folder, '--size', '16x16', '-o', os.path.join(work, 'first.png'))
+    check('the first of equal volumes', done.returncode == 0 and 'the first by modality' in done.stderr and
+          '#2 ' in done.stderr and 'another volume of the same series' in done.stderr, done.stderr)
 
 
 def main():

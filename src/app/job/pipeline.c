@@ -27,20 +27,21 @@ static void report_choice(const CtsLoaded *loaded, CtsReport *report)
     if (list->n < 2)
         return;
     if (taken->renderable)
-        cts_report_diagnostic(
-            report, CTS_DIAGNOSTIC_SEVERAL_SERIES,
-            "%zu series found; taking %s (%s), the one with the most slices%s; `series` takes another, "
-            "by UID or number (ctsplat info; there `show-patient` adds date and description)",
-            list->n, name_of_series(taken).text, taken->traits,
-            taken == list->items ? "" : " of those that can be rendered");
+        cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES,
+                              "%zu series found; taking %s (%s), the first by modality (CT, PT, MR) and number of "
+                              "slices%s; `series` takes another, by UID or number (ctsplat info; there "
+                              "`show-patient` adds date and description)",
+                              list->n, name_of_series(taken).text, taken->traits,
+                              taken == list->items ? "" : " of those that can be rendered");
     else
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_SEVERAL_SERIES, "%zu series found, and none can be rendered",
                               list->n);
     for (size_t i = 0; i < list->n; i++) {
         const CtsSeries *s = &list->items[i];
-        const char *const why = !s->renderable                  ? s->reason
-                                : s->n_slices < taken->n_slices ? "fewer slices"
-                                                                : "another volume of the same series";
+        const char *const why = !s->renderable                         ? s->reason
+                                : s->modality_id != taken->modality_id ? "another modality"
+                                : s->n_slices < taken->n_slices        ? "fewer slices"
+                                                                       : "another volume of the same series";
         if (s != taken)
             cts_report_diagnostic(report, CTS_DIAGNOSTIC_SERIES_NOT_TAKEN, "not taken: %zu, %s (%s): %s", i + 1,
                                   name_of_series(s).text, s->traits, why);

@@ -31,7 +31,7 @@ typedef struct CtsSource {
     const CtsPeer *from;           /* fetch instead of looking at paths; NULL: no */
     const CtsNet *net;             /* settings of the connection */
     const CtsSeriesQuery *fetched; /* the study or series to fetch */
-    const char *series_uid;        /* NULL: that of the state, or the one with the most slices */
+    const char *series_uid;        /* NULL: that of the state, or the first by modality and number of slices */
     const CtsState *state;         /* the presentation state to be rendered; NULL: none */
     const char *const *labels;     /* n_labels label files, folders, or "auto" */
     int n_labels;

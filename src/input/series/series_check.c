@@ -624,10 +624,13 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet **par
         refuse_series(series, CTS_ERR_GEOMETRY,
                       "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
     else if (!(st = cts_slice_set_split(set, same_mm, parts, n_parts, &by, err))) {
+        bool differ = false;
+        for (int p = 1; p < *n_parts; p++)
+            differ |= (*parts)[p].n != (*parts)[0].n;
         if (*n_parts)
             cts_diagnostics_add(&series->diagnostics, CTS_DIAGNOSTIC_ACQUISITIONS_PARTED,
-                                "%s separates %d volumes, whose slices lie at the same positions or alternate", by,
-                                *n_parts);
+                                "%s separates %d volumes%s, whose slices lie at the same positions or alternate", by,
+                                *n_parts, differ ? " of unequal numbers of slices" : "");
         else if (by)
             refuse_series(
                 series, CTS_ERR_GEOMETRY,
