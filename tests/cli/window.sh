@@ -71,6 +71,23 @@ for mode in minip average; do
     ok render "$data/phantom" $small -p own.json -o own.png --force
     cmp own.png table-off.png || fail "remove_table of a preset of mode $mode does not hold"
 done
+# A window of the other direction than the preset's takes the background of its lowest values along.
+cat >dark.json <<'JSON'
+{"name": "dark", "mode": "mip", "window": [900, -100], "background": "#ffffff", "remove_table": true,
+ "points": [{"hu": -100, "rgb": [1, 1, 1], "opacity": 0}, {"hu": 900, "rgb": [0, 0, 0], "opacity": 1}]}
+JSON
+same()
+{
+    ok render "$data/phantom" $small $1 -o first.png --force
+    ok render "$data/phantom" $small $2 -o second.png --force
+    cmp first.png second.png || fail "$1 is not $2"
+}
+same '-p dark.json --window -100,900' '-p dark.json --window -100,900 --background #000000'
+same '-p dark.json --window 800,-100' '-p dark.json --window 800,-100 --background #ffffff'
+same '-p bone --mode mip --window 900,-100' '-p bone --mode mip --window 900,-100 --background #ffffff'
+# The background is not among the visible pixels.
+ok render "$data/phantom" $small --mode mip --mm-per-pixel 15 --background '#ffffff' -o behind.png
+! grep -q 'is white\|are white' err || fail "the background counts: $(cat err)"
 # Little but black, little but white.
 ok render "$data/phantom" $small -p bone --mode minip --window 2800,12000 -o black.png
 has err 'warning: the picture is nearly all black: .*--window'

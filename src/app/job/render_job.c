@@ -32,20 +32,24 @@ static const float low_opacity = 1 / 8.0f;
 /* Largest voxels of a micro-CT (core/volume/threshold.h). */
 static const double fine_mm = 0.2;
 
-/* Counts a band over its background, before anything is drawn on it. */
-static void saturation_add(Saturation *saturation, const CtsPicture *band)
+/* Counts a band before its background is behind it, which a projection's counts leave out. */
+static void saturation_add(Saturation *saturation, const CtsPicture *band, const CtsPreset *preset)
 {
-    const size_t n = (size_t)band->width * (size_t)band->height, channels = (size_t)band->n_channels;
+    const size_t n = (size_t)band->width * (size_t)band->height;
     const bool inverted = band->info.window_low_hu > band->info.window_high_hu;
     Saturation s = *saturation; /* in registers; comparisons, since fmaxf() is a call */
     for (size_t i = 0; i < n; i += EVERY) {
-        const float *p = &band->pixels[i * channels], *last = p + (channels == 1 ? 0 : 2), middle = p[channels / 3];
-        const float low = p[0] < middle ? p[0] : middle, high = p[0] > middle ? p[0] : middle;
-        const float least = *last < low ? *last : low, most = *last > high ? *last : high;
+        const float *const rgba = &band->pixels[4 * i], behind = preset->background_none ? 0 : 1 - rgba[3];
+        float least = INFINITY, most = -INFINITY;
+        for (int c = 0; c < 3; c++) {
+            const float p = rgba[c] + behind * (float)preset->background[c];
+            least = p < least ? p : least;
+            most = p > most ? p : most;
+        }
         s.most = most > s.most ? most : s.most;
         s.n_black += most <= black;
         s.n_white += least >= white;
-        const float shown = inverted ? 1 - p[0] : p[0];
+        const float shown = inverted ? rgba[3] - rgba[0] : rgba[0];
         s.n_seen += shown > 0;
         s.n_full += shown >= 1;
         s.n++;
@@ -176,9 +180,9 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
         cts_picture_free(frame->keep);
         frame->keep = NULL;
     }
+    saturation_add(&frame->saturation, band, job->preset);
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
-    saturation_add(&frame->saturation, band);
     CtsReport *const first = frame->number == 0 && band->first_row == 0 ? frame->report : NULL;
     if (!(st = cts_marks_draw(&job->annotate, frame->model, band, first, err)))
         st = cts_files_rows(frame->files, frame->number, band, false, frame->report, err);

@@ -49,6 +49,7 @@ CtsJob cts_options_job(const CtsOptions *options)
 
 static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsReport *report)
 {
+    const bool was_inverted = preset->window_low_hu > preset->window_high_hu;
     if (options->background.given) {
         preset->background_none = options->background.none;
         memcpy(preset->background, options->background.rgb, sizeof preset->background);
@@ -65,6 +66,10 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
         /* The air around the body would be all that they show. */
         preset->remove_table |= preset->mode == CTS_MODE_MINIP || preset->mode == CTS_MODE_AVERAGE;
     }
+    const bool is_inverted = preset->window_low_hu > preset->window_high_hu;
+    if (is_inverted != was_inverted && preset->mode != CTS_MODE_COMPOSITE && !options->background.given)
+        for (int c = 0; c < 3; c++)
+            preset->background[c] = is_inverted; /* as the lowest values */
     if (options->render.shade != CTS_AS_PRESET)
         preset->shade = options->render.shade == CTS_ON;
     if (options->render.occlusion != CTS_OCCLUSION_AS_PRESET)
