@@ -1,5 +1,6 @@
 """A montage's tiles are pictures by themselves: montage.py MONTAGE COLUMNS TILE... compares them pixel by pixel; a tile
-"-" is passed over. The rest of the montage is black. montage.py text PNG KEY prints a text of a file."""
+"-" is passed over. The rest of the montage is black. montage.py text PNG KEY prints a text of a file;
+montage.py letter PNG PNG compares the uppermost rows, where letters stand."""
 import os
 import struct
 import sys
@@ -17,6 +18,10 @@ if sys.argv[1] == 'text':
         if kind == b'tEXt' and key == sys.argv[3].encode():
             print(text.decode())
         at += 12 + n
+    sys.exit()
+if sys.argv[1] == 'letter':
+    letters, both = (read_png(name)[:13] for name in sys.argv[2:])
+    assert np.array_equal(letters, both), 'the caption crosses the letter at the upper edge'
     sys.exit()
 whole, columns = read_png(sys.argv[1]), int(sys.argv[2])
 for i, name in enumerate(sys.argv[3:]):

@@ -50,6 +50,10 @@ ok render $few --annotate captions -o named.png -o named.exr -o m.dcm
 cmp plain.exr named.exr || fail 'an .exr has captions'
 cmp -s plain.png named.png && fail 'no captions'
 [ "$(text plain.png tiles)" = 'bone anterior, skin left, axial -3 mm' ] || fail "tiles: $(text plain.png tiles)"
+ok render "$phantom" --montage sagittal@-38 --size 120x120 --annotate orientation -o letters.png
+ok render "$phantom" --montage sagittal@-38 --size 120x120 --annotate orientation,captions -o both.png
+cmp -s letters.png both.png && fail 'no caption below the letters'
+py montage.py letter letters.png both.png
 ok render "$phantom" --montage axial,coronal --size 64x32 -o s.dcm
 ok render "$phantom" --annotate captions,labels --labels $labels --label-colours -p skin --view 30,15 -o one.png
 if command -v dcmdump >/dev/null; then

@@ -19,24 +19,25 @@ static CtsStatus draw_names(CtsPicture *band, const CtsLegendEntry *entries, siz
     return st;
 }
 
-/* Adds the number of names to *n. The first line is the caption's. */
+/* Adds the number of names to *n. They leave free the line of the letter at the upper edge, which long names would
+ * cross, and the caption's. */
 static CtsStatus name_labels(const CtsMarks *marks, const CtsModel *model, CtsPicture *band, int *n, int *n_left_out,
                              CtsReport *report, CtsError *err)
 {
+    const size_t n_free = marks->orientation + (marks->captions || marks->captioned_later);
     CtsLegendEntry *entries = NULL, *named;
     double rgb[3];
     size_t n_named = 0;
     int number;
     while (cts_model_label_colour(model, n_named, rgb, &number))
         n_named++;
-    CtsStatus st = cts_alloc_zeroed(&entries, n_named + 1, err);
+    CtsStatus st = cts_alloc_zeroed(&entries, n_free + n_named + 1, err);
     if (st)
         return st;
-    named = entries + 1;
+    named = entries + n_free;
     for (size_t i = 0; i < n_named; i++)
         named[i].name = cts_model_label_colour(model, i, named[i].rgb, &named[i].number);
-    const bool captioned = marks->captions || marks->captioned_later;
-    st = draw_names(band, captioned ? entries : named, n_named + captioned, n_left_out, report, err);
+    st = draw_names(band, entries, n_free + n_named, n_left_out, report, err);
     if (!n_named)
         cts_report_diagnostic(report, CTS_DIAGNOSTIC_MARKS_LEFT_OUT,
                               "`annotate` labels: no label has a colour of its own (`label-colours`, `label`)");
@@ -64,12 +65,14 @@ CtsStatus cts_marks_draw(const CtsMarks *marks, const CtsModel *model, CtsPictur
     return st;
 }
 
-CtsStatus cts_marks_caption(const char *text, int number, CtsPicture *band, CtsReport *report, CtsError *err)
+CtsStatus cts_marks_caption(const CtsMarks *marks, const char *text, int number, CtsPicture *band, CtsReport *report,
+                            CtsError *err)
 {
     const double shade = band->info.light_behind ? 0 : 1;
-    const CtsLegendEntry caption = {.name = text, .number = number, .rgb = {shade, shade, shade}};
+    CtsLegendEntry lines[2] = {0};
+    lines[marks->orientation] = (CtsLegendEntry){.name = text, .number = number, .rgb = {shade, shade, shade}};
     int n_left_out = 0;
-    const CtsStatus st = draw_names(band, &caption, 1, &n_left_out, report, err);
+    const CtsStatus st = draw_names(band, lines, marks->orientation + 1U, &n_left_out, report, err);
     report_left_out(n_left_out, 1, report);
     return st;
 }

@@ -7,7 +7,7 @@
 
 typedef struct CtsMarks {
     bool orientation, scale, labels;
-    bool captions; /* captions above the labels; in formats with depth the pixels stay without them */
+    bool captions;        /* captions above the labels; in formats with depth the pixels stay without them */
     bool captioned_later; /* the labels leave its line free */
 } CtsMarks;
 
@@ -15,4 +15,5 @@ typedef struct CtsMarks {
 CtsStatus cts_marks_draw(const CtsMarks *marks, const CtsModel *model, CtsPicture *band, CtsReport *report,
                          CtsError *err);
 /* Draws the caption: UTF-8; number: precedes one that cannot be drawn completely. */
-CtsStatus cts_marks_caption(const char *text, int number, CtsPicture *band, CtsReport *report, CtsError *err);
+CtsStatus cts_marks_caption(const CtsMarks *marks, const char *text, int number, CtsPicture *band, CtsReport *report,
+                            CtsError *err);

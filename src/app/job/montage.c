@@ -256,7 +256,8 @@ static CtsStatus draw_captions(MontageWork *a, CtsError *err)
         CtsPicture *const p = a->tiles[i].picture;
         const CtsJob job = job_of_group(a, tile->group);
         if (p)
-            st = cts_marks_caption(tile->section.plane ? p->info.preset : cts_job_caption(&job, &p->info).text, i + 1,
+            st = cts_marks_caption(&a->job->annotate,
+                                   tile->section.plane ? p->info.preset : cts_job_caption(&job, &p->info).text, i + 1,
                                    p, a->report, err);
     }
     return st;

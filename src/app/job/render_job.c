@@ -187,7 +187,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     if (!(st = cts_marks_draw(&job->annotate, frame->model, band, first, err)))
         st = cts_files_rows(frame->files, frame->number, band, false, frame->report, err);
     if (!st && job->annotate.captions)
-        st = cts_marks_caption(cts_job_caption(job, &band->info).text, 1, band, first, err);
+        st = cts_marks_caption(&job->annotate, cts_job_caption(job, &band->info).text, 1, band, first, err);
     if (!st && frame->files->watch->band)
         st = frame->files->watch->band(frame->files->watch->context, frame->number, band, err);
     if (!st && !(st = stopped(job, err)))
