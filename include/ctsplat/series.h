@@ -179,8 +179,8 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *search, CtsArchiveCounts *c
  * NULL where several renderable ones have the most slices. */
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
-/* True if it has a slice of this object; frame: this one of it, from 1; 0: any. */
-bool cts_series_has(const CtsSeries *series, const char *sop_uid, int frame);
+/* The number of its slices that this object contains; frame: this one of it, from 1; 0: all. */
+int cts_series_count(const CtsSeries *series, const char *sop_uid, int frame);
 
 /* The scanned slices of a series with their positions. Constant after reading; cts_scanned_volume() makes volumes for
  * pictures. Slice k's voxels are at grey[k * columns * rows] of `even`. */

@@ -79,15 +79,16 @@ static CtsStatus make_picture(CtsServer *server, CtsRenderRequest *r, CtsProcess
 /* One slice is no volume. */
 static CtsStatus check_instance(const CtsRenderRequest *r, CtsError *err)
 {
-    const char *uid = r->render_query.instance_uid;
+    const char *const uid = r->render_query.instance_uid;
+    const CtsSeries *const s = r->cached->series;
     const CtsState *const state = r->render_query.options.state;
-    if (state && !cts_state_is_of(state, r->cached->series))
+    if (state && !cts_state_is_of(state, s))
         return cts_fail(err, CTS_ERR_NO_SERIES, "the volume of the presentation state is not here");
-    const int n = uid[0] ? cts_cached_series_count(r->cached, uid) : r->cached->series->n_slices;
-    if (n == r->cached->series->n_slices)
+    const int n = uid[0] ? cts_series_count(s, uid, 0) : s->n_slices;
+    if (n == s->n_slices)
         return CTS_OK;
     return n ? cts_fail(err, CTS_ERR_USAGE, "the object holds %d of the %d slices of its series (request the series)",
-                        n, r->cached->series->n_slices)
+                        n, s->n_slices)
              : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
 }
 

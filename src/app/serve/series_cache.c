@@ -91,15 +91,6 @@ char *cts_series_cache_state(const CtsSeriesCache *cache, const char *series_uid
     return NULL;
 }
 
-int cts_cached_series_count(const CtsCachedSeries *cached, const char *sop_uid)
-{
-    const CtsSeries *const s = cached->series;
-    int n = 0;
-    for (int i = 0; i < s->n_slices; i++)
-        n += !strcmp(s->slices[i]->sop_uid, sop_uid);
-    return n;
-}
-
 CtsStatus cts_series_cache_fill(CtsSeriesCache *cache, const CtsOptions *options, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -185,7 +176,7 @@ static CtsCachedSeries *find_uid(const CtsSeriesCache *cache, const char *study_
     CtsCachedSeries *found = NULL;
     for (CtsCachedSeries *s = cache->first; s; s = s->next)
         if (!strcmp(s->uid, uid) && !strcmp(s->study_uid, study_uid) &&
-            (!found || (sop_uid[0] && s->series && cts_series_has(s->series, sop_uid, frame)) ||
+            (!found || (sop_uid[0] && s->series && cts_series_count(s->series, sop_uid, frame)) ||
              (found->series && !found->series->renderable && s->series && s->series->renderable)))
             found = s;
     return found;

@@ -78,8 +78,6 @@ char *cts_series_cache_path(const char *pattern, const char *uid, const char *mo
 /* The path of a presentation state among the paths, or SOP_UID.dcm in a path with {series_uid}; free with free(). NULL
  * if there is none. */
 char *cts_series_cache_state(const CtsSeriesCache *cache, const char *series_uid, const char *sop_uid);
-/* The number of slices of a series that this object contains. */
-int cts_cached_series_count(const CtsCachedSeries *cached, const char *sop_uid);
 /* The one volume of a study; for a thumbnail the largest, or its first series without a volume. */
 CtsStatus cts_series_cache_of_study(CtsSeriesCache *cache, const char *study_uid, bool thumbnail,
                                     CtsCachedSeries **found, CtsError *err);

@@ -439,10 +439,10 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
     return uid || !(*series)->renderable ? CTS_OK : check_choice(list, *series, err);
 }
 
-bool cts_series_has(const CtsSeries *series, const char *sop_uid, int frame)
+int cts_series_count(const CtsSeries *series, const char *sop_uid, int frame)
 {
+    int n = 0;
     for (int i = 0; i < series->n_slices; i++)
-        if (!strcmp(series->slices[i]->sop_uid, sop_uid) && (!frame || series->slices[i]->frame + 1 == frame))
-            return true;
-    return false;
+        n += !strcmp(series->slices[i]->sop_uid, sop_uid) && (!frame || series->slices[i]->frame + 1 == frame);
+    return n;
 }

@@ -248,7 +248,7 @@ CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
 
 bool cts_state_is_of(const CtsState *state, const CtsSeries *series)
 {
-    return !state->slice_uid[0] || cts_series_has(series, state->slice_uid, state->slice_frame);
+    return !state->slice_uid[0] || cts_series_count(series, state->slice_uid, state->slice_frame);
 }
 
 CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err)
