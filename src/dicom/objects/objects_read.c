@@ -1,6 +1,6 @@
 /* Secondary captures and presentation states read back: framing and sizes are checked before anything is allocated or
  * decoded. */
-#include "dicom/objects/objects.h"
+#include "dicom/objects/records.h"
 
 #include "base/mem.h"
 #include "ctsplat/bounds.h"
@@ -50,21 +50,21 @@ static CtsStatus read_header(ScFile *file, CtsError *err)
     CtsElement frames;
     *f = (CtsFrameFormat){.syntax = file->head.syntax, .padding_word = -1};
     file->n_frames = file->n_samples = 1;
-    cts_elements_text(all, 0x00280004, colours, sizeof colours);
-    const bool counted = cts_elements_integer(all, 0x00280008, &file->n_frames);
-    cts_elements_integer(all, 0x00280011, &f->columns);
-    cts_elements_integer(all, 0x00280010, &f->rows);
-    cts_elements_integer(all, 0x00280002, &file->n_samples);
-    cts_elements_integer(all, 0x00280006, &planar);
-    cts_elements_integer(all, 0x00280100, &f->bits_allocated);
-    cts_elements_integer(all, 0x00280101, &f->bits_stored);
-    cts_elements_integer(all, 0x00280103, &is_signed);
+    cts_elements_text(all, DCM_PhotometricInterpretation, colours, sizeof colours);
+    const bool counted = cts_elements_integer(all, DCM_NumberOfFrames, &file->n_frames);
+    cts_elements_integer(all, DCM_Columns, &f->columns);
+    cts_elements_integer(all, DCM_Rows, &f->rows);
+    cts_elements_integer(all, DCM_SamplesPerPixel, &file->n_samples);
+    cts_elements_integer(all, DCM_PlanarConfiguration, &planar);
+    cts_elements_integer(all, DCM_BitsAllocated, &f->bits_allocated);
+    cts_elements_integer(all, DCM_BitsStored, &f->bits_stored);
+    cts_elements_integer(all, DCM_PixelRepresentation, &is_signed);
     f->high_bit = f->bits_stored - 1;
-    cts_elements_integer(all, 0x00280102, &f->high_bit);
+    cts_elements_integer(all, DCM_HighBit, &f->high_bit);
     f->n_colours = file->n_samples == 3 ? 3 : 0;
     file->planar = planar == 1;
     file->inverted = strcmp(colours, "MONOCHROME1") == 0;
-    if (!counted && cts_elements_get(all, 0x00280008, &frames))
+    if (!counted && cts_elements_get(all, DCM_NumberOfFrames, &frames))
         return refuse_object(err, "its number of frames is no number");
     if (f->columns < 1 || f->rows < 1 || f->columns > CTS_MAX_SIDE || f->rows > CTS_MAX_SIDE || file->n_frames < 1)
         return refuse_object(err, "its size is not within what a picture can have");
@@ -137,16 +137,6 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     return st ? cts_context(err, "%s", path) : st;
 }
 
-enum {
-    CLASS = 0x00080016,
-    REFERENCED_SERIES = 0x00081115,
-    REFERENCED_IMAGE = 0x00081140,
-    REFERENCED_SOP = 0x00081155,
-    REFERENCED_FRAME = 0x00081160,
-    SERIES_UID = 0x0020000E,
-    INPUT_SET = 0x0070120A
-};
-
 static char *text_of(CtsElements all, uint16_t element)
 {
     const CtsElements value = cts_elements_find(all, (uint32_t)CTS_STATE_GROUP << 16 | element);
@@ -155,12 +145,14 @@ static char *text_of(CtsElements all, uint16_t element)
 
 static void read_volume(CtsElements all, CtsDcmStateRead *state)
 {
-    const CtsElements image = cts_elements_item(cts_elements_item(all, INPUT_SET), REFERENCED_IMAGE);
+    const CtsElements image = cts_elements_item(cts_elements_item(all, DCM_VolumetricPresentationInputSetSequence),
+                                                DCM_ReferencedImageSequence);
     CtsElement frames;
     double first = 0;
-    cts_elements_text(cts_elements_item(all, REFERENCED_SERIES), SERIES_UID, state->series_uid, 65);
-    cts_elements_text(image, REFERENCED_SOP, state->slice_uid, 65);
-    if (cts_elements_get(image, REFERENCED_FRAME, &frames) && frames.kind == CTS_VALUE_NUMBERS &&
+    cts_elements_text(cts_elements_item(all, DCM_ReferencedSeriesSequence), DCM_SeriesInstanceUID, state->series_uid,
+                      65);
+    cts_elements_text(image, DCM_ReferencedSOPInstanceUID, state->slice_uid, 65);
+    if (cts_elements_get(image, DCM_ReferencedFrameNumber, &frames) && frames.kind == CTS_VALUE_NUMBERS &&
         frames.value.end - frames.value.at >= (ptrdiff_t)sizeof first)
         memcpy(&first, frames.value.at, sizeof first);
     state->slice_frame = first >= 1 && first <= INT_MAX ? (int)first : 0;
@@ -169,7 +161,7 @@ static void read_volume(CtsElements all, CtsDcmStateRead *state)
 static CtsStatus read_state(CtsElements all, CtsDcmStateRead *state, CtsError *err)
 {
     char class_uid[65], creator[65];
-    cts_elements_text(all, CLASS, class_uid, sizeof class_uid);
+    cts_elements_text(all, DCM_SOPClassUID, class_uid, sizeof class_uid);
     if (strcmp(class_uid, CTS_STATE_CLASS) != 0)
         return cts_fail(err, CTS_ERR_READ, "is no Volume Rendering Volumetric Presentation State");
     cts_elements_text(all, (uint32_t)CTS_STATE_GROUP << 16 | CTS_STATE_CREATOR, creator, sizeof creator);
