@@ -68,8 +68,10 @@ for mode in minip average; do
     cmp body.png table-on.png || fail "mode $mode looks at the air around the body"
     ! cmp -s body.png table-off.png || fail "mode $mode: --remove-table off changes nothing"
     sed "s/\"kept\"/&, \"mode\": \"$mode\"/" kept.json >own.json
-    ok render "$data/phantom" $small -p own.json -o own.png --force
-    cmp own.png table-off.png || fail "remove_table of a preset of mode $mode does not hold"
+    for given in '' "--mode $mode"; do
+        ok render "$data/phantom" $small -p own.json $given -o own.png --force
+        cmp own.png table-off.png || fail "remove_table of a preset of mode $mode does not hold: $given"
+    done
 done
 # A window of the other direction than the preset's takes the background of its lowest values along.
 cat >dark.json <<'JSON'

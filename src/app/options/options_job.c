@@ -62,9 +62,9 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
         preset->window_low_hu = preset->window_high_hu = 0; /* empty: one that fits (app/job/auto_window.h) */
     }
     if (options->render.mode >= 0) {
+        /* The air around the body would be all that minip and average show. */
+        preset->remove_table |= options->render.mode >= CTS_MODE_MINIP && preset->mode < CTS_MODE_MINIP;
         preset->mode = (CtsMode)options->render.mode;
-        /* The air around the body would be all that they show. */
-        preset->remove_table |= preset->mode == CTS_MODE_MINIP || preset->mode == CTS_MODE_AVERAGE;
     }
     const bool is_inverted = preset->window_low_hu > preset->window_high_hu;
     if (is_inverted != was_inverted && preset->mode != CTS_MODE_COMPOSITE && !options->background.given)
