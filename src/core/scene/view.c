@@ -140,3 +140,10 @@ bool cts_view_clip(const CtsView *view, double x, double y, double start_vox[3],
     *to_mm = cts_smaller_double(to, view->far_mm);
     return *to_mm >= *from_mm;
 }
+
+int cts_strip_rows(int width)
+{
+    enum { PIXELS = 1 << 20 };
+    const int rows = PIXELS / width / CTS_BAND_ROWS * CTS_BAND_ROWS;
+    return rows > CTS_BAND_ROWS ? rows : CTS_BAND_ROWS;
+}

@@ -46,3 +46,7 @@ void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3]);
  * where it misses that by more than 1e-9 voxels, by which rounding must not lose a ray that runs along a face. From and
  * to are equal where it touches it. */
 bool cts_view_clip(const CtsView *view, double x, double y, double start_vox[3], double *from_mm, double *to_mm);
+
+/* Rows of pixels, this wide, whose error is controlled together: so many that they have 2^20 pixels, which bounds the
+ * memory of a band; a multiple of CTS_BAND_ROWS. */
+int cts_strip_rows(int width);

@@ -28,12 +28,12 @@ static ChannelRange column(const float *const row[3], int x)
     return join(join(range_at(row[0], x), range_at(row[2], x)), range_at(row[1], x));
 }
 
-/* True if any of n pixels is visible. */
-static bool any_visible(const float *rgba, int n)
+/* True if any of n pixels of row y, which has to lie in the strip, is visible. */
+static bool row_visible(const SheetsPatch *p, int y, const int strip[2], int first, int n)
 {
     u32x4 any = {0};
-    for (int i = 0; i < n; i++)
-        any |= *(const u32x4 *)(rgba + 4 * (size_t)i);
+    for (int i = first; i < first + n && y >= strip[0] && y < strip[1]; i++)
+        any |= *(const u32x4 *)(p->rgba + 4 * ((size_t)y * (size_t)p->width + (size_t)i));
     return any[0] | any[1] | any[2] | any[3];
 }
 
@@ -61,22 +61,23 @@ static void add_row_contrast(const float *const row[3], int from, int to, int wi
     }
 }
 
-void cts_sheets_add_contrast(const SheetsPatch *p, int x0, int x1, int y0, int y1)
+void cts_sheets_add_contrast(const SheetsPatch *p, int x0, int x1, int y0, int y1, const int strip[2])
 {
     enum { STEP = 32 }; /* pixels that are left out together if they and their neighbours are invisible */
     const size_t row = 4 * (size_t)p->width;
     for (int x = x0; x < x1 && !CTS_MUTATED(INDICATOR_CONTRAST); x += STEP) {
         const int end = cts_smaller_int(x + STEP, x1), first = cts_larger_int(x - 1, 0),
                   n = cts_smaller_int(end + 1, p->width) - first;
-        bool above, here = false, below = any_visible(p->rgba + row * (size_t)y0 + 4 * (size_t)first, n);
+        bool above, here = row_visible(p, y0 - 1, strip, first, n), below = row_visible(p, y0, strip, first, n);
         for (int y = y0; y < y1; y++) {
-            const float *const at = p->rgba + row * (size_t)y;
             above = here;
             here = below;
-            below = y + 1 < y1 && any_visible(at + row + 4 * (size_t)first, n);
+            below = row_visible(p, y + 1, strip, first, n);
+            const float *const at = p->rgba + row * (size_t)y;
             if (above || here || below)
-                add_row_contrast((const float *const[]){y > y0 ? at - row : at, at, y + 1 < y1 ? at + row : at}, x, end,
-                                 p->width, p->indicator + row / 4 * (size_t)y);
+                add_row_contrast(
+                    (const float *const[]){y > strip[0] ? at - row : at, at, y + 1 < strip[1] ? at + row : at}, x, end,
+                    p->width, p->indicator + row / 4 * (size_t)y);
         }
     }
 }

@@ -62,5 +62,5 @@ INLINE void sheets_store(SheetsPatch *to, int x0, int y0, const f32x4 rgba[SHEET
 bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0, const SheetsJob *job);
 
 /* Adds to the indicators of pixels x0 to x1 - 1 of rows y0 to y1 - 1 of a patch a share of their contrast to their
- * neighbours. Rows beyond these are not looked at. */
-void cts_sheets_add_contrast(const SheetsPatch *patch, int x0, int x1, int y0, int y1);
+ * neighbours in rows strip[0] to strip[1] - 1. */
+void cts_sheets_add_contrast(const SheetsPatch *patch, int x0, int x1, int y0, int y1, const int strip[2]);

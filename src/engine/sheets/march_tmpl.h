@@ -51,9 +51,11 @@ INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to
 
 /* Opacity that may have been missed is there in few of the rays that pass so near. */
 #define NEAR_MISS_WEIGHT 0.5f
-/* Overshoot of a field beyond three samples, as a share of their second difference: twice a parabola's, of an eighth.
- */
-#define NEAR_MISS_SHARE 0.25f
+/* Overshoot of a field beyond three samples, as a share of their second difference: that of a kink halfway between two,
+ * as the tent field has where a ray passes from voxels to others. A parabola's is an eighth. */
+#define NEAR_MISS_SHARE 0.5f
+/* Slabs of less opacity count as missed: the field may have overshot into more. */
+#define NEAR_MISS_ALPHA (1.0f / 64)
 
 /* Part of a slab that it is; CLIPPED: each ray has its own. */
 typedef enum SlabPartKind { WHOLE, FRONT_HALF, BACK_HALF, CLIPPED } SlabPartKind;
@@ -160,7 +162,7 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
     if (j->want_depth)
         note_depth(m, b, t, before, visible, s);
     s->alive = wmask_and(s->alive, wf_gt(s->left, wf_of(j->min_transmittance)));
-    return wmask_and(visible, wf_gt(alpha, sheets_unpack(wi_of(0)))); /* a table's 0 is not quite 0 */
+    return wmask_and(visible, wf_gt(alpha, wf_of(NEAR_MISS_ALPHA)));
 }
 
 /* Composites a slab as a whole or its halves, by samples from number `first` on. clip: the part of it that lies in the
@@ -235,10 +237,9 @@ INLINE Extremes extremes_of(const SheetSamples *k, int one, int other)
 }
 
 /* Opacity of a slab by bins that its field may pass between samples, of which the extremes are known and whose second
- * differences are `second`; of lanes none of whose samples is visible. A parabola through three samples passes the
- * highest of them by an eighth of their second difference at most, and the lowest likewise; the field is a cubic, and a
- * quarter is taken. The lowest counts only for a preset that shows nothing of its highest bins: else invisible
- * samples lie below all that is visible. */
+ * differences are `second`; of lanes that show nothing or hardly anything. The field passes the
+ * highest of them by NEAR_MISS_SHARE of their second difference at most, and the lowest likewise. The lowest counts
+ * only for a preset that shows nothing of its highest bins: else invisible samples lie below all that is visible. */
 INLINE wf near_miss(const SheetsJob *j, const Extremes *e, const wf second[2], wmask lanes)
 {
     const wf above = wf_max(wf_max(second[0], second[1]), wf_of(0)),

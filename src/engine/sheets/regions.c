@@ -121,15 +121,17 @@ static void run_regions(const Picturing *p, int worker, const SheetsPatch *patch
         run_region(p, &p->workers[worker], &to, (int)(i % across) * SHEETS_REGION, (int)(i / across) * SHEETS_REGION);
 }
 
-/* Adds the contrast of a region once it and its neighbours of the strip are rendered, while they are in the cache.
- * Strip by strip, so that no band depends on another's pixels. */
+/* Adds the contrast of a region once it and its neighbours are rendered, while they are in the cache. Strip by strip,
+ * so that no band depends on another's pixels. */
 static void finish_region(const Picturing *p, int i, int j)
 {
     const SheetsPatch *const to = &p->pixels;
-    const int across = regions_along(to->width), x0 = i * SHEETS_REGION, y0 = j * SHEETS_REGION;
-    if (i >= 0 && i < across && atomic_fetch_sub(&p->regions_left[j * across + i], 1) == 1)
+    const int across = regions_along(to->width), x0 = i * SHEETS_REGION, y0 = j * SHEETS_REGION,
+              rows = cts_strip_rows(to->width), first = y0 / rows * rows,
+              strip[2] = {first, cts_smaller_int(first + rows, to->height)};
+    if (i >= 0 && i < across && j >= 0 && y0 < to->height && atomic_fetch_sub(&p->regions_left[j * across + i], 1) == 1)
         cts_sheets_add_contrast(to, x0, cts_smaller_int(x0 + SHEETS_REGION, to->width), y0,
-                                cts_smaller_int(y0 + SHEETS_REGION, to->height));
+                                cts_smaller_int(y0 + SHEETS_REGION, to->height), strip);
 }
 
 static void run_pixels(void *context, int worker, size_t first, size_t end)
@@ -138,8 +140,8 @@ static void run_pixels(void *context, int worker, size_t first, size_t end)
     const size_t across = (size_t)regions_along(p->pixels.width);
     run_regions(p, worker, &p->pixels, first, end);
     for (size_t region = first; region < end; region++)
-        for (int i = -1; i <= 1; i++)
-            finish_region(p, (int)(region % across) + i, (int)(region / across));
+        for (int i = 0; i < 9; i++)
+            finish_region(p, (int)(region % across) + i % 3 - 1, (int)(region / across) + i / 3 - 1);
 }
 
 static void run_lattice(void *context, int worker, size_t first, size_t end)
@@ -188,7 +190,8 @@ static CtsStatus run_patch(const SheetsJob *job, const SheetsPatch *pixels, int 
         (job->lattice && (st = cts_sheets_lattice_init(&p.lattice, job, pixels, err))))
         goto end;
     for (size_t i = 0; i < n; i++)
-        atomic_init(&p.regions_left[i], 1 + (i % across > 0) + (i % across < across - 1));
+        atomic_init(&p.regions_left[i],
+                    (1 + (i % across > 0) + (i % across < across - 1)) * (1 + (i >= across) + (i + across < n)));
     if (job->lattice)
         cts_parallel(n_threads, n_regions(&p.lattice), 1, run_lattice, &p);
     cts_parallel(n_threads, n, 1, run_pixels, &p);

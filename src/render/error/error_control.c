@@ -121,7 +121,7 @@ typedef struct Round {
     size_t n_sampled;
     uint32_t *place; /* room for all pixels: those that are re-rendered in this round, strip by strip; while they are
                         drawn, from the number of each strip's first pixel on */
-    float (*rgba)[4], *off;  /* their values, and the exact march's error bounds */
+    float (*rgba)[4], *off;  /* their values, and the exact march's error bounds; then what they were off by */
     CtsGroupSample *samples; /* and what they say of their groups; NULL where groups are not marched */
     size_t n_marched;
 } Round;
@@ -428,6 +428,7 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
                 s->excess = fmax(s->excess, square / square_at(r, s, at));
             if (!CTS_MUTATED(UNCAST))
                 memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
+            r->off[i] = (float)error;
         }
         s->n_rerendered += s->n_sampled;
         s->missed = s->open ? !is_met(r, s, &s->terms, 1) : s->missed;
@@ -435,6 +436,8 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
         for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
             r->errors->origin[r->place[i]] = CTS_PIXEL_REFERENCE;
             r->errors->indicator[r->place[i]] = 0;
+            if (!has_bounds(r->control))
+                cts_expect_error_beside(r->band, r->errors, r->place[i], r->off[i]);
         }
     }
 }
@@ -574,13 +577,6 @@ CtsStatus cts_error_control_predict(const CtsScene *scene, CtsErrorPrediction *o
     }
     cts_free(&samples);
     return CTS_OK;
-}
-
-int cts_strip_rows(int width)
-{
-    enum { PIXELS = 1 << 20 };
-    const int rows = PIXELS / width / CTS_BAND_ROWS * CTS_BAND_ROWS;
-    return rows > CTS_BAND_ROWS ? rows : CTS_BAND_ROWS;
 }
 
 static void find_some_largest(void *context, int worker, size_t first, size_t end)

@@ -51,9 +51,6 @@ typedef struct CtsErrorControl {
     double wall_ms, cpu_ms;
 } CtsErrorControl;
 
-/* Rows of pixels, this wide, whose error is controlled together: so many that they have 2^20 pixels, which bounds the
- * memory of a band; a multiple of CTS_BAND_ROWS. */
-int cts_strip_rows(int width);
 /* Takes a band with what its engine indicated, and corrects its worst pixels. On return the origin of re-rendered
  * pixels is CTS_PIXEL_REFERENCE, and their indicator 0. */
 CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, CtsErrorMap *errors, CtsError *err);

@@ -6,6 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Share of a pixel's error that those beside it are expected to have: errors come in clumps, such as a body's edge that
+ * samples miss. As that of contrast (engine/sheets/contrast.c), which was found before the error was. */
+#define SHARE_BESIDE (1.0F / 16)
+
 _Static_assert(CTS_BAND_ROWS % CTS_GROUP_SIDE == 0, "a strip is whole groups, or the picture would depend on bands");
 
 static int by_group(const void *a, const void *b)
@@ -58,6 +62,18 @@ size_t cts_list_groups(const CtsPicture *band, const CtsErrorMap *errors, int y0
     return n;
 }
 
+void cts_expect_error_beside(const CtsPicture *band, CtsErrorMap *errors, size_t at, float error)
+{
+    const int width = band->width, x = (int)(at % (size_t)width), y = (int)(at / (size_t)width),
+              rows = cts_strip_rows(width), first = y / rows * rows, end = cts_smaller_int(first + rows, band->height);
+    for (int j = cts_larger_int(y - 1, first); j <= cts_smaller_int(y + 1, end - 1); j++)
+        for (int i = cts_larger_int(x - 1, 0); i <= cts_smaller_int(x + 1, width - 1); i++) {
+            const size_t beside = (size_t)j * (size_t)width + (size_t)i;
+            if (errors->origin[beside] == CTS_PIXEL_RENDERED)
+                errors->indicator[beside] = fmaxf(errors->indicator[beside], SHARE_BESIDE * error);
+        }
+}
+
 CtsStatus cts_march_groups(const CtsEngine *march, const CtsScene *scene, const uint32_t *place, size_t n,
                            CtsPicture *band, CtsErrorMap *errors, CtsError *err)
 {
@@ -67,10 +83,15 @@ CtsStatus cts_march_groups(const CtsEngine *march, const CtsScene *scene, const 
         (st = march->render_pixels(scene, band, place, n, cts_scene_requested_error(scene), rgba, bound, err)))
         goto end;
     for (size_t i = 0; i < n; i++) {
-        memcpy(band->pixels + 4 * (size_t)place[i], rgba[i], sizeof rgba[i]);
+        float *const pixel = band->pixels + 4 * (size_t)place[i];
+        const double square = cts_scene_square_of_error(scene, pixel, rgba[i]);
+        memcpy(pixel, rgba[i], sizeof rgba[i]);
         errors->origin[place[i]] = CTS_PIXEL_MARCHED;
         errors->indicator[place[i]] = bound[i];
+        bound[i] = (float)sqrt(square);
     }
+    for (size_t i = 0; i < n; i++)
+        cts_expect_error_beside(band, errors, place[i], bound[i]);
 end:
     cts_free(&rgba);
     cts_free(&bound);

@@ -32,3 +32,5 @@ size_t cts_list_groups(const CtsPicture *band, const CtsErrorMap *errors, int y0
  * indicator the march's bound. */
 CtsStatus cts_march_groups(const CtsEngine *march, const CtsScene *scene, const uint32_t *place, size_t n,
                            CtsPicture *band, CtsErrorMap *errors, CtsError *err);
+/* Raises the indicators of rendered pixels around one of the same strip whose error has been found. */
+void cts_expect_error_beside(const CtsPicture *band, CtsErrorMap *errors, size_t at, float error);
