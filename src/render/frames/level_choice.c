@@ -167,6 +167,28 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
     return CTS_OK;
 }
 
+/* Tells whether the march misses the error that the probe asked of it, by some pixels at reference precision: light
+ * that it samples too coarsely is wrong everywhere alike, and error control, which takes the march for true up to that
+ * error, would not find it. Twice that error counts, as few pixels are compared: of 80 pictures of six CT and an MR
+ * series it errs by 0.01 to 1.2 times that error, in a lit haze by 4.8 times. */
+static CtsStatus check_march(const Probe *p, const CtsEngine *march, const CtsScene *scene, const CtsPicture *whole,
+                             double error, bool *misses, CtsError *err)
+{
+    enum { CHECKED = 32 };
+    const double allowed = 2 * error;
+    uint32_t place[CHECKED];
+    float rgba[CHECKED][4], off[CHECKED];
+    double sum = 0;
+    const size_t n = p->n < CHECKED ? p->n : CHECKED;
+    for (size_t i = 0; i < n; i++)
+        place[i] = p->place[i * p->n / n];
+    const CtsStatus st = march->render_pixels(scene, whole, place, n, 0, rgba, off, err);
+    for (size_t i = 0; i < n && !st; i++)
+        sum += cts_scene_square_of_error(scene, rgba[i], p->truth[i * p->n / n]);
+    *misses = sum > (double)n * allowed * allowed;
+    return st;
+}
+
 static bool march_pays(const CtsScene *scene)
 {
     return (double)scene->view.width * scene->view.height < MIN_PIXELS ||
@@ -181,6 +203,7 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
         .width = scene->view.width, .height = scene->view.height, .whole_height = scene->view.height};
     CtsScene sampled = *march_scene;
     CtsStatus st = CTS_OK;
+    bool march_misses = false;
     Probe *p = NULL;
     *choice = (CtsLevelChoice){.level = CTS_LEVEL_AUTO};
     if (255 * requested < MIN_REQUESTED || cts_scene_voxels_per_pixel(scene) > CTS_SCENE_COARSEST_PIXEL ||
@@ -196,7 +219,8 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
         (st = cts_alloc_array(&p->indicator, p->n_tiles * TILE, err)) ||
         (st = march->render_pixels(&sampled, &whole, p->place, p->n, requested / 8, p->truth, p->off, err)))
         goto end;
-    st = try_levels(p, choice, engine, err);
+    if (!(st = check_march(p, march, &sampled, &whole, requested / 8, &march_misses, err)) && !march_misses)
+        st = try_levels(p, choice, engine, err);
     choice->n_pixels = p->n;
 end:
     cts_free(&p->truth);
