@@ -350,17 +350,6 @@ def test_enhanced(work):
               abs(max(v['value_max'] for v in s) - most) <= 1e-9 * most, f'expected {n}, {quantity}, {most}: {found[uid]}')
 
 
-def test_shared_groups(work):
-    """A rescale in the shared groups and in those of the frames: the same one, or refused."""
-    for slope in 1, 2:
-        rescale = item(RescaleSlope=slope, RescaleIntercept=0, RescaleType='US')
-        folder = os.path.join(work, f'shared{slope}')
-        enhanced(folder, ENHANCED_MR, [lambda k: dict(PixelValueTransformationSequence=[
-            item(RescaleSlope='1.0', RescaleIntercept=0, RescaleType='US')])], item(PixelValueTransformationSequence=[rescale]))
-        (s,), = listed(folder).values()
-        check(f'shared slope {slope}', s['renderable'] == (slope == 1) and ('(0028,1053) of the shared' in str(s)) == (slope == 2), str(s))
-
-
 # --- Mutated headers -----------------------------------------------------------------------------------------------
 
 def test_mutated(work):
@@ -446,7 +435,6 @@ def main():
         test_pet_body()
         test_volumes(work)
         test_enhanced(work)
-        test_shared_groups(work)
         test_mutated(work)
         test_states(work)
     print(f'{len(failures)} failures')

@@ -13,7 +13,6 @@ struct Place {
     DcmTagKey asked, group, tag;
     bool is_number = false; /* US or UL, where a slice has text */
 };
-const size_t n_scales = 5; /* the first ones, of geometry and values */
 const Place places[] = {
     {DCM_ImagePositionPatient, DCM_PlanePositionSequence, DCM_ImagePositionPatient},
     {DCM_ImageOrientationPatient, DCM_PlaneOrientationSequence, DCM_ImageOrientationPatient},
@@ -271,20 +270,6 @@ double cts_attribute_number_or_nan(const CtsAttributes &item, const DcmTagKey &t
 int cts_attribute_numbers(const CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
 {
     return numbers_of(find(item, tag), values, n);
-}
-
-const DcmTagKey *cts_attribute_conflict(const CtsAttributes &frame)
-{
-    for (const Place *place = places; place < places + n_scales; place++) {
-        double values[2][6] = {};
-        int n[2];
-        for (int i = 0; i < 2; i++)
-            n[i] =
-                numbers_of(find_in(cts_first_item(find_in(frame.groups[i], place->group)), place->tag), values[i], 6);
-        if (n[0] && n[1] && !std::equal(values[0], values[0] + 6, values[1]))
-            return &place->tag;
-    }
-    return nullptr;
 }
 
 CtsAttributes cts_attribute_item(const CtsAttributes &item, const DcmTagKey &sequence)

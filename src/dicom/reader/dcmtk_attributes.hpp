@@ -49,8 +49,6 @@ bool cts_attribute_decimals(CtsAttributes &item, const DcmTagKey &tag, double *v
 double cts_attribute_number_or_nan(const CtsAttributes &item, const DcmTagKey &tag);
 /* Up to n numbers of any VR; their count, 0 where there are more. */
 int cts_attribute_numbers(const CtsAttributes &item, const DcmTagKey &tag, double *values, int n);
-/* A number of geometry or scale for which a frame's own functional groups and the shared ones differ; NULL: none. */
-const DcmTagKey *cts_attribute_conflict(const CtsAttributes &frame);
 /* The attributes of a sequence's first item; none where it is missing. */
 CtsAttributes cts_attribute_item(const CtsAttributes &item, const DcmTagKey &sequence);
 

@@ -52,10 +52,6 @@ void cts_dcm_read_frames(const CtsTopLevel &top, CtsStringPool &texts, CtsObject
         CtsSlice *slice = cts_dcm_add_slice(object);
         slice->n_frames = n_frames;
         slice->frame = object->n_slices - 1;
-        if (const DcmTagKey *const tag = cts_attribute_conflict(attributes))
-            cts_slice_fault(slice, CTS_ERR_PIXELS,
-                            "(%04x,%04x) of the shared functional groups and of the frame's own have different values",
-                            tag->getGroup(), tag->getElement());
         cts_dcm_read_slice(attributes, texts, slice);
         slice->concatenation = concatenation;
         slice->part_number = static_cast<int>(number);
