@@ -51,8 +51,8 @@ INLINE void visible_part(const SheetsJob *j, wf front, wf back, wf *from, wf *to
 
 /* Opacity that may have been missed is there in few of the rays that pass so near. */
 #define NEAR_MISS_WEIGHT 0.5f
-/* Overshoot of a field beyond three samples, as a share of their second difference: that of a kink halfway between two,
- * as the tent field has where a ray passes from voxels to others. A parabola's is an eighth. */
+/* Overshoot of a field beyond three samples, as a share of their second difference: that of a bend in the middle of
+ * two, as the tent field has where a ray passes from voxels to others. A parabola's is an eighth. */
 #define NEAR_MISS_SHARE 0.5f
 /* Slabs of less opacity count as missed: the field may have overshot into more. */
 #define NEAR_MISS_ALPHA (1.0f / 64)
