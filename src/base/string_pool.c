@@ -18,7 +18,7 @@ const char *cts_string_pool_add(CtsStringPool *t, const char *text, size_t n)
     CtsStringPoolBlock *b = t->blocks;
     if (!b || b->size - b->used <= n) {
         const size_t least = t->blocks ? BLOCK_BYTES : BLOCK_BYTES / 16, size = n < least ? least : n + 1;
-        if (n > SIZE_MAX / 2 || !(b = malloc(sizeof *b + size)))
+        if ((t->no_memory = n > SIZE_MAX / 2 || !(b = malloc(sizeof *b + size))))
             return NULL;
         *b = (CtsStringPoolBlock){.next = t->blocks, .size = size};
         t->blocks = b;

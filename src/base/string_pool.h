@@ -2,6 +2,7 @@
 #pragma once
 
 #include "ctsplat/api.h"
+#include <stdbool.h>
 #include <stddef.h>
 
 CTS_C_BEGIN
@@ -12,6 +13,7 @@ enum { CTS_TEXT_SLOTS = 256 };
 typedef struct CtsStringPool {
     struct CtsStringPoolBlock *blocks;
     const char *shared[CTS_TEXT_SLOTS]; /* by their hashes, the last one of each */
+    bool no_memory;                     /* a text could not be added */
 } CtsStringPool;
 
 /* A copy of n bytes and a 0 after them. NULL without memory. */

@@ -186,6 +186,11 @@ CtsStatus cts_header_no_sense(CtsError *err)
     return cts_fail(err, CTS_ERR_READ, "the reader of its header gave an answer without sense");
 }
 
+static CtsStatus fail_to_unpack(const PackedAnswer *r, CtsError *err)
+{
+    return r->pool->no_memory ? cts_fail(err, CTS_ERR_MEMORY, "out of memory") : cts_header_no_sense(err);
+}
+
 /* Ranges that the readers of pixels and the volume rely on, of a slice without a fault. */
 static bool has_sound_ranges(const CtsSlice *s)
 {
@@ -208,7 +213,7 @@ static CtsStatus unpack_slice(const PackedAnswer *r, const CtsObject *object, in
             memchr(packed.fault_text, 0, sizeof packed.fault_text) && !s->fault == !packed.fault_text[0] &&
             (s->fault || has_sound_ranges(s));
     if (!sound)
-        return cts_header_no_sense(err);
+        return fail_to_unpack(r, err);
     s->first_frame = packed.first_frame;
     memcpy(s->fault_text, packed.fault_text, sizeof s->fault_text);
     return CTS_OK;
@@ -255,7 +260,7 @@ CtsStatus cts_header_unpack(const CtsHeaderAnswer *answer, const uint8_t *bytes,
                           .instance_number = o->instance_number};
     if (!unpack_text(&r, o->class_uid, 64, &object->class_uid) ||
         !unpack_text(&r, o->study_uid, 64, &object->study_uid))
-        return cts_header_no_sense(err);
+        return fail_to_unpack(&r, err);
     CtsStatus st = CTS_OK;
     for (int k = 0; !st && k < o->n_slices; k++) {
         CtsSlice *const slice = cts_object_add_slice(object, NULL);
