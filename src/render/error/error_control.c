@@ -87,6 +87,18 @@ typedef struct Piece {
     size_t n_visible; /* pixels rendered and not empty; counted where there are interpolated ones */
 } Piece;
 
+/* A round's draw of pixels: probability of one to be drawn, divided by b^2 + f^2, and f^2. */
+typedef struct Draw {
+    double probability, floor;
+} Draw;
+
+/* A re-rendered pixel of the engine's own. It stands for those that were as likely to be drawn in any round, until its
+ * group is marched. */
+typedef struct Drawn {
+    uint32_t place;
+    double bound, square; /* b^2; e^2 */
+} Drawn;
+
 /* State of one strip. */
 typedef struct Strip {
     size_t first, end;    /* its pixels */
@@ -100,6 +112,12 @@ typedef struct Strip {
     float marched_from;   /* groups with a larger indicator are marched before the next round; INFINITY: none */
     float last_from;      /* the last such indicator, INFINITY at first */
     bool marched;         /* groups have been marched since the last round */
+    Draw draws[ROUNDS + 1];
+    int n_draws;
+    Drawn *drawn; /* in all rounds, of engines whose indicators are estimates */
+    size_t n_drawn;
+    CtsGroupSample *samples; /* of this round and those; NULL where groups are not marched */
+    size_t n_samples;
     size_t n_interpolated;
     double share; /* pixels with the error of one: a rendered pixel's error is in those interpolated from it, too */
     CtsTerms terms;
@@ -121,8 +139,7 @@ typedef struct Round {
     size_t n_sampled;
     uint32_t *place; /* room for all pixels: those that are re-rendered in this round, strip by strip; while they are
                         drawn, from the number of each strip's first pixel on */
-    float (*rgba)[4], *off;  /* their values, and the exact march's error bounds; then what they were off by */
-    CtsGroupSample *samples; /* and what they say of their groups; NULL where groups are not marched */
+    float (*rgba)[4], *off; /* their values, and the exact march's error bounds; then what they were off by */
     size_t n_marched;
 } Round;
 
@@ -135,7 +152,10 @@ static bool has_bounds(const CtsErrorControl *c)
  * much, the only one: where few pixels have all of the error, samples show too little of it. */
 static CtsTermRange term_range(const CtsErrorControl *c, const Strip *s)
 {
-    const double each = s->share / s->probability, bound = each * fmax(s->excess, 1);
+    double chance = 0; /* of a pixel without indicator in all draws, if it is small, by the last floor */
+    for (int i = 0; i < s->n_draws; i++)
+        chance += s->draws[i].probability * s->draws[i].floor / s->floor;
+    const double each = s->share / chance, bound = each * fmax(s->excess, 1);
     return (CtsTermRange){c->has_opacity_step ? ASSUMED_AT_STEPS : ASSUMED,
                           has_bounds(c) ? bound : each * UNSAMPLED / fmax((double)s->n_rerendered, UNSAMPLED),
                           has_bounds(c) ? bound : INFINITY};
@@ -339,6 +359,8 @@ static void sample_strip(const Round *r, Strip *s)
     }
     const double expected = count_expected(r, s);
     s->probability *= expected > most ? most / expected : 1;
+    s->n_draws = has_bounds(r->control) ? 0 : s->n_draws;
+    s->draws[s->n_draws++] = (Draw){s->probability, s->floor};
     draw(r, s);
 }
 
@@ -371,14 +393,12 @@ static bool has_more(const Round *r, const Strip *s)
     return (double)s->n_rerendered < (double)(s->end - s->first) * fmin(r->small + 1.0 / AT_LAST, 1);
 }
 
-/* Largest indicator of the group that a pixel lies in; 0 where it is marched already. */
+/* Largest indicator of the group that a pixel lies in. */
 static float group_at(const Round *r, const Strip *s, size_t at)
 {
     const int width = r->band->width, x = (int)(at % (size_t)width), y = (int)(at / (size_t)width);
-    return r->errors->origin[at] == CTS_PIXEL_MARCHED
-               ? 0
-               : cts_group_indicator(r->errors->indicator, r->errors->origin, width, (int)(s->end / (size_t)width),
-                                     x / CTS_GROUP_SIDE * CTS_GROUP_SIDE, y / CTS_GROUP_SIDE * CTS_GROUP_SIDE);
+    return cts_group_indicator(r->errors->indicator, r->errors->origin, width, (int)(s->end / (size_t)width),
+                               x / CTS_GROUP_SIDE * CTS_GROUP_SIDE, y / CTS_GROUP_SIDE * CTS_GROUP_SIDE);
 }
 
 typedef struct StripOfRound {
@@ -396,13 +416,77 @@ static bool would_meet(void *context, const CtsTerms *terms)
 static bool choose_groups(const Round *r, Strip *s)
 {
     StripOfRound context = {r, s};
-    if (!r->samples || s->last_from == 0)
+    if (!s->samples || s->last_from == 0)
         return false;
-    for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++)
-        r->samples[i].group = group_at(r, s, r->place[i]);
-    const float from = cts_group_threshold(r->samples + s->first_sampled, s->n_sampled, would_meet, &context);
+    const float from = cts_group_threshold(s->samples, s->n_samples, would_meet, &context);
     s->marched_from = s->last_from = from < s->last_from ? from : s->last_from / 2;
     return true;
+}
+
+/* Chance of a pixel of the engine's own to have been drawn in any of the rounds. */
+static double chance_of(const Strip *s, double bound)
+{
+    double rest = 1;
+    for (int i = 0; i < s->n_draws; i++)
+        rest *= 1 - at_most_1(s->draws[i].probability * (bound + s->draws[i].floor));
+    return 1 - rest;
+}
+
+/* Adds a pixel's term to the estimate. group: largest indicator of its group; 0: it is marched already. */
+static void add_term(Strip *s, double square, double p, float group)
+{
+    const double term = s->share * square * (1 - p) / p;
+    cts_terms_add_one(&s->terms, term);
+    if (s->samples)
+        s->samples[s->n_samples++] = (CtsGroupSample){group, {term, term * term, term}};
+}
+
+static bool group_is_marched(const Round *r, const Strip *s, size_t at)
+{
+    const size_t width = (size_t)r->band->width, x = at % width / CTS_GROUP_SIDE * CTS_GROUP_SIDE,
+                 n = width - x < CTS_GROUP_SIDE ? width - x : CTS_GROUP_SIDE;
+    bool marched = false;
+    size_t first = at / width / CTS_GROUP_SIDE * CTS_GROUP_SIDE * width + x;
+    for (int j = 0; j < CTS_GROUP_SIDE && first < s->end; j++, first += width)
+        marched |= memchr(r->errors->origin + first, CTS_PIXEL_MARCHED, n) != NULL;
+    return marched;
+}
+
+/* Pixels drawn in earlier rounds, but those of groups marched since. */
+static void add_drawn(const Round *r, Strip *s)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < s->n_drawn; i++) {
+        const Drawn d = s->drawn[i];
+        if (group_is_marched(r, s, d.place))
+            continue;
+        s->drawn[n++] = d;
+        add_term(s, d.square, chance_of(s, d.bound), group_at(r, s, d.place));
+    }
+    s->n_drawn = n;
+}
+
+/* The errors of this round's pixels. */
+static void add_sampled(const Round *r, Strip *s)
+{
+    for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
+        const size_t at = r->place[i];
+        const bool own = r->errors->origin[at] == CTS_PIXEL_RENDERED && !has_bounds(r->control);
+        float *const pixel = r->band->pixels + 4 * at;
+        const double off = r->error > 0 ? 0 : WORTH * (double)r->off[i],
+                     error = sqrt(cts_scene_square_of_error(&r->control->scene, pixel, r->rgba[i])) + off,
+                     square = error * error, bound = square_at(r, s, at) - s->floor,
+                     p = own ? chance_of(s, bound) : probability_at(r, s, at);
+        add_term(s, square, p, own ? group_at(r, s, at) : 0);
+        s->terms.sum += off * off;
+        if (own)
+            s->drawn[s->n_drawn++] = (Drawn){r->place[i], bound, square};
+        if (p < 1)
+            s->excess = fmax(s->excess, square / square_at(r, s, at));
+        if (!CTS_MUTATED(UNCAST))
+            memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
+        r->off[i] = (float)error;
+    }
 }
 
 /* Estimate the strips' errors from the re-rendered pixels, and replace these. */
@@ -412,26 +496,14 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &r->strips[strip];
-        if (s->open)
-            s->terms = (CtsTerms){0};
-        for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
-            const size_t at = r->place[i];
-            float *const pixel = r->band->pixels + 4 * at;
-            const double off = r->error > 0 ? 0 : WORTH * (double)r->off[i], p = probability_at(r, s, at),
-                         error = sqrt(cts_scene_square_of_error(&r->control->scene, pixel, r->rgba[i])) + off,
-                         square = error * error, term = s->share * square * (1 - p) / p;
-            cts_terms_add_one(&s->terms, term);
-            s->terms.sum += off * off;
-            if (r->samples)
-                r->samples[i] = (CtsGroupSample){0, {term, term * term, term}};
-            if (p < 1)
-                s->excess = fmax(s->excess, square / square_at(r, s, at));
-            if (!CTS_MUTATED(UNCAST))
-                memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
-            r->off[i] = (float)error;
-        }
+        if (!s->open)
+            continue;
+        s->terms = (CtsTerms){0};
+        s->n_samples = 0;
+        add_drawn(r, s);
+        add_sampled(r, s);
         s->n_rerendered += s->n_sampled;
-        s->missed = s->open ? !is_met(r, s, &s->terms, 1) : s->missed;
+        s->missed = !is_met(r, s, &s->terms, 1);
         s->open = s->missed && (choose_groups(r, s) || has_more(r, s));
         for (size_t i = s->first_sampled; i < s->first_sampled + s->n_sampled; i++) {
             r->errors->origin[r->place[i]] = CTS_PIXEL_REFERENCE;
@@ -509,12 +581,15 @@ static CtsStatus run_round(Round *r, CtsError *err)
         memmove(r->place + r->n_sampled, r->place + s->first, s->n_sampled * sizeof *r->place);
         s->first_sampled = r->n_sampled;
         r->n_sampled += s->n_sampled;
+        cts_free(&s->samples);
+        st = s->drawn ? cts_resize_array(&s->drawn, s->n_drawn, s->n_drawn + s->n_sampled, err)
+                      : cts_alloc_array(&s->drawn, s->n_sampled, err);
+        if (st || (c->marches_groups && (st = cts_alloc_array(&s->samples, s->n_drawn + s->n_sampled, err))))
+            return st;
     }
     cts_free(&r->rgba);
     cts_free(&r->off);
-    cts_free(&r->samples);
-    if ((st = cts_alloc_array(&r->rgba, r->n_sampled, err)) || (st = cts_alloc_array(&r->off, r->n_sampled, err)) ||
-        (c->marches_groups && (st = cts_alloc_array(&r->samples, r->n_sampled, err))))
+    if ((st = cts_alloc_array(&r->rgba, r->n_sampled, err)) || (st = cts_alloc_array(&r->off, r->n_sampled, err)))
         return st;
     if (r->n_sampled > 0 &&
         (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_sampled, r->error, r->rgba, r->off, err)))
@@ -652,13 +727,16 @@ CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, 
 end:
     control->wall_ms += cts_wall_ms() - wall;
     control->cpu_ms += cts_cpu_ms() - cpu;
+    for (size_t i = 0; r.strips && i < r.n_strips; i++) {
+        cts_free(&r.strips[i].drawn);
+        cts_free(&r.strips[i].samples);
+    }
     cts_free(&r.squares);
     cts_free(&r.pieces);
     cts_free(&r.strips);
     cts_free(&r.place);
     cts_free(&r.rgba);
     cts_free(&r.off);
-    cts_free(&r.samples);
     return st;
 }
 

@@ -19,15 +19,17 @@
  * with the largest errors: strips of 64 rows would make default pictures of 1024 x 1024 pixels take 1.13 times as long
  * (mean of 30 views of five series, up to 1.7).
  *
+ * A round draws pixels of its own. Those of the engine's own that earlier rounds drew count too, with the probability
+ * to be drawn in any of the rounds, until their groups are marched: they know more of pixels with small indicators,
+ * which later rounds hardly draw. Of 800 limits of bright specks, wires and plates in the air 5 were too low without
+ * them, 3 of which hold with them (tests/soak/sweep.py --traps, seed 43), and limits of several rounds were 1.05 times
+ * as high.
+ *
  * 999 of 1000 holds for one limit of one sample (the probe that chose a level has other pixels); interpolated pixels
- * have one of their own: with both it is 998. Each round draws a sample of its own, whose estimate stands in for the
- * last one's, and a strip's rounds end when the estimate is small (optional stopping), so that low estimates are a
- * little likelier to stay. For a picture of one strip the union bound over its at most five limits still gives 995 of
- * 1000; for more strips, which stop by themselves, no bound is derived. Measured with strips of 64 rows: 1 of 4800 such
- * sequences ended with a limit below the error (75 views of six series, 512 x 512 pixels, 0.5 and 2 of 255 requested).
- * With these, by tests/soak/sweep.py: 3 of some 2400 small pictures of invented scenes (seed 731), none above the
- * request without a warning; with --traps (seed 43), bright specks, wires and plates in the air, 5 of 800, one of them
- * above it: two pixels of 138,000 have nearly all of its error, and no sample meets them. */
+ * have one of their own: with both it is 998. A strip's rounds end when the estimate is small (optional stopping), so
+ * that low estimates are a little likelier to stay. For a picture of one strip the union bound over its at most five
+ * limits still gives 995 of 1000; for more strips, which stop by themselves, no bound is derived. Few pixels with all
+ * of a picture's error and no indicator are beyond any sample: two of 138,000 in the picture that remains. */
 #pragma once
 
 #include "core/scene/engine.h"
