@@ -28,8 +28,9 @@
  * 999 of 1000 holds for one limit of one sample (the probe that chose a level has other pixels); interpolated pixels
  * have one of their own: with both it is 998. A strip's rounds end when the estimate is small (optional stopping), so
  * that low estimates are a little likelier to stay. For a picture of one strip the union bound over its at most five
- * limits still gives 995 of 1000; for more strips, which stop by themselves, no bound is derived. Few pixels with all
- * of a picture's error and no indicator are beyond any sample: two of 138,000 in the picture that remains. */
+ * limits still gives 995 of 1000; for more strips, which stop by themselves, no bound is derived. Measured: 1 of 2632
+ * limits of small invented scenes lies below the error (sweep.py, seed 732), 1 of 772 of traps (seed 44). Few pixels
+ * with all of a picture's error and no indicator are beyond any sample. */
 #pragma once
 
 #include "core/scene/engine.h"
