@@ -379,7 +379,11 @@ static void report_level(const CtsEngine *engine, const CtsLevelChoice *c, const
 {
     const double requested = 255 * cts_scene_requested_error(scene);
     cts_report_stage(report, CTS_STAGE_SPLAT, c->wall_ms, c->cpu_ms, c->n_pixels, 0);
-    if (c->n_tried == 0)
+    if (c->march_misses)
+        cts_report_plan(report,
+                        "no level of engine %s is tried, as the march misses %.3g/255, an eighth of the request",
+                        engine->name, requested / 8);
+    else if (c->n_tried == 0)
         cts_report_plan(report, "no level of engine %s is tried for an error of %.3g/255 and %d x %d pixels of %.3g mm",
                         engine->name, requested, scene->view.width, scene->view.height, scene->view.mm_per_pixel);
     else if (c->level == CTS_LEVEL_AUTO)

@@ -170,7 +170,7 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
 /* Tells whether the march misses the error that the probe asked of it, by some pixels at reference precision: light
  * that it samples too coarsely is wrong everywhere alike, and error control, which takes the march for true up to that
  * error, would not find it. Twice that error counts, as few pixels are compared: of 80 pictures of six CT and an MR
- * series it errs by 0.01 to 1.2 times that error, in a lit haze by 4.8 times. */
+ * series it errs by 0.01 to 1.2 times that error, on metal that occlusion darkens by 4.8 times. */
 static CtsStatus check_march(const Probe *p, const CtsEngine *march, const CtsScene *scene, const CtsPicture *whole,
                              double error, bool *misses, CtsError *err)
 {
@@ -203,7 +203,6 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
         .width = scene->view.width, .height = scene->view.height, .whole_height = scene->view.height};
     CtsScene sampled = *march_scene;
     CtsStatus st = CTS_OK;
-    bool march_misses = false;
     Probe *p = NULL;
     *choice = (CtsLevelChoice){.level = CTS_LEVEL_AUTO};
     if (255 * requested < MIN_REQUESTED || cts_scene_voxels_per_pixel(scene) > CTS_SCENE_COARSEST_PIXEL ||
@@ -219,7 +218,8 @@ CtsStatus cts_level_choose(CtsLevelChoice *choice, const CtsEngine *engine, cons
         (st = cts_alloc_array(&p->indicator, p->n_tiles * TILE, err)) ||
         (st = march->render_pixels(&sampled, &whole, p->place, p->n, requested / 8, p->truth, p->off, err)))
         goto end;
-    if (!(st = check_march(p, march, &sampled, &whole, requested / 8, &march_misses, err)) && !march_misses)
+    if (!(st = check_march(p, march, &sampled, &whole, requested / 8, &choice->march_misses, err)) &&
+        !choice->march_misses)
         st = try_levels(p, choice, engine, err);
     choice->n_pixels = p->n;
 end:

@@ -11,8 +11,9 @@
 typedef struct CtsLevelChoice {
     CtsEngineLevel level; /* CTS_LEVEL_AUTO: no level will do */
     int n_tried;
-    size_t n_pixels; /* of the probe */
-    double limit;    /* limit of the error of the last level tried, rms (cts_error_control_predict()) */
+    bool march_misses; /* what the probe asks of it, so that nothing is tried */
+    size_t n_pixels;   /* of the probe */
+    double limit;      /* limit of the error of the last level tried, rms (cts_error_control_predict()) */
     double wall_ms, cpu_ms;
 } CtsLevelChoice;
 
