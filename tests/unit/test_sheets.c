@@ -117,6 +117,26 @@ static void levels_against_reference(void **state)
     cts_volume_free(&v);
 }
 
+/* Along an axis of the volume a sheet has errors of the levels' bins and of light alone, however opaque a slab is. */
+static void straight_views(void **state)
+{
+    CtsVolume *v = phantom_head(56, 52, 48, 0);
+    for (int i = 0; i < CTS_N_VIEWS; i++)
+        for (int lit = 0; lit < 2; lit++) {
+            const CtsPreset preset = preset_named(i % 2 ? "skin" : "bone");
+            CtsRenderSettings s =
+                settings_for(CTS_ENGINE_SHEETS, 96, cts_views[i].azimuth_deg, cts_views[i].elevation_deg);
+            s.shade = lit ? CTS_ON : CTS_OFF;
+            s.level = CTS_LEVEL_SHEETS;
+            s.max_error = 2;
+            const double sheets = rms_255(v, &preset, &s), most = lit ? 0.3 : 0.15;
+            if (sheets > most)
+                fail_msg("view %s, lit %d: rms of sheets %.3f, at most %.3f expected", cts_views[i].name, lit, sheets,
+                         most);
+        }
+    cts_volume_free(&v);
+}
+
 /* A visible range as wide as all grey levels, and one of few levels above many: each level of the table has its place.
  */
 static void widths_of_ranges(void **state)
@@ -382,6 +402,7 @@ int main(void)
         cmocka_unit_test(hybrid_meets_request), cmocka_unit_test(choice_of_auto),
         cmocka_unit_test(march_that_misses),    cmocka_unit_test(depth_of_surfaces),
         cmocka_unit_test(thin_volumes),         cmocka_unit_test(widths_of_ranges),
+        cmocka_unit_test(straight_views),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

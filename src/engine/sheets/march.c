@@ -19,4 +19,4 @@ static void march_by_rows(const SheetsGroup *g, SheetsPixels *out)
 #define march_by_rows march_gathered
 #endif
 
-const SheetsKernels CTS_ON_PATH(cts_sheets) = {march_by_rows, find_visible, fill_opacity, fill_light};
+const SheetsKernels CTS_ON_PATH(cts_sheets) = {march_by_rows, find_visible, fill_slabs};

@@ -88,7 +88,8 @@ INLINE void find_gradients(const March *m, const Block *b, const SlabPart *t, Sl
         light->back_sheet = sheet + step;
     }
     if (t->kind != WHOLE && light->middle_sheet != sheet) {
-        light->middle = gradient_in_middle(m, b, t->slab);
+        light->middle =
+            m->job->view.straight ? mean_gradient(&light->front, &light->back) : gradient_in_middle(m, b, t->slab);
         light->middle_sheet = sheet;
     }
     end[0] = t->kind == BACK_HALF ? &light->middle : &light->front;
@@ -125,7 +126,9 @@ INLINE wmask composite_slab_part(const March *m, const Block *b, const SlabPart 
         visible = wmask_and(visible, wf_gt(t->share, wf_of(0)));
     if (!wmask_any(visible))
         return visible;
-    Slab slab = look_up_slab(j->opacity[half && !CTS_MUTATED(SHEET_OPACITY) ? 0 : 1], t->front_bin, t->back_bin);
+    Slab slab = look_up_slab(j->opacity[half ? 0 : 1], t->front_bin, t->back_bin);
+    if (half && CTS_MUTATED(SHEET_OPACITY))
+        slab.alpha = wf_min(wf_times(slab.alpha, 2), wf_of(1));
     if (t->kind == CLIPPED)
         take_share(j, t->front_bin, t->back_bin, (float)j->view.slab_mm / (half ? 2 : 1), t->share, visible, &slab);
     m->group->counts->slabs++;
@@ -288,14 +291,14 @@ INLINE void run_slab(const March *m, const Block *b, SheetSamples *k, int slab, 
     if (wmask_any(may)) {
         if (half) {
             sample_middle(m, b, slab, window, k);
-            m->group->counts->sheets += 2;
+            m->group->counts->sheets += j->view.straight ? 0 : 2;
         }
         const wmask visible = composite_slab(m, b, slab, k, 2 * slab, NULL, half, lit, s, light);
         const wmask invisible = wmask_and(may, wmask_not(visible));
         if (j->near)
             near = half ? near_miss_of_three(j, k, 2 * slab, invisible) : near_miss_of_sheets(j, k, slab, invisible);
     }
-    if (half)
+    if (half && j->near)
         composite_coarse(m, k->bin[2 * slab], k->bin[2 * slab + 2], j->opacity[1], before, s);
     else if (slab % 2 == 1 && j->near)
         composite_coarse(m, k->bin[2 * slab - 2], k->bin[2 * slab + 2], j->opacity[2], before, s);

@@ -204,6 +204,12 @@ INLINE void sample_sheet(const March *m, const Block *b, int slab, bool window, 
 /* The middle of a slab: the mean of both sheets where the ray is half way. */
 INLINE void sample_middle(const March *m, const Block *b, int slab, bool window, SheetSamples *k)
 {
+    wf *const value = &k->value[2 * slab + 1];
+    if (m->job->view.straight) {
+        *value = wf_lerp(k->value[2 * slab], k->value[2 * slab + 2], wf_of(0.5f));
+        k->bin[2 * slab + 1] = bin_of(&m->job->bins, *value);
+        return;
+    }
     Corner corner = corner_at(m, b, slab);
     for (int c = 0; c < 2; c++)
         corner.at[c] += m->shear[c] / 2;
@@ -212,8 +218,8 @@ INLINE void sample_middle(const March *m, const Block *b, int slab, bool window,
     const Rows front = sample_rows(m, &f, sheet_at(m, b->sheet + slab * step), window);
     const Rows back = sample_rows(m, &f, sheet_at(m, b->sheet + (slab + 1) * step), window);
     const Rows sum = {wi_add(front.upper, back.upper), wi_add(front.lower, back.lower)};
-    k->value[2 * slab + 1] = wf_mul(across_rows(sum, f.along_b), wf_of(0.5f));
-    k->bin[2 * slab + 1] = bin_of(&m->job->bins, k->value[2 * slab + 1]);
+    *value = wf_mul(across_rows(sum, f.along_b), wf_of(0.5f));
+    k->bin[2 * slab + 1] = bin_of(&m->job->bins, *value);
 }
 
 /* Near the volume's faces and at the ends of what is looked at, positions are floats, and each lane has its own part of
@@ -317,22 +323,36 @@ OUTLINE SheetSamples sample_partial(const March *m, const Block *b, int slab, co
     return s;
 }
 
-/* Mean extinction per mm (0) or one of its colours between two bins. */
-INLINE wf mean_of(const float (*mean)[4], wi at, int channel)
+/* A slab of quarters, each of even extinction per mm and colour, front to back; absorbed: light that each takes. */
+INLINE Slab integrate_slab(const wf part[SHEETS_LIT][4], wf length_mm, wf absorbed[SHEETS_LIT])
 {
-    const int n = SHEETS_BINS * SHEETS_BINS * 4;
-    return wf_look_up((const float *)mean + channel, n, wi_shl(at, 2));
+    const wf part_mm = wf_times(length_mm, 1.0f / SHEETS_LIT), none = wf_of(0);
+    Slab s = {{none, none, none}, none};
+    wf left = wf_of(1);
+    for (int q = 0; q < SHEETS_LIT; q++) {
+        absorbed[q] = wf_mul(left, wf_opacity(wf_mul(part[q][0], part_mm)));
+        for (int c = 0; c < 3; c++)
+            s.rgb[c] = wf_mul_add(absorbed[q], part[q][1 + c], s.rgb[c]);
+        s.alpha = wf_add(s.alpha, absorbed[q]);
+        left = wf_sub(left, absorbed[q]);
+    }
+    s.alpha = wf_min(s.alpha, wf_of(1));
+    return s;
 }
 
-/* A slab of which rays have a share alone, by the mean extinction between its bins. */
+/* A slab of which rays have a share alone. */
 OUTLINE void take_share(const SheetsJob *j, wi front, wi back, float length_mm, wf share, wmask lanes, Slab *s)
 {
     const wmask partial = wmask_and(lanes, wf_lt(share, wf_of(1)));
     if (!wmask_any(partial) || CTS_MUTATED(SHEET_SHARE))
         return;
     const wi at = wi_add(wi_shl(front, 8), back);
-    const wf alpha = wf_opacity(wf_mul(mean_of(j->mean, at, 0), wf_times(share, length_mm)));
+    wf part[SHEETS_LIT][4], absorbed[SHEETS_LIT];
+    for (int q = 0; q < SHEETS_LIT; q++)
+        for (int c = 0; c < 4; c++)
+            part[q][c] = wf_look_up(j->part[q][c], SHEETS_BINS * SHEETS_BINS, at);
+    const Slab shorter = integrate_slab((const wf(*)[4])part, wf_times(share, length_mm), absorbed);
     for (int c = 0; c < 3; c++)
-        s->rgb[c] = wf_select(partial, wf_mul(alpha, mean_of(j->mean, at, 1 + c)), s->rgb[c]);
-    s->alpha = wf_select(partial, alpha, s->alpha);
+        s->rgb[c] = wf_select(partial, shorter.rgb[c], s->rgb[c]);
+    s->alpha = wf_select(partial, shorter.alpha, s->alpha);
 }

@@ -170,31 +170,37 @@ OUTLINE Differences differences_at(const March *m, const wf at[3])
     return d;
 }
 
-/* Place of a lit point in a slab part, the middle of a quarter, on the line between the gradients at its ends. */
-INLINE float lit_at(int point)
+/* Points of a slab part at which |n.v| is found: both ends of its quarters, and their middles, where they are lit. */
+enum { FACINGS = 2 * SHEETS_LIT + 1 };
+/* Distance of the outermost ones from the ends, as a share: the parabola, rounded by 2^-23, has two digits there. */
+#define NEAR_END (1 / 64.0f)
+
+INLINE float lit_at(int quarter)
 {
-    return ((float)point + 0.5f) / SHEETS_LIT;
+    return ((float)quarter + 0.5f) / SHEETS_LIT;
 }
 
-/* |n.v| at the lit points; 0 without a gradient. The square of a gradient that changes linearly is a quadratic form, in
- * Bernstein's form of the squares at both ends and their dot product. */
-INLINE void facings_of(const Gradient *front, const Gradient *back, wf facing[SHEETS_LIT])
+/* |n.v| on the line between the gradients at both ends; 0 without a gradient. Not at the very ends, where a gradient
+ * may begin from nothing. The square of a gradient that changes linearly is a parabola. */
+INLINE void facings_of(const Gradient *front, const Gradient *back, wf facing[FACINGS])
 {
-    const wf both = dot_product(front->in_view, back->in_view), least = wf_of(1e-12f);
-    for (int i = 0; i < SHEETS_LIT; i++) {
-        const float at = lit_at(i), before = 1 - at;
-        const wf square = wf_add(wf_add(wf_times(front->square, before * before), wf_times(both, 2 * at * before)),
-                                 wf_times(back->square, at * at));
-        const wf towards = wf_lerp(front->in_view[2], back->in_view[2], wf_of(at));
-        const wf one = wf_min(wf_mul(wf_abs(towards), wf_inverse_root(wf_max(square, least))), wf_of(1));
-        facing[i] = wf_select(wf_gt(square, least), one, wf_of(0));
+    const wf both = dot_product(front->in_view, back->in_view), to_both = wf_sub(both, front->square),
+             slope = wf_add(to_both, to_both), curvature = wf_sub(wf_sub(back->square, both), to_both),
+             rise = wf_sub(back->in_view[2], front->in_view[2]);
+    for (int i = 0; i < FACINGS; i++) {
+        const wf at = wf_of(i == 0 ? NEAR_END : i == FACINGS - 1 ? 1 - NEAR_END : (float)i / (FACINGS - 1));
+        const wf square = wf_mul_add(wf_mul_add(curvature, at, slope), at, front->square);
+        const wf towards = wf_mul_add(rise, at, front->in_view[2]);
+        facing[i] = wf_min(wf_mul(wf_abs(towards), wf_inverse_root(wf_max(square, wf_of(1e-12f)))), wf_of(1));
     }
 }
 
 /* |n.v|^power at the lit points; side by side, since each is a chain of multiplications. */
-INLINE void highlights_of(const CtsShade *s, const wf facing[SHEETS_LIT], wf highlight[SHEETS_LIT])
+INLINE void highlights_of(const CtsShade *s, const wf all[FACINGS], wf highlight[SHEETS_LIT])
 {
-    wf square[SHEETS_LIT];
+    wf facing[SHEETS_LIT], square[SHEETS_LIT];
+    for (int i = 0; i < SHEETS_LIT; i++)
+        facing[i] = all[2 * i + 1];
     if (s->whole_power > 0) {
         for (int i = 0; i < SHEETS_LIT; i++) {
             highlight[i] = wf_of(1);
@@ -255,13 +261,15 @@ INLINE void shade_slab(const SheetsJob *j, const Gradient *const end[2], const L
 {
     const CtsShade *const shade = j->shade;
     wf colour = wf_of(0), white = wf_of(0), light[SHEETS_LIT], mean_colour;
-    wf facing[SHEETS_LIT], highlight[SHEETS_LIT];
+    wf facing[FACINGS], highlight[SHEETS_LIT];
     facings_of(end[0], end[1], facing);
     highlights_of(shade, facing, highlight);
     for (int i = 0; i < SHEETS_LIT; i++) {
         const wf reached = wf_lerp(open[0], open[1], wf_of(lit_at(i)));
+        const wf ends = wf_times(wf_add(facing[2 * i], facing[2 * i + 2]), 0.5f),
+                 mean = wf_times(wf_add(ends, facing[2 * i + 1]), 0.5f);
         wf one_colour, one_white, none;
-        group_light_terms(shade, facing[i], highlight[i], reached, &one_colour, &one_white);
+        group_light_terms(shade, mean, highlight[i], reached, &one_colour, &one_white);
         if (i == 0)
             group_light_terms(shade, wf_of(0.5f), wf_of(0), reached, &mean_colour, &none);
         colour = wf_mul_add(shares->of[i], one_colour, colour);
@@ -315,6 +323,15 @@ INLINE Gradient gradient_of(const March *m, const Block *b, Corner corner, int s
 {
     const Differences d = differences_of(m, b, corner, sheet);
     return gradient_in_view(m->job->shade, &d);
+}
+
+INLINE Gradient mean_gradient(const Gradient *front, const Gradient *back)
+{
+    Gradient g;
+    for (int i = 0; i < 3; i++)
+        g.in_view[i] = wf_lerp(front->in_view[i], back->in_view[i], wf_of(0.5f));
+    g.square = dot_product(g.in_view, g.in_view);
+    return g;
 }
 
 /* In the middle of a slab: the mean of both sheets where the ray is half way. */

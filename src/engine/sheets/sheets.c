@@ -36,16 +36,23 @@ static int finest_of(CtsEngineLevel level)
     return level >= CTS_LEVEL_HALF_SHEETS ? 0 : 1;
 }
 
+/* True where the errors of slabs are estimated: at level lattice they say little beside those of interpolation, and in
+ * straight views there are none by the field between two sheets. */
+static bool has_slab_errors(CtsEngineLevel level, const SheetsView *view)
+{
+    return level != CTS_LEVEL_LATTICE && !view->straight;
+}
+
 /* The coarser table and near misses are what the errors of slabs are estimated by. */
-static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, CtsEngineLevel level, const SheetsKernels *kernels,
-                             CtsReport *report, CtsError *err)
+static CtsStatus find_tables(SheetsCache *k, const CtsScene *scene, CtsEngineLevel level, const SheetsView *view,
+                             const SheetsKernels *kernels, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    const int finest = finest_of(level), n = level == CTS_LEVEL_LATTICE ? 1 : 2;
+    const int finest = finest_of(level), n = has_slab_errors(level, view) ? 2 : 1;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if (k->transfer.mean && k->transfer.extinction_scale != scene->extinction_scale)
+    if (k->transfer.part && k->transfer.extinction_scale != scene->extinction_scale)
         cts_sheets_transfer_free(&k->transfer);
-    if (!k->transfer.mean &&
+    if (!k->transfer.part &&
         (st = cts_sheets_transfer_init(&k->transfer, scene, scene->model->macrocells->all.high, err)))
         return st;
     for (int i = finest; i < finest + n; i++)
@@ -122,17 +129,18 @@ static double at_least(double least, const CtsScene *scene)
 }
 
 static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, const SheetsKernels *kernels,
-                     const uint16_t *grey, CtsEngineLevel level, const CtsShade *shade)
+                     const SheetsView *view, CtsEngineLevel level, const CtsShade *shade)
 {
     const SheetsOpacity *const finest = &k->opacity[finest_of(level)];
     const bool half = level >= CTS_LEVEL_HALF_SHEETS, lattice = level == CTS_LEVEL_LATTICE;
     *j = (SheetsJob){.scene = scene,
                      .kernels = kernels,
+                     .view = *view,
                      .bins = k->transfer.bins,
                      .opacity = {k->opacity[0].rgba, k->opacity[1].rgba, k->opacity[2].rgba},
                      .light = finest->light,
-                     .near = lattice ? NULL : finest->near,
-                     .mean = (const float(*)[4])k->transfer.mean,
+                     .near = has_slab_errors(level, view) ? finest->near : NULL,
+                     .part = k->transfer.part,
                      .all_depths = scene->view.near_mm == -INFINITY && scene->view.far_mm == INFINITY,
                      .blocks = &k->blocks[scene->view.axis],
                      .half = half,
@@ -142,7 +150,6 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
                      .shade = shade,
                      .open = shade ? scene->openness : NULL,
                      .camera_mm = cts_volume_diagonal_mm(scene->volume) / 2};
-    cts_sheets_view_init(&j->view, &scene->view, grey);
     for (int i = 0; i < 2; i++)
         cts_sheets_grid_init(&j->grid[i], &j->view, i + 1);
 }
@@ -181,19 +188,22 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
 {
     CtsStatus st;
     const uint16_t *grey;
+    SheetsView view;
     const SheetsKernels *const kernels = CTS_CPU_CHOICE(cts_cpu_flags(), &cts_sheets);
     *s = (Session){.level = scene->plan.level ? scene->plan.level : CTS_LEVEL_HALF_SHEETS};
     if ((st = refuse(scene, err)))
         return st;
     if (!(s->cache = cts_scene_cache(scene, sizeof *s->cache, err)))
         return CTS_ERR_MEMORY;
-    if ((st = find_blocks(s->cache, scene, &grey, report, err)) ||
-        (st = find_tables(s->cache, scene, s->level, kernels, report, err)))
+    if ((st = find_blocks(s->cache, scene, &grey, report, err)))
+        return st;
+    cts_sheets_view_init(&view, &scene->view, grey);
+    if ((st = find_tables(s->cache, scene, s->level, &view, kernels, report, err)))
         return st;
     const int p = scene->view.axis, axes[3] = {p == 0 ? 1 : 0, p == 2 ? 1 : 2, p};
     if (scene->preset->shade && (st = cts_shade_init(&s->shade, scene->preset, scene->volume, &scene->view, axes, err)))
         return st;
-    init_job(&s->job, scene, s->cache, kernels, grey, s->level, scene->preset->shade ? &s->shade : NULL);
+    init_job(&s->job, scene, s->cache, kernels, &view, s->level, scene->preset->shade ? &s->shade : NULL);
     return CTS_OK;
 }
 

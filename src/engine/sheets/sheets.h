@@ -43,12 +43,14 @@ typedef struct SheetsBins {
     int grey_low, grey_high; /* nothing is visible at grey levels of grey_low or below, nor at grey_high or above */
 } SheetsBins;
 
-/* Mean extinction per mm and its mean colour on straight lines between two bins. */
+/* Mean extinction per mm, red, green and blue of a quarter of the way from one bin to another, on a straight line, at
+ * [front * 256 + back]. */
+typedef float SheetsPart[4][SHEETS_BINS * SHEETS_BINS + SHEETS_LANES]; /* the rest keeps them off the same cache sets */
+
 typedef struct SheetsTransfer {
     SheetsBins bins;
-    float (*mean)[4];             /* [front * 256 + back]: extinction per mm, red, green, blue */
-    float (*quarter)[SHEETS_LIT]; /* the same index: extinction per mm of each quarter of the way */
-    double extinction_scale;      /* that it was made for */
+    SheetsPart *part;        /* of SHEETS_LIT quarters */
+    double extinction_scale; /* that it was made for */
 } SheetsTransfer;
 
 /* Colour (premultiplied) and opacity of a slab by front and back bin, for one length of rays in it: four numbers of
@@ -87,6 +89,9 @@ typedef struct SheetsView {
     double start_mm, start_right_mm, start_down_mm, start_sheet_mm; /* of a ray where it meets a sheet, likewise */
     double near_mm, far_mm;
     double margin; /* voxels by which shafts are wider than the rays of their pixels */
+    /* Rays run along p, at the same place of every sheet: between two sheets the field is linear along them, as the
+     * tables take it to be, and so are gradients. */
+    bool straight;
 } SheetsView;
 
 /* A grid of pixels, every one or every second, and its groups' lanes. */
@@ -112,7 +117,7 @@ typedef struct SheetsJob {
     const uint64_t *opacity[3]; /* of half a slab, a slab, two slabs */
     const uint32_t *light;      /* of the finest of these in use, */
     const uint16_t *near;       /* likewise; NULL: indicators have no errors of slabs */
-    const float (*mean)[4];     /* SheetsTransfer.mean */
+    const SheetsPart *part;     /* SheetsTransfer.part */
     bool all_depths;            /* rays are marched all along */
     const SheetsVoid *blocks;
     bool half;    /* half-sheets are sampled, too */
@@ -147,10 +152,10 @@ typedef struct SheetsKernels {
     /* Bits of the layers of blocks that may be visible to pixels x[0] to x[1], y[0] to y[1]; of those that `of` has
      * (NULL: all). True where there are any. */
     bool (*find_visible)(const SheetsJob *job, const int x[2], const int y[2], const uint64_t *of, uint64_t *bits);
-    /* Entries first to end - 1 (multiples of 16) of SheetsOpacity.rgba, for slabs of this length. */
-    void (*fill_opacity)(const float (*mean)[4], float length_mm, size_t first, size_t end, uint64_t *rgba);
-    /* The same of SheetsOpacity.light. */
-    void (*fill_light)(const float (*quarter)[SHEETS_LIT], float length_mm, size_t first, size_t end, uint32_t *light);
+    /* Entries first to end - 1 (multiples of 16) of SheetsOpacity.rgba and, where it is not NULL, .light, for slabs of
+     * this length. */
+    void (*fill_slabs)(const SheetsPart *part, float length_mm, size_t first, size_t end, uint64_t *rgba,
+                       uint32_t *light);
 } SheetsKernels;
 #define SHEETS_KERNELS(path) extern const SheetsKernels cts_sheets_##path;
 CTS_EACH_PATH(SHEETS_KERNELS)

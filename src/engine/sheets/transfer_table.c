@@ -1,6 +1,7 @@
 #include "engine/sheets/sheets.h"
 
 #include "base/clamp.h"
+#include "base/compare.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
@@ -11,8 +12,75 @@
 enum { COARSE = 64 };
 /* Metal lies far above the range that presets resolve; bins up to it would be too coarse elsewhere. */
 #define HU_ABOVE 4096.0
+/* Share of the levels with fine bins by which these begin below what is visible, and end above it: a slab's entry is
+ * wrong by half of the bin in front of it. 0.05 to 0.2 leave equal errors. */
+#define MARGIN 0.05
 
-static void init_bins(SheetsBins *l, const CtsScene *scene, int largest_grey)
+/* Extinction, and extinction times each colour, at grey levels with straight lines between, and their integrals from
+ * level 0 on. Beyond the last level nothing changes. */
+typedef struct Integrals {
+    int n;
+    double (*value)[4], (*to)[4];
+} Integrals;
+
+static CtsStatus integrals_init(Integrals *in, const CtsLut *lut, CtsError *err)
+{
+    CtsStatus st;
+    *in = (Integrals){.n = lut->n};
+    if ((st = cts_alloc_array(&in->value, (size_t)in->n, err)) || (st = cts_alloc_zeroed(&in->to, (size_t)in->n, err)))
+        return st;
+    for (int g = 0; g < in->n; g++)
+        for (int c = 0; c < 4; c++) {
+            in->value[g][c] = (double)lut->extinction_per_mm[g] * (c > 0 ? (double)lut->rgb[g][c - 1] : 1);
+            in->to[g][c] = g > 0 ? in->to[g - 1][c] + (in->value[g - 1][c] + in->value[g][c]) / 2 : 0;
+        }
+    return CTS_OK;
+}
+
+static void integrals_free(Integrals *in)
+{
+    cts_free(&in->value);
+    cts_free(&in->to);
+}
+
+static void integrate_to(const Integrals *in, double grey, double integral[4])
+{
+    const int g = cts_smaller_int((int)grey, in->n - 1), next = cts_smaller_int(g + 1, in->n - 1);
+    const double part = grey - g;
+    for (int c = 0; c < 4; c++)
+        integral[c] = in->to[g][c] + part * (in->value[g][c] + part / 2 * (in->value[next][c] - in->value[g][c]));
+}
+
+/* Square of the slope of the quantity that changes most from a level to the next. */
+static double squared_slope(const Integrals *in, int grey)
+{
+    double largest = 0;
+    for (int c = 0; c < 4; c++)
+        largest = fmax(largest, fabs(in->value[grey + 1][c] - in->value[grey][c]));
+    return largest * largest;
+}
+
+/* The level up to which, from `bottom` on, bins are best fine. A bin is wrong by its width times the slope: that
+ * squared, summed over all levels, is least. */
+static double end_of_fine(const Integrals *in, double bottom, double top, double end)
+{
+    double all = 0, below = 0, least = INFINITY, best = top;
+    for (int g = (int)bottom; g + 1 < in->n; g++)
+        all += squared_slope(in, g);
+    for (int g = (int)bottom; g + 1 < in->n && g + 1 <= top; g++) {
+        below += squared_slope(in, g);
+        const double fine = fmax((g + 1 - bottom) / (SHEETS_BINS - 1 - COARSE), 1),
+                     coarse = fmax((bottom + end - (g + 1)) / COARSE, 1),
+                     wrong = fine * fine * below + coarse * coarse * (all - below);
+        if (wrong < least) {
+            least = wrong;
+            best = g + 1;
+        }
+    }
+    return best;
+}
+
+static void init_bins(SheetsBins *l, const CtsScene *scene, const Integrals *in, int largest_grey)
 {
     const CtsLut *const lut = scene->lut;
     cts_lut_visible_levels(lut, &l->grey_low, &l->grey_high);
@@ -20,9 +88,11 @@ static void init_bins(SheetsBins *l, const CtsScene *scene, int largest_grey)
         l->grey_low = -1;
     if (cts_lut_visible(lut, CTS_N_GREY - 1, CTS_N_GREY - 1))
         l->grey_high = CTS_N_GREY;
-    const double top = cts_clamp(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
-    const double bottom = fmax(l->grey_low, 0);
-    const double end = cts_clamp(largest_grey, top, top + HU_ABOVE / scene->volume->hu_step);
+    const double settled = cts_clamp(lut->n - 1, l->grey_low + 1, fmax(largest_grey, l->grey_low + 1));
+    const double end = cts_clamp(largest_grey, settled, settled + HU_ABOVE / scene->volume->hu_step);
+    const double visible = fmax(l->grey_low, 0), fine_to = end_of_fine(in, visible, settled, end);
+    const double levels = fine_to - visible, margin = fmax(MARGIN * levels, (SHEETS_BINS - 1 - COARSE - levels) / 2);
+    const double bottom = fmax(floor(visible - margin), 0), top = fmin(ceil(fine_to + margin), end);
     /* A fine bin a grey level is enough; the coarse ones share what is left. Below a wide visible range they would be
      * the finer ones: then all are of one width. */
     double n_fine = fmin(top - bottom, SHEETS_BINS - 1 - COARSE);
@@ -56,89 +126,86 @@ static void init_bins(SheetsBins *l, const CtsScene *scene, int largest_grey)
         l->last--;
 }
 
-/* Integrals from grey level 0 on of extinction, and of extinction times each colour; straight lines between grey
- * levels.
- */
-typedef struct Integrals {
-    const CtsLut *lut;
-    double (*to)[4];
-} Integrals;
-
-static double value_at(const CtsLut *lut, int grey, int channel)
+/* Means between two levels whose integrals are given: extinction per mm, and its mean colour. One division, as each
+ * takes as long as all the rest. */
+static void mean_between(const double from[4], const double to[4], double per_level, double mean[4])
 {
-    const int g = grey < lut->n - 1 ? grey : lut->n - 1;
-    const double extinction = (double)lut->extinction_per_mm[g];
-    return channel == 0 ? extinction : extinction * (double)lut->rgb[g][channel - 1];
-}
-
-static double integral_to(const Integrals *in, double grey, int channel)
-{
-    const int g = (int)fmin(grey, CTS_N_GREY - 1);
-    const double part = grey - g, low = value_at(in->lut, g, channel);
-    const double high = value_at(in->lut, g < CTS_N_GREY - 1 ? g + 1 : g, channel);
-    return in->to[g][channel] + part * (low + part / 2 * (high - low));
-}
-
-static void fill_integrals(Integrals *in)
-{
-    memset(in->to[0], 0, sizeof in->to[0]);
-    for (int g = 1; g < CTS_N_GREY; g++)
-        for (int c = 0; c < 4; c++)
-            in->to[g][c] = in->to[g - 1][c] + (value_at(in->lut, g - 1, c) + value_at(in->lut, g, c)) / 2;
-}
-
-/* Means between two bins; if both are equal, the slab's grey levels lie anywhere within the bin's width. at_bin:
- * integrals to the bins' middles. */
-static void mean_between(const Integrals *in, const SheetsBins *l, double (*at_bin)[4], int front, int back,
-                         float mean[4], float quarter[SHEETS_LIT])
-{
-    const bool same = front == back || l->grey[front] == l->grey[back];
-    const double from = same ? l->edge[front] : l->grey[front], to = same ? l->edge[front + 1] : l->grey[back];
-    double sum[4], at = at_bin[front][0];
-    for (int c = 0; c < 4; c++)
-        sum[c] = to == from ? value_at(in->lut, (int)from, c)
-                 : same     ? (integral_to(in, to, c) - integral_to(in, from, c)) / (to - from)
-                            : (at_bin[back][c] - at_bin[front][c]) / (to - from);
-    mean[0] = sum[0] > 0 ? (float)sum[0] : 0;
+    const double extinction = to[0] - from[0], per = extinction > 0 ? 1 / extinction : 0;
+    mean[0] = fmax(extinction * per_level, 0);
     for (int c = 1; c < 4; c++) /* never -0, whose sign would be packed into opacity */
-        mean[c] = sum[0] > 0 ? (float)cts_clamp01(sum[c] / sum[0]) : 0;
-    for (int q = 1; q <= SHEETS_LIT; q++) {
-        const double before = at;
-        at = same || q == SHEETS_LIT ? at_bin[back][0] : integral_to(in, from + q * (to - from) / SHEETS_LIT, 0);
-        quarter[q - 1] = same ? mean[0] : (float)fmax((at - before) * SHEETS_LIT / (to - from), 0);
+        mean[c] = cts_clamp01((to[c] - from[c]) * per);
+}
+
+static void set_part(SheetsTransfer *t, int front, int back, int quarter, const double mean[4])
+{
+    for (int c = 0; c < 4; c++)
+        t->part[quarter][c][front * SHEETS_BINS + back] = (float)mean[c];
+}
+
+/* A slab of one bin: its grey levels lie anywhere within the bin's width. */
+static void fill_even(SheetsTransfer *t, const Integrals *in, int front, int back)
+{
+    const double low = t->bins.edge[front], high = fmax(t->bins.edge[front + 1], low + 1e-3);
+    double from[4], to[4], mean[4];
+    integrate_to(in, low, from);
+    integrate_to(in, high, to);
+    mean_between(from, to, 1 / (high - low), mean);
+    for (int q = 0; q < SHEETS_LIT; q++)
+        set_part(t, front, back, q, mean);
+}
+
+/* A slab from one bin to another, and the way back. */
+static void fill_change(SheetsTransfer *t, const Integrals *in, double (*at_bin)[4], int one, int other)
+{
+    const double from = t->bins.grey[one], levels = (t->bins.grey[other] - from) / SHEETS_LIT;
+    const double per_level = 1 / levels;
+    double before[4], after[4], mean[4];
+    memcpy(before, at_bin[one], sizeof before);
+    for (int q = 0; q < SHEETS_LIT; q++) {
+        if (q == SHEETS_LIT - 1)
+            memcpy(after, at_bin[other], sizeof after);
+        else
+            integrate_to(in, from + (q + 1) * levels, after);
+        mean_between(before, after, per_level, mean);
+        set_part(t, one, other, q, mean);
+        set_part(t, other, one, SHEETS_LIT - 1 - q, mean);
+        memcpy(before, after, sizeof before);
     }
+}
+
+static void fill_parts(SheetsTransfer *t, const Integrals *in)
+{
+    const SheetsBins *const l = &t->bins;
+    double at_bin[SHEETS_BINS][4];
+    for (int i = 0; i < SHEETS_BINS; i++)
+        integrate_to(in, l->grey[i], at_bin[i]);
+    for (int i = 0; i <= l->last; i++)
+        for (int j = i < l->first ? l->first : i; j < SHEETS_BINS; j++) {
+            if (l->grey[j] > l->grey[i]) {
+                fill_change(t, in, at_bin, i, j);
+            } else {
+                fill_even(t, in, i, j);
+                fill_even(t, in, j, i);
+            }
+        }
 }
 
 CtsStatus cts_sheets_transfer_init(SheetsTransfer *t, const CtsScene *scene, int largest_grey, CtsError *err)
 {
     CtsStatus st;
-    Integrals in = {.lut = scene->lut};
-    double at_bin[SHEETS_BINS][4];
+    Integrals in;
     *t = (SheetsTransfer){.extinction_scale = scene->extinction_scale};
-    if ((st = cts_alloc_array(&t->mean, (size_t)SHEETS_BINS * SHEETS_BINS, err)) ||
-        (st = cts_alloc_array(&t->quarter, (size_t)SHEETS_BINS * SHEETS_BINS, err)) ||
-        (st = cts_alloc_array(&in.to, CTS_N_GREY, err)))
-        goto end;
-    init_bins(&t->bins, scene, largest_grey);
-    fill_integrals(&in);
-    const SheetsBins *const l = &t->bins;
-    for (int i = 0; i < SHEETS_BINS; i++)
-        for (int c = 0; c < 4; c++)
-            at_bin[i][c] = integral_to(&in, l->grey[i], c);
-    for (int i = 0; i < SHEETS_BINS; i++)
-        for (int j = 0; j < SHEETS_BINS; j++)
-            mean_between(&in, l, at_bin, i, j, t->mean[i * SHEETS_BINS + j], t->quarter[i * SHEETS_BINS + j]);
-end:
-    cts_free(&in.to);
-    if (st)
-        cts_sheets_transfer_free(t);
+    if (!(st = integrals_init(&in, scene->lut, err)) && !(st = cts_alloc_zeroed(&t->part, SHEETS_LIT, err))) {
+        init_bins(&t->bins, scene, &in, largest_grey);
+        fill_parts(t, &in);
+    }
+    integrals_free(&in);
     return st;
 }
 
 void cts_sheets_transfer_free(SheetsTransfer *t)
 {
-    cts_free(&t->mean);
-    cts_free(&t->quarter);
+    cts_free(&t->part);
 }
 
 typedef struct Filling {
@@ -151,11 +218,8 @@ static void fill_some(void *context, int worker, size_t first, size_t end)
 {
     const Filling *const f = context;
     (void)worker;
-    f->kernels->fill_opacity((const float(*)[4])f->transfer->mean, (float)f->opacity->length_mm, first * SHEETS_BINS,
-                             end * SHEETS_BINS, f->opacity->rgba);
-    if (f->opacity->light)
-        f->kernels->fill_light((const float(*)[SHEETS_LIT])f->transfer->quarter, (float)f->opacity->length_mm,
-                               first * SHEETS_BINS, end * SHEETS_BINS, f->opacity->light);
+    f->kernels->fill_slabs(f->transfer->part, (float)f->opacity->length_mm, first * SHEETS_BINS, end * SHEETS_BINS,
+                           f->opacity->rgba, f->opacity->light);
 }
 
 static void fill_near(SheetsOpacity *o)

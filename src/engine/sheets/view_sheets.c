@@ -47,6 +47,7 @@ void cts_sheets_view_init(SheetsView *v, const CtsView *camera, const uint16_t *
         v->down[c] = at[c][2] - at[c][0];
         v->shear[c] = along[c == 0 ? a : b] / along[p];
     }
+    v->straight = llrint(v->shear[0] * 0x1p32) == 0 && llrint(v->shear[1] * 0x1p32) == 0;
     v->margin = margin_of(v, camera->width, camera->height);
     v->start_mm = mm[0];
     v->start_right_mm = mm[1] - mm[0];
