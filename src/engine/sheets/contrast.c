@@ -31,9 +31,13 @@ static ChannelRange column(const float *const row[3], int x)
 /* True if any of n pixels of row y, which has to lie in the strip, is visible. */
 static bool row_visible(const SheetsPatch *p, int y, const int strip[2], int first, int n)
 {
+    enum { STEP = 8 }; /* a branch for each pixel would cost more */
+    const u32x4 *const row = (const u32x4 *)(p->rgba + 4 * (size_t)y * (size_t)p->width);
     u32x4 any = {0};
-    for (int i = first; i < first + n && y >= strip[0] && y < strip[1]; i++)
-        any |= *(const u32x4 *)(p->rgba + 4 * ((size_t)y * (size_t)p->width + (size_t)i));
+    for (int i = first; i < first + n && y >= strip[0] && y < strip[1] && !(any[0] | any[1] | any[2] | any[3]);
+         i += STEP)
+        for (int k = i; k < cts_smaller_int(i + STEP, first + n); k++)
+            any |= row[k];
     return any[0] | any[1] | any[2] | any[3];
 }
 
@@ -63,21 +67,16 @@ static void add_row_contrast(const float *const row[3], int from, int to, int wi
 
 void cts_sheets_add_contrast(const SheetsPatch *p, int x0, int x1, int y0, int y1, const int strip[2])
 {
-    enum { STEP = 32 }; /* pixels that are left out together if they and their neighbours are invisible */
     const size_t row = 4 * (size_t)p->width;
-    for (int x = x0; x < x1 && !CTS_MUTATED(INDICATOR_CONTRAST); x += STEP) {
-        const int end = cts_smaller_int(x + STEP, x1), first = cts_larger_int(x - 1, 0),
-                  n = cts_smaller_int(end + 1, p->width) - first;
-        bool above, here = row_visible(p, y0 - 1, strip, first, n), below = row_visible(p, y0, strip, first, n);
-        for (int y = y0; y < y1; y++) {
-            above = here;
-            here = below;
-            below = row_visible(p, y + 1, strip, first, n);
-            const float *const at = p->rgba + row * (size_t)y;
-            if (above || here || below)
-                add_row_contrast(
-                    (const float *const[]){y > strip[0] ? at - row : at, at, y + 1 < strip[1] ? at + row : at}, x, end,
-                    p->width, p->indicator + row / 4 * (size_t)y);
-        }
+    const int first = cts_larger_int(x0 - 1, 0), n = cts_smaller_int(x1 + 1, p->width) - first;
+    bool above, here = row_visible(p, y0 - 1, strip, first, n), below = row_visible(p, y0, strip, first, n);
+    for (int y = y0; y < y1 && !CTS_MUTATED(INDICATOR_CONTRAST); y++) {
+        above = here;
+        here = below;
+        below = row_visible(p, y + 1, strip, first, n);
+        const float *const at = p->rgba + row * (size_t)y;
+        if (above || here || below)
+            add_row_contrast((const float *const[]){y > strip[0] ? at - row : at, at, y + 1 < strip[1] ? at + row : at},
+                             x0, x1, p->width, p->indicator + row / 4 * (size_t)y);
     }
 }

@@ -18,6 +18,7 @@ typedef struct Picturing {
     const SheetsJob *job;
     SheetsWorker *workers;
     SheetsPatch pixels, lattice;
+    size_t first;             /* of the regions that are rendered together */
     atomic_int *regions_left; /* to render before the contrast of each of the pixels' regions */
 } Picturing;
 
@@ -121,33 +122,40 @@ static void run_regions(const Picturing *p, int worker, const SheetsPatch *patch
         run_region(p, &p->workers[worker], &to, (int)(i % across) * SHEETS_REGION, (int)(i / across) * SHEETS_REGION);
 }
 
-/* Adds the contrast of a region once it and its neighbours are rendered, while they are in the cache. Strip by strip,
- * so that no band depends on another's pixels. */
-static void finish_region(const Picturing *p, int i, int j)
+/* Adds the contrast of a region's last row, or of the others, once the regions that these lie beside are rendered,
+ * while they are in the cache. Strip by strip, so that no band depends on another's pixels. */
+static void finish_rows(const Picturing *p, int i, int j, bool last)
 {
     const SheetsPatch *const to = &p->pixels;
     const int across = regions_along(to->width), x0 = i * SHEETS_REGION, y0 = j * SHEETS_REGION,
-              rows = cts_strip_rows(to->width), first = y0 / rows * rows,
-              strip[2] = {first, cts_smaller_int(first + rows, to->height)};
-    if (i >= 0 && i < across && j >= 0 && y0 < to->height && atomic_fetch_sub(&p->regions_left[j * across + i], 1) == 1)
-        cts_sheets_add_contrast(to, x0, cts_smaller_int(x0 + SHEETS_REGION, to->width), y0,
-                                cts_smaller_int(y0 + SHEETS_REGION, to->height), strip);
+              end = cts_smaller_int(y0 + SHEETS_REGION, to->height), rows = cts_strip_rows(to->width),
+              first = y0 / rows * rows, strip[2] = {first, cts_smaller_int(first + rows, to->height)};
+    if (i >= 0 && i < across && j >= 0 && y0 < to->height &&
+        atomic_fetch_sub(&p->regions_left[2 * (j * across + i) + last], 1) == 1)
+        cts_sheets_add_contrast(to, x0, cts_smaller_int(x0 + SHEETS_REGION, to->width), last ? end - 1 : y0,
+                                last ? end : end - 1, strip);
 }
 
 static void run_pixels(void *context, int worker, size_t first, size_t end)
 {
     const Picturing *const p = context;
     const size_t across = (size_t)regions_along(p->pixels.width);
-    run_regions(p, worker, &p->pixels, first, end);
-    for (size_t region = first; region < end; region++)
-        for (int i = 0; i < 9; i++)
-            finish_region(p, (int)(region % across) + i % 3 - 1, (int)(region / across) + i / 3 - 1);
+    for (size_t region = p->first + first; region < p->first + end; region++) {
+        const int i = (int)(region % across), j = (int)(region / across);
+        run_regions(p, worker, &p->pixels, region, region + 1);
+        for (int beside = i - 1; beside <= i + 1; beside++) {
+            finish_rows(p, beside, j, false);
+            finish_rows(p, beside, j + 1, false);
+            finish_rows(p, beside, j - 1, true);
+            finish_rows(p, beside, j, true);
+        }
+    }
 }
 
 static void run_lattice(void *context, int worker, size_t first, size_t end)
 {
     const Picturing *const p = context;
-    run_regions(p, worker, &p->lattice, first, end);
+    run_regions(p, worker, &p->lattice, p->first + first, p->first + end);
 }
 
 static CtsStatus start_workers(SheetsWorker **workers, const SheetsJob *job, int n_threads, CtsError *err)
@@ -179,6 +187,29 @@ static void end_workers(SheetsWorker **workers, int n_threads, SheetsCounts *tot
     cts_free(workers);
 }
 
+/* Regions first to end - 1 of a patch; p->first: the first of them. */
+static void run_part(Picturing *p, int n_threads, size_t first, size_t end, cts_work_fn run)
+{
+    p->first = first;
+    cts_parallel(n_threads, end - first, 1, run, p);
+}
+
+/* Renders so many rows of regions at a time, each after the points that its pixels lie between: they are in the cache
+ * still. More threads take more rows at a time. */
+static void run_by_rows(Picturing *p, int n_threads)
+{
+    const size_t n = n_regions(&p->pixels), n_points = n_regions(&p->lattice),
+                 across = (size_t)regions_along(p->pixels.width),
+                 points_across = (size_t)regions_along(p->lattice.width), rows = 2 * ((size_t)n_threads / 4 + 1);
+    for (size_t row = 0, done = 0; row * across < n; row += rows) {
+        /* A region of points lies under two of pixels each way, and the next one's first points under their last. */
+        const size_t last = cts_smaller_size((row + rows + 2) / 2 * points_across, n_points);
+        run_part(p, n_threads, done, last, run_lattice);
+        done = last;
+        run_part(p, n_threads, row * across, cts_smaller_size((row + rows) * across, n), run_pixels);
+    }
+}
+
 /* Renders a patch whose depths, if it has any, are infinite. */
 static CtsStatus run_patch(const SheetsJob *job, const SheetsPatch *pixels, int n_threads, SheetsCounts *total,
                            CtsError *err)
@@ -186,15 +217,18 @@ static CtsStatus run_patch(const SheetsJob *job, const SheetsPatch *pixels, int 
     Picturing p = {.job = job, .pixels = *pixels};
     const size_t n = n_regions(pixels), across = (size_t)regions_along(pixels->width);
     CtsStatus st;
-    if ((st = start_workers(&p.workers, job, n_threads, err)) || (st = cts_alloc_array(&p.regions_left, n, err)) ||
+    if ((st = start_workers(&p.workers, job, n_threads, err)) || (st = cts_alloc_array(&p.regions_left, 2 * n, err)) ||
         (job->lattice && (st = cts_sheets_lattice_init(&p.lattice, job, pixels, err))))
         goto end;
-    for (size_t i = 0; i < n; i++)
-        atomic_init(&p.regions_left[i],
-                    (1 + (i % across > 0) + (i % across < across - 1)) * (1 + (i >= across) + (i + across < n)));
+    for (size_t i = 0; i < n; i++) {
+        const int columns = 1 + (i % across > 0) + (i % across < across - 1);
+        atomic_init(&p.regions_left[2 * i], columns * (1 + (i >= across)));
+        atomic_init(&p.regions_left[2 * i + 1], columns * (1 + (i + across < n)));
+    }
     if (job->lattice)
-        cts_parallel(n_threads, n_regions(&p.lattice), 1, run_lattice, &p);
-    cts_parallel(n_threads, n, 1, run_pixels, &p);
+        run_by_rows(&p, n_threads);
+    else
+        run_part(&p, n_threads, 0, n, run_pixels);
     for (size_t i = 0; pixels->depth_mm && i < (size_t)pixels->width * (size_t)pixels->height; i++)
         pixels->depth_mm[i] = (float)(job->camera_mm + (double)pixels->depth_mm[i]);
     st = cts_scene_stopped(job->scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;

@@ -152,12 +152,15 @@ static CtsStatus filter_strip(const PngWriter *w, const CtsPicture *band, const 
     const size_t bpp = (size_t)(w->n_samples * w->sample_bytes), stride = bpp + w->row_bytes;
     const size_t n = (size_t)strip->n_rows;
     uint8_t *rows; /* the one above and the strip's, each behind a pixel of zeros */
-    CtsStatus st = cts_alloc_zeroed(&rows, (n + 1) * stride, NULL);
+    CtsStatus st = cts_alloc_array(&rows, (n + 1) * stride, NULL);
     if (!st)
         st = cts_alloc_array(filtered, n * (1 + w->row_bytes), NULL);
+    if (!st)
+        memset(rows, 0, stride);
     for (size_t r = 0; r < n && !st; r++) {
         uint8_t *const above = rows + r * stride + bpp, *const row = above + stride;
         uint8_t *const to = *filtered + r * (1 + w->row_bytes);
+        memset(row - bpp, 0, bpp);
         *to = r == 0 ? FILTER_SUB : FILTER_PAETH;
         convert_row(w, band, strip->y + (int)r, row);
         filter_paeth(row, above, w->row_bytes, bpp, to + 1);
