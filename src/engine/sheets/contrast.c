@@ -32,11 +32,12 @@ static ChannelRange column(const float *const row[3], int x)
 static bool row_visible(const SheetsPatch *p, int y, const int strip[2], int first, int n)
 {
     enum { STEP = 8 }; /* a branch for each pixel would cost more */
-    const u32x4 *const row = (const u32x4 *)(p->rgba + 4 * (size_t)y * (size_t)p->width);
     u32x4 any = {0};
-    for (int i = first; i < first + n && y >= strip[0] && y < strip[1] && !(any[0] | any[1] | any[2] | any[3]);
-         i += STEP)
-        for (int k = i; k < cts_smaller_int(i + STEP, first + n); k++)
+    if (y < strip[0] || y >= strip[1])
+        return false;
+    const u32x4 *const row = (const u32x4 *)(p->rgba + 4 * ((size_t)y * (size_t)p->width + (size_t)first));
+    for (int i = 0; i < n && !(any[0] | any[1] | any[2] | any[3]); i += STEP)
+        for (int k = i; k < cts_smaller_int(i + STEP, n); k++)
             any |= row[k];
     return any[0] | any[1] | any[2] | any[3];
 }
