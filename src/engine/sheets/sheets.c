@@ -218,6 +218,9 @@ static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
                     (double)j->min_transmittance, j->shade ? "on" : "off", cts_cpu_path_name(cts_cpu_flags()),
                     scene->settings->n_threads);
+    if (j->view.straight)
+        cts_report_skip(report, "errors between sheets", "rays follow axis %d, so that the field is linear there",
+                        j->view.p);
 }
 
 static void report_counts(const SheetsCounts *c, const SheetsVoid *blocks, const CtsScene *scene, double wall_ms,
