@@ -381,7 +381,7 @@ static void sample_some(void *context, int worker, size_t first, size_t end)
 static bool is_met(const Round *r, const Strip *s, const CtsTerms *terms, double share)
 {
     const CtsErrorControl *const c = r->control;
-    const double warned = warned_from(&c->scene);
+    const double warned = fmax(warned_from(&c->scene) - ROUNDING, 0); /* which the reported limit has, too */
     const double pixels = (double)c->scene.view.width * c->scene.view.height, n = (double)(s->end - s->first);
     const CtsTerms all = {terms->sum * pixels / n, terms->squares * pixels / n, terms->largest};
     return cts_terms_limit(&all, term_range(c, s), pixels) <= share * warned * warned - r->error * r->error;
