@@ -1,6 +1,6 @@
 # The timing log: JSON Lines of the promised form, appended, whose stages add up, and no patient in it.
 python=$(command -v python3) || exit 77
-ok render "$data/phantom" --size 200x200 -o a.png --log log --threads 2
+ok render "$data/phantom" --size 200x200 -o a.png --log log --threads 2 --engine tiled
 ok render "$data/phantom" --size 200x200 -o b.png --log log --threads 1 --engine classic --verify 20
 ok render "$data/phantom" --size 20x20 -o c.png --log -
 grep '"event"' err >log2
