@@ -2,6 +2,7 @@
 
 #include "app/job/auto_window.h"
 #include "app/job/montage.h"
+#include "base/compare.h"
 #include "base/cpu.h"
 #include "base/limits.h"
 #include "base/mem.h"
@@ -21,8 +22,9 @@ typedef struct Saturation {
     float most;                   /* the brightest pixel */
 } Saturation;
 
-/* Every EVERY-th pixel is sampled: an odd number, so that samples of rows of even width lie in different columns. */
-enum { EVERY = 7 };
+/* Every seventh pixel is sampled, of a large picture SAMPLES: an odd number, so that samples of rows of even width lie
+ * in different columns. */
+enum { EVERY = 7, SAMPLES = 65536 };
 /* Five grey levels of 255 are indistinguishable from black or white. */
 static const float black = 5.0f / 255, white = 250.0f / 255;
 /* Share of a picture that counts as all of it: a two-hundredth is negligible. */
@@ -35,10 +37,11 @@ static const double fine_mm = 0.2;
 /* Counts a band before its background is behind it, which a projection's counts leave out. */
 static void saturation_add(Saturation *saturation, const CtsPicture *band, const CtsPreset *preset)
 {
-    const size_t n = (size_t)band->width * (size_t)band->height;
+    const size_t n = (size_t)band->width * (size_t)band->height,
+                 every = cts_larger_size((size_t)band->width * (size_t)band->whole_height / SAMPLES | 1, EVERY);
     const bool inverted = band->info.window_low_hu > band->info.window_high_hu;
     Saturation s = *saturation; /* in registers; comparisons, since fmaxf() is a call */
-    for (size_t i = 0; i < n; i += EVERY) {
+    for (size_t i = 0; i < n; i += every) {
         const float *const rgba = &band->pixels[4 * i], behind = preset->background_none ? 0 : 1 - rgba[3];
         float least = INFINITY, most = -INFINITY;
         for (int c = 0; c < 3; c++) {
