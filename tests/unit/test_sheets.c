@@ -315,7 +315,7 @@ static void choice_of_auto(void **state)
     } cases[] = {{"smooth", &skin, 8, CTS_MODE_COMPOSITE, 128, 0, "sheets"},
                  {"a step", &step, 8, CTS_MODE_COMPOSITE, 128, 0, "tiled"},
                  {"mip", &skin, 8, CTS_MODE_MIP, 128, 0, "tiled"},
-                 {"0.09 asked", &skin, 0.09, CTS_MODE_COMPOSITE, 128, 0, "tiled"},
+                 {"0.1 asked", &skin, 0.1, CTS_MODE_COMPOSITE, 128, 0, "tiled"},
                  {"few pixels", &skin, 2, CTS_MODE_COMPOSITE, 99, 0, "tiled"},
                  {"preview of coarse pixels", &skin, 8, CTS_MODE_COMPOSITE, 128, 2.5, "tiled"},
                  {"coarse pixels", &skin, 2, CTS_MODE_COMPOSITE, 128, 2.5, "sheets"}};
