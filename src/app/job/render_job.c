@@ -22,8 +22,8 @@ typedef struct Saturation {
     float most;                   /* the brightest pixel */
 } Saturation;
 
-/* Every seventh pixel is sampled, of a large picture SAMPLES: an odd number, so that samples of rows of even width lie
- * in different columns. */
+/* Step from sample to sample, 7 or, of a large picture, so many that SAMPLES remain, enough for a share of a
+ * two-hundredth: odd, so that samples of rows of even width lie in different columns. */
 enum { EVERY = 7, SAMPLES = 65536 };
 /* Five grey levels of 255 are indistinguishable from black or white. */
 static const float black = 5.0f / 255, white = 250.0f / 255;
