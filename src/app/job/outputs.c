@@ -2,6 +2,8 @@
 
 #include "base/did_you_mean.h"
 #include "base/file.h"
+#include "base/file_bytes.h"
+#include "base/mem.h"
 #include "base/stage_timer.h"
 #include <limits.h>
 #include <stdio.h>
@@ -44,6 +46,14 @@ static OutputName name_of_frame(const CtsOutputs *outputs, int output, int frame
     else
         snprintf(name.text, sizeof name.text, "%.*s-%0*d%s", (int)(dot - path), path, n_digits, frame, dot);
     return name;
+}
+
+bool cts_outputs_hold_frames(const CtsOutputs *outputs)
+{
+    bool any = false;
+    for (int i = 0; i < outputs->n; i++)
+        any |= holds_frames(outputs->paths[i]);
+    return any;
 }
 
 bool cts_outputs_hold_depth(const CtsOutputs *outputs)
@@ -152,9 +162,19 @@ CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, boo
     if (frame == 0 && band->first_row == 0)
         files->first = band->info;
     for (int i = 0; i < files->outputs->n && !st; i++)
-        if (cts_export_format(files->outputs->paths[i])->has_depth != captioned)
+        if (cts_export_format(files->outputs->paths[i])->has_depth != captioned &&
+            !(files->same && !holds_frames(files->outputs->paths[i])))
             st = write_rows(files, i, frame, band, report, err);
     return st;
+}
+
+static CtsStatus tell_watch(const CtsFiles *files, const OutputName *name, int frame, uint64_t bytes, CtsError *err)
+{
+    if (!files->watch->output)
+        return CTS_OK;
+    return files->watch->output(files->watch->context,
+                                files->outputs->rotation && !holds_frames(name->text) ? frame : -1, name->text,
+                                cts_export_format(name->text)->name, bytes, err);
 }
 
 static CtsStatus end_output(CtsFiles *files, int output, int frame, CtsError *err)
@@ -162,11 +182,29 @@ static CtsStatus end_output(CtsFiles *files, int output, int frame, CtsError *er
     uint64_t bytes;
     const OutputName name = name_of_frame(files->outputs, output, frame);
     const CtsStatus st = cts_export_end(&files->exports[output], &bytes, err);
-    if (st || !files->watch->output)
-        return st;
-    return files->watch->output(files->watch->context,
-                                files->outputs->rotation && !holds_frames(name.text) ? frame : -1, name.text,
-                                cts_export_format(name.text)->name, bytes, err);
+    return st ? st : tell_watch(files, &name, frame, bytes, err);
+}
+
+/* The file of the frame with the same view, under this frame's name. */
+static CtsStatus copy_output(CtsFiles *files, int output, int frame, CtsReport *report, CtsError *err)
+{
+    const OutputName name = name_of_frame(files->outputs, output, frame),
+                     earlier = name_of_frame(files->outputs, output, files->same - 1);
+    CtsFileBytes from;
+    CtsTempFile *to = NULL;
+    uint8_t *bytes = NULL;
+    CtsStatus st = cts_file_bytes_open(&from, &(CtsFile){.path = earlier.text, .named = true}, err);
+    if (!st && !(st = cts_alloc_array(&bytes, from.n_bytes, err)) &&
+        !(st = cts_file_bytes_read(&from, bytes, from.n_bytes, 0, err)) && !(st = cts_temp_open(&to, name.text, err)))
+        st = cts_temp_write(to, bytes, from.n_bytes, err);
+    if (!st && files->settings->scratch)
+        cts_temp_do_not_sync(to);
+    if (!st && !(st = cts_temp_commit(&to, files->settings->force, NULL, err)))
+        cts_report_stage(report, CTS_STAGE_EXPORT, 0, 0, 0, from.n_bytes);
+    cts_temp_discard(&to);
+    cts_free(&bytes);
+    cts_file_bytes_close(&from);
+    return st ? st : tell_watch(files, &name, frame, from.n_bytes, err);
 }
 
 CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err)
@@ -174,9 +212,12 @@ CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, Ct
     const CtsStageTimer meter = cts_stage_timer_start(report);
     CtsStatus st = CTS_OK;
     for (int i = 0; i < files->outputs->n && !st; i++) {
+        if (files->same && !holds_frames(files->outputs->paths[i]))
+            st = copy_output(files, i, frame, report, err);
         if (files->exports[i])
             cts_export_error(files->exports[i], &report->bound);
-        if (files->exports[i] && (cts_output_n_frames(files->outputs, i) == 1 || frame == files->outputs->rotation - 1))
+        if (!st && files->exports[i] &&
+            (cts_output_n_frames(files->outputs, i) == 1 || frame == files->outputs->rotation - 1))
             st = end_output(files, i, frame, err);
     }
     cts_stage_timer_stop(meter, report, CTS_STAGE_EXPORT);

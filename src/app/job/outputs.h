@@ -19,6 +19,9 @@ int cts_output_n_frames(const CtsOutputs *outputs, int output);
 /* Its format is DICOM. */
 bool cts_output_is_dicom(const CtsOutputs *outputs, int output);
 
+/* Some output has all frames in one file. */
+bool cts_outputs_hold_frames(const CtsOutputs *outputs);
+
 /* Some output has a place for depth. */
 bool cts_outputs_hold_depth(const CtsOutputs *outputs);
 
@@ -31,6 +34,8 @@ typedef struct CtsFiles {
     const CtsExportSettings *settings;
     const CtsWatch *watch;
     CtsExport **exports;  /* by output: the file being written, or NULL */
+    int same;             /* of the current frame's view: the number of an earlier frame plus 1, or 0. Its files, of
+                             outputs with a file a frame, are copied instead of written again */
     CtsPictureInfo first; /* description of the first frame */
 } CtsFiles;
 

@@ -22,9 +22,10 @@ typedef struct Saturation {
     float most;                   /* the brightest pixel */
 } Saturation;
 
-/* Step from sample to sample, 7 or, of a large picture, so many that SAMPLES remain, enough for a share of a
- * two-hundredth: odd, so that samples of rows of even width lie in different columns. */
-enum { EVERY = 7, SAMPLES = 65536 };
+/* Step from sample to sample, 7 or, of a large picture, so many that SAMPLES remain, of which a two-hundredth are known
+ * to a ninth (each takes a line of memory from far): odd, so that samples of rows of even width lie in different
+ * columns. */
+enum { EVERY = 7, SAMPLES = 16384 };
 /* Five grey levels of 255 are indistinguishable from black or white. */
 static const float black = 5.0f / 255, white = 250.0f / 255;
 /* Share of a picture that counts as all of it: a two-hundredth is negligible. */
@@ -142,7 +143,7 @@ typedef struct Frame {
 
 /* A frame whose view a later frame has. */
 typedef struct KeptFrame {
-    CtsPicture *picture; /* NULL: not kept */
+    CtsPicture *picture; /* for a file of all frames, or the watch; NULL: not kept */
     CtsVerified verified;
     CtsErrorBound bound;
 } KeptFrame;
@@ -240,11 +241,14 @@ static CtsStatus make_frame(CtsRenderer *renderer, Frame *frame, KeptFrame *kept
     CtsReport *const report = frame->report;
     const int n = n_frames_of(job), number = frame->number, first = find_same_view(job, number, 0, number);
     CtsStatus st;
-    if (first < number && kept[first].picture) {
+    const bool keeps = cts_outputs_hold_frames(frame->files->outputs) || frame->files->watch->band;
+    frame->files->same = first < number ? first + 1 : 0;
+    if (first < number && (!keeps || kept[first].picture)) {
         cts_report_skip(report, "rendering again", "frame %d has the view of frame %d", number + 1, first + 1);
         report->verified = kept[first].verified;
         report->bound = kept[first].bound;
-        st = finish_band(frame, kept[first].picture, err);
+        st = keeps ? finish_band(frame, kept[first].picture, err) : stopped(job, err);
+        report_step(frame, frame->files->watch, 1);
         cts_picture_free(&kept[first].picture);
         return st;
     }
@@ -252,7 +256,7 @@ static CtsStatus make_frame(CtsRenderer *renderer, Frame *frame, KeptFrame *kept
     size_t n_kept = 0;
     for (int i = 0; i < number; i++)
         n_kept += kept[i].picture != NULL;
-    if (find_same_view(job, number, number + 1, n) < n && (n_kept + 1) * bytes <= MAX_KEPT_BYTES)
+    if (keeps && find_same_view(job, number, number + 1, n) < n && (n_kept + 1) * bytes <= MAX_KEPT_BYTES)
         frame->keep = &kept[number].picture;
     st = render_frame(renderer, frame, frame->files->watch, err);
     frame->keep = NULL;
