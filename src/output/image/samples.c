@@ -60,6 +60,14 @@ void cts_samples_row8(const CtsPicture *picture, int y, int n_samples, uint8_t *
 {
     const int channels = picture->n_channels;
     const float *p = picture->pixels + (size_t)y * picture->width * channels;
+    if (channels == 4 && (n_samples == 3 || (n_samples == 4 && !picture->has_alpha))) {
+        for (int x = 0; x < picture->width; x++, p += channels, row += n_samples) {
+            for (int c = 0; c < 3; c++)
+                row[c] = cts_round8(p[c]);
+            row[n_samples - 1] = n_samples == 4 ? UINT8_MAX : row[2];
+        }
+        return;
+    }
     for (int x = 0; x < picture->width; x++, p += channels, row += n_samples) {
         const bool straight = n_samples == 4 && channels == 4;
         const double alpha = straight ? p[3] : 1;
