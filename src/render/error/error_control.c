@@ -66,6 +66,9 @@ enum {
     /* Pixels for each that is re-rendered in a prediction. It and AT_LAST hardly matter, either: with a half, twice
      * and four times both, the 24 pictures take 0.99 to 1.01 of the time, single ones with four times up to 1.4. */
     PREDICTED = 2 * AT_LAST,
+    /* Rays of marched groups that cost as much as one that is drawn: the cache has little of what it meets. A few large
+     * errors say little of where others are, and more samples may show that there are none. */
+    SAMPLE_COST = 4,
     SMALL = 1024, /* so many pixels of a picture may be re-rendered in any case */
 };
 
@@ -419,7 +422,7 @@ static bool choose_groups(const Round *r, Strip *s)
     if (!s->samples || s->last_from == 0)
         return false;
     const float from = cts_group_threshold(s->samples, s->n_samples, would_meet, &context);
-    s->marched_from = s->last_from = from < s->last_from ? from : s->last_from / 2;
+    s->marched_from = from < s->last_from ? from : s->last_from / 2;
     return true;
 }
 
@@ -514,7 +517,16 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
-/* Marches the groups that the last round chose, of all strips. */
+/* True where another round of samples costs less than the march of n pixels, which level hybrid counts on, and would
+ * do if its errors were as large in the mean: where few large terms make the limit, not the error itself. */
+static bool samples_instead(const Round *r, const Strip *s, size_t n)
+{
+    const CtsTerms next = {s->terms.sum, s->terms.squares / GROWTH, s->terms.largest / GROWTH};
+    return r->control->scene.plan.level != CTS_LEVEL_HYBRID && r->number + 1 < ROUNDS && has_more(r, s) &&
+           n > SAMPLE_COST * GROWTH * s->n_sampled && is_met(r, s, &next, 1);
+}
+
+/* Marches the groups that the last round chose, of all strips but those that are sampled instead. */
 static CtsStatus march_groups(Round *r, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -524,9 +536,13 @@ static CtsStatus march_groups(Round *r, CtsError *err)
     for (size_t i = 0; i < r->n_strips && !st; i++) {
         Strip *const s = &r->strips[i];
         s->marched = s->open && s->marched_from < INFINITY;
-        if (s->marched && (place || !(st = cts_alloc_array(&place, (size_t)r->band->height * width, err))))
-            n = cts_list_groups(r->band, r->errors, (int)(s->first / width), (int)(s->end / width), s->marched_from,
-                                place, n);
+        if (s->marched && (place || !(st = cts_alloc_array(&place, (size_t)r->band->height * width, err)))) {
+            const size_t listed = cts_list_groups(r->band, r->errors, (int)(s->first / width), (int)(s->end / width),
+                                                  s->marched_from, place, n);
+            s->marched = !samples_instead(r, s, listed - n);
+            n = s->marched ? listed : n;
+            s->last_from = s->marched ? s->marched_from : s->last_from;
+        }
         s->marched_from = INFINITY;
     }
     CtsScene scene = r->control->scene;
