@@ -25,7 +25,8 @@ static void same_bytes(void **state)
                     continue;
                 CtsPreset preset = preset_named(variant & 1 ? "skin" : "bone");
                 CtsRenderSettings s = settings_for(CTS_ENGINE_SHEETS, 61, views[view][0], views[view][1]);
-                s.level = (variant + v) % 3 == 0   ? CTS_LEVEL_LATTICE
+                s.level = (variant + v) % 3 == 0
+                              ? view % 2 ? CTS_LEVEL_AUTO : CTS_LEVEL_LATTICE /* auto: a coarse one */
                           : (variant + v) % 3 == 1 ? CTS_LEVEL_SHEETS
                                                    : CTS_LEVEL_HALF_SHEETS;
                 s.shade = variant & 2 ? CTS_ON : CTS_OFF;
@@ -139,6 +140,39 @@ static void straight_views(void **state)
 
 /* A visible range as wide as all grey levels, and one of few levels above many: each level of the table has its place.
  */
+/* Single voxels of about 70 pixels each, between the points of a lattice, coarse and not: what sheets see of them is
+ * seen, but pixels at edges. */
+static void specks_in_lattice(void **state)
+{
+    CtsVolume *v = random_volume(40, 36, 32, 5);
+    const size_t n_voxels = (size_t)cts_volume_n_voxels(v);
+    memset(v->grey, 0, n_voxels * sizeof *v->grey);
+    for (uint64_t i = 0; i < 40; i++)
+        v->grey[cts_random_bits(i) % n_voxels] = UINT16_MAX;
+    const CtsPreset bone = preset_named("bone");
+    for (int view = 0; view < N_VIEWS; view++)
+        for (int coarse = 0; coarse < 2; coarse++) {
+            CtsRenderSettings s = settings_for(CTS_ENGINE_SHEETS, 260, views[view][0], views[view][1]);
+            s.mm_per_pixel = 0.2 * cts_volume_spacing_mm(v, 0);
+            s.max_error = 100;
+            s.level = CTS_LEVEL_SHEETS;
+            CtsPicture *sheets = render(v, &bone, &s, NULL);
+            s.level = coarse ? CTS_LEVEL_AUTO : CTS_LEVEL_LATTICE;
+            CtsPicture *lattice = render(v, &bone, &s, NULL);
+            int n = 0, n_lost = 0;
+            for (size_t i = 3; i < 4 * (size_t)s.width * (size_t)s.height; i += 4) {
+                n += sheets->pixels[i] > 0.5f;
+                n_lost += sheets->pixels[i] > 0.5f && lattice->pixels[i] < 0.1f;
+            }
+            if (n < 100 || 100 * n_lost > n)
+                fail_msg("view %g,%g, %s lattice: %d of %d pixels of specks are lost", views[view][0], views[view][1],
+                         coarse ? "coarse" : "fine", n_lost, n);
+            cts_picture_free(&sheets);
+            cts_picture_free(&lattice);
+        }
+    cts_volume_free(&v);
+}
+
 static void widths_of_ranges(void **state)
 {
     CtsVolume *v = phantom_head(56, 52, 48, 0);
@@ -402,7 +436,7 @@ int main(void)
         cmocka_unit_test(hybrid_meets_request), cmocka_unit_test(choice_of_auto),
         cmocka_unit_test(march_that_misses),    cmocka_unit_test(depth_of_surfaces),
         cmocka_unit_test(thin_volumes),         cmocka_unit_test(widths_of_ranges),
-        cmocka_unit_test(straight_views),
+        cmocka_unit_test(straight_views),       cmocka_unit_test(specks_in_lattice),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

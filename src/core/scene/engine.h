@@ -16,6 +16,7 @@ typedef struct CtsPlan {
     int samples;          /* sub-sheets per layer; 0: chosen by the engine */
     double max_error;     /* in 1/255 rms; 0: the engine's default */
     CtsEngineLevel level; /* of an engine that has levels (CtsEngine.levels); CTS_LEVEL_AUTO: as max_error needs */
+    bool coarse_lattice;  /* at level lattice every fourth pixel each way is marched first, not every second */
     bool few_rays; /* so few that testing single cells does not pay: probe renderings, the sample that chooses a level,
                       and the sample of another engine's pixels that error control re-renders; not at level hybrid,
                       whose marched groups need the test. Rounding of a ray may depend on it */
@@ -29,7 +30,8 @@ typedef enum CtsPixelOrigin {
     CTS_PIXEL_REFERENCE,    /* re-rendered by error control as a sample */
 } CtsPixelOrigin;
 
-/* Output of an engine for error control (render/error) beside the pixels of a band. Zeroed before it renders. */
+/* Output of an engine for error control (render/error) beside the pixels of a band. Zeroed before it renders, save
+ * indicators of an engine that sets all. */
 typedef struct CtsErrorMap {
     uint8_t *origin;  /* CtsPixelOrigin of each pixel */
     float *indicator; /* of each pixel's error, rms over red, green and blue, at least 0. The larger, the likelier a
@@ -94,9 +96,9 @@ enum { CTS_PROBE_X = 16, CTS_PROBE_Y = 8 };
 /* Rows are defined by the engines, as cts_engine_NAME, and listed in render/engines. */
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
-    /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
-     * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. errors
-     * is NULL where no error control follows; always for an engine without indicator. */
+    /* Fill picture (zeroed unless sets_all; its size, channels and info are set), which may be a band of the view;
+     * premultiplied, over nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only
+     * make the plan. errors is NULL where no error control follows; always for an engine without indicator. */
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
                         CtsError *err);
     /* Renders n pixels of a band, given by their indices in place; off: error estimates. error: requested rms error
@@ -113,6 +115,7 @@ typedef struct CtsEngine {
     unsigned kernels;       /* bit 1 << CtsKernelId */
     unsigned levels;        /* bit 1 << CtsEngineLevel; 0: no levels */
     bool is_reference;      /* the reference: no plan and no error control */
+    bool sets_all;          /* sets every pixel and indicator, whatever they were before */
     bool is_layered;        /* goes through all layers for each band of rows */
     bool skips_void;        /* skips provably invisible voxels */
     bool supports_slabs;    /* can render a part of each ray, as for --slab */

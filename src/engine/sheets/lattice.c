@@ -2,6 +2,7 @@
 
 #include "base/mem.h"
 #include <math.h>
+#include <string.h>
 
 /* Difference of neighbours, in requested errors, from which the pixels between them are marched: bilinear interpolation
  * is off by an eighth of the change of slope, so that a difference of eight requested errors is off by about one; such
@@ -104,24 +105,53 @@ void cts_sheets_lattice_free(SheetsPatch *l)
     cts_free(&l->rgba);
     cts_free(&l->indicator);
     cts_free(&l->depth_mm);
+    cts_free(&l->may_show);
 }
 
-CtsStatus cts_sheets_lattice_init(SheetsPatch *l, const SheetsJob *job, const SheetsPatch *pixels, CtsError *err)
+static CtsStatus alloc_lattice(SheetsPatch *l, size_t n, size_t n_groups, bool with_depth, CtsError *err)
 {
     CtsStatus st;
-    /* One point beyond the last pixel. */
-    *l = (SheetsPatch){.grid = &job->grid[1],
-                       .x0 = pixels->x0,
-                       .y0 = pixels->y0,
-                       .width = pixels->width / 2 + 1,
-                       .height = pixels->height / 2 + 1};
-    const size_t n = (size_t)l->width * (size_t)l->height;
-    if ((st = cts_alloc_zeroed(&l->rgba, 4 * n, err)) || (st = cts_alloc_zeroed(&l->indicator, n + 3, err)) ||
-        (pixels->depth_mm && (st = cts_alloc_array(&l->depth_mm, n, err))))
+    const size_t beyond = 3;
+    if ((st = cts_alloc_array(&l->rgba, 4 * n, err)) || (st = cts_alloc_array(&l->indicator, n + beyond, err)) ||
+        (with_depth && (st = cts_alloc_array(&l->depth_mm, n, err))) ||
+        (st = cts_alloc_array(&l->may_show, n_groups, err)))
         return st;
-    for (size_t i = 0; l->depth_mm && i < n; i++)
-        l->depth_mm[i] = INFINITY;
+    memset(l->indicator + n, 0, beyond * sizeof *l->indicator);
     return CTS_OK;
+}
+
+CtsStatus cts_sheets_lattice_init(SheetsPatch *l, const SheetsPatch *patch, CtsError *err)
+{
+    /* One point beyond the last pixel. */
+    const int width = patch->width / 2 + 1, height = patch->height / 2 + 1;
+    const size_t n = (size_t)width * (size_t)height,
+                 n_groups = (size_t)sheets_groups_along(width) * (size_t)sheets_groups_along(height);
+    CtsStatus st = CTS_OK;
+    if (!l->may_show || width != l->width || height != l->height || !patch->depth_mm != !l->depth_mm) {
+        cts_sheets_lattice_free(l);
+        st = alloc_lattice(l, n, n_groups, patch->depth_mm, err);
+    }
+    l->grid = patch->grid + 1;
+    l->x0 = patch->x0;
+    l->y0 = patch->y0;
+    l->width = width;
+    l->height = height;
+    for (size_t i = 0; !st && l->depth_mm && i < n; i++)
+        l->depth_mm[i] = INFINITY;
+    if (!st)
+        memset(l->may_show, 0, n_groups * sizeof *l->may_show);
+    return st;
+}
+
+bool cts_sheets_is_void(const SheetsPatch *from, int x0, int y0)
+{
+    const int across = sheets_groups_along(from->width), last_x = cts_smaller_int(x0 / 2 + 2, from->width - 1),
+              last_y = cts_smaller_int(y0 / 2 + 2, from->height - 1);
+    bool may_show = !from->grid->dense;
+    for (int j = y0 / 2 / SHEETS_SIDE; j <= last_y / SHEETS_SIDE; j++)
+        for (int i = x0 / 2 / SHEETS_SIDE; i <= last_x / SHEETS_SIDE; i++)
+            may_show |= from->may_show[j * across + i];
+    return !may_show;
 }
 
 bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *from, int x0, int y0, const SheetsJob *job)

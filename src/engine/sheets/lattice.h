@@ -1,21 +1,10 @@
-/* Rectangles of pixels, and level lattice: every second pixel each way is marched. Between four marched ones the others
- * are interpolated, unless these differ by so much that the group of pixels is marched. */
+/* Rectangles of pixels, and level lattice: every second or fourth pixel each way is marched. Between four marched ones
+ * the others are interpolated, from grid to grid, unless these differ by so much that the group is marched. */
 #pragma once
 
 #include "base/compare.h"
 #include "base/simd_fixed.h"
 #include "engine/sheets/sheets.h"
-
-/* A rectangle of pixels, or of every second one each way, whose first is pixel (x0, y0) of the view; rows from the top,
- * one after the other. */
-typedef struct SheetsPatch {
-    const SheetsGrid *grid;
-    int x0, y0, width, height;
-    float *rgba;      /* premultiplied, zeroed before */
-    float *indicator; /* zeroed before */
-    float *depth_mm;  /* from the plane through the view's centre; infinite before, and where nothing is visible; NULL:
-                         not wanted */
-} SheetsPatch;
 
 /* The largest channel of each of four pixels: they are transposed, half by half. */
 static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)
@@ -25,9 +14,10 @@ static inline f32x4 sheets_largest_channels(f32x4 a, f32x4 b, f32x4 c, f32x4 d)
     return f32x4_max(SHUFFLE(ab, cd, 0, 1, 4, 5), SHUFFLE(ab, cd, 2, 3, 6, 7));
 }
 
-/* The lattice of a patch; its points are functions of their place alone, so that no band or tile shows its borders.
- * Indicators of three points are loaded as four. */
-CtsStatus cts_sheets_lattice_init(SheetsPatch *lattice, const SheetsJob *job, const SheetsPatch *pixels, CtsError *err);
+/* The points that a patch is interpolated from, of the next grid; they are functions of their place alone, so that no
+ * band or tile shows its borders. Indicators of three points are loaded as four. lattice: zeroed, or one whose memory
+ * is taken again if it has the size. */
+CtsStatus cts_sheets_lattice_init(SheetsPatch *lattice, const SheetsPatch *patch, CtsError *err);
 void cts_sheets_lattice_free(SheetsPatch *lattice);
 
 #define INLINE static inline __attribute__((always_inline))
@@ -56,11 +46,19 @@ INLINE void sheets_store(SheetsPatch *to, int x0, int y0, const f32x4 rgba[SHEET
         sheets_store_rows(to, at, across, down, rgba, indicator);
 }
 
-/* Interpolates the group at (x0, y0) of a patch. False where it has to be marched: points around it differ too much, or
- * are next to invisible, since bodies smaller than a pixel may lie between them (rays through empty space are cheap).
- */
+/* Groups of a row of a patch. */
+static inline int sheets_groups_along(int n)
+{
+    return (n + SHEETS_SIDE - 1) / SHEETS_SIDE;
+}
+
+/* True if nothing is visible at the points around a group of pixels, nor at any place between them. */
+bool cts_sheets_is_void(const SheetsPatch *lattice, int x0, int y0);
+/* Interpolates the group at (x0, y0) of a patch from its lattice. False where it has to be marched: points around it
+ * differ too much, or are next to invisible and bodies smaller than a pixel may lie between them. */
 bool cts_sheets_interpolate(SheetsPatch *to, const SheetsPatch *lattice, int x0, int y0, const SheetsJob *job);
 
-/* Adds to the indicators of pixels x0 to x1 - 1 of rows y0 to y1 - 1 of a patch a share of their contrast to their
- * neighbours in rows strip[0] to strip[1] - 1. */
+/* Adds to the indicators of pixels x0 to x1 - 1 (x0: of a group's first column) of rows y0 to y1 - 1 of a patch a share
+ * of their contrast to their neighbours in rows strip[0] to strip[1] - 1; where the group was marched and may show
+ * something, since interpolated pixels' indicators have more than that. */
 void cts_sheets_add_contrast(const SheetsPatch *patch, int x0, int x1, int y0, int y1, const int strip[2]);

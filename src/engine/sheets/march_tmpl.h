@@ -320,6 +320,7 @@ INLINE void run_inside(const March *m, const Block *b, SheetSamples *k, const bo
         advance_missed(s, wf_of(0));
         return;
     }
+    m->group->counts->may_show++;
     /* Four copies keep samples in registers: 0.85 of the time with AVX2, unlit. Code that lights slabs is no faster in
      * four copies, and three times as long. */
     if (lit) {
@@ -336,6 +337,7 @@ INLINE void run_inside(const March *m, const Block *b, SheetSamples *k, const bo
 OUTLINE void run_partial(const March *m, const Block *b, const bool half, const bool lit, State *s, SlabShading *light)
 {
     const SheetsJob *const j = m->job;
+    m->group->counts->may_show++;
     for (int i = 0; i < b->n && wmask_any(s->alive); i++) {
         const Clip clip = clip_slab(m, b, i);
         const wmask lanes = wmask_and(s->alive, wf_gt(clip.share, wf_of(0)));

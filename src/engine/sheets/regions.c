@@ -17,9 +17,10 @@ typedef struct SheetsWorker {
 typedef struct Picturing {
     const SheetsJob *job;
     SheetsWorker *workers;
-    SheetsPatch pixels, lattice;
-    size_t first;             /* of the regions that are rendered together */
-    atomic_int *regions_left; /* to render before the contrast of each of the pixels' regions */
+    SheetsPatch patch[SHEETS_GRIDS]; /* the pixels; the points that they are interpolated from; likewise */
+    size_t n_done[SHEETS_GRIDS];     /* regions of each that are rendered */
+    int current;                     /* grid of which regions are being rendered, from n_done[current] on */
+    atomic_int *regions_left;        /* to render before the contrast of each of the pixels' regions */
 } Picturing;
 
 /* A row of a group: four channels of four pixels, transposed. */
@@ -36,13 +37,20 @@ static void take_row(const SheetsPixels *g, int first, f32x4 pixel[4])
     }
 }
 
+static uint8_t *may_show_at(const SheetsPatch *patch, int i, int j)
+{
+    return patch->may_show + j / SHEETS_SIDE * sheets_groups_along(patch->width) + i / SHEETS_SIDE;
+}
+
 static void march_group(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i, int j, const uint64_t *visible)
 {
     SheetsPixels pixels;
     f32x4 rgba[SHEETS_LANES];
     const int pitch = patch->grid->pitch;
     const SheetsGroup group = {p->job, patch->grid, patch->x0 + i * pitch, patch->y0 + j * pitch, visible, &w->counts};
+    const uint64_t before = w->counts.may_show;
     p->job->kernels->march(&group, &pixels);
+    *may_show_at(patch, i, j) = w->counts.may_show > before;
     for (int l = 0; l < SHEETS_LANES; l += SHEETS_SIDE)
         take_row(&pixels, l, rgba + l);
     sheets_store(patch, i, j, rgba, pixels.indicator);
@@ -72,36 +80,54 @@ static bool any_point_visible(const SheetsPatch *lattice, int i0, int j0)
     return false;
 }
 
-/* At level lattice pixels are interpolated where its points allow it: of a tile in which any is visible, visible blocks
- * are found for the first group that has to be marched. */
-static void run_tile(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
+/* Clears those pixels that lie in a patch of so many from (x0, y0) on. */
+static void clear(SheetsPatch *patch, int x0, int y0, int across, int down)
 {
-    const bool refines = p->job->lattice && patch->grid == &p->job->grid[0];
-    bool found = !refines || !any_point_visible(&p->lattice, i0, j0);
+    const size_t n = (size_t)cts_smaller_int(across, patch->width - x0);
+    const int end = cts_smaller_int(y0 + down, patch->height);
+    for (int y = y0; y < end; y++) {
+        const size_t at = (size_t)y * (size_t)patch->width + (size_t)x0;
+        memset(patch->rgba + 4 * at, 0, 4 * n * sizeof *patch->rgba);
+        memset(patch->indicator + at, 0, n * sizeof *patch->indicator);
+    }
+}
+
+/* At level lattice a grid is interpolated where the points of the next one allow it: of a tile in which any is visible,
+ * visible blocks are found for the first group that has to be marched. */
+static void run_tile(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, const SheetsPatch *from, int i0, int j0)
+{
+    bool found = !from || !any_point_visible(from, i0, j0);
     w->counts.tiles++;
     if (found && !find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile)) {
         w->counts.void_tiles++;
+        clear(patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y);
         return;
     }
     for (int j = j0; j < j0 + SHEETS_TILE_Y && j < patch->height; j += SHEETS_SIDE)
         for (int i = i0; i < i0 + SHEETS_TILE_X && i < patch->width; i += SHEETS_SIDE) {
-            if (refines && cts_sheets_interpolate(patch, &p->lattice, i, j, p->job))
-                continue;
-            if (!found)
-                find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile);
-            found = true;
-            march_group(p, w, patch, i, j, w->tile);
+            if (from && cts_sheets_is_void(from, i, j)) {
+                clear(patch, i, j, SHEETS_SIDE, SHEETS_SIDE);
+            } else if (from && cts_sheets_interpolate(patch, from, i, j, p->job)) {
+                *may_show_at(patch, i, j) = patch->grid != &p->job->grid[0];
+            } else {
+                if (!found)
+                    find_visible(p, patch, i0, j0, SHEETS_TILE_X, SHEETS_TILE_Y, w->region, w->tile);
+                found = true;
+                march_group(p, w, patch, i, j, w->tile);
+            }
         }
 }
 
-static void run_region(const Picturing *p, SheetsWorker *w, SheetsPatch *patch, int i0, int j0)
+static void run_region(const Picturing *p, SheetsWorker *w, int grid, int i0, int j0)
 {
-    const int i1 = cts_smaller_int(i0 + SHEETS_REGION, patch->width),
-              j1 = cts_smaller_int(j0 + SHEETS_REGION, patch->height);
-    find_visible(p, patch, i0, j0, SHEETS_REGION, SHEETS_REGION, NULL, w->region);
+    SheetsPatch patch = p->patch[grid];
+    const SheetsPatch *const from = grid < p->job->n_lattices ? &p->patch[grid + 1] : NULL;
+    const int i1 = cts_smaller_int(i0 + SHEETS_REGION, patch.width),
+              j1 = cts_smaller_int(j0 + SHEETS_REGION, patch.height);
+    find_visible(p, &patch, i0, j0, SHEETS_REGION, SHEETS_REGION, NULL, w->region);
     for (int j = j0; j < j1; j += SHEETS_TILE_Y)
         for (int i = i0; i < i1; i += SHEETS_TILE_X)
-            run_tile(p, w, patch, i, j);
+            run_tile(p, w, &patch, from, i, j);
 }
 
 static int regions_along(int n)
@@ -114,19 +140,11 @@ static size_t n_regions(const SheetsPatch *patch)
     return (size_t)regions_along(patch->width) * (size_t)regions_along(patch->height);
 }
 
-static void run_regions(const Picturing *p, int worker, const SheetsPatch *patch, size_t first, size_t end)
-{
-    SheetsPatch to = *patch;
-    const size_t across = (size_t)regions_along(patch->width);
-    for (size_t i = first; i < end && !cts_scene_stopped(p->job->scene); i++)
-        run_region(p, &p->workers[worker], &to, (int)(i % across) * SHEETS_REGION, (int)(i / across) * SHEETS_REGION);
-}
-
 /* Adds the contrast of a region's last row, or of the others, once the regions that these lie beside are rendered,
  * while they are in the cache. Strip by strip, so that no band depends on another's pixels. */
 static void finish_rows(const Picturing *p, int i, int j, bool last)
 {
-    const SheetsPatch *const to = &p->pixels;
+    const SheetsPatch *const to = &p->patch[0];
     const int across = regions_along(to->width), x0 = i * SHEETS_REGION, y0 = j * SHEETS_REGION,
               end = cts_smaller_int(y0 + SHEETS_REGION, to->height), rows = cts_strip_rows(to->width),
               first = y0 / rows * rows, strip[2] = {first, cts_smaller_int(first + rows, to->height)};
@@ -136,26 +154,20 @@ static void finish_rows(const Picturing *p, int i, int j, bool last)
                                 last ? end : end - 1, strip);
 }
 
-static void run_pixels(void *context, int worker, size_t first, size_t end)
+static void run_some(void *context, int worker, size_t first, size_t end)
 {
     const Picturing *const p = context;
-    const size_t across = (size_t)regions_along(p->pixels.width);
-    for (size_t region = p->first + first; region < p->first + end; region++) {
+    const size_t across = (size_t)regions_along(p->patch[p->current].width), before = p->n_done[p->current];
+    for (size_t region = before + first; region < before + end && !cts_scene_stopped(p->job->scene); region++) {
         const int i = (int)(region % across), j = (int)(region / across);
-        run_regions(p, worker, &p->pixels, region, region + 1);
-        for (int beside = i - 1; beside <= i + 1; beside++) {
+        run_region(p, &p->workers[worker], p->current, i * SHEETS_REGION, j * SHEETS_REGION);
+        for (int beside = i - 1; p->current == 0 && beside <= i + 1; beside++) {
             finish_rows(p, beside, j, false);
             finish_rows(p, beside, j + 1, false);
             finish_rows(p, beside, j - 1, true);
             finish_rows(p, beside, j, true);
         }
     }
-}
-
-static void run_lattice(void *context, int worker, size_t first, size_t end)
-{
-    const Picturing *const p = context;
-    run_regions(p, worker, &p->lattice, p->first + first, p->first + end);
 }
 
 static CtsStatus start_workers(SheetsWorker **workers, const SheetsJob *job, int n_threads, CtsError *err)
@@ -187,64 +199,72 @@ static void end_workers(SheetsWorker **workers, int n_threads, SheetsCounts *tot
     cts_free(workers);
 }
 
-/* Regions first to end - 1 of a patch; p->first: the first of them. */
-static void run_part(Picturing *p, int n_threads, size_t first, size_t end, cts_work_fn run)
+/* Renders the pixels' rows of regions before row `end`, after the points that they lie between. */
+static void run_until(Picturing *p, int n_threads, size_t end)
 {
-    p->first = first;
-    cts_parallel(n_threads, end - first, 1, run, p);
-}
-
-/* Renders so many rows of regions at a time, each after the points that its pixels lie between: they are in the cache
- * still. More threads take more rows at a time. */
-static void run_by_rows(Picturing *p, int n_threads)
-{
-    const size_t n = n_regions(&p->pixels), n_points = n_regions(&p->lattice),
-                 across = (size_t)regions_along(p->pixels.width),
-                 points_across = (size_t)regions_along(p->lattice.width), rows = 2 * ((size_t)n_threads / 4 + 1);
-    for (size_t row = 0, done = 0; row * across < n; row += rows) {
-        /* A region of points lies under two of pixels each way, and the next one's first points under their last. */
-        const size_t last = cts_smaller_size((row + rows + 2) / 2 * points_across, n_points);
-        run_part(p, n_threads, done, last, run_lattice);
-        done = last;
-        run_part(p, n_threads, row * across, cts_smaller_size((row + rows) * across, n), run_pixels);
+    size_t ends[SHEETS_GRIDS] = {end};
+    /* A region of points lies under two of pixels each way, and the next one's first points under their last. */
+    for (int i = 1; i <= p->job->n_lattices; i++)
+        ends[i] = ends[i - 1] / 2 + 1;
+    for (p->current = p->job->n_lattices; p->current >= 0; p->current--) {
+        const SheetsPatch *const patch = &p->patch[p->current];
+        size_t *const done = &p->n_done[p->current];
+        const size_t last = cts_smaller_size(ends[p->current] * (size_t)regions_along(patch->width), n_regions(patch));
+        if (last > *done)
+            cts_parallel(n_threads, last - *done, 1, run_some, p);
+        *done = last;
     }
 }
 
-/* Renders a patch whose depths, if it has any, are infinite. */
-static CtsStatus run_patch(const SheetsJob *job, const SheetsPatch *pixels, int n_threads, SheetsCounts *total,
-                           CtsError *err)
+/* Renders a patch whose depths, if it has any, are infinite. lattices: job->n_lattices, as cts_sheets_lattice_init()
+ * takes them. */
+static CtsStatus run_patch(const SheetsJob *job, const SheetsPatch *pixels, SheetsPatch lattices[], int n_threads,
+                           SheetsCounts *total, CtsError *err)
 {
-    Picturing p = {.job = job, .pixels = *pixels};
-    const size_t n = n_regions(pixels), across = (size_t)regions_along(pixels->width);
+    Picturing p = {.job = job, .patch = {*pixels}};
+    const size_t n = n_regions(pixels), across = (size_t)regions_along(pixels->width), down = n / across;
+    /* So many rows of regions at a time: the points between which they lie are in the cache still. More threads take
+     * more. */
+    const size_t rows = job->n_lattices ? 2 * ((size_t)n_threads / 4 + 1) : down;
     CtsStatus st;
     if ((st = start_workers(&p.workers, job, n_threads, err)) || (st = cts_alloc_array(&p.regions_left, 2 * n, err)) ||
-        (job->lattice && (st = cts_sheets_lattice_init(&p.lattice, job, pixels, err))))
+        (st = cts_alloc_zeroed(&p.patch[0].may_show,
+                               (size_t)sheets_groups_along(pixels->width) * (size_t)sheets_groups_along(pixels->height),
+                               err)))
         goto end;
+    for (int i = 0; i < job->n_lattices; i++) {
+        if ((st = cts_sheets_lattice_init(&lattices[i], &p.patch[i], err)))
+            goto end;
+        p.patch[i + 1] = lattices[i];
+    }
     for (size_t i = 0; i < n; i++) {
         const int columns = 1 + (i % across > 0) + (i % across < across - 1);
         atomic_init(&p.regions_left[2 * i], columns * (1 + (i >= across)));
         atomic_init(&p.regions_left[2 * i + 1], columns * (1 + (i + across < n)));
     }
-    if (job->lattice)
-        run_by_rows(&p, n_threads);
-    else
-        run_part(&p, n_threads, 0, n, run_pixels);
+    for (size_t row = rows; row < down + rows; row += rows)
+        run_until(&p, n_threads, row);
     for (size_t i = 0; pixels->depth_mm && i < (size_t)pixels->width * (size_t)pixels->height; i++)
         pixels->depth_mm[i] = (float)(job->camera_mm + (double)pixels->depth_mm[i]);
     st = cts_scene_stopped(job->scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 end:
-    cts_sheets_lattice_free(&p.lattice);
     cts_free(&p.regions_left);
+    cts_free(&p.patch[0].may_show);
     end_workers(&p.workers, n_threads, total);
     return st;
 }
 
-CtsStatus cts_sheets_run(const SheetsJob *job, CtsPicture *picture, float *indicator, SheetsCounts *total,
-                         CtsError *err)
+CtsStatus cts_sheets_run(const SheetsJob *job, CtsPicture *picture, float *indicator, SheetsPatch lattices[],
+                         SheetsCounts *total, CtsError *err)
 {
-    const SheetsPatch pixels = {&job->grid[0],   0,         picture->first_row, picture->width, picture->height,
-                                picture->pixels, indicator, picture->depth_mm};
-    return run_patch(job, &pixels, job->scene->settings->n_threads, total, err);
+    const SheetsPatch pixels = {.grid = &job->grid[0],
+                                .y0 = picture->first_row,
+                                .width = picture->width,
+                                .height = picture->height,
+                                .rgba = picture->pixels,
+                                .indicator = indicator,
+                                .depth_mm = picture->depth_mm};
+    return run_patch(job, &pixels, lattices, job->scene->settings->n_threads, total, err);
 }
 
 /* Tiles of their own, each by one thread. A group tests the blocks of its own rays, whatever tile or region it is part
@@ -263,6 +283,7 @@ static void probe_some(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t tile = first; tile < end; tile++) {
         SheetsCounts counts = {0};
+        SheetsPatch lattices[SHEETS_GRIDS - 1] = {{0}};
         /* Neighbours outside the tile are not rendered: at its border contrast may be larger in the picture. */
         const SheetsPatch pixels = {.grid = &p->job->grid[0],
                                     .x0 = p->corner[tile][0],
@@ -271,9 +292,9 @@ static void probe_some(void *context, int worker, size_t first, size_t end)
                                     .height = SHEETS_TILE_Y,
                                     .rgba = p->rgba[tile * TILE],
                                     .indicator = p->indicator + tile * TILE};
-        memset(pixels.rgba, 0, TILE * sizeof *p->rgba);
-        memset(pixels.indicator, 0, TILE * sizeof *p->indicator);
-        const CtsStatus st = run_patch(p->job, &pixels, 1, &counts, NULL);
+        const CtsStatus st = run_patch(p->job, &pixels, lattices, 1, &counts, NULL);
+        for (int i = 0; i < SHEETS_GRIDS - 1; i++)
+            cts_sheets_lattice_free(&lattices[i]);
         if (st)
             p->failure = st;
     }

@@ -1,4 +1,4 @@
-#include "engine/sheets/sheets.h"
+#include "engine/sheets/lattice.h"
 
 #include "base/clock.h"
 #include "base/cpu.h"
@@ -13,6 +13,7 @@ typedef struct SheetsCache {
     SheetsOpacity opacity[3]; /* of half a slab, a slab, two slabs */
     SheetsVoid blocks[3];     /* by principal axis */
     int blocks_frame[3];      /* frame that they were made for */
+    SheetsPatch lattices[SHEETS_GRIDS - 1];
 } SheetsCache;
 
 static void free_cache(void *cache)
@@ -27,6 +28,8 @@ static void free_cache(void *cache)
         cts_free(&k->opacity[i].near);
         cts_free(&k->blocks[i].bits);
     }
+    for (int i = 0; i < SHEETS_GRIDS - 1; i++)
+        cts_sheets_lattice_free(&k->lattices[i]);
     free(k);
 }
 
@@ -132,7 +135,7 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
                      const SheetsView *view, CtsEngineLevel level, const CtsShade *shade)
 {
     const SheetsOpacity *const finest = &k->opacity[finest_of(level)];
-    const bool half = level >= CTS_LEVEL_HALF_SHEETS, lattice = level == CTS_LEVEL_LATTICE;
+    const bool half = level >= CTS_LEVEL_HALF_SHEETS;
     *j = (SheetsJob){.scene = scene,
                      .kernels = kernels,
                      .view = *view,
@@ -144,14 +147,16 @@ static void init_job(SheetsJob *j, const CtsScene *scene, const SheetsCache *k, 
                      .all_depths = scene->view.near_mm == -INFINITY && scene->view.far_mm == INFINITY,
                      .blocks = &k->blocks[scene->view.axis],
                      .half = half,
-                     .lattice = lattice,
+                     .n_lattices = level != CTS_LEVEL_LATTICE   ? 0
+                                   : scene->plan.coarse_lattice ? 2
+                                                                : 1,
                      .min_transmittance = (float)(half ? MIN_TRANSMITTANCE : at_least(MIN_TRANSMITTANCE, scene)),
                      .min_shaded_weight = (float)(half ? MIN_SHADED_HALF : at_least(MIN_SHADED, scene)),
                      .shade = shade,
                      .open = shade ? scene->openness : NULL,
                      .camera_mm = cts_volume_diagonal_mm(scene->volume) / 2};
-    for (int i = 0; i < 2; i++)
-        cts_sheets_grid_init(&j->grid[i], &j->view, i + 1);
+    for (int i = 0; i < SHEETS_GRIDS; i++)
+        cts_sheets_grid_init(&j->grid[i], &j->view, 1 << i);
 }
 
 static CtsStatus refuse(const CtsScene *scene, CtsError *err)
@@ -255,9 +260,10 @@ static CtsStatus render_sheets(const CtsScene *scene, CtsPicture *picture, CtsEr
         goto end;
     s.job.want_depth = picture->depth_mm;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if (!errors && (st = cts_alloc_zeroed(&own_indicator, (size_t)picture->width * (size_t)picture->height, err)))
+    if (!errors && (st = cts_alloc_array(&own_indicator, (size_t)picture->width * (size_t)picture->height, err)))
         goto end;
-    if (!(st = cts_sheets_run(&s.job, picture, errors ? errors->indicator : own_indicator, &counts, err)))
+    if (!(st = cts_sheets_run(&s.job, picture, errors ? errors->indicator : own_indicator, s.cache->lattices, &counts,
+                              err)))
         report_counts(&counts, s.job.blocks, scene, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_free(&own_indicator);
@@ -282,6 +288,7 @@ const CtsEngine cts_engine_sheets = {
     .render_tiles = render_tiles,
     .indicator = CTS_INDICATOR_ESTIMATE,
     .levels = 1u << CTS_LEVEL_LATTICE | 1u << CTS_LEVEL_SHEETS | 1u << CTS_LEVEL_HALF_SHEETS | 1u << CTS_LEVEL_HYBRID,
+    .sets_all = true,
     .skips_void = true,
     .supports_slabs = true,
     .modes = 1u << CTS_MODE_COMPOSITE,

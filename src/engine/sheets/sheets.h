@@ -26,6 +26,7 @@ enum {
     SHEETS_TILE_Y = 8,                 /* pixels of a tile, which has one mask of visible blocks */
     SHEETS_REGION = 64,                /* pixels each way of what a thread takes at a time */
     SHEETS_BLOCK = CTS_FINE_MACROCELL, /* slabs of a block, which is void or not as a whole */
+    SHEETS_GRIDS = 3,                  /* each has half as many points a row as the one before */
     SHEETS_BINS = 256,                 /* bins of the pre-integrated table */
     SHEETS_LIT = 4,                    /* points of a slab at which it is lit */
     SHEETS_WEIGHT_BITS = 14            /* of footprint weights: a product with 16 bits fits 32 */
@@ -94,17 +95,19 @@ typedef struct SheetsView {
     bool straight;
 } SheetsView;
 
-/* A grid of pixels, every one or every second, and its groups' lanes. */
+/* A grid of pixels, every one, every second or every fourth, and its groups' lanes. */
 typedef struct SheetsGrid {
     int pitch; /* pixels from one to the next */
     int32_t lane[2]
                 [SHEETS_LANES]; /* voxels along a and b from the group's corner, none negative; 16 bits of fraction */
     int64_t corner[2];          /* from its first pixel to its corner; 32 bits of fraction */
+    bool dense;                 /* no voxel lies between the cells that neighbouring points take their samples from */
     int reach[2]; /* voxels along a and b from the corner's on that a group's samples may need, with both neighbours */
 } SheetsGrid;
 
 typedef struct SheetsCounts {
     uint64_t groups, sheets, slabs, lit, tiles, void_tiles;
+    uint64_t may_show; /* blocks that groups have met in which voxels around their samples may be visible */
 } SheetsCounts;
 
 /* Everything a thread needs, read-only. */
@@ -112,7 +115,7 @@ typedef struct SheetsJob {
     const CtsScene *scene;
     const struct SheetsKernels *kernels;
     SheetsView view;
-    SheetsGrid grid[2]; /* every pixel; every second */
+    SheetsGrid grid[SHEETS_GRIDS]; /* every pixel; every second; every fourth */
     SheetsBins bins;
     const uint64_t *opacity[3]; /* of half a slab, a slab, two slabs */
     const uint32_t *light;      /* of the finest of these in use, */
@@ -120,8 +123,8 @@ typedef struct SheetsJob {
     const SheetsPart *part;     /* SheetsTransfer.part */
     bool all_depths;            /* rays are marched all along */
     const SheetsVoid *blocks;
-    bool half;    /* half-sheets are sampled, too */
-    bool lattice; /* every second pixel is marched, and others where these differ */
+    bool half;      /* half-sheets are sampled, too */
+    int n_lattices; /* grids that pixels may be interpolated from, each from the next; those of the last are marched */
     float min_transmittance, min_shaded_weight;
     const CtsShade *shade;   /* NULL: unlit. Its axes are a, b, p */
     const CtsOpenness *open; /* NULL: light reaches everywhere */
@@ -176,9 +179,23 @@ static inline int cts_sheets_words(int n_layers)
     return (n_layers + 63) / 64;
 }
 
-/* Fills the zeroed picture, whose depths are infinite, and the indicators, one a pixel. */
-CtsStatus cts_sheets_run(const SheetsJob *job, CtsPicture *picture, float *indicator, SheetsCounts *total,
-                         CtsError *err);
+/* A rectangle of pixels, or of every second or fourth one each way, whose first is pixel (x0, y0) of the view; rows
+ * from the top, one after the other. */
+typedef struct SheetsPatch {
+    const SheetsGrid *grid;
+    int x0, y0, width, height;
+    float *rgba; /* premultiplied */
+    float *indicator;
+    float *depth_mm;   /* from the plane through the view's centre; infinite before, and where nothing is visible; NULL:
+                          not wanted */
+    uint8_t *may_show; /* of each group: whether anything may be visible at its points, or between them if the grid is
+                          dense; of pixels, 0 where they are interpolated, too */
+} SheetsPatch;
+
+/* Fills the picture, whose depths are infinite, and the indicators, one a pixel. lattices: job->n_lattices, as
+ * cts_sheets_lattice_init() takes them. */
+CtsStatus cts_sheets_run(const SheetsJob *job, CtsPicture *picture, float *indicator, SheetsPatch lattices[],
+                         SheetsCounts *total, CtsError *err);
 /* As CtsEngine.render_tiles. */
 CtsStatus cts_sheets_probe(const SheetsJob *job, const int (*corner)[2], size_t n, float (*rgba)[4], float *indicator,
                            CtsError *err);

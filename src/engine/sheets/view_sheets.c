@@ -58,6 +58,7 @@ void cts_sheets_view_init(SheetsView *v, const CtsView *camera, const uint16_t *
 void cts_sheets_grid_init(SheetsGrid *g, const SheetsView *view, int pitch)
 {
     g->pitch = pitch;
+    g->dense = true;
     for (int c = 0; c < 2; c++) {
         int32_t least = 0, most = 0;
         for (int l = 0; l < SHEETS_LANES; l++) {
@@ -71,5 +72,6 @@ void cts_sheets_grid_init(SheetsGrid *g, const SheetsView *view, int pitch)
         }
         g->corner[c] = (int64_t)least * 65536;
         g->reach[c] = ((most + 65535) >> 16) + 2;
+        g->dense &= pitch * (fabs(view->right[c]) + fabs(view->down[c])) <= 2;
     }
 }

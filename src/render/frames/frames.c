@@ -155,6 +155,12 @@ CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsModel *model, const 
     return st;
 }
 
+static void free_errors(CtsRenderer *r)
+{
+    cts_free(&r->errors.origin);
+    cts_free(&r->errors.indicator);
+}
+
 void cts_render_end(CtsRenderer **renderer)
 {
     CtsRenderer *r = *renderer;
@@ -169,6 +175,8 @@ void cts_render_end(CtsRenderer **renderer)
     r->quantised.body = NULL;
     cts_model_free(&r->quantised);
     cts_macrocells_free(&r->own_macrocells);
+    cts_picture_free(&r->band);
+    free_errors(r);
     free(r);
     *renderer = NULL;
 }
@@ -423,6 +431,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
         else if (choice.level == CTS_LEVEL_AUTO)
             choice.level = finest_level(r->engine);
         scene->plan.level = choice.level;
+        scene->plan.coarse_lattice = choice.coarse_lattice;
     } else if (is_auto && r->why_march) {
         cts_report_plan(report, "engine auto: %s, as %s", r->engine->name, r->why_march);
     }
@@ -465,13 +474,42 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsRenderer *r, const double view_deg
     return CTS_OK;
 }
 
+/* A picture of a frame's size, zeroed unless the engine sets all: the renderer's, or a new one. */
+static CtsStatus empty_band(const CtsFrame *frame, int n_rows, CtsPicture **picture, CtsError *err)
+{
+    CtsRenderer *const r = frame->renderer;
+    const CtsRenderSettings *const s = frame->store.scene.settings;
+    if (!r->band || r->band->width != s->width || r->band->height != n_rows)
+        return cts_picture_new(picture, s->width, n_rows, 4, err);
+    *picture = r->band;
+    r->band = NULL;
+    (*picture)->has_alpha = true;
+    if (!cts_engine(frame->engine_id)->sets_all)
+        memset((*picture)->pixels, 0, 4 * (size_t)s->width * (size_t)n_rows * sizeof *(*picture)->pixels);
+    return CTS_OK;
+}
+
+void cts_frame_return(CtsFrame *frame, CtsPicture **band)
+{
+    CtsRenderer *const r = frame->renderer;
+    if (!*band || !(*band)->pixels) {
+        cts_picture_free(band);
+        return;
+    }
+    cts_picture_free(&r->band);
+    cts_free(&(*band)->depth_mm);
+    cts_free(&(*band)->bound);
+    r->band = *band;
+    *band = NULL;
+}
+
 /* Rows of the picture to be, empty. */
 static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsPicture **picture, CtsError *err)
 {
     const CtsScene *scene = &frame->store.scene;
     const CtsRenderSettings *s = scene->settings;
     CtsStatus st;
-    if ((st = cts_picture_new(picture, s->width, n_rows, 4, err)))
+    if ((st = empty_band(frame, n_rows, picture, err)))
         return st;
     (*picture)->first_row = first_row;
     (*picture)->whole_height = s->height;
@@ -486,11 +524,25 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     return CTS_OK;
 }
 
-static CtsStatus new_error_map(CtsErrorMap *errors, const CtsPicture *band, CtsError *err)
+/* The renderer's error map, as an engine gets it. */
+static CtsStatus find_errors(const CtsFrame *frame, const CtsPicture *band, CtsErrorMap **errors, CtsError *err)
 {
+    CtsRenderer *const r = frame->renderer;
     const size_t n = (size_t)band->width * (size_t)band->height;
-    const CtsStatus st = cts_alloc_zeroed(&errors->origin, n, err);
-    return st ? st : cts_alloc_zeroed(&errors->indicator, n, err);
+    CtsStatus st;
+    *errors = &r->errors;
+    r->errors.interpolation = (CtsTerms){0};
+    if (n == r->n_errors && r->errors.indicator) {
+        memset(r->errors.origin, 0, n);
+        if (!cts_engine(frame->engine_id)->sets_all)
+            memset(r->errors.indicator, 0, n * sizeof *r->errors.indicator);
+        return CTS_OK;
+    }
+    free_errors(r);
+    r->n_errors = n;
+    if ((st = cts_alloc_zeroed(&r->errors.origin, n, err)) || (st = cts_alloc_zeroed(&r->errors.indicator, n, err)))
+        free_errors(r);
+    return st;
 }
 
 /* True where the frame's engine indicates errors, which error control corrects. */
@@ -509,28 +561,26 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
 {
     const CtsEngine *const engine = cts_engine(frame->engine_id);
     const CtsScene *const scene = &frame->store.scene;
-    CtsErrorMap errors = {0};
+    CtsErrorMap *errors = NULL;
     *band = NULL;
     CtsStatus st = new_band(frame, first_row, n_rows, band, err);
     if (!st && is_controlled(frame))
-        st = new_error_map(&errors, *band, err);
+        st = find_errors(frame, *band, &errors, err);
     if (!st)
-        st = engine->render(scene, *band, errors.indicator ? &errors : NULL, report, err);
-    if (CTS_INVARIANTS && !st && errors.indicator)
+        st = engine->render(scene, *band, errors, report, err);
+    if (CTS_INVARIANTS && !st && errors)
         for (size_t i = 0; i < (size_t)(*band)->width * (size_t)(*band)->height; i++)
-            CTS_INVARIANT(errors.indicator[i] >= 0);
-    if (!st && errors.indicator)
-        st = cts_error_control_enforce(&frame->error_control, *band, &errors, err);
+            CTS_INVARIANT(errors->indicator[i] >= 0);
+    if (!st && errors)
+        st = cts_error_control_enforce(&frame->error_control, *band, errors, err);
     if (st)
         cts_picture_free(band);
     else
-        cts_verify_take(&frame->verify, *band, errors.indicator);
-    if (!st && engine->indicator == CTS_INDICATOR_BOUND) {
-        (*band)->bound = errors.indicator;
-        errors.indicator = NULL;
+        cts_verify_take(&frame->verify, *band, errors ? errors->indicator : NULL);
+    if (!st && engine->indicator == CTS_INDICATOR_BOUND && errors) {
+        (*band)->bound = errors->indicator;
+        errors->indicator = NULL;
     }
-    cts_free(&errors.origin);
-    cts_free(&errors.indicator);
     return st;
 }
 

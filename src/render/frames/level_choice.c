@@ -8,7 +8,7 @@
 #include <math.h>
 
 enum {
-    PROBES = 8, /* tiles in each direction, fewer of a small picture's height: */
+    PROBES = 8, /* tiles in each direction, half as many in a preview's height, fewer in a small picture's: */
     PIXELS_PER_ROW =
         32768, /* of so many pixels one row of tiles, whose rendering then takes a thirty-second of theirs */
     SIDE = 4,  /* of SIDE x SIDE pixels of a tile one is compared */
@@ -24,13 +24,18 @@ enum {
  * in sum, but a speck that no sample sees, wrong by 8/255 in one pixel, is more than a limit then (engine/TRIED.md). */
 #define MIN_REQUESTED 0.25
 /* Requested error, in 1/255, below which level lattice is not tried: more than half of the groups of a head would be
- * marched and not interpolated, and it would cost more than sheets. */
+ * marched and not interpolated, and it would cost more than sheets. A coarse lattice has points twice as far apart,
+ * which differ by twice as much. */
 #define MIN_LATTICE 3.0
+#define MIN_COARSE_LATTICE (2 * MIN_LATTICE)
 
-/* Share of the requested error up to which a probe's limit is trusted: a level that then misses costs the march of many
- * groups, up to 3 times a picture's time, the next one half as much again. It matters seldom: 0.97 of the time at 8/255
- * requested, 1.0 at 0.5 (mean of 30 views of five series). */
-#define SUFFICIENT 0.9
+/* Shares of the requested error up to which a probe's limit is trusted: a level that then misses costs the march of
+ * many groups, up to 3 times a picture's time, the next one half as much again. Of 160 pictures of four series sheets
+ * had a limit between 0.7 and 0.9 in 16, and missed in 12: with 0.7 all take 0.97 of the time. The errors of a lattice
+ * are large in few pixels, which a probe seldom sees. */
+#define SUFFICIENT_LATTICE 0.5
+#define SUFFICIENT_SHEETS 0.7
+#define SUFFICIENT_HALF_SHEETS 0.9
 
 /* Number of pixels below which tables, blocks and probes of a level (14 to 20 ms) cost more than it saves: the march of
  * 96 x 96 pixels takes 0.7 to 0.95 of the time, that of 160 x 160 as much (measured on heads and a chest). */
@@ -81,7 +86,10 @@ static void place_probe(Probe *p)
     const CtsView *const v = &p->scene->view;
     const int across = (v->width + CTS_PROBE_X - 1) / CTS_PROBE_X, down = (v->height + CTS_PROBE_Y - 1) / CTS_PROBE_Y;
     const int64_t pixels = (int64_t)v->width * v->height, wanted = pixels / PIXELS_PER_ROW;
-    const int rows = wanted < 1 ? 1 : wanted > PROBES ? PROBES : (int)wanted;
+    const int most = cts_scene_requested_error(p->scene) < MIN_PREVIEW ? PROBES : PROBES / 2, rows = wanted < 1 ? 1
+                                                                                                     : wanted > most
+                                                                                                         ? most
+                                                                                                         : (int)wanted;
     for (int cell = 0; cell < PROBES * rows; cell++) {
         const int i = cell % PROBES, j = cell / PROBES;
         const int x0 = i * across / PROBES, nx = (i + 1) * across / PROBES - x0;
@@ -139,17 +147,31 @@ static CtsStatus predict(const Probe *p, bool hybrid, double *limit, size_t *n_m
     return CTS_OK;
 }
 
+/* The tries, the cheapest first. */
+static const struct Try {
+    CtsEngineLevel level;
+    bool coarse_lattice;
+    double least;      /* requested error, in 1/255 */
+    double sufficient; /* share of it up to which the limit is trusted */
+} tries[] = {{CTS_LEVEL_LATTICE, true, MIN_COARSE_LATTICE, SUFFICIENT_LATTICE},
+             {CTS_LEVEL_LATTICE, false, MIN_LATTICE, SUFFICIENT_LATTICE},
+             {CTS_LEVEL_SHEETS, false, 0, SUFFICIENT_SHEETS},
+             {CTS_LEVEL_HALF_SHEETS, false, 0, SUFFICIENT_HALF_SHEETS},
+             {CTS_LEVEL_HYBRID, false, 0, 0}};
+enum { N_TRIES = sizeof tries / sizeof *tries };
+
 static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *engine, CtsError *err)
 {
+    const double requested = cts_scene_requested_error(p->scene);
     CtsScene scene = *p->scene;
-    for (int level = CTS_LEVEL_AUTO + 1; level < CTS_N_LEVELS; level++) {
+    for (const struct Try *try = tries; try < tries + N_TRIES; try++) {
         CtsStatus st = CTS_OK;
         size_t n_marched = 0;
-        const bool hybrid = level == CTS_LEVEL_HYBRID; /* its tiles are those of half-sheets */
-        if (!(engine->levels >> level & 1) ||
-            (level == CTS_LEVEL_LATTICE && 255 * cts_scene_requested_error(p->scene) < MIN_LATTICE))
+        const bool hybrid = try->level == CTS_LEVEL_HYBRID; /* its tiles are those of half-sheets */
+        if (!(engine->levels >> try->level & 1) || 255 * requested < try->least)
             continue;
-        scene.plan.level = (CtsEngineLevel)level;
+        scene.plan.level = try->level;
+        scene.plan.coarse_lattice = try->coarse_lattice;
         if (!hybrid)
             st = engine->render_tiles(&scene, (const int(*)[2])p->corner, p->n_tiles, p->rgba, p->indicator, err);
         if (st)
@@ -158,9 +180,9 @@ static CtsStatus try_levels(Probe *p, CtsLevelChoice *choice, const CtsEngine *e
         choice->n_tried++;
         if ((st = predict(p, hybrid, &choice->limit, &n_marched, err)))
             return st;
-        if (hybrid ? n_marched * MARCHED_ONE_IN <= p->n_visible
-                   : choice->limit <= SUFFICIENT * cts_scene_requested_error(p->scene)) {
-            choice->level = (CtsEngineLevel)level;
+        if (hybrid ? n_marched * MARCHED_ONE_IN <= p->n_visible : choice->limit <= try->sufficient * requested) {
+            choice->level = try->level;
+            choice->coarse_lattice = try->coarse_lattice;
             return CTS_OK;
         }
     }

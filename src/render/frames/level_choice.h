@@ -10,6 +10,7 @@
 
 typedef struct CtsLevelChoice {
     CtsEngineLevel level; /* CTS_LEVEL_AUTO: no level will do */
+    bool coarse_lattice;  /* CtsPlan.coarse_lattice */
     int n_tried;
     bool march_misses; /* what the probe asks of it, so that nothing is tried */
     size_t n_pixels;   /* of the probe */

@@ -62,7 +62,7 @@ static CtsStatus render_band(CtsFrame *frame, int first_row, int n_rows, const C
         report->voxels = before;
     if (!st)
         st = sink->take(sink->context, band, err);
-    cts_picture_free(&band);
+    cts_frame_return(frame, &band);
     return st;
 }
 
