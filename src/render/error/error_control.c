@@ -131,7 +131,7 @@ typedef struct Round {
     const CtsErrorControl *control;
     CtsPicture *band;
     CtsErrorMap *errors;
-    double error;     /* of re-rendered pixels, rms; 0: reference precision */
+    double error;     /* requested of re-rendered pixels, rms; 0: reference precision */
     double small;     /* share of a small picture that may be re-rendered in any case */
     double one_in;    /* one pixel of so many is re-rendered where the indicators equal the requested error */
     Squares *squares; /* of this round, for each DRAWN_TOGETHER pixels of the band */
@@ -172,6 +172,14 @@ static double error_of_march(const CtsErrorControl *c)
     return c->march == c->engine || c->has_opacity_step || pixels <= SMALL
                ? 0
                : RERENDERED * cts_scene_requested_error(&c->scene);
+}
+
+/* The same as it counts: as requested, or twice what few pixels of the probe showed, but a quarter of the request in
+ * any case. Where errors are independent of the march's, the measured ones hold them already. */
+static double counted_error_of_march(const CtsErrorControl *c)
+{
+    const double requested = error_of_march(c);
+    return c->march_error > 0 ? fmin(fmax(2 * c->march_error, requested / 4), requested) : requested;
 }
 
 /* Limit of the picture's error from which a warning is due. */
@@ -385,9 +393,10 @@ static bool is_met(const Round *r, const Strip *s, const CtsTerms *terms, double
 {
     const CtsErrorControl *const c = r->control;
     const double warned = fmax(warned_from(&c->scene) - ROUNDING, 0); /* which the reported limit has, too */
-    const double pixels = (double)c->scene.view.width * c->scene.view.height, n = (double)(s->end - s->first);
+    const double pixels = (double)c->scene.view.width * c->scene.view.height, n = (double)(s->end - s->first),
+                 march = counted_error_of_march(c);
     const CtsTerms all = {terms->sum * pixels / n, terms->squares * pixels / n, terms->largest};
-    return cts_terms_limit(&all, term_range(c, s), pixels) <= share * warned * warned - r->error * r->error;
+    return cts_terms_limit(&all, term_range(c, s), pixels) <= share * warned * warned - march * march;
 }
 
 /* Part of a strip that rounds may re-render. */
@@ -758,7 +767,7 @@ end:
 
 double cts_error_control_rmse(const CtsErrorControl *c)
 {
-    const double march = error_of_march(c);
+    const double march = counted_error_of_march(c);
     const CtsTermRange any = {ASSUMED, 0, INFINITY};
     return ROUNDING + sqrt(march * march + cts_terms_limit(&c->terms, c->range, (double)c->n_pixels) +
                            cts_terms_limit(&c->interpolation, any, (double)c->n_pixels));

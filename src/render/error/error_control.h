@@ -44,6 +44,7 @@ typedef struct CtsErrorControl {
     bool marches_groups;     /* before that, their groups of pixels with large indicators are (marched_groups.h) */
     bool has_opacity_step;   /* of the preset: the march meets a request only on average there, and pixels are
                               * re-rendered with reference precision */
+    double march_error;      /* of re-rendered pixels, as the probe found it, rms; 0: not known */
     uint64_t n_pixels;       /* of the bands so far */
     uint64_t n_rerendered;   /* of them */
     uint64_t n_interpolated; /* of them */

@@ -426,6 +426,7 @@ static CtsStatus choose_level(CtsFrame *frame, CtsReport *report, CtsError *err)
             return st;
         report_level(r->engine, &choice, scene, report);
         control->whole_strips = true;
+        control->march_error = choice.march_error;
         if (choice.level == CTS_LEVEL_AUTO && is_auto)
             frame->engine_id = march;
         else if (choice.level == CTS_LEVEL_AUTO)
