@@ -215,8 +215,9 @@ static CtsStatus begin(Session *s, const CtsScene *scene, CtsReport *report, Cts
 static void plan(const Session *s, const CtsScene *scene, CtsReport *report)
 {
     const SheetsJob *const j = &s->job;
-    cts_report_plan(report, "engine sheets, level %s: %d sheets across axis %d, groups of %d x %d pixels",
-                    cts_engine_level_names[s->level], j->view.n[2], j->view.p, SHEETS_SIDE, SHEETS_SIDE);
+    cts_report_plan(report, "engine sheets, level %s%s: %d sheets across axis %d, groups of %d x %d pixels",
+                    cts_engine_level_names[s->level], j->n_lattices > 1 ? " of every fourth pixel" : "", j->view.n[2],
+                    j->view.p, SHEETS_SIDE, SHEETS_SIDE);
     cts_report_plan(report, "footprint: tent, windows of %d x %d voxels; slabs of %.3g mm by a table of %d x %d bins",
                     j->grid[0].reach[0], j->grid[0].reach[1], j->view.slab_mm / (j->half ? 2 : 1), SHEETS_BINS,
                     SHEETS_BINS);
