@@ -149,22 +149,29 @@ static void specks_in_lattice(void **state)
     memset(v->grey, 0, n_voxels * sizeof *v->grey);
     for (uint64_t i = 0; i < 40; i++)
         v->grey[cts_random_bits(i) % n_voxels] = UINT16_MAX;
-    const CtsPreset bone = preset_named("bone");
+    /* Odd views show the middle of each, a third as wide and steep, in a haze. */
+    CtsPreset presets[2] = {preset_named("bone"), preset_named("bone")};
+    presets[1].n_opacity = 4;
+    presets[1].opacity[0] = (CtsOpacityPoint){-1000, 0};
+    presets[1].opacity[1] = (CtsOpacityPoint){0, 0.02};
+    presets[1].opacity[2] = (CtsOpacityPoint){30000, 0.02};
+    presets[1].opacity[3] = (CtsOpacityPoint){36000, 0.9};
     for (int view = 0; view < N_VIEWS; view++)
         for (int coarse = 0; coarse < 2; coarse++) {
+            const CtsPreset *const preset = &presets[view % 2];
             CtsRenderSettings s = settings_for(CTS_ENGINE_SHEETS, 260, views[view][0], views[view][1]);
             s.mm_per_pixel = 0.2 * cts_volume_spacing_mm(v, 0);
             s.max_error = 100;
             s.level = CTS_LEVEL_SHEETS;
-            CtsPicture *sheets = render(v, &bone, &s, NULL);
+            CtsPicture *sheets = render(v, preset, &s, NULL);
             s.level = coarse ? CTS_LEVEL_AUTO : CTS_LEVEL_LATTICE;
-            CtsPicture *lattice = render(v, &bone, &s, NULL);
+            CtsPicture *lattice = render(v, preset, &s, NULL);
             int n = 0, n_lost = 0;
             for (size_t i = 3; i < 4 * (size_t)s.width * (size_t)s.height; i += 4) {
                 n += sheets->pixels[i] > 0.5f;
                 n_lost += sheets->pixels[i] > 0.5f && lattice->pixels[i] < 0.1f;
             }
-            if (n < 100 || 100 * n_lost > n)
+            if (n < 100 || (view % 2 ? 10 : 100) * n_lost > n)
                 fail_msg("view %g,%g, %s lattice: %d of %d pixels of specks are lost", views[view][0], views[view][1],
                          coarse ? "coarse" : "fine", n_lost, n);
             cts_picture_free(&sheets);
