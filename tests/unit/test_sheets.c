@@ -259,6 +259,7 @@ static void bands_and_rotations(void **state)
             const CtsBandSink sink = {take_rows, &rows, .max_rows = 64};
             CtsRenderer *renderer = NULL;
             CtsError err = {0};
+            s.rotation_frames = 2; /* whose memory is used again */
             assert_int_equal(cts_render_begin(&renderer, MODEL_OF(v), &bone, &s, &err), CTS_OK);
             for (int turn = 0; turn < 2; turn++) { /* first another side, then this one */
                 rows.n = 0;

@@ -10,10 +10,10 @@
 /* Data that depend on volume and preset only: computed for the first frame that needs them, and cached. */
 typedef struct SheetsCache {
     SheetsTransfer transfer;
-    SheetsOpacity opacity[3]; /* of half a slab, a slab, two slabs */
-    SheetsVoid blocks[3];     /* by principal axis */
-    int blocks_frame[3];      /* frame that they were made for */
-    SheetsPatch lattices[SHEETS_GRIDS - 1];
+    SheetsOpacity opacity[3];               /* of half a slab, a slab, two slabs */
+    SheetsVoid blocks[3];                   /* by principal axis */
+    int blocks_frame[3];                    /* frame that they were made for */
+    SheetsPatch lattices[SHEETS_GRIDS - 1]; /* of a rotation, for the next frame */
 } SheetsCache;
 
 static void free_cache(void *cache)
@@ -269,6 +269,8 @@ static CtsStatus render_sheets(const CtsScene *scene, CtsPicture *picture, CtsEr
 end:
     cts_free(&own_indicator);
     cts_shade_free(&s.shade);
+    for (int i = 0; i < SHEETS_GRIDS - 1 && s.cache && scene->settings->rotation_frames <= 1; i++)
+        cts_sheets_lattice_free(&s.cache->lattices[i]);
     return st;
 }
 

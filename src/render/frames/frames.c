@@ -493,7 +493,7 @@ static CtsStatus empty_band(const CtsFrame *frame, int n_rows, CtsPicture **pict
 void cts_frame_return(CtsFrame *frame, CtsPicture **band)
 {
     CtsRenderer *const r = frame->renderer;
-    if (!*band || !(*band)->pixels) {
+    if (!*band || !(*band)->pixels || r->settings.rotation_frames <= 1) {
         cts_picture_free(band);
         return;
     }
@@ -587,6 +587,8 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
 
 CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err)
 {
+    if (frame->renderer->settings.rotation_frames <= 1)
+        free_errors(frame->renderer);
     if (!st && !frame->renderer->settings.explain)
         st = cts_verify_end(&frame->verify, report, err);
     if (!st)

@@ -35,8 +35,8 @@ struct CtsRenderer {
     int n_begun;                       /* frames */
     CtsRenderSettings fitted;          /* settings of the last view that was fitted, if is_fitted */
     bool is_fitted;
-    CtsPicture *band;   /* of an earlier frame, and its error map, for the next one of its size: fresh pages cost a */
-    CtsErrorMap errors; /* sixth of a preview. NULL: none */
+    CtsPicture *band;   /* of an earlier frame of a rotation, and its error map, for the next one: fresh pages cost */
+    CtsErrorMap errors; /* an eighth of a preview. NULL: none */
     size_t n_errors;
     CtsPlan plan; /* that of the first frame, for all of them, if is_planned */
     bool is_planned;
@@ -69,7 +69,7 @@ int cts_frame_strip_rows(const CtsFrame *frame);
 /* Rows first_row to first_row + n_rows - 1; free with cts_picture_free(). */
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
                          CtsError *err);
-/* Takes a band back, so that a later one need not be allocated; or frees it, where its pixels have a new owner. */
+/* Takes a band back, for a later frame of a rotation; or frees it, also where its pixels have a new owner. */
 void cts_frame_return(CtsFrame *frame, CtsPicture **band);
 /* Verifies the frame as requested, unless st is a failure. Returns st, or the verification's failure. */
 CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err);
