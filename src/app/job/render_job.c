@@ -173,18 +173,11 @@ CtsPhrase cts_job_caption(const CtsJob *job, const CtsPictureInfo *info)
     return caption;
 }
 
-/* A band as the engine made it: over the background, marked, into all files. */
-static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
+/* Rows as the engine made them: over the background, marked, into all files. */
+static CtsStatus finish_part(const Frame *frame, CtsPicture *band, CtsError *err)
 {
-    Frame *frame = context;
     const CtsJob *job = frame->job;
-    const CtsStageTimer meter = cts_stage_timer_start(frame->report);
     CtsStatus st;
-    if (frame->keep && cts_picture_add_band(frame->keep, band, NULL)) {
-        cts_picture_free(frame->keep);
-        frame->keep = NULL;
-    }
-    saturation_add(&frame->saturation, band, job->preset);
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
     CtsReport *const first = frame->number == 0 && band->first_row == 0 ? frame->report : NULL;
@@ -196,8 +189,35 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
         st = frame->files->watch->band(frame->files->watch->context, frame->number, band, err);
     if (!st && !(st = stopped(job, err)))
         st = cts_files_rows(frame->files, frame->number, band, true, frame->report, err);
-    const double done = (double)(band->first_row + band->height) / band->whole_height;
-    report_step(frame, frame->files->watch, done);
+    report_step(frame, frame->files->watch, (double)(band->first_row + band->height) / band->whole_height);
+    return st;
+}
+
+/* Rows of a band that are in the cache from the first to the last step, some for each thread; all of them where the
+ * watch wants whole bands. */
+static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
+{
+    Frame *const frame = context;
+    const CtsStageTimer meter = cts_stage_timer_start(frame->report);
+    const int n_rows =
+        frame->files->watch->band ? band->height : CTS_BAND_ROWS * cts_threads(frame->job->render.n_threads);
+    CtsStatus st = CTS_OK;
+    if (frame->keep && cts_picture_add_band(frame->keep, band, NULL)) {
+        cts_picture_free(frame->keep);
+        frame->keep = NULL;
+    }
+    saturation_add(&frame->saturation, band, frame->job->preset);
+    for (int y = 0; y < band->height && !st; y += n_rows) {
+        CtsPicture rows = *band;
+        const size_t before = (size_t)y * (size_t)band->width;
+        rows.height = cts_smaller_int(n_rows, band->height - y);
+        rows.first_row += y;
+        rows.pixels += before * (size_t)band->n_channels;
+        rows.depth_mm = band->depth_mm ? band->depth_mm + before : NULL;
+        rows.bound = band->bound ? band->bound + before : NULL;
+        /* the watch may take the pixels of a whole band */
+        st = rows.height == band->height ? finish_part(frame, band, err) : finish_part(frame, &rows, err);
+    }
     cts_stage_timer_stop(meter, frame->report, CTS_STAGE_EXPORT);
     return st;
 }
