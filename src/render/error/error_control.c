@@ -453,10 +453,11 @@ static double chance_of(const Strip *s, double bound)
     return 1 - rest;
 }
 
-/* Adds a pixel's term to the estimate. group: largest indicator of its group; 0: it is marched already. */
+/* Adds a pixel's term to the estimate: its error is replaced, but not where others are interpolated from it. group:
+ * largest indicator of its group; 0: it is marched already. */
 static void add_term(Strip *s, double square, double p, float group)
 {
-    const double term = s->share * square * (1 - p) / p;
+    const double term = square * (s->share - p) / p;
     cts_terms_add_one(&s->terms, term);
     if (s->samples)
         s->samples[s->n_samples++] = (CtsGroupSample){group, {term, term * term, term}};
