@@ -34,10 +34,9 @@ enum {
 
 /* Shares of the requested error up to which a probe's limit is trusted: a level that then misses costs the march of
  * many groups, up to 3 times a picture's time, the next one half as much again. Of 160 pictures of four series sheets
- * had a limit between 0.7 and 0.9 in 16, and missed in 12: with 0.7 all take 0.97 of the time. The errors of a lattice
- * are large in few pixels, which a probe seldom sees. */
-#define SUFFICIENT_LATTICE 0.5
-#define SUFFICIENT_SHEETS 0.7
+ * had a limit between 0.7 and 0.9 in 16, and missed in 12: with 0.7 all take 0.97 of the time. Of 72 at 8/255 lattices
+ * had one between 0.5 and 0.7 in 11 and missed in one, between 0.7 and 0.9 in four and missed in two. */
+#define SUFFICIENT 0.7
 #define SUFFICIENT_HALF_SHEETS 0.9
 
 /* Number of pixels below which tables, blocks and probes of a level (14 to 20 ms) cost more than it saves: the march of
@@ -156,9 +155,9 @@ static const struct Try {
     bool coarse_lattice;
     double least;      /* requested error, in 1/255 */
     double sufficient; /* share of it up to which the limit is trusted */
-} tries[] = {{CTS_LEVEL_LATTICE, true, MIN_COARSE_LATTICE, SUFFICIENT_LATTICE},
-             {CTS_LEVEL_LATTICE, false, MIN_LATTICE, SUFFICIENT_LATTICE},
-             {CTS_LEVEL_SHEETS, false, 0, SUFFICIENT_SHEETS},
+} tries[] = {{CTS_LEVEL_LATTICE, true, MIN_COARSE_LATTICE, SUFFICIENT},
+             {CTS_LEVEL_LATTICE, false, MIN_LATTICE, SUFFICIENT},
+             {CTS_LEVEL_SHEETS, false, 0, SUFFICIENT},
              {CTS_LEVEL_HALF_SHEETS, false, 0, SUFFICIENT_HALF_SHEETS},
              {CTS_LEVEL_HYBRID, false, 0, 0}};
 enum { N_TRIES = sizeof tries / sizeof *tries };
