@@ -66,8 +66,8 @@ enum {
     /* Pixels for each that is re-rendered in a prediction. It and AT_LAST hardly matter, either: with a half, twice
      * and four times both, the 24 pictures take 0.99 to 1.01 of the time, single ones with four times up to 1.4. */
     PREDICTED = 2 * AT_LAST,
-    /* Rays of marched groups that cost as much as one that is drawn: the cache has little of what it meets. A few large
-     * errors say little of where others are, and more samples may show that there are none. */
+    /* Rays of marched groups that cost as much as one drawn ray, whose voxels are hardly ever in the cache: 4 to 7 on a
+     * chest. */
     SAMPLE_COST = 4,
     SMALL = 1024, /* so many pixels of a picture may be re-rendered in any case */
 };
@@ -174,8 +174,8 @@ static double error_of_march(const CtsErrorControl *c)
                : RERENDERED * cts_scene_requested_error(&c->scene);
 }
 
-/* The same as it counts: as requested, or twice what few pixels of the probe showed, but a quarter of the request in
- * any case. Where errors are independent of the march's, the measured ones hold them already. */
+/* Share of that error which counts in limits: all of it, or twice what few pixels of the probe showed, but a quarter in
+ * any case. Where the errors of sheets are independent of the march's, measured differences hold both. */
 static double counted_error_of_march(const CtsErrorControl *c)
 {
     const double requested = error_of_march(c);
@@ -227,7 +227,7 @@ static Squares sum_squares(const CtsErrorMap *errors, size_t first)
     i32x8 n_odd = {0};
     uint64_t origin[DRAWN_TOGETHER / 8];
     memcpy(origin, errors->origin + first, sizeof origin);
-    if (!((origin[0] | origin[1]) & UINT64_C(0x0101010101010101))) { /* most are so */
+    if (!((origin[0] | origin[1]) & UINT64_C(0x0101010101010101))) { /* none is odd, as in most */
         for (size_t at = first; at < first + DRAWN_TOGETHER; at += 8) {
             const f32x8 b = (float)WORTH * *(const f32x8 *)(errors->indicator + at);
             sum += b * b;
@@ -537,7 +537,7 @@ static void estimate_some(void *context, int worker, size_t first, size_t end)
 }
 
 /* True where another round of samples costs less than the march of n pixels, which level hybrid counts on, and would
- * do if its errors were as large in the mean: where few large terms make the limit, not the error itself. */
+ * do if its errors were as large in the mean: a few large terms make the limit too large, not the error itself. */
 static bool samples_instead(const Round *r, const Strip *s, size_t n)
 {
     const CtsTerms next = {s->terms.sum, s->terms.squares / GROWTH, s->terms.largest / GROWTH};

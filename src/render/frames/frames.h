@@ -35,8 +35,9 @@ struct CtsRenderer {
     int n_begun;                       /* frames */
     CtsRenderSettings fitted;          /* settings of the last view that was fitted, if is_fitted */
     bool is_fitted;
-    CtsPicture *band;   /* of an earlier frame of a rotation, and its error map, for the next one: fresh pages cost */
-    CtsErrorMap errors; /* an eighth of a preview. NULL: none */
+    /* Memory of a rotation's last frame, for the next one: fresh pages cost an eighth of a preview. */
+    CtsPicture *band;   /* NULL: none */
+    CtsErrorMap errors; /* of n_errors pixels */
     size_t n_errors;
     CtsPlan plan; /* that of the first frame, for all of them, if is_planned */
     bool is_planned;

@@ -88,10 +88,8 @@ static void place_probe(Probe *p)
     const CtsView *const v = &p->scene->view;
     const int across = (v->width + CTS_PROBE_X - 1) / CTS_PROBE_X, down = (v->height + CTS_PROBE_Y - 1) / CTS_PROBE_Y;
     const int64_t pixels = (int64_t)v->width * v->height, wanted = pixels / PIXELS_PER_ROW;
-    const int most = cts_scene_requested_error(p->scene) < MIN_PREVIEW ? PROBES : PROBES / 2, rows = wanted < 1 ? 1
-                                                                                                     : wanted > most
-                                                                                                         ? most
-                                                                                                         : (int)wanted;
+    const int most = cts_scene_requested_error(p->scene) < MIN_PREVIEW ? PROBES : PROBES / 2;
+    const int rows = wanted < 1 ? 1 : wanted > most ? most : (int)wanted;
     for (int cell = 0; cell < PROBES * rows; cell++) {
         const int i = cell % PROBES, j = cell / PROBES;
         const int x0 = i * across / PROBES, nx = (i + 1) * across / PROBES - x0;

@@ -12,8 +12,8 @@ typedef struct CtsLevelChoice {
     CtsEngineLevel level; /* CTS_LEVEL_AUTO: no level will do */
     bool coarse_lattice;  /* CtsPlan.coarse_lattice */
     int n_tried;
-    bool march_misses;  /* what the probe asks of it, so that nothing is tried */
-    double march_error; /* of its pixels there, rms; 0: not known */
+    bool march_misses;  /* the march errs by more than the probe asks of it, so that nothing is tried */
+    double march_error; /* of the march on pixels of the probe, rms; 0: not known */
     size_t n_pixels;    /* of the probe */
     double limit;       /* limit of the error of the last level tried, rms (cts_error_control_predict()) */
     double wall_ms, cpu_ms;
